@@ -1,0 +1,1 @@
+"""What the paper derives: kinematics, kinetostatics, clearance and compliance of planar linkages; no engine."""

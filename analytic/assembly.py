@@ -1,0 +1,359 @@
+"""Positions of a linkage: closed at every crank angle, in the assembly mode that the mechanism file picks.
+
+Dyads are solved in closed form, larger Assur groups by Newton's method along the path from the assembly angle.  The
+assembly mode is followed continuously: where a group stretches or folds (a change point) or cannot close at all,
+:class:`AssemblyError` says which crank angle and why.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic.mechanism import Mechanism
+from analytic.structure import Group, Structure, structure
+
+PATH_STEP = np.radians(1.0)  # crank angle between checks for change points
+CHANGE_POINT = 1e-10  # sin^2 between the two sides of a group below which it counts as stretched or folded
+ASSEMBLY_SLACK = np.radians(45.0)  # how far the file's approximate angles may be off
+
+
+class AssemblyError(ValueError):
+    """The linkage cannot be assembled at some crank angle; the message says which and why."""
+
+
+@dataclass(frozen=True)
+class Path:
+    """Angles of the coordinates along the crank's range, continued from the assembly angle."""
+
+    theta: np.ndarray  # (M,) rad, increasing
+    coordinates: np.ndarray  # (n_coordinates, M)
+
+    def near(self, theta: np.ndarray) -> np.ndarray:
+        """Coordinates (n, N) interpolated at crank angles (N,)."""
+        return np.array([np.interp(theta, self.theta, c) for c in self.coordinates])
+
+
+class Assembly:
+    """A linkage closed at its assembly angles.  Raises StructureError or AssemblyError where it cannot be."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        self.structure: Structure = structure(mechanism)
+        self.start = mechanism.assembly[mechanism.driven]
+        self._driven = self.structure.coordinates[0]
+        self._branch: dict[Group, float] = {}
+        s = self.structure
+        guess = np.zeros(len(s.coordinates))
+        guess[0] = self.start
+        for i, c in enumerate(s.coordinates):
+            if c.bodies:
+                named = [b for b in c.bodies if s.bodies[b] in mechanism.assembly]
+                if not named:
+                    raise AssemblyError(
+                        f"{mechanism.name}: assembly.{s.bodies[c.bodies[0]]} is missing; give its approximate angle (rad) to pick the assembly mode"
+                    )
+                guess[i] = mechanism.assembly[s.bodies[named[0]]] - s.twist[named[0]]
+        self._home = self._assemble(guess)
+
+    # ---------------------------------------------------------------- positions
+
+    def coordinates(self, theta: np.ndarray, gaps: Mapping[str, np.ndarray] | None = None, path: Path | None = None) -> np.ndarray:
+        """Coordinates (n, N) at crank angles (N,) rad with the joints' gaps (m, complex, first pin minus second).
+
+        Angles are continued from the assembly angle, never wrapped.  Raises AssemblyError.
+        """
+        theta = np.atleast_1d(np.asarray(theta, float))
+        if not np.all(np.isfinite(theta)):
+            raise AssemblyError(f"{self.mechanism.name}: crank angle {theta[~np.isfinite(theta)][0]} is not a number")
+        path = path or self.path(theta.min(), theta.max())
+        near = path.near(theta)
+        u, columns = self._empty(theta, gaps)
+        for group in self.structure.groups:
+            if group in self._branch:
+                margin = solve_dyad(self.structure, group, columns, u, self._branch[group])
+                self._refuse(theta, margin, group, bool(gaps))
+            else:
+                newton(self.structure, group, columns, u, near, theta)
+        turns = [i for i, c in enumerate(self.structure.coordinates) if c.bodies and i]
+        u[turns] += 2 * np.pi * np.rint((near[turns] - u[turns]) / (2 * np.pi))
+        return u
+
+    def columns(self, coordinates: np.ndarray, gaps: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
+        """The structure's columns (n_columns, N) at these coordinates."""
+        s = self.structure
+        columns = np.zeros((s.n_columns, coordinates.shape[1]), complex)
+        columns[0] = 1
+        for name, gap in (gaps or {}).items():
+            columns[s.gap_column(name)] = gap
+        for i in range(len(s.coordinates)):
+            set_coordinate(s, i, columns, coordinates[i])
+        return columns
+
+    def path(self, low: float, high: float) -> Path:
+        """The ideal linkage's path over [low, high] rad and the assembly angle.  Raises AssemblyError on the way."""
+        low, high = min(low, self.start), max(high, self.start)
+        below = np.linspace(self.start, low, int(np.ceil((self.start - low) / PATH_STEP)) + 1)
+        above = np.linspace(self.start, high, int(np.ceil((high - self.start) / PATH_STEP)) + 1)
+        u = np.hstack([self._walk(below)[:, :0:-1], self._walk(above)])
+        return Path(np.concatenate([below[:0:-1], above]), u)
+
+    def _walk(self, theta: np.ndarray) -> np.ndarray:
+        """Continue from the assembly angle along theta (monotone, its first is the assembly angle)."""
+        u, columns = self._empty(theta, None)
+        for group in self.structure.groups:
+            if group in self._branch:
+                margin = solve_dyad(self.structure, group, columns, u, self._branch[group])
+                self._check_passage(theta, margin, group)
+            else:
+                self._creep(theta, group, columns, u)
+            for i in group.coordinates:
+                if self.structure.coordinates[i].bodies:
+                    u[i] = np.unwrap(np.concatenate([[self._home[i]], u[i]]))[1:]
+        return u
+
+    def _empty(self, theta: np.ndarray, gaps: Mapping[str, np.ndarray] | None) -> tuple[np.ndarray, np.ndarray]:
+        s = self.structure
+        u = np.zeros((len(s.coordinates), theta.size))
+        u[0] = theta
+        columns = np.zeros((s.n_columns, theta.size), complex)
+        columns[0] = 1
+        for name, gap in (gaps or {}).items():
+            columns[s.gap_column(name)] = gap
+        set_coordinate(s, 0, columns, theta - s.twist[self._driven.bodies[0]])
+        return u, columns
+
+    def _assemble(self, guess: np.ndarray) -> np.ndarray:
+        s = self.structure
+        home = guess.copy()
+        at = np.array([self.start])
+        u, columns = self._empty(at, None)
+        for group in s.groups:
+            angles = [i for i in group.coordinates if s.coordinates[i].bodies]
+            if len(group.coordinates) == 2:
+                candidates = []
+                for branch in (1.0, -1.0):
+                    trial, solved = u.copy(), columns.copy()
+                    margin = solve_dyad(s, group, solved, trial, branch)
+                    self._refuse(at, margin, group, False)
+                    miss = sum(abs(_wrapped(trial[i, 0] - guess[i])) for i in angles)
+                    candidates.append((miss, branch, trial))
+                candidates.sort(key=lambda c: c[0])
+                _, self._branch[group], u = candidates[0]
+                solve_dyad(s, group, columns, u, self._branch[group])
+            else:
+                newton(s, group, columns, u, guess[:, None], at)
+            for i in angles:
+                home[i] = guess[i] + _wrapped(u[i, 0] - guess[i])
+                if abs(home[i] - guess[i]) > ASSEMBLY_SLACK:
+                    name = s.bodies[s.coordinates[i].bodies[0]]
+                    raise AssemblyError(
+                        f"{self.mechanism.name}: the loop through {', '.join(group.bodies)} does not close near the assembly angles: "
+                        f"{name} would be at {home[i]:.4f} rad, assembly.{name} says {guess[i]:.4f}; correct it"
+                    )
+            for i in group.coordinates:
+                home[i] = home[i] if i in angles else u[i, 0]
+        return home
+
+    # ---------------------------------------------------------------- change points
+
+    def _creep(self, theta: np.ndarray, group: Group, columns: np.ndarray, u: np.ndarray) -> None:
+        """Newton from one angle of the path to the next, watching the determinant."""
+        near = self._home[:, None].copy()
+        before = None
+        for k in range(theta.size):
+            one, here = columns[:, k : k + 1], u[:, k : k + 1]
+            determinant = newton(self.structure, group, one, here, near, theta[k : k + 1])[0]
+            if before is not None and (determinant * before <= 0 or abs(determinant) < np.sqrt(CHANGE_POINT)):
+                raise self._change_point(group, theta[k])
+            columns[:, k], u[:, k], before = one[:, 0], here[:, 0], determinant
+            near = here + (here - u[:, k - 1 : k] if k else 0)
+
+    def _check_passage(self, theta: np.ndarray, margin: np.ndarray, group: Group) -> None:
+        """Refuse a walk on which the group's margin sinks to zero, at or between its angles."""
+        self._refuse(theta, margin, group, False)
+        inner = margin[1:-1]
+        for k in np.flatnonzero((inner <= margin[:-2]) & (inner <= margin[2:]) & (inner < 0.1)) + 1:
+            low, high = theta[k - 1], theta[k + 1]
+            for _ in range(5):
+                zoom = np.linspace(low, high, 41)
+                fine = self._margin(zoom, group)
+                j = int(np.argmin(fine))
+                low, high = zoom[max(j - 1, 0)], zoom[min(j + 1, 40)]
+            if fine[j] < CHANGE_POINT:
+                raise self._change_point(group, zoom[j])
+
+    def _margin(self, theta: np.ndarray, group: Group) -> np.ndarray:
+        u, columns = self._empty(theta, None)
+        for g in self.structure.groups:
+            if g in self._branch:
+                margin = solve_dyad(self.structure, g, columns, u, self._branch[g])
+            else:
+                newton(self.structure, g, columns, u, self._walk(np.linspace(self.start, theta[0], 90))[:, -1:], theta)
+            if g is group:
+                break
+        return margin
+
+    def _refuse(self, theta: np.ndarray, margin: np.ndarray, group: Group, displaced: bool) -> None:
+        if np.all(margin > CHANGE_POINT):
+            return
+        k = int(np.argmin(margin))
+        if margin[k] > -CHANGE_POINT:
+            raise self._change_point(group, theta[k])
+        bad = np.flatnonzero(~(margin > CHANGE_POINT))
+        with_gap = " with its joints' clearance taken up" if displaced else ""
+        raise AssemblyError(
+            f"{self.mechanism.name}: crank angle {np.degrees(theta[bad[0]]):.6g} deg cannot be reached{with_gap}: "
+            f"the loop through {', '.join(group.bodies)} does not close; choose crank angles that it reaches"
+        )
+
+    def _change_point(self, group: Group, theta: float) -> AssemblyError:
+        return AssemblyError(
+            f"{self.mechanism.name}: change point at crank angle {np.degrees(theta):.6g} deg, where {' and '.join(group.bodies)} fall in line and "
+            f"the assembly mode is lost; keep the range from the assembly angle ({np.degrees(self.start):.6g} deg) on clear of it"
+        )
+
+
+def _wrapped(angle: float) -> float:
+    return float(np.angle(np.exp(1j * angle)))
+
+
+def set_coordinate(s: Structure, i: int, columns: np.ndarray, value: np.ndarray, phasor: np.ndarray | None = None) -> None:
+    """Write coordinate i (N,) into the columns that it moves."""
+    c = s.coordinates[i]
+    if c.bodies:
+        phasor = np.exp(1j * value) if phasor is None else phasor
+        for b in c.bodies:
+            columns[b] = phasor if s.twist[b] == 0 else phasor * np.exp(1j * s.twist[b])
+    else:
+        columns[c.column] = value * columns[s.slide_body[c.column - len(s.bodies)]]
+
+
+def partials(s: Structure, i: int, form: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Derivative (rows, N) of ``form @ columns`` by coordinate i."""
+    c = s.coordinates[i]
+    if not c.bodies:
+        return np.outer(form[:, c.column], columns[s.slide_body[c.column - len(s.bodies)]])
+    turning = [*c.bodies, *(len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in c.bodies)]
+    return 1j * (form[:, turning] @ columns[turning])
+
+
+def solve_dyad(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, branch: float) -> np.ndarray:
+    """Close a dyad's loop in closed form: fills its columns and coordinates in place.
+
+    Returns its margin (N,): sin^2 of the angle between the loop's two unknown sides (for a dyad of three pins the
+    transmission angle's); zero at a change point, negative where the loop cannot close (its columns are then wrong).
+    """
+    row = s.loops[group.loops[0]]
+    i, j = group.coordinates
+    known = np.ones(s.n_columns, bool)
+    for c in (s.coordinates[i], s.coordinates[j]):
+        known[list(c.bodies)] = False
+        known[[len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in c.bodies or len(s.bodies) + k == c.column]] = False
+    use = np.flatnonzero(known & (row != 0))
+    target = -(row[use] @ columns[use])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        if s.coordinates[i].bodies and s.coordinates[j].bodies:
+            return _two_angles(s, row, i, j, target, columns, u, branch)
+        if s.coordinates[i].bodies or s.coordinates[j].bodies:
+            angle, travel = (i, j) if s.coordinates[i].bodies else (j, i)
+            return _angle_and_travel(s, row, angle, travel, target, columns, u, branch)
+        return _two_travels(s, row, i, j, target, columns, u)
+
+
+def _arm(s: Structure, row: np.ndarray, i: int) -> complex:
+    return complex(sum(row[b] * np.exp(1j * s.twist[b]) for b in s.coordinates[i].bodies))
+
+
+def _turn(s: Structure, i: int, columns: np.ndarray, u: np.ndarray, phasor: np.ndarray) -> None:
+    u[i] = np.angle(phasor)
+    set_coordinate(s, i, columns, u[i], phasor)
+
+
+def _two_angles(s: Structure, row: np.ndarray, i: int, j: int, target: np.ndarray, columns: np.ndarray, u: np.ndarray, branch: float) -> np.ndarray:
+    a, b = _arm(s, row, i), _arm(s, row, j)
+    la, lb = abs(a), abs(b)
+    d2 = target.real**2 + target.imag**2
+    cosine = (d2 - la**2 - lb**2) / (2 * la * lb)
+    margin = (1 - cosine) * (1 + cosine)
+    side = branch * la * lb * np.sqrt(np.abs(margin))
+    toward = target * ((0.5 * (d2 + la**2 - lb**2) + 1j * side) / d2)
+    _turn(s, i, columns, u, toward / a)
+    _turn(s, j, columns, u, (target - toward) / b)
+    return margin
+
+
+def _angle_and_travel(
+    s: Structure, row: np.ndarray, i: int, j: int, target: np.ndarray, columns: np.ndarray, u: np.ndarray, branch: float
+) -> np.ndarray:
+    arm = _arm(s, row, i)
+    travel = s.coordinates[j]
+    along = row[travel.column]
+    body = int(s.slide_body[travel.column - len(s.bodies)])
+    if body in s.coordinates[i].bodies:  # the slide turns with the unknown angle: (arm + s along) e = target
+        along *= np.exp(1j * s.twist[body])
+        unit = along / abs(along)
+        t, h, d2 = (arm / unit).real, (arm / unit).imag, np.abs(target) ** 2
+        margin = 1 - h**2 / d2
+        u[j] = (-t + branch * np.sqrt(np.abs(d2 - h**2))) / abs(along)
+        phasor = target / (arm + along * u[j])
+        _turn(s, i, columns, u, phasor / np.abs(phasor))
+        set_coordinate(s, j, columns, u[j])
+        return margin
+    direction = along * columns[body]  # the slide's direction is known: arm e + s direction = target
+    unit = direction / np.abs(direction)
+    t, h = (target / unit).real, (target / unit).imag
+    margin = 1 - h**2 / abs(arm) ** 2
+    u[j] = (t + branch * np.sqrt(np.abs(abs(arm) ** 2 - h**2))) / np.abs(direction)
+    set_coordinate(s, j, columns, u[j])
+    _turn(s, i, columns, u, (target - u[j] * direction) / arm)
+    return margin
+
+
+def _two_travels(s: Structure, row: np.ndarray, i: int, j: int, target: np.ndarray, columns: np.ndarray, u: np.ndarray) -> np.ndarray:
+    p, q = (row[s.coordinates[k].column] * columns[s.slide_body[s.coordinates[k].column - len(s.bodies)]] for k in (i, j))
+    cross = (np.conj(p) * q).imag
+    for k, value in ((i, (np.conj(target) * q).imag / cross), (j, (np.conj(p) * target).imag / cross)):
+        u[k] = value
+        set_coordinate(s, k, columns, value)
+    return (cross / (np.abs(p) * np.abs(q))) ** 2
+
+
+def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Close a larger group's loops by Newton's method from ``near`` (n, N); fills columns and u in place.
+
+    Returns the normalised determinant (N,) of the loops by the group's coordinates.  Raises AssemblyError where it
+    does not converge.
+    """
+    rows = s.loops[list(group.loops)]
+    unknown = list(group.coordinates)
+    for i in unknown:
+        u[i] = near[i]
+    size = float(np.abs(rows).sum(axis=1).max())
+    for _ in range(30):
+        for i in unknown:
+            c = s.coordinates[i]
+            if c.bodies:
+                for b in c.bodies:
+                    columns[b] = np.exp(1j * (u[i] + s.twist[b]))
+        for i in unknown:
+            if not s.coordinates[i].bodies:
+                set_coordinate(s, i, columns, u[i])
+        residual = rows @ columns
+        jacobian = np.stack([partials(s, i, rows, columns) for i in unknown], axis=-1)  # (loops, N, unknowns)
+        matrix = np.concatenate([jacobian.real, jacobian.imag]).transpose(1, 0, 2)
+        if np.abs(residual).max() < 1e-14 * size:
+            scale = np.prod(np.linalg.norm(matrix, axis=1), axis=1)
+            return np.linalg.det(matrix) / scale
+        right = np.concatenate([residual.real, residual.imag]).T
+        try:
+            u[unknown] -= np.linalg.solve(matrix, right[..., None])[..., 0].T
+        except np.linalg.LinAlgError:
+            break
+    worst = int(np.argmax(np.nan_to_num(np.abs(residual).max(axis=0), nan=np.inf)))
+    raise AssemblyError(
+        f"{s.mechanism.name}: crank angle {np.degrees(theta[worst]):.6g} deg cannot be reached: the loops through "
+        f"{', '.join(group.bodies)} do not close; choose crank angles that they reach"
+    )

@@ -1,0 +1,121 @@
+"""Mechanism files: TOML in, TOML out, and the cases that ship with the package.
+
+Every fault of a file is raised as :class:`MechanismError` with one sentence: file, field, value, remedy.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from analytic.mechanism import Mechanism
+
+
+class MechanismError(ValueError):
+    """A mechanism file cannot be used; the message names file, field, value and remedy."""
+
+
+def shipped_cases() -> list[str]:
+    """Names of the mechanisms that ship with the package."""
+    return sorted(p.name.removesuffix(".toml") for p in resources.files("analytic").joinpath("mechanisms").iterdir() if p.name.endswith(".toml"))
+
+
+def load(case: str | Path) -> Mechanism:
+    """Read a shipped case by name, or a TOML file by path.
+
+    Raises MechanismError if there is no such file, or what it says is not a mechanism.  That its loops close is
+    found when it is assembled (:mod:`analytic.assembly`).
+    """
+    if str(case) in shipped_cases():
+        text = resources.files("analytic").joinpath("mechanisms", f"{case}.toml").read_text(encoding="utf-8")
+        return loads(text, source=str(case))
+    path = Path(case)
+    if not path.is_file():
+        close = difflib.get_close_matches(str(case), shipped_cases(), n=1)
+        hint = f"; did you mean {close[0]!r}" if close else ""
+        raise MechanismError(f"{case}: no such mechanism file or case{hint}; the cases are {', '.join(shipped_cases())}")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise MechanismError(f"{case}: cannot be read as UTF-8 text ({error}); give a TOML file") from None
+    return loads(text, source=str(case))
+
+
+def loads(text: str, source: str = "mechanism") -> Mechanism:
+    """Mechanism from TOML text; ``source`` is how errors call it."""
+    try:
+        fields = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise MechanismError(f"{source}: not TOML: {error}") from None
+    try:
+        return Mechanism.model_validate(fields)
+    except ValidationError as error:
+        raise MechanismError(f"{source}: {'; '.join(describe(error, fields, Mechanism))}") from None
+
+
+def dumps(mechanism: Mechanism) -> str:
+    """TOML text that :func:`loads` turns into an equal mechanism; what was left out stays out."""
+    import tomli_w
+
+    fields = mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json")
+    return tomli_w.dumps(fields)
+
+
+def describe(error: ValidationError, fields: Mapping[str, Any], model: type[BaseModel]) -> list[str]:
+    """One sentence for each fault that pydantic found: field, value, and what is accepted."""
+    return [_sentence(fault, fields, model) for fault in error.errors()]
+
+
+def _sentence(fault: Any, fields: Mapping[str, Any], model: type[BaseModel]) -> str:
+    where = _where(fault["loc"], fields)
+    message = fault["msg"].removeprefix("Value error, ")
+    if fault["type"] == "extra_forbidden":
+        accepted = _accepted(fault["loc"][:-1], model)
+        close = difflib.get_close_matches(str(fault["loc"][-1]), accepted, n=1)
+        remedy = f"did you mean {close[0]!r}" if close else f"the fields here are {', '.join(accepted)}"
+        return f"{where} is not a field; {remedy}"
+    if fault["type"] == "missing":
+        return f"{where} is missing; add it"
+    if fault["type"] == "value_error" and not fault["loc"]:
+        return message
+    return f"{where} = {fault['input']!r}: {message[0].lower()}{message[1:]}"
+
+
+def _where(location: tuple[int | str, ...], fields: Mapping[str, Any]) -> str:
+    """``body[coupler].mass`` for ("body", 1, "mass")."""
+    text, here = "", fields
+    for step in location:
+        try:
+            here = here[step]  # type: ignore[index]
+        except (KeyError, IndexError, TypeError):
+            here = {}
+        if isinstance(step, int):
+            name = here.get("name", step) if isinstance(here, Mapping) else step
+            text += f"[{name}]"
+        else:
+            text += f".{step}" if text else step
+    return text
+
+
+def _accepted(location: tuple[int | str, ...], model: type[BaseModel]) -> list[str]:
+    """Field names of the model that ``location`` leads to."""
+    from typing import get_args
+
+    for step in location:
+        if isinstance(step, int):
+            continue
+        field = next((f for n, f in model.model_fields.items() if step in (n, f.alias)), None)
+        pending = [field.annotation] if field else []
+        while pending:
+            kind = pending.pop()
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                model = kind
+                break
+            pending += get_args(kind)
+    return [f.alias or n for n, f in model.model_fields.items() if not f.exclude]

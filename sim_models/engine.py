@@ -1,0 +1,139 @@
+"""The seam: what a multibody engine is asked, what it must answer, and which engines there are.
+
+An engine is a module ``sim_models.<name>_engine`` with one object ``ENGINE`` that satisfies :class:`Engine`.  It
+imports its package only inside methods, so that looking up what is supported costs nothing and needs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+import importlib.util
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol, cast, get_args
+
+import numpy as np
+
+from analytic.mechanism import Mechanism
+
+JointModel = Literal["ideal", "massless-link", "spring-damper", "contact"]
+Motion = Literal["driven", "static"]
+Start = Literal["steady", "centred"]
+JOINT_MODELS: tuple[JointModel, ...] = get_args(JointModel)
+ENGINES: tuple[str, ...] = ("mujoco",)
+
+
+class SimulationError(RuntimeError):
+    """A run diverged, penetrated more than it should or did not settle; the message says which, where and the remedy."""
+
+
+class SimulatorMissing(RuntimeError):
+    """The engine's package is not installed; the message says how to install it."""
+
+
+class Unsupported(ValueError):
+    """The engine does not do what was asked; the message says what it does."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """One simulation: a mechanism, a joint model for its joints with clearance, a motion, and where to report.
+
+    ``crank_angle`` (N,) rad is the driven body's angle wherever a report is wanted, in any order; for a free drive it
+    is empty and ``time`` (N,) s is given instead.  With the ``ideal`` joint model clearances are ignored.
+
+    ``start`` says how a driven run begins at its first angle: ``steady`` (no start-up transient: pins in contact,
+    velocities to match) or ``centred`` (pins centred, velocities of the ideal linkage).  ``lead_in`` (rad) is how far
+    the crank turns before its first angle.  ``step`` (s) replaces the engine's own choice.
+    """
+
+    mechanism: Mechanism
+    joint_model: JointModel = "ideal"
+    motion: Motion = "driven"
+    crank_angle: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    time: np.ndarray | None = None
+    start: Start = "steady"
+    lead_in: float = 0.0
+    step: float | None = None
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What a simulation saw, at the requested crank angles (or times) and in their order.
+
+    ``signals`` maps a signal's name to (N,) values, SI units, ground frame: ``<body>_x``, ``<body>_y`` (com),
+    ``<body>_angle`` (continued, not wrapped), ``<body>_angular_velocity``, ``reaction_<joint>_x``/``_y`` (N, force of
+    the joint's first body on its second) and, for a prismatic joint, ``reaction_<joint>_moment`` (N.m, on the second
+    body at its point), ``drive_torque`` (N.m, motor on crank), ``clearance_<joint>_x``/``_y`` (m, first pin centre
+    minus second).  All belong to the same instant.
+
+    ``journal`` maps each joint with clearance to its densely sampled path (M, 2) in m; ``free_share`` to the share of
+    time (driven) or of angles (static) that its pin spent without contact.  ``settings`` are the numbers used.
+    """
+
+    simulator: str
+    version: str
+    joint_model: JointModel
+    motion: Motion
+    crank_angle: np.ndarray
+    time: np.ndarray | None
+    signals: Mapping[str, np.ndarray]
+    clearance: Mapping[str, float] = field(default_factory=dict)
+    journal: Mapping[str, np.ndarray] = field(default_factory=dict)
+    free_share: Mapping[str, float] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, values in self.signals.items():
+            if values.shape != self.crank_angle.shape:
+                raise SimulationError(f"{self.simulator}: {name} has {values.shape[0]} samples for {self.crank_angle.size} crank angles")
+            if not np.all(np.isfinite(values)):
+                k = int(np.argmin(np.isfinite(values)))
+                raise SimulationError(
+                    f"{self.simulator} {self.joint_model} {self.motion}: {name} is {values[k]} at crank angle "
+                    f"{np.degrees(self.crank_angle[k]):.4g} deg: the run diverged; use a smaller step or softer contact"
+                )
+            values.flags.writeable = False
+
+
+class Engine(Protocol):
+    """What every engine offers.  ``supports`` lists the (joint model, motion) pairs that :meth:`simulate` accepts."""
+
+    name: str
+    package: str  # importable module; also the name of this project's extra that installs it
+    supports: frozenset[tuple[JointModel, Motion]]
+
+    def simulate(self, request: Request) -> Trace:
+        """Run one request.  Raises SimulationError, Unsupported, or analytic's AssemblyError for a bad start."""
+        ...
+
+
+def engine(name: str) -> Engine:
+    """The engine of that name.  Raises Unsupported for an unknown name, SimulatorMissing if it is not installed."""
+    if name not in ENGINES:
+        raise Unsupported(f"simulator {name!r} is unknown; the simulators are {', '.join(ENGINES)}")
+    found = declared(name)
+    if importlib.util.find_spec(found.package) is None:
+        raise SimulatorMissing(f"simulator {name!r} is not installed; run: pip install 'linkage-crosscheck[{name}]'")
+    return found
+
+
+def declared(name: str) -> Engine:
+    """The engine's declaration, installed or not."""
+    return cast(Engine, importlib.import_module(f"sim_models.{name}_engine").ENGINE)
+
+
+def installed_version(package: str) -> str | None:
+    """Version of an installed package, None if it is not installed."""
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def check_supported(chosen: Engine, request: Request) -> None:
+    """Raise Unsupported, naming what the engine does instead, if it cannot run this request."""
+    if (request.joint_model, request.motion) not in chosen.supports:
+        does = ", ".join(sorted(f"{m} {motion}" for m, motion in chosen.supports))
+        raise Unsupported(f"{chosen.name} does not simulate {request.joint_model} joints in {request.motion} motion; it does: {does}")

@@ -1,0 +1,78 @@
+"""Where a simulation begins and where it reports: poses of the assembled linkage, and times of the crank's angles.
+
+The only analytic knowledge an engine is given is the assembly: a closed linkage to start from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic.assembly import Assembly
+from sim_models.engine import Request, Unsupported
+
+Gaps = Callable[[float], Mapping[str, complex]]  # gap (m) of each joint, first pin minus second, at a crank angle
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A body's origin (m, ground frame, x + iy) and angle (rad), and their rates."""
+
+    origin: complex
+    angle: float
+    velocity: complex = 0j
+    angular_velocity: float = 0.0
+
+
+def poses(assembly: Assembly, theta: float, speed: float = 0.0, gaps: Gaps = lambda theta: {}) -> dict[str, Pose]:
+    """Pose of every moving body with the crank at theta (rad), turning at ``speed`` (rad/s).
+
+    ``gaps`` may depend on the crank angle; rates are central differences over it (five points, 1e-3 rad).
+    """
+    here = _placed(assembly, theta, gaps)
+    if speed == 0:
+        return {name: Pose(origin, angle) for name, (origin, angle) in here.items()}
+    h = 1e-3
+    around = [_placed(assembly, theta + k * h, gaps) for k in (-2, -1, 1, 2)]
+    result = {}
+    for name, (origin, angle) in here.items():
+        rate = [sum(w * side[name][i] for w, side in zip((1, -8, 8, -1), around, strict=True)) / (12 * h) * speed for i in (0, 1)]
+        result[name] = Pose(origin, angle, complex(rate[0]), float(np.real(rate[1])))
+    return result
+
+
+def _placed(assembly: Assembly, theta: float, gaps: Gaps) -> dict[str, tuple[complex, float]]:
+    s = assembly.structure
+    gap = {name: np.array([value]) for name, value in gaps(theta).items()}
+    u = assembly.coordinates(np.array([theta]), gap)
+    origins = s.origins @ assembly.columns(u, gap)
+    angles = {b: u[i, 0] + s.twist[b] for i, c in enumerate(s.coordinates) for b in c.bodies}
+    return {name: (complex(origins[b, 0]), float(angles.get(b, s.twist[b]))) for b, name in enumerate(s.bodies) if b}
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """When a driven run passes each requested crank angle, in the order in which it does."""
+
+    order: np.ndarray  # (N,) indices into the request's angles
+    theta: np.ndarray  # (N,) rad, in the order of passing
+    time: np.ndarray  # (N,) s since the first of them
+    speed: float  # rad/s
+
+
+def schedule(request: Request) -> Schedule:
+    """Times of a driven run's crank angles.  Raises Unsupported if the drive has no constant speed."""
+    speed = request.mechanism.speed
+    if speed is None:
+        raise Unsupported(f"{request.mechanism.name}: the drive has no constant speed to run at")
+    order = np.argsort(request.crank_angle if speed > 0 else -request.crank_angle, kind="stable")
+    theta = request.crank_angle[order]
+    return Schedule(order, theta, (theta - theta[0]) / speed, speed)
+
+
+def substeps(interval: float, longest: float) -> tuple[int, float]:
+    """Number and size (s) of equal steps, none longer than ``longest``, that make up an interval."""
+    count = max(1, int(np.ceil(interval / longest - 1e-9)))
+    return count, interval / count
