@@ -1,0 +1,185 @@
+"""Positions, velocities and accelerations of a linkage, for all crank angles at once.
+
+Rates come from differentiating the loop closures once and twice (exactly, not by differences); each Assur group is
+solved after the ones it hangs on.  Gaps of joints with clearance enter as known vectors with rates of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic.assembly import Assembly, AssemblyError, Path, partials
+from analytic.structure import Group, Structure
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Gap of a revolute joint, first pin centre minus second (m, ground frame, x + iy), and its time derivatives; (N,) each."""
+
+    value: np.ndarray
+    rate: np.ndarray | float = 0.0
+    acceleration: np.ndarray | float = 0.0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A linkage in motion at N crank angles; arrays are (N,), vectors complex in the ground frame."""
+
+    assembly: Assembly
+    theta: np.ndarray  # rad, of the driven body
+    coordinates: np.ndarray  # (n, N) angles (rad, continued) and travels (m)
+    rates: np.ndarray  # (n, N) rad/s, m/s
+    accelerations: np.ndarray  # (n, N)
+    columns: np.ndarray  # (n_columns, N) complex, see analytic.structure
+    column_rates: np.ndarray
+    column_accelerations: np.ndarray
+    jacobians: Mapping[Group, np.ndarray]  # (unknowns, loops, N) derivative of each group's loops
+
+    @property
+    def structure(self) -> Structure:
+        """The linkage's structure."""
+        return self.assembly.structure
+
+    def position(self, body: str, point: str = "com") -> np.ndarray:
+        """Position (m) of a body's point."""
+        return self.structure.form(body, point) @ self.columns
+
+    def velocity(self, body: str, point: str = "com") -> np.ndarray:
+        """Velocity (m/s) of a body's point."""
+        return self.structure.form(body, point) @ self.column_rates
+
+    def acceleration(self, body: str, point: str = "com") -> np.ndarray:
+        """Acceleration (m/s^2) of a body's point."""
+        return self.structure.form(body, point) @ self.column_accelerations
+
+    def angle(self, body: str) -> np.ndarray:
+        """Angle (rad) of a body, continued from the assembly angle."""
+        return self._turn(self.coordinates, body) + self.structure.twist[self.structure.body_column(body)]
+
+    def angular_velocity(self, body: str) -> np.ndarray:
+        """Angular velocity (rad/s) of a body."""
+        return self._turn(self.rates, body)
+
+    def angular_acceleration(self, body: str) -> np.ndarray:
+        """Angular acceleration (rad/s^2) of a body."""
+        return self._turn(self.accelerations, body)
+
+    def travel(self, joint: str) -> tuple[np.ndarray, np.ndarray]:
+        """Travel (m) of a prismatic joint and its rate (m/s)."""
+        i = next(i for i, c in enumerate(self.structure.coordinates) if c.joint == joint and not c.bodies)
+        return self.coordinates[i], self.rates[i]
+
+    def _turn(self, values: np.ndarray, body: str) -> np.ndarray:
+        column = self.structure.body_column(body)
+        for i, c in enumerate(self.structure.coordinates):
+            if column in c.bodies:
+                return values[i]
+        return np.zeros(values.shape[1])  # the ground, or a body that a prismatic joint holds parallel to it
+
+
+def kinematics(
+    assembly: Assembly,
+    theta: np.ndarray,
+    omega: np.ndarray | float = 0.0,
+    alpha: np.ndarray | float = 0.0,
+    gaps: Mapping[str, Gap] | None = None,
+    path: Path | None = None,
+) -> Motion:
+    """Motion at crank angles theta (N,) rad, angular velocity omega (rad/s) and acceleration alpha (rad/s^2).
+
+    Raises AssemblyError at a change point or an angle that cannot be reached.
+    """
+    s = assembly.structure
+    theta = np.atleast_1d(np.asarray(theta, float))
+    values = {name: gap.value for name, gap in (gaps or {}).items()}
+    u = assembly.coordinates(theta, values, path)
+    columns = assembly.columns(u, values)
+    jacobians = {g: np.stack([partials(s, i, s.loops[list(g.loops)], columns) for i in g.coordinates]) for g in s.groups}
+    rates, column_rates = _differentiate(s, jacobians, columns, np.broadcast_to(omega, theta.shape), _gap_columns(s, gaps, "rate", theta.size))
+    centripetal = _gap_columns(s, gaps, "acceleration", theta.size)
+    for i, c in enumerate(s.coordinates):
+        if c.bodies:
+            turning = turning_columns(s, i)
+            centripetal[turning] -= rates[i] ** 2 * columns[turning]
+            for k in turning[len(c.bodies) :]:  # Coriolis: twice the spin times the sliding
+                centripetal[k] += 2j * rates[i] * (column_rates[k] - 1j * rates[i] * columns[k])
+    accelerations, column_accelerations = _differentiate(s, jacobians, columns, np.broadcast_to(alpha, theta.shape), centripetal)
+    return Motion(assembly, theta, u, rates, accelerations, columns, column_rates, column_accelerations, jacobians)
+
+
+def turning_columns(s: Structure, i: int) -> list[int]:
+    """Columns that turn with angle coordinate i: its bodies, then the travels along them."""
+    bodies = s.coordinates[i].bodies
+    return [*bodies, *(len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in bodies)]
+
+
+def _gap_columns(s: Structure, gaps: Mapping[str, Gap] | None, order: str, n: int) -> np.ndarray:
+    columns = np.zeros((s.n_columns, n), complex)
+    for name, gap in (gaps or {}).items():
+        columns[s.gap_column(name)] = getattr(gap, order)
+    return columns
+
+
+def _differentiate(
+    s: Structure, jacobians: Mapping[Group, np.ndarray], columns: np.ndarray, driven: np.ndarray, known: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Solve the differentiated loop closures: coordinates' derivatives (n, N) and the columns' (n_columns, N)."""
+    result = np.zeros((len(s.coordinates), driven.size))
+    result[0] = driven
+    out = known
+    _spread(s, 0, driven, columns, out)
+    for group in s.groups:
+        rows = s.loops[list(group.loops)]
+        solved = solve_loops(jacobians[group], rows @ out, s, group)
+        for i, value in zip(group.coordinates, solved, strict=True):
+            result[i] = value
+            _spread(s, i, value, columns, out)
+    return result, out
+
+
+def _spread(s: Structure, i: int, value: np.ndarray, columns: np.ndarray, out: np.ndarray) -> None:
+    """Add to ``out`` what a rate of coordinate i does to the columns."""
+    c = s.coordinates[i]
+    if c.bodies:
+        turning = turning_columns(s, i)
+        out[turning] += 1j * value * columns[turning]
+    else:
+        out[c.column] += value * columns[s.slide_body[c.column - len(s.bodies)]]
+
+
+def solve_loops(jacobian: np.ndarray, right: np.ndarray, s: Structure, group: Group) -> np.ndarray:
+    """Unknown rates x (unknowns, N) with ``sum_i jacobian[i] x_i + right = 0`` for each loop (loops, N), complex."""
+    if len(jacobian) == 2:
+        a, b, r = jacobian[0, 0], jacobian[1, 0], right[0]
+        c = cross(a, b)
+        if not np.all(c):
+            raise _singular(s, group)
+        return np.array([cross(b, r) / c, cross(r, a) / c])
+    matrix = np.concatenate([jacobian.real, jacobian.imag], axis=1).transpose(2, 1, 0)
+    try:
+        return -np.linalg.solve(matrix, np.concatenate([right.real, right.imag]).T[..., None])[..., 0].T
+    except np.linalg.LinAlgError:
+        raise _singular(s, group) from None
+
+
+def solve_forces(jacobian: np.ndarray, work: np.ndarray, s: Structure, group: Group) -> np.ndarray:
+    """Closing forces (loops, N), complex, whose work with the generalised forces ``work`` (unknowns, N) vanishes."""
+    if len(jacobian) == 2:
+        a, b = jacobian[0, 0], jacobian[1, 0]
+        return (1j * (work[0] * b - work[1] * a) / cross(a, b))[None]
+    matrix = np.concatenate([jacobian.real, jacobian.imag], axis=1).transpose(2, 0, 1)
+    solved = -np.linalg.solve(matrix, work.T[..., None])[..., 0].T
+    n = len(group.loops)
+    return solved[:n] + 1j * solved[n:]
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """z component of the cross product of two planar vectors x + iy."""
+    return a.real * b.imag - a.imag * b.real
+
+
+def _singular(s: Structure, group: Group) -> AssemblyError:
+    return AssemblyError(f"{s.mechanism.name}: {' and '.join(group.bodies)} are at a change point; keep the crank angles clear of it")

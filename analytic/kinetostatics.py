@@ -1,0 +1,133 @@
+"""Reactions of all joints and the drive torque, for any planar linkage (Eqs. 9-14 without the four-bar).
+
+D'Alembert's inertia forces (Eqs. 9, 10) make every instant a statics problem, which is solved by virtual work on the
+structure's columns: the closing forces of each Assur group from its own coordinates, last group first, then every
+reaction as the dual of its joint's gap.  For the four-bar this is Eq. 11 with its load in the right row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic.kinematics import Motion, solve_forces, turning_columns
+from analytic.mechanism import Joint
+from analytic.structure import Structure
+
+
+@dataclass(frozen=True)
+class Reactions:
+    """Kinetostatic equilibrium of a motion; arrays are (N,)."""
+
+    motion: Motion
+    forces: Mapping[str, np.ndarray]  # N, complex, ground frame: force of each joint's first body on its second
+    moments: Mapping[str, np.ndarray]  # N.m of each prismatic joint on its second body, at that body's point
+    drive_torque: np.ndarray  # N.m, motor on driven body
+
+    def signals(self) -> dict[str, np.ndarray]:
+        """Every signal of the contract that an ideal or displaced configuration has, by name (SI units)."""
+        m, s = self.motion, self.motion.structure
+        out: dict[str, np.ndarray] = {}
+        for body in s.bodies[1:]:
+            com = m.position(body)
+            out |= {f"{body}_x": com.real, f"{body}_y": com.imag, f"{body}_angle": m.angle(body), f"{body}_angular_velocity": m.angular_velocity(body)}
+        for joint, force in self.forces.items():
+            out |= {f"reaction_{joint}_x": force.real, f"reaction_{joint}_y": force.imag}
+        out |= {f"reaction_{joint}_moment": moment for joint, moment in self.moments.items()}
+        for joint in s.pins:
+            gap = m.columns[s.gap_column(joint)]
+            out |= {f"clearance_{joint}_x": gap.real, f"clearance_{joint}_y": gap.imag}
+        return out | {"drive_torque": self.drive_torque}
+
+
+def kinetostatics(motion: Motion, inertia: bool = True) -> Reactions:
+    """Reactions and drive torque for gravity, loads, joint springs, friction, dampers and, with ``inertia``, motion.
+
+    Without ``inertia`` the linkage is in static equilibrium at each angle; the motion's velocities then only give
+    Coulomb friction its direction and dampers do nothing.
+    """
+    s = motion.structure
+    work = _work_of_forces(motion, inertia)
+    torque = _torques(motion, inertia)
+    travel_force = {j.name: _joint_law(j, *motion.travel(j.name), moving=inertia) for j in s.mechanism.joints if j.prismatic}
+    for group in reversed(s.groups):
+        generalised = np.array([_generalised(motion, i, work, torque, travel_force) for i in group.coordinates])
+        closing = solve_forces(motion.jacobians[group], generalised, s, group)
+        for row, force in zip(group.loops, closing, strict=True):
+            used = np.flatnonzero(s.loops[row])
+            work[used] += s.loops[row, used, None] * np.conj(force)
+    forces = {name: np.conj(work[s.gap_column(name)]) for name in s.pins}
+    forces |= {name: -np.conj(work[s.slide_column(name)]) * s.mechanism.joint(name).direction for name in s.slides}
+    moments = {}
+    for name, carried, far_is_second in zip(s.slides, s.turned_by, s.far_is_second, strict=True):
+        moment = sum(_turning_work(motion, [b], work, torque) for b in carried)
+        moments[name] = -moment if far_is_second else moment
+    drive_torque = -_generalised(motion, 0, work, torque, travel_force)
+    order = [j.name for j in s.mechanism.joints]
+    return Reactions(motion, {name: forces[name] for name in order}, moments, drive_torque)
+
+
+def _work_of_forces(motion: Motion, inertia: bool) -> np.ndarray:
+    """(n_columns, N) complex: conj(force) times form, summed over all applied and inertia forces."""
+    s = motion.structure
+    m = s.mechanism
+    gravity = complex(*m.gravity)
+    forms = np.array([s.form(b.name) for b in m.bodies])
+    masses = np.array([b.mass for b in m.bodies])[:, None]
+    forces = np.broadcast_to(masses * gravity, (len(masses), motion.theta.size))
+    if inertia:
+        forces = forces - masses * (forms @ motion.column_accelerations)
+    work = forms.T @ np.conj(forces)
+    for load in m.loads:
+        work += (s.form(load.body, load.point) * np.conj(complex(*load.force)))[:, None]
+    return work
+
+
+def _torques(motion: Motion, inertia: bool) -> np.ndarray:
+    """(bodies, N) applied and inertia torques (N.m) on each body."""
+    s = motion.structure
+    torque = np.zeros((len(s.bodies), motion.theta.size))
+    for body in s.mechanism.bodies:
+        if inertia:
+            torque[s.body_column(body.name)] -= body.moment_of_inertia * motion.angular_acceleration(body.name)
+    for load in s.mechanism.loads:
+        torque[s.body_column(load.body)] += load.torque
+    for joint in s.mechanism.joints:
+        if not joint.prismatic and (joint.coulomb or joint.damping or joint.stiffness):
+            first, second = joint.bodies
+            law = _joint_law(
+                joint,
+                motion.angle(second) - motion.angle(first),
+                motion.angular_velocity(second) - motion.angular_velocity(first),
+                moving=inertia,
+            )
+            torque[s.body_column(second)] += law
+            torque[s.body_column(first)] -= law
+    return torque
+
+
+def _joint_law(joint: Joint, position: np.ndarray, rate: np.ndarray, moving: bool) -> np.ndarray:
+    """Torque (N.m; prismatic: force, N) of a joint's friction, damper and spring on its second body."""
+    damping = joint.damping if moving else 0.0
+    return -joint.coulomb * np.sign(rate) - damping * rate - joint.stiffness * (position - joint.rest_angle)
+
+
+def _turning_work(motion: Motion, columns: list[int], work: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """Work (N,) of everything on a unit turn of these columns: bodies, then the travels along them."""
+    s = motion.structure
+    bodies = [c for c in columns if c < len(s.bodies)]
+    riding = [len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in bodies]
+    turning = [*bodies, *riding]
+    return -(work[turning] * motion.columns[turning]).imag.sum(axis=0) + torque[bodies].sum(axis=0)
+
+
+def _generalised(motion: Motion, i: int, work: np.ndarray, torque: np.ndarray, travel_force: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Work (N,) of everything on a unit change of coordinate i."""
+    s: Structure = motion.structure
+    c = s.coordinates[i]
+    if c.bodies:
+        return _turning_work(motion, turning_columns(s, i), work, torque)
+    along = motion.columns[s.slide_body[c.column - len(s.bodies)]]
+    return (work[c.column] * along).real + travel_force[c.joint]
