@@ -17,14 +17,15 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from analytic.assembly import Assembly, AssemblyError, Path
+from analytic.assembly import Assembly
 from analytic.kinematics import Gap, kinematics
 from analytic.kinetostatics import Reactions, kinetostatics
 
 Model = Literal["first_order", "equilibrium"]
 MODELS: tuple[Model, ...] = get_args(Model)
 NO_DIRECTION = 0.01  # of a joint's peak reaction, below which it is flagged
-STENCIL = 1e-3  # rad of crank angle, for the gaps' rates
+STENCIL = 2e-3  # rad of crank angle, between the neighbours that give the gaps' rates
+UNSTEADY = 0.02  # rad by which a gap's own motion may turn it
 SETTLED = 1e-12  # rad
 
 
@@ -72,36 +73,32 @@ def displaced(
     """
     theta = np.atleast_1d(np.asarray(theta, float))
     sizes = {name: c for name, c in (assembly.mechanism.clearances if clearances is None else clearances).items() if c > 0}
-    margin = 2 * STENCIL
-    path = assembly.path(theta.min(), theta.max())
+    turning = bool(inertia and omega)
+    reach = STENCIL if turning and sizes else 0.0
+    path = assembly.path(theta.min() - reach, theta.max() + reach)
     ideal = kinetostatics(kinematics(assembly, theta, omega, path=path), inertia)
     flags = _without_direction(ideal, sizes)
     if not sizes:
         return Displaced(model, {}, ideal, ideal, ideal, flags)
 
-    def solve(at: np.ndarray, gaps: Mapping[str, Gap] | None = None, on: Path = path) -> Reactions:
-        return kinetostatics(kinematics(assembly, at, omega, gaps=gaps, path=on), inertia)
+    def solve(at: np.ndarray, gaps: Mapping[str, Gap] | None = None) -> Reactions:
+        return kinetostatics(kinematics(assembly, at, omega, gaps=gaps, path=path), inertia)
 
-    if inertia and omega:  # the gaps turn with the crank: solve beside each angle too, for their rates
-        reach = _reach(assembly, theta, margin, path)
-        beside = np.concatenate([theta - STENCIL, theta, theta + STENCIL])
-        gaps = _follow(lambda at, g: solve(at, g, reach), beside, sizes, model, omega)
-        gaps = {name: Gap(*(part[1] for part in (g.value, g.rate, g.acceleration))) for name, g in _split(gaps).items()}
-    else:
-        gaps = _on_the_rim(solve, theta, sizes, model)
+    gaps = _on_the_rim(solve, theta, sizes, model)
+    if turning:
+        steady, gaps = gaps, _in_motion(solve, theta, sizes, model, omega)
+        flags |= {i: why for i, why in _unsteady(steady, gaps).items() if i not in flags}
     configuration = solve(theta, gaps)
     reactions = ideal if model == "first_order" else configuration
     if model == "equilibrium":
-        flags |= {i: why for i, why in _unsettled(configuration, gaps, sizes).items() if i not in flags}
+        flags |= {i: why for i, why in _unsettled(configuration, gaps).items() if i not in flags}
     return Displaced(model, {name: np.asarray(g.value) for name, g in gaps.items()}, reactions, configuration, ideal, flags)
 
 
 Solve = Callable[[np.ndarray, Mapping[str, Gap] | None], Reactions]
 
 
-def _on_the_rim(
-    solve: Solve, theta: np.ndarray, sizes: Mapping[str, float], model: Model, rates: Mapping[str, Gap] | None = None
-) -> dict[str, Gap]:
+def _on_the_rim(solve: Solve, theta: np.ndarray, sizes: Mapping[str, float], model: Model, rates: Mapping[str, Gap] | None = None) -> dict[str, Gap]:
     """Gaps whose directions are the reactions': Newton on all directions at once, differences for the Jacobian."""
     names = list(sizes)
 
@@ -134,36 +131,18 @@ def _on_the_rim(
     return gaps_at(phi)
 
 
-def _follow(solve: Solve, beside: np.ndarray, sizes: Mapping[str, float], model: Model, omega: float) -> dict[str, Gap]:
-    """Gaps at three neighbouring angles each, with rates from the parabola through them, until both agree."""
-    gaps = _on_the_rim(solve, beside, sizes, model)
-    for _ in range(30):
-        before = gaps
-        rates = {name: _parabola(np.asarray(g.value).reshape(3, -1), omega) for name, g in gaps.items()}
-        gaps = _on_the_rim(solve, beside, sizes, model, rates)
-        if model == "first_order" or all(np.abs(gaps[n].value - before[n].value).max() < 1e-10 * sizes[n] for n in sizes):
-            break
-    return gaps
+def _in_motion(solve: Solve, theta: np.ndarray, sizes: Mapping[str, float], model: Model, omega: float) -> dict[str, Gap]:
+    """Gaps that turn with the crank: found at rest beside each angle, then once more with the rates that these show.
 
-
-def _parabola(value: np.ndarray, omega: float) -> Gap:
-    """Rates (3N,) of values (3, N) at crank angles STENCIL apart."""
-    slope = (value[2] - value[0]) / (2 * STENCIL)
-    bend = (value[2] - 2 * value[1] + value[0]) / STENCIL**2
-    rate = np.concatenate([slope - bend * STENCIL, slope, slope + bend * STENCIL]) * omega
-    return Gap(value.ravel(), rate, np.tile(bend, 3) * omega**2)
-
-
-def _split(gaps: Mapping[str, Gap]) -> dict[str, Gap]:
-    return {name: Gap(*(np.asarray(part).reshape(3, -1) for part in (g.value, g.rate, g.acceleration))) for name, g in gaps.items()}
-
-
-def _reach(assembly: Assembly, theta: np.ndarray, margin: float, path: Path) -> Path:
-    """A path that covers the neighbours too; the plain one where a change point lies within the margin."""
-    try:
-        return assembly.path(theta.min() - margin, theta.max() + margin)
-    except AssemblyError:
-        return path
+    One pass is the first term of a series in (gap's inertia force / reaction); on the paper's case the next is 1e-6 deg.
+    """
+    beside = theta + STENCIL * np.array([[-1.0], [0.0], [1.0]])
+    rates = {}
+    for name, gap in _on_the_rim(solve, beside.ravel(), sizes, model).items():
+        before, here, after = np.asarray(gap.value).reshape(3, -1)
+        slope, bend = (after - before) / (2 * STENCIL), (after - 2 * here + before) / STENCIL**2
+        rates[name] = Gap(here, slope * omega, bend * omega**2)
+    return _on_the_rim(solve, theta, sizes, model, rates)
 
 
 def _without_direction(ideal: Reactions, sizes: Mapping[str, float]) -> dict[int, str]:
@@ -172,16 +151,28 @@ def _without_direction(ideal: Reactions, sizes: Mapping[str, float]) -> dict[int
         size = np.abs(ideal.forces[name])
         peak = size.max()
         for i in np.flatnonzero(size <= NO_DIRECTION * peak):
-            flags.setdefault(int(i), f"the reaction at {name} passes near zero ({size[i]:.3g} N, peak {peak:.3g} N): no direction, contact may be lost")
+            flags.setdefault(
+                int(i), f"the reaction at {name} passes near zero ({size[i]:.3g} N, peak {peak:.3g} N): no direction, contact may be lost"
+            )
     return flags
 
 
-def _unsettled(found: Reactions, gaps: Mapping[str, Gap], sizes: Mapping[str, float]) -> dict[int, str]:
+def _unsteady(at_rest: Mapping[str, Gap], in_motion: Mapping[str, Gap]) -> dict[int, str]:
+    """Angles at which a gap's own motion changes it so much that following the reaction is no approximation any more."""
     flags: dict[int, str] = {}
-    for name in sizes:
-        miss = np.abs(np.angle(found.forces[name] / gaps[name].value))
+    for name, gap in in_motion.items():
+        turned = np.abs(np.angle(np.asarray(gap.value) / np.asarray(at_rest[name].value)))
+        for i in np.flatnonzero(~(turned < UNSTEADY)):
+            flags.setdefault(int(i), f"the reaction at {name} turns too fast for its pin to follow (off by {np.degrees(turned[i]):.2g} deg)")
+    return flags
+
+
+def _unsettled(found: Reactions, gaps: Mapping[str, Gap]) -> dict[int, str]:
+    flags: dict[int, str] = {}
+    for name, gap in gaps.items():
+        miss = np.abs(np.angle(found.forces[name] / gap.value))
         for i in np.flatnonzero(~(miss < 1e-6)):
-            flags.setdefault(int(i), f"no steady contact direction at {name}: the reaction turns faster than the pin can follow")
+            flags.setdefault(int(i), f"no steady contact direction was found at {name}")
     return flags
 
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.assembly import Assembly, AssemblyError, Path, partials
+from analytic.assembly import Assembly, Path
+from analytic.closure import AssemblyError, partials
 from analytic.structure import Group, Structure
 
 

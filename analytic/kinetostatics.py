@@ -32,7 +32,12 @@ class Reactions:
         out: dict[str, np.ndarray] = {}
         for body in s.bodies[1:]:
             com = m.position(body)
-            out |= {f"{body}_x": com.real, f"{body}_y": com.imag, f"{body}_angle": m.angle(body), f"{body}_angular_velocity": m.angular_velocity(body)}
+            out |= {
+                f"{body}_x": com.real,
+                f"{body}_y": com.imag,
+                f"{body}_angle": m.angle(body),
+                f"{body}_angular_velocity": m.angular_velocity(body),
+            }
         for joint, force in self.forces.items():
             out |= {f"reaction_{joint}_x": force.real, f"reaction_{joint}_y": force.imag}
         out |= {f"reaction_{joint}_moment": moment for joint, moment in self.moments.items()}
@@ -62,7 +67,7 @@ def kinetostatics(motion: Motion, inertia: bool = True) -> Reactions:
     forces |= {name: -np.conj(work[s.slide_column(name)]) * s.mechanism.joint(name).direction for name in s.slides}
     moments = {}
     for name, carried, far_is_second in zip(s.slides, s.turned_by, s.far_is_second, strict=True):
-        moment = sum(_turning_work(motion, [b], work, torque) for b in carried)
+        moment = np.sum([_turning_work(motion, [b], work, torque) for b in carried], axis=0)
         moments[name] = -moment if far_is_second else moment
     drive_torque = -_generalised(motion, 0, work, torque, travel_force)
     order = [j.name for j in s.mechanism.joints]

@@ -6,19 +6,12 @@ SI units and radians throughout.  Every object is frozen and checked when it is 
 
 from __future__ import annotations
 
-import math
-import warnings
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-GROUND = "ground"
-LARGEST_PLAUSIBLE_LENGTH = 20.0  # m; a linkage larger than this was probably entered in millimetres
-
-
-class MechanismWarning(UserWarning):
-    """Something in a mechanism is legal but looks like a mistake."""
+from analytic.mechanism_checks import GROUND, MechanismWarning, check
 
 
 def _as_tuple(value: Any) -> Any:
@@ -46,7 +39,7 @@ class Ground(_Part):
 
     points: Mapping[Name, Vector]
 
-    name: Literal["ground"] = Field(default=GROUND, exclude=True)
+    name: Literal["ground"] = Field(default="ground", exclude=True)
 
     def point(self, name: str) -> complex:
         """A ground point as x + iy (m)."""
@@ -165,7 +158,7 @@ class Mechanism(_Part):
 
     def body(self, name: str) -> Body | Ground:
         """The body, or the ground, of that name (KeyError if there is none)."""
-        return self._by_name[name]
+        return self.parts[name]
 
     def joint(self, name: str) -> Joint:
         """The joint of that name (KeyError if there is none)."""
@@ -175,8 +168,14 @@ class Mechanism(_Part):
         raise KeyError(name)
 
     @property
-    def _by_name(self) -> dict[str, Body | Ground]:
-        return {GROUND: self.ground, **{b.name: b for b in self.bodies}}
+    def moving(self) -> dict[str, Body]:
+        """The moving bodies by name."""
+        return {b.name: b for b in self.bodies}
+
+    @property
+    def parts(self) -> dict[str, Body | Ground]:
+        """The ground and the moving bodies by name."""
+        return {GROUND: self.ground, **self.moving}
 
     @property
     def drive_joint(self) -> Joint:
@@ -217,113 +216,23 @@ class Mechanism(_Part):
         """A checked copy with exactly these radial clearances (m); every other joint is ideal."""
         unknown = sorted(set(clearances) - {j.name for j in self.joints})
         if unknown:
-            raise ValueError(f"clearance names joint {unknown[0]!r}; the joints are {_list(j.name for j in self.joints)}")
-        joints = tuple(j.model_copy(update={"clearance": float(clearances.get(j.name, 0.0))}) for j in self.joints)
-        return self.replace(joints=tuple(Joint.model_validate(j.model_dump()) for j in joints))
+            raise ValueError(f"clearance names joint {unknown[0]!r}; the joints are {', '.join(j.name for j in self.joints)}")
+        return self.replace(joints=tuple(_with_fields(j, {"clearance": float(clearances.get(j.name, 0.0))}) for j in self.joints))
 
     @model_validator(mode="after")
     def _check(self) -> Mechanism:
-        _check_names(self)
-        for joint in self.joints:
-            _check_joint(self, joint)
-        _check_drive(self)
-        _check_places(self)
-        for body in self.bodies:
-            _check_body(self, body)
-        _warn_of_millimetres(self)
+        check(self)
         return self
 
 
 def _edited(parts: tuple[Any, ...], name: str, fields: Mapping[str, Any]) -> tuple[Any, ...]:
     if name not in [p.name for p in parts]:
         raise KeyError(name)
-    return tuple(type(p).model_validate({**p.model_dump(), **fields}) if p.name == name else p for p in parts)
+    return tuple(_with_fields(p, fields) if p.name == name else p for p in parts)
 
 
-def _list(names: Any) -> str:
-    return ", ".join(names)
+def _with_fields(part: Any, fields: Mapping[str, Any]) -> Any:
+    return type(part).model_validate({**part.model_dump(exclude_unset=True), **fields})
 
 
-def _check_names(m: Mechanism) -> None:
-    for kind, names in (("body", [GROUND, *(b.name for b in m.bodies)]), ("joint", [j.name for j in m.joints])):
-        twice = [n for n in names if names.count(n) > 1]
-        if twice:
-            raise ValueError(f"{kind} {twice[0]!r} is defined twice; give each {kind} its own name ('ground' is taken)")
-
-
-def _check_joint(m: Mechanism, j: Joint) -> None:
-    where = f"joint {j.name!r}: "
-    for name in j.bodies:
-        if name not in m._by_name:
-            raise ValueError(f"{where}bodies names {name!r}; the bodies are {_list(m._by_name)}")
-        if j.name not in m.body(name).points:
-            raise ValueError(f"{where}body {name!r} has no point {j.name!r}; its points are {_list(m.body(name).points)}")
-    if j.bodies[0] == j.bodies[1]:
-        raise ValueError(f"{where}bodies are both {j.bodies[0]!r}; a joint connects two bodies")
-    if j.prismatic:
-        if j.axis is None or abs(complex(*j.axis)) == 0:
-            raise ValueError(f"{where}axis is {j.axis}; a prismatic joint needs a direction [x, y] that is not zero")
-        if j.clearance:
-            raise ValueError(f"{where}clearance is {j.clearance}; only a revolute joint has one, leave it out")
-        if j.friction and j.friction_torque:
-            raise ValueError(f"{where}friction and friction_torque are both given; for a prismatic joint both mean N, keep one")
-    elif j.axis is not None or j.angle:
-        raise ValueError(f"{where}axis and angle belong to a prismatic joint; leave them out of a revolute one")
-    for name in j.bodies:
-        body = m.body(name)
-        if isinstance(body, Body) and len(body.points) > 1 and 0 < body.length <= j.clearance:
-            raise ValueError(
-                f"{where}clearance = {j.clearance} m is not smaller than body {name!r} ({body.length:g} m); give the radial clearance in m"
-            )
-
-
-def _check_drive(m: Mechanism) -> None:
-    if m.drive is None:
-        if not any(not j.prismatic and GROUND in j.bodies for j in m.joints):
-            raise ValueError("no revolute joint connects a body to the ground; add one")
-        return
-    names = [j.name for j in m.joints]
-    if m.drive.joint not in names:
-        raise ValueError(f"drive.joint = {m.drive.joint!r} is not a joint; the joints are {_list(names)}")
-    joint = m.joint(m.drive.joint)
-    if joint.prismatic or GROUND not in joint.bodies:
-        raise ValueError(f"drive.joint = {joint.name!r} must be a revolute joint on the ground")
-    if m.drive.speed == 0:
-        raise ValueError("drive.speed = 0; give the speed in rad/s, or 'free' (compare statics with --motion static)")
-
-
-def _check_places(m: Mechanism) -> None:
-    for load in m.loads:
-        body = m._by_name.get(load.body)
-        if not isinstance(body, Body):
-            raise ValueError(f"load.body = {load.body!r} is not a moving body; the bodies are {_list(b.name for b in m.bodies)}")
-        if load.point != "com" and load.point not in body.points:
-            raise ValueError(f"load.point = {load.point!r} is not a point of {load.body!r}; use com, {_list(body.points)}")
-    for name in m.assembly:
-        if name not in m._by_name or name == GROUND:
-            raise ValueError(f"assembly.{name} is not a moving body; the bodies are {_list(b.name for b in m.bodies)}")
-    if m.driven not in m.assembly:
-        raise ValueError(f"assembly.{m.driven} is missing; give the driven body's angle (rad) at which the linkage is assembled")
-
-
-def _check_body(m: Mechanism, b: Body) -> None:
-    if not b.points:
-        raise ValueError(f"body {b.name!r} has no points; name one after each joint that it sits in")
-    joints = [j for j in m.joints if b.name in j.bodies]
-    if not joints:
-        raise ValueError(f"body {b.name!r} sits in no joint; add one or leave the body out")
-    pins = [b.point(j.name) for j in joints if not j.prismatic]
-    if len(pins) > 1 and all(abs(p - pins[0]) == 0 for p in pins):
-        raise ValueError(f"body {b.name!r} has no length: all of its revolute joints sit at {pins[0].real, pins[0].imag}; move one")
-
-
-def _warn_of_millimetres(m: Mechanism) -> None:
-    lengths = [(f"{b.name}.points.{n}", abs(complex(*p))) for b in m._by_name.values() for n, p in b.points.items()]
-    lengths += [(f"{b.name}.section", max(b.section)) for b in m.bodies]
-    name, largest = max(lengths, key=lambda item: item[1])
-    if largest > LARGEST_PLAUSIBLE_LENGTH:
-        warnings.warn(f"{m.name}: {name} is {largest:g} m; lengths are in metres, was it meant in millimetres?", MechanismWarning, stacklevel=2)
-    turns = {b: a for b, a in m.assembly.items() if abs(a) > 4 * math.pi}
-    if turns:
-        body, angle = next(iter(turns.items()))
-        warnings.warn(f"{m.name}: assembly.{body} is {angle:g} rad; angles are in radians, was it meant in degrees?", MechanismWarning, stacklevel=2)
+__all__ = ["GROUND", "Body", "Drive", "Elasticity", "Ground", "Joint", "Load", "Mechanism", "MechanismWarning"]

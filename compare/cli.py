@@ -1,0 +1,263 @@
+"""The ``compare`` command.  Heavy imports wait until a command needs them, so that ``compare --help`` answers at once."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import IntEnum, StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from analytic.mechanism import Mechanism
+
+
+class Exit(IntEnum):
+    """Exit statuses of every command."""
+
+    AGREES = 0
+    DISAGREES = 1
+    BAD_INPUT = 2
+    SIMULATOR_FAILED = 3
+
+
+class JointChoice(StrEnum):
+    ideal = "ideal"
+    massless_link = "massless-link"
+    spring_damper = "spring-damper"
+    contact = "contact"
+
+
+class MotionChoice(StrEnum):
+    driven = "driven"
+    static = "static"
+
+
+class ModelChoice(StrEnum):
+    first_order = "first_order"
+    equilibrium = "equilibrium"
+
+
+app = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def main() -> None:
+    """Entry point of the console command."""
+    app(prog_name="compare")
+
+
+@app.callback(invoke_without_command=True)
+def compare(
+    context: typer.Context,
+    simulator: Annotated[str | None, typer.Option(help="Engine to compare with: mujoco, ... (see: compare simulators).")] = None,
+    case: Annotated[str, typer.Option(help="Shipped case (see: compare cases) or a mechanism file.")] = "paper",
+    joint: Annotated[JointChoice | None, typer.Option(help="One joint model; left out, all that the engine has.")] = None,
+    motion: Annotated[MotionChoice, typer.Option(help="Run the crank at its speed, or equilibrium at each angle.")] = MotionChoice.driven,
+    clearance: Annotated[str | None, typer.Option(metavar="JOINT=M,...", help="Radial clearances (m) in place of the case's own.")] = None,
+    angles: Annotated[str | None, typer.Option(metavar="START:STOP:STEP", help="Crank angles (deg).")] = None,
+    analytic: Annotated[ModelChoice, typer.Option(help="Analytic model to hold the simulation to.")] = ModelChoice.equilibrium,
+    tolerance: Annotated[Path | None, typer.Option(help="Tolerance file in place of the shipped one.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the report [reports/<case>-<simulator>].")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print result.json to standard output, and nothing else there.")] = False,
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    """Cross-check the analytic clearance model of a planar linkage against a multibody simulation.
+
+    Exit status: 0 agrees, 1 disagrees beyond tolerance, 2 bad input, 3 a simulator is missing or failed.
+    """
+    if context.invoked_subcommand is not None:
+        return
+    if version:
+        from importlib.metadata import version as installed
+
+        typer.echo(f"linkage-crosscheck {installed('linkage-crosscheck')}")
+        return
+    if simulator is None:
+        typer.echo(context.get_help())
+        raise typer.Exit(Exit.BAD_INPUT)
+    with _complaints() as caught:
+        from compare.discrepancy import load_tolerances
+
+        tolerances = load_tolerances(tolerance)
+        mechanism = _mechanism(case, clearance)
+        folder = _folder(out or Path("reports") / f"{mechanism.name}-{simulator}")
+        result = _crosscheck(mechanism, simulator, joint, motion, angles, analytic, tolerances, caught)
+        _publish(result, folder, json)
+    raise typer.Exit(Exit.AGREES if result["verdict"] == "agrees" else Exit.DISAGREES)
+
+
+@app.command()
+def cases() -> None:
+    """List the mechanisms that ship with the package."""
+    from analytic.mechanism_file import load, shipped_cases
+
+    for name in shipped_cases():
+        m = load(name)
+        gaps = ", ".join(f"{joint} {c * 1000:g} mm" for joint, c in m.clearances.items()) or "none"
+        typer.echo(f"{name:14} {len(m.bodies)} bodies, {len(m.joints)} joints, clearance: {gaps}")
+
+
+@app.command()
+def simulators() -> None:
+    """List the engines: installed or not, and the joint models and motions that each supports."""
+    from sim_models.engine import ENGINES, JOINT_MODELS, declared, installed_version
+
+    for name in ENGINES:
+        engine = declared(name)
+        found = installed_version(engine.package)
+        typer.echo(f"{name:10} {found or 'not installed: pip install linkage-crosscheck[' + name + ']'}")
+        for model in JOINT_MODELS:
+            motions = [motion for motion in ("driven", "static") if (model, motion) in engine.supports]
+            typer.echo(f"{'':10}   {model:14} {', '.join(motions) or '-'}")
+
+
+@contextmanager
+def _complaints() -> Iterator[list[str]]:
+    """Turn every foreseen fault into one sentence on standard error and its exit status; collect warnings."""
+    caught: list[str] = []
+
+    def note(message: Warning | str, *_: Any, **__: Any) -> None:
+        caught.append(str(message))
+        typer.echo(f"warning: {message}", err=True)
+
+    from pydantic import ValidationError
+
+    from analytic.closure import AssemblyError
+    from analytic.mechanism_file import MechanismError
+    from analytic.structure import StructureError
+    from compare.discrepancy import ToleranceError
+    from compare.files import OutputError
+    from compare.grid import GridError
+    from sim_models.engine import SimulationError, SimulatorMissing, Unsupported
+
+    bad_input = (MechanismError, AssemblyError, StructureError, ToleranceError, OutputError, GridError, Unsupported, OptionError)
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = note
+            yield caught
+    except bad_input as error:
+        raise _stop(error, Exit.BAD_INPUT) from None
+    except ValidationError as error:
+        raise _stop("; ".join(fault["msg"].removeprefix("Value error, ") for fault in error.errors()), Exit.BAD_INPUT) from None
+    except (SimulatorMissing, SimulationError) as error:
+        raise _stop(error, Exit.SIMULATOR_FAILED) from None
+
+
+class OptionError(ValueError):
+    """A command-line option cannot be used; the message says what is accepted."""
+
+
+def _stop(error: object, status: Exit) -> typer.Exit:
+    typer.echo(f"compare: {error}", err=True)
+    return typer.Exit(status)
+
+
+def _mechanism(case: str, clearance: str | None) -> Mechanism:
+    from analytic.mechanism_file import load
+
+    mechanism = load(case)
+    return mechanism if clearance is None else mechanism.with_clearances(_clearances(clearance, mechanism))
+
+
+def _clearances(text: str, mechanism: Mechanism) -> dict[str, float]:
+    """``B=1e-4,E=2e-4`` as metres by joint.  Raises OptionError."""
+    found: dict[str, float] = {}
+    pins = [j.name for j in mechanism.joints if not j.prismatic]
+    for part in text.split(","):
+        name, _, value = part.partition("=")
+        try:
+            size = float(value)
+        except ValueError:
+            raise OptionError(f"--clearance {part}: give JOINT=metres, such as B=1e-4") from None
+        if name not in pins:
+            raise OptionError(f"--clearance {part}: {name!r} is not a revolute joint of {mechanism.name}; they are {', '.join(pins)}")
+        if not 0 <= size < float("inf"):
+            raise OptionError(f"--clearance {part}: the radial clearance is in metres, 0 or more")
+        found[name] = size
+    return found
+
+
+def _folder(path: Path) -> Path:
+    from compare.files import output_folder
+
+    return output_folder(path)
+
+
+def _crosscheck(
+    mechanism: Mechanism,
+    simulator: str,
+    joint: JointChoice | None,
+    motion: MotionChoice,
+    angles: str | None,
+    analytic: ModelChoice,
+    tolerances: dict[str, Any],
+    caught: list[str],
+) -> dict[str, Any]:
+    from analytic.assembly import Assembly
+    from compare.crosscheck import Job, crosscheck
+    from compare.grid import FREE_TIME, default_angles, parse_angles
+    from sim_models.engine import engine
+
+    engine(simulator)
+    assembly = Assembly(mechanism)
+    released = mechanism.speed is None and motion is MotionChoice.driven
+    if released and angles is not None:
+        raise OptionError(f"--angles {angles}: {mechanism.name} swings freely and is compared over time; leave --angles out")
+    theta = parse_angles(angles) if angles else default_angles(assembly)
+    job = Job(
+        mechanism=mechanism,
+        simulators=(simulator,),
+        tolerances=tolerances,
+        motion=motion.value,
+        theta=theta[:0] if released else theta,
+        time=FREE_TIME if released else None,
+        joint_model=joint.value if joint else None,
+        model=analytic.value,
+        command="compare " + " ".join(sys.argv[1:]),
+        warnings=tuple(caught),
+    )
+    with _progress() as report:
+        return crosscheck(job, report)
+
+
+@contextmanager
+def _progress() -> Iterator[Any]:
+    """A progress bar on standard error, on a terminal only."""
+    if not sys.stderr.isatty():
+        yield lambda what, done, total: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=None)
+        yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
+
+
+def _publish(result: dict[str, Any], folder: Path, json: bool) -> None:
+    from compare.files import to_json, write_atomically
+    from compare.report import write_report
+
+    text = to_json(result)
+    write_atomically(folder / "result.json", text)
+    write_report(result, folder)
+    if json:
+        typer.echo(text)
+        return
+    from rich.console import Console
+
+    from compare.report.terminal import print_table
+
+    console = Console(width=None if sys.stdout.isatty() else 110)
+    print_table(result, console)
+    console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)

@@ -1,0 +1,122 @@
+"""Linkages that the tests need besides the shipped cases."""
+
+from __future__ import annotations
+
+from analytic.mechanism import Mechanism
+from analytic.mechanism_file import load, loads
+
+INVERTED_SLIDER = """
+name = "inverted slider"
+gravity = [0.0, -9.81]
+[ground]
+points = { O = [0.0, 0.0], C = [0.2, 0.05] }
+[[body]]
+name = "crank"
+points = { O = [0.0, 0.0], A = [0.06, 0.0] }
+mass = 0.2
+[[body]]
+name = "block"
+points = { A = [0.0, 0.01], S = [0.0, 0.0] }
+mass = 0.1
+inertia = 2e-5
+[[body]]
+name = "arm"
+points = { C = [0.0, 0.0], S = [0.02, 0.01], tip = [0.3, 0.0] }
+mass = 0.4
+[[joint]]
+name = "O"
+type = "revolute"
+bodies = ["crank", "ground"]
+[[joint]]
+name = "A"
+type = "revolute"
+bodies = ["block", "crank"]
+[[joint]]
+name = "S"
+type = "prismatic"
+bodies = ["arm", "block"]
+axis = [3.0, 1.0]
+angle = 0.4
+friction_torque = 0.3
+damping = 2.0
+stiffness = 15.0
+rest_angle = 0.1
+[[joint]]
+name = "C"
+type = "revolute"
+bodies = ["ground", "arm"]
+friction_torque = 0.02
+damping = 0.003
+stiffness = 0.4
+rest_angle = 0.2
+[drive]
+joint = "O"
+speed = -20.0
+[[load]]
+body = "arm"
+point = "tip"
+force = [3.0, -2.0]
+torque = 0.1
+[assembly]
+crank = 0.3
+block = -2.8
+arm = 3.1
+"""
+
+
+def inverted_slider() -> Mechanism:
+    """A crank, a block that slides on a swinging arm (prismatic joint between moving bodies), every joint law at once."""
+    return loads(INVERTED_SLIDER)
+
+
+def six_bar_driven_from_the_rocker() -> Mechanism:
+    """The shipped Stephenson six-bar with its drive at G: the rest is one Assur group of four bodies, no dyad in it."""
+    m = load("six-bar")
+    return m.replace(drive=m.drive.model_copy(update={"joint": "G", "speed": 3.0}))  # type: ignore[union-attr]
+
+
+SCOTCH_YOKE = """
+name = "scotch yoke"
+[ground]
+points = { O = [0.0, 0.0], Y = [0.0, 0.0] }
+[[body]]
+name = "crank"
+points = { O = [0.0, 0.0], A = [0.05, 0.0] }
+mass = 0.2
+[[body]]
+name = "block"
+points = { A = [0.0, 0.0], X = [0.0, 0.0] }
+mass = 0.1
+[[body]]
+name = "yoke"
+points = { X = [0.0, 0.0], Y = [0.0, 0.0] }
+mass = 0.5
+[[joint]]
+name = "O"
+type = "revolute"
+bodies = ["ground", "crank"]
+[[joint]]
+name = "A"
+type = "revolute"
+bodies = ["crank", "block"]
+[[joint]]
+name = "X"
+type = "prismatic"
+bodies = ["yoke", "block"]
+axis = [0.0, 1.0]
+[[joint]]
+name = "Y"
+type = "prismatic"
+bodies = ["ground", "yoke"]
+axis = [1.0, 0.0]
+[drive]
+joint = "O"
+speed = 10.0
+[assembly]
+crank = 0.3
+"""
+
+
+def scotch_yoke() -> Mechanism:
+    """Two prismatic joints in one dyad: the yoke moves as the cosine of the crank angle."""
+    return loads(SCOTCH_YOKE)
