@@ -99,7 +99,7 @@ class Assembly:
 
     def path(self, low: float, high: float) -> Path:
         """The ideal linkage's path over [low, high] rad and the assembly angle.  Raises AssemblyError on the way."""
-        low, high = min(low, self.start), max(high, self.start)
+        low, high = min(low, high, self.start), max(low, high, self.start)
         below = np.linspace(self.start, low, int(np.ceil((self.start - low) / PATH_STEP)) + 1)
         above = np.linspace(self.start, high, int(np.ceil((high - self.start) / PATH_STEP)) + 1)
         u = np.hstack([self._walk(below)[:, :0:-1], self._walk(above)])
@@ -176,9 +176,9 @@ class Assembly:
     def _check_passage(self, theta: np.ndarray, margin: np.ndarray, group: Group) -> None:
         """Refuse a walk on which the group's margin sinks to zero, at or between its angles."""
         self._refuse(theta, margin, group, False)
-        inner = margin[1:-1]
-        for k in np.flatnonzero((inner <= margin[:-2]) & (inner <= margin[2:]) & (inner < 0.1)) + 1:
-            low, high = theta[k - 1], theta[k + 1]
+        beside = np.concatenate([[np.inf], margin, [np.inf]])
+        for k in np.flatnonzero((margin <= beside[:-2]) & (margin <= beside[2:]) & (margin < 0.1)):
+            low, high = theta[max(k - 1, 0)], theta[min(k + 1, theta.size - 1)]
             for _ in range(5):
                 zoom = np.linspace(low, high, 41)
                 fine = self._margin(zoom, group)

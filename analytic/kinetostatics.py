@@ -56,7 +56,7 @@ def kinetostatics(motion: Motion, inertia: bool = True) -> Reactions:
     s = motion.structure
     work = _work_of_forces(motion, inertia)
     torque = _torques(motion, inertia)
-    travel_force = {j.name: _joint_law(j, *motion.travel(j.name), moving=inertia) for j in s.mechanism.joints if j.prismatic}
+    travel_force = {j.name: joint_law(j, *motion.travel(j.name), moving=inertia) for j in s.mechanism.joints if j.prismatic}
     for group in reversed(s.groups):
         generalised = np.array([_generalised(motion, i, work, torque, travel_force) for i in group.coordinates])
         closing = solve_forces(motion.jacobians[group], generalised, s, group)
@@ -102,7 +102,7 @@ def _torques(motion: Motion, inertia: bool) -> np.ndarray:
     for joint in s.mechanism.joints:
         if not joint.prismatic and (joint.coulomb or joint.damping or joint.stiffness):
             first, second = joint.bodies
-            law = _joint_law(
+            law = joint_law(
                 joint,
                 motion.angle(second) - motion.angle(first),
                 motion.angular_velocity(second) - motion.angular_velocity(first),
@@ -113,7 +113,7 @@ def _torques(motion: Motion, inertia: bool) -> np.ndarray:
     return torque
 
 
-def _joint_law(joint: Joint, position: np.ndarray, rate: np.ndarray, moving: bool) -> np.ndarray:
+def joint_law(joint: Joint, position: np.ndarray, rate: np.ndarray, moving: bool) -> np.ndarray:
     """Torque (N.m; prismatic: force, N) of a joint's friction, damper and spring on its second body."""
     damping = joint.damping if moving else 0.0
     return -joint.coulomb * np.sign(rate) - damping * rate - joint.stiffness * (position - joint.rest_angle)

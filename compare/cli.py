@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 import warnings
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ import typer
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
+    from compare.crosscheck import Job
 
 
 class Exit(IntEnum):
@@ -26,6 +28,8 @@ class Exit(IntEnum):
 
 
 class JointChoice(StrEnum):
+    """The joint models of --joint."""
+
     ideal = "ideal"
     massless_link = "massless-link"
     spring_damper = "spring-damper"
@@ -33,11 +37,15 @@ class JointChoice(StrEnum):
 
 
 class MotionChoice(StrEnum):
+    """The motions of --motion."""
+
     driven = "driven"
     static = "static"
 
 
 class ModelChoice(StrEnum):
+    """The yardsticks of --analytic."""
+
     first_order = "first_order"
     equilibrium = "equilibrium"
 
@@ -89,10 +97,20 @@ def compare(
 
         tolerances = load_tolerances(tolerance)
         mechanism = _mechanism(case, clearance)
-        folder = _folder(out or Path("reports") / f"{mechanism.name}-{simulator}")
-        result = _crosscheck(mechanism, simulator, joint, motion, angles, analytic, tolerances, caught)
+        job = _job(mechanism, simulator, joint, motion, angles, analytic, tolerances, caught)
+        folder = _folder(out or Path("reports") / f"{_file_name(mechanism.name)}-{simulator}")
+        result = _run(job)
         _publish(result, folder, json)
+        _announce_failures(result)
     raise typer.Exit(Exit.AGREES if result["verdict"] == "agrees" else Exit.DISAGREES)
+
+
+def _announce_failures(result: dict[str, Any]) -> None:
+    """Runs that failed, on standard error; the status is theirs even where the others agree."""
+    for failure in result["failures"]:
+        typer.echo(f"compare: {failure['why']}", err=True)
+    if result["failures"]:
+        raise typer.Exit(Exit.SIMULATOR_FAILED)
 
 
 @app.command()
@@ -192,7 +210,12 @@ def _folder(path: Path) -> Path:
     return output_folder(path)
 
 
-def _crosscheck(
+def _file_name(name: str) -> str:
+    """A mechanism's name as part of a file name."""
+    return "".join(c if c.isalnum() or c in "-_" else "-" for c in name)
+
+
+def _job(
     mechanism: Mechanism,
     simulator: str,
     joint: JointChoice | None,
@@ -201,9 +224,9 @@ def _crosscheck(
     analytic: ModelChoice,
     tolerances: dict[str, Any],
     caught: list[str],
-) -> dict[str, Any]:
+) -> Job:
     from analytic.assembly import Assembly
-    from compare.crosscheck import Job, crosscheck
+    from compare.crosscheck import Job
     from compare.grid import FREE_TIME, default_angles, parse_angles
     from sim_models.engine import engine
 
@@ -213,7 +236,8 @@ def _crosscheck(
     if released and angles is not None:
         raise OptionError(f"--angles {angles}: {mechanism.name} swings freely and is compared over time; leave --angles out")
     theta = parse_angles(angles) if angles else default_angles(assembly)
-    job = Job(
+    assembly.path(theta.min(), theta.max())
+    return Job(
         mechanism=mechanism,
         simulators=(simulator,),
         tolerances=tolerances,
@@ -222,9 +246,14 @@ def _crosscheck(
         time=FREE_TIME if released else None,
         joint_model=joint.value if joint else None,
         model=analytic.value,
-        command="compare " + " ".join(sys.argv[1:]),
+        command=shlex.join(["compare", *sys.argv[1:]]),
         warnings=tuple(caught),
     )
+
+
+def _run(job: Job) -> dict[str, Any]:
+    from compare.crosscheck import crosscheck
+
     with _progress() as report:
         return crosscheck(job, report)
 

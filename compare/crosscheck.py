@@ -10,16 +10,19 @@ from typing import Any
 import numpy as np
 
 from analytic.assembly import Assembly
-from analytic.clearance import Displaced, Model, displaced
+from analytic.clearance import Model
 from analytic.mechanism import Mechanism
-from analytic.released import released
-from compare.discrepancy import Discrepancy, difference, judge
+from compare.attribution import attribute
+from compare.discrepancy import Discrepancy, Rule, judge
 from compare.grid import turns_fully
-from compare.signals import UNITS, compared, with_derived, with_rotations
-from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, SimulationError, Trace, Unsupported, engine, installed_version
+from compare.runs import Failure, Resolve, simulate_all
+from compare.signals import compared, with_derived, with_rotations
+from compare.yardstick import Yardstick, released_yardstick, yardstick
+from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Trace, Unsupported, engine, installed_version
 
 SCHEMA = 1
 Progress = Callable[[str, int, int], None]
+Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Yardstick]
 
 
 @dataclass(frozen=True)
@@ -36,128 +39,90 @@ class Job:
     model: Model = "equilibrium"
     command: str = ""
     warnings: tuple[str, ...] = ()
+    workers: int = 1
 
 
-@dataclass(frozen=True)
-class Yardstick:
-    """The analytic side at a run's samples: derived signals, the first order's, and flagged samples."""
+def crosscheck(
+    job: Job, progress: Progress = lambda what, done, total: None, resolve: Resolve = engine, measure: Measure = yardstick
+) -> dict[str, Any]:
+    """Run a job; the dict is the content of result.json.
 
-    signals: Mapping[str, np.ndarray]
-    order_difference: Mapping[str, Any]
-    flags: Mapping[int, str]
-    theta: np.ndarray
-
-
-def crosscheck(job: Job, progress: Progress = lambda what, done, total: None) -> dict[str, Any]:
-    """Run a job; the dict is the content of result.json (docs/contract of the files: compare/schemas/result.json).
-
-    Raises SimulationError, SimulatorMissing, Unsupported or AssemblyError.
+    ``resolve`` and ``measure`` are where engines and the analytic side come from; tests plant faults there.  Raises
+    SimulatorMissing, Unsupported or AssemblyError; a simulation that fails is listed under ``failures``.
     """
     assembly = Assembly(job.mechanism)
-    engines = [engine(name) for name in job.simulators]
-    requests = [(chosen.name, request) for chosen in engines for request in _requests(job, assembly, chosen.supports)]
-    if not requests:
+    tasks = [(name, request) for name in job.simulators for request in _requests(job, assembly, name, resolve)]
+    if not tasks:
         raise Unsupported(
             f"{', '.join(job.simulators)}: nothing to run; --joint {job.joint_model} needs a joint with clearance (--clearance JOINT=m)"
         )
-    runs = []
-    yardsticks: dict[tuple[bool, str], Yardstick] = {}
-    for i, (name, request) in enumerate(requests):
-        progress(f"{name} {request.joint_model}", i, len(requests))
-        key = (request.joint_model == "ideal", request.motion)
-        if key not in yardsticks:
-            yardsticks[key] = _yardstick(job, assembly, ideal=key[0])
-        runs.append(_run(job, yardsticks[key], engine(name).simulate(request)))
-    progress("report", len(requests), len(requests))
-    return {
+    sides = {ideal: _side(job, assembly, ideal, measure) for ideal in {request.joint_model == "ideal" for _, request in tasks}}
+    outcomes: dict[int, Trace | Failure] = {}
+    progress(" ".join(job.simulators), 0, len(tasks))
+    for i, outcome in simulate_all(tasks, job.workers, resolve):
+        outcomes[i] = outcome
+        progress(f"{tasks[i][0]} {tasks[i][1].joint_model}", len(outcomes), len(tasks))
+    traces = [outcomes[i] for i in range(len(tasks))]
+    runs = [_run(job, sides[t.joint_model == "ideal"], t) for t in traces if isinstance(t, Trace)]
+    failures = [{"simulator": f.simulator, "joint_model": f.joint_model, "why": f.why} for f in traces if isinstance(f, Failure)]
+    result: dict[str, Any] = {
         "schema": SCHEMA,
         "case": job.mechanism.name,
-        "verdict": "agrees" if all(run["verdict"] == "agrees" for run in runs) else "disagrees",
+        "verdict": "agrees" if runs and not failures and all(run["verdict"] == "agrees" for run in runs) else "disagrees",
         "command": job.command,
         "versions": _versions(runs),
         "mechanism": job.mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json"),
         "warnings": list(job.warnings),
         "runs": runs,
+        "failures": failures,
     }
+    if len({run["simulator"]["name"] for run in runs}) > 1:
+        result |= attribute(runs, job.mechanism, job.tolerances)
+    return result
 
 
-def _requests(job: Job, assembly: Assembly, supports: frozenset[tuple[JointModel, Motion]]) -> list[Request]:
-    """The runs of one engine: ideal first; a joint model that it lacks is left out unless asked for by name."""
-    clearances = job.mechanism.clearances
-    released_drive = job.time is not None
-    models = [m for m in JOINT_MODELS if (clearances and not released_drive) or m == "ideal"]
-    if job.joint_model is None:
-        models = [m for m in models if (m, job.motion) in supports]
-    else:  # asked for by name: an engine that lacks it says so itself
+def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) -> list[Request]:
+    """The runs of one engine: ideal first; a joint model that it lacks is left out unless it was asked for by name."""
+    released = job.time is not None
+    models = [m for m in JOINT_MODELS if m == "ideal" or (job.mechanism.clearances and not released)]
+    if job.joint_model is not None:
         models = [m for m in models if m == job.joint_model]
-    lead_in = 2 * np.pi if not released_drive and turns_fully(assembly) else 0.0
-    return [
-        Request(job.mechanism, model, job.motion, job.theta, job.time, lead_in=0.0 if model == "ideal" or job.motion == "static" else lead_in)
-        for model in models
-    ]
+    if job.joint_model is None or len(job.simulators) > 1:
+        supports = resolve(simulator).supports
+        models = [m for m in models if (m, job.motion) in supports]
+    settle = 2 * np.pi if job.motion == "driven" and not released and turns_fully(assembly) else 0.0
+    return [Request(job.mechanism, m, job.motion, job.theta, job.time, lead_in=0.0 if m == "ideal" else settle) for m in models]
 
 
-def _yardstick(job: Job, assembly: Assembly, ideal: bool) -> Yardstick:
-    mechanism = job.mechanism
+def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Yardstick:
     if job.time is not None:
-        free = released(assembly, job.time)
-        return Yardstick(with_derived(free.signals(), mechanism), {}, {}, free.motion.theta)
-    speed = mechanism.speed or 1.0
-    inertia = job.motion == "driven"
-    clearances: dict[str, float] = {} if ideal else mechanism.clearances
-
-    def side(model: Model) -> tuple[Displaced, dict[str, np.ndarray]]:
-        found = displaced(assembly, job.theta, speed, model=model, inertia=inertia, clearances=clearances)
-        return found, with_derived(found.signals(), mechanism)
-
-    found, signals = side(job.model)
-    order: dict[str, Any] = {}
-    if not ideal:
-        _, first = side("first_order")
-        _, full = side("equilibrium")
-        for name, kind in compared(mechanism, clearances).items():
-            apart = difference(first[name], full[name], kind in ("angle", "rotation", "position"))
-            if apart is not None:
-                order[name] = {"unit": UNITS[kind], "max": apart.max, "rms": apart.rms, "at_crank_angle": float(job.theta[apart.at])}
-    return Yardstick(signals, order, found.flags, job.theta)
+        return released_yardstick(assembly, job.time)
+    return measure(assembly, job.theta, job.motion, job.model, {} if ideal else job.mechanism.clearances)
 
 
-def _run(job: Job, yardstick: Yardstick, trace: Trace) -> dict[str, Any]:
+def _run(job: Job, side: Yardstick, trace: Trace) -> dict[str, Any]:
     """One entry of ``runs``: both sides, flagged samples blanked on both, and the verdict."""
-    mechanism = job.mechanism
-    clearances = dict(trace.clearance)
-    simulated = with_derived(trace.signals, mechanism)
-    if clearances:
-        ideal = {b.name: yardstick.signals[f"{b.name}_angle"] - yardstick.signals[f"{b.name}_rotation"] for b in mechanism.bodies}
-        simulated = with_rotations(simulated, ideal)
-    flagged = list(yardstick.flags)
+    simulated = with_derived(trace.signals, job.mechanism)
+    if trace.clearance:
+        simulated = with_rotations(simulated, side.ideal_angles)
     for values in simulated.values():
-        values[flagged] = np.nan
-    kinds = compared(mechanism, clearances)
-    rules = job.tolerances[trace.motion][trace.joint_model]
-    give = _give(trace, simulated, clearances)
-    found = []
-    for name, kind in kinds.items():
-        joint = name.removeprefix("clearance_")[:-2]
-        size = clearances.get(joint, max(clearances.values(), default=0.0))
-        one = judge(name, kind, simulated, yardstick.signals, rules[kind], float(job.tolerances["floor"]), give, size)
-        if one is not None:
-            found.append(one)
+        values[list(side.flags)] = np.nan
     theta = trace.crank_angle if job.time is not None else job.theta
+    found = _discrepancies(job, side, trace, simulated)
     run = {
         "simulator": {"name": trace.simulator, "version": trace.version},
         "joint_model": trace.joint_model,
         "motion": trace.motion,
-        "clearance": clearances,
+        "clearance": dict(trace.clearance),
         "analytic_model": job.model,
         "settings": dict(trace.settings),
         "crank_angle": theta,
-        "flags": {str(i): why for i, why in sorted(yardstick.flags.items())},
-        "analytic": dict(yardstick.signals),
+        "flags": {str(i): why for i, why in sorted(side.flags.items())},
+        "analytic": dict(side.signals),
         "simulated": simulated,
         "discrepancies": [_public(d, theta) for d in found],
         "verdict": "disagrees" if any(d.verdict == "disagrees" for d in found) else "agrees",
-        "order_difference": dict(yardstick.order_difference) if clearances else {},
+        "order_difference": dict(side.order_difference),
         "journal": {name: {"x": path[:, 0], "y": path[:, 1]} for name, path in trace.journal.items()},
         "free_share": dict(trace.free_share),
     }
@@ -166,12 +131,25 @@ def _run(job: Job, yardstick: Yardstick, trace: Trace) -> dict[str, Any]:
     return run
 
 
-def _give(trace: Trace, simulated: Mapping[str, np.ndarray], clearances: Mapping[str, float]) -> float:
+def _discrepancies(job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.ndarray]) -> list[Discrepancy]:
+    clearances = dict(trace.clearance)
+    give = _give(trace, simulated)
+    found = []
+    for name, kind in compared(job.mechanism, clearances).items():
+        joint = name.removeprefix("clearance_")[:-2]
+        rule = Rule.read(job.tolerances, trace.motion, trace.joint_model, kind, give, clearances.get(joint, max(clearances.values(), default=0.0)))
+        one = judge(name, kind, simulated, side.signals, rule)
+        if one is not None:
+            found.append(one)
+    return found
+
+
+def _give(trace: Trace, simulated: Mapping[str, np.ndarray]) -> float:
     """How far (m) contact of the run's stiffness yields under its peak force."""
     stiffness = trace.settings.get("contact_stiffness")
-    if not isinstance(stiffness, int | float) or not clearances:
+    if not isinstance(stiffness, int | float) or not trace.clearance:
         return 0.0
-    return max(float(np.nanmax(simulated[f"reaction_{name}_magnitude"])) for name in clearances) / stiffness
+    return max(float(np.nanmax(simulated[f"reaction_{name}_magnitude"])) for name in trace.clearance) / stiffness
 
 
 def _public(d: Discrepancy, theta: np.ndarray) -> dict[str, Any]:
@@ -184,6 +162,3 @@ def _public(d: Discrepancy, theta: np.ndarray) -> dict[str, Any]:
 def _versions(runs: list[dict[str, Any]]) -> dict[str, str]:
     packages = {name: installed_version(name) or "not installed" for name in ("linkage-crosscheck", "numpy")}
     return {"python": platform.python_version(), **packages, **{run["simulator"]["name"]: run["simulator"]["version"] for run in runs}}
-
-
-__all__ = ["Job", "SimulationError", "crosscheck"]

@@ -14,6 +14,7 @@ import numpy as np
 from compare.signals import UNITS, Kind
 
 Verdict = Literal["agrees", "disagrees", "known"]
+ANGULAR: tuple[Kind, ...] = ("angle", "rotation", "position")  # compared modulo a turn
 
 
 class ToleranceError(ValueError):
@@ -66,31 +67,48 @@ def difference(simulated: np.ndarray, analytic: np.ndarray, angular: bool, where
     return Difference(float(values[at]), float(np.sqrt(np.nanmean(values**2))), at, values)
 
 
-def judge(
-    signal: str,
-    kind: Kind,
-    simulated: Mapping[str, np.ndarray],
-    analytic: Mapping[str, np.ndarray],
-    rule: Mapping[str, Any],
-    floor: float,
-    give: float = 0.0,
-    clearance: float = 0.0,
-) -> Discrepancy | None:
-    """Compare one signal under one rule (a line of tolerances.toml); None where it has no comparable sample.
+@dataclass(frozen=True)
+class Rule:
+    """How far a signal may differ: the larger of ``absolute`` and ``relative`` times its scale."""
 
-    ``give`` (m) is how far the contact itself yields under the run's peak force, ``clearance`` (m) the joint's, or the
-    largest of the run's.
-    """
-    where = None
-    if kind == "angle":  # a force near zero has no direction
-        size = analytic[signal.removesuffix("_angle") + "_magnitude"]
-        where = size > floor * np.nanmax(size)
-    found = difference(simulated[signal], analytic[signal], kind in ("angle", "position", "rotation"), where)
+    absolute: float
+    relative: float
+    floor: float  # of its peak, below which a force has no direction
+    clearance: float = 0.0  # m, the scale of a displacement
+
+    @classmethod
+    def read(cls, tolerances: Mapping[str, Any], motion: str, joint_model: str, kind: Kind, give: float = 0.0, clearance: float = 0.0) -> Rule:
+        """The rule of a signal in a run.
+
+        ``give`` (m) is how far the contact itself yields under the run's peak force, ``clearance`` (m) the joint's, or
+        the largest of the run's.  Raises ToleranceError if the file has no such line.
+        """
+        try:
+            line, floor = tolerances[motion][joint_model][kind], float(tolerances["floor"])
+        except KeyError as error:
+            raise ToleranceError(f"the tolerance file has no {error.args[0]!r} under {motion}.{joint_model}.{kind}; add it") from None
+        yielding = give / clearance if kind in ("displacement", "rotation") and clearance else 0.0
+        return cls(float(line.get("absolute", 0.0)), float(line.get("relative", 0.0)) + yielding, floor, clearance)
+
+    def tolerance(self, kind: Kind, values: np.ndarray) -> float:
+        """The tolerance, in the signal's unit, for a signal with these values."""
+        scale = self.clearance if kind == "displacement" else float(np.nanmax(np.abs(values)))
+        return max(self.absolute, self.relative * scale)
+
+    def where(self, signal: str, kind: Kind, signals: Mapping[str, np.ndarray]) -> np.ndarray | None:
+        """Samples at which the signal means something: for a direction, where the force is large enough to have one."""
+        if kind != "angle":
+            return None
+        size = signals[signal.removesuffix("_angle") + "_magnitude"]
+        return np.asarray(size > self.floor * np.nanmax(size))
+
+
+def judge(signal: str, kind: Kind, simulated: Mapping[str, np.ndarray], analytic: Mapping[str, np.ndarray], rule: Rule) -> Discrepancy | None:
+    """Compare one signal under its rule; None where it has no comparable sample."""
+    found = difference(simulated[signal], analytic[signal], kind in ANGULAR, rule.where(signal, kind, analytic))
     if found is None:
         return None
-    scale = clearance if kind == "displacement" else float(np.nanmax(np.abs(analytic[signal])))
-    relative = float(rule.get("relative", 0.0)) + (give / clearance if kind in ("displacement", "rotation") and clearance else 0.0)
-    tolerance = max(float(rule.get("absolute", 0.0)), relative * scale)
+    tolerance = rule.tolerance(kind, analytic[signal])
     public: Literal["angle", "magnitude", "value"] = "angle" if kind == "angle" else "magnitude" if kind == "magnitude" else "value"
     verdict: Verdict = "agrees" if abs(found.max) <= tolerance else "disagrees"
     return Discrepancy(signal, public, UNITS[kind], found.max, found.rms, found.at, tolerance, verdict)

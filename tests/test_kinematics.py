@@ -123,3 +123,13 @@ def test_an_unreachable_angle_is_an_error_that_names_it() -> None:
 def test_no_number_comes_back_at_nan() -> None:
     with pytest.raises(AssemblyError, match="nan is not a number"):
         kinematics(Assembly(load("paper")), np.array([0.5, np.nan]))
+
+
+def test_a_change_point_within_the_last_step_is_found() -> None:
+    with pytest.raises(AssemblyError, match=r"change point at crank angle 180"):
+        Assembly(load("paper")).path(0.5, np.radians(180.4962))
+
+
+def test_a_path_may_be_asked_for_in_either_direction() -> None:
+    with pytest.raises(AssemblyError, match=r"change point at crank angle -?0"):
+        Assembly(load("paper")).path(0.5, np.radians(-150.0))

@@ -1,0 +1,119 @@
+"""Which party stands apart: the analytic model, one engine, or none.
+
+A party stands apart on a signal when all the others agree with each other within the signal's tolerance and it agrees
+with none of them.  It takes three parties to say so; the spread between engines is the uncertainty of what they say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from analytic.mechanism import Mechanism
+from compare.discrepancy import ANGULAR, Difference, Rule, difference
+from compare.signals import Kind, compared
+
+ANALYTIC = "analytic"
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Largest difference between any two engines on a signal (its unit), where, and which two."""
+
+    max: float
+    at: int
+    between: tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Apart:
+    """A party that stands apart on a signal: by how much from the nearest other, and how far the others are spread."""
+
+    party: str
+    signal: str
+    by: float
+    others_spread: float
+    at: int
+
+
+def spread(signal: str, kind: Kind, engines: Mapping[str, np.ndarray], where: np.ndarray | None = None) -> Spread | None:
+    """Spread of a signal between engines; None with fewer than two, or no common sample."""
+    pairs = [(a, b, found) for a, b in combinations(engines, 2) if (found := _apart(kind, engines[a], engines[b], where)) is not None]
+    if not pairs:
+        return None
+    a, b, widest = max(pairs, key=lambda pair: abs(pair[2].max))
+    return Spread(abs(widest.max), widest.at, (a, b))
+
+
+def stands_apart(signal: str, kind: Kind, parties: Mapping[str, np.ndarray], tolerance: float, where: np.ndarray | None = None) -> Apart | None:
+    """The one party that stands apart on a signal, or None."""
+    if len(parties) < 3:
+        return None
+    distance = {}
+    for a, b in combinations(parties, 2):
+        found = _apart(kind, parties[a], parties[b], where)
+        if found is None:
+            return None
+        distance[a, b] = distance[b, a] = found
+    if all(abs(d.max) <= tolerance for d in distance.values()):
+        return None
+    for party in parties:
+        others = [p for p in parties if p != party]
+        among = max((abs(distance[a, b].max) for a, b in combinations(others, 2)), default=0.0)
+        nearest = min((distance[party, other] for other in others), key=lambda d: abs(d.max))
+        if among <= tolerance < abs(nearest.max):
+            return Apart(party, signal, nearest.max, among, nearest.at)
+    return None
+
+
+def _apart(kind: Kind, a: np.ndarray, b: np.ndarray, where: np.ndarray | None) -> Difference | None:
+    return difference(a, b, kind in ANGULAR, where)
+
+
+def odd_one_out(found: Sequence[Apart]) -> str | None:
+    """The party that stands apart on the most signals, if no other party stands apart on any as clearly."""
+    parties = {apart.party for apart in found}
+    if len(parties) == 1:
+        return parties.pop()
+    counts = sorted(((sum(a.party == p for a in found), p) for p in parties), reverse=True)
+    return counts[0][1] if counts and counts[0][0] >= 3 * counts[1][0] else None
+
+
+def attribute(runs: Sequence[Mapping[str, Any]], mechanism: Mechanism, tolerances: Mapping[str, Any]) -> dict[str, Any]:
+    """The part of a result that only several engines have: ``spread``, ``odd_one_out``, ``apart`` and ``words``.
+
+    ``runs`` are the result's; engines are compared within each joint model.
+    """
+    widest: dict[str, dict[str, Any]] = {}
+    apart: list[Apart] = []
+    for joint_model in dict.fromkeys(run["joint_model"] for run in runs):
+        group = [run for run in runs if run["joint_model"] == joint_model]
+        theta = group[0]["crank_angle"]
+        for name, kind in compared(mechanism, group[0]["clearance"]).items():
+            rule = Rule.read(tolerances, group[0]["motion"], joint_model, kind, clearance=max(group[0]["clearance"].values(), default=0.0))
+            where = rule.where(name, kind, group[0]["analytic"])
+            engines = {run["simulator"]["name"]: run["simulated"][name] for run in group}
+            wide = spread(name, kind, engines, where)
+            if wide is None:
+                continue
+            if name not in widest or wide.max > widest[name]["max"]:
+                widest[name] = {"max": wide.max, "at_crank_angle": float(theta[wide.at]), "between": list(wide.between), "joint_model": joint_model}
+            tolerance = next((d["tolerance"] for d in group[0]["discrepancies"] if d["signal"] == name), None)
+            found = None if tolerance is None else stands_apart(name, kind, {ANALYTIC: group[0]["analytic"][name], **engines}, tolerance, where)
+            if found is not None:
+                apart.append(found)
+    odd = odd_one_out(apart)
+    differ = any(run["verdict"] == "disagrees" for run in runs)
+    return {"spread": widest, "odd_one_out": odd, "words": _words(odd, apart, differ)}
+
+
+def _words(odd: str | None, apart: Sequence[Apart], differ: bool) -> str:
+    if odd is None:
+        return "they differ, and no single one stands apart" if differ else "all agree within the spread between engines"
+    worst = max((a for a in apart if a.party == odd), key=lambda a: abs(a.by) / (a.others_spread + 1e-300))
+    name = "the analytic model" if odd == ANALYTIC else odd
+    return f"{name} stands apart, most clearly in {worst.signal}: off by {worst.by:.3g}, the others agree within {worst.others_spread:.3g}"

@@ -1,0 +1,46 @@
+"""Cost per configuration and per step, printed by pytest-benchmark; nothing here judges time.
+
+Run with ``pytest tests/bench_speed.py``.  ``extra_info`` holds microseconds per configuration or step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from analytic.assembly import Assembly
+from analytic.clearance import displaced
+from analytic.kinematics import kinematics
+from analytic.kinetostatics import kinetostatics
+from analytic.mechanism_file import load
+from sim_models.engine import Request, engine
+
+
+def report(benchmark, work: Callable[[], object], count: int, what: str) -> None:  # type: ignore[no-untyped-def]
+    benchmark(work)
+    each = benchmark.stats.stats.min / count * 1e6
+    benchmark.extra_info[what] = each
+    print(f"\n{benchmark.name}: {each:.3f} {what}")
+
+
+@pytest.mark.parametrize("case", ["crank-rocker", "slider-crank", "six-bar"])
+@pytest.mark.parametrize("count", [100, 10_000])
+def test_kinematics_and_all_reactions(benchmark, case: str, count: int) -> None:  # type: ignore[no-untyped-def]
+    m = load(case)
+    assembly, theta = Assembly(m), np.linspace(0.0, 6.2, count)
+    report(benchmark, lambda: kinetostatics(kinematics(assembly, theta, m.speed or 0.0)), count, "us per configuration")
+
+
+def test_equilibrium_with_a_finite_gap(benchmark) -> None:  # type: ignore[no-untyped-def]
+    assembly, theta = Assembly(load("paper")), np.linspace(0.4, 2.7, 10_000)
+    report(benchmark, lambda: displaced(assembly, theta, 1.0, inertia=False), 10_000, "us per configuration")
+
+
+@pytest.mark.parametrize("joint_model", ["ideal", "massless-link", "spring-damper", "contact"])
+def test_a_driven_mujoco_run(benchmark, joint_model: str) -> None:  # type: ignore[no-untyped-def]
+    request = Request(load("paper"), joint_model, "driven", np.radians(np.arange(20.0, 161.0, 5.0)))  # type: ignore[arg-type]
+    mujoco = engine("mujoco")
+    steps = round(np.radians(140.0) / 1.5707963267948966 / mujoco.simulate(request).settings["step"])
+    report(benchmark, lambda: mujoco.simulate(request), steps, "us per step")

@@ -1,0 +1,144 @@
+"""The real command, as a person runs it: statuses, messages, files."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from analytic.mechanism_file import dumps, load
+
+
+def compare(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "compare", *arguments], cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
+
+
+def saved(folder: Path, text: str) -> str:
+    path = folder / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+PAPER = dumps(load("paper"))
+
+BAD_INPUT = {
+    "missing file": (["--case", "nowhere.toml"], ["nowhere.toml", "no such mechanism file"]),
+    "unknown simulator": (["--simulator", "adams"], ["'adams'", "mujoco"]),
+    "unknown joint model": (["--joint", "rubber"], ["rubber", "contact"]),
+    "unknown option": (["--spead", "3"], ["--spead"]),
+    "angles that are no range": (["--angles", "20-160"], ["--angles 20-160", "start:stop:step"]),
+    "angles that run backwards": (["--angles", "160:20:5"], ["--angles 160:20:5", "stop"]),
+    "a change point in the range": (["--angles", "20:200:5"], ["change point at crank angle 180 deg", "keep the range"]),
+    "an unreachable clearance joint": (["--clearance", "Q=1e-4"], ["Q=1e-4", "D, A, B, E"]),
+    "a clearance without a number": (["--clearance", "B"], ["--clearance B", "JOINT=metres"]),
+    "a negative clearance": (["--clearance", "B=-1e-4"], ["B=-1e-4", "0 or more"]),
+    "a clearance larger than a link": (["--clearance", "B=0.5"], ["joint 'B'", "0.5", "not smaller than body"]),
+    "a missing tolerance file": (["--tolerance", "none.toml"], ["--tolerance none.toml", "cannot be read"]),
+    "a joint model without a clearance": (["--case", "crank-rocker", "--joint", "contact"], ["contact", "--clearance"]),
+}
+
+
+@pytest.mark.parametrize(("arguments", "words"), BAD_INPUT.values(), ids=BAD_INPUT)
+def test_bad_input_gets_one_sentence_and_status_2(arguments: list[str], words: list[str], tmp_path: Path) -> None:
+    with_simulator = arguments if "--simulator" in arguments else ["--simulator", "mujoco", *arguments]
+    done = compare(*with_simulator, "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+    for word in words:
+        assert word in done.stderr
+    assert not list((tmp_path / "out").glob("*")) if (tmp_path / "out").exists() else True
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("mass = 0.157", "mass = -0.157", ["mine.toml", "body[crank].mass", "-0.157"]),
+        ("mass = 0.157", "weight = 0.157", ["mine.toml", "body[crank].weight", "not a field"]),
+        ("gravity", "gravy", ["mine.toml", "gravy", "gravity"]),
+    ],
+)
+def test_a_faulty_file_is_named_with_its_field(old: str, new: str, words: list[str], tmp_path: Path) -> None:
+    text = "gravity = [0.0, 0.0]\n" + PAPER
+    done = compare("--simulator", "mujoco", "--case", saved(tmp_path, text.replace(old, new, 1)), cwd=tmp_path)
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+    for word in words:
+        assert word in done.stderr
+
+
+def test_a_loop_that_cannot_close_is_refused(tmp_path: Path) -> None:
+    broken = load("paper").with_clearances({}).with_body("coupler", points={"A": (0.0, 0.0), "B": (0.03, 0.0)})
+    done = compare("--simulator", "mujoco", "--case", saved(tmp_path, dumps(broken)), cwd=tmp_path)
+    assert done.returncode == 2
+    assert "cannot be reached" in done.stderr
+
+
+def test_an_output_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    done = compare("--simulator", "mujoco", "--out", "file/report", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "--out" in done.stderr
+    assert "another folder" in done.stderr
+
+
+def test_an_engine_that_is_not_installed_is_status_3_with_the_install_command(tmp_path: Path) -> None:
+    hide = "import sys, importlib.util as u; f = u.find_spec; u.find_spec = lambda n, p=None: None if n == 'mujoco' else f(n, p)"
+    run = f"{hide}; sys.argv = ['compare', '--simulator', 'mujoco']; from compare.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", run], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 3
+    assert "pip install 'linkage-crosscheck[mujoco]'" in done.stderr
+
+
+def test_help_and_lists_need_no_engine(tmp_path: Path) -> None:
+    script = "import sys; sys.argv = ['compare', '--help']\nfrom compare.cli import main\ntry:\n    main()\nexcept SystemExit:\n    pass\n"
+    script += "heavy = {'mujoco', 'numpy', 'scipy', 'pydantic', 'matplotlib', 'jinja2'} & set(sys.modules)\nassert not heavy, heavy"
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "--simulator" in done.stdout
+    listed = compare("cases", cwd=tmp_path)
+    assert listed.returncode == 0
+    assert {"paper", "crank-rocker", "slider-crank", "pendulum", "six-bar"} <= {line.split()[0] for line in listed.stdout.splitlines()}
+
+
+def test_the_main_job_agrees_and_leaves_a_whole_report(tmp_path: Path) -> None:
+    done = compare("--simulator", "mujoco", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    folder = tmp_path / "reports" / "paper-mujoco"
+    assert {"result.json", "report.md", "report.html", "junit.xml"} <= {p.name for p in folder.iterdir()}
+    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    assert result["schema"] == 1
+    assert [run["joint_model"] for run in result["runs"]] == ["ideal", "massless-link", "spring-damper", "contact"]
+    assert all(run["clearance"] == {"B": 0.01} for run in result["runs"][1:])
+    assert all(len(run["crank_angle"]) == 29 for run in result["runs"])
+    assert "equilibrium" in done.stdout
+    assert "reaction" in done.stdout
+
+
+def test_json_goes_to_standard_output_and_nothing_else_does(tmp_path: Path) -> None:
+    done = compare("--simulator", "mujoco", "--joint", "ideal", "--angles", "30:60:10", "--motion", "static", "--json", "--out", "here", cwd=tmp_path)
+    result = json.loads(done.stdout)
+    assert done.returncode == 0
+    assert done.stderr == ""
+    assert result == json.loads((tmp_path / "here" / "result.json").read_text(encoding="utf-8"))
+    assert result["runs"][0]["crank_angle"] == pytest.approx([0.5235987755982988, 0.6981317007977318, 0.8726646259971648, 1.0471975511965976])
+
+
+def test_the_papers_first_order_is_found_to_disagree(tmp_path: Path) -> None:
+    done = compare("--simulator", "mujoco", "--analytic", "first_order", "--motion", "static", "--joint", "contact", "--out", "o", cwd=tmp_path)
+    assert done.returncode == 1
+    result = json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))
+    (gamma,) = (d for d in result["runs"][0]["discrepancies"] if d["signal"] == "reaction_B_angle")
+    assert gamma["verdict"] == "disagrees"
+    assert abs(gamma["max"]) == pytest.approx(0.1231, abs=2e-3)  # 7.06 deg
+    assert gamma["max"] > 0  # simulated minus analytic: the real pin lies further round
+
+
+def test_a_released_pendulum_is_compared_over_time(tmp_path: Path) -> None:
+    done = compare("--simulator", "mujoco", "--case", "pendulum", "--out", "o", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    run = json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))["runs"][0]
+    assert len(run["time"]) == len(run["simulated"]["pendulum_angle"]) == 101
