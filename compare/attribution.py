@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, permutations
 from typing import Any
 
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from compare.discrepancy import ANGULAR, Difference, Rule, difference
+from compare.discrepancy import ANGULAR, Rule, Scales, difference
 from compare.signals import Kind, compared
 
 ANALYTIC = "analytic"
@@ -40,38 +40,32 @@ class Apart:
     at: int
 
 
-def spread(signal: str, kind: Kind, engines: Mapping[str, np.ndarray], where: np.ndarray | None = None) -> Spread | None:
+def spread(kind: Kind, engines: Mapping[str, np.ndarray], tolerance: np.ndarray) -> Spread | None:
     """Spread of a signal between engines; None with fewer than two, or no common sample."""
-    pairs = [(a, b, found) for a, b in combinations(engines, 2) if (found := _apart(kind, engines[a], engines[b], where)) is not None]
+    pairs = [(a, b, found) for a, b in combinations(engines, 2) if (found := difference(engines[a], engines[b], kind in ANGULAR, tolerance))]
     if not pairs:
         return None
-    a, b, widest = max(pairs, key=lambda pair: abs(pair[2].max))
+    a, b, widest = max(pairs, key=lambda pair: pair[2].share)
     return Spread(abs(widest.max), widest.at, (a, b))
 
 
-def stands_apart(signal: str, kind: Kind, parties: Mapping[str, np.ndarray], tolerance: float, where: np.ndarray | None = None) -> Apart | None:
-    """The one party that stands apart on a signal, or None."""
+def stands_apart(signal: str, kind: Kind, parties: Mapping[str, np.ndarray], tolerance: np.ndarray) -> Apart | None:
+    """The one party that stands apart on a signal, or None; ``tolerance`` (N,) is what each sample may differ by."""
     if len(parties) < 3:
         return None
     distance = {}
-    for a, b in combinations(parties, 2):
-        found = _apart(kind, parties[a], parties[b], where)
+    for a, b in permutations(parties, 2):
+        found = difference(parties[a], parties[b], kind in ANGULAR, tolerance)
         if found is None:
             return None
-        distance[a, b] = distance[b, a] = found
-    if all(abs(d.max) <= tolerance for d in distance.values()):
-        return None
+        distance[a, b] = found
     for party in parties:
         others = [p for p in parties if p != party]
-        among = max((abs(distance[a, b].max) for a, b in combinations(others, 2)), default=0.0)
-        nearest = min((distance[party, other] for other in others), key=lambda d: abs(d.max))
-        if among <= tolerance < abs(nearest.max):
-            return Apart(party, signal, nearest.max, among, nearest.at)
+        widest = max((distance[pair] for pair in combinations(others, 2)), key=lambda d: d.share)
+        nearest = min((distance[party, other] for other in others), key=lambda d: d.share)
+        if widest.share <= 1 < nearest.share:
+            return Apart(party, signal, nearest.max, abs(widest.max), nearest.at)
     return None
-
-
-def _apart(kind: Kind, a: np.ndarray, b: np.ndarray, where: np.ndarray | None) -> Difference | None:
-    return difference(a, b, kind in ANGULAR, where)
 
 
 def odd_one_out(found: Sequence[Apart]) -> str | None:
@@ -94,16 +88,18 @@ def attribute(runs: Sequence[Mapping[str, Any]], mechanism: Mechanism, tolerance
         group = [run for run in runs if run["joint_model"] == joint_model]
         theta = group[0]["crank_angle"]
         for name, kind in compared(mechanism, group[0]["clearance"]).items():
-            rule = Rule.read(tolerances, group[0]["motion"], joint_model, kind, clearance=max(group[0]["clearance"].values(), default=0.0))
-            where = rule.where(name, kind, group[0]["analytic"])
+            gap = max(group[0]["clearance"].values(), default=0.0)
+            analytic = group[0]["analytic"]
+            tolerance = Rule.read(tolerances, group[0]["motion"], joint_model, kind, Scales.of(analytic, mechanism), 0.0, gap).tolerance(
+                name, analytic
+            )
             engines = {run["simulator"]["name"]: run["simulated"][name] for run in group}
-            wide = spread(name, kind, engines, where)
+            wide = spread(kind, engines, tolerance)
             if wide is None:
                 continue
             if name not in widest or wide.max > widest[name]["max"]:
                 widest[name] = {"max": wide.max, "at_crank_angle": float(theta[wide.at]), "between": list(wide.between), "joint_model": joint_model}
-            tolerance = next((d["tolerance"] for d in group[0]["discrepancies"] if d["signal"] == name), None)
-            found = None if tolerance is None else stands_apart(name, kind, {ANALYTIC: group[0]["analytic"][name], **engines}, tolerance, where)
+            found = stands_apart(name, kind, {ANALYTIC: analytic[name], **engines}, tolerance)
             if found is not None:
                 apart.append(found)
     odd = odd_one_out(apart)

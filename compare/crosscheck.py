@@ -13,7 +13,7 @@ from analytic.assembly import Assembly
 from analytic.clearance import Model
 from analytic.mechanism import Mechanism
 from compare.attribution import attribute
-from compare.discrepancy import Discrepancy, Rule, judge
+from compare.discrepancy import Discrepancy, Rule, Scales, judge
 from compare.grid import turns_fully
 from compare.runs import Failure, Resolve, simulate_all
 from compare.signals import compared, with_derived, with_rotations
@@ -133,12 +133,12 @@ def _run(job: Job, side: Yardstick, trace: Trace) -> dict[str, Any]:
 
 def _discrepancies(job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.ndarray]) -> list[Discrepancy]:
     clearances = dict(trace.clearance)
-    give = _give(trace, simulated)
+    give, scales = _give(trace, simulated), Scales.of(side.signals, job.mechanism)
     found = []
     for name, kind in compared(job.mechanism, clearances).items():
         joint = name.removeprefix("clearance_")[:-2]
-        rule = Rule.read(job.tolerances, trace.motion, trace.joint_model, kind, give, clearances.get(joint, max(clearances.values(), default=0.0)))
-        one = judge(name, kind, simulated, side.signals, rule)
+        gap = clearances.get(joint, max(clearances.values(), default=0.0))
+        one = judge(name, simulated, side.signals, Rule.read(job.tolerances, trace.motion, trace.joint_model, kind, scales, give, gap))
         if one is not None:
             found.append(one)
     return found

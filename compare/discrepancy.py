@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from analytic.mechanism import Mechanism
 from compare.signals import UNITS, Kind
 
 Verdict = Literal["agrees", "disagrees", "known"]
@@ -23,12 +24,15 @@ class ToleranceError(ValueError):
 
 @dataclass(frozen=True)
 class Difference:
-    """Simulated minus analytic: the largest (signed), its crank angle's index, and the root mean square."""
+    """One signal minus another where they differ most: ``max`` (signed), at sample ``at``, and the root mean square.
+
+    "Most" is relative to the tolerance of each sample, where there is one: ``share`` is that largest share of it.
+    """
 
     max: float
     rms: float
     at: int
-    values: np.ndarray
+    share: float
 
 
 @dataclass(frozen=True)
@@ -54,61 +58,85 @@ def load_tolerances(path: Path | None = None) -> dict[str, Any]:
         raise ToleranceError(f"--tolerance {path}: cannot be read ({error}); give a TOML file like compare/tolerances.toml") from None
 
 
-def difference(simulated: np.ndarray, analytic: np.ndarray, angular: bool, where: np.ndarray | None = None) -> Difference | None:
-    """Difference over the samples that both have (and ``where``); angles modulo a turn; None if there are none."""
+def difference(simulated: np.ndarray, analytic: np.ndarray, angular: bool, tolerance: np.ndarray | None = None) -> Difference | None:
+    """Difference over the samples (N,) that both have; angles modulo a turn; None if there are none.
+
+    ``tolerance`` (N,) is what each sample may differ by; NaN leaves a sample out.
+    """
     values = np.asarray(simulated, float) - np.asarray(analytic, float)
     if angular:
         values = (values + np.pi) % (2 * np.pi) - np.pi
-    usable = np.isfinite(values) if where is None else np.isfinite(values) & where
-    if not usable.any():
+    share = np.abs(values) if tolerance is None else np.abs(values) / np.maximum(tolerance, np.finfo(float).tiny)
+    if not np.isfinite(share).any():
         return None
-    values = np.where(usable, values, np.nan)
-    at = int(np.nanargmax(np.abs(values)))
-    return Difference(float(values[at]), float(np.sqrt(np.nanmean(values**2))), at, values)
+    at = int(np.nanargmax(share))
+    return Difference(float(values[at]), float(np.sqrt(np.nanmean(values[np.isfinite(share)] ** 2))), at, float(share[at]))
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What a run's small numbers are small against: its largest reaction (N) and its longest body (m)."""
+
+    force: float
+    length: float
+
+    @classmethod
+    def of(cls, analytic: Mapping[str, np.ndarray], mechanism: Mechanism) -> Scales:
+        """Scales of a run, from its analytic side."""
+        peaks = [np.nanmax(v, initial=0.0) for name, v in analytic.items() if name.endswith("_magnitude")]
+        return cls(max(map(float, peaks), default=0.0), max(body.length for body in mechanism.bodies))
 
 
 @dataclass(frozen=True)
 class Rule:
-    """How far a signal may differ: the larger of ``absolute`` and ``relative`` times its scale."""
+    """How far a signal may differ, a line of tolerances.toml: the larger of ``absolute`` and ``relative`` times its peak.
 
+    Nothing is judged below ``noise`` times the run's scales, nor a direction where its force is below ``floor`` of its
+    peak; above that a direction may be off by ``absolute`` times peak over force, the same error in newtons everywhere.
+    """
+
+    kind: Kind
     absolute: float
     relative: float
-    floor: float  # of its peak, below which a force has no direction
+    floor: float
+    noise: float
+    scales: Scales
     clearance: float = 0.0  # m, the scale of a displacement
 
     @classmethod
-    def read(cls, tolerances: Mapping[str, Any], motion: str, joint_model: str, kind: Kind, give: float = 0.0, clearance: float = 0.0) -> Rule:
+    def read(
+        cls, tolerances: Mapping[str, Any], motion: str, joint_model: str, kind: Kind, scales: Scales, give: float = 0.0, clearance: float = 0.0
+    ) -> Rule:
         """The rule of a signal in a run.
 
         ``give`` (m) is how far the contact itself yields under the run's peak force, ``clearance`` (m) the joint's, or
         the largest of the run's.  Raises ToleranceError if the file has no such line.
         """
         try:
-            line, floor = tolerances[motion][joint_model][kind], float(tolerances["floor"])
+            line, floor, noise = tolerances[motion][joint_model][kind], float(tolerances["floor"]), float(tolerances["noise"])
         except KeyError as error:
-            raise ToleranceError(f"the tolerance file has no {error.args[0]!r} under {motion}.{joint_model}.{kind}; add it") from None
+            raise ToleranceError(f"the tolerance file has no {error.args[0]!r} (looking for {motion}.{joint_model}.{kind}); add it") from None
         yielding = give / clearance if kind in ("displacement", "rotation") and clearance else 0.0
-        return cls(float(line.get("absolute", 0.0)), float(line.get("relative", 0.0)) + yielding, floor, clearance)
+        return cls(kind, float(line.get("absolute", 0.0)), float(line.get("relative", 0.0)) + yielding, floor, noise, scales, clearance)
 
-    def tolerance(self, kind: Kind, values: np.ndarray) -> float:
-        """The tolerance, in the signal's unit, for a signal with these values."""
-        scale = self.clearance if kind == "displacement" else float(np.nanmax(np.abs(values)))
-        return max(self.absolute, self.relative * scale)
+    def tolerance(self, signal: str, analytic: Mapping[str, np.ndarray]) -> np.ndarray:
+        """What each sample (N,) may differ by, in the signal's unit; NaN where it means nothing."""
+        if self.kind == "angle":
+            size = analytic[signal.removesuffix("_angle") + "_magnitude"]
+            peak = np.nanmax(size, initial=0.0)
+            meaningful = size > max(self.floor * peak, self.noise * self.scales.force)
+            return np.where(meaningful, self.absolute * peak / np.where(meaningful, size, 1.0), np.nan)
+        peak = self.clearance if self.kind == "displacement" else float(np.nanmax(np.abs(analytic[signal]), initial=0.0))
+        unit = {"magnitude": self.scales.force, "torque": self.scales.force * self.scales.length}.get(self.kind, 0.0)
+        return np.full(analytic[signal].shape, max(self.absolute, self.relative * peak, self.noise * unit))
 
-    def where(self, signal: str, kind: Kind, signals: Mapping[str, np.ndarray]) -> np.ndarray | None:
-        """Samples at which the signal means something: for a direction, where the force is large enough to have one."""
-        if kind != "angle":
-            return None
-        size = signals[signal.removesuffix("_angle") + "_magnitude"]
-        return np.asarray(size > self.floor * np.nanmax(size))
 
-
-def judge(signal: str, kind: Kind, simulated: Mapping[str, np.ndarray], analytic: Mapping[str, np.ndarray], rule: Rule) -> Discrepancy | None:
+def judge(signal: str, simulated: Mapping[str, np.ndarray], analytic: Mapping[str, np.ndarray], rule: Rule) -> Discrepancy | None:
     """Compare one signal under its rule; None where it has no comparable sample."""
-    found = difference(simulated[signal], analytic[signal], kind in ANGULAR, rule.where(signal, kind, analytic))
+    tolerance = rule.tolerance(signal, analytic)
+    found = difference(simulated[signal], analytic[signal], rule.kind in ANGULAR, tolerance)
     if found is None:
         return None
-    tolerance = rule.tolerance(kind, analytic[signal])
-    public: Literal["angle", "magnitude", "value"] = "angle" if kind == "angle" else "magnitude" if kind == "magnitude" else "value"
-    verdict: Verdict = "agrees" if abs(found.max) <= tolerance else "disagrees"
-    return Discrepancy(signal, public, UNITS[kind], found.max, found.rms, found.at, tolerance, verdict)
+    public: Literal["angle", "magnitude", "value"] = "angle" if rule.kind == "angle" else "magnitude" if rule.kind == "magnitude" else "value"
+    verdict: Verdict = "agrees" if found.share <= 1 else "disagrees"
+    return Discrepancy(signal, public, UNITS[rule.kind], found.max, found.rms, found.at, float(tolerance[found.at]), verdict)

@@ -43,7 +43,7 @@ def default_angles(assembly: Assembly) -> np.ndarray:
         return np.arange(72) * STEP
     ends = [_reach(assembly, sign) for sign in (-1.0, 1.0)]
     clear = min(CLEAR, (ends[1] - ends[0]) / 4)
-    low, high = np.ceil((ends[0] + clear) / STEP - 1e-6), np.floor((ends[1] - clear) / STEP + 1e-6)
+    low, high = np.ceil((ends[0] + clear) / STEP - 0.01), np.floor((ends[1] - clear) / STEP + 0.01)
     return np.arange(low, high + 1) * STEP if high >= low else np.array([assembly.start])
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from compare.discrepancy import Rule, ToleranceError, difference, judge, load_tolerances
+from compare.discrepancy import Rule, Scales, ToleranceError, difference, judge, load_tolerances
 
 THETA = np.linspace(0.3, 2.8, 51)
 ANGLE, SIZE = THETA.copy(), 50.0 + 20 * np.cos(THETA)
@@ -14,11 +14,11 @@ TOLERANCES = load_tolerances()
 
 
 def rule(kind: str) -> Rule:
-    return Rule.read(TOLERANCES, "static", "contact", kind)  # type: ignore[arg-type]
+    return Rule.read(TOLERANCES, "static", "contact", kind, Scales(70.0, 0.4))  # type: ignore[arg-type]
 
 
 def verdict(signal: str, kind: str, **changed: np.ndarray) -> str | None:
-    found = judge(signal, kind, SIDE | changed, SIDE, rule(kind))  # type: ignore[arg-type]
+    found = judge(signal, SIDE | changed, SIDE, rule(kind))  # type: ignore[arg-type]
     return found.verdict if found else None
 
 
@@ -60,7 +60,7 @@ def test_a_force_near_zero_has_no_direction_to_compare() -> None:
     size[20] = 1e-9
     angle = ANGLE.copy()
     angle[20] += 1.0
-    found = judge("reaction_B_angle", "angle", SIDE | {"reaction_B_angle": angle}, SIDE | {"reaction_B_magnitude": size}, rule("angle"))
+    found = judge("reaction_B_angle", SIDE | {"reaction_B_angle": angle}, SIDE | {"reaction_B_magnitude": size}, rule("angle"))
     assert found is not None
     assert found.verdict == "agrees"
 
@@ -74,3 +74,21 @@ def test_a_faulty_tolerance_file_is_refused(tmp_path) -> None:  # type: ignore[n
     path.write_text("not = [toml", encoding="utf-8")
     with pytest.raises(ToleranceError, match=r"--tolerance .*t.toml: cannot be read"):
         load_tolerances(path)
+
+
+def test_a_direction_is_judged_by_its_error_in_newtons() -> None:
+    size = np.where(np.arange(51) == 20, 5.0, 70.0)
+    off = np.where(np.arange(51) == 20, np.radians(0.1), 0.0)  # ten times the tolerance, at a fourteenth of the force
+    weak = judge("reaction_B_angle", SIDE | {"reaction_B_angle": ANGLE + off}, SIDE | {"reaction_B_magnitude": size}, rule("angle"))
+    strong = judge("reaction_B_angle", SIDE | {"reaction_B_angle": ANGLE + np.roll(off, 1)}, SIDE | {"reaction_B_magnitude": size}, rule("angle"))
+    assert weak is not None
+    assert strong is not None
+    assert (weak.verdict, strong.verdict) == ("agrees", "disagrees")
+    assert weak.tolerance == pytest.approx(1.75e-4 * 14)
+
+
+def test_rounding_around_zero_is_no_disagreement() -> None:
+    nothing = {"drive_torque": np.zeros(51), "reaction_B_magnitude": SIZE}
+    found = judge("drive_torque", {"drive_torque": np.full(51, 1e-13)}, nothing, rule("torque"))
+    assert found is not None
+    assert found.verdict == "agrees"

@@ -1,0 +1,212 @@
+"""The figures of a report as data, made once; :mod:`compare.report.svg` draws them for a file, ``chart.js`` for the page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Literal
+
+from compare.report.quantities import GAMMA, MINUS, Quantity, number
+from compare.report.summary import Summary, abscissa
+
+JOURNAL_POINTS = 3000  # about as many points as a drawn journal path keeps
+Numbers = tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What is along an axis, in which unit."""
+
+    label: str
+    unit: str
+
+    @property
+    def title(self) -> str:
+        """Label and unit as an axis prints them."""
+        return f"{self.label} ({self.unit})" if self.unit else self.label
+
+
+@dataclass(frozen=True)
+class Series:
+    """Points in the axes' units, None where there is none.  ``role`` picks the colour, ``mark`` how it is drawn.
+
+    ``level`` tells several simulators of one joint model apart.  A series that does not ``scale`` has no say in the
+    range of the axes; one without a ``name`` is not in the legend.
+    """
+
+    name: str
+    x: Numbers
+    y: Numbers
+    role: str
+    mark: Literal["line", "dashed", "marker", "link", "joint", "pivot"] = "line"
+    level: int = 0
+    labels: tuple[str, ...] = ()
+    scale: bool = True
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure: ``name`` is its file's stem, ``summary`` its text alternative, a ``plane`` has equal scales in x and y."""
+
+    name: str
+    title: str
+    summary: str
+    x: Axis
+    y: Axis
+    series: tuple[Series, ...]
+    kind: Literal["curves", "plane"] = "curves"
+    note: str = ""
+
+
+def figures(result: Mapping[str, Any], summary: Summary) -> list[Figure]:
+    """Directions of the reactions, paths of the journals and differences, for the joints that the summary is about."""
+    found = [reaction_directions(result, summary, joint) for joint in summary.joints]
+    found += [journal_path(result, summary, joint) for joint in summary.joints if any(_path(run, joint) for run in result["runs"])]
+    found += [differences(result, summary, quantity) for quantity in summary.keys(False, result["mechanism"])]
+    return [figure for figure in found if any(series.name for series in figure.series)]
+
+
+def scaled(values: Iterable[float | None], factor: float = 1.0) -> Numbers:
+    """Values in a reader's unit, to the seven digits that a figure can show; None stays None."""
+    return tuple(None if v is None or not math.isfinite(v) else float(f"{factor * v:.7g}") for v in values)
+
+
+def simulators(result: Mapping[str, Any]) -> list[str]:
+    """Names of the simulators, in order; their index is the level of their series."""
+    return list(dict.fromkeys(run["simulator"]["name"] for run in result["runs"]))
+
+
+def _simulated(result: Mapping[str, Any], run: Mapping[str, Any]) -> dict[str, Any]:
+    """Name, colour and level of a run's series."""
+    engines = simulators(result)
+    engine = run["simulator"]["name"]
+    return {"name": f"{engine}, {run['joint_model']}", "role": run["joint_model"], "level": engines.index(engine)}
+
+
+def reaction_directions(result: Mapping[str, Any], summary: Summary, joint: str) -> Figure:
+    """Gamma of one joint over the crank angle: analytic as lines, each simulated joint model as markers."""
+    quantity = summary.signals[f"reaction_{joint}_angle"]
+    axis, unit, _, _ = abscissa(result["runs"][0], result["mechanism"])
+    lines: dict[str, Series] = {}
+    marks: list[Series] = []
+
+    def direction(values: Sequence[float | None]) -> Numbers:
+        first = next(iter(lines.values()), None)
+        return beside(scaled(values, quantity.factor), first.y if first else ())
+
+    for run in result["runs"]:
+        _, _, factor, x = abscissa(run, result["mechanism"])
+        over = scaled(x, factor)
+        if quantity.signal in run["analytic"]:
+            name, role, mark = _analytic(run, summary)
+            lines.setdefault(name, Series(name, over, direction(run["analytic"][quantity.signal]), role, mark))
+        if quantity.signal in run["simulated"]:
+            marks.append(Series(**_simulated(result, run), x=over, y=direction(run["simulated"][quantity.signal]), mark="marker"))
+    spans = [f"{s.name} {_span(s.y, quantity)}" for s in [*lines.values(), *marks]]
+    title = f"Direction of the reaction at {joint}"
+    text = f"{title} over {axis}. {'; '.join(spans)}."
+    return Figure(f"gamma_{joint}", title, text, Axis(axis, unit), Axis(GAMMA, "deg"), (*lines.values(), *marks))
+
+
+def _analytic(run: Mapping[str, Any], summary: Summary) -> tuple[str, str, Literal["line", "dashed"]]:
+    """Name, colour and mark of a run's analytic line."""
+    if any(run["clearance"].values()):
+        return f"analytic, {run['analytic_model'].replace('_', ' ')}", "analytic", "line"
+    if any(told.clearance != "none" for told in summary.runs):
+        return "analytic, ideal linkage (first-order direction)", "ideal-line", "dashed"
+    return "analytic", "analytic", "line"
+
+
+def beside(degrees: Numbers, reference: Numbers) -> Numbers:
+    """Directions shifted by whole turns, each unbroken piece on its own, so that they lie next to the reference's.
+
+    Angles are continued along a run, but every run starts in a turn of its own, and so does each piece after a gap.
+    """
+    if len(reference) != len(degrees):
+        return degrees
+    out: list[float | None] = []
+    turns: float | None = None
+    for value, other in zip(degrees, reference, strict=True):
+        if value is None:
+            turns = None
+        elif turns is None and other is not None:
+            turns = 360.0 * round((other - value) / 360.0)
+        out.append(None if value is None else value + (turns or 0.0))
+    return tuple(out)
+
+
+def _span(values: Numbers, quantity: Quantity) -> str:
+    known = [v for v in values if v is not None]
+    return f"from {number(known[0], 4)} to {number(known[-1], 4)} {quantity.unit}" if known else "has no values"
+
+
+def _path(run: Mapping[str, Any], joint: str) -> bool:
+    return joint in (run.get("journal") or {}) and bool(run["clearance"].get(joint))
+
+
+def journal_path(result: Mapping[str, Any], summary: Summary, joint: str) -> Figure:
+    """Path of one joint's journal within its clearance circle, and the analytic points on the rim."""
+    runs = [run for run in result["runs"] if _path(run, joint)]
+    radius = 1e3 * runs[0]["clearance"][joint]
+    turn = [2 * math.pi * k / 120 for k in range(121)]
+    rim = Series("clearance circle", scaled(math.cos(a) * radius for a in turn), scaled(math.sin(a) * radius for a in turn), "frame")
+    paths = []
+    for run in runs:
+        x, y = thinned(run["journal"][joint]["x"], run["journal"][joint]["y"], 1e-3 * radius)
+        paths.append(Series(**_simulated(result, run), x=scaled(x, 1e3), y=scaled(y, 1e3)))
+    names = (f"clearance_{joint}_x", f"clearance_{joint}_y")
+    model = runs[0]["analytic_model"].replace("_", " ")
+    rim_x, rim_y = (scaled(runs[0]["analytic"].get(name, ()), 1e3) for name in names)
+    points = Series(f"analytic, {model}", rim_x, rim_y, "analytic", "marker")
+    unit = summary.signals[names[0]].unit
+    share = [f"{run.title} {number(dict(run.free).get(joint), 2)} % of the run without contact" for run in summary.runs if joint in dict(run.free)]
+    text = f"Path of the journal of {joint} in its clearance circle of radius {number(radius)} {unit}. {'; '.join(share)}".strip()
+    axes = (Axis("displacement x", unit), Axis("displacement y", unit))
+    return Figure(f"journal_{joint}", f"Path of the journal in {joint}", text, *axes, (rim, *paths, points), "plane", "; ".join(share))
+
+
+def thinned(x: Sequence[float], y: Sequence[float], step: float) -> tuple[list[float], list[float]]:
+    """A path without the points that are nearer than ``step`` (mm) to the last one kept; coarser where it is long.
+
+    ``x`` and ``y`` are in m.  Unlike leaving out every n-th point it keeps the corners of impacts.
+    """
+    points = [(a, b) for a, b in zip(x, y, strict=True) if a is not None and b is not None]
+    if not points:
+        return [], []
+    length = sum(math.dist(p, q) for p, q in pairwise(points))
+    step = max(1e-3 * step, length / JOURNAL_POINTS)
+    kept = [points[0]]
+    for point in points[1:]:
+        if math.dist(point, kept[-1]) >= step:
+            kept.append(point)
+    return [p[0] for p in kept], [p[1] for p in kept]
+
+
+def apart(simulated: float, analytic: float, angular: bool) -> float:
+    """Simulated minus analytic; angles (rad) modulo a turn, as they are judged."""
+    return (simulated - analytic + math.pi) % math.tau - math.pi if angular else simulated - analytic
+
+
+def differences(result: Mapping[str, Any], summary: Summary, quantity: Quantity) -> Figure:
+    """Simulated minus analytic of one signal over the crank angle, each run a line; its tolerance where it is near."""
+    axis, unit, _, _ = abscissa(result["runs"][0], result["mechanism"])
+    lines, limits = [], set()
+    for run, told in zip(result["runs"], summary.runs, strict=True):
+        if quantity.signal not in run["analytic"] or quantity.signal not in run["simulated"]:
+            continue
+        row = told.row(quantity.signal)
+        pairs = zip(run["simulated"][quantity.signal], run["analytic"][quantity.signal], strict=True)
+        gap = scaled((None if s is None or a is None else apart(s, a, quantity.unit == "deg") for s, a in pairs), quantity.factor)
+        _, _, factor, x = abscissa(run, result["mechanism"])
+        lines.append(Series(**_simulated(result, run), x=scaled(x, factor), y=gap))
+        limits |= {row.tolerance} if row and row.tolerance and row.quantity.unit == quantity.unit else set()
+    worst = [f"{line.name} up to {number(max((abs(v) for v in line.y if v is not None), default=None))} {quantity.unit}" for line in lines]
+    note = f"Tolerance: {', '.join(f'±{number(t)}' for t in sorted(limits))} {quantity.unit}" if limits else ""
+    over = [line.x for line in lines if line.x]
+    ends = (over[0][0], over[0][-1]) if over else ()
+    bounds = [Series("", ends, (t, t), "frame", "dashed", scale=False) for limit in sorted(limits) if ends for t in (limit, -limit)]
+    text = f"{quantity.title}, simulated minus analytic, over {axis}: {'; '.join(worst)}. {note}".strip()
+    axes = (Axis(axis, unit), Axis(f"simulated {MINUS} analytic", quantity.unit))
+    return Figure(f"difference_{quantity.signal}", quantity.title, text, *axes, (*lines, *bounds), note=note)

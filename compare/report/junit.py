@@ -1,0 +1,47 @@
+"""The verdicts as a JUnit file: a suite for each run, a case for each signal."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+from compare.report.summary import Row, Run, Summary
+from compare.report.svg import NOT_XML
+
+
+def junit(summary: Summary) -> str:
+    """JUnit XML: a disagreement is a failure with its numbers, a known difference passes and says so."""
+    suites = [_suite(summary.case, run) for run in summary.runs]
+    root = ElementTree.Element("testsuites", _clean({"name": f"cross-check of {summary.case}", **_totals(suites)}))
+    root.extend(suites)
+    ElementTree.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _suite(case: str, run: Run) -> ElementTree.Element:
+    cases = [_case(case, run, row) for row in run.rows]
+    failures = sum(row.verdict == "disagrees" for row in run.rows)
+    counts = {"tests": str(len(cases)), "failures": str(failures), "errors": "0"}
+    suite = ElementTree.Element("testsuite", _clean({"name": f"{run.title}, {run.motion}", **counts}))
+    suite.extend(cases)
+    return suite
+
+
+def _case(case: str, run: Run, row: Row) -> ElementTree.Element:
+    place = f"{case}.{run.simulator}.{run.joint_model}.{run.motion}"
+    element = ElementTree.Element("testcase", _clean({"classname": place, "name": row.quantity.signal}))
+    if row.verdict == "disagrees":
+        message = _clean({"message": row.sentence, "type": "disagreement"})
+        ElementTree.SubElement(element, "failure", message).text = message["message"]
+    else:
+        known = "known difference: " if row.verdict == "known" else ""
+        ElementTree.SubElement(element, "system-out").text = NOT_XML.sub("", known + row.sentence)
+    return element
+
+
+def _totals(suites: list[ElementTree.Element]) -> dict[str, str]:
+    return {name: str(sum(int(suite.get(name, "0")) for suite in suites)) for name in ("tests", "failures", "errors")}
+
+
+def _clean(attributes: dict[str, str]) -> dict[str, str]:
+    """Attributes without the characters that XML cannot hold."""
+    return {name: NOT_XML.sub("", value) for name, value in attributes.items()}

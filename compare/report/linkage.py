@@ -1,0 +1,205 @@
+"""The linkage itself, drawn: where every body is in the ideal, the analytic displaced and the simulated configuration.
+
+Gaps are too small to see, so a drawing exaggerates: a body is drawn at its ideal pose plus ``factor`` times the way
+from there to its displaced one.  Links stay rigid; joints without clearance stay closed to first order.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from analytic.assembly import Assembly, AssemblyError
+from analytic.kinematics import kinematics
+from analytic.mechanism import Mechanism
+from compare.report.figures import Axis, Figure, Numbers, Series, scaled
+from compare.report.quantities import number
+from compare.report.summary import Summary, abscissa, released
+
+FACTORS = [m * 10**e for e in range(6) for m in (1, 2, 5)]
+VISIBLE = 0.12  # of a typical link's length: how large an exaggerated gap is drawn
+PREFERRED = math.radians(30.0)  # crank angle of the printed figure, the paper's own
+Result = Mapping[str, Any]
+Poses = dict[str, dict[str, Numbers]]  # body -> x, y (m, com) and angle (rad) of every sample
+
+
+def explorer(result: Result, summary: Summary) -> dict[str, Any]:
+    """Everything that ``explorer.js`` moves through: parts, and for each run the poses and the values to read."""
+    return {"parts": parts(result["mechanism"]), "runs": [_explored(result, summary, i) for i in range(len(result["runs"]))]}
+
+
+def parts(mechanism: Mapping[str, Any]) -> dict[str, Any]:
+    """Bodies' points relative to their com, ground points and joints, as plain data (m)."""
+    bodies = []
+    for body in mechanism["body"]:
+        points = {name: list(map(float, p)) for name, p in body["points"].items()}
+        com = body.get("com") or [sum(p[k] for p in points.values()) / len(points) for k in (0, 1)]
+        bodies.append({"name": body["name"], "points": {n: [p[0] - com[0], p[1] - com[1]] for n, p in points.items()}})
+    joints = [{"name": j["name"], "bodies": j["bodies"], "axis": j["axis"] if j["type"] == "prismatic" else None} for j in mechanism["joint"]]
+    ground = {name: list(map(float, p)) for name, p in mechanism["ground"]["points"].items()}
+    return {"bodies": bodies, "ground": ground, "joints": joints, "size": typical_length(mechanism)}
+
+
+def typical_length(mechanism: Mapping[str, Any]) -> float:
+    """The shortest link (m) that has a length, which is what a drawn gap must not outgrow."""
+    lengths = [max(math.dist(p, q) for p in body["points"].values() for q in body["points"].values()) for body in mechanism["body"]]
+    return min((length for length in lengths if length > 0), default=1.0)
+
+
+def exaggeration(mechanism: Mapping[str, Any], run: Mapping[str, Any]) -> int:
+    """The roundest factor at which the run's largest gap is seen, 1 without gaps and in a free drive."""
+    largest = max(run["clearance"].values(), default=0.0)
+    if not largest or released(run, mechanism):
+        return 1
+    return max(f for f in FACTORS if f == 1 or f * largest <= VISIBLE * typical_length(mechanism))
+
+
+def ideal_poses(result: Result, run: Mapping[str, Any]) -> Poses | None:
+    """Poses of the linkage without clearance at a run's samples: from the ideal run, else assembled; None if neither can."""
+    key = "time" if released(run, result["mechanism"]) else "crank_angle"
+    for other in result["runs"]:
+        if other["joint_model"] == "ideal" and other.get(key) == run[key]:
+            return _poses(result["mechanism"], other["analytic"])
+    if key == "time":
+        return None
+    try:
+        assembly = Assembly(Mechanism.model_validate(dict(result["mechanism"])).with_clearances({}))
+        motion = kinematics(assembly, run["crank_angle"])
+    except AssemblyError:  # somewhere on the grid is a change point; the drawing then does without
+        return None
+    signals: dict[str, Any] = {}
+    for body in (b["name"] for b in result["mechanism"]["body"]):
+        com = motion.position(body)
+        signals |= {f"{body}_x": com.real, f"{body}_y": com.imag, f"{body}_angle": motion.angle(body)}
+    return _poses(result["mechanism"], signals)
+
+
+def _poses(mechanism: Mapping[str, Any], signals: Mapping[str, Any]) -> Poses | None:
+    names = [body["name"] for body in mechanism["body"]]
+    if any(f"{name}_{part}" not in signals for name in names for part in ("x", "y", "angle")):
+        return None
+    return {name: {part: scaled(signals[f"{name}_{part}"]) for part in ("x", "y", "angle")} for name in names}
+
+
+def _explored(result: Result, summary: Summary, index: int) -> dict[str, Any]:
+    run, told = result["runs"][index], summary.runs[index]
+    label, unit, factor, x = abscissa(run, result["mechanism"])
+    readout = [
+        {
+            "label": quantity.title,
+            "unit": quantity.unit,
+            "analytic": scaled(run["analytic"][quantity.signal], quantity.factor),
+            "simulated": scaled(run["simulated"][quantity.signal], quantity.factor),
+        }
+        for quantity in summary.keys(False, result["mechanism"])
+        if quantity.signal in run["analytic"] and quantity.signal in run["simulated"]
+    ]
+    return {
+        "title": told.title,
+        "role": told.joint_model,
+        "label": label,
+        "unit": unit,
+        "x": scaled(x, factor),
+        "flags": run.get("flags") or {},
+        "clearance": {joint: size for joint, size in run["clearance"].items() if size},
+        "factor": exaggeration(result["mechanism"], run),
+        "ideal": ideal_poses(result, run),
+        "analytic": _poses(result["mechanism"], run["analytic"]),
+        "analytic_model": told.analytic_model.replace("_", " "),
+        "simulated": _poses(result["mechanism"], run["simulated"]),
+        "gaps": {joint: _gap(run, joint) for joint, size in run["clearance"].items() if size},
+        "readout": readout,
+    }
+
+
+def _gap(run: Mapping[str, Any], joint: str) -> dict[str, list[Numbers]]:
+    """Displacement (mm) of a journal in its bearing, x and y, on both sides."""
+    return {side: [scaled(run[side][f"clearance_{joint}_{axis}"], 1e3) for axis in "xy"] for side in ("analytic", "simulated")}
+
+
+def linkage_figure(result: Result, summary: Summary) -> Figure | None:
+    """The ideal and the displaced linkage of the first run with clearance (else the first), at one crank angle."""
+    run = next((run for run in result["runs"] if any(run["clearance"].values())), result["runs"][0])
+    label, unit, factor, x = abscissa(run, result["mechanism"])
+    ideal, displaced = ideal_poses(result, run), _poses(result["mechanism"], run["analytic"])
+    if displaced is None:
+        return None
+    usable = [k for k in range(len(x)) if _pose(displaced, k) and (ideal is None or _pose(ideal, k))]
+    if not usable:
+        return None
+    k = min(usable, key=lambda i: abs(x[i] - PREFERRED)) if unit == "deg" else usable[len(usable) // 2]
+    times = exaggeration(result["mechanism"], run) if ideal else 1
+    what = parts(result["mechanism"])
+    at = f"{label} {number(factor * x[k], 4)} {unit}"
+    gaps = {joint: times * size for joint, size in run["clearance"].items() if size}
+    series = _drawn(what, _pose(ideal, k), "ideal linkage", "ideal-line") if ideal and gaps else []
+    model = run["analytic_model"].replace("_", " ")
+    pose = _between(_pose(ideal, k), _pose(displaced, k), times)
+    series += _drawn(what, pose, f"displaced ({model})" if gaps else "analytic", "analytic", gaps)
+    title = f"The linkage at {at}" + (f", gaps drawn {times} times as large" if gaps and times > 1 else "")
+    sizes = ", ".join(f"{joint} {number(1e3 * size)} mm" for joint, size in run["clearance"].items() if size) or "none"
+    text = f"{title}. Radial clearance: {sizes}."
+    return Figure("linkage", title, text, Axis("x", "mm"), Axis("y", "mm"), tuple(series), "plane", f"clearance: {sizes}")
+
+
+Pose = dict[str, tuple[complex, float]]
+
+
+def _pose(poses: Poses | None, k: int) -> Pose:
+    """Every body's com (m) and angle (rad) at sample k; empty if any is unknown."""
+    found: Pose = {}
+    for body, values in (poses or {}).items():
+        x, y, angle = (values[part][k] for part in ("x", "y", "angle"))
+        if x is None or y is None or angle is None:
+            return {}
+        found[body] = (complex(x, y), angle)
+    return found
+
+
+def _between(ideal: Pose, displaced: Pose, factor: float) -> Pose:
+    if not ideal:
+        return displaced
+    return {b: (ideal[b][0] + factor * (z - ideal[b][0]), ideal[b][1] + factor * (a - ideal[b][1])) for b, (z, a) in displaced.items()}
+
+
+def _drawn(what: Mapping[str, Any], pose: Pose, name: str, role: str, gaps: Mapping[str, float] | None = None) -> list[Series]:
+    """Links, slides, clearance circles, pivots and labelled joints of one configuration (mm)."""
+
+    def place(body: str, point: str) -> complex:
+        if body == "ground":
+            return complex(*what["ground"][point])
+        com, angle = pose[body]
+        point_in_body = next(b["points"][point] for b in what["bodies"] if b["name"] == body)
+        return com + complex(*point_in_body) * cmath.exp(1j * angle)
+
+    links: list[complex | None] = []
+    for body in what["bodies"]:
+        corners = [place(body["name"], point) for point in body["points"]]
+        corners += [pose[body["name"]][0]] if len(corners) == 1 else []
+        links += [*corners, *(corners[:1] if len(corners) > 2 else []), None]
+    series = [_series(name, links, role, "dashed" if role == "ideal-line" else "link")]
+    for joint in (j for j in what["joints"] if j["axis"]):
+        first, second = joint["bodies"]
+        along = complex(*joint["axis"]) * cmath.exp(1j * (pose[first][1] if first != "ground" else 0.0))
+        along *= 0.2 * what["size"] / abs(along)
+        centre = place(second, joint["name"])
+        block = [centre + along * corner for corner in (1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j, 1 + 0.6j)]
+        series += [_series("", [centre - 4 * along, centre + 4 * along], "frame", "dashed"), _series("", block, role)]
+    for joint_name, gap in (gaps or {}).items():
+        bearing = next(j["bodies"][1] for j in what["joints"] if j["name"] == joint_name)
+        rim = [place(bearing, joint_name) + cmath.rect(gap, 2 * math.pi * i / 60) for i in range(61)]
+        series.append(_series("", rim, role))
+    pins = [j for j in what["joints"] if not j["axis"]]
+    fixed = [j["name"] for j in pins if "ground" in j["bodies"]]
+    if role != "ideal-line":
+        series.append(_series("", [complex(*what["ground"][n]) for n in fixed], "frame", "pivot"))
+    labels = tuple(j["name"] for j in pins) if role != "ideal-line" else ()
+    series.append(_series("", [place(j["bodies"][0], j["name"]) for j in pins], role, "joint", labels))
+    return series
+
+
+def _series(name: str, points: list[Any], role: str, mark: Any = "line", labels: tuple[str, ...] = ()) -> Series:
+    x = scaled((None if z is None else z.real for z in points), 1e3)
+    return Series(name, x, scaled((None if z is None else z.imag for z in points), 1e3), role, mark, labels=labels)

@@ -1,0 +1,124 @@
+"""The page for people and the Markdown for pull requests, from one context."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from importlib import resources
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from compare.report.figures import Figure
+from compare.report.linkage import explorer
+from compare.report.quantities import number, plain
+from compare.report.summary import MODELS, WORDS, Run, Summary
+
+SIGNS = {"agrees": "✓", "disagrees": "✗", "known": "≈"}
+
+
+def render(
+    result: Mapping[str, Any],
+    summary: Summary,
+    figures: Sequence[Figure],
+    linkage: Figure | None,
+    drawings: Mapping[str, str],
+    files: Mapping[str, str],
+) -> tuple[str, str]:
+    """The page (HTML, self-contained) and the Markdown text."""
+    runs = summary.runs
+    context = {
+        "result": result,
+        "summary": summary,
+        "figures": list(figures),
+        "linkage": linkage,
+        "files": files,
+        "words": WORDS,
+        "signs": SIGNS,
+        "engines": _once(f"{run.simulator} {run.version}" for run in runs),
+        "joint_models": _once(run.joint_model for run in runs),
+        "motions": _once(run.motion for run in runs),
+        "models": [MODELS.get(name, name) for name in _once(run.analytic_model for run in runs if run.clearance != "none")] or ["ideal linkage"],
+        "clearance": "; ".join(_once(run.clearance for run in runs if run.clearance != "none")) or "none",
+        "by_engine": [(name, _worst_first(run for run in runs if run.simulator == name)) for name in _once(run.simulator for run in runs)],
+        "first_run": _worst_first(sorted(runs, key=lambda run: run.clearance == "none"))[0].index,
+        "runs_with_order": _first_per_clearance(summary),
+        "free": any(run.free for run in runs),
+        "flagged": any(run.flags for run in runs),
+        "setting_names": _once(name for run in runs for name in run.settings),
+    }
+    page = _environment(True).get_template("report.html.j2")
+    html = page.render(
+        context,
+        keys=summary.keys(False, result["mechanism"]),
+        drawings=[Markup(drawings[figure.name]) for figure in figures],
+        linkage_svg=Markup(drawings[linkage.name]) if linkage else "",
+        css=_static("report.css"),
+        scripts=_static("chart.js") + _static("explorer.js"),
+        data=script_json({"figures": [asdict(figure) for figure in figures], "explorer": explorer(result, summary)}),
+        mechanism=json.dumps(result["mechanism"], indent=2, ensure_ascii=False),
+    )
+    markdown = _environment(False).get_template("report.md.j2").render(context, keys=summary.keys(True, result["mechanism"]))
+    return html, re.sub(r"\n{3,}", "\n\n", markdown)
+
+
+def script_json(value: Any) -> Markup:
+    """JSON that may stand in a script element: nothing in it can end the element or start a comment."""
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return Markup(text)
+
+
+def escape_markdown(text: str) -> str:
+    """Text as a Markdown table cell or sentence shows it, markup and line breaks made harmless."""
+    return re.sub(r"([\\`*_\[\]|<>&#~!$@])", r"\\\1", re.sub(r"\s+", " ", str(text)))
+
+
+def _code(text: str) -> str:
+    """A code block whose fence is longer than any run of backticks in it."""
+    fence = "`" * max(3, 1 + max((len(run) for run in re.findall("`+", text)), default=0))
+    return f"{fence}sh\n{text}\n{fence}"
+
+
+def _grouped(flags: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Each reason once, with all of its places."""
+    places: dict[str, list[str]] = {}
+    for where, why in flags:
+        places.setdefault(why, []).append(where)
+    return [(why, ", ".join(where)) for why, where in places.items()]
+
+
+def _environment(escaping: bool) -> Environment:
+    environment = Environment(loader=PackageLoader("compare.report"), autoescape=escaping, undefined=StrictUndefined, keep_trailing_newline=True)
+    environment.filters |= {
+        "number": number,
+        "signed": lambda value: number(value, 3, True),
+        "setting": lambda value: plain(value, 6) if isinstance(value, float) else str(value),
+        "md": escape_markdown,
+        "md_code": _code,
+        "grouped": _grouped,
+    }
+    return environment
+
+
+def _static(name: str) -> Markup:
+    return Markup(resources.files("compare.report").joinpath("static", name).read_text(encoding="utf-8"))
+
+
+def _worst_first(runs: Iterable[Run]) -> list[Run]:
+    """Runs that disagree before those that agree, otherwise in their order."""
+    return sorted(runs, key=lambda run: run.verdict == "agrees")
+
+
+def _once(values: Any) -> list[str]:
+    return list(dict.fromkeys(values))
+
+
+def _first_per_clearance(summary: Summary) -> list[Run]:
+    """One run for each clearance: what first order and equilibrium differ in does not depend on who simulates."""
+    first = {run.clearance: run for run in reversed(summary.runs) if run.clearance != "none" and run.order}
+    return list(first.values())

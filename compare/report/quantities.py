@@ -1,0 +1,101 @@
+"""What a signal is called and in which unit a person reads it: degrees and millimetres, where files have radians and metres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+SHOWN = {"rad": ("deg", math.degrees(1.0)), "m": ("mm", 1e3), "1": ("%", 100.0)}  # SI unit -> unit that is read, factor
+MINUS, TIMES, DASH, GAMMA = "\N{MINUS SIGN}", "\N{MULTIPLICATION SIGN}", "\N{EN DASH}", "\N{GREEK SMALL LETTER GAMMA}"
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A signal as people read it: ``factor`` times the SI value is in ``unit``."""
+
+    signal: str
+    name: str
+    symbol: str
+    place: str
+    unit: str
+    factor: float
+
+    @property
+    def label(self) -> str:
+        """Name in plain ASCII (but for the names of the mechanism's own parts): ``reaction angle at B``."""
+        return f"{self.name} {self.place}".strip()
+
+    @property
+    def title(self) -> str:
+        """Name with the paper's symbol, such as ``Reaction force |F| at B``."""
+        words = " ".join(part for part in (self.name, self.symbol, self.place) if part)
+        return words[:1].upper() + words[1:]
+
+
+def shown(unit: str) -> tuple[str, float]:
+    """The unit that a person reads for an SI unit, and the factor to it; units without one stay as they are."""
+    return SHOWN.get(unit, (unit.replace("N.m", "N·m"), 1.0))
+
+
+def quantities(mechanism: Mapping[str, Any]) -> dict[str, Quantity]:
+    """Every signal that a mechanism (as in its TOML file) can have, in the order in which a report lists them.
+
+    Names are looked up, not parsed: a body may be called ``reaction_B`` and a joint may have any letters.
+    """
+    found = []
+    for j in (joint["name"] for joint in mechanism["joint"]):
+        found += [
+            (f"reaction_{j}_angle", "reaction angle", GAMMA, f"at {j}", "rad"),
+            (f"reaction_{j}_magnitude", "reaction force", "|F|", f"at {j}", "N"),
+            (f"reaction_{j}_x", "reaction x", "", f"at {j}", "N"),
+            (f"reaction_{j}_y", "reaction y", "", f"at {j}", "N"),
+            (f"reaction_{j}_moment", "reaction moment", "", f"at {j}", "N.m"),
+            (f"clearance_{j}_x", "displacement x", "", f"in {j}", "m"),
+            (f"clearance_{j}_y", "displacement y", "", f"in {j}", "m"),
+        ]
+    for b in (body["name"] for body in mechanism["body"]):
+        found += [
+            (f"{b}_rotation", "rotation", "ψ", f"of {b}", "rad"),
+            (f"{b}_angle", "angle", "", f"of {b}", "rad"),
+            (f"{b}_x", "position x", "", f"of {b}", "m"),
+            (f"{b}_y", "position y", "", f"of {b}", "m"),
+            (f"{b}_angular_velocity", "angular velocity", "", f"of {b}", "rad/s"),
+        ]
+    found += [("drive_torque", "drive torque", "T", "", "N.m")]
+    return {signal: Quantity(signal, name, symbol, place, *shown(unit)) for signal, name, symbol, place, unit in found}
+
+
+def key_signals(mechanism: Mapping[str, Any], joints: list[str], loose: bool) -> list[str]:
+    """The signals that the paper is about, for these joints: gamma, |F|, the displacement, psi of the couplers and the drive torque.
+
+    Where no joint is ``loose`` (has clearance) the bodies' angles take the place of displacement and rotation.
+    """
+    names = [f"reaction_{j}_{part}" for j in joints for part in ("angle", "magnitude")]
+    names += [f"clearance_{j}_{axis}" for j in joints for axis in "xy"]
+    turned = [f"{b}_rotation" for b in couplers(mechanism)] if loose else [f"{body['name']}_angle" for body in mechanism["body"]]
+    return [*names, *turned, "drive_torque"]
+
+
+def couplers(mechanism: Mapping[str, Any]) -> list[str]:
+    """Bodies that no joint connects to the ground."""
+    grounded = {name for joint in mechanism["joint"] if "ground" in joint["bodies"] for name in joint["bodies"]}
+    return [body["name"] for body in mechanism["body"] if body["name"] not in grounded]
+
+
+def number(value: float | None, digits: int = 3, sign: bool = False) -> str:
+    """A number as it is printed in a page, powers of ten written out, and a dash where there is none."""
+    if value is None:
+        return DASH
+    mantissa, e, exponent = plain(value, digits, sign).partition("e")
+    mantissa = mantissa.replace("-", MINUS)
+    return f"{mantissa}{TIMES}10{str(int(exponent)).translate(SUPERSCRIPT)}" if e else mantissa
+
+
+def plain(value: float | None, digits: int = 3, sign: bool = False) -> str:
+    """A number in ASCII, for terminals: ``+1.23e-05``."""
+    if value is None:
+        return "-"
+    return f"{value:{'+' if sign else ''}.{digits}g}"

@@ -1,0 +1,215 @@
+// The linkage that moves with the slider: ideal, analytic and simulated configuration of one run, laid over each other.
+"use strict";
+
+class Explorer {
+  constructor(root, data, onMove) {
+    Object.assign(this, {root, data, onMove, parts: data.parts});
+    this.find = (name) => root.querySelector(`[data-${name}]`);
+    this.slider = this.find("slider");
+    this.factor = this.find("factor");
+    this.model = this.find("model");
+    this.bodies = Object.fromEntries(this.parts.bodies.map((b) => [b.name, b]));
+    const mm = {label: "x", unit: "mm"};
+    this.chart = new Chart(this.find("linkage"), this.figure("The linkage", [], mm), {tallest: 400});
+    this.rims = [];
+    this.model.addEventListener("change", () => this.choose());
+    this.slider.addEventListener("input", () => this.move());
+    this.factor.addEventListener("input", () => this.move(true));
+    for (const box of root.querySelectorAll("[data-show]")) box.addEventListener("change", () => this.move());
+    this.choose();
+  }
+
+  figure(title, series, axis = {label: "x", unit: "mm"}) {
+    return {name: "explorer", title, summary: "", kind: "plane", x: axis, y: {label: "y", unit: "mm"}, series};
+  }
+
+  // ------------------------------------------------------------------ state
+
+  choose() {
+    const before = this.run?.unit === this.data.runs[this.model.value].unit ? Number(this.slider.value) : null;
+    this.run = this.data.runs[this.model.value];
+    const {x, unit} = this.run;
+    const steps = x.slice(1).map((v, i) => Math.abs(v - x[i]));
+    const even = steps.every((s) => Math.abs(s - steps[0]) < 1e-6 * Math.abs(steps[0]));
+    Object.assign(this.slider, {min: Math.min(...x), max: Math.max(...x), step: even && steps.length ? String(Number(steps[0].toPrecision(6))) : "any"});
+    this.slider.value = before ?? (unit === "deg" ? 30 : x[0]);
+    this.find("abscissa").textContent = `${this.run.label} (${unit})`;
+    const adjustable = this.run.ideal && Object.keys(this.run.clearance).length > 0;
+    this.factor.disabled = !adjustable;
+    this.factor.value = Math.log10(adjustable ? this.run.factor : 1);
+    this.magnify = adjustable ? this.run.factor : 1;
+    this.listReadout();
+    this.listRims();
+    this.move();
+  }
+
+  index() {
+    const at = Number(this.slider.value);
+    return this.run.x.reduce((best, v, i) => (Math.abs(v - at) < Math.abs(this.run.x[best] - at) ? i : best), 0);
+  }
+
+  move(magnified = false) {
+    if (magnified) this.magnify = Number((10 ** Number(this.factor.value)).toPrecision(2));
+    const i = this.index(), {x, unit, label, flags} = this.run;
+    const text = `${number(x[i])} ${unit}`;
+    this.slider.setAttribute("aria-valuetext", text);
+    this.find("value").textContent = text;
+    this.factor.setAttribute("aria-valuetext", `${this.magnify} times`);
+    this.find("magnified").textContent = `× ${this.magnify}`;
+    this.drawLinkage(i);
+    this.drawRims(i);
+    this.read(i);
+    const flag = flags[i] ? ` Flagged: ${flags[i]}.` : "";
+    this.find("flag").textContent = flag;
+    const said = this.run.readout.slice(0, 4).map((r) => `${r.label}: analytic ${number(r.analytic[i])}, simulated ${number(r.simulated[i])} ${r.unit}`);
+    this.find("live").textContent = `${label} ${text}.${flag} ${said.join("; ")}.`;
+    this.onMove(x[i], unit);
+  }
+
+  // ------------------------------------------------------------------ the linkage
+
+  pose(which, i) {
+    const found = {};
+    for (const [body, values] of Object.entries(this.run[which] ?? {})) {
+      const [x, y, angle] = [values.x[i], values.y[i], values.angle[i]];
+      if (![x, y, angle].every(known)) return null;
+      found[body] = {x, y, angle};
+    }
+    return Object.keys(found).length ? found : null;
+  }
+
+  // Ideal pose plus the magnified way from there to the displaced one.
+  magnified(pose, ideal) {
+    if (!pose || !ideal || this.magnify === 1) return pose;
+    const part = (body, key) => ideal[body][key] + this.magnify * (pose[body][key] - ideal[body][key]);
+    return Object.fromEntries(Object.keys(pose).map((b) => [b, {x: part(b, "x"), y: part(b, "y"), angle: part(b, "angle")}]));
+  }
+
+  point(pose, body, name) {
+    if (body === "ground") return this.parts.ground[name];
+    const {x, y, angle} = pose[body], [u, v] = this.bodies[body].points[name];
+    return [x + u * Math.cos(angle) - v * Math.sin(angle), y + u * Math.sin(angle) + v * Math.cos(angle)];
+  }
+
+  drawn(pose, name, role, gaps) {
+    const series = [], links = [];
+    const add = (points, mark, extra = {}) => series.push({name: "", x: points.map((p) => p && 1e3 * p[0]), y: points.map((p) => p && 1e3 * p[1]), role, mark, level: 0, scale: true, labels: [], ...extra});
+    for (const body of this.parts.bodies) {
+      const corners = Object.keys(body.points).map((p) => this.point(pose, body.name, p));
+      if (corners.length === 1) corners.push([pose[body.name].x, pose[body.name].y]);
+      links.push(...corners, ...(corners.length > 2 ? [corners[0]] : []), null);
+    }
+    add(links, role === "ideal-line" ? "dashed" : "link", {name});
+    for (const joint of this.parts.joints.filter((j) => j.axis)) {
+      const [first, second] = joint.bodies, turn = first === "ground" ? 0 : pose[first].angle;
+      const angle = Math.atan2(joint.axis[1], joint.axis[0]) + turn, size = 0.2 * this.parts.size;
+      const [cx, cy] = this.point(pose, second, joint.name);
+      const at = (u, v) => [cx + size * (u * Math.cos(angle) - v * Math.sin(angle)), cy + size * (u * Math.sin(angle) + v * Math.cos(angle))];
+      add([at(-4, 0), at(4, 0)], "dashed", {role: "frame"});
+      add([at(1, 0.6), at(-1, 0.6), at(-1, -0.6), at(1, -0.6), at(1, 0.6)], "line");
+    }
+    for (const [joint, gap] of Object.entries(gaps)) {
+      const [cx, cy] = this.point(pose, this.parts.joints.find((j) => j.name === joint).bodies[1], joint);
+      add(circle(cx, cy, gap), "line");
+    }
+    const pins = this.parts.joints.filter((j) => !j.axis);
+    const label = role === "analytic" ? {labels: pins.map((j) => j.name)} : {};
+    if (role === "analytic") add(pins.filter((j) => j.bodies.includes("ground")).map((j) => this.parts.ground[j.name]), "pivot", {role: "frame"});
+    add(pins.map((j) => this.point(pose, j.bodies[0], j.name)), "joint", label);
+    return series;
+  }
+
+  drawLinkage(i) {
+    const {clearance, analytic_model, title, role} = this.run;
+    const wanted = (which) => this.root.querySelector(`[data-show="${which}"]`).checked;
+    const ideal = this.pose("ideal", i), gaps = Object.fromEntries(Object.entries(clearance).map(([j, c]) => [j, c * this.magnify]));
+    const series = [];
+    const sets = [["ideal", ideal, "ideal linkage", "ideal-line", {}], ["analytic", this.magnified(this.pose("analytic", i), ideal), Object.keys(clearance).length ? `analytic, ${analytic_model}` : "analytic", "analytic", gaps], ["simulated", this.magnified(this.pose("simulated", i), ideal), title, role, gaps]];
+    for (const [which, pose, name, colour, rims] of sets) if (pose && wanted(which)) series.push(...this.drawn(pose, name, colour, rims));
+    this.chart.options.range = this.range();
+    const at = `${this.run.label} ${number(this.run.x[i])} ${this.run.unit}`;
+    this.chart.update({...this.figure(`The linkage at ${at}`, series), summary: `Gaps drawn ${this.magnify} times as large.`});
+  }
+
+  // One frame for the whole motion, so that the drawing does not jump.
+  range() {
+    if (this.framed?.run === this.run && this.framed.magnify === this.magnify) return this.framed;
+    const points = Object.values(this.parts.ground);
+    for (let i = 0; i < this.run.x.length; i++) {
+      const ideal = this.pose("ideal", i);
+      for (const pose of [ideal, this.magnified(this.pose("analytic", i), ideal), this.magnified(this.pose("simulated", i), ideal)]) {
+        if (pose) for (const b of this.parts.bodies) for (const p of Object.keys(b.points)) points.push(this.point(pose, b.name, p));
+      }
+    }
+    const [left, right] = extent(points.map((p) => 1e3 * p[0]), 0), [low, high] = extent(points.map((p) => 1e3 * p[1]), 0);
+    const spare = 0.08 * Math.max(right - left, high - low);
+    this.framed = {run: this.run, magnify: this.magnify, x: [left - spare, right + spare], y: [low - spare, high + spare]};
+    return this.framed;
+  }
+
+  // ------------------------------------------------------------------ clearance circles and values
+
+  listRims() {
+    const place = this.find("rims");
+    place.replaceChildren();
+    this.rims = Object.entries(this.run.clearance).map(([joint, radius]) => {
+      const box = html("figure", {class: "rim", id: `rim-${joint}`}, place);
+      html("figcaption", {}, box, `Journal of ${joint} in its clearance, ${number(1e3 * radius)} mm`);
+      const drawing = svg("svg", {viewBox: "-1.3 -1.3 2.6 2.6", role: "img"}, box);
+      return {joint, radius, drawing};
+    });
+  }
+
+  drawRims(i) {
+    for (const {joint, radius, drawing} of this.rims) {
+      drawing.replaceChildren();
+      svg("circle", {r: 1, class: "circle"}, drawing);
+      svg("path", {d: "M-1.2 0H1.2M0 -1.2V1.2", class: "hair"}, drawing);
+      const said = [];
+      for (const [which, role] of [["analytic", "analytic"], ["simulated", this.run.role]]) {
+        const [x, y] = this.run.gaps[joint][which].map((values) => values[i]);
+        if (!known(x) || !known(y)) continue;
+        const [px, py] = [x / (1e3 * radius), -y / (1e3 * radius)], style = `--colour: var(--${role}, var(--analytic))`;
+        svg("path", {d: `M0 0L${px} ${py}`, class: `arm ${which}`, style}, drawing);
+        svg("circle", {cx: px, cy: py, r: which === "analytic" ? 0.07 : 0.12, class: `journal ${which}`, style}, drawing);
+        said.push(`${which} ${number(x)}, ${number(y)} mm`);
+      }
+      drawing.setAttribute("aria-label", `Displacement of the journal of ${joint}: ${said.join("; ") || "not known"}`);
+    }
+  }
+
+  listReadout() {
+    const body = this.find("readout");
+    body.replaceChildren();
+    this.cells = this.run.readout.map((r) => {
+      const row = html("tr", {}, body);
+      html("th", {scope: "row"}, row, `${r.label} (${r.unit})`);
+      return [0, 1, 2].map(() => html("td", {}, row));
+    });
+  }
+
+  read(i) {
+    this.run.readout.forEach((r, k) => {
+      const [a, s] = [r.analytic[i], r.simulated[i]];
+      [a, s, known(a) && known(s) ? s - a : null].forEach((v, c) => (this.cells[k][c].textContent = number(v, c === 2 ? 3 : 5)));
+    });
+  }
+}
+
+function circle(cx, cy, radius) {
+  return Array.from({length: 61}, (_, k) => [cx + radius * Math.cos((k * Math.PI) / 30), cy + radius * Math.sin((k * Math.PI) / 30)]);
+}
+
+// ---------------------------------------------------------------------- the page
+
+const data = JSON.parse(document.getElementById("data").textContent);
+const charts = [];
+document.querySelectorAll("[data-figure]").forEach((place, i) => {
+  const figure = data.figures[Number(place.dataset.figure)];
+  charts.push(new Chart(place, figure));
+  const details = place.parentElement.querySelector("details");
+  details.addEventListener("toggle", () => details.open && !details.querySelector("table") && tabulate(details, figure));
+});
+const root = document.getElementById("explorer");
+new Explorer(root, data.explorer, (x, unit) => charts.forEach((c) => c.figure.x.unit === unit && c.mark(x)));
+document.documentElement.classList.add("ready");

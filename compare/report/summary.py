@@ -1,0 +1,204 @@
+"""One result as a reader takes it in: the verdict in words, rows in degrees and millimetres, and what goes beside them.
+
+Page, Markdown, JUnit file and terminal all show this summary; none of them looks into the result for numbers of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from compare.report.quantities import Quantity, key_signals, number, plain, quantities, shown
+
+Result = Mapping[str, Any]
+WORDS = {"agrees": "agrees", "disagrees": "disagrees", "known": "known difference"}
+MODELS = {"first_order": "first order (Eq. 8: ideal reaction directions)", "equilibrium": "equilibrium (displaced linkage, self-consistent)"}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One signal of one run: simulated minus analytic, in ``quantity.unit``; None where nothing could be compared."""
+
+    quantity: Quantity
+    maximum: float | None
+    rms: float | None
+    at: str
+    tolerance: float | None
+    verdict: str
+    reason: str = ""
+
+    @property
+    def share(self) -> float | None:
+        """Largest difference over tolerance."""
+        return abs(self.maximum) / self.tolerance if self.maximum is not None and self.tolerance else None
+
+    @property
+    def sentence(self) -> str:
+        """The row in words, ASCII but for names: ``reaction angle at B: +0.2 deg at 30 deg, rms 0.1 deg (tolerance 0.05 deg)``."""
+        unit = self.quantity.unit.replace("·", ".")
+        numbers = f"{plain(self.maximum, 4, True)} {unit} at {self.at}, rms {plain(self.rms)} {unit} (tolerance {plain(self.tolerance)} {unit})"
+        return f"{self.quantity.label}: {numbers}" + (f"; {self.reason}" if self.reason else "")
+
+
+@dataclass(frozen=True)
+class Order:
+    """First-order answer minus equilibrium, of one signal of one run."""
+
+    quantity: Quantity
+    maximum: float | None
+    rms: float | None
+    at: str
+
+
+@dataclass(frozen=True)
+class Run:
+    """One simulator with one joint model."""
+
+    index: int
+    simulator: str
+    version: str
+    joint_model: str
+    motion: str
+    analytic_model: str
+    clearance: str
+    verdict: str
+    rows: tuple[Row, ...]
+    flags: tuple[tuple[str, str], ...]  # where, why
+    free: tuple[tuple[str, float], ...]  # joint, per cent of the time without contact
+    order: tuple[Order, ...]
+    settings: Mapping[str, Any]
+
+    @property
+    def title(self) -> str:
+        """How the run is called everywhere."""
+        return f"{self.simulator}, {self.joint_model}"
+
+    def row(self, signal: str) -> Row | None:
+        """The row of a signal, if the run has it."""
+        return next((row for row in self.rows if row.quantity.signal == signal), None)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A whole result."""
+
+    case: str
+    verdict: str
+    headline: str
+    runs: tuple[Run, ...]
+    signals: Mapping[str, Quantity]
+    joints: tuple[str, ...]  # the joints that the report is about: those with clearance, or all
+    spread: tuple[Order, ...]
+    odd_one_out: str | None
+
+    def keys(self, all_joints: bool, mechanism: Mapping[str, Any]) -> list[Quantity]:
+        """The signals of a short table: the paper's own, for these joints or for all, and whatever disagrees."""
+        joints = [j["name"] for j in mechanism["joint"]] if all_joints else list(self.joints)
+        present = {row.quantity.signal for run in self.runs for row in run.rows}
+        wrong = {row.quantity.signal for run in self.runs for row in run.rows if row.verdict == "disagrees"}
+        loose = any(run.clearance != "none" for run in self.runs)
+        chosen = [s for s in key_signals(mechanism, joints, loose) if s in present]
+        return [self.signals[s] for s in [*chosen, *(s for s in self.signals if s in wrong and s not in chosen)]]
+
+
+def summarise(result: Result) -> Summary:
+    """Summary of a result (the content of result.json)."""
+    mechanism = result["mechanism"]
+    signals = quantities(mechanism)
+    runs = tuple(_run(i, run, mechanism, signals) for i, run in enumerate(result["runs"]))
+    loose = [j["name"] for j in mechanism["joint"] if any(run["clearance"].get(j["name"]) for run in result["runs"])]
+    joints = loose or [j["name"] for j in mechanism["joint"]]
+    spread = tuple(
+        _order(signals[name], {"rms": None, **fields}, result["runs"][0], mechanism)
+        for name, fields in (result.get("spread") or {}).items()
+        if name in signals
+    )
+    return Summary(result["case"], result["verdict"], headline(runs), runs, signals, tuple(joints), spread, result.get("odd_one_out"))
+
+
+def released(run: Mapping[str, Any], mechanism: Mapping[str, Any]) -> bool:
+    """Whether a run swings freely, so that it is compared over time: its crank angle may come back to where it was."""
+    return "time" in run and not isinstance((mechanism.get("drive") or {}).get("speed"), int | float)
+
+
+def abscissa(run: Mapping[str, Any], mechanism: Mapping[str, Any]) -> tuple[str, str, float, list[float]]:
+    """What a run's samples are plotted over: name, unit, factor to it, and the SI values (rad, or s in a free drive)."""
+    if released(run, mechanism):
+        return "time", "s", 1.0, list(run["time"])
+    return "crank angle θ₂", "deg", math.degrees(1.0), list(run["crank_angle"])
+
+
+def _run(index: int, run: Mapping[str, Any], mechanism: Mapping[str, Any], signals: Mapping[str, Quantity]) -> Run:
+    _, unit, factor, x = abscissa(run, mechanism)
+    listed = list(signals)
+
+    def place(row: Row | Order) -> int:
+        return listed.index(row.quantity.signal)
+
+    order = tuple(_order(signals[s], fields, run, mechanism) for s, fields in (run.get("order_difference") or {}).items() if s in signals)
+    clearance = ", ".join(f"{joint} {plain(1e3 * size)} mm" for joint, size in run["clearance"].items() if size)
+    return Run(
+        index=index,
+        simulator=run["simulator"]["name"],
+        version=run["simulator"]["version"],
+        joint_model=run["joint_model"],
+        motion=run["motion"],
+        analytic_model=run["analytic_model"],
+        clearance=clearance or "none",
+        verdict=run["verdict"],
+        rows=tuple(sorted((_row(d, run, mechanism, signals) for d in run["discrepancies"]), key=place)),
+        flags=tuple((f"{plain(factor * x[int(i)], 4)} {unit}", reason) for i, reason in (run.get("flags") or {}).items()),
+        free=tuple((joint, 100 * share) for joint, share in (run.get("free_share") or {}).items()),
+        order=tuple(sorted(order, key=place)),
+        settings=run.get("settings") or {},
+    )
+
+
+def _row(d: Mapping[str, Any], run: Mapping[str, Any], mechanism: Mapping[str, Any], signals: Mapping[str, Quantity]) -> Row:
+    quantity = _in_unit(signals[d["signal"]], d["unit"])
+    values = (None if d[key] is None else quantity.factor * d[key] for key in ("max", "rms", "tolerance"))
+    maximum, rms, tolerance = values
+    return Row(quantity, maximum, rms, _where(d, run, mechanism), tolerance, d["verdict"], d.get("reason") or "")
+
+
+def _order(quantity: Quantity, fields: Mapping[str, Any], run: Mapping[str, Any], mechanism: Mapping[str, Any]) -> Order:
+    quantity = _in_unit(quantity, fields["unit"]) if "unit" in fields else quantity
+    maximum, rms = (None if fields[key] is None else quantity.factor * fields[key] for key in ("max", "rms"))
+    return Order(quantity, maximum, rms, _where(fields, run, mechanism))
+
+
+def _in_unit(quantity: Quantity, unit: str) -> Quantity:
+    """The quantity in the unit that a difference is given in, which need not be the signal's own."""
+    name, factor = shown(unit)
+    return quantity if name == quantity.unit else Quantity(quantity.signal, quantity.name, quantity.symbol, quantity.place, name, factor)
+
+
+def _where(fields: Mapping[str, Any], run: Mapping[str, Any], mechanism: Mapping[str, Any]) -> str:
+    """Where a largest difference was found, as a person reads it: the crank angle, in a free drive its first time."""
+    at = fields["at_crank_angle"]
+    if at is None:
+        return "-"
+    if released(run, mechanism):
+        return f"{plain(run['time'][list(run['crank_angle']).index(at)], 4)} s"
+    return f"{plain(math.degrees(at), 4)} deg"
+
+
+def headline(runs: tuple[Run, ...], say: Callable[..., str] = number) -> str:
+    """The verdict in a sentence or two: how many comparisons failed, and the one that is worst (or closest) by its tolerance."""
+    rows = [(run, row) for run in runs for row in run.rows]
+    wrong = [(run, row) for run, row in rows if row.verdict == "disagrees"]
+    known = sum(row.verdict == "known" for _, row in rows)
+    judged = wrong or [(run, row) for run, row in rows if row.verdict == "agrees"]
+    aside = f" {known} {'differs' if known == 1 else 'differ'} as known." if known else ""
+    if not judged:
+        return f"{len(rows)} comparisons in {len(runs)} runs.{aside}"
+    run, row = max(judged, key=lambda pair: pair[1].share or 0.0)
+    unit = row.quantity.unit
+    numbers = f"{say(row.maximum, 3, True)} {unit} at {row.at}, tolerance {say(row.tolerance)} {unit}"
+    which = f"{row.quantity.label} ({run.title}), {numbers}."
+    if wrong:
+        bad = len({run.index for run, _ in wrong})
+        return f"{len(wrong)} of {len(rows)} comparisons in {bad} of {len(runs)} runs exceed their tolerance.{aside} Worst: {which}"
+    return f"All {len(judged)} judged comparisons of {len(runs)} runs are within tolerance.{aside} Closest to it: {which}"

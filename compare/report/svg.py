@@ -1,0 +1,202 @@
+"""A figure as an SVG file: on white, with presentation attributes only, so that any viewer shows it alike."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from xml.sax.saxutils import escape, quoteattr
+from zlib import crc32
+
+from compare.report.figures import Axis, Figure, Numbers, Series
+from compare.report.quantities import SUPERSCRIPT
+
+WIDTH, HEIGHT, TALLEST = 720.0, 420.0, 640.0
+LEFT, RIGHT, BOTTOM, LINE = 76.0, 18.0, 52.0, 20.0
+COLOURS = {  # the page's style sheet has the same, with lighter ones for a dark screen
+    "analytic": "#1b1f24",
+    "ideal-line": "#6b7280",
+    "frame": "#8a919c",
+    "ideal": "#9c4f96",
+    "massless-link": "#0067a5",
+    "spring-damper": "#c2500a",
+    "contact": "#00795c",
+}
+DASHES = ("", "7 4", "2 3", "9 3 2 3")  # a simulator each
+SHAPES = {"ideal": "plus", "massless-link": "circle", "spring-damper": "square", "contact": "cross", "analytic": "dot"}
+GLYPHS = {  # r is half the size
+    "circle": "m{r} 0a{r} {r} 0 1 0 -{d} 0a{r} {r} 0 1 0 {d} 0",
+    "square": "m-{r} -{r}h{d}v{d}h-{d}z",
+    "plus": "m-{r} 0h{d}m-{r} -{r}v{d}",
+    "cross": "m-{r} -{r}l{d} {d}m-{d} 0l{d} -{d}",
+    "dot": "m-{r} 0h{d}m-{r} -{r}v{d}",
+}
+NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def text(value: str) -> str:
+    """Text that is safe in XML: markup escaped, and what XML cannot hold left out."""
+    return escape(NOT_XML.sub("", value))
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A linear axis: data ``low`` to ``high`` onto pixels ``start`` to ``end``."""
+
+    low: float
+    high: float
+    start: float
+    end: float
+
+    def __call__(self, value: float) -> float:
+        return self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start)
+
+
+def ticks(low: float, high: float, count: int, degrees: bool = False) -> list[float]:
+    """Round values in [low, high], about ``count`` of them; angles count in 15, 30, 45, 60, 90 degrees."""
+    rough = (high - low) / max(count, 1)
+    power = 10.0 ** math.floor(math.log10(rough))
+    steps = [15, 30, 45, 60, 90, 180, 360] if degrees and rough > 10 else [m * power for m in (1, 2, 5, 10)]
+    step = next((s for s in steps if s >= rough * 0.999), steps[-1] * math.ceil(rough / steps[-1]))
+    return [k * step for k in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)]
+
+
+def exponent(largest: float) -> int:
+    """The power of ten that an axis puts into its title, 0 for ordinary numbers."""
+    if 1e-2 <= largest < 1e5 or largest == 0:
+        return 0
+    return 3 * math.floor(math.log10(largest) / 3)
+
+
+def extent(values: list[float], margin: float) -> tuple[float, float]:
+    """The range of values with a margin, never empty."""
+    low, high = min(values, default=0.0), max(values, default=1.0)
+    spare = margin * (high - low) or margin * abs(high) or margin
+    return low - spare, high + spare
+
+
+def draw(figure: Figure) -> str:
+    """The figure as SVG text."""
+    legend = _legend(figure)
+    top = 44.0 + LINE * len(legend)
+    x, y, height = _scales(figure, top)
+    area = f"area-{crc32(figure.name.encode()):x}"  # its own, because a page may hold several drawings
+    label = quoteattr(NOT_XML.sub("", f"{figure.title}. {figure.summary}"))
+    body = [_text(figure.title, 14, 22, size=15, weight="600"), *_drawn_legend(legend)]
+    body += _axes(figure, x, y, height)
+    body.append(f'<clipPath id="{area}"><rect x="{LEFT}" y="{top}" width="{WIDTH - LEFT - RIGHT}" height="{height - BOTTOM - top}"/></clipPath>')
+    body += [f'<g clip-path="url(#{area})" fill="none">', *(_series(s, x, y) for s in figure.series), "</g>", *_labels(figure, x, y)]
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {height:g}" width="{WIDTH:g}" height="{height:g}" role="img" '
+        f'aria-label={label} font-family="system-ui, sans-serif" font-size="12"><rect width="100%" height="100%" fill="#fff"/>\n'
+        + "\n".join(body)
+        + "\n</svg>\n"
+    )
+
+
+def _scales(figure: Figure, top: float) -> tuple[Scale, Scale, float]:
+    xs = [v for s in figure.series if s.scale for v in s.x if v is not None]
+    ys = [v for s in figure.series if s.scale for v in s.y if v is not None]
+    if figure.kind == "curves":
+        limits = [v for s in figure.series if not s.scale for v in s.y if v is not None]
+        reach = 4 * max(map(abs, ys), default=0.0)
+        (left, right), (low, high) = extent(xs, 0.015), extent(ys + [v for v in limits if abs(v) <= reach], 0.06)
+        return Scale(left, right, LEFT, WIDTH - RIGHT), Scale(low, high, HEIGHT - BOTTOM, top), HEIGHT
+    spare = 0.1 * max(max(v, default=1.0) - min(v, default=0.0) for v in (xs, ys)) or 1.0
+    (left, right), (low, high) = (extent([min(v, default=0.0) - spare, max(v, default=0.0) + spare], 0.0) for v in (xs, ys))
+    wide = WIDTH - LEFT - RIGHT
+    tall = min(max(wide * (high - low) / (right - left), 160.0), TALLEST - top - BOTTOM)
+    per_unit = min(wide / (right - left), tall / (high - low))
+    middle, half = (left + right) / 2, wide / per_unit / 2
+    centre, rise = (low + high) / 2, tall / per_unit / 2
+    height = top + tall + BOTTOM
+    return Scale(middle - half, middle + half, LEFT, WIDTH - RIGHT), Scale(centre - rise, centre + rise, height - BOTTOM, top), height
+
+
+def _text(words: str, x: float, y: float, anchor: str = "start", size: int = 12, weight: str = "400", extra: str = "") -> str:
+    style = f'text-anchor="{anchor}" font-size="{size}" font-weight="{weight}" fill="#1b1f24"'
+    return f'<text x="{x:.1f}" y="{y:.1f}" {style}{extra}>{text(words)}</text>'
+
+
+def _axes(figure: Figure, x: Scale, y: Scale, height: float) -> list[str]:
+    out = []
+    power_x, power_y = (exponent(max(abs(s.low), abs(s.high))) for s in (x, y))
+    for value in ticks(x.low, x.high, 8, figure.x.unit == "deg"):
+        out.append(f'<path d="M{x(value):.1f} {y.start:.1f}V{y.end:.1f}" stroke="#e4e7eb"/>')
+        out.append(_text(f"{value / 10**power_x + 0.0:.6g}", x(value), height - BOTTOM + 17, "middle"))
+    for value in ticks(y.low, y.high, 6, figure.y.unit == "deg"):
+        out.append(f'<path d="M{x.start:.1f} {y(value):.1f}H{x.end:.1f}" stroke="#e4e7eb"/>')
+        out.append(_text(f"{value / 10**power_y + 0.0:.6g}", LEFT - 8, y(value) + 4, "end"))
+    out.append(f'<path d="M{x.start:.1f} {y.end:.1f}V{y.start:.1f}H{x.end:.1f}" fill="none" stroke="#8a919c"/>')
+    out.append(_text(_axis_title(figure.x, power_x), (x.start + x.end) / 2, height - 12, "middle"))
+    middle = (y.start + y.end) / 2
+    out.append(_text(_axis_title(figure.y, power_y), 16, middle, "middle", extra=f' transform="rotate(-90 16 {middle:.1f})"'))
+    return out
+
+
+def _axis_title(axis: Axis, power: int) -> str:
+    return f"{axis.label} (10{str(power).translate(SUPERSCRIPT)} {axis.unit})" if power else axis.title
+
+
+def _legend(figure: Figure) -> list[list[tuple[Series, float]]]:
+    """Named series in lines that fit the width, each with its x."""
+    lines: list[list[tuple[Series, float]]] = []
+    at = WIDTH
+    for series in (s for s in figure.series if s.name):
+        width = 44 + 6.7 * len(series.name)
+        if at + width > WIDTH - RIGHT:
+            lines.append([])
+            at = 14.0
+        lines[-1].append((series, at))
+        at += width
+    return lines
+
+
+def _drawn_legend(lines: list[list[tuple[Series, float]]]) -> list[str]:
+    out = []
+    for i, line in enumerate(lines):
+        for series, at in line:
+            y = 42 + LINE * i
+            key = Series("", (at + 12,), (y,), series.role, series.mark, series.level)
+            if series.mark != "marker":
+                key = Series("", (at, at + 24), (y, y), series.role, series.mark, series.level)
+            same = Scale(0, 1, 0, 1)
+            out += [f'<g fill="none">{_series(key, same, same)}</g>', _text(series.name, at + 30, y + 4)]
+    return out
+
+
+def _series(s: Series, x: Scale, y: Scale) -> str:
+    colour = COLOURS.get(s.role, COLOURS["analytic"])
+    if s.mark in ("marker", "joint", "pivot"):
+        glyph = {"joint": "circle", "pivot": "pivot"}.get(s.mark) or SHAPES.get(s.role, "circle")
+        r = {"joint": 5.0, "pivot": 11.0}.get(s.mark) or {"dot": 3.5, "circle": 5.5, "square": 4.0}.get(glyph, 4.5) + 1.5 * s.level
+        path = f"m0 0l{r:g} {1.5 * r:g}h-{2 * r:g}z" if glyph == "pivot" else GLYPHS[glyph].format(r=f"{r:g}", d=f"{2 * r:g}")
+        points = "".join(f"M{x(a):.1f} {y(b):.1f}{path}" for a, b in zip(s.x, s.y, strict=True) if a is not None and b is not None)
+        inside = "none" if s.mark == "marker" else "#fff"
+        return f'<path d="{points}" stroke="{colour}" stroke-width="1.6" fill="{inside}"/>'
+    width = {"link": 7.0, "dashed": 1.6}.get(s.mark, 2.0 if s.role == "analytic" else 1.7)
+    dash = "6 4" if s.mark == "dashed" else DASHES[s.level % len(DASHES)]
+    faint = ' stroke-opacity="0.4"' if s.mark == "link" else ""
+    dashes = f' stroke-dasharray="{dash}"' if dash else ""
+    stroke = f'stroke="{colour}" stroke-width="{width:g}" stroke-linejoin="round" stroke-linecap="round"'
+    return f'<path d="{_line(s.x, s.y, x, y)}" {stroke}{dashes}{faint}/>'
+
+
+def _line(xs: Numbers, ys: Numbers, x: Scale, y: Scale) -> str:
+    out, pen = [], "M"
+    for a, b in zip(xs, ys, strict=True):
+        if a is None or b is None:
+            pen = "M"
+            continue
+        out.append(f"{pen}{x(a):.1f} {y(b):.1f}")
+        pen = "L"
+    return "".join(out)
+
+
+def _labels(figure: Figure, x: Scale, y: Scale) -> list[str]:
+    out = []
+    for s in figure.series:
+        for name, a, b in zip(s.labels, s.x, s.y, strict=False):
+            if a is not None and b is not None:
+                out.append(_text(name, x(a) - 12, y(b) - 11, "end", 14, "600"))
+    return out

@@ -1,0 +1,50 @@
+"""The short table for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from compare.report.quantities import plain
+from compare.report.summary import WORDS, Run, headline, summarise
+
+COLOUR = {"agrees": "green", "disagrees": "bold red", "known": "yellow"}
+
+
+def print_table(result: Mapping[str, Any], console: Console) -> None:
+    """Print the verdict and, run by run, the largest differences in degrees and millimetres; ASCII, fits 80 columns."""
+    summary = summarise(result)
+    keys = summary.keys(False, result["mechanism"])
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    for heading in ("signal", "largest", "unit", "at", "rms", "tolerance", "verdict"):
+        side: Literal["left", "right"] = "left" if heading in ("signal", "unit", "verdict") else "right"
+        table.add_column(heading, justify=side, no_wrap=heading != "signal", overflow="fold")
+    for run in summary.runs:
+        table.add_row(Text(run.title, style="bold"), *[""] * 5, _word(run.verdict))
+        for row in (row for quantity in keys if (row := run.row(quantity.signal))):
+            numbers = (plain(row.maximum, 3, True), row.quantity.unit.replace("·", "."), row.at, plain(row.rms), plain(row.tolerance))
+            table.add_row(Text(f"  {row.quantity.label}"), *numbers, _word(row.verdict))
+    console.print(table)
+    for line in _notes(summary.runs):
+        console.print(escape(line), soft_wrap=False)
+    if summary.odd_one_out:
+        console.print(escape(f"odd one out: {summary.odd_one_out}"))
+    console.print(Text.assemble((f"{summary.case}: ", "bold"), _word(summary.verdict), f". {headline(summary.runs, plain)}".replace("·", ".")))
+
+
+def _word(verdict: str) -> Text:
+    return Text(WORDS[verdict].upper() if verdict == "disagrees" else WORDS[verdict], style=COLOUR[verdict])
+
+
+def _notes(runs: tuple[Run, ...]) -> list[str]:
+    """Which analytic model was compared, flags, and time without contact."""
+    models = ", ".join(dict.fromkeys(run.analytic_model.replace("_", " ") for run in runs))
+    notes = [f"analytic model: {models}; differences are simulated minus analytic"]
+    notes += [f"{run.title}: {len(run.flags)} positions flagged, first {run.flags[0][0]}: {run.flags[0][1]}" for run in runs if run.flags]
+    notes += [f"{run.title}: {joint} without contact {plain(share, 2)} % of the run" for run in runs for joint, share in run.free if share]
+    return notes

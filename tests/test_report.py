@@ -1,0 +1,339 @@
+"""The report over one result: files, numbers, and what names and missing values may not do to them."""
+
+from __future__ import annotations
+
+import copy
+import io
+import json
+import math
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from compare.files import OutputError
+from compare.report import write_report
+from compare.report.figures import Axis, Figure, Series, beside, figures, thinned
+from compare.report.linkage import exaggeration, linkage_figure
+from compare.report.pages import escape_markdown, script_json
+from compare.report.quantities import number, quantities
+from compare.report.summary import headline, summarise
+from compare.report.svg import draw, exponent, ticks
+from compare.report.terminal import print_table
+from sample_result import sample_result, swinging
+
+WRONG = "reaction_B_angle"
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture(scope="module")
+def disagreeing() -> dict[str, Any]:
+    return sample_result(wrong=WRONG)
+
+
+@pytest.fixture(scope="module")
+def report(disagreeing: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("report")
+    write_report(disagreeing, out)
+    return out
+
+
+# ------------------------------------------------------------------ files
+
+
+def test_it_writes_the_page_the_markdown_the_junit_file_and_the_figures(disagreeing: dict[str, Any], tmp_path: Path) -> None:
+    files = write_report(disagreeing, tmp_path)
+    assert {f.name for f in files} == {f.name for f in tmp_path.iterdir()}
+    named = {"report.html", "report.md", "junit.xml", "linkage.svg", "gamma_B.svg", "journal_B.svg", f"difference_{WRONG}.svg"}
+    assert named <= {f.name for f in files}
+
+
+def test_a_result_that_cannot_be_shown_leaves_no_file(disagreeing: dict[str, Any], tmp_path: Path) -> None:
+    broken = copy.deepcopy(disagreeing)
+    broken["runs"][-1]["discrepancies"][0]["signal"] = "reaction_nowhere_x"
+    with pytest.raises(KeyError, match="reaction_nowhere_x"):
+        write_report(broken, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_does_not_exist_is_named(disagreeing: dict[str, Any], tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="nowhere"):
+        write_report(disagreeing, tmp_path / "nowhere")
+
+
+def test_arrays_and_nan_are_written_like_the_json_of_them(disagreeing: dict[str, Any], report: Path, tmp_path: Path) -> None:
+    raw = copy.deepcopy(disagreeing)
+    for run in raw["runs"]:
+        run["crank_angle"] = np.array(run["crank_angle"])
+        run["simulated"] = {name: np.array([math.nan if v is None else v for v in values]) for name, values in run["simulated"].items()}
+    write_report(raw, tmp_path)
+    assert (tmp_path / "report.html").read_bytes() == (report / "report.html").read_bytes()
+
+
+def test_the_report_over_two_engines_takes_less_than_a_second_with_imports(tmp_path: Path) -> None:
+    result = sample_result("crank-rocker", {"B": 2e-4, "E": 1e-4}, ("mujoco", "exudyn"))
+    (tmp_path / "result.json").write_text(json.dumps(result), encoding="utf-8")
+    script = "import json, pathlib\nfrom compare.report import write_report\nwrite_report(json.load(open('result.json')), pathlib.Path())"
+    took = []
+    for _ in range(3):  # the quickest of three: other programs may be running
+        before = time.perf_counter()
+        subprocess.run([sys.executable, "-c", script], cwd=tmp_path, check=True, env={"PYTHONPATH": str(Path(__file__).parent.parent)})
+        took.append(time.perf_counter() - before)
+        if took[-1] < 1.0:
+            break
+    assert min(took) < 1.0
+    assert (tmp_path / "report.html").stat().st_size < 6e6
+
+
+# ------------------------------------------------------------------ numbers
+
+
+def test_the_markdown_table_shows_degrees_and_millimetres(disagreeing: dict[str, Any], report: Path) -> None:
+    contact = (report / "report.md").read_text(encoding="utf-8").split("### mujoco, contact")[1].split("\n### ")[0].split("\n## ")[0]
+    rows = {d["signal"]: d for d in disagreeing["runs"][-1]["discrepancies"]}
+    cells = {
+        line.split("|")[1].strip(): [c.strip() for c in line.split("|")[2:-1]] for line in contact.splitlines() if line.startswith("| Displacement")
+    }
+    shift = rows["clearance_B_x"]
+    where = f"{math.degrees(shift['at_crank_angle']):.4g} deg"
+    numbers = [number(1e3 * shift["max"], 3, True), where, number(1e3 * shift["rms"]), number(1e3 * shift["tolerance"])]
+    assert cells["Displacement x in B"] == ["mm", *numbers, "✓ agrees"]
+    angle = next(line for line in contact.splitlines() if line.startswith("| Reaction angle") and "at B" in line)
+    assert number(math.degrees(rows[WRONG]["max"]), 3, True) in angle
+    assert "✗ disagrees" in angle
+
+
+def test_the_markdown_links_only_figures_that_were_written(report: Path) -> None:
+    linked = re.findall(r"\]\(([^)]+)\)", (report / "report.md").read_text(encoding="utf-8"))
+    assert set(linked) == {f.name for f in report.glob("*.svg")}
+
+
+def test_the_headline_names_the_worst_signal_or_the_closest(disagreeing: dict[str, Any]) -> None:
+    bad, good = summarise(disagreeing), summarise(sample_result())
+    assert bad.headline.startswith("1 of ")
+    assert "Worst: reaction angle at B (mujoco, contact)" in bad.headline
+    assert good.headline.startswith("All ")
+    closest = max((row for run in good.runs for row in run.rows), key=lambda row: row.share or 0.0)
+    assert closest.quantity.label in good.headline
+    assert headline(bad.runs[:1]).startswith("All ")
+
+
+def test_junit_fails_what_disagrees_with_its_numbers_and_passes_what_is_known(disagreeing: dict[str, Any], tmp_path: Path) -> None:
+    result = copy.deepcopy(disagreeing)
+    known = next(d for d in result["runs"][-1]["discrepancies"] if d["signal"] == "drive_torque")
+    known |= {"verdict": "known", "reason": "friction is regularised"}
+    write_report(result, tmp_path)
+    root = ElementTree.parse(tmp_path / "junit.xml").getroot()
+    rows = [d for run in result["runs"] for d in run["discrepancies"]]
+    assert (root.get("tests"), root.get("failures")) == (str(len(rows)), "1")
+    assert [len(suite) for suite in root] == [len(run["discrepancies"]) for run in result["runs"]]
+    (failed,) = [case for case in root.iter("testcase") if case.find("failure") is not None]
+    assert (failed.get("classname"), failed.get("name")) == ("paper.mujoco.contact.driven", WRONG)
+    failure = failed.find("failure")
+    assert failure is not None
+    wrong = next(d for d in rows if d["verdict"] == "disagrees")
+    assert f"{math.degrees(wrong['max']):+.4g} deg at {math.degrees(wrong['at_crank_angle']):.4g} deg" in str(failure.get("message"))
+    said = [case.findtext("system-out", "") for case in root.iter("testcase") if case.get("name") == "drive_torque"]
+    assert said[-1].startswith("known difference: drive torque: ")
+    assert said[-1].endswith("friction is regularised")
+
+
+def test_the_terminal_table_is_ascii_fits_eighty_columns_and_says_the_verdict(disagreeing: dict[str, Any]) -> None:
+    out = io.StringIO()
+    print_table(disagreeing, Console(file=out, width=80))
+    lines = out.getvalue().splitlines()
+    assert out.getvalue().isascii()
+    assert max(map(len, lines)) <= 80
+    assert [line.split()[-1] for line in lines if line.startswith("  reaction angle at B")] == ["agrees"] * 3 + ["DISAGREES"]
+    assert "paper: DISAGREES." in out.getvalue()
+
+
+def test_both_analytic_models_differences_are_reported(disagreeing: dict[str, Any], report: Path) -> None:
+    text = (report / "report.md").read_text(encoding="utf-8").split("## Limits of the analytic model")[1]
+    order = disagreeing["runs"][-1]["order_difference"][WRONG]
+    assert math.isclose(math.degrees(order["max"]), -7.1, abs_tol=0.05)  # deg, at eps = 0.01 m
+    assert number(math.degrees(order["max"]), 3, True) in text
+
+
+def test_a_number_is_written_for_people() -> None:
+    assert [number(v) for v in (0.0, 12.3456, -1.5e-7, None)] == ["0", "12.3", "\N{MINUS SIGN}1.5\N{MULTIPLICATION SIGN}10⁻⁷", "\N{EN DASH}"]
+
+
+# ------------------------------------------------------------------ what is missing or odd
+
+
+def test_flagged_angles_break_the_curves_and_say_why(tmp_path: Path) -> None:
+    result = sample_result()
+    for run in result["runs"]:
+        run["flags"] = {"4": "change | point", "5": "change | point"}
+        for side in ("analytic", "simulated"):
+            for values in run[side].values():
+                values[4] = values[5] = None
+    summary = summarise(result)
+    gamma = next(f for f in figures(result, summary) if f.name == "gamma_B")
+    line = next(s for s in gamma.series if s.name == "analytic, equilibrium")
+    assert line.y[4] is None
+    path = max((p.get("d", "") for p in ElementTree.fromstring(draw(gamma)).iter(f"{SVG}path") if "L" in p.get("d", "")), key=len)
+    assert path.count("M") == 2  # two pieces, a gap between
+    write_report(result, tmp_path)
+    assert r"40 deg, 45 deg: change \| point" in (tmp_path / "report.md").read_text(encoding="utf-8")
+
+
+def test_a_free_drive_is_shown_over_time(tmp_path: Path) -> None:
+    result = swinging()
+    summary = summarise(result)
+    assert all(row.at.endswith(" s") for row in summary.runs[0].rows if row.maximum)
+    assert {f.x.title for f in figures(result, summary)} == {"time (s)"}
+    assert exaggeration(result["mechanism"], result["runs"][0]) == 1
+    write_report(result, tmp_path)
+    assert "pendulum" in (tmp_path / "report.md").read_text(encoding="utf-8")
+
+
+def test_a_signal_with_nothing_to_compare_is_a_dash_and_not_a_zero(tmp_path: Path) -> None:
+    result = sample_result()
+    result["runs"][0]["discrepancies"][0] |= {"max": None, "rms": None, "at_crank_angle": None}
+    write_report(result, tmp_path)
+    assert "| \N{EN DASH} | - | \N{EN DASH} |" in (tmp_path / "report.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    "nasty", ["</script><script>alert(1)</script>", "a|b`c*[x](y)\n# d", "<!--", "\x00\x1b[31m", "[red]x[/]", "{{ 7*7 }}", "../../x"]
+)
+def test_names_from_files_are_only_ever_text(nasty: str, tmp_path: Path) -> None:
+    text = json.dumps(sample_result()).replace("coupler", "COUPLER")
+    result = json.loads(
+        text.replace("COUPLER", json.dumps(nasty)[1:-1]).replace('"B"', json.dumps(nasty)).replace("_B_", f"_{json.dumps(nasty)[1:-1]}_")
+    )
+    result |= {"case": nasty, "warnings": [nasty], "command": f"compare {nasty}"}
+    result["mechanism"]["name"] = nasty
+    result["runs"][0]["flags"] = {"0": nasty}
+    files = write_report(result, tmp_path)
+    assert all(f.parent == tmp_path for f in files)
+    for file in files:
+        if file.suffix in (".svg", ".xml"):
+            ElementTree.parse(file)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert page.count("<script") == page.count("</script>") == 2
+    markdown = (tmp_path / "report.md").read_text(encoding="utf-8")
+    tables = [line for line in markdown.splitlines() if line.startswith("| Reaction")]
+    assert {len(re.findall(r"(?<!\\)\|", line)) for line in tables} <= {6, 8}
+    print_table(result, Console(file=io.StringIO(), width=80))
+
+
+def test_the_page_asks_for_nothing_outside_itself(report: Path) -> None:
+    page = (report / "report.html").read_text(encoding="utf-8")
+    outside = [url for url in re.findall(r"""(?:src|href|url)\s*[=(]\s*["']?([^"')\s>]+)""", page) if not url.startswith(("#", "data:"))]
+    assert outside == []
+    assert "default-src 'none'" in page
+
+
+def test_the_drawings_in_the_page_do_not_clip_each_other(report: Path) -> None:
+    clips = re.findall(r'<clipPath id="([^"]+)"', (report / "report.html").read_text(encoding="utf-8"))
+    assert len(clips) == len(set(clips)) == len(list(report.glob("*.svg")))
+
+
+def test_json_in_a_script_cannot_end_it_and_reads_back() -> None:
+    value = {"a": "</script><!-- & \u2028"}
+    text = str(script_json(value))
+    assert not set("<>&\u2028") & set(text)
+    assert json.loads(text) == value
+
+
+def test_markdown_is_escaped() -> None:
+    assert escape_markdown("a|b_c\n<i>") == r"a\|b\_c \<i\>"
+
+
+def test_a_signal_is_looked_up_and_not_parsed() -> None:
+    mechanism = {"joint": [{"name": "x_y", "bodies": []}], "body": [{"name": "reaction_x"}]}
+    named = quantities(mechanism)
+    assert named["reaction_x_y_y"].label == "reaction y at x_y"
+    assert named["reaction_x_angle"].label == "angle of reaction_x"
+
+
+# ------------------------------------------------------------------ figures
+
+
+def test_the_drawn_gap_is_the_clearance_times_the_factor_that_the_title_gives(disagreeing: dict[str, Any]) -> None:
+    summary = summarise(disagreeing)
+    figure = linkage_figure(disagreeing, summary)
+    assert figure is not None
+    factor = exaggeration(disagreeing["mechanism"], disagreeing["runs"][1])
+    assert factor > 1
+    assert f"gaps drawn {factor} times as large" in figure.title
+    assert "30 deg" in figure.title
+    links = next(s for s in figure.series if s.name.startswith("displaced"))
+    points = [None if x is None or y is None else complex(x, y) for x, y in zip(links.x, links.y, strict=True)]
+    coupler_b, follower_b = points[4], points[7]  # crank D A, coupler A B, follower E B
+    assert coupler_b is not None
+    assert follower_b is not None
+    assert math.isclose(abs(coupler_b - follower_b), 10.0 * factor, rel_tol=0.02)  # mm; rotations are drawn to first order
+    assert math.isclose(abs(points[1] - points[0]), 200.0, rel_tol=1e-6)  # type: ignore[operator]
+
+
+def test_every_figure_is_an_svg_with_its_data_in_a_text_alternative(report: Path) -> None:
+    for file in report.glob("*.svg"):
+        root = ElementTree.parse(file).getroot()
+        assert root.get("role") == "img"
+        assert len(str(root.get("aria-label"))) > 40
+        width, height = (float(v) for v in str(root.get("viewBox")).split()[2:])
+        for text in root.iter(f"{SVG}text"):
+            assert 0 <= float(text.get("x", "-1")) <= width
+            assert 0 <= float(text.get("y", "-1")) <= height
+
+
+def test_a_curve_is_drawn_where_its_axes_say() -> None:
+    figure = Figure("f", "t", "s", Axis("x", ""), Axis("y", ""), (Series("line", (0.0, 10.0), (0.0, 4.0), "contact"),))
+    root = ElementTree.fromstring(draw(figure))
+    (area,) = (g for g in root if g.get("clip-path"))
+    line = area[0].get("d", "")
+    (x0, y0), (x1, y1) = (tuple(map(float, pair.split())) for pair in re.findall(r"[ML]([\d.]+ [\d.]+)", line))
+    labels = {t.text: (float(t.get("x", "nan")), float(t.get("y", "nan"))) for t in root.iter(f"{SVG}text") if t.get("text-anchor") != "start"}
+    assert labels["10"][0] == pytest.approx(x1, abs=0.2)
+    assert labels["4"][1] - 4 == pytest.approx(y1, abs=0.2)
+    assert x1 > x0
+    assert y1 < y0
+
+
+def test_the_same_difference_is_drawn_that_is_judged(disagreeing: dict[str, Any]) -> None:
+    figure = next(f for f in figures(disagreeing, summarise(disagreeing)) if f.name == f"difference_{WRONG}")
+    contact = next(s for s in figure.series if s.role == "contact")
+    worst = max((v for v in contact.y if v is not None), key=abs)
+    judged = next(d for d in disagreeing["runs"][-1]["discrepancies"] if d["signal"] == WRONG)
+    assert worst == pytest.approx(math.degrees(judged["max"]), rel=1e-6)
+
+
+def test_directions_are_drawn_in_the_same_turn_piece_by_piece() -> None:
+    assert beside((-205.0, -210.0, None, -545.0), (155.0, 150.0, 160.0, 170.0)) == (155.0, 150.0, None, 175.0)
+    assert beside((1.0, 2.0), ()) == (1.0, 2.0)
+
+
+def test_thinning_a_path_keeps_its_shape() -> None:
+    angle = np.linspace(0.0, math.tau, 20_001)
+    x, y = 1e-3 * np.cos(angle), 1e-3 * np.sin(angle)
+    x[7000] = y[7000] = 0.0  # one free flight
+    thin_x, thin_y = thinned(x.tolist(), y.tolist(), 2e-3)
+    assert len(thin_x) < 3500
+    assert (0.0, 0.0) in set(zip(thin_x, thin_y, strict=True))
+    steps = np.hypot(np.diff(thin_x), np.diff(thin_y))
+    assert np.sort(steps)[-3] < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "degrees", "expected"), [(20, 160, True, 30), (0, 355, True, 60), (-1e-7, 2e-7, False, 5e-8), (3, 9, False, 1)]
+)
+def test_ticks_are_round_and_inside(low: float, high: float, degrees: bool, expected: float) -> None:
+    found = ticks(low, high, 6, degrees)
+    assert np.allclose(np.diff(found), expected)
+    assert low <= found[0] <= low + expected
+    assert high - expected <= found[-1] <= high
+
+
+def test_small_axes_name_their_power_of_ten() -> None:
+    assert [exponent(v) for v in (0.0, 5.0, 2e-4, 9e-7, 3e6)] == [0, 0, -6, -9, 6]

@@ -1,0 +1,293 @@
+"""The page in a real browser: Chromium, headless, spoken to over its debugging pipe (no driver, no port)."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import select
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from compare.report import write_report
+from sample_result import sample_result
+
+fcntl = pytest.importorskip("fcntl", reason="speaks to Chromium over POSIX pipes")
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "/usr/bin/chromium", "chromium-browser", "google-chrome"))), None)
+FLAGS = (
+    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking --disable-component-update "
+    "--disable-sync --hide-scrollbars --remote-debugging-pipe"
+).split()
+# the browser reads commands from descriptor 3 and answers on 4
+ON_DESCRIPTORS_3_AND_4 = (
+    "import os, sys; r, w = int(sys.argv[1]), int(sys.argv[2]); os.dup2(r, 3); os.dup2(w, 4); os.execv(sys.argv[3], sys.argv[3:])"
+)
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
+
+
+class Browser:
+    """One page of a fresh Chromium; remembers every error that the page reports and every request that it makes."""
+
+    def __init__(self, profile: Path) -> None:
+        theirs_in, self.to = os.pipe()
+        self.back, theirs_out = os.pipe()
+        ends = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (theirs_in, theirs_out)]
+        command = [sys.executable, "-c", ON_DESCRIPTORS_3_AND_4, *map(str, ends), str(CHROMIUM), *FLAGS, f"--user-data-dir={profile}", "about:blank"]
+        with open(profile / "log.txt", "wb") as log:
+            self.process = subprocess.Popen(command, pass_fds=ends, stdout=log, stderr=log)
+        for end in (theirs_in, theirs_out, *ends):
+            os.close(end)
+        self.sent, self.pending, self.session = 0, b"", ""
+        self.errors: list[str] = []
+        self.requests: list[str] = []
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.call(f"{domain}.enable")
+
+    def call(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """The answer to one command of the DevTools protocol."""
+        self.sent += 1
+        message = {"id": self.sent, "method": method, "params": parameters} | ({"sessionId": self.session} if self.session else {})
+        os.write(self.to, json.dumps(message).encode() + b"\0")
+        while True:
+            answer = self.message()
+            if answer.get("id") == self.sent:
+                assert "error" not in answer, answer
+                return dict(answer["result"])
+            self.note(answer)
+
+    def message(self, limit: float = 30.0) -> dict[str, Any]:
+        """The next message of the browser."""
+        while b"\0" not in self.pending:
+            ready, _, _ = select.select([self.back], [], [], limit)
+            chunk = os.read(self.back, 1 << 16) if ready else b""
+            assert chunk, "Chromium does not answer"
+            self.pending += chunk
+        first, _, self.pending = self.pending.partition(b"\0")
+        return dict(json.loads(first))
+
+    def note(self, event: dict[str, Any]) -> None:
+        """Remember an event that the tests ask about."""
+        method, about = event.get("method"), event.get("params", {})
+        if method == "Runtime.exceptionThrown":
+            self.errors.append(json.dumps(about["exceptionDetails"]))
+        elif method == "Log.entryAdded" and about["entry"]["level"] in ("error", "warning"):
+            self.errors.append(about["entry"]["text"])
+        elif method == "Runtime.consoleAPICalled" and about["type"] in ("error", "warning", "assert"):
+            self.errors.append(json.dumps(about["args"]))
+        elif method == "Network.requestWillBeSent":
+            self.requests.append(about["request"]["url"])
+
+    def open(self, page: Path, width: int = 1280, height: int = 900, scheme: str = "light") -> None:
+        """Load a file and wait until its scripts have run."""
+        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600)
+        self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        self.call("Page.navigate", url=page.as_uri())
+        until = time.monotonic() + 20
+        while not self.run("document.readyState === 'complete' && document.documentElement.classList.contains('ready')"):
+            assert time.monotonic() < until, f"the page did not get ready: {self.errors}"
+            time.sleep(0.02)
+        self.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+    def run(self, script: str) -> Any:
+        """The value of a JavaScript expression in the page."""
+        answer = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in answer, answer["exceptionDetails"]
+        return answer["result"].get("value")
+
+    def press(self, key: str) -> None:
+        """Press and release a key where the focus is."""
+        codes = {"ArrowRight": 39, "ArrowLeft": 37, "End": 35, "Tab": 9, "+": 187}
+        for kind in ("rawKeyDown", "keyUp"):
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=codes[key])
+
+    def mouse(self, kind: str, x: float, y: float, pressed: bool = False) -> None:
+        """Move or use the left button at a place of the window."""
+        self.call(
+            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left" if pressed else "none", buttons=int(pressed), clickCount=int(pressed)
+        )
+
+    def screenshot(self, path: Path, whole: bool = True) -> None:
+        """A picture of the page."""
+        path.write_bytes(base64.b64decode(self.call("Page.captureScreenshot", captureBeyondViewport=whole)["data"]))
+
+    def close(self) -> None:
+        """End the browser."""
+        self.call("Page.disable")
+        self.process.terminate()
+        self.process.wait(10)
+        os.close(self.to)
+        os.close(self.back)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    found = Browser(tmp_path_factory.mktemp("profile"))
+    yield found
+    found.close()
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("report")
+    write_report(sample_result(wrong="reaction_B_angle"), out)
+    return out / "report.html"
+
+
+@pytest.fixture(autouse=True)
+def no_errors(browser: Browser) -> Iterator[None]:
+    """Every test must leave the console clean."""
+    browser.errors.clear()
+    browser.requests.clear()
+    yield
+    browser.run("1")
+    assert browser.errors == []
+
+
+JOINT_A = "document.querySelector('#explorer .series.joint path').getAttribute('d').match(/M(.*?)m/g)[1]"
+MOVE = "(v) => { const s = document.querySelector('[data-slider]'); s.value = v; s.dispatchEvent(new Event('input', {bubbles: true})); }"
+
+
+def test_the_slider_moves_the_linkage_and_says_the_angle(browser: Browser, page: Path) -> None:
+    browser.open(page)
+    assert browser.run("[s => [s.min, s.max, s.step, s.value]][0](document.querySelector('input[type=range]'))") == ["20", "160", "5", "30"]
+    before = browser.run(JOINT_A)
+    browser.run(f"({MOVE})(120)")
+    assert browser.run(JOINT_A) != before
+    said = browser.run("document.querySelector('[data-live]').textContent")
+    assert "120 deg" in said
+    assert "at B: analytic 118.5, simulated" in said  # deg, the follower 0.21 m long
+    assert browser.run("document.querySelector('[data-slider]').getAttribute('aria-valuetext')") == "120 deg"
+    browser.run(f"({MOVE})(30)")
+    assert browser.run(JOINT_A) == before
+
+
+def test_the_arrow_keys_move_the_slider_by_one_step(browser: Browser, page: Path) -> None:
+    browser.open(page)
+    browser.run("document.querySelector('[data-slider]').focus()")
+    browser.press("ArrowRight")
+    assert browser.run("document.querySelector('[data-value]').textContent") == "35 deg"
+
+
+def test_the_table_shows_the_numbers_of_the_result(browser: Browser, page: Path) -> None:
+    browser.open(page)
+    row = browser.run("[...document.querySelectorAll('[data-readout] tr')].map(r => r.innerText).find(t => t.includes('Reaction angle'))")
+    assert "34.676" in row  # deg at 30 deg, the follower 0.21 m long: the equilibrium direction of the printed case
+
+
+def test_the_selector_and_the_exaggeration_change_the_drawing(browser: Browser, page: Path) -> None:
+    browser.open(page)
+    drawing = "document.querySelector('#explorer svg.chart').innerHTML"
+    first = browser.run(drawing)
+    browser.run("[f => { f.value = 0.7; f.dispatchEvent(new Event('input')); }][0](document.querySelector('[data-factor]'))")
+    assert browser.run("document.querySelector('[data-magnified]').textContent").endswith(" 5")
+    assert browser.run(drawing) != first
+    browser.run("[m => { m.value = 0; m.dispatchEvent(new Event('change')); }][0](document.querySelector('[data-model]'))")
+    assert browser.run("document.querySelector('[data-factor]').disabled") is True
+    assert browser.run("document.querySelectorAll('.rim').length") == 0
+
+
+def test_a_chart_can_be_read_zoomed_and_reset(browser: Browser, page: Path) -> None:
+    browser.open(page)
+    browser.run("document.querySelector('#plot-0').scrollIntoView({block: 'center'})")
+    box = browser.run("(b => [b.left, b.top, b.width, b.height])(document.querySelector('#plot-0 svg.chart').getBoundingClientRect())")
+    x, y = box[0] + 0.5 * box[2], box[1] + 0.5 * box[3]
+    browser.mouse("mouseMoved", x, y)
+    assert "crank angle θ₂" in browser.run("document.querySelector('#plot-0 .tip').innerText")
+    labels = "[...document.querySelectorAll('#plot-0 svg.chart > text')].map(t => t.textContent).join()"
+    whole = browser.run(labels)
+    browser.mouse("mousePressed", x, y, True)
+    browser.mouse("mouseMoved", x + 80, y + 60, True)
+    browser.mouse("mouseReleased", x + 80, y + 60, True)
+    assert browser.run(labels) != whole
+    browser.run("document.querySelector('#plot-0 .tools button:last-child').click()")
+    assert browser.run(labels) == whole
+    browser.run("document.querySelector('#plot-0 svg.chart').focus()")
+    browser.press("End")
+    assert browser.run("document.querySelector('#plot-0 [aria-live]').textContent").startswith("crank angle θ₂ 160 deg")
+
+
+def test_a_legend_entry_hides_its_series_and_the_data_open_as_a_table(browser: Browser, page: Path) -> None:
+    browser.open(page)
+    count = "document.querySelectorAll('#plot-0 svg.chart .series').length"
+    before = browser.run(count)
+    browser.run("document.querySelector('#plot-0 .legend button').click()")
+    assert browser.run(count) == before - 1
+    browser.run("document.querySelector('#plot-0').parentElement.querySelector('summary').click()")
+    browser.run("new Promise((done) => setTimeout(done, 50))")
+    assert browser.run("document.querySelectorAll('#figures tbody tr').length") == 29
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(360, "light"), (360, "dark"), (1280, "dark")])
+def test_no_screen_makes_the_page_scroll_sideways(browser: Browser, page: Path, width: int, scheme: str) -> None:
+    browser.open(page, width, 800, scheme)
+    assert browser.run("document.documentElement.scrollWidth") <= width
+    dark = browser.run("getComputedStyle(document.body).backgroundColor") == "rgb(20, 23, 27)"
+    assert dark == (scheme == "dark")
+
+
+def test_the_page_is_there_within_two_seconds_and_asks_for_nothing_else(browser: Browser, page: Path) -> None:
+    before = time.perf_counter()
+    browser.open(page)
+    assert time.perf_counter() - before < 2.0
+    assert [url for url in browser.requests if not url.startswith("data:")] == [page.as_uri()]
+
+
+def test_every_control_has_a_name_and_every_header_a_scope(browser: Browser, page: Path) -> None:
+    browser.open(page)
+    unnamed = "[...document.querySelectorAll('input, select')].filter(c => !c.labels.length).length"
+    assert browser.run(unnamed) == 0
+    assert browser.run("[...document.querySelectorAll('th')].filter(h => !h.scope).length") == 0
+    assert browser.run("[...document.querySelectorAll('svg[role=img]')].filter(s => !s.getAttribute('aria-label')).length") == 0
+    assert browser.run("(ids => ids.length - new Set(ids).size)([...document.querySelectorAll('[id]')].map(e => e.id))") == 0
+
+
+def test_text_has_enough_contrast_in_both_schemes(browser: Browser, page: Path) -> None:
+    script = """(() => {
+      const channel = (v) => (v /= 255) <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
+      const weights = [0.2126, 0.7152, 0.0722];
+      const light = (c) => c.match(/[0-9.]+/g).slice(0, 3).reduce((sum, v, i) => sum + weights[i] * channel(Number(v)), 0);
+      const painted = (e) => !getComputedStyle(e).backgroundColor.endsWith(', 0)');
+      const behind = (e) => { while (!painted(e)) e = e.parentElement; return getComputedStyle(e).backgroundColor; };
+      const words = [...document.querySelectorAll('p, td, th, li, dd, dt, summary, a, small, h1, h2, h3, label, b, span, button')];
+      return Math.min(...words.filter((e) => e.offsetParent && e.innerText.trim()).map((e) => {
+        const [a, b] = [light(getComputedStyle(e).color), light(behind(e))].sort((p, q) => q - p);
+        return (a + 0.05) / (b + 0.05);
+      }));
+    })()"""
+    for scheme in ("light", "dark"):
+        browser.open(page, scheme=scheme)
+        assert browser.run(script) >= 4.5, scheme
+
+
+def test_hostile_names_are_shown_and_not_run(browser: Browser, tmp_path: Path) -> None:
+    nasty = "</script><img src=x onerror=\"document.title='owned'\">"
+    text = json.dumps(sample_result()).replace("coupler", "COUPLER").replace("mujoco", "ENGINE")
+    swap = json.dumps(nasty)[1:-1]
+    result = json.loads(text.replace("COUPLER", swap).replace("ENGINE", swap))
+    result["case"] = result["mechanism"]["name"] = nasty
+    result["warnings"] = [nasty]
+    write_report(result, tmp_path)
+    browser.open(tmp_path / "report.html")
+    assert browser.run("document.images.length") == 0
+    assert browser.run("document.title").startswith("</script><img")
+    assert nasty in browser.run("document.body.innerText")
+
+
+def test_several_engines_with_two_clearances_and_a_full_turn(browser: Browser, tmp_path: Path) -> None:
+    write_report(sample_result("crank-rocker", {"B": 2e-4, "E": 1e-4}, ("mujoco", "exudyn")), tmp_path)
+    browser.open(tmp_path / "report.html")
+    assert browser.run("document.querySelectorAll('.rim').length") == 2
+    before = browser.run(JOINT_A)
+    browser.run(f"({MOVE})(355)")
+    assert browser.run(JOINT_A) != before
+    assert browser.run("document.querySelectorAll('#differences .matrix').length") == 2
