@@ -4,27 +4,20 @@ from __future__ import annotations
 
 import shlex
 import sys
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from enum import IntEnum, StrEnum
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from compare.faults import Exit, OptionError, complaints
+from compare.listing import cases, simulators
+
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
     from compare.crosscheck import Job
-
-
-class Exit(IntEnum):
-    """Exit statuses of every command."""
-
-    AGREES = 0
-    DISAGREES = 1
-    BAD_INPUT = 2
-    SIMULATOR_FAILED = 3
 
 
 class JointChoice(StrEnum):
@@ -92,7 +85,7 @@ def compare(
     if simulator is None:
         typer.echo(context.get_help())
         raise typer.Exit(Exit.BAD_INPUT)
-    with _complaints() as caught:
+    with complaints() as caught:
         from compare.discrepancy import load_tolerances
 
         tolerances = load_tolerances(tolerance)
@@ -113,70 +106,8 @@ def _announce_failures(result: dict[str, Any]) -> None:
         raise typer.Exit(Exit.SIMULATOR_FAILED)
 
 
-@app.command()
-def cases() -> None:
-    """List the mechanisms that ship with the package."""
-    from analytic.mechanism_file import load, shipped_cases
-
-    for name in shipped_cases():
-        m = load(name)
-        gaps = ", ".join(f"{joint} {c * 1000:g} mm" for joint, c in m.clearances.items()) or "none"
-        typer.echo(f"{name:14} {len(m.bodies)} bodies, {len(m.joints)} joints, clearance: {gaps}")
-
-
-@app.command()
-def simulators() -> None:
-    """List the engines: installed or not, and the joint models and motions that each supports."""
-    from sim_models.engine import ENGINES, JOINT_MODELS, declared, installed_version
-
-    for name in ENGINES:
-        engine = declared(name)
-        found = installed_version(engine.package)
-        typer.echo(f"{name:10} {found or 'not installed: pip install linkage-crosscheck[' + name + ']'}")
-        for model in JOINT_MODELS:
-            motions = [motion for motion in ("driven", "static") if (model, motion) in engine.supports]
-            typer.echo(f"{'':10}   {model:14} {', '.join(motions) or '-'}")
-
-
-@contextmanager
-def _complaints() -> Iterator[list[str]]:
-    """Turn every foreseen fault into one sentence on standard error and its exit status; collect warnings."""
-    caught: list[str] = []
-
-    def note(message: Warning | str, *_: Any, **__: Any) -> None:
-        caught.append(str(message))
-        typer.echo(f"warning: {message}", err=True)
-
-    from pydantic import ValidationError
-
-    from analytic.closure import AssemblyError
-    from analytic.mechanism_file import MechanismError
-    from analytic.structure import StructureError
-    from compare.discrepancy import ToleranceError
-    from compare.files import OutputError
-    from compare.grid import GridError
-    from sim_models.engine import SimulationError, SimulatorMissing, Unsupported
-
-    bad_input = (MechanismError, AssemblyError, StructureError, ToleranceError, OutputError, GridError, Unsupported, OptionError)
-    try:
-        with warnings.catch_warnings():
-            warnings.showwarning = note
-            yield caught
-    except bad_input as error:
-        raise _stop(error, Exit.BAD_INPUT) from None
-    except ValidationError as error:
-        raise _stop("; ".join(fault["msg"].removeprefix("Value error, ") for fault in error.errors()), Exit.BAD_INPUT) from None
-    except (SimulatorMissing, SimulationError) as error:
-        raise _stop(error, Exit.SIMULATOR_FAILED) from None
-
-
-class OptionError(ValueError):
-    """A command-line option cannot be used; the message says what is accepted."""
-
-
-def _stop(error: object, status: Exit) -> typer.Exit:
-    typer.echo(f"compare: {error}", err=True)
-    return typer.Exit(status)
+app.command()(cases)
+app.command()(simulators)
 
 
 def _mechanism(case: str, clearance: str | None) -> Mechanism:

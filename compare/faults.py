@@ -1,0 +1,62 @@
+"""What every command shares: exit statuses, and foreseen faults as one sentence each."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import IntEnum
+from typing import Any
+
+import typer
+
+
+class Exit(IntEnum):
+    """Exit statuses of every command."""
+
+    AGREES = 0
+    DISAGREES = 1
+    BAD_INPUT = 2
+    SIMULATOR_FAILED = 3
+
+
+@contextmanager
+def complaints() -> Iterator[list[str]]:
+    """Turn every foreseen fault into one sentence on standard error and its exit status; collect warnings."""
+    caught: list[str] = []
+
+    def note(message: Warning | str, *_: Any, **__: Any) -> None:
+        caught.append(str(message))
+        typer.echo(f"warning: {message}", err=True)
+
+    from pydantic import ValidationError
+
+    from analytic.closure import AssemblyError
+    from analytic.mechanism_file import MechanismError
+    from analytic.structure import StructureError
+    from compare.discrepancy import ToleranceError
+    from compare.files import OutputError
+    from compare.grid import GridError
+    from sim_models.engine import SimulationError, SimulatorMissing, Unsupported
+
+    bad_input = (MechanismError, AssemblyError, StructureError, ToleranceError, OutputError, GridError, Unsupported, OptionError)
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = note
+            yield caught
+    except bad_input as error:
+        raise stop(error, Exit.BAD_INPUT) from None
+    except ValidationError as error:
+        raise stop("; ".join(fault["msg"].removeprefix("Value error, ") for fault in error.errors()), Exit.BAD_INPUT) from None
+    except (SimulatorMissing, SimulationError) as error:
+        raise stop(error, Exit.SIMULATOR_FAILED) from None
+
+
+class OptionError(ValueError):
+    """A command-line option cannot be used; the message says what is accepted."""
+
+
+def stop(error: object, status: Exit) -> typer.Exit:
+    """Say why on standard error; raise what this returns."""
+    typer.echo(f"compare: {error}", err=True)
+    return typer.Exit(status)
