@@ -15,7 +15,7 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from compare.discrepancy import ANGULAR, Rule, Scales, difference
-from compare.signals import Kind, compared
+from compare.signals import UNITS, Kind, compared
 
 ANALYTIC = "analytic"
 
@@ -35,9 +35,10 @@ class Apart:
 
     party: str
     signal: str
-    by: float
+    kind: Kind
+    by: float  # in the signal's unit, signed
+    share: float  # the same, over the tolerance
     others_spread: float
-    at: int
 
 
 def spread(kind: Kind, engines: Mapping[str, np.ndarray], tolerance: np.ndarray) -> Spread | None:
@@ -64,7 +65,7 @@ def stands_apart(signal: str, kind: Kind, parties: Mapping[str, np.ndarray], tol
         widest = max((distance[pair] for pair in combinations(others, 2)), key=lambda d: d.share)
         nearest = min((distance[party, other] for other in others), key=lambda d: d.share)
         if widest.share <= 1 < nearest.share:
-            return Apart(party, signal, nearest.max, abs(widest.max), nearest.at)
+            return Apart(party, signal, kind, nearest.max, nearest.share, abs(widest.max))
     return None
 
 
@@ -110,6 +111,11 @@ def attribute(runs: Sequence[Mapping[str, Any]], mechanism: Mechanism, tolerance
 def _words(odd: str | None, apart: Sequence[Apart], differ: bool) -> str:
     if odd is None:
         return "they differ, and no single one stands apart" if differ else "all agree within the spread between engines"
-    worst = max((a for a in apart if a.party == odd), key=lambda a: abs(a.by) / (a.others_spread + 1e-300))
+    worst = max((a for a in apart if a.party == odd), key=lambda a: a.share)
     name = "the analytic model" if odd == ANALYTIC else odd
-    return f"{name} stands apart, most clearly in {worst.signal}: off by {worst.by:.3g}, the others agree within {worst.others_spread:.3g}"
+    by, others = (_said(worst.kind, value) for value in (worst.by, worst.others_spread))
+    return f"{name} stands apart, most clearly in {worst.signal}: off by {by}, the others agree within {others}"
+
+
+def _said(kind: Kind, value: float) -> str:
+    return f"{np.degrees(value):.3g} deg" if kind in ANGULAR else f"{value:.3g} {UNITS[kind]}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
 from collections.abc import Iterator
@@ -59,7 +60,7 @@ def main() -> None:
 @app.callback(invoke_without_command=True)
 def compare(
     context: typer.Context,
-    simulator: Annotated[str | None, typer.Option(help="Engine to compare with: mujoco, ... (see: compare simulators).")] = None,
+    simulator: Annotated[str | None, typer.Option(help="Engine to compare with, or all that are installed (see: compare simulators).")] = None,
     case: Annotated[str, typer.Option(help="Shipped case (see: compare cases) or a mechanism file.")] = "paper",
     joint: Annotated[JointChoice | None, typer.Option(help="One joint model; left out, all that the engine has.")] = None,
     motion: Annotated[MotionChoice, typer.Option(help="Run the crank at its speed, or equilibrium at each angle.")] = MotionChoice.driven,
@@ -159,9 +160,8 @@ def _job(
     from analytic.assembly import Assembly
     from compare.crosscheck import Job
     from compare.grid import FREE_TIME, default_angles, parse_angles
-    from sim_models.engine import engine
 
-    engine(simulator)
+    simulators = _simulators(simulator)
     assembly = Assembly(mechanism)
     released = mechanism.speed is None and motion is MotionChoice.driven
     if released and angles is not None:
@@ -170,7 +170,8 @@ def _job(
     assembly.path(theta.min(), theta.max())
     return Job(
         mechanism=mechanism,
-        simulators=(simulator,),
+        simulators=simulators,
+        workers=len(os.sched_getaffinity(0)) if len(simulators) > 1 else 1,
         tolerances=tolerances,
         motion=motion.value,
         theta=theta[:0] if released else theta,
@@ -180,6 +181,21 @@ def _job(
         command=shlex.join(["compare", *sys.argv[1:]]),
         warnings=tuple(caught),
     )
+
+
+def _simulators(name: str) -> tuple[str, ...]:
+    """The engine of that name, or for ``all`` every installed one; says which are left out."""
+    from sim_models.engine import ENGINES, SimulatorMissing, engine
+
+    if name != "all":
+        return (engine(name).name,)
+    found = []
+    for each in ENGINES:
+        try:
+            found.append(engine(each).name)
+        except SimulatorMissing as missing:
+            typer.echo(f"left out: {missing}", err=True)
+    return tuple(found)
 
 
 def _run(job: Job) -> dict[str, Any]:

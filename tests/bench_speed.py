@@ -5,6 +5,8 @@ Run with ``pytest tests/bench_speed.py``.  ``extra_info`` holds microseconds per
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -44,3 +46,17 @@ def test_a_driven_mujoco_run(benchmark, joint_model: str) -> None:  # type: igno
     mujoco = engine("mujoco")
     steps = round(np.radians(140.0) / 1.5707963267948966 / mujoco.simulate(request).settings["step"])
     report(benchmark, lambda: mujoco.simulate(request), steps, "us per step")
+
+
+def test_writing_the_report_of_two_engines(benchmark, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    from compare.report import write_report
+    from sample_result import sample_result
+
+    result = sample_result("crank-rocker", {"B": 2e-4, "E": 1e-4}, ("mujoco", "exudyn"))
+    report(benchmark, lambda: write_report(result, tmp_path), 1, "us per report")
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--simulator", "mujoco", "--out", "out"]], ids=["help", "main job"])
+def test_the_whole_process(benchmark, arguments: list[str], tmp_path) -> None:  # type: ignore[no-untyped-def]
+    command = [sys.executable, "-m", "compare", *arguments]
+    report(benchmark, lambda: subprocess.run(command, cwd=tmp_path, capture_output=True, check=True), 1, "us per process")

@@ -68,6 +68,8 @@ def sample_result(
         "runs": runs,
         "spread": {s: {"max": 1e-4, "at_crank_angle": theta[3]} for s in ("drive_torque",)} if len(engines) > 1 else {},
         "odd_one_out": engines[-1] if len(engines) > 1 else None,
+        "words": f"{engines[-1]} stands apart" if len(engines) > 1 else "",
+        "failures": [],
         "command": f"compare --simulator {'all' if len(engines) > 1 else engines[0]} --case {case}",
         "versions": {"linkage-crosscheck": "0.1.0", "numpy": "2.4.0", "mujoco": "4.0.0"},
         "mechanism": mechanism.model_dump(by_alias=True, exclude_none=True, mode="json"),

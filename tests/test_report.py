@@ -7,9 +7,6 @@ import io
 import json
 import math
 import re
-import subprocess
-import sys
-import time
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -77,18 +74,8 @@ def test_arrays_and_nan_are_written_like_the_json_of_them(disagreeing: dict[str,
     assert (tmp_path / "report.html").read_bytes() == (report / "report.html").read_bytes()
 
 
-def test_the_report_over_two_engines_takes_less_than_a_second_with_imports(tmp_path: Path) -> None:
-    result = sample_result("crank-rocker", {"B": 2e-4, "E": 1e-4}, ("mujoco", "exudyn"))
-    (tmp_path / "result.json").write_text(json.dumps(result), encoding="utf-8")
-    script = "import json, pathlib\nfrom compare.report import write_report\nwrite_report(json.load(open('result.json')), pathlib.Path())"
-    took = []
-    for _ in range(3):  # the quickest of three: other programs may be running
-        before = time.perf_counter()
-        subprocess.run([sys.executable, "-c", script], cwd=tmp_path, check=True, env={"PYTHONPATH": str(Path(__file__).parent.parent)})
-        took.append(time.perf_counter() - before)
-        if took[-1] < 1.0:
-            break
-    assert min(took) < 1.0
+def test_the_page_of_two_engines_stays_below_6_megabytes(tmp_path: Path) -> None:
+    write_report(sample_result("crank-rocker", {"B": 2e-4, "E": 1e-4}, ("mujoco", "exudyn")), tmp_path)
     assert (tmp_path / "report.html").stat().st_size < 6e6
 
 

@@ -91,7 +91,8 @@ class Summary:
     signals: Mapping[str, Quantity]
     joints: tuple[str, ...]  # the joints that the report is about: those with clearance, or all
     spread: tuple[Order, ...]
-    odd_one_out: str | None
+    between: str  # who stands apart, in words; empty with one engine
+    failures: tuple[str, ...]  # runs that have no result, and why
 
     def keys(self, all_joints: bool, mechanism: Mapping[str, Any]) -> list[Quantity]:
         """The signals of a short table: the paper's own, for these joints or for all, and whatever disagrees."""
@@ -115,7 +116,8 @@ def summarise(result: Result) -> Summary:
         for name, fields in (result.get("spread") or {}).items()
         if name in signals
     )
-    return Summary(result["case"], result["verdict"], headline(runs), runs, signals, tuple(joints), spread, result.get("odd_one_out"))
+    failures = tuple(failure["why"] for failure in result.get("failures", ()))
+    return Summary(result["case"], result["verdict"], headline(runs), runs, signals, tuple(joints), spread, result.get("words", ""), failures)
 
 
 def released(run: Mapping[str, Any], mechanism: Mapping[str, Any]) -> bool:

@@ -32,8 +32,10 @@ def print_table(result: Mapping[str, Any], console: Console) -> None:
     console.print(table)
     for line in _notes(summary.runs):
         console.print(escape(line), soft_wrap=False)
-    if summary.odd_one_out:
-        console.print(escape(f"odd one out: {summary.odd_one_out}"))
+    if summary.between:
+        console.print(escape(f"between engines: {summary.between}"))
+    for why in summary.failures:
+        console.print(escape(f"failed: {why}"))
     console.print(Text.assemble((f"{summary.case}: ", "bold"), _word(summary.verdict), f". {headline(summary.runs, plain)}".replace("·", ".")))
 
 

@@ -1,0 +1,89 @@
+"""One table for every engine: the same linkages, joint models and motions, judged by the shipped tolerances.
+
+Rows come from what each engine declares; an engine that is not installed is skipped by name.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+from analytic.assembly import Assembly
+from analytic.mechanism import Mechanism
+from analytic.mechanism_file import load
+from compare.crosscheck import Job, crosscheck
+from compare.discrepancy import load_tolerances
+from compare.grid import default_angles
+from sim_models.engine import ENGINES, JOINT_MODELS, JointModel, Motion, declared
+
+GRAVITY = (0.0, -9.81)
+
+
+def loaded_crank_rocker() -> Mechanism:
+    """60 rpm and a steady pull on the follower, so that every pin stays on its rim all round."""
+    m = load("crank-rocker")
+    return m.replace(drive={"joint": "D", "speed": 6.0}, loads=[{"body": "follower", "point": "B", "force": (40.0, 10.0)}])
+
+
+def loaded_slider_crank() -> Mechanism:
+    m = load("slider-crank")
+    return m.replace(drive={"joint": "O", "speed": 6.0}, gravity=GRAVITY, loads=[{"body": "slider", "force": (-60.0, 0.0)}])
+
+
+def turned(m: Mechanism) -> Mechanism:
+    return m.replace(drive=m.drive.model_copy(update={"speed": -m.drive.speed}))  # type: ignore[union-attr, operator]
+
+
+TURN = np.radians(np.arange(10.0, 360.0, 25.0))
+PAPER = np.radians(np.arange(20.0, 161.0, 10.0))
+PIVOTS = {"D": 1e-4, "A": 2e-4, "B": 1e-4, "E": 2e-4}
+CASES = {
+    "paper": (load("paper"), PAPER),
+    "paper, 0.1 mm": (load("paper").with_clearances({"B": 1e-4}), PAPER),
+    "gravity": (load("paper").with_clearances({"B": 1e-3}).replace(gravity=GRAVITY), PAPER),
+    "oblique load": (load("paper").with_clearances({"B": 1e-3}).replace(loads=[{"body": "coupler", "point": "com", "force": (30.0, 40.0)}]), PAPER),
+    "joint friction": (load("paper").with_clearances({"B": 1e-3}).with_joint("E", friction_torque=0.2, damping=0.05), PAPER),
+    "joint spring": (load("paper").with_clearances({"B": 1e-3}).with_joint("A", stiffness=2.0, rest_angle=0.3), PAPER),
+    "several clearances": (load("paper").with_clearances(PIVOTS), PAPER),
+    "reverse rotation": (turned(load("paper").with_clearances({"B": 1e-3})), PAPER),
+    "crank-rocker": (loaded_crank_rocker().with_clearances({"B": 2e-4}), TURN),
+    "slider-crank": (loaded_slider_crank().with_clearances({"B": 2e-4}), TURN),
+    "six-bar": (load("six-bar").with_clearances({"B": 1e-4, "F": 1e-4}), TURN),
+}
+ROWS = [
+    pytest.param(name, model, motion, case, id=f"{name}-{model}-{motion}-{case}")
+    for name in ENGINES
+    for motion in ("static", "driven")
+    for model in JOINT_MODELS
+    if (model, motion) in declared(name).supports
+    for case in CASES
+]
+
+
+@pytest.mark.parametrize(("name", "model", "motion", "case"), ROWS)
+def test_an_engine_agrees_with_the_analytic_model(name: str, model: JointModel, motion: Motion, case: str) -> None:
+    if importlib.util.find_spec(declared(name).package) is None:
+        pytest.skip(f"{name} is not installed")
+    mechanism, theta = CASES[case]
+    result = crosscheck(Job(mechanism, (name,), load_tolerances(), motion, theta, joint_model=model))
+    assert not result["failures"], result["failures"][0]["why"]
+    (run,) = result["runs"]
+    differ = [
+        f"{d['signal']} {d['max']:+.3g} ({d['tolerance']:.3g}) at {np.degrees(d['at_crank_angle']):.0f} deg"
+        for d in run["discrepancies"]
+        if d["verdict"] != "agrees"
+    ]
+    assert not differ, "; ".join(differ)
+
+
+def test_every_case_keeps_contact_by_its_analytic_model() -> None:
+    from analytic.clearance import displaced
+
+    for case, (mechanism, theta) in CASES.items():
+        assert not displaced(Assembly(mechanism), theta, mechanism.speed or 1.0).flags, case
+
+
+def test_the_shipped_default_grid_is_the_papers() -> None:
+    np.testing.assert_allclose(np.degrees(default_angles(Assembly(load("paper")))), np.arange(20.0, 161.0, 5.0), atol=1e-9)
