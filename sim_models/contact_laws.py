@@ -65,3 +65,15 @@ def damping_ratio(delivered: float) -> float:
         middle = (low + high) / 2
         low, high = (middle, high) if restitution(middle) > delivered else (low, middle)
     return (low + high) / 2
+
+
+def hertz_stiffness(bearing_radius: float, journal_radius: float, youngs_modulus: float, poisson: float = 0.3) -> float:
+    """Generalised stiffness K (N/m^1.5) of a journal in a bearing of the same material, F = K d^1.5.
+
+    The radii (m) subtract because the bearing is hollow (Lankarani and Nikravesh 1990, Eq. 7).  For ``contact_stiffness``
+    linearise it at the working load: dF/dd = 1.5 K^(2/3) F^(1/3).  Raises ValueError unless the journal fits.
+    """
+    if not 0 < journal_radius < bearing_radius:
+        raise ValueError(f"journal_radius = {journal_radius} m does not fit into bearing_radius = {bearing_radius} m; make it smaller")
+    flexibility = 2 * (1 - poisson**2) / youngs_modulus
+    return 4 / (3 * flexibility) * math.sqrt(bearing_radius * journal_radius / (bearing_radius - journal_radius))
