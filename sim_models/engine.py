@@ -41,7 +41,8 @@ class Request:
     """One simulation: a mechanism, a joint model for its joints with clearance, a motion, and where to report.
 
     ``crank_angle`` (N,) rad is the driven body's angle wherever a report is wanted, in any order; for a free drive it
-    is empty and ``time`` (N,) s is given instead.  With the ``ideal`` joint model clearances are ignored.
+    is empty and ``time`` (N,) s after release is given instead: it starts at the assembly angles, the driven body at
+    ``start_speed`` (rad/s).  With the ``ideal`` joint model clearances are ignored.
 
     ``start`` says how a driven run begins at its first angle: ``steady`` (no start-up transient: pins in contact,
     velocities to match) or ``centred`` (pins centred, velocities of the ideal linkage).  ``lead_in`` (rad) is how far
@@ -55,6 +56,7 @@ class Request:
     time: np.ndarray | None = None
     start: Start = "steady"
     lead_in: float = 0.0
+    start_speed: float = 0.0
     step: float | None = None
 
 

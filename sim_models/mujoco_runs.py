@@ -182,7 +182,7 @@ class Run:
         return self.report(self.request.crank_angle, _scatter(plan.time, plan.order), columns, log, settings)
 
     def free(self) -> Trace:
-        """Released at rest at the assembly angles."""
+        """Released at the assembly angles, at rest or with the request's speed."""
         time = np.asarray(self.request.time, float)
         order = np.argsort(time, kind="stable")
         if time.size == 0 or time[order[0]] < 0:
@@ -192,9 +192,11 @@ class Run:
         gaps = self.gaps_at_release(near, theta) if self.laws else {}
         q = near.place(near.pressed, theta, gaps)
         step = self.longest_step(near, q)
-        signals, log, step = self.run(theta, q, np.zeros_like(q), step, time[order], float(time[order[0]]))
+        around = np.array([near.place(near.pressed, theta + side, gaps) for side in STENCIL]) if self.request.start_speed else np.tile(q, (5, 1))
+        v = (_derivative(STENCIL) @ around)[2] * self.request.start_speed
+        signals, log, step = self.run(theta, q, v, step, time[order], float(time[order[0]]))
         columns = {name: _scatter(values, order) for name, values in signals.items()}
-        return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, {"step": step, "start": "released at rest"})
+        return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, {"step": step, "start": f"released at {self.request.start_speed:g} rad/s"})
 
     def gaps_at_release(self, near: Equilibria, theta: float) -> dict[str, complex]:
         """Gaps (m) along the ideal linkage's reactions at the instant of release, x where there is none; zero to start centred."""
