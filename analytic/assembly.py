@@ -135,7 +135,7 @@ class Assembly:
         for group in s.groups:
             angles = [i for i in group.coordinates if s.coordinates[i].bodies]
             if len(group.coordinates) == 2:
-                candidates = []
+                candidates: list[tuple[float, float, np.ndarray]] = []
                 for branch in (1.0, -1.0):
                     trial, solved = u.copy(), columns.copy()
                     margin = solve_dyad(s, group, solved, trial, branch)

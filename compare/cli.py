@@ -7,41 +7,19 @@ import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from compare.accuracy import accuracy
 from compare.faults import Exit, OptionError, complaints
 from compare.listing import cases, simulators
+from compare.options import JointChoice, ModelChoice, MotionChoice, file_name, metres_by_joint
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
     from compare.crosscheck import Job
-
-
-class JointChoice(StrEnum):
-    """The joint models of --joint."""
-
-    ideal = "ideal"
-    massless_link = "massless-link"
-    spring_damper = "spring-damper"
-    contact = "contact"
-
-
-class MotionChoice(StrEnum):
-    """The motions of --motion."""
-
-    driven = "driven"
-    static = "static"
-
-
-class ModelChoice(StrEnum):
-    """The yardsticks of --analytic."""
-
-    first_order = "first_order"
-    equilibrium = "equilibrium"
 
 
 app = typer.Typer(
@@ -54,6 +32,7 @@ app = typer.Typer(
 
 def main() -> None:
     """Entry point of the console command."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # our matrices are small: threads cost more than they bring
     app(prog_name="compare")
 
 
@@ -92,7 +71,7 @@ def compare(
         tolerances = load_tolerances(tolerance)
         mechanism = _mechanism(case, clearance)
         job = _job(mechanism, simulator, joint, motion, angles, analytic, tolerances, caught)
-        folder = _folder(out or Path("reports") / f"{_file_name(mechanism.name)}-{simulator}")
+        folder = _folder(out or Path("reports") / f"{file_name(mechanism.name)}-{simulator}")
         result = _run(job)
         _publish(result, folder, json)
         _announce_failures(result)
@@ -107,6 +86,7 @@ def _announce_failures(result: dict[str, Any]) -> None:
         raise typer.Exit(Exit.SIMULATOR_FAILED)
 
 
+app.command()(accuracy)
 app.command()(cases)
 app.command()(simulators)
 
@@ -115,36 +95,13 @@ def _mechanism(case: str, clearance: str | None) -> Mechanism:
     from analytic.mechanism_file import load
 
     mechanism = load(case)
-    return mechanism if clearance is None else mechanism.with_clearances(_clearances(clearance, mechanism))
-
-
-def _clearances(text: str, mechanism: Mechanism) -> dict[str, float]:
-    """``B=1e-4,E=2e-4`` as metres by joint.  Raises OptionError."""
-    found: dict[str, float] = {}
-    pins = [j.name for j in mechanism.joints if not j.prismatic]
-    for part in text.split(","):
-        name, _, value = part.partition("=")
-        try:
-            size = float(value)
-        except ValueError:
-            raise OptionError(f"--clearance {part}: give JOINT=metres, such as B=1e-4") from None
-        if name not in pins:
-            raise OptionError(f"--clearance {part}: {name!r} is not a revolute joint of {mechanism.name}; they are {', '.join(pins)}")
-        if not 0 <= size < float("inf"):
-            raise OptionError(f"--clearance {part}: the radial clearance is in metres, 0 or more")
-        found[name] = size
-    return found
+    return mechanism if clearance is None else mechanism.with_clearances(metres_by_joint(clearance, "--clearance", mechanism))
 
 
 def _folder(path: Path) -> Path:
     from compare.files import output_folder
 
     return output_folder(path)
-
-
-def _file_name(name: str) -> str:
-    """A mechanism's name as part of a file name."""
-    return "".join(c if c.isalnum() or c in "-_" else "-" for c in name)
 
 
 def _job(

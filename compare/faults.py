@@ -32,6 +32,7 @@ def complaints() -> Iterator[list[str]]:
     from pydantic import ValidationError
 
     from analytic.closure import AssemblyError
+    from analytic.frame import ComplianceError
     from analytic.mechanism_file import MechanismError
     from analytic.structure import StructureError
     from compare.discrepancy import ToleranceError
@@ -39,7 +40,7 @@ def complaints() -> Iterator[list[str]]:
     from compare.grid import GridError
     from sim_models.engine import SimulationError, SimulatorMissing, Unsupported
 
-    bad_input = (MechanismError, AssemblyError, StructureError, ToleranceError, OutputError, GridError, Unsupported, OptionError)
+    bad_input = (MechanismError, AssemblyError, ComplianceError, StructureError, ToleranceError, OutputError, GridError, Unsupported, OptionError)
     try:
         with warnings.catch_warnings():
             warnings.showwarning = note

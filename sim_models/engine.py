@@ -21,7 +21,7 @@ JointModel = Literal["ideal", "massless-link", "spring-damper", "contact"]
 Motion = Literal["driven", "static"]
 Start = Literal["steady", "centred"]
 JOINT_MODELS: tuple[JointModel, ...] = get_args(JointModel)
-ENGINES: tuple[str, ...] = ("mujoco",)
+ENGINES: tuple[str, ...] = ("mujoco", "exudyn")
 
 
 class SimulationError(RuntimeError):

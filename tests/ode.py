@@ -7,7 +7,6 @@ the mechanism's numbers.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,22 +108,3 @@ def clearance_four_bar_ode(
 
 def _cross(a: complex, b: complex) -> float:
     return a.real * b.imag - a.imag * b.real
-
-
-def ideal_angles(mechanism: Mechanism, theta: float) -> tuple[float, float]:
-    """Coupler and follower angle (rad) of the closed ideal four-bar at crank angle theta, nearest to its assembly angles."""
-    from scipy.optimize import fsolve
-
-    m = mechanism
-
-    def pin(body: str, joint: str, angle: float) -> complex:
-        points = m.body(body)
-        other = next(name for name in points.points if name != joint)
-        return (points.point(joint) - points.point(other)) * complex(math.cos(angle), math.sin(angle))
-
-    def open_loop(angles: np.ndarray) -> list[float]:
-        loop = m.ground.point("D") + pin("crank", "A", theta) + pin("coupler", "B", angles[0]) - m.ground.point("E") - pin("follower", "B", angles[1])
-        return [loop.real, loop.imag]
-
-    coupler, follower = fsolve(open_loop, [m.assembly["coupler"], m.assembly["follower"]], xtol=1e-14)
-    return float(coupler), float(follower)

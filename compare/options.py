@@ -1,0 +1,57 @@
+"""What several commands take: choices, clearances by joint, names of files."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from compare.faults import OptionError
+
+if TYPE_CHECKING:
+    from analytic.mechanism import Mechanism
+
+
+class JointChoice(StrEnum):
+    """The joint models of --joint."""
+
+    ideal = "ideal"
+    massless_link = "massless-link"
+    spring_damper = "spring-damper"
+    contact = "contact"
+
+
+class MotionChoice(StrEnum):
+    """The motions of --motion."""
+
+    driven = "driven"
+    static = "static"
+
+
+class ModelChoice(StrEnum):
+    """The yardsticks of --analytic."""
+
+    first_order = "first_order"
+    equilibrium = "equilibrium"
+
+
+def metres_by_joint(text: str, option: str, mechanism: Mechanism) -> dict[str, float]:
+    """``B=1e-4,E=2e-4`` as metres by revolute joint.  Raises OptionError."""
+    pins = [j.name for j in mechanism.joints if not j.prismatic]
+    found: dict[str, float] = {}
+    for part in text.split(","):
+        name, _, value = part.partition("=")
+        try:
+            size = float(value)
+        except ValueError:
+            raise OptionError(f"{option} {part}: give JOINT=metres, such as {pins[-1]}=1e-4") from None
+        if name not in pins:
+            raise OptionError(f"{option} {part}: {name!r} is not a revolute joint of {mechanism.name}; they are {', '.join(pins)}")
+        if not 0 <= size < float("inf"):
+            raise OptionError(f"{option} {part}: give metres, 0 or more")
+        found[name] = size
+    return found
+
+
+def file_name(name: str) -> str:
+    """A mechanism's name as part of a file name."""
+    return "".join(c if c.isalnum() or c in "-_" else "-" for c in name)

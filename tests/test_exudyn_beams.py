@@ -1,0 +1,169 @@
+"""Linkages of beams against matrix structural analysis, beam theory, and the superposition of clearance and compliance."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+from analytic.assembly import Assembly
+from analytic.clearance import Model, displaced
+from analytic.compliance import compliance
+from analytic.frame import Bar, beam_stiffness
+from analytic.kinematics import kinematics
+from analytic.mechanism import Drive, Load, Mechanism
+from analytic.mechanism_file import load
+from sim_models.engine import Unsupported
+from sim_models.exudyn_beams import Element, FlexibleLinkage, flexible_static
+
+if importlib.util.find_spec("exudyn") is None:
+    pytest.skip("exudyn is not installed", allow_module_level=True)
+
+POINTS = (("crank", "A"), ("coupler", "A"), ("coupler", "com"), ("coupler", "B"), ("follower", "B"))
+ELEMENTS: tuple[Element, ...] = ("euler-bernoulli", "timoshenko")
+
+
+def with_force(size: float) -> Mechanism:
+    return load("paper").replace(loads=(Load(body="coupler", force=(0.0, size)),))
+
+
+def displacements(found: FlexibleLinkage) -> np.ndarray:
+    return np.array([found.displacement[point] for point in POINTS])
+
+
+def shear_beam(bar: Bar) -> np.ndarray:
+    """Planar part of Timoshenko's beam (Przemieniecki, section 5.6, with shear; factor 5/6), the rest as without shear."""
+    k = beam_stiffness(bar)
+    e, length = bar.youngs_modulus * bar.i_z, bar.length
+    phi = 12 * e / (5 / 6 * bar.shear_modulus * bar.area * length**2)
+    a, b, c = 6 * length, (4 + phi) * length**2, (2 - phi) * length**2
+    k[np.ix_([1, 5, 7, 11], [1, 5, 7, 11])] = (
+        e / (length**3 * (1 + phi)) * np.array([[12, a, -12, a], [a, b, -a, c], [-12, -a, 12, -a], [a, c, -a, b]])
+    )
+    return k
+
+
+def structural(mechanism: Mechanism, degrees: float, element: Element = "euler-bernoulli") -> np.ndarray:
+    """Displacements (m) of the points by matrix structural analysis."""
+    beam = beam_stiffness if element == "euler-bernoulli" else shear_beam
+    found = compliance(kinematics(Assembly(mechanism), np.radians([degrees])), beam=beam)
+    return np.array([found.displacement(*point)[0] for point in POINTS])
+
+
+def of_clearance(mechanism: Mechanism, degrees: float, model: Model) -> np.ndarray:
+    """Displacements (m) of the points by clearance alone, links rigid."""
+    found = displaced(Assembly(mechanism), np.radians([degrees]), model=model, inertia=False)
+    moved, ideal = found.configuration.motion, found.ideal.motion
+    return np.array([(moved.position(*point) - ideal.position(*point))[0] for point in POINTS])
+
+
+def apart(a: np.ndarray, b: np.ndarray) -> float:
+    """Largest difference, relative to the largest displacement."""
+    return float(np.abs(a - b).max() / np.abs(b).max())
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+@pytest.mark.parametrize("degrees", [20.0, 30.0, 60.0, 90.0, 130.0, 160.0])
+def test_small_loads_displace_beams_as_the_matrix_says(degrees: float, element: Element) -> None:
+    m = with_force(0.5)
+    assert apart(displacements(flexible_static(m, np.radians(degrees), element)), structural(m, degrees, element)) < 1e-4
+
+
+def test_paper_case_at_30_degrees_is_the_independently_computed_one() -> None:
+    """Computed outside this project: A, the coupler's middle and B, in mm, crank locked; linear, so at a hundredth of the load."""
+    found = flexible_static(with_force(0.5), np.radians(30.0)).displacement
+    for point, expected in (
+        (("crank", "A"), -0.346627 + 0.599875j),
+        (("coupler", "com"), -0.347060 + 1.001376j),
+        (("coupler", "B"), -0.347493 + 0.602877j),
+    ):
+        assert abs(found[point] * 1e5 - expected) < 1e-4 * abs(expected), point
+
+
+@pytest.mark.parametrize("degrees", [30.0, 60.0, 90.0, 130.0])
+def test_what_the_matrix_misses_at_full_load_is_of_second_order(degrees: float) -> None:
+    """A hundred times the load, ten thousand times the difference: geometry, not discretisation."""
+    full, small = (displacements(flexible_static(m, np.radians(degrees))) - structural(m, degrees) for m in (with_force(50.0), with_force(0.5)))
+    assert np.abs(full - 1e4 * small).max() < 0.03 * np.abs(full).max()
+
+
+@pytest.mark.parametrize(
+    ("degrees", "tolerance"), [(30.0, 2e-3), (45.0, 2.5e-3), (60.0, 2.5e-3), (75.0, 2e-3), (90.0, 2.5e-3), (20.0, 5e-3), (160.0, 5e-3)]
+)
+def test_matrix_is_good_to_a_quarter_percent_at_full_load(degrees: float, tolerance: float) -> None:
+    m = load("paper")
+    assert apart(displacements(flexible_static(m, np.radians(degrees))), structural(m, degrees)) < tolerance
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_a_single_clamped_link_is_a_cantilever(element: Element) -> None:
+    m = load("pendulum").with_body("pendulum", youngs_modulus=2e11, shear_modulus=0.8e11)
+    force, length, inertia = 2.0, 0.3, 0.01**4 / 12
+    m = m.replace(gravity=(0.0, 0.0), loads=(Load(body="pendulum", point="tip", force=(0.0, force)),))
+    found = flexible_static(m, 0.0, element)
+    bending = force * length**3 / (3 * 2e11 * inertia)
+    shear = force * length / (5 / 6 * 0.8e11 * 1e-4) if element == "timoshenko" else 0.0
+    assert found.displacement["pendulum", "tip"].imag == pytest.approx(bending + shear, rel=1e-6)
+    assert found.force["O"] == pytest.approx(-1j * force, abs=1e-6)
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_a_torque_bends_a_clamped_link_into_a_circle(element: Element) -> None:
+    m = load("pendulum").with_body("pendulum", youngs_modulus=2e11, shear_modulus=0.8e11)
+    torque, length, stiffness = 5.0, 0.3, 2e11 * 0.01**4 / 12
+    m = m.replace(gravity=(0.0, 0.0), loads=(Load(body="pendulum", point="tip", torque=torque),))
+    turn = torque * length / stiffness
+    tip = length / turn * (np.sin(turn) + 1j * (1 - np.cos(turn))) - length
+    assert flexible_static(m, 0.0, element).displacement["pendulum", "tip"] == pytest.approx(tip, abs=1e-5 * abs(tip))
+
+
+def test_reactions_and_drive_joint_without_joint_springs() -> None:
+    """Rigid joints instead of Eq. 4's springs of 2e11 N/m change nothing visible; reactions balance the load."""
+    m = load("paper")
+    rigid = m.replace(joints=tuple(j.model_copy(update={"elasticity": None}) for j in m.joints))
+    sprung, stiff = (flexible_static(x, np.radians(60.0)) for x in (m, rigid))
+    np.testing.assert_allclose(displacements(stiff), displacements(sprung), rtol=1e-5)
+    for found in (sprung, stiff):
+        assert found.force["A"] - found.force["B"] == pytest.approx(-50j, abs=1e-3)
+        assert found.force["B"] == pytest.approx(14.43 + 25j, abs=0.1)
+
+
+# The superposition of Fig. 7c against clearance and compliance at once: bounds on its error, of the largest displacement
+@pytest.mark.parametrize("element", ELEMENTS)
+@pytest.mark.parametrize("degrees", [30.0, 60.0, 120.0])
+@pytest.mark.parametrize(("clearance", "with_equilibrium", "with_first_order"), [(1e-4, 5e-3, 5e-3), (1e-3, 1e-2, 1.5e-2), (1e-2, 1e-2, 6e-2)])
+def test_superposition_of_clearance_and_compliance(
+    clearance: float, with_equilibrium: float, with_first_order: float, degrees: float, element: Element
+) -> None:
+    m = load("paper").with_clearances({"B": clearance})
+    both = flexible_static(m, np.radians(degrees), element, "contact")
+    assert abs(both.gap["B"]) == pytest.approx(clearance, abs=2e-8)
+    elastic = structural(m, degrees, element)
+    superposed = apart(elastic + of_clearance(m, degrees, "equilibrium"), displacements(both))
+    assert superposed < with_equilibrium
+    assert apart(elastic + of_clearance(m, degrees, "first_order"), displacements(both)) < with_first_order
+    assert apart(elastic, displacements(both)) > 4 * superposed  # neither alone would do
+    assert apart(of_clearance(m, degrees, "equilibrium"), displacements(both)) > 4 * superposed
+
+
+def test_rigid_links_in_between_stay_rigid() -> None:
+    m = load("paper").with_body("coupler", youngs_modulus=None, shear_modulus=None)
+    found = flexible_static(m, np.radians(30.0)).displacement
+    assert abs((found["coupler", "A"] + found["coupler", "B"]) / 2 - found["coupler", "com"]) < 1e-9
+    np.testing.assert_allclose(
+        displacements(flexible_static(m, np.radians(30.0))), structural(m, 30.0), atol=3e-3 * np.abs(structural(m, 30.0)).max()
+    )
+
+
+def test_what_beams_do_not_do_is_refused_in_words() -> None:
+    with pytest.raises(Unsupported, match="prismatic"):
+        flexible_static(load("slider-crank"), 0.3)
+    with pytest.raises(Unsupported, match="beside its axis"):
+        flexible_static(load("six-bar"), 0.3)
+    with pytest.raises(Unsupported, match="joint springs or friction"):
+        flexible_static(load("paper").with_joint("E", stiffness=1.0), 0.5)
+    with pytest.raises(Unsupported, match=r"drive\.stiffness"):
+        flexible_static(load("paper").replace(drive=Drive(joint="D", speed=1.0, stiffness=100.0)), 0.5)
+    with pytest.raises(Unsupported, match="section"):
+        flexible_static(load("paper").with_body("crank", section=(0.0, 0.0)), 0.5)

@@ -1,0 +1,334 @@
+"""Exudyn against the analytic model, an independent ordinary differential equation, and its own known traps."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analytic.assembly import Assembly, AssemblyError
+from analytic.clearance import displaced
+from analytic.kinematics import kinematics
+from analytic.kinetostatics import kinetostatics
+from analytic.mechanism import Drive, Mechanism
+from analytic.mechanism_file import load
+from analytic.released import released
+from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
+from ode import ClearanceMotion, clearance_four_bar_ode
+from sim_models.engine import JointModel, Motion, Request, SimulationError, Trace, Unsupported
+from sim_models.exudyn_engine import ENGINE
+from sim_models.exudyn_model import hysteresis
+from sim_models.start import poses
+
+if importlib.util.find_spec("exudyn") is None:
+    pytest.skip("exudyn is not installed", allow_module_level=True)
+
+PAPER_RANGE = np.radians(np.arange(20, 161, 5.0))
+REAL: tuple[JointModel, ...] = ("massless-link", "spring-damper", "contact")
+
+
+def run(mechanism: Mechanism, joint_model: JointModel, motion: Motion, degrees: np.ndarray | list[float], **options: object) -> Trace:
+    return ENGINE.simulate(Request(mechanism, joint_model, motion, np.radians(degrees), **options))  # type: ignore[arg-type]
+
+
+def vector(signals: object, name: str) -> np.ndarray:
+    return signals[f"{name}_x"] + 1j * signals[f"{name}_y"]  # type: ignore[index]
+
+
+def reaction_errors(trace: Trace, mechanism: Mechanism, joint: str) -> tuple[float, float]:
+    """Largest error of a reaction's direction (deg) and magnitude (%) against the analytic equilibrium."""
+    clearances = dict(trace.clearance)
+    moving = trace.motion == "driven"
+    yardstick = displaced(Assembly(mechanism), trace.crank_angle, mechanism.speed or 1.0, inertia=moving, clearances=clearances)
+    assert not yardstick.flags
+    ratio = vector(trace.signals, f"reaction_{joint}") / vector(yardstick.signals(), f"reaction_{joint}")
+    return float(np.degrees(np.abs(np.angle(ratio))).max()), float(100 * np.abs(np.abs(ratio) - 1).max())
+
+
+# ---------------------------------------------------------------- statics
+
+
+@pytest.mark.parametrize("clearance", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize(("joint_model", "degrees", "percent"), [("ideal", 1e-11, 1e-11), ("massless-link", 1e-5, 1e-4)])
+def test_rigid_static_models_reproduce_the_analytic_equilibrium(joint_model: JointModel, degrees: float, percent: float, clearance: float) -> None:
+    m = load("paper").with_clearances({"B": clearance})
+    angle, size = reaction_errors(run(m, joint_model, "static", np.degrees(PAPER_RANGE)), m, "B")
+    assert angle < degrees
+    assert size < percent
+
+
+@pytest.mark.parametrize("clearance", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("joint_model", ["spring-damper", "contact"])
+def test_compliant_static_models_differ_from_rigid_contact_by_their_penetration(joint_model: JointModel, clearance: float) -> None:
+    m = load("paper").with_clearances({"B": clearance})
+    trace = run(m, joint_model, "static", np.degrees(PAPER_RANGE))
+    angle, size = reaction_errors(trace, m, "B")
+    assert angle < 1e-3
+    assert size < 0.01
+    depth = np.abs(vector(trace.signals, "clearance_B")) - clearance
+    np.testing.assert_allclose(1e8 * depth, np.abs(vector(trace.signals, "reaction_B")), rtol=1e-6)
+    stiffer = m.with_joint("B", contact_stiffness=1e9)
+    assert reaction_errors(run(stiffer, joint_model, "static", np.degrees(PAPER_RANGE)), m, "B")[0] < 0.2 * angle
+
+
+@pytest.mark.parametrize("joint_model", REAL)
+def test_clearance_in_several_joints_at_once_the_drive_joint_among_them(joint_model: JointModel) -> None:
+    clearances = {"D": 1e-4, "F": 2e-4, "B": 1e-4, "G": 5e-5}
+    m = load("six-bar").with_clearances(clearances)
+    trace = run(m, joint_model, "static", np.arange(0.0, 360.0, 30.0))
+    for joint in "DABECFG":
+        angle, size = reaction_errors(trace, m, joint)
+        assert angle < 0.005, joint
+        assert size < 0.01, joint
+    assert set(trace.journal) == set(clearances)
+    assert all(path.shape == (12, 2) for path in trace.journal.values())
+
+
+def test_static_friction_and_springs_of_revolute_and_prismatic_joints() -> None:
+    m = inverted_slider()
+    degrees = np.arange(0.0, 360.0, 20.0)
+    trace = run(m, "ideal", "static", degrees)
+    expected = kinetostatics(kinematics(Assembly(m), np.radians(degrees), m.speed or 0.0), inertia=False).signals()
+    for name in [*(f"reaction_{j}_{axis}" for j in "OASC" for axis in "xy"), "reaction_S_moment", "drive_torque"]:
+        np.testing.assert_allclose(trace.signals[name], expected[name], atol=1e-11 * np.abs(expected[name]).max(), err_msg=name)
+
+
+def test_statics_answers_in_the_order_of_the_question() -> None:
+    m = load("paper").with_clearances({"B": 1e-3})
+    asked = [120.0, 30.0, 30.0, 90.0]
+    trace = run(m, "contact", "static", asked)
+    alone = [run(m, "contact", "static", [a]).signals["reaction_B_x"][0] for a in asked]
+    np.testing.assert_allclose(trace.signals["reaction_B_x"], alone, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("joint_model", REAL)
+def test_a_pin_that_nothing_presses_has_no_static_equilibrium(joint_model: JointModel) -> None:
+    m = load("crank-rocker").with_clearances({"B": 1e-4})
+    with pytest.raises(SimulationError, match="nothing presses the pin of joint B"):
+        run(m, joint_model, "static", [40.0])
+
+
+# ---------------------------------------------------------------- driven
+
+
+DRIVEN = {
+    "crank-rocker": (load("crank-rocker"), (0.0, 360.0)),
+    "slider-crank": (load("slider-crank"), (0.0, 360.0)),
+    "six-bar": (load("six-bar"), (0.0, 360.0)),
+    "six-bar from its rocker": (six_bar_driven_from_the_rocker(), (105.0, 125.0)),
+    "inverted slider in reverse": (inverted_slider(), (0.0, 360.0)),
+    "scotch yoke": (scotch_yoke(), (20.0, 160.0)),
+}
+
+
+@pytest.mark.parametrize("name", DRIVEN)
+def test_ideal_driven_linkages_reproduce_kinetostatics(name: str) -> None:
+    m, (low, high) = DRIVEN[name]
+    degrees = np.linspace(low, high, 19)
+    trace = run(m, "ideal", "driven", degrees)
+    expected = kinetostatics(kinematics(Assembly(m), np.radians(degrees), m.speed or 0.0)).signals()
+    force = max(np.abs(expected[k]).max() for k in expected if k.startswith("reaction") and not k.endswith("moment"))
+    for signal, values in expected.items():
+        if signal.startswith("clearance"):
+            scale, rtol = 1.0, 1e-7  # m; constraints are kept on velocity, so that positions drift a little
+        elif signal.startswith("reaction") and not signal.endswith("moment"):
+            scale, rtol = force, 1e-5
+        else:
+            scale, rtol = max(np.abs(values).max(), 1e-3), 1e-5
+        np.testing.assert_allclose(trace.signals[signal], values, rtol=0, atol=rtol * scale, err_msg=signal)
+
+
+@pytest.mark.parametrize("joint_model", REAL)
+@pytest.mark.parametrize("clearance", [pytest.param(1e-2, marks=pytest.mark.slow), 1e-3, pytest.param(1e-4, marks=pytest.mark.slow)])
+def test_driven_paper_case_starts_and_stays_in_the_analytic_equilibrium(joint_model: JointModel, clearance: float) -> None:
+    m = load("paper").with_clearances({"B": clearance})
+    trace = run(m, joint_model, "driven", np.degrees(PAPER_RANGE))
+    angle, size = reaction_errors(trace, m, "B")
+    assert angle < 0.05
+    assert size < 0.5
+    assert trace.free_share["B"] == 0.0
+    np.testing.assert_allclose(trace.time, (PAPER_RANGE - PAPER_RANGE[0]) / m.speed)
+
+
+def test_the_crank_turns_to_where_it_is_sent() -> None:
+    """Index 2 with a position offset and no rate of it would leave the crank standing."""
+    asked = [90.0, 30.0, 50.0, 30.0]
+    trace = run(load("paper"), "ideal", "driven", asked)
+    np.testing.assert_allclose(trace.signals["crank_angle"], np.radians(asked), atol=1e-12)
+    np.testing.assert_allclose(trace.signals["crank_angular_velocity"], load("paper").speed, rtol=1e-12)
+
+
+def test_a_lead_in_ends_where_a_direct_start_begins() -> None:
+    m = load("paper").with_clearances({"B": 1e-3})
+    led, direct = (run(m, "contact", "driven", [60.0, 62.0], lead_in=lead) for lead in (0.2, 0.0))
+    np.testing.assert_allclose(np.abs(vector(led.signals, "reaction_B")), np.abs(vector(direct.signals, "reaction_B")), rtol=2e-4)
+    assert led.journal["B"].shape == pytest.approx(direct.journal["B"].shape, abs=5)
+
+
+@pytest.mark.parametrize("joint_model", ["ideal", "massless-link"])
+def test_a_compliant_drive_reports_at_the_driven_bodys_angles(joint_model: JointModel) -> None:
+    m = load("paper").with_clearances({"B": 1e-4})
+    m = m.replace(drive=Drive(joint="D", speed=-(m.speed or 0), stiffness=500.0))
+    trace = run(m, joint_model, "driven", [120.0, 40.0, 80.0])
+    np.testing.assert_allclose(trace.signals["crank_angle"], np.radians([120.0, 40.0, 80.0]), atol=1e-6)
+    angle, size = reaction_errors(trace, m, "B")
+    assert angle < 0.02
+    assert size < 0.05
+    lag = trace.signals["drive_torque"] / 500.0  # motor ahead of the crank
+    assert trace.time is not None
+    motor = trace.crank_angle + lag
+    np.testing.assert_allclose(motor - motor[0], m.speed * (trace.time - trace.time[0]), atol=2e-6)
+
+
+# ---------------------------------------------------------------- released
+
+
+def test_released_pendulum_with_friction_and_damping() -> None:
+    m = load("pendulum").with_joint("O", friction_torque=0.02, damping=0.001)
+    time = np.linspace(0, 1.5, 31)
+    trace = ENGINE.simulate(Request(m, "ideal", "driven", time=time))
+    expected = released(Assembly(m), time).signals()
+    np.testing.assert_allclose(trace.signals["pendulum_angle"], expected["pendulum_angle"], atol=3e-4)
+    np.testing.assert_allclose(trace.signals["reaction_O_y"], expected["reaction_O_y"], atol=2e-3)
+    assert not trace.signals["drive_torque"].any()
+
+
+@pytest.mark.parametrize("joint_model", REAL)
+def test_released_pendulum_hangs_a_clearance_lower(joint_model: JointModel) -> None:
+    """A pin pressed against its bearing makes the pendulum a double one whose first link is the clearance."""
+    m = load("pendulum").with_clearances({"O": 1e-4})
+    time = np.linspace(0, 0.5, 11)
+    trace = ENGINE.simulate(Request(m, joint_model, "driven", time=time))
+    expected = released(Assembly(m), time).signals()
+    np.testing.assert_allclose(trace.signals["pendulum_angle"], expected["pendulum_angle"], atol=5e-3)
+    np.testing.assert_allclose(np.abs(vector(trace.signals, "clearance_O")), 1e-4, rtol=0.01)
+    assert trace.free_share["O"] == 0.0
+
+
+# ---------------------------------------------------------------- contact
+
+
+def fast_crank_rocker(clearance: float, damping: float) -> Mechanism:
+    m = load("crank-rocker").replace(drive=Drive(joint="D", speed=20 * math.pi)).with_clearances({"B": clearance})
+    return m.with_joint("B", contact_stiffness=1e6, contact_damping=damping)
+
+
+def reference(m: Mechanism, time: np.ndarray, tolerance: float = 1e-10) -> ClearanceMotion:
+    start = poses(Assembly(m), 0.0)
+    contact = m.joint("B")
+    assert contact.contact_stiffness is not None
+    assert contact.contact_damping is not None
+    angles = start["coupler"].angle, start["follower"].angle
+    return clearance_four_bar_ode(
+        m, contact.clearance, contact.contact_stiffness, contact.contact_damping, time, 0.0, *angles, max_step=1e-4, tolerance=tolerance
+    )
+
+
+@pytest.mark.parametrize("joint_model", ["spring-damper", "contact"])
+def test_one_revolution_at_600_rpm_follows_the_differential_equation(joint_model: JointModel) -> None:
+    m = fast_crank_rocker(2e-4, 300.0)
+    degrees = np.arange(0.0, 361.0, 5.0)
+    ode = reference(m, np.radians(degrees) / m.speed)
+    trace = run(m, joint_model, "driven", degrees, start="centred")
+    np.testing.assert_allclose(trace.signals["coupler_angle"], ode.coupler, atol=2e-5)
+    np.testing.assert_allclose(trace.signals["follower_angle"], ode.follower, atol=2e-5)
+    fine = run(m, joint_model, "driven", degrees, start="centred", step=1e-5)
+    np.testing.assert_allclose(vector(fine.signals, "reaction_B"), ode.force, atol=0.01 * np.abs(ode.force).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("joint_model", ["spring-damper", "contact"])
+def test_impacts_of_twenty_revolutions_agree_in_the_mean(joint_model: JointModel) -> None:
+    m = fast_crank_rocker(5e-4, 30.0)
+    revolution = 0.1
+    ode = reference(m, np.linspace(0, 22 * revolution, 220001), tolerance=1e-8)
+    late = ode.time >= 2 * revolution
+    rms, free = math.sqrt(np.mean(np.abs(ode.force[late]) ** 2)), np.mean(np.abs(ode.gap[late]) <= 5e-4)
+    trace = run(m, joint_model, "driven", np.linspace(720, 7920, 7201), start="centred", lead_in=4 * math.pi, step=1e-5)
+    assert math.sqrt(np.mean(np.abs(vector(trace.signals, "reaction_B")) ** 2)) == pytest.approx(rms, rel=0.05)
+    assert trace.free_share["B"] == pytest.approx(free, rel=0.05)
+
+
+@pytest.mark.parametrize("restitution", [0.9, 0.5, 0.2])
+def test_contact_delivers_the_nominal_restitution(restitution: float) -> None:
+    """Impact model 2 does; Hunt-Crossley (model 1) would deliver 0.909, 0.663, 0.547."""
+    m = load("pendulum").with_clearances({"O": 1e-3}).with_joint("O", restitution=restitution, contact_stiffness=1e8)
+    time = np.linspace(0, 0.02, 2001)
+    trace = ENGINE.simulate(Request(m, "contact", "driven", time=time, start="centred", step=2e-6))
+    gap = vector(trace.signals, "clearance_O")
+    touches = int(np.argmax(np.abs(gap) > 1e-3))
+    leaves = touches + int(np.argmax(np.abs(gap[touches:]) <= 1e-3))
+    speed = np.gradient(np.real(gap * np.conj(gap[touches] / abs(gap[touches]))), time)
+    assert -speed[leaves + 2] / speed[touches - 3] == pytest.approx(restitution, rel=0.03)
+
+
+@pytest.mark.parametrize(("e", "delivered"), [(0.9, 0.9), (0.7, 0.69997), (0.5, 0.50017), (0.3, 0.30422)])
+def test_hysteresis_factor_satisfies_the_momentum_balance(e: float, delivered: float) -> None:
+    """chi (1 + e') = ln[(1 + chi)/(1 - chi e')], with Carvalho-Martins' and (0.3) Gonthier's published e'."""
+    chi = hysteresis(e)
+    assert chi * (1 + delivered) == pytest.approx(math.log((1 + chi) / (1 - chi * delivered)), rel=3e-4)
+
+
+def test_contact_friction_turns_the_displacement_by_atan_mu() -> None:
+    m = load("paper").with_clearances({"B": 1e-4}).with_joint("B", friction=0.2, pin_radius=0.01)
+    trace = run(m, "contact", "driven", [30.0, 45.0, 60.0])
+    turned = np.angle(vector(trace.signals, "reaction_B") / vector(trace.signals, "clearance_B"))
+    np.testing.assert_allclose(turned, -math.atan(0.2), rtol=1e-3)
+
+
+# ---------------------------------------------------------------- traps
+
+
+@pytest.mark.parametrize("motion", ["static", "driven"])
+def test_no_run_passes_a_change_point(motion: Motion) -> None:
+    with pytest.raises(AssemblyError, match="change point"):
+        run(load("paper"), "contact", motion, [-10.0, 30.0])
+
+
+@pytest.mark.parametrize("joint_model", ["spring-damper", "contact"])
+@pytest.mark.parametrize("damping", [0.0, None])
+def test_garbage_of_a_stiff_contact_and_a_long_step_is_an_error(joint_model: JointModel, damping: float | None) -> None:
+    m = load("paper").with_clearances({"B": 1e-3}).with_joint("B", contact_stiffness=1e9)
+    m = m if damping is None else m.with_joint("B", contact_damping=damping)
+    with pytest.raises(SimulationError, match="smaller step"):
+        run(m, joint_model, "driven", np.degrees(PAPER_RANGE), start="centred", step=3e-3)
+
+
+def test_silent_and_nothing_left_on_disk(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import exudyn
+
+    monkeypatch.chdir(tmp_path)
+    before = exudyn.config.printToConsole
+    run(load("paper").with_clearances({"B": 1e-3}), "contact", "driven", [30.0, 31.0])
+    with pytest.raises(SimulationError):
+        run(load("crank-rocker").with_clearances({"B": 1e-4}), "contact", "static", [40.0])
+    assert capfd.readouterr() == ("", "")
+    assert not list(tmp_path.iterdir())
+    assert exudyn.config.printToConsole == before
+
+
+def test_what_exudyn_does_not_do_is_refused_in_words() -> None:
+    m = load("paper").with_clearances({"B": 1e-3})
+    with pytest.raises(Unsupported, match="measured drive"):
+        run(m.replace(drive=Drive(joint="D", speed="measured")), "ideal", "driven", [30.0])
+    with pytest.raises(Unsupported, match="pin centred"):
+        run(m, "massless-link", "driven", [30.0], start="centred")
+    with pytest.raises(Unsupported, match="friction"):
+        run(m.with_joint("B", friction=0.1), "contact", "static", [30.0])
+    with pytest.raises(Unsupported, match=r"Request\.time"):
+        run(load("pendulum"), "ideal", "driven", [30.0])
+    with pytest.raises(Unsupported, match="no crank angle"):
+        run(m, "ideal", "driven", [])
+
+
+def test_settings_say_which_law_and_numbers_were_used() -> None:
+    m = load("paper").with_clearances({"B": 1e-3})
+    settings = run(m, "contact", "driven", [30.0, 30.5]).settings
+    assert settings["contact_stiffness"] == 1e7
+    assert settings["restitution"]["B"] == pytest.approx(0.2984, abs=1e-3)  # of a damping ratio of 0.5, never pulling
+    assert 0 < settings["step"] < 1e-4
+    linear = run(m.with_joint("B", contact_damping=40.0), "contact", "driven", [30.0, 30.5]).settings
+    assert linear["contact_damping"] == {"B": 40.0}
