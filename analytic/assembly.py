@@ -177,7 +177,7 @@ class Assembly:
         """Refuse a walk on which the group's margin sinks to zero, at or between its angles."""
         self._refuse(theta, margin, group, False)
         beside = np.concatenate([[np.inf], margin, [np.inf]])
-        for k in np.flatnonzero((margin <= beside[:-2]) & (margin <= beside[2:]) & (margin < 0.1)):
+        for k in np.flatnonzero((margin <= beside[:-2]) & (margin <= beside[2:]) & (margin < 0.1)).tolist():
             low, high = theta[max(k - 1, 0)], theta[min(k + 1, theta.size - 1)]
             for _ in range(5):
                 zoom = np.linspace(low, high, 41)

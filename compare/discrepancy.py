@@ -2,42 +2,67 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import resources
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from analytic.mechanism import Mechanism
 from compare.signals import UNITS, Kind
+from compare.tolerances import Known, ToleranceError, check_known, known_differences, load_tolerances
+
+__all__ = [
+    "ANGULAR", "Difference", "Discrepancy", "Rule", "Scales", "ToleranceError", "Tube",
+    "check_known", "difference", "judge", "known_differences", "load_tolerances",
+]  # fmt: skip
 
 Verdict = Literal["agrees", "disagrees", "known"]
 ANGULAR: tuple[Kind, ...] = ("angle", "rotation", "position")  # compared modulo a turn
 
 
-class ToleranceError(ValueError):
-    """A tolerance file cannot be used; the message says why."""
+@dataclass(frozen=True)
+class Tube:
+    """How far (N,) a signal rises above and falls below each of its samples within a window of crank angle; neither is negative."""
+
+    above: np.ndarray
+    below: np.ndarray
+
+    @classmethod
+    def around(cls, values: np.ndarray, theta: np.ndarray | None, window: float) -> Tube:
+        """The tube of a signal (N,) sampled at crank angles theta (N,) rad, any order; ``window`` (rad) is to either side.
+
+        Between samples the signal is the straight line; beyond its ends, and towards a missing sample, it allows nothing.
+        """
+        if theta is None or window == 0:
+            return cls(np.zeros(values.shape), np.zeros(values.shape))
+        order = np.argsort(theta)
+        x, y = theta[order], values[order]
+        before, after = (np.interp(x + side * window, x, y) - y for side in (-1, 1))
+        above, below = np.empty_like(y), np.empty_like(y)
+        above[order] = np.fmax(np.fmax(before, after), 0.0)
+        below[order] = np.fmax(np.fmax(-before, -after), 0.0)
+        return cls(above, below)
 
 
 @dataclass(frozen=True)
 class Difference:
     """One signal minus another where they differ most: ``max`` (signed), at sample ``at``, and the root mean square.
 
-    "Most" is relative to the tolerance of each sample, where there is one: ``share`` is that largest share of it.
+    "Most" is relative to what each sample is allowed, where that is given: ``share`` is the largest share of it,
+    ``allowed`` the allowance there.
     """
 
     max: float
     rms: float
     at: int
     share: float
+    allowed: float = float("nan")
 
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """A signal's difference with its tolerance and verdict, all in ``unit``."""
+    """A signal's difference with its tolerance and verdict, all in ``unit``; ``reason`` is empty or why the verdict is not the tolerance's."""
 
     signal: str
     kind: Literal["angle", "magnitude", "value"]
@@ -47,30 +72,30 @@ class Discrepancy:
     at: int
     tolerance: float
     verdict: Verdict
+    reason: str = ""
 
 
-def load_tolerances(path: Path | None = None) -> dict[str, Any]:
-    """The shipped tolerances, or a file's.  Raises ToleranceError."""
-    source = resources.files("compare").joinpath("tolerances.toml") if path is None else path
-    try:
-        return tomllib.loads(source.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ToleranceError(f"--tolerance {path}: cannot be read ({error}); give a TOML file like compare/tolerances.toml") from None
-
-
-def difference(simulated: np.ndarray, analytic: np.ndarray, angular: bool, tolerance: np.ndarray | None = None) -> Difference | None:
+def difference(
+    simulated: np.ndarray, analytic: np.ndarray, angular: bool, tolerance: np.ndarray | None = None, tube: Tube | None = None
+) -> Difference | None:
     """Difference over the samples (N,) that both have; angles modulo a turn; None if there are none.
 
-    ``tolerance`` (N,) is what each sample may differ by; NaN leaves a sample out.
+    ``tolerance`` (N,) is what each sample may differ by, and ``tube`` how much further on the side where the analytic
+    signal goes within its window; a NaN tolerance leaves a sample out.
     """
     values = np.asarray(simulated, float) - np.asarray(analytic, float)
     if angular:
         values = (values + np.pi) % (2 * np.pi) - np.pi
-    share = np.abs(values) if tolerance is None else np.abs(values) / np.maximum(tolerance, np.finfo(float).tiny)
+    if tolerance is None:
+        allowed, share = np.full(values.shape, np.nan), np.abs(values)
+    else:
+        allowed = tolerance if tube is None else tolerance + np.where(values > 0, tube.above, tube.below)
+        share = np.abs(values) / np.maximum(allowed, np.finfo(float).tiny)
     if not np.isfinite(share).any():
         return None
     at = int(np.nanargmax(share))
-    return Difference(float(values[at]), float(np.sqrt(np.nanmean(values[np.isfinite(share)] ** 2))), at, float(share[at]))
+    rms = float(np.sqrt(np.nanmean(values[np.isfinite(share)] ** 2)))
+    return Difference(float(values[at]), rms, at, float(share[at]), float(allowed[at]))
 
 
 @dataclass(frozen=True)
@@ -93,6 +118,7 @@ class Rule:
 
     Nothing is judged below ``noise`` times the run's scales, nor a direction where its force is below ``floor`` of its
     peak; above that a direction may be off by ``absolute`` times peak over force, the same error in newtons everywhere.
+    ``window`` (rad of crank angle) widens this where the signal is steep.
     """
 
     kind: Kind
@@ -102,6 +128,7 @@ class Rule:
     noise: float
     scales: Scales
     clearance: float = 0.0  # m, the scale of a displacement
+    window: float = 0.0
 
     @classmethod
     def read(
@@ -117,26 +144,69 @@ class Rule:
         except KeyError as error:
             raise ToleranceError(f"the tolerance file has no {error.args[0]!r} (looking for {motion}.{joint_model}.{kind}); add it") from None
         yielding = give / clearance if kind in ("displacement", "rotation") and clearance else 0.0
-        return cls(kind, float(line.get("absolute", 0.0)), float(line.get("relative", 0.0)) + yielding, floor, noise, scales, clearance)
+        absolute, relative, window = (float(line.get(name, 0.0)) for name in ("absolute", "relative", "window"))
+        return cls(kind, absolute, relative + yielding, floor, noise, scales, clearance, window)
 
     def tolerance(self, signal: str, analytic: Mapping[str, np.ndarray]) -> np.ndarray:
-        """What each sample (N,) may differ by, in the signal's unit; NaN where it means nothing."""
+        """What each sample (N,) may differ by before the window, in the signal's unit; NaN where it means nothing."""
         if self.kind == "angle":
             size = analytic[signal.removesuffix("_angle") + "_magnitude"]
             peak = np.nanmax(size, initial=0.0)
             meaningful = size > max(self.floor * peak, self.noise * self.scales.force)
             return np.where(meaningful, self.absolute * peak / np.where(meaningful, size, 1.0), np.nan)
-        peak = self.clearance if self.kind == "displacement" else float(np.nanmax(np.abs(analytic[signal]), initial=0.0))
-        unit = {"magnitude": self.scales.force, "torque": self.scales.force * self.scales.length}.get(self.kind, 0.0)
-        return np.full(analytic[signal].shape, max(self.absolute, self.relative * peak, self.noise * unit))
+        return np.full(analytic[signal].shape, max(self.absolute, self.relative * self._peak(analytic[signal]), self._noise))
+
+    def _peak(self, values: np.ndarray) -> float:
+        """What ``relative`` refers to; a body that clearance hardly turns is measured by what it does to the longest."""
+        if self.kind == "displacement":
+            return self.clearance
+        peak = float(np.nanmax(np.abs(values), initial=0.0))
+        return max(peak, self.clearance / self.scales.length) if self.kind == "rotation" else peak
+
+    @property
+    def _noise(self) -> float:
+        return self.noise * {"magnitude": self.scales.force, "torque": self.scales.force * self.scales.length}.get(self.kind, 0.0)
 
 
-def judge(signal: str, simulated: Mapping[str, np.ndarray], analytic: Mapping[str, np.ndarray], rule: Rule) -> Discrepancy | None:
-    """Compare one signal under its rule; None where it has no comparable sample."""
+def judge(
+    signal: str,
+    simulated: Mapping[str, np.ndarray],
+    analytic: Mapping[str, np.ndarray],
+    rule: Rule,
+    theta: np.ndarray | None = None,
+    known: Known | None = None,
+) -> Discrepancy | None:
+    """Compare one signal under its rule; None where it has no comparable sample.
+
+    ``theta`` (N,) rad is the crank angle, for the rule's window; without it there is no window.  A sample that only one
+    side has disagrees.  A ``known`` difference must be there, and within its bound.
+    """
     tolerance = rule.tolerance(signal, analytic)
-    found = difference(simulated[signal], analytic[signal], rule.kind in ANGULAR, tolerance)
+    tube = Tube.around(analytic[signal], theta, rule.window)
+    found = difference(simulated[signal], analytic[signal], rule.kind in ANGULAR, tolerance, tube)
+    one_sided = np.flatnonzero(np.isfinite(simulated[signal]) != np.isfinite(analytic[signal]))
+    if one_sided.size:
+        rms = found.rms if found else float("nan")
+        why = f"{one_sided.size} of {tolerance.size} samples have a number on one side only"
+        return _discrepancy(signal, rule.kind, Difference(float("nan"), rms, int(one_sided[0]), np.inf), "disagrees", why)
     if found is None:
         return None
-    public: Literal["angle", "magnitude", "value"] = "angle" if rule.kind == "angle" else "magnitude" if rule.kind == "magnitude" else "value"
-    verdict: Verdict = "agrees" if found.share <= 1 else "disagrees"
-    return Discrepancy(signal, public, UNITS[rule.kind], found.max, found.rms, found.at, float(tolerance[found.at]), verdict)
+    if known is None:
+        return _discrepancy(signal, rule.kind, found, "agrees" if found.share <= 1 else "disagrees")
+    bound = difference(simulated[signal], analytic[signal], rule.kind in ANGULAR, np.where(np.isnan(tolerance), np.nan, known.bound))
+    verdict, why = _judge_known(known, found, bound or found, UNITS[rule.kind])
+    return _discrepancy(signal, rule.kind, found, verdict, why)
+
+
+def _judge_known(known: Known, found: Difference, widest: Difference, unit: str) -> tuple[Verdict, str]:
+    """The verdict on a difference that is declared known, and why; ``widest`` is its share of the bound."""
+    if found.share <= 1:
+        return "disagrees", f"known difference has vanished: within the tolerance now, so strike it from the tolerance file ({known.reason})"
+    if widest.share > 1:
+        return "disagrees", f"known difference has left its bound of {known.bound:g} {unit}: it reaches {widest.max:.4g} {unit} ({known.reason})"
+    return "known", f"{known.reason} (bound {known.bound:g} {unit})"
+
+
+def _discrepancy(signal: str, kind: Kind, found: Difference, verdict: Verdict, reason: str = "") -> Discrepancy:
+    public: Literal["angle", "magnitude", "value"] = "angle" if kind == "angle" else "magnitude" if kind == "magnitude" else "value"
+    return Discrepancy(signal, public, UNITS[kind], found.max, found.rms, found.at, found.allowed, verdict, reason)

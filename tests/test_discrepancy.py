@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
-from compare.discrepancy import Rule, Scales, ToleranceError, difference, judge, load_tolerances
+from compare.discrepancy import Discrepancy, Rule, Scales, ToleranceError, Tube, difference, judge, known_differences, load_tolerances
+from compare.tolerances import Known
 
 THETA = np.linspace(0.3, 2.8, 51)
 ANGLE, SIZE = THETA.copy(), 50.0 + 20 * np.cos(THETA)
@@ -69,11 +73,189 @@ def test_signals_without_a_common_sample_are_not_judged() -> None:
     assert difference(np.full(5, np.nan), np.zeros(5), angular=False) is None
 
 
-def test_a_faulty_tolerance_file_is_refused(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    path = tmp_path / "t.toml"
-    path.write_text("not = [toml", encoding="utf-8")
-    with pytest.raises(ToleranceError, match=r"--tolerance .*t.toml: cannot be read"):
-        load_tolerances(path)
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_sample_without_a_number_on_one_side_disagrees(value: float) -> None:
+    torque = SIDE["drive_torque"].copy()
+    torque[17] = value
+    found = judge("drive_torque", SIDE | {"drive_torque": torque}, SIDE, rule("torque"))
+    assert found is not None
+    assert (found.verdict, found.at) == ("disagrees", 17)
+    assert "1 of 51 samples" in found.reason
+    blank = {"drive_torque": np.where(np.arange(51) == 17, np.nan, SIDE["drive_torque"])}
+    flagged = judge("drive_torque", SIDE | blank, SIDE | blank, rule("torque"))
+    assert flagged is not None
+    assert flagged.verdict == "agrees"
+
+
+def test_a_body_that_clearance_does_not_turn_may_turn_by_rounding() -> None:
+    still = {"slider_rotation": np.zeros(51)}
+    limits = Rule.read(TOLERANCES, "static", "contact", "rotation", Scales(70.0, 0.4), clearance=1e-4)
+    rounding = judge("slider_rotation", {"slider_rotation": np.full(51, 1e-12)}, still, limits)
+    turned = judge("slider_rotation", {"slider_rotation": np.full(51, 1e-6)}, still, limits)
+    assert rounding is not None
+    assert turned is not None
+    assert (rounding.verdict, turned.verdict) == ("agrees", "disagrees")
+
+
+# -------------------------------------------------------------------- the window of crank angle
+
+GRID = np.radians(np.arange(0.0, 181.0, 5.0))
+WINDOW = np.radians(0.05)
+
+
+def judged(values: np.ndarray, simulated: np.ndarray, window: float = WINDOW, absolute: float = 1e-3) -> Discrepancy:
+    tube = Rule("torque", absolute, 0.0, 0.02, 0.0, Scales(1.0, 1.0), window=window)
+    found = judge("drive_torque", {"drive_torque": simulated}, {"drive_torque": values}, tube, GRID)
+    assert found is not None
+    return found
+
+
+STEEP = np.interp(GRID, [0.0, np.radians(88), np.radians(92), np.pi], [0.0, 0.1, 10.0, 10.1])  # jumps from one sample to the next
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_steep_flank_a_moment_early_or_late_agrees_and_without_the_window_it_would_not(side: int) -> None:
+    late = np.interp(GRID + side * 0.9 * WINDOW, GRID, STEEP)
+    assert judged(STEEP, late).verdict == "agrees"
+    assert judged(STEEP, late, window=0.0).verdict == "disagrees"
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_twice_the_window_is_too_much(side: int) -> None:
+    assert judged(STEEP, np.interp(GRID + side * 2 * WINDOW, GRID, STEEP)).verdict == "disagrees"
+
+
+@pytest.mark.parametrize("curve", [STEEP, np.sin(GRID), 5 * np.cos(3 * GRID)], ids=["steep", "sine", "fast"])
+def test_a_shift_by_one_sample_is_no_matter_of_the_window(curve: np.ndarray) -> None:
+    assert judged(curve, np.roll(curve, 1)).verdict == "disagrees"
+
+
+def test_the_window_gives_nothing_where_the_signal_is_flat() -> None:
+    flat = np.full(GRID.size, 3.0)
+    assert judged(flat, flat + 1.01e-3).verdict == "disagrees"
+    assert judged(flat, flat + 1.01e-3).tolerance == pytest.approx(1e-3)
+
+
+def test_the_tube_is_open_only_to_the_side_that_the_signal_takes() -> None:
+    rising = np.where(GRID > np.radians(87), (GRID - np.radians(87)) * 100, 0.0)  # flat, then a kink upward
+    at = int(np.flatnonzero(rising == 0)[-1])
+    bump = 0.9 * WINDOW * (rising[at + 1] - rising[at]) / np.radians(5) * (np.arange(GRID.size) == at)
+    assert judged(rising, rising + bump).verdict == "agrees"
+    assert judged(rising, rising - bump).verdict == "disagrees"
+
+
+def test_the_tube_of_a_line_is_its_slope_times_the_window_in_any_order_of_samples() -> None:
+    order = np.random.default_rng(1).permutation(GRID.size)
+    tube = Tube.around(4 * GRID[order], GRID[order], WINDOW)
+    inner = (GRID[order] > 0) & (GRID[order] < np.pi)
+    np.testing.assert_allclose(tube.above[inner], 4 * WINDOW)
+    np.testing.assert_allclose(tube.below[inner], 4 * WINDOW)
+    assert tube.above[order == GRID.size - 1] == 0  # the last sample has nothing above it
+
+
+def test_a_missing_neighbour_opens_nothing() -> None:
+    curve = 4 * GRID
+    curve[10] = np.nan
+    tube = Tube.around(curve, GRID, WINDOW)
+    assert tube.above[9] == 0
+    assert tube.below[9] == pytest.approx(4 * WINDOW)
+    assert np.isfinite(tube.above).all()
+
+
+# -------------------------------------------------------------------- known differences
+
+KNOWN = Known(case="paper", signal="drive_torque", bound=0.5, reason="measured so")
+TORQUE = SIDE["drive_torque"]
+
+
+@pytest.mark.parametrize(
+    ("off", "expected", "words"),
+    [
+        (0.3, "known", "measured so (bound 0.5 N.m)"),
+        (-0.3, "known", "measured so"),
+        (0.6, "disagrees", "has left its bound of 0.5 N.m: it reaches 0.6 N.m"),
+        (-0.6, "disagrees", "it reaches -0.6 N.m"),
+        (0.0, "disagrees", "has vanished"),
+        (1e-4, "disagrees", "has vanished"),
+    ],
+)
+def test_a_known_difference_must_be_there_and_within_its_bound(off: float, expected: str, words: str) -> None:
+    found = judge("drive_torque", {"drive_torque": TORQUE + off}, SIDE, rule("torque"), known=KNOWN)
+    assert found is not None
+    assert found.verdict == expected
+    assert words in found.reason
+
+
+def test_the_bound_of_a_known_direction_holds_at_every_angle_that_has_one() -> None:
+    size = np.where(np.arange(51) == 20, 5.0, 70.0)
+    off = np.where(np.arange(51) == 20, 0.3, 0.1)  # in newtons the first is the smaller error, in angle the larger
+    side = SIDE | {"reaction_B_magnitude": size}
+    known = Known(case="paper", signal="reaction_B_angle", bound=0.2, reason="measured so")
+    found = judge("reaction_B_angle", SIDE | {"reaction_B_angle": ANGLE + off}, side, rule("angle"), known=known)
+    assert found is not None
+    assert found.verdict == "disagrees"
+    assert "reaches 0.3 rad" in found.reason
+
+
+def overlay(folder: Path, text: str) -> dict[str, Any]:
+    path = folder / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    return load_tolerances(path)
+
+
+def test_a_known_difference_is_about_the_runs_that_its_selectors_name(tmp_path: Path) -> None:
+    text = '[[known]]\ncase = "paper"\nsignal = "drive_torque"\nbound = 0.5\nreason = "r"\n'
+    text += 'joint_model = ["contact", "spring-damper"]\nmotion = "static"\n'
+    tolerances = overlay(tmp_path, text)
+    run = {"case": "paper", "simulator": "mujoco", "joint_model": "contact", "motion": "static", "analytic_model": "equilibrium"}
+    assert list(known_differences(tolerances, **run)) == ["drive_torque"]
+    for other in ({"case": "six-bar"}, {"joint_model": "ideal"}, {"motion": "driven"}):
+        assert known_differences(tolerances, **(run | other)) == {}
+
+
+# -------------------------------------------------------------------- tolerance files
+
+
+def test_a_file_is_laid_over_the_shipped_one_line_by_line(tmp_path: Path) -> None:
+    mine = overlay(tmp_path, "noise = 1e-6\n[static.contact]\nangle = { absolute = 0.01 }\n")
+    assert mine["noise"] == 1e-6
+    assert mine["static"]["contact"]["angle"] == {"absolute": 0.01}
+    assert mine["static"]["contact"]["magnitude"] == TOLERANCES["static"]["contact"]["magnitude"]
+    assert (mine["driven"], mine["floor"]) == (TOLERANCES["driven"], TOLERANCES["floor"])
+    assert TOLERANCES["static"]["contact"]["angle"] != {"absolute": 0.01}  # the shipped one is left alone
+
+
+FAULTY = {
+    "not = [toml": "cannot be read",
+    'floor = "2 %"': "floor = '2 %': input should be a valid number",
+    "noise = nan": "noise = nan: input should be a finite number",
+    "flor = 0.1": "flor is not a field; did you mean 'floor'",
+    "[static.contat]\nangle = { absolute = 1 }": "static.contat is not a field; did you mean 'contact'",
+    "[static.contact]\nangel = { absolute = 1 }": "static.contact.angel is not a field; did you mean 'angle'",
+    "[static.contact]\nangle = { absolute = -1 }": "static.contact.angle.absolute = -1: input should be greater than or equal to 0",
+    "[static.contact]\nangle = { absolute = true }": "static.contact.angle.absolute = True: input should be a valid number",
+    "[static.contact]\nangle = {}": "static.contact.angle = {}: give absolute, relative, or both",
+    "[driven.contact]\nangle = { absolute = 1, window = 0.1 }": "driven.contact.angle.window = 0.1: input should be less than or equal to 0.0175",
+    '[[known]]\ncase = "paper"\nsignal = "drive_torque"\nbound = 1.0': "known[0].reason is missing",
+    '[[known]]\ncase = "paper"\nsignal = "drive_torque"\nreason = "r"\nbound = 0.0': "known[0].bound = 0.0: input should be greater than 0",
+    '[[known]]\ncase = "p"\nsignal = "s"\nreason = "r"\nbound = 1.0\nmotion = "quick"': "known[0].motion[0] = 'quick': input should be",
+}
+
+
+@pytest.mark.parametrize("text", FAULTY)
+def test_a_faulty_tolerance_file_is_refused_with_its_field(text: str, tmp_path: Path) -> None:
+    with pytest.raises(ToleranceError) as caught:
+        overlay(tmp_path, text)
+    assert f"--tolerance {tmp_path / 'mine.toml'}: " in str(caught.value)
+    assert FAULTY[text] in str(caught.value)
+
+
+def test_a_missing_tolerance_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ToleranceError, match=r"none\.toml: cannot be read"):
+        load_tolerances(tmp_path / "none.toml")
+
+
+# -------------------------------------------------------------------- reactions
 
 
 def test_a_direction_is_judged_by_its_error_in_newtons() -> None:
