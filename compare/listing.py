@@ -16,13 +16,23 @@ def cases() -> None:
 
 
 def simulators() -> None:
-    """List the engines: installed or not, and the joint models and motions that each supports."""
-    from sim_models.engine import ENGINES, JOINT_MODELS, declared, installed_version
+    """List the engines: installed or not, and the joint models, motions and effects that each supports."""
+    from rich.console import Console
+    from rich.table import Table
 
+    from sim_models.engine import COMMON_EFFECTS, ENGINES, JOINT_MODELS, declared, installed_version
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for heading in ("simulator", "version", *JOINT_MODELS, "effects"):
+        table.add_column(heading, overflow="fold")
     for name in ENGINES:
         engine = declared(name)
-        found = installed_version(engine.package)
-        typer.echo(f"{name:10} {found or 'not installed: pip install linkage-crosscheck[' + name + ']'}")
-        for model in JOINT_MODELS:
-            motions = [motion for motion in ("driven", "static") if (model, motion) in engine.supports]
-            typer.echo(f"{'':10}   {model:14} {', '.join(motions) or '-'}")
+        motions = [", ".join(m for m in ("driven", "static") if (model, m) in engine.supports) or "-" for model in JOINT_MODELS]
+        more = sorted(engine.effects - COMMON_EFFECTS)
+        less = sorted(COMMON_EFFECTS - engine.effects)
+        effects = "all common" + "".join(f" + {e}" for e in more) + "".join(f" - {e}" for e in less)
+        table.add_row(name, installed_version(engine.package) or "not installed", *motions, effects)
+    console = Console(width=130, highlight=False)
+    console.print(table)
+    console.print(f"common effects: {', '.join(sorted(COMMON_EFFECTS))}", soft_wrap=True)
+    console.print("install one with: pip install 'linkage-crosscheck[NAME]'", markup=False)

@@ -21,6 +21,14 @@ JointModel = Literal["ideal", "massless-link", "spring-damper", "contact"]
 Motion = Literal["driven", "static"]
 Start = Literal["steady", "centred"]
 JOINT_MODELS: tuple[JointModel, ...] = get_args(JointModel)
+# What the effects of the project's vocabulary need of an engine.  These are fields of the mechanism that every engine must
+# honour; the others an engine declares for itself.
+COMMON_EFFECTS: frozenset[str] = frozenset(
+    {
+        "gravity", "payload", "com_offset", "moment_of_inertia", "link_length", "pivot_position", "joint_clearance",
+        "coulomb_friction", "viscous_friction", "joint_spring", "external_force", "load_torque",
+    }
+)  # fmt: skip
 ENGINES: tuple[str, ...] = ("mujoco", "exudyn")
 
 
@@ -100,11 +108,16 @@ class Trace:
 
 
 class Engine(Protocol):
-    """What every engine offers.  ``supports`` lists the (joint model, motion) pairs that :meth:`simulate` accepts."""
+    """What every engine offers.
+
+    ``supports`` lists the (joint model, motion) pairs that :meth:`simulate` accepts; ``effects`` names what the engine can
+    represent beside ideal links and joints: COMMON_EFFECTS, and for instance ``drive_compliance`` or ``link_flexibility``.
+    """
 
     name: str
     package: str  # importable module; also the name of this project's extra that installs it
     supports: frozenset[tuple[JointModel, Motion]]
+    effects: frozenset[str]
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.  Raises SimulationError, Unsupported, or analytic's AssemblyError for a bad start."""

@@ -15,7 +15,18 @@ import numpy as np
 
 from analytic.assembly import Assembly
 from sim_models.contact_laws import contact_parameters, lighter_mass
-from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, SimulationError, Trace, Unsupported, check_supported, installed_version
+from sim_models.engine import (
+    COMMON_EFFECTS,
+    JOINT_MODELS,
+    JointModel,
+    Motion,
+    Request,
+    SimulationError,
+    Trace,
+    Unsupported,
+    check_supported,
+    installed_version,
+)
 from sim_models.exudyn_equilibria import Equilibria, Inertia
 from sim_models.exudyn_linkage import Linkage
 from sim_models.exudyn_model import MINIMUM_IMPACT_SPEED, contact_restitution, silence
@@ -34,6 +45,7 @@ class Exudyn:
     name = "exudyn"
     package = "exudyn"
     supports: frozenset[tuple[JointModel, Motion]] = frozenset((model, motion) for model in JOINT_MODELS for motion in ("static", "driven"))
+    effects = COMMON_EFFECTS | {"drive_compliance", "link_flexibility"}
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.

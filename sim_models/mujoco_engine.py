@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
-from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Trace, check_supported
+from sim_models.engine import COMMON_EFFECTS, JOINT_MODELS, JointModel, Motion, Request, Trace, check_supported
 
 
 class MujocoEngine:
@@ -17,6 +18,7 @@ class MujocoEngine:
     name = "mujoco"
     package = "mujoco"
     supports: frozenset[tuple[JointModel, Motion]] = frozenset((model, motion) for model in JOINT_MODELS for motion in ("driven", "static"))
+    effects = COMMON_EFFECTS | {"drive_compliance"}
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""
@@ -25,6 +27,14 @@ class MujocoEngine:
         check_supported(self, request)
         with _quiet():
             return Run(request).trace()
+
+    def export(self, request: Request, folder: Path) -> list[Path]:
+        """Write a request, and what came of it, as files that run in MuJoCo alone.  Raises what :meth:`simulate` does."""
+        from sim_models.mujoco_export import export
+
+        check_supported(self, request)
+        with _quiet():
+            return export(request, folder)
 
 
 ENGINE = MujocoEngine()

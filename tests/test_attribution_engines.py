@@ -1,0 +1,85 @@
+"""A planted fault is laid at the right door: real engines, one of them or the analytic side made wrong on purpose."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from analytic import printed
+from analytic.assembly import Assembly
+from analytic.clearance import Model
+from analytic.mechanism_file import load
+from compare.crosscheck import Job, crosscheck
+from compare.discrepancy import load_tolerances
+from compare.signals import with_derived
+from compare.yardstick import Yardstick, yardstick
+from sim_models.engine import ENGINES, Engine, Motion, Request, Trace, engine
+
+INSTALLED = tuple(name for name in ENGINES if importlib.util.find_spec(engine(name).package))
+TURN = np.radians(np.arange(0.0, 360.0, 20.0))
+PAPER = np.radians(np.arange(20.0, 161.0, 20.0))
+
+pytestmark = pytest.mark.skipif(len(INSTALLED) < 2, reason="it takes two engines and the analytic model to tell who is wrong")
+
+
+@dataclass(frozen=True)
+class HeavyCoupler:
+    """A real engine that is told a coupler 5 % too heavy."""
+
+    real: Engine
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.real, name)
+
+    def simulate(self, request: Request) -> Trace:
+        m = request.mechanism
+        heavy = m.with_body("coupler", mass=m.moving["coupler"].mass * 1.05)
+        return self.real.simulate(replace(request, mechanism=heavy))
+
+
+@pytest.mark.parametrize("culprit", INSTALLED)
+def test_an_engine_with_a_mass_5_percent_off_stands_apart(culprit: str) -> None:
+    def resolve(name: str) -> Engine:
+        return HeavyCoupler(engine(name)) if name == culprit else engine(name)  # type: ignore[return-value]
+
+    job = Job(load("crank-rocker"), INSTALLED, load_tolerances(), "driven", TURN)
+    result = crosscheck(job, resolve=resolve)
+    assert result["odd_one_out"] == culprit
+    assert result["words"].startswith(f"{culprit} stands apart")
+
+
+def printed_side(assembly: Assembly, theta: np.ndarray, motion: Motion, model: Model, clearances: Mapping[str, float]) -> Yardstick:
+    """The analytic side with Eq. 11 as printed: the load in the x row."""
+    right = yardstick(assembly, theta, motion, model, clearances)
+    bar = printed.FourBar(0.4, (0.2, 0.4, 0.2), (0.1, 0.2, 0.1), (0.157, 0.314, 0.157), (5.25e-4, 4.19e-3, 5.25e-4))
+    found = printed.printed_reactions(bar, printed.four_bar_motion(bar, theta, assembly.mechanism.speed or 0.0), 50.0)
+    wrong = dict(right.signals) | {"drive_torque": found["T_s"]}
+    for joint, force in (("D", "F_12"), ("A", "F_23"), ("B", "F_34"), ("E", "F_14")):
+        wrong |= {f"reaction_{joint}_x": found[force].real, f"reaction_{joint}_y": found[force].imag}
+    return replace(right, signals=with_derived(wrong, assembly.mechanism))
+
+
+def test_the_printed_equation_11_stands_apart_as_the_analytic_model() -> None:
+    job = Job(load("paper").with_clearances({}), INSTALLED, load_tolerances(), "driven", PAPER)
+    result = crosscheck(job, measure=printed_side)
+    assert result["odd_one_out"] == "analytic"
+    assert result["words"].startswith("the analytic model stands apart")
+
+
+def test_nobody_stands_apart_where_nothing_was_planted() -> None:
+    result = crosscheck(Job(load("crank-rocker"), INSTALLED, load_tolerances(), "driven", TURN))
+    assert result["verdict"] == "agrees"
+    assert result["odd_one_out"] is None
+    assert result["words"] == "all agree within the spread between engines"
+    assert set(result["spread"]["reaction_B_angle"]["between"]) <= set(INSTALLED)
+
+
+def test_the_papers_first_order_stands_apart_at_large_clearance() -> None:
+    job = Job(load("paper"), INSTALLED, load_tolerances(), "static", PAPER, joint_model="contact", model="first_order")
+    result = crosscheck(job)
+    assert result["verdict"] == "disagrees"
+    assert result["odd_one_out"] == "analytic"
