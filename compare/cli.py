@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from compare.accuracy import accuracy
+from compare.baseline import baseline
 from compare.faults import Exit, OptionError, complaints
 from compare.listing import cases, simulators
 from compare.options import JointChoice, ModelChoice, MotionChoice, file_name, metres_by_joint
+from compare.show import show
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
@@ -89,6 +91,8 @@ def _announce_failures(result: dict[str, Any]) -> None:
 app.command()(accuracy)
 app.command()(cases)
 app.command()(simulators)
+app.command()(show)
+app.add_typer(baseline, name="baseline")
 
 
 def _mechanism(case: str, clearance: str | None) -> Mechanism:

@@ -13,10 +13,10 @@ from analytic.assembly import Assembly
 from analytic.clearance import Model
 from analytic.mechanism import Mechanism
 from compare.attribution import attribute
-from compare.discrepancy import Discrepancy, Rule, Scales, judge
+from compare.discrepancy import Discrepancy, Rule, Scales, check_known, judge, known_differences
 from compare.grid import turns_fully
 from compare.runs import Failure, Resolve, simulate_all
-from compare.signals import compared, with_derived, with_rotations
+from compare.signals import compared, missing, with_derived, with_rotations
 from compare.yardstick import Yardstick, released_yardstick, yardstick
 from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Trace, Unsupported, engine, installed_version
 
@@ -50,6 +50,7 @@ def crosscheck(
     ``resolve`` and ``measure`` are where engines and the analytic side come from; tests plant faults there.  Raises
     SimulatorMissing, Unsupported or AssemblyError; a simulation that fails is listed under ``failures``.
     """
+    check_known(job.tolerances, job.mechanism)
     assembly = Assembly(job.mechanism)
     tasks = [(name, request) for name in job.simulators for request in _requests(job, assembly, name, resolve)]
     if not tasks:
@@ -62,7 +63,7 @@ def crosscheck(
     for i, outcome in simulate_all(tasks, job.workers, resolve):
         outcomes[i] = outcome
         progress(f"{tasks[i][0]} {tasks[i][1].joint_model}", len(outcomes), len(tasks))
-    traces = [outcomes[i] for i in range(len(tasks))]
+    traces = [_whole(outcomes[i], job.mechanism) for i in range(len(tasks))]
     runs = [_run(job, sides[t.joint_model == "ideal"], t) for t in traces if isinstance(t, Trace)]
     failures = [{"simulator": f.simulator, "joint_model": f.joint_model, "why": f.why} for f in traces if isinstance(f, Failure)]
     result: dict[str, Any] = {
@@ -100,6 +101,14 @@ def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Yardst
     return measure(assembly, job.theta, job.motion, job.model, {} if ideal else job.mechanism.clearances)
 
 
+def _whole(outcome: Trace | Failure, mechanism: Mechanism) -> Trace | Failure:
+    """A trace that lacks a signal is a failure."""
+    lacks = missing(outcome.signals, mechanism, outcome.clearance) if isinstance(outcome, Trace) else []
+    if not isinstance(outcome, Trace) or not lacks:
+        return outcome
+    return Failure(outcome.simulator, outcome.joint_model, f"{outcome.simulator} {outcome.joint_model}: the simulation reports no {', '.join(lacks)}")
+
+
 def _run(job: Job, side: Yardstick, trace: Trace) -> dict[str, Any]:
     """One entry of ``runs``: both sides, flagged samples blanked on both, and the verdict."""
     simulated = with_derived(trace.signals, job.mechanism)
@@ -134,11 +143,14 @@ def _run(job: Job, side: Yardstick, trace: Trace) -> dict[str, Any]:
 def _discrepancies(job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.ndarray]) -> list[Discrepancy]:
     clearances = dict(trace.clearance)
     give, scales = _give(trace, simulated), Scales.of(side.signals, job.mechanism)
+    known = known_differences(job.tolerances, job.mechanism.name, trace.simulator, trace.joint_model, trace.motion, job.model)
+    theta = job.theta if job.time is None else None
     found = []
     for name, kind in compared(job.mechanism, clearances).items():
         joint = name.removeprefix("clearance_")[:-2]
-        gap = clearances.get(joint, max(clearances.values(), default=0.0))
-        one = judge(name, simulated, side.signals, Rule.read(job.tolerances, trace.motion, trace.joint_model, kind, scales, give, gap))
+        gap = clearances.get(joint, min(clearances.values(), default=0.0))
+        rule = Rule.read(job.tolerances, trace.motion, trace.joint_model, kind, scales, give, gap)
+        one = judge(name, simulated, side.signals, rule, theta, known.get(name))
         if one is not None:
             found.append(one)
     return found
@@ -156,7 +168,7 @@ def _public(d: Discrepancy, theta: np.ndarray) -> dict[str, Any]:
     return {
         "signal": d.signal, "kind": d.kind, "unit": d.unit, "max": d.max, "rms": d.rms,
         "at_crank_angle": float(theta[d.at]), "tolerance": d.tolerance, "verdict": d.verdict,
-    }  # fmt: skip
+    } | ({"reason": d.reason} if d.reason else {})  # fmt: skip
 
 
 def _versions(runs: list[dict[str, Any]]) -> dict[str, str]:

@@ -137,7 +137,7 @@ class Rule:
         """The rule of a signal in a run.
 
         ``give`` (m) is how far the contact itself yields under the run's peak force, ``clearance`` (m) the joint's, or
-        the largest of the run's.  Raises ToleranceError if the file has no such line.
+        the smallest of the run's (every contact yields alike).  Raises ToleranceError if the file has no such line.
         """
         try:
             line, floor, noise = tolerances[motion][joint_model][kind], float(tolerances["floor"]), float(tolerances["noise"])

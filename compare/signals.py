@@ -23,6 +23,16 @@ def with_derived(signals: Mapping[str, np.ndarray], mechanism: Mechanism) -> dic
     return out
 
 
+def missing(signals: Iterable[str], mechanism: Mechanism, clearances: Iterable[str]) -> list[str]:
+    """What a simulation of this mechanism must report and these signals lack."""
+    wanted = ["drive_torque", *(f"{body.name}_{part}" for body in mechanism.bodies for part in ("angle", "angular_velocity", "x", "y"))]
+    for joint in mechanism.joints:
+        wanted += [f"reaction_{joint.name}_{part}" for part in ("x", "y", *(["moment"] if joint.prismatic else []))]
+    wanted += [f"clearance_{name}_{axis}" for name in clearances for axis in "xy"]
+    present = set(signals)
+    return [name for name in wanted if name not in present]
+
+
 def _continued(angle: np.ndarray) -> np.ndarray:
     known = np.flatnonzero(np.isfinite(angle))
     out = angle.copy()

@@ -1,0 +1,129 @@
+"""The JSON Schema files are right about what is written, and would notice what is not."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable
+from importlib import resources
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+from analytic.assembly import Assembly
+from analytic.mechanism_file import load
+from compare.crosscheck import Job, crosscheck
+from compare.discrepancy import load_tolerances
+from compare.files import to_json
+from compare.grid import FREE_TIME, default_angles
+from compare.tolerances import Known
+from planted import Planted, turned
+from sim_models.engine import Motion
+
+SCHEMAS = sorted(p.name for p in resources.files("compare").joinpath("schemas").iterdir() if p.name.endswith(".json"))
+RESULT = json.loads(resources.files("compare").joinpath("schemas", "result.json").read_text(encoding="utf-8"))
+TOLERANCES = load_tolerances()
+
+
+def faults(result: Any, schema: Any = RESULT) -> list[str]:
+    return [f"{error.json_path}: {error.message[:200]}" for error in jsonschema.Draft202012Validator(schema).iter_errors(result)]
+
+
+def written(case: str, motion: Motion = "driven", clearance: dict[str, float] | None = None, **job: Any) -> Any:
+    """What result.json holds of a case in MuJoCo."""
+    mechanism = load(case) if clearance is None else load(case).with_clearances(clearance)
+    if mechanism.speed is None:
+        job |= {"time": FREE_TIME}
+    else:
+        job |= {"theta": default_angles(Assembly(mechanism))[::4]}
+    return json.loads(to_json(crosscheck(Job(mechanism, ("mujoco",), TOLERANCES, motion=motion, **job))))
+
+
+@pytest.fixture(scope="module")
+def paper() -> Any:
+    return written("paper", "static")
+
+
+@pytest.mark.parametrize("name", SCHEMAS)
+def test_a_schema_is_one_and_pins_the_version(name: str) -> None:
+    schema = json.loads(resources.files("compare").joinpath("schemas", name).read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator.check_schema(schema)
+    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    assert schema["properties"]["schema"] == {"const": 1}
+    assert "schema" in schema["required"]
+
+
+CASES: dict[str, Callable[[], Any]] = {
+    "driven, every joint model": lambda: written("paper"),
+    "first order": lambda: written("paper", "static", model="first_order"),
+    "ideal only, a prismatic joint": lambda: written("slider-crank"),
+    "flagged angles": lambda: written("crank-rocker", clearance={"B": 1e-4}),
+    "a free drive": lambda: written("pendulum"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_written_is_what_the_schema_says(case: str) -> None:
+    result = CASES[case]()
+    assert faults(result) == []
+    for run in result["runs"]:
+        count = len(run["crank_angle"])
+        assert all(len(values) == count for side in ("analytic", "simulated") for values in run[side].values())
+        assert all(int(index) < count for index in run["flags"])
+        assert "time" not in run or len(run["time"]) == count
+    if case == "flagged angles":
+        assert any(run["flags"] for run in result["runs"])
+
+
+def test_several_engines_a_failure_and_a_known_difference_are_in_the_schema() -> None:
+    known = Known(case="paper", signal="reaction_B_angle", simulator=("second",), bound=0.1, reason="planted")
+    mechanism = load("paper")
+    engines = {
+        "first": Planted(name="first"),
+        "second": Planted(turned("B", 0.05), name="second"),
+        "third": Planted(lambda s: {name: np.full_like(v, np.nan) for name, v in s.items()}, name="third"),
+    }
+    job = Job(mechanism, tuple(engines), TOLERANCES | {"known": (known,)}, motion="static", theta=np.radians(np.arange(20.0, 161.0, 20.0)))
+    result = json.loads(to_json(crosscheck(job, resolve=lambda name: engines[name])))
+    assert faults(result) == []
+    assert {"spread", "odd_one_out", "words"} <= set(result)
+    assert len(result["failures"]) == 2
+    verdicts = {row["verdict"] for run in result["runs"] for row in run["discrepancies"]}
+    assert verdicts == {"agrees", "known"}
+
+
+def changed(result: Any, *path: Any, value: Any) -> Any:
+    out = copy.deepcopy(result)
+    here = out
+    for step in path[:-1]:
+        here = here[step]
+    if value is None:
+        del here[path[-1]]
+    else:
+        here[path[-1]] = value
+    return out
+
+
+WRONG: dict[str, tuple[tuple[Any, ...], Any]] = {
+    "another schema": (("schema",), 2),
+    "no verdict": (("verdict",), None),
+    "a verdict of its own": (("verdict",), "maybe"),
+    "a field that nobody knows": (("colour",), "red"),
+    "a run without its model": (("runs", 0, "analytic_model"), None),
+    "a joint model of its own": (("runs", 0, "joint_model"), "rubber"),
+    "a sample in words": (("runs", 0, "simulated", "drive_torque", 0), "high"),
+    "a clearance of nothing": (("runs", 1, "clearance", "B"), 0),
+    "a flag that is no index": (("runs", 0, "flags", "first"), "why"),
+    "a difference without a tolerance": (("runs", 0, "discrepancies", 0, "tolerance"), None),
+    "a known difference without a reason": (("runs", 0, "discrepancies", 0, "verdict"), "known"),
+    "half an attribution": (("odd_one_out",), "analytic"),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_what_is_wrong_is_noticed(wrong: str, paper: Any) -> None:
+    path, value = WRONG[wrong]
+    assert faults(paper) == []
+    assert faults(changed(paper, *path, value=value)) != []
