@@ -14,6 +14,7 @@ import typer
 
 from compare.accuracy import accuracy
 from compare.baseline import baseline
+from compare.export import export
 from compare.faults import Exit, OptionError, complaints
 from compare.listing import cases, simulators
 from compare.options import JointChoice, ModelChoice, MotionChoice, file_name, metres_by_joint
@@ -90,6 +91,7 @@ def _announce_failures(result: dict[str, Any]) -> None:
 
 app.command()(accuracy)
 app.command()(cases)
+app.command()(export)
 app.command()(simulators)
 app.command()(show)
 app.add_typer(baseline, name="baseline")

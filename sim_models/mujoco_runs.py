@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -73,6 +73,17 @@ class _Log:
     def of(cls, joints: Iterable[str]) -> _Log:
         """An empty log."""
         return cls({name: [] for name in joints}, {name: [] for name in joints})
+
+
+@dataclass
+class Record:
+    """What a run stepped: the model, its state at the first ``time`` (s), then (steps, their size in s, whether signals were taken after them)."""
+
+    link: Linkage
+    time: float
+    q: np.ndarray
+    v: np.ndarray
+    stages: list[tuple[int, float, bool]] = field(default_factory=list)
 
 
 class _CameApart(SimulationError):
@@ -196,7 +207,8 @@ class Run:
         v = (_derivative(STENCIL) @ around)[2] * self.request.start_speed
         signals, log, step = self.run(theta, q, v, step, time[order], float(time[order[0]]))
         columns = {name: _scatter(values, order) for name, values in signals.items()}
-        return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, {"step": step, "start": f"released at {self.request.start_speed:g} rad/s"})
+        settings = {"step": step, "start": f"released at {self.request.start_speed:g} rad/s"}
+        return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
 
     def gaps_at_release(self, near: Equilibria, theta: float) -> dict[str, complex]:
         """Gaps (m) along the ideal linkage's reactions at the instant of release, x where there is none; zero to start centred."""
@@ -227,6 +239,7 @@ class Run:
         columns: dict[str, list[float]] = {}
         lag = 0.5 if link.stepped else 0.0  # the velocities of semi-implicit Euler are half a step older than its positions
         on_track(link)
+        self.record = Record(link, float(marks[0]) - lead, d.qpos.copy(), d.qvel.copy())
         look(link)
         d.qvel[:] -= lag * step * d.qacc
         span = lead + float(marks[-1] - marks[0])
@@ -234,7 +247,9 @@ class Run:
             count, m.opt.timestep = substeps(interval, step) if interval > 0 else (0, step)
             pieces = min(count, math.ceil(SAMPLES * interval / span)) if count else 1
             for piece in range(pieces):
-                advance(link, count * (piece + 1) // pieces - count * piece // pieces)
+                steps = count * (piece + 1) // pieces - count * piece // pieces
+                self.record.stages.append((steps, m.opt.timestep, piece == pieces - 1))
+                advance(link, steps)
                 look(link)
                 check_warnings(link, f"{self.mechanism.name}, {self.request.joint_model} joints, t = {d.time:.4g} s")
                 forces = joint_forces(link, d.efc_force)

@@ -1,0 +1,204 @@
+"""What is exported runs without this project and gives the same numbers."""
+
+from __future__ import annotations
+
+import ast
+import csv
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from analytic.mechanism import Mechanism
+from analytic.mechanism_file import load
+from compare.export import export
+from linkages import inverted_slider
+from sim_models.engine import ENGINES, JOINT_MODELS, Request, Trace, declared, installed_version
+from sim_models.mujoco_engine import ENGINE
+
+pytest.importorskip("mujoco")
+
+# of the largest value of a signal's kind; at rest, contact of 1e8 N/m makes forces of positions, whose rounding is 1e-16 m
+TOLERANCE = {"driven": 1e-11, "static": 3e-9}
+FILES = {"model.xml", "start.json", "expected.csv", "run.py"}
+ALONE = """
+import runpy, sys
+class Unimportable:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ("analytic", "sim_models", "compare"):
+            raise ImportError(f"{name} is not for the bare engine")
+sys.meta_path.insert(0, Unimportable())
+for path in sys.argv[1:]:
+    runpy.run_path(path, run_name="__main__")
+"""
+
+
+def driven_by(mechanism: Mechanism, **drive: float) -> Mechanism:
+    assert mechanism.drive is not None
+    return mechanism.replace(drive=mechanism.drive.model_copy(update=drive))
+
+
+PAPER = load("paper").with_clearances({"B": 1e-3})
+SLIDER = inverted_slider().with_clearances({"A": 1e-4}).with_joint("A", friction=0.1)  # prismatic, and every joint law
+SHORT = np.radians([30.0, 40.0, 35.0])
+REQUESTS = {
+    **{f"paper, {model}, {motion}": Request(PAPER, model, motion, SHORT) for model in JOINT_MODELS for motion in ("driven", "static")},
+    "every joint law, driven": Request(SLIDER, "contact", "driven", SHORT),
+    "every joint law, static": Request(SLIDER, "contact", "static", SHORT),
+    "two gaps, backwards": Request(driven_by(PAPER.with_clearances({"A": 1e-3, "B": 5e-4}), speed=-3.0), "contact", "driven", SHORT),
+    "compliant drive": Request(driven_by(PAPER, stiffness=2000.0), "spring-damper", "driven", SHORT),
+    "impacts": Request(load("crank-rocker").with_clearances({"B": 2e-4}), "contact", "driven", SHORT, start="centred", lead_in=1.0),
+    "released": Request(load("pendulum"), "ideal", time=np.array([0.3, 0.1, 0.5])),
+    "released with a gap": Request(load("pendulum").with_clearances({"O": 5e-4}), "contact", time=np.array([0.1, 0.2])),
+}
+
+
+def bare(*folders: Path) -> str:
+    """Output of run.py, from a folder outside the repository and with this project's packages out of reach."""
+    scripts = [str(folder / "run.py") for folder in folders]
+    done = subprocess.run(
+        [sys.executable, "-I", "-c", ALONE, *scripts], cwd=folders[0].parent, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def table(path: Path) -> dict[str, np.ndarray]:
+    with path.open(encoding="utf-8", newline="") as file:
+        header, *rows = csv.reader(file)
+    return dict(zip(header, np.array(rows, float).T, strict=True))
+
+
+def columns(trace: Trace) -> dict[str, np.ndarray]:
+    """The trace in the order of passing."""
+    every = {"crank_angle": trace.crank_angle, **({} if trace.time is None else {"time": trace.time}), **trace.signals}
+    order = np.arange(trace.crank_angle.size) if trace.time is None else np.argsort(trace.time)
+    return {name: values[order] for name, values in every.items()}
+
+
+def difference(found: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray]) -> float:
+    """Largest difference, of the largest value among a vector's components; an angle's and a rate's of at least 1."""
+    worst = 0.0
+    for name, values in truth.items():
+        kind = [n for n in truth if n.rstrip("xy") == name.rstrip("xy")]
+        peak = max([float(np.abs(truth[n]).max()) for n in kind] + ([1.0] if "angle" in name or "angular" in name else []))
+        worst = max(worst, float(np.abs(found[name] - values).max()) / (peak or 1.0))
+    return worst
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Every request's folder, after its script has run in bare MuJoCo."""
+    folders = {name: tmp_path_factory.mktemp("export") for name in REQUESTS}
+    for name, folder in folders.items():
+        assert {path.name for path in ENGINE.export(REQUESTS[name], folder)} == FILES
+    bare(*folders.values())
+    return folders
+
+
+@pytest.mark.parametrize("name", REQUESTS)
+def test_bare_engine_gives_the_same_numbers(name: str, exported: dict[str, Path]) -> None:
+    found, truth = table(exported[name] / "signals.csv"), columns(ENGINE.simulate(REQUESTS[name]))
+    assert found.keys() == truth.keys()
+    assert difference(found, truth) < TOLERANCE[REQUESTS[name].motion]
+
+
+@pytest.mark.parametrize("name", REQUESTS)
+def test_expected_values_are_the_trace_to_the_last_digit(name: str, exported: dict[str, Path]) -> None:
+    written, truth = table(exported[name] / "expected.csv"), columns(ENGINE.simulate(REQUESTS[name]))
+    assert list(written) == list(truth)
+    for signal, values in truth.items():
+        np.testing.assert_array_equal(written[signal], values)
+
+
+def test_script_imports_mujoco_and_numpy_and_nothing_else(exported: dict[str, Path]) -> None:
+    tree = ast.parse((exported["impacts"] / "run.py").read_text(encoding="utf-8"))
+    names = {a.name for node in ast.walk(tree) if isinstance(node, ast.Import) for a in node.names}
+    names |= {str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert {name.partition(".")[0] for name in names} - set(sys.stdlib_module_names) == {"mujoco", "numpy"}
+
+
+@pytest.mark.parametrize("name", REQUESTS)
+def test_mjcf_holds_all_but_the_virtual_mass_of_soft_rows(name: str, exported: dict[str, Path]) -> None:
+    start = json.loads((exported[name] / "start.json").read_text(encoding="utf-8"))
+    assert set(start["after_compiling"]) <= {"tendon_invweight0"}
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "right", "wrong"),
+    [
+        ("paper, ideal, driven", "model.xml", 'gear="0.0 50.0', 'gear="0.0 50.001'),
+        ("paper, contact, static", "start.json", '"bearing_radius": 0.011, "margin": 0.0', '"bearing_radius": 0.011, "margin": -1.0'),
+        ("paper, spring-damper, static", "model.xml", "range=\"-1 0.001\"", "range=\"-1 0.0010001\""),
+    ],
+)  # fmt: skip
+def test_a_model_that_was_tampered_with_shows(name: str, file: str, right: str, wrong: str, tmp_path: Path) -> None:
+    ENGINE.export(REQUESTS[name], tmp_path)
+    text = (tmp_path / file).read_text(encoding="utf-8")
+    assert right in text
+    (tmp_path / file).write_text(text.replace(right, wrong), encoding="utf-8")
+    lines = [line.split() for line in bare(tmp_path).splitlines()]
+    said = next(float(line[1]) for line in lines if line[0] == "reaction_D_y")
+    found, truth = (table(tmp_path / f"{side}.csv")["reaction_D_y"] for side in ("signals", "expected"))
+    assert said == pytest.approx(float(np.abs(found - truth).max()), rel=0.05)
+    assert said > 1e-5 * float(np.abs(truth).max())
+
+
+def command(*arguments: str) -> tuple[int, str, str]:
+    app = typer.Typer()
+    app.command()(export)
+    done = CliRunner().invoke(app, list(arguments))
+    return done.exit_code, done.stdout, done.stderr
+
+
+def test_command_writes_the_files_and_says_how_to_run_them(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "folder"
+    status, said, _ = command("--simulator", "mujoco", "--joint", "contact", "--angles", "30:40:5", "--clearance", "B=1e-3", "--out", str(folder))
+    assert status == 0
+    assert {path.name for path in folder.iterdir()} == FILES
+    assert said.splitlines()[-1].endswith(f"python {folder / 'run.py'}")
+    assert "paper, contact joints, driven: 3 samples" in bare(folder)
+    np.testing.assert_allclose(np.degrees(table(folder / "signals.csv")["crank_angle"]), [30, 35, 40], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (["--simulator", "adams"], 2, ["'adams'", "mujoco"]),
+        (["--simulator", "mujoco", "--case", "crank-rocker", "--joint", "contact"], 2, ["--joint contact", "--clearance"]),
+        (["--simulator", "mujoco", "--angles", "20:200:5"], 2, ["change point"]),
+        (["--simulator", "mujoco", "--case", "pendulum", "--angles", "0:10:5"], 2, ["--angles 0:10:5", "swings freely"]),
+        (["--simulator", "mujoco", "--clearance", "Q=1"], 2, ["Q=1", "D, A, B, E"]),
+    ],
+)
+def test_what_cannot_be_exported_is_refused_in_one_sentence(arguments: list[str], status: int, words: list[str], tmp_path: Path) -> None:
+    code, said, why = command(*arguments, "--out", str(tmp_path / "out"))
+    assert (code, said) == (status, "")
+    assert len(why.strip().splitlines()) == 1
+    for word in words:
+        assert word in why
+    assert not (tmp_path / "out").exists() or not list((tmp_path / "out").iterdir())
+
+
+def test_a_run_that_fails_leaves_no_file(tmp_path: Path) -> None:
+    unloaded = ["--case", "crank-rocker", "--clearance", "B=1e-4", "--joint", "contact", "--motion", "static"]
+    code, said, why = command("--simulator", "mujoco", *unloaded, "--out", str(tmp_path / "out"))
+    assert (code, said) == (3, "")
+    assert "nothing presses the pin of joint 'B'" in why
+    assert not list((tmp_path / "out").iterdir())
+
+
+@pytest.mark.parametrize("name", [n for n in ENGINES if not hasattr(declared(n), "export")])
+def test_an_engine_without_an_export_says_which_have_one(name: str, tmp_path: Path) -> None:
+    if installed_version(declared(name).package) is None:
+        pytest.skip(f"{name} is not installed")
+    code, _, why = command("--simulator", name, "--out", str(tmp_path))
+    assert code == 2
+    assert name in why
+    assert "mujoco" in why
