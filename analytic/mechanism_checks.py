@@ -40,6 +40,8 @@ def check_names(m: Mechanism) -> None:
         twice = [n for n in names if names.count(n) > 1]
         if twice:
             raise ValueError(f"{kind} {twice[0]!r} is defined twice; give each {kind} its own name ('ground' is taken)")
+    if "world" in m.moving:
+        raise ValueError("body 'world' has a name that engines give to the ground; call it something else")
 
 
 def check_joint(m: Mechanism, j: Joint) -> None:

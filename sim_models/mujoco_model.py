@@ -18,6 +18,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
+from xml.sax.saxutils import quoteattr
 
 import mujoco
 import numpy as np
@@ -163,7 +164,7 @@ class Linkage:
         solref = _numbers(SETTLING * self.step, 1)
         integrator = "implicitfast" if self.stepped else "RK4"
         closed = "".join(f'<connect name="{j.name}" site1="{j.name}:{j.bodies[1]}" site2="{j.name}:{j.bodies[0]}"/>' for j in self.closing)
-        return f"""<mujoco model="{m.name}">
+        return f"""<mujoco model={quoteattr(m.name)}>
 <compiler angle="radian" inertiafromgeom="false"/>
 <option timestep="{self.step!r}" gravity="{_xy(complex(*m.gravity))}" integrator="{integrator}" cone="elliptic" impratio="100"
   jacobian="dense" solver="Newton" tolerance="1e-14" iterations="30"><flag autoreset="disable" island="disable"/></option>

@@ -164,6 +164,8 @@ class Run:
     def longest_step(self, near: Equilibria, q: np.ndarray) -> float:
         """A step (s) that resolves the crank's turning, each contact's bounce, its pin's swing on the rim, and the joint laws."""
         link = near.pressed
+        if self.released:  # nothing holds the crank: pins are lighter
+            link = Linkage(self.mechanism, self.laws, self.request.joint_model, poses(self.assembly, self.assembly.start), STATIC_STEP, hold=False)
         limits = [LARGEST_STEP]
         if self.speed:
             limits.append(TURN_PER_STEP[self.request.joint_model] / abs(self.speed))

@@ -271,3 +271,17 @@ def test_too_long_a_step_is_an_error_not_a_number() -> None:
     for model in JOINT_MODELS:
         with pytest.raises(SimulationError, match="use a smaller step"):
             ENGINE.simulate(Request(mechanism, model, "driven", TURN, step=2e-3))
+
+
+@pytest.mark.parametrize("model", ["massless-link", "spring-damper", "contact"])
+def test_a_released_pendulum_hangs_in_its_loose_pin(model: JointModel) -> None:
+    loose = load("pendulum").with_clearances({"O": 5e-4})
+    trace = ENGINE.simulate(Request(loose, model, "driven", time=np.linspace(0.0, 0.5, 11)))
+    ideal = ENGINE.simulate(Request(loose, "ideal", "driven", time=np.linspace(0.0, 0.5, 11)))
+    np.testing.assert_allclose(trace.signals["pendulum_angle"], ideal.signals["pendulum_angle"], atol=0.02)
+
+
+def test_a_mechanism_of_any_name_runs() -> None:
+    m, theta = load("crank-rocker"), np.array([0.1, 0.2])
+    odd, plain = (ENGINE.simulate(Request(each, crank_angle=theta)).signals["follower_angle"] for each in (m.replace(name='R&D "x" <1>'), m))
+    np.testing.assert_array_equal(odd, plain)
