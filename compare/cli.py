@@ -19,6 +19,7 @@ from compare.faults import Exit, OptionError, complaints
 from compare.listing import cases, simulators
 from compare.options import JointChoice, ModelChoice, MotionChoice, file_name, metres_by_joint
 from compare.show import show
+from compare.validation import validation
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
@@ -95,6 +96,7 @@ app.command()(export)
 app.command()(simulators)
 app.command()(show)
 app.add_typer(baseline, name="baseline")
+app.add_typer(validation, name="validation")
 
 
 def _mechanism(case: str, clearance: str | None) -> Mechanism:

@@ -29,7 +29,7 @@ COMMON_EFFECTS: frozenset[str] = frozenset(
         "coulomb_friction", "viscous_friction", "joint_spring", "external_force", "load_torque",
     }
 )  # fmt: skip
-ENGINES: tuple[str, ...] = ("mujoco", "exudyn")
+ENGINES: tuple[str, ...] = ("mujoco", "exudyn", "pybullet", "dart")
 
 
 class SimulationError(RuntimeError):

@@ -1,0 +1,283 @@
+"""PyBullet against the analytic model, an independent ordinary differential equation, and its own known traps."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Iterator
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+from analytic.assembly import Assembly
+from analytic.mechanism import Drive
+from analytic.mechanism_file import load
+from analytic.released import released
+from linkages import inverted_slider
+from planar_checks import (
+    LINKAGES,
+    PAPER_RANGE,
+    SEVERAL,
+    assert_kinetostatics,
+    assert_spring_law,
+    many_impacts_against_the_ode,
+    one_revolution_against_the_ode,
+    reaction_errors,
+    run,
+    vector,
+)
+from sim_models.engine import JointModel, Motion, Request, SimulationError, Unsupported
+from sim_models.planar_runs import silence
+from sim_models.pybullet_engine import ENGINE, BulletWorld
+from sim_models.start import poses
+
+if importlib.util.find_spec("pybullet") is None:
+    pytest.skip("pybullet is not installed", allow_module_level=True)
+
+RIGID: tuple[JointModel, ...] = ("massless-link", "contact")
+REAL: tuple[JointModel, ...] = ("spring-damper", *RIGID)
+
+
+# ---------------------------------------------------------------- statics
+
+
+@pytest.mark.parametrize("clearance", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize(
+    ("joint_model", "degrees", "percent"),
+    [("ideal", 1e-8, 1e-7), ("spring-damper", 0.001, 0.005), ("massless-link", 1e-7, 1e-7), ("contact", 1e-7, 1e-7)],
+)
+def test_statics_of_the_paper_case(joint_model: JointModel, degrees: float, percent: float, clearance: float) -> None:
+    m = load("paper").with_clearances({"B": clearance})
+    trace = run(ENGINE, m, joint_model, "static", PAPER_RANGE)
+    angle, size = reaction_errors(trace, m)
+    assert angle < degrees
+    assert size < percent
+    if joint_model == "spring-damper":
+        assert_spring_law(trace, 1e8)
+    if joint_model in RIGID:
+        np.testing.assert_allclose(np.abs(vector(trace, "clearance_B")), clearance, rtol=1e-8)
+
+
+@pytest.mark.parametrize("joint_model", REAL)
+def test_clearance_in_several_joints_at_once_the_drive_joint_among_them(joint_model: JointModel) -> None:
+    m = load("six-bar").with_clearances(SEVERAL)
+    trace = run(ENGINE, m, joint_model, "static", np.arange(0.0, 360.0, 45.0))
+    for joint in "DABECFG":
+        angle, size = reaction_errors(trace, m, joint)
+        assert angle < 0.005, joint
+        assert size < 0.01, joint
+    assert set(trace.journal) == set(SEVERAL)
+
+
+def test_static_friction_and_springs_of_revolute_and_prismatic_joints() -> None:
+    m = inverted_slider()
+    assert_kinetostatics(run(ENGINE, m, "ideal", "static", np.arange(0.0, 360.0, 40.0)), m, 1e-8)
+
+
+@pytest.mark.parametrize("joint_model", REAL)
+def test_a_pin_that_nothing_presses_has_no_static_equilibrium(joint_model: JointModel) -> None:
+    with pytest.raises(SimulationError, match="nothing presses the pin of joint 'B'"):
+        run(ENGINE, load("crank-rocker").with_clearances({"B": 1e-4}), joint_model, "static", [40.0])
+
+
+def test_a_contact_strut_holds_at_its_length_and_not_before() -> None:
+    m = load("paper").with_clearances({"B": 1e-3})
+    forces = []
+    with silence(), closing(BulletWorld(Request(m, "contact", "static", np.array([1.0])))) as world:
+        for gap in (0.9e-3, 1e-3):
+            world.place(poses(world.assembly, 1.0, 0.0, lambda theta, gap=gap: {"B": gap * np.exp(1j)}))  # type: ignore[misc]
+            world.step(1e-6)
+            forces.append(abs(world.pin_forces["B"]))
+    assert forces[1] == pytest.approx(25 / np.sin(1.0), rel=0.01)
+    assert forces[0] < 0.1 * forces[1]  # what it takes to carry the strut along
+
+
+# ---------------------------------------------------------------- driven
+
+
+@pytest.mark.parametrize("name", LINKAGES)
+def test_ideal_driven_linkages_reproduce_kinetostatics(name: str) -> None:
+    m, degrees = LINKAGES[name]
+    assert_kinetostatics(run(ENGINE, m, "ideal", "driven", degrees), m, 3e-4)
+
+
+@pytest.mark.parametrize("clearance", [pytest.param(1e-2, marks=pytest.mark.slow), 1e-3, pytest.param(1e-4, marks=pytest.mark.slow)])
+def test_driven_paper_case_starts_and_stays_in_the_analytic_equilibrium(clearance: float) -> None:
+    m = load("paper").with_clearances({"B": clearance})
+    trace = run(ENGINE, m, "spring-damper", "driven", PAPER_RANGE)
+    angle, size = reaction_errors(trace, m)
+    assert angle < 0.01
+    assert size < 0.05
+    assert trace.free_share == {"B": 0.0}
+
+
+def test_angles_are_passed_in_the_drives_direction_and_answered_in_the_order_of_the_question() -> None:
+    m = load("paper").with_clearances({"B": 1e-3})
+    m = m.replace(drive=Drive(joint="D", speed=-(m.speed or 0.0)))
+    asked = [60.0, 62.0, 60.0, 61.5]
+    trace = run(ENGINE, m, "spring-damper", "driven", asked, lead_in=0.05)
+    np.testing.assert_allclose(trace.signals["crank_angle"], np.radians(asked), atol=1e-8)
+    np.testing.assert_allclose(trace.signals["crank_angular_velocity"], m.speed or 0.0, rtol=1e-8)
+    angle, size = reaction_errors(trace, m)
+    assert angle < 0.05
+    assert size < 0.2
+
+
+def test_one_fast_revolution_follows_the_exact_motion() -> None:
+    error, trace = one_revolution_against_the_ode(ENGINE)
+    assert error < 4e-5
+    assert trace.settings["contact_stiffness"] == 1e6
+
+
+@pytest.mark.slow
+def test_many_impacts_have_the_exact_statistics() -> None:
+    for name, (simulated, exact) in many_impacts_against_the_ode(ENGINE).items():
+        assert simulated == pytest.approx(exact, rel=0.05), name
+
+
+@pytest.mark.parametrize("start_speed", [0.0, 3.0])
+def test_released_pendulum_with_friction_and_damping(start_speed: float) -> None:
+    m = load("pendulum").with_joint("O", friction_torque=0.02, damping=0.001)
+    time = np.linspace(0, 0.4, 21)
+    trace = ENGINE.simulate(Request(m, "ideal", "driven", time=time, start_speed=start_speed))
+    expected = released(Assembly(m), time, omega=start_speed).signals()
+    np.testing.assert_allclose(trace.signals["pendulum_angle"], expected["pendulum_angle"], atol=2e-4)
+    np.testing.assert_allclose(trace.signals["reaction_O_x"], expected["reaction_O_x"], atol=5e-3)
+    assert not trace.signals["drive_torque"].any()
+
+
+# ---------------------------------------------------------------- what it refuses
+
+
+@pytest.mark.parametrize(
+    ("joint_model", "motion", "change", "why"),
+    [
+        ("massless-link", "driven", {}, "does not simulate massless-link joints in driven motion"),
+        ("contact", "driven", {}, "does not simulate contact joints in driven motion"),
+        ("contact", "static", {"friction": 0.1}, "leave out friction = 0.1 of joint 'B'"),
+        ("spring-damper", "driven", {"friction": 0.1}, "leave out friction = 0.1 of joint 'B'"),
+    ],
+)
+def test_what_pybullet_does_not_do_is_refused(joint_model: JointModel, motion: Motion, change: dict[str, float], why: str) -> None:
+    with pytest.raises(Unsupported, match=why):
+        run(ENGINE, load("paper").with_joint("B", clearance=1e-3, **change), joint_model, motion, [30.0])
+
+
+def test_divergence_is_an_error() -> None:
+    m = load("paper").with_clearances({"B": 1e-3})
+    with pytest.raises(SimulationError, match="smaller step or softer contact"):
+        run(ENGINE, m, "spring-damper", "driven", [30.0, 60.0], step=5e-4)
+
+
+def test_pybullet_is_silent_and_lets_go_of_its_clients(capfd: pytest.CaptureFixture[str]) -> None:
+    import pybullet as p
+
+    for _ in range(3):
+        run(ENGINE, load("paper").with_clearances({"B": 1e-3}), "contact", "static", [30.0])
+    assert capfd.readouterr() == ("", "")
+    assert not any(p.isConnected(client) for client in range(20))
+
+
+# ---------------------------------------------------------------- traps
+
+
+@pytest.fixture
+def client() -> Iterator[int]:
+    import pybullet as p
+
+    with silence():
+        number = p.connect(p.DIRECT)
+    p.setTimeStep(1e-3, physicsClientId=number)
+    yield number
+    p.disconnect(number)
+
+
+def hinged_bar(client: int) -> int:
+    import pybullet as p
+
+    body = p.createMultiBody(
+        baseMass=0, linkMasses=[2.0], linkCollisionShapeIndices=[-1], linkVisualShapeIndices=[-1], linkPositions=[[0, 0, 0]],
+        linkOrientations=[[0, 0, 0, 1]], linkInertialFramePositions=[[0.5, 0, 0]], linkInertialFrameOrientations=[[0, 0, 0, 1]],
+        linkParentIndices=[0], linkJointTypes=[p.JOINT_REVOLUTE], linkJointAxis=[[0, 0, 1]], physicsClientId=client,
+    )  # fmt: skip
+    p.setJointMotorControl2(body, 0, p.VELOCITY_CONTROL, force=0, physicsClientId=client)
+    return int(body)
+
+
+def test_an_inertia_set_together_with_damping_is_dropped(client: int) -> None:
+    import pybullet as p
+
+    bar = hinged_bar(client)
+    p.changeDynamics(bar, 0, localInertiaDiagonal=[3, 3, 3], linearDamping=0, physicsClientId=client)
+    assert p.getDynamicsInfo(bar, 0, client)[2] != (3, 3, 3)
+    p.changeDynamics(bar, 0, localInertiaDiagonal=[3, 3, 3], physicsClientId=client)
+    assert p.getDynamicsInfo(bar, 0, client)[2] == (3, 3, 3)
+
+
+def spin_after(client: int, bar: int, speed: float, steps: int) -> float:
+    import pybullet as p
+
+    p.changeDynamics(bar, 0, localInertiaDiagonal=[0.1, 0.1, 0.1], physicsClientId=client)
+    p.resetJointState(bar, 0, 0.0, speed, client)
+    for _ in range(steps):
+        p.stepSimulation(client)
+    return float(p.getJointState(bar, 0, client)[1])
+
+
+def test_a_free_bar_loses_speed_by_the_default_damping(client: int) -> None:
+    import pybullet as p
+
+    bar = hinged_bar(client)
+    assert spin_after(client, bar, 10.0, 1000) < 9.9
+    p.changeDynamics(bar, 0, linearDamping=0, angularDamping=0, jointDamping=0, physicsClientId=client)
+    assert spin_after(client, bar, 10.0, 1000) == pytest.approx(10.0, rel=1e-9)
+
+
+def test_a_fast_bar_is_held_to_the_default_speed_limit(client: int) -> None:
+    import pybullet as p
+
+    bar = hinged_bar(client)
+    p.changeDynamics(bar, 0, linearDamping=0, angularDamping=0, jointDamping=0, physicsClientId=client)
+    assert spin_after(client, bar, 500.0, 5) < 200.0
+    p.changeDynamics(bar, 0, maxJointVelocity=1e9, physicsClientId=client)
+    assert spin_after(client, bar, 500.0, 5) == pytest.approx(500.0, rel=1e-9)
+
+
+def test_a_constraints_force_belongs_to_the_positions_before_the_step() -> None:
+    """A coarse step at 15 rpm tells the crank's positions at its two ends apart."""
+    m, h = load("paper"), 2e-3
+    with silence(), closing(BulletWorld(Request(m, "ideal", "driven", np.array([1.0])))) as world:
+        world.start(poses(world.assembly, 1.0, world.speed), h)
+        world.before_observing()
+        before, turn = world.before["crank"].angle, world.speed * h
+        world.step(h)
+        found = world.reactions()[0]["B"]
+    from analytic.kinematics import kinematics
+    from analytic.kinetostatics import kinetostatics
+
+    forces = [kinetostatics(kinematics(Assembly(m), np.array([angle]), m.speed or 0.0)).forces["B"][0] for angle in (before, before + turn)]
+    assert abs(found - forces[0]) < 0.01 * abs(found - forces[1])
+
+
+def test_a_force_in_the_world_frame_takes_its_arm_from_a_step_ago(client: int) -> None:
+    """Unless the link's kinematics are asked for anew: a force through the com of a turning bar then has no moment about it."""
+    import pybullet as p
+
+    def kick(refresh: bool) -> float:
+        bar = hinged_bar(client)
+        p.changeDynamics(bar, 0, linearDamping=0, angularDamping=0, jointDamping=0, physicsClientId=client)
+        p.changeDynamics(bar, 0, localInertiaDiagonal=[0.1, 0.1, 0.1], physicsClientId=client)
+        p.resetJointState(bar, 0, 0.0, 10.0, client)
+        p.stepSimulation(client)
+        if refresh:
+            p.getLinkState(bar, 0, False, True, client)
+        angle, before = p.getJointState(bar, 0, client)[:2]
+        com = (0.5 * np.cos(angle), 0.5 * np.sin(angle), 0.0)
+        p.applyExternalForce(bar, 0, (1e3 * np.cos(angle), 1e3 * np.sin(angle), 0.0), com, p.WORLD_FRAME, client)  # along the bar: no moment
+        p.stepSimulation(client)
+        gained = float(p.getJointState(bar, 0, client)[1]) - before
+        p.removeBody(bar, client)
+        return gained
+
+    assert abs(kick(refresh=False)) > 1e-3
+    assert abs(kick(refresh=True)) < 1e-9
