@@ -84,7 +84,9 @@ def run_all() -> dict[str, Any]:
     from sim_models.engine import ENGINES, declared, installed_version
 
     names = tuple(name for name in ENGINES if installed_version(declared(name).package))
-    tolerances, rows, drawings = load_tolerances(), [], {}
+    tolerances = load_tolerances()
+    rows: list[dict[str, Any]] = []
+    drawings: dict[str, str] = {}
     for case in shipped_cases():
         for setup in setups(load(case)):
             if setup.impacting:
@@ -155,8 +157,8 @@ def page(found: dict[str, Any]) -> str:
         + ". Written by `compare validation update`; CI makes every run again with `compare validation check`, and holds each reaction force "
         "to `reports/baselines/` with `compare baseline check`.",
         "",
-        "Each run has its engine's verdict and the largest share of a tolerance that any of its signals uses up. Ideal joints are driven; joints with",
-        "clearance rest in equilibrium under load (`compare/baseline_runs.py` says which clearance and load each case is given).",
+        "Each run has its engine's verdict and the largest share of a tolerance that any of its signals uses up. Ideal joints are",
+        "driven; joints with clearance rest in equilibrium under load (`compare/baseline_runs.py` says which clearance and load).",
     ]
     for case in cases:
         lines += ["", f"## {case}", "", *_table([run for run in found["runs"] if run["case"] == case])]

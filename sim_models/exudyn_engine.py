@@ -144,7 +144,7 @@ class _Run:
         stiffness = self.m.drive.stiffness if self.m.drive is not None and speed else None
         pressing: dict[str, float] = {}
         if not stiffness and (not self.clearance or r.start == "centred"):
-            start, wind_up = poses(self.assembly, theta, speed), 0.0
+            start, wind_up = poses(self.assembly, theta, speed or r.start_speed), 0.0
         else:
             resting = r if r.start == "steady" else Request(self.m.with_clearances({}), motion="driven")
             equilibria = Equilibria(resting, self.assembly, speed, inertia)
@@ -152,7 +152,7 @@ class _Run:
                 equilibria = Equilibria(resting, self.assembly, speed, moving_as=equilibria)
             here = equilibria.at(theta)
             pressing = {name: abs(force[0]) for name, force in here.force.items()}
-            wind_up, crank_speed = 0.0, speed
+            wind_up, crank_speed = 0.0, speed or r.start_speed
             if stiffness:  # the crank lags by torque / stiffness, and its speed by how the torque changes
                 before, after = (equilibria.at(theta + k * STENCIL).drive_torque[0] for k in (-1, 1))
                 wind_up = here.drive_torque[0] / stiffness
