@@ -34,6 +34,7 @@ from sim_models.exudyn_record import Judge, Record, join
 from sim_models.start import Schedule, poses, schedule, substeps
 
 TURN_PER_STEP = 2e-3  # rad of crank angle in a step, at most
+SWING_PER_STEP = 5e-4  # rad, of a released linkage's time scale: it has no motor to keep its phase
 STEPS_PER_PERIOD = 40  # of the lighter link on a contact's stiffness, or hanging on a massless link
 INSTANT = 1e-9  # s, the first step of a run: its start is read with consistent reactions
 STENCIL = 1e-3  # rad of crank angle, for the yield of a compliant drive
@@ -170,7 +171,7 @@ class _Run:
 
     def longest_step(self, linkage: Linkage, speed: float, inertia: Inertia | None, pressing: Mapping[str, float]) -> float:
         rate = abs(speed) if inertia is None else max(math.sqrt(abs(w)) for w in inertia.angular.values())
-        steps = [TURN_PER_STEP / max(rate, 1.0)]
+        steps = [(TURN_PER_STEP if inertia is None else SWING_PER_STEP) / max(rate, 1.0)]
         for name, clearance in linkage.clearance.items():
             stiffness = linkage.stiffness(name) if self.request.joint_model != "massless-link" else pressing[name] / clearance
             steps.append(2 * math.pi * math.sqrt(lighter_mass(self.m, self.m.joint(name)) / stiffness) / STEPS_PER_PERIOD)

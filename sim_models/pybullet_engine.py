@@ -28,7 +28,8 @@ from sim_models.pybullet_balance import Balance
 from sim_models.pybullet_parts import HINGE, Link, Strut, Tie, flat, floating
 from sim_models.start import Pose
 
-ITERATIONS = 20000  # at most; a residual of 1e-20 ends them sooner
+ITERATIONS = 200  # of the direct solver, at most; a residual of 1e-20 ends them sooner
+SWEEPS = 5000  # of the sequential solver, always: a small residual once ended it, 16 % short of the force
 SOFTNESS = 1e-10  # Bullet's globalCFM: enough to keep its direct solver regular
 ERROR_REDUCTION = 1.0  # share of a pin's drift that Bullet removes in a step where it moves: all, so that no transient lingers
 STRENGTH = 1e12  # N, N.m: what pins and the motor can take
@@ -48,11 +49,10 @@ class BulletWorld(PlanarWorld):
         self.p = pybullet
         self.client = pybullet.connect(pybullet.DIRECT)
         direct = request.joint_model != "contact"  # Bullet's direct solver fails with three one-sided limits
-        self.call(
-            "setPhysicsEngineParameter", numSubSteps=0, numSolverIterations=ITERATIONS, solverResidualThreshold=1e-20, globalCFM=SOFTNESS,
-            erp=0.0 if self.static else ERROR_REDUCTION, contactERP=0.0,
-            constraintSolverType=pybullet.CONSTRAINT_SOLVER_LCP_DANTZIG if direct else pybullet.CONSTRAINT_SOLVER_LCP_SI,
-        )  # fmt: skip
+        solver = pybullet.CONSTRAINT_SOLVER_LCP_DANTZIG if direct else pybullet.CONSTRAINT_SOLVER_LCP_SI
+        effort = {"numSolverIterations": ITERATIONS if direct else SWEEPS, "solverResidualThreshold": 1e-20 if direct else 0.0}
+        rigidity = {"globalCFM": SOFTNESS, "erp": 0.0 if self.static else ERROR_REDUCTION, "contactERP": 0.0}
+        self.call("setPhysicsEngineParameter", numSubSteps=0, constraintSolverType=solver, **effort, **rigidity)
         m = self.mechanism
         self.call("setGravity", *m.gravity, 0.0)
         ideal = [j for j in m.joints if j.name not in self.pins]
