@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -127,6 +128,9 @@ def _job(
     from compare.grid import FREE_TIME, default_angles, parse_angles
 
     simulators = _simulators(simulator)
+    if mechanism.drive is not None and mechanism.drive.stiffness is not None:
+        warnings.warn(f"{mechanism.name}: cross-checks are rigid; drive.stiffness is left out", stacklevel=2)
+        mechanism = mechanism.replace(drive=mechanism.drive.model_copy(update={"stiffness": None}))
     assembly = Assembly(mechanism)
     released = mechanism.speed is None and motion is MotionChoice.driven
     if released and angles is not None:

@@ -142,3 +142,13 @@ def test_a_released_pendulum_is_compared_over_time(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     run = json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))["runs"][0]
     assert len(run["time"]) == len(run["simulated"]["pendulum_angle"]) == 101
+
+
+def test_a_compliant_drive_is_taken_as_rigid_and_the_user_is_told(tmp_path: Path) -> None:
+    m = load("paper")
+    soft = m.replace(drive=m.drive.model_copy(update={"stiffness": 100.0}))  # type: ignore[union-attr]
+    arguments = ["--motion", "static", "--joint", "ideal", "--angles", "30:60:15", "--out", "o"]
+    done = compare("--simulator", "mujoco", "--case", saved(tmp_path, dumps(soft)), *arguments, cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "drive.stiffness is left out" in done.stderr
+    assert "drive.stiffness" in json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))["warnings"][0]
