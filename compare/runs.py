@@ -1,13 +1,15 @@
-"""Many independent simulations: one after the other, or spread over processes; one that fails does not stop the rest."""
+"""The simulations of a cross-check: one after the other, or spread over processes; one that fails does not stop the rest."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
+from compare.sweep import Died, spread
 from sim_models.engine import Engine, Request, SimulationError, Trace, engine
 
 Resolve = Callable[[str], Engine]
+Numbered = tuple[int, str, Request]
 
 
 @dataclass(frozen=True)
@@ -28,16 +30,25 @@ def simulate(simulator: str, request: Request, resolve: Resolve = engine) -> Tra
 
 
 def simulate_all(tasks: Sequence[tuple[str, Request]], workers: int = 1, resolve: Resolve = engine) -> Iterator[tuple[int, Trace | Failure]]:
-    """Run (simulator, request) pairs and yield (index, outcome) as each ends; more than one worker means processes."""
+    """Run (simulator, request) pairs and yield (index, outcome) as each ends; more than one worker means processes.
+
+    An engine that brings its process down has failed.  What else a simulation raises is raised here.
+    """
+    numbered = [(i, simulator, request) for i, (simulator, request) in enumerate(tasks)]
     if workers == 1 or len(tasks) == 1:
-        for i, (simulator, request) in enumerate(tasks):
+        for i, simulator, request in numbered:
             yield i, simulate(simulator, request, resolve)
         return
-    from joblib import Parallel, delayed
+    for ended in spread(_simulate, numbered, workers):
+        i, simulator, request = ended.item
+        if ended.value is not None:
+            yield i, ended.value
+        elif isinstance(ended.error, Died):
+            yield i, Failure(simulator, request.joint_model, f"{simulator} {request.joint_model} {request.motion}: {ended.error}")
+        elif ended.error is not None:
+            raise ended.error
 
-    jobs = (delayed(_numbered)(i, simulator, request) for i, (simulator, request) in enumerate(tasks))
-    yield from Parallel(n_jobs=workers, return_as="generator_unordered")(jobs)
 
-
-def _numbered(i: int, simulator: str, request: Request) -> tuple[int, Trace | Failure]:
-    return i, simulate(simulator, request)
+def _simulate(numbered: Numbered) -> Trace | Failure:
+    _, simulator, request = numbered
+    return simulate(simulator, request)

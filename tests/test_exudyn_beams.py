@@ -96,6 +96,17 @@ def test_matrix_is_good_to_a_quarter_percent_at_full_load(degrees: float, tolera
     assert apart(displacements(flexible_static(m, np.radians(degrees))), structural(m, degrees)) < tolerance
 
 
+@pytest.mark.parametrize(
+    ("size", "degrees", "percent"), [(50.0, (30, 50, 70, 90), 0.2), (50.0, (20, 120, 160), 0.5), (0.5, (20, 30, 60, 90, 160), 0.01)]
+)
+def test_the_coupler_bends_where_the_load_is_as_the_matrix_says(size: float, degrees: tuple[int, ...], percent: float) -> None:
+    middle = POINTS.index(("coupler", "com"))
+    for angle in degrees:
+        beams = displacements(flexible_static(with_force(size), np.radians(angle)))[middle]
+        matrix = structural(with_force(size), angle)[middle]
+        assert 100 * abs(beams - matrix) / abs(matrix) < percent
+
+
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_a_single_clamped_link_is_a_cantilever(element: Element) -> None:
     m = load("pendulum").with_body("pendulum", youngs_modulus=2e11, shear_modulus=0.8e11)
