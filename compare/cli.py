@@ -21,6 +21,7 @@ from compare.listing import cases, simulators
 from compare.options import JointChoice, ModelChoice, MotionChoice, file_name, metres_by_joint
 from compare.show import show
 from compare.validation import validation
+from compare.validity import validity
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
@@ -95,6 +96,7 @@ app.command()(accuracy)
 app.command()(cases)
 app.command()(export)
 app.command()(simulators)
+app.command()(validity)
 app.command()(show)
 app.add_typer(baseline, name="baseline")
 app.add_typer(validation, name="validation")

@@ -1,0 +1,144 @@
+"""A validity map in words and tables: for a terminal, and as Markdown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from compare.report.quantities import plain, quantities
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+Cells = Mapping[tuple[float, float], Mapping[str, Any]]
+LETTERS = {"contact": "C", "first-order": "F", "quasi-static": "Q", "rigid": "R"}
+
+
+def cells_of(result: Mapping[str, Any], simulator: str) -> Cells:
+    """An engine's cells by speed (rad/s) and clearance (m)."""
+    return {(cell["speed"], cell["clearance"]): cell for cell in result["cells"] if cell["simulator"] == simulator}
+
+
+def rpm(speed: float) -> str:
+    """A speed (rad/s) in rpm."""
+    return f"{speed * 30 / math.pi:.5g}"
+
+
+def millimetres(clearance: float) -> str:
+    """A clearance (m) in mm."""
+    return f"{clearance * 1e3:.4g}"
+
+
+def percent(value: float) -> str:
+    """A share, never rounded to none or all: 0.4 % of a cycle without contact is not 0 %."""
+    near = min(max(100 * value, 0.1 if value > 0 else 0.0), 99.9 if value < 1 else 100.0)
+    return f"{near:.1f}" if 0 < near < 1 or 99 < near < 100 else f"{near:.0f}"
+
+
+def letters(cell: Mapping[str, Any]) -> str:
+    """The initials of the assumptions that fail."""
+    return "".join(LETTERS[name] for name in cell["fails"])
+
+
+def brief(cell: Mapping[str, Any]) -> str:
+    """A cell in a table: ``agrees``, or the share of the cycle at which it does, and the assumptions that fail."""
+    if "failure" in cell:
+        return "failed"
+    found = "agrees" if cell["verdict"] == "agrees" else f"{percent(cell['agreeing_share'])} %"
+    return f"{found} {letters(cell)}".strip()
+
+
+def sentence(cell: Mapping[str, Any], mechanism: Mapping[str, Any]) -> str:
+    """A cell in words."""
+    if "failure" in cell:
+        return f"failed: {cell['failure']}"
+    over = [f"{name} {plain(cell['cost'][name], 2)} x" for name in ("first-order", "quasi-static", "rigid") if cell["cost"][name] > 1]
+    costs = f"costs over tolerance: {', '.join(over)}" if over else "every other assumption within tolerance"
+    if cell["verdict"] == "agrees":
+        return f"agrees; {costs.replace('other ', '')}"
+    lost = [f"{joint} is without contact for {percent(share)} % of the cycle" for joint, share in cell["free_share"].items() if share > 0]
+    swing = ["the pin stays in contact and swings along the rim"] if cell["swings"] else []
+    silent = sum(cell["flagged_share"].values())
+    flags = [f"no answer from the model at {percent(silent)} %"] if silent else []
+    worst = [f"worst {_worst(cell['worst'], mechanism)}"] if cell["worst"] else []
+    return "; ".join([f"agrees at {percent(cell['agreeing_share'])} % of the angles", *lost, *swing, *flags, *worst, costs])
+
+
+def _worst(worst: Mapping[str, Any], mechanism: Mapping[str, Any]) -> str:
+    quantity = quantities(mechanism)[worst["signal"]]
+    at = f"at {math.degrees(worst['at_crank_angle']):.4g} deg"
+    if worst["max"] is None or worst["over_tolerance"] is None:
+        return f"{quantity.label} {at}"
+    return f"{quantity.label} {plain(worst['max'] * quantity.factor, 3, True)} {quantity.unit} ({plain(worst['over_tolerance'], 2)} x) {at}"
+
+
+def legend(result: Mapping[str, Any]) -> list[str]:
+    """What the initials mean."""
+    found = result["assumptions"]
+    return [f"{LETTERS.get(name, '-')} {name}: {about['means']}" for name, about in found.items()]
+
+
+def about(result: Mapping[str, Any]) -> str:
+    """What the map is of, in one line."""
+    laws = {f"{law['stiffness']:.3g} N/m and {law['damping']:.3g} N.s/m" for law in result["contact"].values()}
+    contact = f", contact {' or '.join(sorted(laws))}" if laws else ""
+    where = f"clearance in {', '.join(result['joints'])} ({result['joints_are']})"
+    return f"{result['case']}: {where}, {result['joint_model']} joints{contact}, {len(result['crank_angle'])} crank angles"
+
+
+def print_table(result: Mapping[str, Any], console: Console) -> None:
+    """Print each engine's map as a small table, then what it comes to; ASCII but for names."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    for simulator in result["simulators"]:
+        found = cells_of(result, simulator)
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+        table.add_column(f"{simulator}: mm \\ rpm", no_wrap=True)
+        for speed in result["speeds"]:
+            table.add_column(rpm(speed), no_wrap=True)
+        for clearance in result["clearances"]:
+            table.add_row(millimetres(clearance), *(brief(found[speed, clearance]) for speed in result["speeds"]))
+        console.print(table)
+    for line in ("share of the crank angles at which model and simulation agree, and what fails of the paper's assumptions",):
+        console.print(line, highlight=False, soft_wrap=True)
+    for line in [*legend(result), about(result), *result["words"]]:
+        console.print(escape(line), highlight=False, soft_wrap=True)
+
+
+def markdown(result: Mapping[str, Any]) -> str:
+    """The text of validity.md."""
+    out = [f"# Where the analytic model holds: {_md(result['case'])}", "", f"{_md(about(result))}.", ""]
+    out += [f"- {_md(line)}" for line in result["words"]]
+    out += ["", "![map of speed and clearance](validity.svg)", ""]
+    out += [
+        "A cell says at which share of the crank angles the equilibrium and the simulation agree within tolerance, and by initials which of",
+        "the paper's assumptions fail, each tested by itself. The equilibrium does not need F and corrects Q once, so it may agree all the same.",
+        "",
+        *(f"- **{line[0]}** {_md(line[2:])}" for line in legend(result)),
+    ]
+    for simulator in result["simulators"]:
+        found = cells_of(result, simulator)
+        out += ["", f"## {_md(simulator)} {_md(result['versions'].get(simulator, ''))}".rstrip(), ""]
+        rows = [[millimetres(c), *(brief(found[w, c]) for w in result["speeds"])] for c in result["clearances"]]
+        out += _rows(["mm \\ rpm", *(rpm(w) for w in result["speeds"])], rows)
+        out += ["", "| rpm | mm | what was found |", "|---:|---:|---|"]
+        out += [
+            f"| {rpm(w)} | {millimetres(c)} | {_md(sentence(found[w, c], result['mechanism']))} |"
+            for w in result["speeds"]
+            for c in result["clearances"]
+        ]
+    out += ["", f"Made by `{result['command']}` with {', '.join(f'{name} {version}' for name, version in result['versions'].items())}.", ""]
+    return "\n".join(out)
+
+
+def _rows(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    return ["| " + " | ".join(cells) + " |" for cells in (head, ["---:", *["---"] * (len(head) - 1)], *rows)]
+
+
+def _md(text: str) -> str:
+    return text.replace("\\", "\\\\").replace("|", "\\|").replace("<", "&lt;").replace("*", "\\*").replace("\n", " ")
+
+
+__all__ = ["LETTERS", "about", "brief", "cells_of", "legend", "letters", "markdown", "millimetres", "percent", "print_table", "rpm", "sentence"]
