@@ -6,8 +6,6 @@ import os
 import shlex
 import sys
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,6 +17,7 @@ from compare.export import export
 from compare.faults import Exit, OptionError, complaints
 from compare.listing import cases, simulators
 from compare.options import JointChoice, ModelChoice, MotionChoice, file_name, metres_by_joint
+from compare.progress import progress_bar
 from compare.show import show
 from compare.validation import validation
 from compare.validity import validity
@@ -172,23 +171,8 @@ def _simulators(name: str) -> tuple[str, ...]:
 def _run(job: Job) -> dict[str, Any]:
     from compare.crosscheck import crosscheck
 
-    with _progress() as report:
+    with progress_bar() as report:
         return crosscheck(job, report)
-
-
-@contextmanager
-def _progress() -> Iterator[Any]:
-    """A progress bar on standard error, on a terminal only."""
-    if not sys.stderr.isatty():
-        yield lambda what, done, total: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description:24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=None)
-        yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
 
 
 def _publish(result: dict[str, Any], folder: Path, json: bool) -> None:
