@@ -182,7 +182,7 @@ def _between(grid: Grid, each: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return {
         "cells": len(groups),
         "same_verdict": sum(len({cell["verdict"] for cell in group}) == 1 for group in groups),
-        "same_cause": sum(len({cell["cause"] for cell in group}) == 1 for group in groups),
+        "same_cause": sum(len({(cell["verdict"], cell["cause"]) for cell in group}) == 1 for group in groups),
         "free_share_spread": max(float(np.ptp([free(cell) for cell in group])) for group in groups),
         "agreeing_share_spread": max(float(np.ptp([cell["agreeing_share"] for cell in group])) for group in groups),
     }
@@ -218,7 +218,7 @@ def _tally(simulator: str, mine: Sequence[Mapping[str, Any]]) -> str:
         text += f", at best at {100 * best['agreeing_share']:.0f} % of the crank angles ({where})"
     causes = Counter(c["cause"] or "none that was examined" for c in judged if c["verdict"] == "disagrees")
     if causes:
-        text += f"; where it does not agree, what fails first is {', '.join(f'{cause} ({n})' for cause, n in causes.most_common())}"
+        text += f"; where it does not agree, the cause is {', '.join(f'{cause} ({n})' for cause, n in causes.most_common())}"
     failed = sum("failure" in c for c in mine)
     return text + (f"; {failed} could not be simulated" if failed else "")
 

@@ -7,7 +7,7 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from compare.report.svg import NOT_XML, text
-from compare.report.validity_text import LETTERS, about, cells_of, legend, letters, millimetres, percent, rpm
+from compare.report.validity_text import LETTERS, about, cells_of, legend, letters, lost, millimetres, percent, rpm
 
 LEFT, RIGHT, TOP, BETWEEN = 76.0, 18.0, 84.0, 74.0
 CELL_WIDTH, CELL_HEIGHT, NARROWEST = 78.0, 48.0, 720.0
@@ -42,7 +42,7 @@ BOUNDARIES: tuple[tuple[str, State, str, float], ...] = (  # name, what changes 
 def draw(result: Mapping[str, Any]) -> str:
     """The map as SVG text."""
     columns, rows = len(result["speeds"]), len(result["clearances"])
-    notes = [about(result), *result["words"], *legend(result), "in bold: what fails first"]
+    notes = [about(result), *result["words"], *legend(result), "in bold: why the equilibrium disagrees; free: share of the cycle without contact"]
     width = max(NARROWEST, LEFT + RIGHT + columns * CELL_WIDTH)
     wrapped = [line for note in notes for line in _wrapped(note, int((width - 28) / 5.6))]
     panel = rows * CELL_HEIGHT + BETWEEN
@@ -96,10 +96,9 @@ def _cell(cell: Mapping[str, Any], x: float, y: float) -> list[str]:
     middle = x + CELL_WIDTH / 2
     if "failure" in cell:
         return [*out, _text("failed", middle, y + 28, "middle")]
-    lost = max(cell["free_share"].values(), default=0.0)
     out.append(_text(f"{percent(cell['agreeing_share'])} %", middle, y + 15, "middle", weight="600", fill=ink))
-    if lost > 0:
-        out.append(_text(f"free {percent(lost)} %", middle, y + 29, "middle", size=10, fill=ink))
+    if lost(cell):
+        out.append(_text(f"free {percent(lost(cell))} %", middle, y + 29, "middle", size=10, fill=ink))
     if cell["fails"]:
         style = f'text-anchor="middle" font-size="10" fill="{ink}"'
         initials = "".join(f'<tspan font-weight="800">{x}</tspan>' if x == LETTERS.get(cell["cause"] or "") else x for x in letters(cell))

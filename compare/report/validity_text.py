@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from compare.report.quantities import plain, quantities
@@ -92,19 +92,29 @@ def print_table(result: Mapping[str, Any], console: Console) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    for simulator in result["simulators"]:
+    def show(simulator: str, heading: str, text: Callable[[Mapping[str, Any]], str]) -> None:
         found = cells_of(result, simulator)
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-        table.add_column(f"{simulator}: mm \\ rpm", no_wrap=True)
+        table.add_column(f"{heading}: mm \\ rpm", no_wrap=True)
         for speed in result["speeds"]:
             table.add_column(rpm(speed), no_wrap=True)
         for clearance in result["clearances"]:
-            table.add_row(millimetres(clearance), *(brief(found[speed, clearance]) for speed in result["speeds"]))
+            table.add_row(millimetres(clearance), *(text(found[speed, clearance]) for speed in result["speeds"]))
         console.print(table)
-    for line in ("share of the crank angles at which model and simulation agree, and what fails of the paper's assumptions",):
-        console.print(line, highlight=False, soft_wrap=True)
+
+    for simulator in result["simulators"]:
+        show(simulator, simulator, brief)
+    console.print("share of the crank angles at which model and simulation agree, and what fails of the paper's assumptions", soft_wrap=True)
+    if any(lost(cell) for cell in result["cells"]):
+        for simulator in result["simulators"]:
+            show(simulator, f"{simulator}, no contact", lambda cell: f"{percent(lost(cell))} %" if lost(cell) else "-")
     for line in [*legend(result), about(result), *result["words"]]:
         console.print(escape(line), highlight=False, soft_wrap=True)
+
+
+def lost(cell: Mapping[str, Any]) -> float:
+    """The largest share of the cycle that one of the cell's pins was without contact; 0 for a cell that failed."""
+    return max(cell.get("free_share", {}).values(), default=0.0)
 
 
 def markdown(result: Mapping[str, Any]) -> str:
@@ -123,6 +133,9 @@ def markdown(result: Mapping[str, Any]) -> str:
         out += ["", f"## {_md(simulator)} {_md(result['versions'].get(simulator, ''))}".rstrip(), ""]
         rows = [[millimetres(c), *(brief(found[w, c]) for w in result["speeds"])] for c in result["clearances"]]
         out += _rows(["mm \\ rpm", *(rpm(w) for w in result["speeds"])], rows)
+        if any(map(lost, found.values())):
+            rows = [[millimetres(c), *(f"{percent(lost(found[w, c]))} %" for w in result["speeds"])] for c in result["clearances"]]
+            out += ["", "Share of the cycle without contact:", "", *_rows(["mm \\ rpm", *(rpm(w) for w in result["speeds"])], rows)]
         out += ["", "| rpm | mm | what was found |", "|---:|---:|---|"]
         out += [
             f"| {rpm(w)} | {millimetres(c)} | {_md(sentence(found[w, c], result['mechanism']))} |"
@@ -141,4 +154,18 @@ def _md(text: str) -> str:
     return text.replace("\\", "\\\\").replace("|", "\\|").replace("<", "&lt;").replace("*", "\\*").replace("\n", " ")
 
 
-__all__ = ["LETTERS", "about", "brief", "cells_of", "legend", "letters", "markdown", "millimetres", "percent", "print_table", "rpm", "sentence"]
+__all__ = [
+    "LETTERS",
+    "about",
+    "brief",
+    "cells_of",
+    "legend",
+    "letters",
+    "lost",
+    "markdown",
+    "millimetres",
+    "percent",
+    "print_table",
+    "rpm",
+    "sentence",
+]
