@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -58,7 +59,16 @@ class Exudyn:
         check_supported(self, request)
         _check_request(request)
         with silence():
-            return _Run(request).trace()
+            return Run(request).trace()
+
+    def export(self, request: Request, folder: Path) -> list[Path]:
+        """Write a request, and what came of it, as files that run in Exudyn alone.  Raises what :meth:`simulate` does."""
+        from sim_models.exudyn_export import export
+
+        check_supported(self, request)
+        _check_request(request)
+        with silence():
+            return export(request, folder)
 
 
 ENGINE = Exudyn()
@@ -83,7 +93,7 @@ def _check_request(request: Request) -> None:
         )
 
 
-class _Run:
+class Run:
     """One request being run."""
 
     def __init__(self, request: Request) -> None:

@@ -6,6 +6,7 @@ How Exudyn's outputs become this project's reactions (force of the first body on
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -45,12 +46,20 @@ class Linkage(Model):
         for name, number in self._slide.items():
             self.mbs.SetObjectParameter(number, "force", -slide[name])
 
+    def body_loads(self) -> dict[str, list[float]]:
+        """What :meth:`load_bodies` put on each body: force x, y (N) at its com, and torque (N.m)."""
+        acting = {b.name: [self.mbs.GetLoad(load[b.name])["loadVector"] for load in (self._com_force, self._com_torque)] for b in self.m.bodies}
+        return {name: [*map(float, force[:2]), float(torque[2])] for name, (force, torque) in acting.items()}
+
+    @property
+    def residual(self) -> float:
+        """Force (N) that a static solution may leave unbalanced: what rounding of a position leaves on a stiff spring."""
+        return 1e-9 + 1e-15 * max((self.stiffness(name) for name in self.clearance), default=0.0)
+
     def solve_static(self) -> bool:
         """Static equilibrium from where the bodies were placed; False if Newton's method does not find one."""
-        stiffest = max((self.stiffness(name) for name in self.clearance), default=0.0)
-        settings = static_settings(1e-9 + 1e-15 * stiffest)  # N; what rounding of a position leaves on a stiff spring
         try:
-            return bool(self.mbs.SolveStatic(settings, storeSolver=False))
+            return bool(self.mbs.SolveStatic(static_settings(self.residual), storeSolver=False))
         except self.exu.exudynCPP.SolverError:
             return False
 
@@ -74,6 +83,11 @@ class Linkage(Model):
             return False
 
     # ---------------------------------------------------------------- reading
+
+    def item(self, sensed: str) -> dict[str, Any]:
+        """Exudyn's own parameters of what a sensor looks at: ``Coordinates <body>``, ``force <joint>``, ``law <joint>``, ``drive``."""
+        sensor = self.mbs.GetSensor(self._sensor[sensed])
+        return self.mbs.GetNode(sensor["nodeNumber"]) if sensor["sensorType"] == "Node" else self.mbs.GetObject(sensor["objectNumber"])
 
     def now(self) -> Record:
         """The present state, as a record of one instant."""

@@ -124,7 +124,7 @@ class Model:
         self._com_torque: dict[str, Any] = {}
         for body in mechanism.bodies:
             self._add_body(body.name, start[body.name])
-        self._creep = JOINT_CREEP * (abs(speed) or 1.0)
+        self.creep = JOINT_CREEP * (abs(speed) or 1.0)
         self._add_loads()
         for joint in mechanism.joints:
             self._add_joint(joint, start)
@@ -262,14 +262,14 @@ class Model:
                 self.items.ObjectConnectorCoordinateSpringDamperExt(
                     markerNumbers=[self._fixed if body == GROUND else self._coordinate(self._node[body], 2) for body in joint.bodies],
                     stiffness=joint.stiffness, offset=joint.rest_angle, damping=damping,
-                    dynamicFrictionForce=friction, frictionProportionalZone=self._creep if friction else 0.0,
+                    dynamicFrictionForce=friction, frictionProportionalZone=self.creep if friction else 0.0,
                 )
             )  # fmt: skip
 
     def _add_slide_law(self, joint: Joint, damping: float, friction: float) -> None:
         from exudyn.utilities import CreateSymbolicUserFunction
 
-        symbolic, creep = self.exu.symbolic, self._creep * max(body.length for body in self.m.bodies)
+        symbolic, creep = self.exu.symbolic, self.creep * max(body.length for body in self.m.bodies)
         markers = [self._marker(body, joint.name, cmath.phase(joint.direction) if k == 0 else 0.0) for k, body in enumerate(joint.bodies)]
         number = self.mbs.AddObject(
             self.items.ObjectConnectorLinearSpringDamper(

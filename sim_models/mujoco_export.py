@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import importlib.resources
-import io
-import json
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -14,7 +11,8 @@ import mujoco
 import numpy as np
 
 from analytic.mechanism import Joint
-from sim_models.engine import Request, Trace
+from sim_models.engine import Request
+from sim_models.export_files import expected, lines
 from sim_models.mujoco_equilibrium import Equilibria, rest
 from sim_models.mujoco_model import Linkage
 from sim_models.mujoco_runs import STATIC_STEP, Run
@@ -40,8 +38,8 @@ def export(request: Request, folder: Path) -> list[Path]:
     }
     files = {
         "model.xml": text,
-        "start.json": _lines(start),
-        "expected.csv": _expected(trace),
+        "start.json": lines(start),
+        "expected.csv": expected(trace),
         "run.py": importlib.resources.files("sim_models").joinpath("mujoco_alone.py").read_text(encoding="utf-8"),
     }
     for name, content in files.items():
@@ -156,27 +154,3 @@ def _state(near: Equilibria, theta: float) -> dict[str, Any]:
         "joint_friction": {j.name: -j.coulomb * slip[j.name] for j in link.mechanism.joints if j.coulomb},
         "sliding": {name: share for name, share in sliding.items() if share},
     }
-
-
-def _expected(trace: Trace) -> str:
-    """The trace as CSV, in the order of passing."""
-    columns = {"crank_angle": trace.crank_angle, **({} if trace.time is None else {"time": trace.time}), **trace.signals}
-    order = range(trace.crank_angle.size) if trace.time is None else np.argsort(trace.time, kind="stable")
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(columns)
-    table.writerows([repr(float(values[i])) for values in columns.values()] for i in order)
-    return text.getvalue()
-
-
-def _lines(start: dict[str, Any]) -> str:
-    """JSON with one line for each thing."""
-    return "{\n" + ",\n".join(f"{json.dumps(name)}: {_block(value)}" for name, value in start.items()) + "\n}\n"
-
-
-def _block(value: Any) -> str:
-    if isinstance(value, dict) and value:
-        return "{\n" + ",\n".join(f"  {json.dumps(k)}: {json.dumps(v, allow_nan=False)}" for k, v in value.items()) + "\n}"
-    if isinstance(value, list) and value and isinstance(value[0], dict | tuple):
-        return "[\n" + ",\n".join(f"  {json.dumps(v, allow_nan=False)}" for v in value) + "\n]"
-    return json.dumps(value, allow_nan=False)

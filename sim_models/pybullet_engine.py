@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,8 @@ class BulletWorld(PlanarWorld):
         solver = pybullet.CONSTRAINT_SOLVER_LCP_DANTZIG if direct else pybullet.CONSTRAINT_SOLVER_LCP_SI
         effort = {"numSolverIterations": ITERATIONS if direct else SWEEPS, "solverResidualThreshold": 1e-20 if direct else 0.0}
         rigidity = {"globalCFM": SOFTNESS, "erp": 0.0 if self.static else ERROR_REDUCTION, "contactERP": 0.0}
-        self.call("setPhysicsEngineParameter", numSubSteps=0, constraintSolverType=solver, **effort, **rigidity)
+        self.physics = {"numSubSteps": 0, "constraintSolverType": solver, **effort, **rigidity}
+        self.call("setPhysicsEngineParameter", **self.physics)
         m = self.mechanism
         self.call("setGravity", *m.gravity, 0.0)
         ideal = [j for j in m.joints if j.name not in self.pins]
@@ -299,6 +301,13 @@ class BulletEngine:
         """Run one request; see the protocol."""
         check_supported(self, request)
         return simulate(BulletWorld, request, self.package)
+
+    def export(self, request: Request, folder: Path) -> list[Path]:
+        """Write a request, and what came of it, as files that run in PyBullet alone.  Raises what :meth:`simulate` does."""
+        from sim_models.pybullet_export import export
+
+        check_supported(self, request)
+        return export(request, folder)
 
 
 ENGINE = BulletEngine()

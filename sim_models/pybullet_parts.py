@@ -62,13 +62,14 @@ class Strut:
         links = floating(-1, 0, 0j, part)
         tip = self.pin.clearance + 0j
         if world.request.joint_model == "contact":
-            links += [{**part, "parent": 2, "at": 0j, "twist": 0.0, "com": 0j, "slides": True, "axis": SLIDE_X}]
+            limits = -self.pin.clearance, self.pin.clearance * (1 - RIM)
+            links += [{**part, "parent": 2, "at": 0j, "twist": 0.0, "com": 0j, "slides": True, "axis": SLIDE_X, "limits": limits}]
             tip = 0j
         begin, self.parts = len(world.freedoms), len(links)
         self.number = number = world.grow(links)
         self.own = list(range(begin, len(world.freedoms)))
         if world.request.joint_model == "contact":
-            world.call("changeDynamics", number, 3, jointLowerLimit=-self.pin.clearance, jointUpperLimit=self.pin.clearance * (1 - RIM))
+            world.call("changeDynamics", number, 3, jointLowerLimit=limits[0], jointUpperLimit=limits[1])
         first, second = self.pin.joint.bodies
         ends = [world.points[body, name] for body in (first, second)]
         world.tie(world.links[first], ends[0], Link(number, 2), 0j)

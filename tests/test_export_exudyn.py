@@ -1,0 +1,148 @@
+"""What is exported for Exudyn runs in the bare engine and gives the same numbers."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analytic.mechanism import Drive, Mechanism
+from analytic.mechanism_file import load
+from sim_models.engine import JOINT_MODELS, Motion, Request, Unsupported
+from sim_models.exudyn_engine import ENGINE
+from test_export import PAPER, SHORT, SLIDER, bare, columns, command, driven_by, table
+
+if importlib.util.find_spec("exudyn") is None:
+    pytest.skip("exudyn is not installed", allow_module_level=True)
+
+TOLERANCE = 1e-12  # of the largest value of a signal's kind
+FILES = {"model.json", "expected.csv", "run.py"}
+ROCKER = load("crank-rocker").with_clearances({"B": 2e-4})
+TURN = np.radians([0.0, 90.0, 45.0, 90.0])
+REQUESTS = {
+    **{f"paper, {model}, {motion}": Request(PAPER, model, motion, SHORT) for model in JOINT_MODELS for motion in ("driven", "static")},
+    **{f"crank-rocker, {model}": Request(ROCKER, model, "driven", TURN, lead_in=0.3) for model in JOINT_MODELS},
+    "slider-crank": Request(load("slider-crank"), "ideal", "driven", TURN),
+    "every joint law, driven": Request(SLIDER, "contact", "driven", SHORT),
+    "every joint law, static": Request(SLIDER.with_joint("A", friction=0.0), "contact", "static", SHORT),
+    "linear contact": Request(PAPER.with_joint("B", contact_damping=300.0), "contact", "driven", SHORT),
+    "two gaps, backwards": Request(driven_by(PAPER.with_clearances({"A": 1e-3, "B": 5e-4}), speed=-3.0), "contact", "driven", SHORT),
+    "compliant drive": Request(driven_by(PAPER, stiffness=2000.0), "spring-damper", "driven", SHORT),
+    "compliant drive, backwards": Request(driven_by(PAPER, stiffness=500.0, speed=-3.0), "ideal", "driven", SHORT),
+    "impacts": Request(ROCKER, "contact", "driven", SHORT, start="centred", lead_in=1.0),
+    "released": Request(load("pendulum"), "ideal", time=np.array([0.3, 0.1, 0.5])),
+    "released with a gap": Request(load("pendulum").with_clearances({"O": 5e-4}), "contact", time=np.array([0.0, 0.1, 0.2])),
+}
+
+
+def difference(found: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray]) -> float:
+    """Largest difference, of the largest value among a vector's components; at least of 1 rad, 1 rad/s or a gap of 1 mm."""
+    least = {"angle": 1.0, "velocity": 1.0, "clearance": 1e-3}  # an ideal joint's gap is what rounding makes of 0
+    worst = 0.0
+    for name, values in truth.items():
+        scale = max(float(np.abs(truth[n]).max()) for n in truth if n.rstrip("xy") == name.rstrip("xy"))
+        scale = max([scale, *(size for kind, size in least.items() if kind in name)])
+        worst = max(worst, float(np.abs(found[name] - values).max()) / (scale or 1.0))
+    return worst
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Every request's folder, after its script has run in bare Exudyn."""
+    folders = {name: tmp_path_factory.mktemp("export") for name in REQUESTS}
+    for name, folder in folders.items():
+        assert {path.name for path in ENGINE.export(REQUESTS[name], folder)} == FILES
+    bare(*folders.values())
+    return folders
+
+
+@pytest.mark.parametrize("name", REQUESTS)
+def test_bare_exudyn_gives_the_same_numbers(name: str, exported: dict[str, Path]) -> None:
+    found, truth = table(exported[name] / "signals.csv"), columns(ENGINE.simulate(REQUESTS[name]))
+    assert found.keys() == truth.keys()
+    assert difference(found, truth) < TOLERANCE
+    written = table(exported[name] / "expected.csv")
+    for signal, values in truth.items():  # to the last digit
+        np.testing.assert_array_equal(written[signal], values)
+
+
+def test_pins_of_the_impacting_run_do_fly_free() -> None:
+    assert 0 < ENGINE.simulate(REQUESTS["impacts"]).free_share["B"] < 1
+
+
+def test_script_imports_exudyn_and_numpy_and_nothing_else(exported: dict[str, Path]) -> None:
+    tree = ast.parse((exported["impacts"] / "run.py").read_text(encoding="utf-8"))
+    names = {a.name for node in ast.walk(tree) if isinstance(node, ast.Import) for a in node.names}
+    names |= {str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert {name.partition(".")[0] for name in names} - set(sys.stdlib_module_names) == {"exudyn", "numpy"}
+
+
+def test_script_writes_its_signals_and_nothing_else(exported: dict[str, Path]) -> None:
+    for folder in exported.values():
+        assert {path.name for path in folder.iterdir()} == FILES | {"signals.csv"}
+    assert {path for path in exported["impacts"].parent.iterdir() if not path.name.endswith("current")} >= set(exported.values())
+
+
+@pytest.mark.parametrize("joint_model", JOINT_MODELS)
+def test_equilibria_are_found_and_not_read_from_the_file(joint_model: str, tmp_path: Path) -> None:
+    ENGINE.export(REQUESTS[f"paper, {joint_model}, static"], tmp_path)
+    model = json.loads((tmp_path / "model.json").read_text(encoding="utf-8"))
+    for near in model["equilibria"]:
+        near["bodies"] = [value + 1e-8 * (-1) ** k for k, value in enumerate(near["bodies"])]
+    (tmp_path / "model.json").write_text(json.dumps(model), encoding="utf-8")
+    bare(tmp_path)
+    assert difference(table(tmp_path / "signals.csv"), table(tmp_path / "expected.csv")) < model["residual"]  # N, of some 50 N
+
+
+@pytest.mark.parametrize(
+    ("name", "right", "wrong"),
+    [
+        ("paper, ideal, driven", '"force": [0.0, 50.0]', '"force": [0.0, 50.001]'),
+        ("paper, massless-link, driven", '"force": [0.0, 50.0]', '"force": [0.0, 50.001]'),
+        ("paper, spring-damper, static", '"referenceLength": 0.001', '"referenceLength": 0.0009999'),
+        ("paper, contact, driven", '"contactStiffness": 10000000.0', '"contactStiffness": 9000000.0'),
+    ],
+)
+def test_a_model_that_was_tampered_with_shows(name: str, right: str, wrong: str, tmp_path: Path) -> None:
+    ENGINE.export(REQUESTS[name], tmp_path)
+    text = (tmp_path / "model.json").read_text(encoding="utf-8")
+    assert right in text
+    (tmp_path / "model.json").write_text(text.replace(right, wrong), encoding="utf-8")
+    lines = [line.split() for line in bare(tmp_path).splitlines()]
+    said = next(float(line[1]) for line in lines if line[0] == "reaction_B_x")
+    found, truth = (table(tmp_path / f"{side}.csv")["reaction_B_x"] for side in ("signals", "expected"))
+    assert said == pytest.approx(float(np.abs(found - truth).max()), rel=0.05)
+    assert said > 1e-6 * float(np.abs(truth).max())
+
+
+def test_command_writes_the_files_and_says_how_to_run_them(tmp_path: Path) -> None:
+    folder = tmp_path / "new"
+    arguments = ["--case", "crank-rocker", "--joint", "contact", "--clearance", "B=2e-4", "--angles", "0:90:45"]
+    status, said, _ = command("--simulator", "exudyn", *arguments, "--out", str(folder))
+    assert status == 0
+    assert {path.name for path in folder.iterdir()} == FILES
+    assert said.splitlines()[-1].endswith(f"python {folder / 'run.py'}")
+    assert "exudyn" in said.splitlines()[-1]
+    assert "crank-rocker, contact joints, driven: 3 samples" in bare(folder)
+    assert difference(table(folder / "signals.csv"), table(folder / "expected.csv")) < TOLERANCE
+    model = json.loads((folder / "model.json").read_text(encoding="utf-8"))
+    assert model["stages"][1][1] == pytest.approx(2 * np.pi / ROCKER.speed)  # the turn in which it settles
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "motion", "words"),
+    [
+        (PAPER.with_joint("B", friction=0.1), "static", "friction"),
+        (PAPER.replace(drive=Drive(joint="D", speed="measured")), "driven", "measured drive"),
+    ],
+)
+def test_what_exudyn_does_not_do_is_not_exported(mechanism: Mechanism, motion: Motion, words: str, tmp_path: Path) -> None:
+    with pytest.raises(Unsupported, match=words):
+        ENGINE.export(Request(mechanism, "contact", motion, SHORT), tmp_path)
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,229 @@
+"""What is exported from PyBullet runs without this project and gives the same numbers."""
+
+from __future__ import annotations
+
+import ast
+import csv
+import importlib.util
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from analytic.mechanism import Drive, Mechanism
+from analytic.mechanism_file import load
+from compare.export import export
+from linkages import inverted_slider
+from sim_models.engine import Request, Trace, Unsupported
+from sim_models.pybullet_engine import ENGINE
+
+if importlib.util.find_spec("pybullet") is None:
+    pytest.skip("pybullet is not installed", allow_module_level=True)
+
+# Of the largest value of a signal's kind.  A spring of 1e7 N/m makes forces of positions, and Bullet's pins undo all drift in
+# each step, which makes forces of m/h^2 times it: both magnify rounding, where the script finds a pin by other operations.
+RIGID, SOFT = 1e-11, 2e-8
+DRIFT = 1e-15  # m, of where a pin without clearance is, in which script and project may differ
+ALONE = """
+import runpy, sys
+class Unimportable:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ("analytic", "sim_models", "compare"):
+            raise ImportError(f"{name} is not for the bare engine")
+sys.meta_path.insert(0, Unimportable())
+runpy.run_path(sys.argv[1], run_name="__main__")
+"""
+
+
+def request(m: Mechanism, joint_model: str = "ideal", motion: str = "driven", degrees: object = (30, 33, 32, 30), **more: object) -> Request:
+    return Request(m, joint_model, motion, np.radians(np.array(degrees, float)), **more)  # type: ignore[arg-type]
+
+
+PAPER = load("paper").with_clearances({"B": 1e-3})
+ROCKER = load("crank-rocker").with_clearances({"B": 2e-4})
+SLIDER = load("slider-crank").with_clearances({"A": 1e-4})
+LAWS = inverted_slider().with_clearances({"A": 1e-4})  # prismatic between moving bodies, and every joint law
+PENDULUM = load("pendulum").with_clearances({"O": 5e-4})
+FAST = Drive(joint="D", speed=-60.0)
+REQUESTS = {
+    "paper": request(PAPER),
+    "paper, backwards and faster": request(PAPER.replace(drive=FAST)),
+    "paper, spring-damper": request(PAPER, "spring-damper"),
+    "paper, spring-damper, lead-in": request(PAPER, "spring-damper", lead_in=0.1, start="centred", step=5e-5),
+    "crank-rocker": request(ROCKER, degrees=(0, 50, 30)),
+    "crank-rocker, spring-damper": request(ROCKER, "spring-damper"),
+    "slider-crank": request(SLIDER, degrees=(0, 50, 30)),
+    "slider-crank, spring-damper": request(SLIDER, "spring-damper"),
+    "six-bar": request(load("six-bar"), degrees=(0, 40)),
+    "every joint law": request(LAWS),
+    "every joint law, spring-damper": request(LAWS, "spring-damper"),
+    "every joint law, static": request(LAWS, "ideal", "static"),
+    "a spring without friction, static": request(PAPER.with_joint("E", stiffness=2.0, damping=0.1), "ideal", "static"),
+    "pendulum": Request(PENDULUM, time=np.array([0.3, 0.1, 0.2])),
+    "pendulum, spring-damper": Request(PENDULUM, "spring-damper", time=np.array([0.03, 0.01])),
+    "paper, static": request(PAPER, "ideal", "static"),
+    "paper, spring-damper, static": request(PAPER, "spring-damper", "static"),
+    "paper, massless link, static": request(PAPER, "massless-link", "static"),
+    "paper, contact, static": request(PAPER, "contact", "static"),
+    "slider-crank with weight, contact, static": request(SLIDER.replace(gravity=(0.0, -9.81)), "contact", "static"),
+}
+
+
+def bare(folder: Path) -> str:
+    """Output of run.py, from a folder outside the repository and with this project's packages out of reach."""
+    command = [sys.executable, "-I", "-c", ALONE, str(folder / "run.py")]
+    done = subprocess.run(command, cwd=folder.parent, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def table(path: Path) -> dict[str, np.ndarray]:
+    with path.open(encoding="utf-8", newline="") as file:
+        header, *rows = csv.reader(file)
+    return dict(zip(header, np.array(rows, float).T, strict=True))
+
+
+def columns(trace: Trace, speed: float | None) -> dict[str, np.ndarray]:
+    """The trace in the order of passing; a moving linkage passes each instant once."""
+    every = {"crank_angle": trace.crank_angle, **({} if trace.time is None else {"time": trace.time}), **trace.signals}
+    order = np.argsort(trace.crank_angle * np.sign(speed or 1.0), kind="stable")
+    if trace.time is not None:
+        order = np.unique(trace.time, return_index=True)[1]
+    return {name: values[order] for name, values in every.items()}
+
+
+def difference(found: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray]) -> float:
+    """Largest difference: of forces, torques and clearances in the largest of their kind; of others in their largest value, at least 1."""
+    worst = 0.0
+    for name, values in truth.items():
+        kind = next((k for k in ("reaction", "clearance") if name.startswith(k) and not name.endswith("moment")), name)
+        peak = max(float(np.abs(truth[n]).max()) for n in truth if n.startswith(kind))
+        slack = DRIFT if kind == "clearance" else 0.0
+        peak = (peak or 1.0) if kind in ("reaction", "clearance") else max(peak, 1.0)
+        worst = max(worst, (float(np.abs(found[name] - values).max()) - slack) / peak)
+    return worst
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Every request's folder."""
+    folders = {name: tmp_path_factory.mktemp("export") for name in REQUESTS}
+    for name, folder in folders.items():
+        written = {path.name for path in ENGINE.export(REQUESTS[name], folder)}
+        assert written == {path.name for path in folder.iterdir()} >= {"start.json", "expected.csv", "run.py"}
+    return folders
+
+
+@pytest.mark.parametrize("name", REQUESTS)
+def test_bare_engine_gives_the_same_numbers(name: str, exported: dict[str, Path]) -> None:
+    bare(exported[name])
+    found, truth = table(exported[name] / "signals.csv"), table(exported[name] / "expected.csv")
+    assert found.keys() == truth.keys()
+    assert difference(found, truth) < (SOFT if REQUESTS[name].joint_model == "spring-damper" else RIGID)
+
+
+@pytest.mark.parametrize("name", REQUESTS)
+def test_expected_values_are_the_trace_to_the_last_digit(name: str, exported: dict[str, Path]) -> None:
+    written, truth = table(exported[name] / "expected.csv"), columns(ENGINE.simulate(REQUESTS[name]), REQUESTS[name].mechanism.speed)
+    assert list(written) == list(truth)
+    for signal, values in truth.items():
+        np.testing.assert_array_equal(written[signal], values)
+
+
+def test_script_imports_pybullet_and_numpy_and_nothing_else(exported: dict[str, Path]) -> None:
+    tree = ast.parse((exported["paper"] / "run.py").read_text(encoding="utf-8"))
+    names = {a.name for node in ast.walk(tree) if isinstance(node, ast.Import) for a in node.names}
+    names |= {str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert {name.partition(".")[0] for name in names} - set(sys.stdlib_module_names) == {"pybullet", "numpy"}
+
+
+def test_urdfs_hold_the_bodies_to_the_last_digit(exported: dict[str, Path]) -> None:
+    m = load("crank-rocker")
+    links = {link.get("name"): link for path in exported["crank-rocker"].glob("*.urdf") for link in ElementTree.parse(path).iterfind("link")}
+    for body in m.bodies:
+        mass, inertia = (links[body.name].find(f"inertial/{what}") for what in ("mass", "inertia"))
+        assert mass is not None
+        assert inertia is not None
+        assert float(mass.attrib["value"]) == body.mass
+        assert [float(inertia.attrib[i]) for i in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")] == [body.moment_of_inertia] * 3 + [0.0] * 3
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "right", "wrong"),
+    [
+        ("crank-rocker", "follower.urdf", 'izz="', 'izz="1'),
+        ("paper", "start.json", '"force": [0.0, 50.0]', '"force": [0.0, 50.001]'),
+        ("paper, spring-damper", "start.json", '"clearance": 0.001', '"clearance": 0.0010001'),
+        ("paper, contact, static", "B.strut.urdf", 'upper="0.0009', 'upper="0.0019'),
+    ],
+)
+def test_a_model_that_was_tampered_with_shows(name: str, file: str, right: str, wrong: str, tmp_path: Path) -> None:
+    ENGINE.export(REQUESTS[name], tmp_path)
+    text = (tmp_path / file).read_text(encoding="utf-8")
+    assert right in text
+    (tmp_path / file).write_text(text.replace(right, wrong), encoding="utf-8")
+    lines = [line.split() for line in bare(tmp_path).splitlines()]
+    said = next(float(line[1]) for line in lines if line and line[0] == "reaction_E_y")
+    found, truth = (table(tmp_path / f"{side}.csv")["reaction_E_y"] for side in ("signals", "expected"))
+    assert said == pytest.approx(float(np.abs(found - truth).max()), rel=0.05)
+    assert said > 1e-5 * float(np.abs(truth).max())
+
+
+def test_moments_of_inertia_come_from_the_urdf(exported: dict[str, Path]) -> None:
+    """Without its flag PyBullet would take them from collision shapes, of which there are none: no moment, and no resistance."""
+    script = (exported["crank-rocker"] / "run.py").read_text(encoding="utf-8")
+    assert "flags=p.URDF_USE_INERTIA_FROM_FILE" in script
+    changed = exported["crank-rocker"].parent / "without-flag"
+    changed.mkdir()
+    for path in exported["crank-rocker"].iterdir():
+        (changed / path.name).write_text(path.read_text(encoding="utf-8").replace("flags=p.URDF_USE_INERTIA_FROM_FILE", "flags=0"), encoding="utf-8")
+    bare(changed)
+    assert difference(table(changed / "signals.csv"), table(changed / "expected.csv")) > 1e-3
+
+
+def command(*arguments: str) -> tuple[int, str, str]:
+    app = typer.Typer()
+    app.command()(export)
+    done = CliRunner().invoke(app, list(arguments))
+    return done.exit_code, done.stdout, done.stderr
+
+
+def test_command_writes_the_files_and_says_how_to_run_them(tmp_path: Path) -> None:
+    folder = tmp_path / "new folder"
+    status, said, _ = command("--simulator", "pybullet", "--angles", "30:32:1", "--out", str(folder))
+    assert status == 0
+    assert {path.name for path in folder.iterdir()} == {"crank.urdf", "follower.urdf", "coupler.urdf", "start.json", "expected.csv", "run.py"}
+    assert said.splitlines()[-1].endswith(f"python {folder / 'run.py'}")
+    assert "paper, ideal joints, driven: 3 samples" in bare(folder)
+    assert json.loads((folder / "start.json").read_text(encoding="utf-8"))["solver"] == "CONSTRAINT_SOLVER_LCP_DANTZIG"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--joint", "contact", "--clearance", "B=1e-3"], ["contact joints in driven motion", "contact static"]),
+        (["--joint", "massless-link", "--clearance", "B=1e-3"], ["massless-link joints in driven motion"]),
+    ],
+)
+def test_what_cannot_be_exported_is_refused_in_one_sentence(arguments: list[str], words: list[str], tmp_path: Path) -> None:
+    status, said, why = command("--simulator", "pybullet", *arguments, "--out", str(tmp_path / "out"))
+    assert (status, said) == (2, "")
+    assert len(why.strip().splitlines()) == 1
+    for word in words:
+        assert word in why
+    assert not (tmp_path / "out").exists() or not list((tmp_path / "out").iterdir())
+
+
+def test_a_drive_that_yields_is_refused(tmp_path: Path) -> None:
+    assert PAPER.drive is not None
+    soft = PAPER.replace(drive=PAPER.drive.model_copy(update={"stiffness": 2000.0}))
+    with pytest.raises(Unsupported, match=r"drive\.stiffness = 2000"):
+        ENGINE.export(request(soft), tmp_path)
+    assert not list(tmp_path.iterdir())
