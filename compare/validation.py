@@ -195,7 +195,7 @@ def page(found: dict[str, Any]) -> str:
         lines += ["", f"## {case}", "", *_table([run for run in found["runs"] if run["case"] == case])]
         lines += [
             "",
-            f"![{case}: ideal, displaced and simulated](figures/{case}-linkage.svg)",
+            f"![{case}: ideal and displaced by clearance](figures/{case}-linkage.svg)",
             f"![{case}: directions of the reaction](figures/{case}-gamma.svg)",
         ]
     lines += ["", "## How far the paper's Eq. 8 is off", "", "| clearance in B of the paper's case | direction | size |", "|---|--:|--:|"]
