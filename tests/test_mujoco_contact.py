@@ -10,6 +10,7 @@ from analytic.assembly import Assembly
 from analytic.kinematics import kinematics
 from analytic.mechanism import Mechanism
 from analytic.mechanism_file import load, loads
+from planar_checks import many_impacts_against_the_ode
 from sim_models.contact_laws import restitution
 from sim_models.engine import JointModel, Motion, Request
 from sim_models.mujoco_engine import ENGINE
@@ -160,3 +161,9 @@ def test_settings_say_what_the_contact_was_made_of() -> None:
     hard = ENGINE.simulate(Request(load("paper"), "contact", "driven", theta)).settings
     assert "hard" in hard["contact_law"]
     assert hard["step"] > 0
+
+
+@pytest.mark.slow
+def test_many_impacts_have_the_exact_statistics() -> None:
+    for name, (measured, exact) in many_impacts_against_the_ode(ENGINE).items():
+        assert measured == pytest.approx(exact, rel=0.05), name
