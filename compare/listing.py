@@ -35,4 +35,4 @@ def simulators() -> None:
     console = Console(width=130, highlight=False)
     console.print(table)
     console.print(f"common effects: {', '.join(sorted(COMMON_EFFECTS))}", soft_wrap=True)
-    console.print("install one with: pip install 'linkage-crosscheck[NAME]'", markup=False)
+    console.print("install one with: pip install 'linkage-crosscheck[NAME]' (in a clone: pip install '.[NAME]')", markup=False)

@@ -130,7 +130,9 @@ def engine(name: str) -> Engine:
         raise Unsupported(f"simulator {name!r} is unknown; the simulators are {', '.join(ENGINES)}")
     found = declared(name)
     if importlib.util.find_spec(found.package) is None:
-        raise SimulatorMissing(f"simulator {name!r} is not installed; run: pip install 'linkage-crosscheck[{name}]'")
+        raise SimulatorMissing(
+            f"simulator {name!r} is not installed; run: pip install 'linkage-crosscheck[{name}]' (in a clone: pip install '.[{name}]')"
+        )
     return found
 
 
