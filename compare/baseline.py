@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from compare.faults import Exit, OptionError, complaints
-from compare.options import file_name
+from compare.options import engines_named, file_name
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
@@ -50,7 +50,7 @@ def _each(case: str | None, simulator: str | None, work: Callable[[Mechanism, st
         from analytic.mechanism_file import load, shipped_cases
 
         mechanisms = [load(name) for name in ([case] if case is not None else shipped_cases())]
-        engines = _engines(simulator)
+        engines = engines_named(simulator or "all")
     worst = Exit.AGREES
     for mechanism in mechanisms:
         for engine in engines:
@@ -61,23 +61,6 @@ def _each(case: str | None, simulator: str | None, work: Callable[[Mechanism, st
                 status = Exit(stopped.exit_code)
             worst = max(worst, status)
     raise typer.Exit(worst)
-
-
-def _engines(simulator: str | None) -> list[str]:
-    """The engine of that name, or every installed one.  Raises SimulatorMissing if there is none."""
-    from sim_models.engine import ENGINES, SimulatorMissing, engine
-
-    if simulator not in (None, "all"):
-        return [engine(str(simulator)).name]
-    found = []
-    for name in ENGINES:
-        try:
-            found.append(engine(name).name)
-        except SimulatorMissing as missing:
-            typer.echo(f"left out: {missing}", err=True)
-    if not found:
-        raise SimulatorMissing(f"no simulator is installed; run: pip install 'linkage-crosscheck[{ENGINES[0]}]'")
-    return found
 
 
 def _writable(folder: Path) -> None:

@@ -16,7 +16,7 @@ from compare.baseline import baseline
 from compare.export import export
 from compare.faults import Exit, OptionError, complaints
 from compare.listing import cases, simulators
-from compare.options import JointChoice, ModelChoice, MotionChoice, file_name, metres_by_joint
+from compare.options import JointChoice, ModelChoice, MotionChoice, engines_named, file_name, metres_by_joint
 from compare.progress import progress_bar
 from compare.show import show
 from compare.validation import validation
@@ -128,7 +128,7 @@ def _job(
     from compare.crosscheck import Job
     from compare.grid import FREE_TIME, default_angles, parse_angles
 
-    simulators = _simulators(simulator)
+    simulators = engines_named(simulator)
     if mechanism.drive is not None and mechanism.drive.stiffness is not None:
         warnings.warn(f"{mechanism.name}: cross-checks are rigid; drive.stiffness is left out", stacklevel=2)
         mechanism = mechanism.replace(drive=mechanism.drive.model_copy(update={"stiffness": None}))
@@ -151,21 +151,6 @@ def _job(
         command=shlex.join(["compare", *sys.argv[1:]]),
         warnings=tuple(caught),
     )
-
-
-def _simulators(name: str) -> tuple[str, ...]:
-    """The engine of that name, or for ``all`` every installed one; says which are left out."""
-    from sim_models.engine import ENGINES, SimulatorMissing, engine
-
-    if name != "all":
-        return (engine(name).name,)
-    found = []
-    for each in ENGINES:
-        try:
-            found.append(engine(each).name)
-        except SimulatorMissing as missing:
-            typer.echo(f"left out: {missing}", err=True)
-    return tuple(found)
 
 
 def _run(job: Job) -> dict[str, Any]:

@@ -1,9 +1,11 @@
-"""What several commands take: choices, clearances by joint, names of files."""
+"""What several commands take: choices, engines by name, clearances by joint, names of files."""
 
 from __future__ import annotations
 
 from enum import StrEnum
 from typing import TYPE_CHECKING
+
+import typer
 
 from compare.faults import OptionError
 
@@ -50,6 +52,26 @@ def metres_by_joint(text: str, option: str, mechanism: Mechanism) -> dict[str, f
             raise OptionError(f"{option} {part}: give metres, 0 or more")
         found[name] = size
     return found
+
+
+def engines_named(name: str) -> tuple[str, ...]:
+    """The engine of that name, or for ``all`` every installed one, saying which are left out.
+
+    Raises Unsupported for an unknown name, SimulatorMissing where none is installed.
+    """
+    from sim_models.engine import ENGINES, SimulatorMissing, engine
+
+    if name != "all":
+        return (engine(name).name,)
+    found = []
+    for each in ENGINES:
+        try:
+            found.append(engine(each).name)
+        except SimulatorMissing as missing:
+            typer.echo(f"left out: {missing}", err=True)
+    if not found:
+        raise SimulatorMissing(f"no simulator is installed; run: pip install 'linkage-crosscheck[{ENGINES[0]}]'")
+    return tuple(found)
 
 
 def file_name(name: str) -> str:
