@@ -3,6 +3,7 @@
 ``ideal`` is a RevoluteJoint2D; ``massless-link`` a DistanceConstraint as long as the clearance (in statics a rod of
 1e10 N/m); ``spring-damper`` pushes with max(0, K d + C d') outside the gap; ``contact`` is a journal in its bearing
 (ObjectContactSphereSphere): K d + C d' where the mechanism gives ``contact_damping``, else a restitution law.
+That damping also pulls while the pin leaves, which the spring-damper's does not: with many impacts the pin is free 4-6 % less.
 """
 
 from __future__ import annotations
