@@ -22,7 +22,7 @@ import numpy as np
 from analytic.frame import Bar, ComplianceError, beam_stiffness, frame
 from analytic.kinematics import Motion
 from analytic.kinetostatics import joint_law
-from analytic.mechanism import GROUND, Body, Joint
+from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint
 
 BLOCK = 256  # crank angles solved at once
 DEPENDENT = 1e-10  # of the largest singular value: constraints below it say nothing new
@@ -169,10 +169,11 @@ class _Structure:
             load[:, freedoms[5]] += (np.conj(arm) * force).imag + np.real(torque)
 
         for body in self.mechanism.bodies:
-            add(body.name, "com", body.mass * complex(*self.mechanism.gravity) + forces.get(body.name, 0.0), torques.get(body.name, 0.0))
+            add(body.name, MASS_CENTRE, body.mass * complex(*self.mechanism.gravity) + forces.get(body.name, 0.0), torques.get(body.name, 0.0))
             if inertia:
                 m = self.motion
-                add(body.name, "com", -body.mass * m.acceleration(body.name), -body.moment_of_inertia * m.angular_acceleration(body.name))
+                force = -body.mass * m.acceleration(body.name, MASS_CENTRE)
+                add(body.name, MASS_CENTRE, force, -body.moment_of_inertia * m.angular_acceleration(body.name))
         for given in self.mechanism.loads:
             add(given.body, given.point, complex(*given.force), given.torque)
         for joint in self.mechanism.joints:

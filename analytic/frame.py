@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from analytic.mechanism import Body
+from analytic.mechanism import MASS_CENTRE, Body
 
 SAME_PLACE = 1e-3  # of a body's length: nearer points share a node
 POISSON = 0.3  # of a body without a shear modulus: G = E / 2.6
@@ -92,7 +92,7 @@ def frame(body: Body) -> Frame:
     A point beside its bar, and a com that is not on the hub, is carried by a rigid arm, so that an offset adds its
     moment but bends nothing by itself.  Raises ComplianceError for bars without a section.
     """
-    points = {name: body.point(name) for name in (*body.points, "com")}
+    points = {name: body.point(name) for name in (*body.points, "com", MASS_CENTRE)}
     if body.youngs_modulus is None:
         return Frame((body.centre,), (), {name: (0, p - body.centre) for name, p in points.items()})
     named = [body.point(name) for name in body.points]
@@ -107,8 +107,9 @@ def frame(body: Body) -> Frame:
         nodes = tuple(sorted(_distinct(feet.values(), body.length), key=lambda p: beyond(p).real))
         pairs = list(pairwise(range(len(nodes))))
     else:
-        feet = points | {"com": sum(named, 0j) / len(named)}
-        nodes = _distinct([feet["com"], *named], body.length)
+        hub = sum(named, 0j) / len(named)
+        feet = points | {"com": hub, MASS_CENTRE: hub}
+        nodes = _distinct([hub, *named], body.length)
         pairs = [(0, i) for i in range(1, len(nodes))]
     bars = tuple((i, j, _bar(body, body.youngs_modulus, abs(nodes[j] - nodes[i]))) for i, j in pairs)
     nearest = {name: min(range(len(nodes)), key=lambda i: abs(foot - nodes[i])) for name, foot in feet.items()}

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.kinematics import Motion, solve_forces, turning_columns
-from analytic.mechanism import Joint
+from analytic.mechanism import MASS_CENTRE, Joint
 from analytic.structure import Structure
 
 
@@ -79,7 +79,7 @@ def _work_of_forces(motion: Motion, inertia: bool) -> np.ndarray:
     s = motion.structure
     m = s.mechanism
     gravity = complex(*m.gravity)
-    forms = np.array([s.form(b.name) for b in m.bodies])
+    forms = np.array([s.form(b.name, MASS_CENTRE) for b in m.bodies])
     masses = np.array([b.mass for b in m.bodies])[:, None]
     forces = np.broadcast_to(masses * gravity, (len(masses), motion.theta.size))
     if inertia:

@@ -24,6 +24,8 @@ def _named(value: Any) -> Any:
     return value
 
 
+MASS_CENTRE = "centre of mass"  # of a body, as a point's name; "com" is its marker, which is elsewhere if the two were parted
+
 Vector = Annotated[tuple[float, float], BeforeValidator(_as_tuple)]
 Name = Annotated[str, BeforeValidator(_named)]
 Positive = Annotated[float, Field(gt=0)]
@@ -53,14 +55,19 @@ class Body(_Part):
     points: Mapping[Name, Vector]
     mass: Positive  # kg
     com: Vector | None = None  # left out: the middle of the points
+    marker: Vector | None = None  # where <body>_x, <body>_y and loads at "com" are taken; left out: the com
     section: Annotated[tuple[NotNegative, NotNegative], BeforeValidator(_as_tuple)] = (0.0, 0.0)  # m, in-plane height, depth
     inertia: NotNegative | None = None  # kg.m^2 about the com; left out: a uniform bar
     youngs_modulus: Positive | None = None  # Pa; left out: rigid
     shear_modulus: Positive | None = None  # Pa
 
     def point(self, name: str) -> complex:
-        """A body point, or ``"com"``, as x + iy (m, body frame)."""
-        return self.centre if name == "com" else complex(*self.points[name])
+        """A body point as x + iy (m, body frame); ``"com"`` is the marker, MASS_CENTRE the centre of mass itself."""
+        if name == MASS_CENTRE:
+            return self.centre
+        if name == "com":
+            return self.centre if self.marker is None else complex(*self.marker)
+        return complex(*self.points[name])
 
     @property
     def centre(self) -> complex:
@@ -127,11 +134,20 @@ class Joint(_Part):
         return self.friction_torque or (self.friction if self.prismatic else 0.0)
 
 
+class Ripple(_Part):
+    """Unevenness of a motor: its angle is the command plus amplitude (rad) times sin(harmonic * command + phase)."""
+
+    amplitude: float
+    harmonic: Annotated[int, Field(ge=1)]
+    phase: float = 0.0  # rad
+
+
 class Drive(_Part):
     """The motor: a constant speed (rad/s), ``"free"`` (released) or ``"measured"`` (follows data)."""
 
     joint: Name
     speed: float | Literal["free", "measured"]
+    ripple: Ripple | None = None
     stiffness: Positive | None = None  # N.m/rad between motor and crank; left out: rigid
 
 
@@ -235,4 +251,4 @@ def _with_fields(part: Any, fields: Mapping[str, Any]) -> Any:
     return type(part).model_validate({**part.model_dump(exclude_unset=True), **fields})
 
 
-__all__ = ["GROUND", "Body", "Drive", "Elasticity", "Ground", "Joint", "Load", "Mechanism", "MechanismWarning"]
+__all__ = ["GROUND", "MASS_CENTRE", "Body", "Drive", "Elasticity", "Ground", "Joint", "Load", "Mechanism", "MechanismWarning", "Ripple"]

@@ -81,7 +81,7 @@ class Structure:
         return len(self.bodies) + len(self.slides) + self.pins.index(joint)
 
     def form(self, body: str, point: str = "com") -> np.ndarray:
-        """Form (columns,) of a named point of a body, or of its com."""
+        """Form (columns,) of a named point of a body (see Body.point)."""
         column = self.body_column(body)
         form = self.origins[column].copy()
         form[column] += self.mechanism.body(body).point(point)

@@ -53,7 +53,10 @@ class Request:
     ``start_speed`` (rad/s).  With the ``ideal`` joint model clearances are ignored.
 
     ``start`` says how a driven run begins at its first angle: ``steady`` (no start-up transient: pins in contact,
-    velocities to match) or ``centred`` (pins centred, velocities of the ideal linkage).  ``lead_in`` (rad) is how far
+    velocities to match) or ``centred`` (pins centred, velocities of the ideal linkage).
+    ``course`` replaces the constant speed: times (M,) s, strictly increasing, and the motor's angles (M,) rad at them, which the
+    motor follows on the cubic spline through them (:meth:`sim_models.start.Course.of`); reports are then at ``time`` (N,) s,
+    within the course, and ``crank_angle`` is empty.  ``lead_in`` (rad) is how far
     the crank turns before its first angle.  ``step`` (s) replaces the engine's own choice.
     """
 
@@ -66,6 +69,7 @@ class Request:
     lead_in: float = 0.0
     start_speed: float = 0.0
     step: float | None = None
+    course: tuple[np.ndarray, np.ndarray] | None = None
 
 
 @dataclass(frozen=True)

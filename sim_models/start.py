@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from analytic.assembly import Assembly
 from sim_models.engine import Request, Unsupported
@@ -50,6 +51,39 @@ def _placed(assembly: Assembly, theta: float, gaps: Gaps) -> dict[str, tuple[com
     origins = s.origins @ assembly.columns(u, gap)
     angles = {b: u[i, 0] + s.twist[b] for i, c in enumerate(s.coordinates) for b in c.bodies}
     return {name: (complex(origins[b, 0]), float(angles.get(b, s.twist[b]))) for b, name in enumerate(s.bodies) if b}
+
+
+@dataclass(frozen=True)
+class Course:
+    """A motor's prescribed motion: angle (rad), rate (rad/s) and acceleration (rad/s^2) at any time (s) of it."""
+
+    spline: CubicSpline
+
+    @classmethod
+    def of(cls, request: Request) -> Course:
+        """The course of a request.  Raises Unsupported where times, angles or reports do not make one."""
+        name = request.mechanism.name
+        if request.course is None or request.time is None or request.crank_angle.size:
+            raise Unsupported(f"{name}: a course needs course = (times, angles), report times in time, and no crank_angle")
+        time, angle = (np.asarray(x, float) for x in request.course)
+        if time.ndim != 1 or time.shape != angle.shape or time.size < 4 or not np.all(np.diff(time) > 0) or not np.all(np.isfinite(angle)):
+            raise Unsupported(f"{name}: a course is at least four strictly increasing times with an angle each; it has {time.size} times")
+        report = np.asarray(request.time, float)
+        if report.size == 0 or report.min() < time[0] or report.max() > time[-1]:
+            raise Unsupported(f"{name}: reports are wanted outside the course, which lasts from {time[0]:g} to {time[-1]:g} s")
+        return cls(CubicSpline(time, angle))
+
+    def angle(self, time: float) -> float:
+        """Angle (rad)."""
+        return float(self.spline(time))
+
+    def rate(self, time: float) -> float:
+        """Angular velocity (rad/s)."""
+        return float(self.spline(time, 1))
+
+    def acceleration(self, time: float) -> float:
+        """Angular acceleration (rad/s^2)."""
+        return float(self.spline(time, 2))
 
 
 @dataclass(frozen=True)
