@@ -1,0 +1,215 @@
+"""Residuals in units of noise, and the least-squares fit of a set of effects to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from compare.diagnose.effects import Rig
+from compare.diagnose.measured import Measured
+from compare.diagnose.predict import Model, StartOfRun, Term, wrapped
+
+STEPS = 30  # of a fit, at most
+ENOUGH = 0.01  # decrease of chi^2 below which a fit has settled
+STEP_OF_SCALE = 1.0  # difference step, in the effects' own scales
+FOLDS = 6
+SEGMENTS = 18  # of a run; every FOLDS-th one is held out together
+
+
+@dataclass(frozen=True)
+class Part:
+    """The samples of one sensor in one run, within the vector of all residuals."""
+
+    run: int
+    signal: str
+    used: np.ndarray  # indices of the run's samples
+    place: slice
+
+
+class Data:
+    """Everything measured as one vector, each sample over its noise."""
+
+    def __init__(self, measured: Measured, noise: Mapping[tuple[str, str], float], encoder: str) -> None:
+        self.measured = measured
+        self.parts: list[Part] = []
+        values, sigma, fold = [], [], []
+        at = 0
+        for r, run in enumerate(measured.runs):
+            segment = np.minimum(np.arange(run.time.size) * SEGMENTS // run.time.size, SEGMENTS - 1) % FOLDS
+            for signal, channel in run.channels.items():
+                if run.drive == "measured" and signal == encoder:
+                    continue  # what the run follows cannot also judge it
+                used = np.flatnonzero(np.isfinite(channel.values))
+                self.parts.append(Part(r, signal, used, slice(at, at + used.size)))
+                at += used.size
+                values.append(channel.values[used])
+                sigma.append(np.full(used.size, noise[run.name, signal]))
+                fold.append(segment[used])
+        self.values, self.sigma, self.fold = (np.concatenate(x) for x in (values, sigma, fold))
+        self.turning = np.concatenate([np.full(p.used.size, p.signal.endswith("_angle")) for p in self.parts])
+        self.size = at
+
+    def residual(self, readings: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
+        """(measured - predicted) / noise, (size,); angles modulo a turn.  Where the model has no answer it is bridged."""
+        predicted = np.concatenate([bridged(readings[p.run][p.signal])[p.used] for p in self.parts])
+        difference = self.values - predicted
+        difference[self.turning] = wrapped(difference[self.turning])
+        return difference / self.sigma
+
+
+def bridged(values: np.ndarray) -> np.ndarray:
+    """Values with straight lines across what is not a number; all NaN becomes a huge number, so that nothing fits it."""
+    known = np.isfinite(values)
+    if known.all():
+        return values
+    if not known.any():
+        return np.full(values.shape, 1e12)
+    at = np.arange(values.size)
+    return np.interp(at, at[known], values[known])
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A set of effects and the coordinates at which the data like it best."""
+
+    terms: tuple[Term, ...]
+    x: tuple[np.ndarray, ...]  # natural coordinates by term
+    residual: np.ndarray = field(repr=False)
+    jacobian: np.ndarray = field(repr=False)  # (size, n): change of the residual, all coordinates in order; not of those at a bound
+    bound: np.ndarray = field(repr=False)  # (n,) whether a coordinate lies on its physical bound
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared residuals."""
+        return float(self.residual @ self.residual)
+
+    @cached_property
+    def rank(self) -> int:
+        """Number of coordinates that the data can tell apart."""
+        return rank_of(self.jacobian[:, ~self.bound])
+
+    def named(self) -> list[int]:
+        """Positions of the terms that are effects, not starts of runs."""
+        return [i for i, t in enumerate(self.terms) if t.effect.name != StartOfRun.name]
+
+    def columns(self, i: int) -> slice:
+        """Columns of the i-th term's coordinates."""
+        begin = sum(x.size for x in self.x[:i])
+        return slice(begin, begin + self.x[i].size)
+
+    def values(self, rig: Rig) -> list[tuple[Term, dict[str, float]]]:
+        """The hypothesis."""
+        return hypothesis(rig, self.terms, self.x)
+
+
+def rank_of(jacobian: np.ndarray) -> int:
+    """Rank of columns, each scaled to unit length; columns that nothing answers to do not count."""
+    norm = np.linalg.norm(jacobian, axis=0)
+    seen = jacobian[:, norm > 0] / norm[norm > 0]
+    return int(np.sum(np.linalg.eigvalsh(seen.T @ seen) > 1e-9)) if seen.size else 0
+
+
+def hypothesis(rig: Rig, terms: Iterable[Term], x: Iterable[np.ndarray]) -> list[tuple[Term, dict[str, float]]]:
+    """Terms with their values."""
+    return [(t, t.effect.values(rig, t.where, xi, t.variant)) for t, xi in zip(terms, x, strict=True)]
+
+
+Bounds = Callable[[Term], tuple[np.ndarray, np.ndarray]]
+
+
+class Fitter:
+    """Fits sets of terms; every fit is kept."""
+
+    def __init__(self, model: Model, data: Data, rig: Rig, bounds: Bounds) -> None:
+        self.model, self.data, self.rig, self.bounds = model, data, rig, bounds
+        self._fits: dict[tuple[Term, ...], Fit | None] = {}
+
+    def residuals(self, terms: Sequence[Term], points: Sequence[Sequence[np.ndarray]]) -> list[np.ndarray | None]:
+        """Residuals at each point; None where it is impossible."""
+        found = self.model([hypothesis(self.rig, terms, x) for x in points])
+        return [None if f is None else self.data.residual(f) for f in found]
+
+    def fit(self, terms: Sequence[Term], *starts: Mapping[Term, np.ndarray]) -> Fit | None:
+        """The best fit of a set of terms from any of the starts; None where none is possible."""
+        key = tuple(sorted(terms, key=lambda t: (t.label, t.variant)))
+        if key not in self._fits:
+            found = [self._fit(key, [np.array(start[t], float) for t in key]) for start in starts]
+            self._fits[key] = min((f for f in found if f is not None), key=lambda f: f.chi2, default=None)
+        return self._fits[key]
+
+    def _fit(self, terms: tuple[Term, ...], x: list[np.ndarray]) -> Fit | None:
+        limits = [self.bounds(t) for t in terms]
+        low, high = (np.concatenate([b[k] for b in limits]) if limits else np.zeros(0) for k in (0, 1))
+        scale = np.concatenate([np.asarray(t.effect.scales(self.rig, t.where, t.variant), float) for t in terms]) if terms else np.zeros(0)
+        sizes = np.cumsum([len(xi) for xi in x])[:-1]
+        point = np.clip(np.concatenate(x) if x else np.zeros(0), low, high)
+
+        def parted(p: np.ndarray) -> list[np.ndarray]:
+            return np.split(p, sizes) if terms else []
+
+        residual = self.residuals(terms, [parted(point)])[0]
+        if residual is None:
+            return None
+        jacobian, stale = self.jacobian(terms, point, residual, scale, high, parted), False
+        damping = 0.0
+        for _ in range(STEPS if point.size else 0):
+            gradient = jacobian.T @ residual
+            held = ((point <= low) & (gradient > 0)) | ((point >= high) & (gradient < 0))
+            free = ~held & (np.linalg.norm(jacobian, axis=0) > 0)
+            if not free.any():
+                break
+            step = np.zeros(point.size)
+            step[free] = -_solve(jacobian[:, free], residual, damping)
+            trial = np.clip(point + step, low, high)
+            expected = float(residual @ residual - np.sum((residual + jacobian @ (trial - point)) ** 2))
+            if expected < ENOUGH:
+                if not stale:
+                    break
+                jacobian, stale = self.jacobian(terms, point, residual, scale, high, parted), False
+                continue
+            new = self.residuals(terms, [parted(trial)])[0]
+            gained = -np.inf if new is None else float(residual @ residual - new @ new)
+            if new is None or gained <= 0:
+                if stale:
+                    jacobian, stale = self.jacobian(terms, point, residual, scale, high, parted), False
+                elif damping > 1e6:
+                    break
+                else:
+                    damping = max(damping * 10, 1e-3)
+                continue
+            point, residual = trial, new
+            damping = 0.0 if damping < 1e-3 else damping / 10
+            stale = True
+            if gained < 0.9 * expected:
+                jacobian, stale = self.jacobian(terms, point, residual, scale, high, parted), False
+        if stale:
+            jacobian = self.jacobian(terms, point, residual, scale, high, parted)
+        gradient = jacobian.T @ residual
+        bound = ((point <= low) & (gradient >= 0)) | ((point >= high) & (gradient <= 0))
+        return Fit(terms, tuple(parted(point)), residual, jacobian, bound)
+
+    def jacobian(
+        self,
+        terms: Sequence[Term],
+        point: np.ndarray,
+        residual: np.ndarray,
+        scale: np.ndarray,
+        high: np.ndarray,
+        parted: Callable[[np.ndarray], list[np.ndarray]],
+    ) -> np.ndarray:
+        """Derivatives (size, n) of the residual by forward differences (backward at an upper bound)."""
+        steps = np.where(point + STEP_OF_SCALE * scale > high, -1.0, 1.0) * STEP_OF_SCALE * scale
+        nudged = self.residuals(terms, [parted(point + step) for step in np.diag(steps)]) if point.size else []
+        columns = [np.zeros(self.data.size) if r is None else (r - residual) / h for r, h in zip(nudged, steps, strict=True)]
+        return np.column_stack(columns) if columns else np.zeros((self.data.size, 0))
+
+
+def _solve(jacobian: np.ndarray, residual: np.ndarray, damping: float) -> np.ndarray:
+    """Least squares with columns scaled to unit length; a hint of damping keeps what the data do not see where it is."""
+    norm = np.linalg.norm(jacobian, axis=0)
+    scaled = jacobian / norm
+    matrix = scaled.T @ scaled + (damping + 1e-12) * np.eye(norm.size)
+    return np.linalg.solve(matrix, scaled.T @ residual) / norm

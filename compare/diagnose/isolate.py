@@ -1,0 +1,136 @@
+"""Which effects could make this residual: the signature of every candidate, and what the data can tell apart.
+
+A signature is how the readings of all runs answer to a little of an effect, in units of their noise.  With all
+signatures side by side every set of effects is a small linear problem, so the best sets of each size are found before
+anything is fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from compare.diagnose.effects import Effect, Rig
+from compare.diagnose.fit import Fit, Fitter
+from compare.diagnose.predict import Term
+
+BEAM = 24  # sets of each size that are carried on
+VISIBLE = 1e-6  # sigmas by which a signature must show, at all, for the effect to be visible
+
+
+@dataclass(frozen=True)
+class Signature:
+    """How the residual answers to a term: ``offset`` (size,) by its variant alone, ``columns`` (size, k) by its probes."""
+
+    term: Term
+    offset: np.ndarray
+    columns: np.ndarray
+    fitted: bool = False  # columns are derivatives by the natural coordinates at a fit
+
+    def start(self, rig: Rig, coefficients: np.ndarray) -> np.ndarray:
+        """Natural coordinates (n,) that linear coefficients of the columns amount to."""
+        t = self.term
+        return coefficients if self.fitted else t.effect.start(rig, t.where, coefficients, t.variant)
+
+
+def candidates(rig: Rig, vocabulary: Mapping[str, Effect], allowed: Sequence[tuple[str, str]] | None = None) -> list[Term]:
+    """Every effect at every place in every variant."""
+    found = []
+    for effect in vocabulary.values():
+        for where in effect.places(rig):
+            if allowed is None or (effect.name, where) in allowed:
+                found += [Term(effect, where, variant) for variant in effect.variants(rig, where)]
+    return found
+
+
+def signatures(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> dict[Term, Signature]:
+    """Signatures of all terms that the data can see, about the nominal model."""
+    rig, found = fitter.rig, {}
+    start = dict(zip(base.terms, base.x, strict=True))
+    for term in terms:
+        probes = term.effect.probes(rig, term.where, term.variant)
+        still = [np.zeros(probes.shape[1])] if term.variant and term.effect.sensor else []
+        points = [*still, *probes]
+        residuals = fitter.residuals([*base.terms, term], [[*start.values(), p] for p in points])
+        if any(r is None for r in residuals):
+            continue
+        kept = [r for r in residuals if r is not None]
+        origin = kept[0] if still else base.residual
+        columns = np.column_stack([r - origin for r in kept[len(still) :]])
+        offset = origin - base.residual
+        if np.abs(columns).max() > VISIBLE or np.abs(offset).max() > VISIBLE:
+            found[term] = Signature(term, offset, columns)
+    return found
+
+
+class Screen:
+    """The linear problem of all signatures: which sets of terms take most of the residual's square away.
+
+    ``residual`` is that of the model without any of the terms; ``always`` (size, a) are columns that every set has.
+    """
+
+    def __init__(self, rig: Rig, residual: np.ndarray, always: np.ndarray, found: Mapping[Term, Signature]) -> None:
+        self.rig = rig
+        basis = np.linalg.qr(always)[0] if always.shape[1] else always
+        self.terms = list(found)
+        self.signatures = found
+        columns = [found[t].columns - basis @ (basis.T @ found[t].columns) for t in self.terms]
+        offsets = [found[t].offset for t in self.terms]
+        self.edges = np.cumsum([0, *(c.shape[1] for c in columns)])
+        stacked = np.concatenate(columns, axis=1) if columns else np.zeros((residual.size, 0))
+        self.norm = np.linalg.norm(stacked, axis=0)
+        self.norm[self.norm == 0] = 1.0
+        stacked = stacked / self.norm
+        left = residual - basis @ (basis.T @ residual)
+        self.chi2 = float(left @ left)
+        self.gram = stacked.T @ stacked
+        self.wanted = -(stacked.T @ left)
+        # a variant's own offset changes the residual before its columns do
+        self.offset_gain = np.array([0.0 if not o.any() else float(left @ left - (left + o) @ (left + o)) for o in offsets])
+        self.offset_wanted = {i: -(stacked[:, self.at(i)].T @ (left + o)) for i, o in enumerate(offsets) if o.any()}
+
+    def at(self, i: int) -> slice:
+        """Columns of the i-th term."""
+        return slice(int(self.edges[i]), int(self.edges[i + 1]))
+
+    def gain(self, chosen: Sequence[int]) -> tuple[float, np.ndarray]:
+        """Decrease of chi^2 by a set of terms, and the coefficients of their columns."""
+        where = np.concatenate([np.arange(self.edges[i], self.edges[i + 1]) for i in chosen])
+        wanted = self.wanted[where]
+        extra = 0.0
+        if len(chosen) == 1 and chosen[0] in self.offset_wanted:
+            wanted, extra = self.offset_wanted[chosen[0]], float(self.offset_gain[chosen[0]])
+        matrix = self.gram[np.ix_(where, where)] + 1e-10 * np.eye(where.size)
+        solved = np.linalg.solve(matrix, wanted)
+        return extra + float(wanted @ solved), solved / self.norm[where]
+
+    def best_sets(self, size: int, cost: Mapping[Term, float]) -> list[list[tuple[float, tuple[int, ...]]]]:
+        """For each number of terms up to ``size`` the sets that gain most net of their cost, best first."""
+        levels: list[list[tuple[float, tuple[int, ...]]]] = []
+        beam: list[tuple[int, ...]] = [()]
+        for _ in range(size):
+            grown: dict[tuple[int, ...], float] = {}
+            for chosen in beam:
+                taken = {self.terms[i].key for i in chosen}
+                for i in range(len(self.terms)):
+                    new = tuple(sorted((*chosen, i)))
+                    if self.terms[i].key not in taken and new not in grown:
+                        grown[new] = self.gain(new)[0] - sum(cost[self.terms[k]] for k in new)
+            best = sorted(((net, chosen) for chosen, net in grown.items()), key=lambda item: (-item[0], item[1]))[:BEAM]
+            levels.append(best)
+            beam = [chosen for _, chosen in best]
+            if not beam:
+                break
+        return levels
+
+    def starts(self, chosen: Sequence[int]) -> dict[Term, np.ndarray]:
+        """Natural coordinates of each term of a set at the linear optimum."""
+        coefficients = self.gain(chosen)[1]
+        out, at = {}, 0
+        for i in chosen:
+            k = int(self.edges[i + 1] - self.edges[i])
+            out[self.terms[i]] = self.signatures[self.terms[i]].start(self.rig, coefficients[at : at + k])
+            at += k
+        return out

@@ -1,0 +1,247 @@
+"""What the sensors of a rig would read if the mechanism were so: the analytic model with any set of effects.
+
+The analytic model is fast enough (a millisecond a run) to try everything; that it says what the chosen simulator says is
+checked on every run of every diagnosis (:mod:`compare.diagnose.confirm`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic.assembly import Assembly, AssemblyError
+from analytic.clearance import displaced
+from analytic.compliance import compliance
+from analytic.drive import Motor, Turning
+from analytic.freedom import Freedom, swing
+from analytic.kinematics import kinematics
+from analytic.kinetostatics import Reactions, kinetostatics
+from analytic.mechanism import GROUND, Mechanism
+from compare.diagnose.effects import Effect, Parameter, Readings, Rig, Values
+from compare.diagnose.measured import Measured, Run
+from compare.diagnose.sensors import EncoderOffset
+from compare.grid import turns_fully
+
+CACHED = 48  # runs whose signals are kept
+
+
+class StartOfRun(Effect):
+    """The state that a free run starts from: not an effect but an unknown that always comes along."""
+
+    name = "start"
+    parameters = (Parameter("angle", "rad", "angle"), Parameter("rate", "rad/s", "rate"))
+    sensor = True
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-5, 1e-5 * rig.speed)
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect at a place, and which of its variants."""
+
+    effect: Effect
+    where: str
+    variant: float = 0.0
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Name and place."""
+        return self.effect.name, self.where
+
+    @property
+    def label(self) -> str:
+        """name@place, as on the command line."""
+        return f"{self.effect.name}@{self.where}"
+
+
+Hypothesis = Sequence[tuple[Term, Values]]
+Signals = Mapping[str, np.ndarray]
+
+
+class Impossible(ValueError):
+    """A hypothesis that no linkage can have: it does not assemble, or a value is not physical."""
+
+
+class Model:
+    """Predicts the readings of every run of a measurement under hypotheses.
+
+    ``mechanism`` is the nominal one.  Signals with clearance in a joint are those of the pins following their reactions
+    (``equilibrium``); where that has no answer a reading is NaN.
+    """
+
+    def __init__(self, measured: Measured, rig: Rig, mechanism: Mechanism, courses: Mapping[str, Motor]) -> None:
+        self.measured, self.rig, self.mechanism = measured, rig, mechanism
+        self.courses = courses
+        self._kept: OrderedDict[object, dict[str, np.ndarray]] = OrderedDict()
+
+    def altered(self, run: Run, hypothesis: Hypothesis) -> Mechanism:
+        """The mechanism of a run with the effects of a hypothesis.  Raises Impossible."""
+        return altered(self.mechanism if run.loads is None else self.mechanism.replace(loads=run.loads), hypothesis)
+
+    def __call__(self, hypotheses: Sequence[Hypothesis]) -> list[list[dict[str, np.ndarray]] | None]:
+        """For each hypothesis the readings of every run, (N,) by signal; None where it is impossible."""
+        found: list[list[dict[str, np.ndarray]] | None] = [[] for _ in hypotheses]
+        for run in self.measured.runs:
+            moved = self.released(run, hypotheses) if run.drive == "free" else None
+            for i, hypothesis in enumerate(hypotheses):
+                so_far = found[i]
+                if so_far is None:
+                    continue
+                if moved is not None and moved[i] is None:
+                    found[i] = None
+                    continue
+                try:
+                    so_far.append(self.readings(run, hypothesis, moved[i] if moved is not None else None))
+                except (Impossible, AssemblyError):
+                    found[i] = None
+        return found
+
+    def readings(self, run: Run, hypothesis: Hypothesis, moved: Reactions | None) -> dict[str, np.ndarray]:
+        """What the sensors of a run read."""
+        delays = {signal: sum(t.effect.delay(run.name, signal, t.where, v) for t, v in hypothesis) for signal in run.channels}
+        seen: dict[str, np.ndarray] = {}
+        for delay in sorted(set(delays.values())):
+            signals = self.signals(run, hypothesis, run.time - delay) if moved is None else _aged(moved.signals(), run.time, delay)
+            seen |= {signal: signals[signal] for signal, d in delays.items() if d == delay}
+        readings: Readings = seen
+        for term, values in hypothesis:
+            readings = term.effect.on_readings(readings, run.name, term.where, values)
+        return dict(readings)
+
+    # ---------------------------------------------------------------- driven runs
+
+    def signals(self, run: Run, hypothesis: Hypothesis, time: np.ndarray) -> dict[str, np.ndarray]:
+        """All signals of a driven run at times (N,) s of its command, before any sensor."""
+        offset = sum(EncoderOffset.offset(run.name, v) for t, v in hypothesis if t.effect.name == EncoderOffset.name) if run.drive == "measured" else 0.0
+        within = [(t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor]
+        key = (run.name, float(time[0]), offset, tuple(within))
+        if key not in self._kept:
+            self._kept[key] = self._signals(run, self.altered(run, hypothesis), time, offset)
+            if len(self._kept) > CACHED:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(key)
+        return self._kept[key]
+
+    def _signals(self, run: Run, mechanism: Mechanism, time: np.ndarray, offset: float) -> dict[str, np.ndarray]:
+        assembly = Assembly(mechanism)
+        motor = self.motor(run, mechanism)
+        stiffness = mechanism.drive.stiffness if mechanism.drive else None
+
+        def torque(turning: Turning) -> np.ndarray:
+            return _balanced(assembly, turning, {}).drive_torque
+
+        crank = motor.crank(time, stiffness, torque, stiffness is not None and turns_fully(assembly))
+        crank = Turning(crank.theta - offset, crank.omega, crank.alpha)
+        signals = derived(assembly, crank)
+        return signals | {self.rig.encoder: motor.at(time).theta - offset}
+
+    def motor(self, run: Run, mechanism: Mechanism) -> Motor:
+        """The motor of a driven run."""
+        if run.drive == "measured":
+            return self.courses[run.name]
+        assert run.speed is not None and run.angle is not None
+        return Motor(run.speed, run.angle, mechanism.drive)
+
+    # ---------------------------------------------------------------- free runs
+
+    def released(self, run: Run, hypotheses: Sequence[Hypothesis]) -> list[Reactions | None]:
+        """The motion of a free run under each hypothesis; None where there is none."""
+        tables: dict[object, tuple[Assembly, Freedom] | None] = {}
+        keys = []
+        for hypothesis in hypotheses:
+            key = tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor)
+            keys.append(key)
+            if key not in tables:
+                try:
+                    assembly = Assembly(self.altered(run, hypothesis))
+                    if assembly.mechanism.clearances:
+                        raise Impossible("a free run with clearance is not followed analytically")
+                    tables[key] = assembly, Freedom.of(assembly)
+                except (Impossible, AssemblyError):
+                    tables[key] = None
+        able = [i for i, key in enumerate(keys) if tables[key] is not None]
+        moved: list[Reactions | None] = [None] * len(hypotheses)
+        if not able:
+            return moved
+        pairs = [tables[keys[i]] for i in able]
+        start = np.array([self.start(run, hypotheses[i]) for i in able])
+        motions = swing([p[1] for p in pairs if p], start, run.time - run.time[0])
+        for i, pair, theta, omega, alpha in zip(able, pairs, *motions, strict=True):
+            assert pair is not None
+            moved[i] = kinetostatics(kinematics(pair[0], theta, omega, alpha))
+        return moved
+
+    def start(self, run: Run, hypothesis: Hypothesis) -> tuple[float, float]:
+        """Angle (rad) and rate (rad/s) of the driven body that a free run starts from, at its first sample."""
+        for term, values in hypothesis:
+            if term.effect.name == StartOfRun.name and term.where == run.name:
+                return values["angle"], values["rate"]
+        raise LookupError(f"run {run.name!r} has no start")
+
+
+def altered(mechanism: Mechanism, hypothesis: Hypothesis) -> Mechanism:
+    """A mechanism with the effects of a hypothesis.  Raises Impossible where the result is none."""
+    for term, values in hypothesis:
+        try:
+            mechanism = term.effect.on_mechanism(mechanism, term.where, values)
+        except ValueError as error:  # pydantic's is one
+            raise Impossible(f"{term.label}: {error}") from None
+    return mechanism
+
+
+def _balanced(assembly: Assembly, turning: Turning, clearances: Mapping[str, float]) -> Reactions:
+    if clearances:
+        return displaced(assembly, turning.theta, turning.omega, alpha=turning.alpha, clearances=clearances).configuration
+    return kinetostatics(kinematics(assembly, turning.theta, turning.omega, turning.alpha))
+
+
+def derived(assembly: Assembly, crank: Turning) -> dict[str, np.ndarray]:
+    """Every signal of the contract with the crank so moving: clearances taken up, links bent where they have a modulus."""
+    mechanism = assembly.mechanism
+    if mechanism.clearances:
+        found = displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha)
+        ideal, signals = found.ideal, found.signals()
+    else:
+        ideal = kinetostatics(kinematics(assembly, crank.theta, crank.omega, crank.alpha))
+        signals = ideal.signals()
+    if any(b.youngs_modulus is not None for b in mechanism.bodies):
+        signals = _bent(signals, ideal)
+    for joint in mechanism.joints:
+        force = signals[f"reaction_{joint.name}_x"] + 1j * signals[f"reaction_{joint.name}_y"]
+        signals[f"reaction_{joint.name}_magnitude"] = np.abs(force)
+        signals[f"reaction_{joint.name}_angle"] = np.angle(force)
+    return signals
+
+
+def _bent(signals: dict[str, np.ndarray], ideal: Reactions) -> dict[str, np.ndarray]:
+    """Elastic displacements on top (Fig. 7c): a link on the ground is read at its ground joint, a floating one at its com."""
+    motion = ideal.motion
+    bend = compliance(motion, inertia=True)
+    mechanism = motion.structure.mechanism
+    grounded = {b: j.name for j in mechanism.joints if GROUND in j.bodies and not j.prismatic for b in j.bodies}
+    out = dict(signals)
+    for body in motion.structure.bodies[1:]:
+        turn, shift = bend.rotation(body, grounded.get(body, "com")), bend.displacement(body)
+        out[f"{body}_angle"] = out[f"{body}_angle"] + turn
+        out[f"{body}_x"], out[f"{body}_y"] = out[f"{body}_x"] + shift.real, out[f"{body}_y"] + shift.imag
+    return out
+
+
+def _aged(signals: Signals, time: np.ndarray, delay: float) -> dict[str, np.ndarray]:
+    """Signals (N,) some seconds ago, by cubic splines; before the first sample the first holds."""
+    if delay == 0:
+        return dict(signals)
+    from scipy.interpolate import CubicSpline
+
+    at = np.clip(time - delay, time[0], time[-1])
+    return {name: CubicSpline(time, values)(at) for name, values in signals.items()}
+
+
+def wrapped(angle: np.ndarray) -> np.ndarray:
+    """Angles (rad) in (-pi, pi]."""
+    return np.remainder(angle + math.pi, 2 * math.pi) - math.pi

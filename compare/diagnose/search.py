@@ -1,0 +1,122 @@
+"""The best sets of effects: screened as a linear problem, fitted in full, and screened again about the best fit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from compare.diagnose.effects import Rig
+from compare.diagnose.fit import Fit, Fitter
+from compare.diagnose.isolate import Screen, Signature
+from compare.diagnose.predict import Term
+
+CHANCE = 1e-3  # probability that noise alone names anything at all
+MOST = 4  # effects at once
+FITTED = 9  # sets of each size that are fitted in full
+ROUNDS = 3
+MARGIN = 60.0  # of chi^2: sets that the screen puts farther behind its best are not fitted, unless they are among the first few
+FIRST = 5
+
+
+def costs(terms: Sequence[Term], rig: Rig, samples: int) -> dict[Term, float]:
+    """Decrease of chi^2 that each term must bring: chance over the whole vocabulary, and a further parameter's share each."""
+    places = len({t.key for t in terms}) or 1
+    further = max(8.0, math.log(max(samples, 2)))
+    alternatives = {key: sum(t.key == key for t in terms) for key in {t.key for t in terms}}
+    found = {}
+    for t in terms:
+        n = len(t.effect.scales(rig, t.where, t.variant))
+        found[t] = float(chi2.isf(CHANCE / (places * alternatives[t.key]), 1)) + further * (n - 1)
+    return found
+
+
+@dataclass
+class Search:
+    """Fits sets of effects, best first; ``always`` are terms that every set has (starts of free runs)."""
+
+    fitter: Fitter
+    base: Fit
+    signatures: Mapping[Term, Signature]
+    cost: Mapping[Term, float]
+
+    @property
+    def rig(self) -> Rig:
+        """The rig."""
+        return self.fitter.rig
+
+    def net(self, fit: Fit) -> float:
+        """chi^2 with what the terms cost: the smaller the better."""
+        return fit.chi2 + sum(self.cost[fit.terms[i]] for i in fit.named())
+
+    def best(self) -> Fit:
+        """The set of effects with the smallest net chi^2; maybe none."""
+        best = self.base
+        for _ in range(ROUNDS):
+            before = best
+            best = self.climb(self.screen(best), best)
+            if set(best.terms) == set(before.terms):
+                break
+        return best
+
+    def climb(self, screen: Screen, best: Fit) -> Fit:
+        """Fit the screen's best sets of each size until one more effect does not pay."""
+        behind = 0
+        for level in screen.best_sets(MOST, self.cost):
+            if not level:
+                break
+            fits = [self.fitted(screen, chosen) for k, (net, chosen) in enumerate(level[:FITTED]) if k < FIRST or net > level[0][0] - MARGIN]
+            improved = False
+            for fit in fits:
+                if fit is not None and self.net(fit) < self.net(best) - 1e-6:
+                    best, improved = fit, True
+            behind = 0 if improved else behind + 1
+            if behind == 2:
+                break
+        return best
+
+    def fitted(self, screen: Screen, chosen: Sequence[int]) -> Fit | None:
+        """A set of the screen, fitted in full; without terms that the fit leaves at their bound."""
+        start = self.base_start() | screen.starts(chosen)
+        return self.fitter.fit([*self.base.terms, *(screen.terms[i] for i in chosen)], start, *self.second_start(start))
+
+    def second_start(self, start: Mapping[Term, np.ndarray]) -> list[dict[Term, np.ndarray]]:
+        """Another start for effects whose coordinates do not answer linearly."""
+        other = {}
+        for term, x in start.items():
+            if term.effect.name == "payload":
+                scales = np.asarray(term.effect.scales(self.rig, term.where))
+                other[term] = np.array([max(float(x[0]), scales[0]), 0.0, 0.0])
+        return [dict(start) | other] if other else []
+
+    def base_start(self) -> dict[Term, np.ndarray]:
+        """Coordinates of what every set has."""
+        return dict(zip(self.base.terms, self.base.x, strict=True))
+
+    def screen(self, about: Fit) -> Screen:
+        """The linear problem about a fit: its terms by their derivatives there, all others by their signatures."""
+        found = dict(self.signatures)
+        residual = about.residual.copy()
+        for i in about.named():
+            term, columns = about.terms[i], about.jacobian[:, about.columns(i)]
+            residual -= columns @ about.x[i]
+            found[term] = Signature(term, np.zeros(residual.size), columns, fitted=True)
+        always = [about.jacobian[:, about.columns(i)] for i in range(len(about.terms)) if i not in about.named()]
+        return Screen(self.rig, residual, np.concatenate(always, axis=1) if always else np.zeros((residual.size, 0)), found)
+
+    def with_terms(self, about: Fit, screen: Screen, terms: Sequence[Term]) -> Fit | None:
+        """A set of terms fitted from the screen's optimum, or from the fit it is about for terms that both have."""
+        chosen = sorted(screen.terms.index(t) for t in terms)
+        start = self.base_start() | (screen.starts(chosen) if chosen else {})
+        known = {t: x for t, x in zip(about.terms, about.x, strict=True) if t in start}
+        return self.fitter.fit([*self.base.terms, *terms], start, *([start | known] if set(terms) & set(known) else []), *self.second_start(start))
+
+
+def without(fit: Fit, i: int) -> list[Term]:
+    """The effects of a fit but one."""
+    return [fit.terms[k] for k in fit.named() if k != i]
+
+

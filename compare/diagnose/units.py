@@ -1,0 +1,102 @@
+"""Units of measured columns: what each signal is, and the factor from a column's unit to SI.
+
+pint knows the units; it is imported for the first column that is not in SI already.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from functools import cache
+from typing import TYPE_CHECKING, Any, Literal
+
+from analytic.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    import pint
+
+Dimension = Literal["time", "angle", "angular velocity", "length", "force", "torque"]
+SI: dict[Dimension, str] = {"time": "s", "angle": "rad", "angular velocity": "rad/s", "length": "m", "force": "N", "torque": "N.m"}
+# What messages offer; any other unit of the dimension that pint knows is accepted as well.
+ACCEPTED: dict[Dimension, str] = {
+    "time": "s, ms, us or min",
+    "angle": "rad, mrad, deg or rev",
+    "angular velocity": "rad/s, deg/s or rpm",
+    "length": "m, mm, um or in",
+    "force": "N, kN, mN, kgf or lbf",
+    "torque": "N.m, N.mm, kN.m or lbf.in",
+}
+_FACTOR = r"[A-Za-zµμ°]+(\^?-?\d)?"
+_UNIT = re.compile(rf"(1|{_FACTOR})([./*·⋅ -]{_FACTOR}){{0,3}}")  # no numbers and no towers of powers reach pint
+
+
+class UnitError(ValueError):
+    """A unit is missing, unknown or of another dimension; the message says what is accepted."""
+
+
+def dimension(signal: str) -> Dimension:
+    """What kind of quantity a signal is, by its name (see :func:`readable`)."""
+    if signal == "time":
+        return "time"
+    if signal == "drive_torque" or (signal.startswith("reaction_") and signal.endswith("_moment")):
+        return "torque"
+    if signal.endswith("_angular_velocity"):
+        return "angular velocity"
+    if signal.endswith("_angle"):
+        return "angle"
+    return "force" if signal.startswith("reaction_") else "length"
+
+
+def readable(mechanism: Mechanism) -> list[str]:
+    """Names of the signals that a data file of this mechanism may hold, ``time`` apart."""
+    names = [f"{body.name}_{part}" for body in mechanism.bodies for part in ("angle", "x", "y", "angular_velocity")]
+    for joint in mechanism.joints:
+        names += [f"reaction_{joint.name}_{part}" for part in ("x", "y", "angle", "magnitude")]
+        names += [f"reaction_{joint.name}_moment"] if joint.prismatic else [f"clearance_{joint.name}_{axis}" for axis in "xy"]
+    return [*names, "drive_torque"]
+
+
+def factor(unit: str, kind: Dimension) -> float:
+    """What a number in ``unit`` is multiplied by to be SI.  Raises UnitError."""
+    if unit == SI[kind]:
+        return 1.0
+    accepted = f"{_article(kind)} {kind} is given in {ACCEPTED[kind]}"
+    if not unit:
+        raise UnitError(f"no unit; {accepted}")
+    if not _UNIT.fullmatch(unit):
+        raise UnitError(f"unit {unit!r} cannot be read; {accepted}")
+    try:
+        quantity = _in_base_units(re.sub(r"[.·⋅ ]|-(?!\d)", "*", unit))
+    except _pint().PintError:
+        raise UnitError(f"unit {unit!r} is unknown; {accepted}") from None
+    wanted = _in_base_units(SI[kind].replace(".", "*"))
+    if quantity.units != wanted.units:  # base units keep radians apart from plain numbers: neither % nor Hz passes for an angle or a speed
+        raise UnitError(f"unit {unit!r} is of another dimension; {accepted}")
+    return float(quantity.magnitude / wanted.magnitude)
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names for a message."""
+    return ", ".join(names)
+
+
+def _article(kind: str) -> str:
+    return "an" if kind[0] in "aeiou" else "a"
+
+
+def _pint() -> Any:
+    import pint
+
+    return pint
+
+
+@cache
+def _registry() -> pint.UnitRegistry[float]:
+    registry: pint.UnitRegistry[float] = _pint().UnitRegistry()
+    registry.define("newton_meter = newton * meter = Nm")  # so written on many a torque sensor
+    registry.define("@alias turn = rev")
+    return registry
+
+
+def _in_base_units(unit: str) -> Any:
+    return (1.0 * _registry().parse_units(unit)).to_base_units()
