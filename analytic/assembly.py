@@ -14,7 +14,7 @@ import numpy as np
 
 from analytic.closure import AssemblyError, newton, set_coordinate, solve_dyad
 from analytic.mechanism import Mechanism
-from analytic.structure import Group, Structure, structure
+from analytic.structure import Coordinate, Group, Structure, structure
 
 PATH_STEP = np.radians(1.0)  # crank angle between checks for change points
 CHANGE_POINT = 1e-10  # sin^2 between the two sides of a group below which it counts as stretched or folded
@@ -40,6 +40,8 @@ class Assembly:
         self.mechanism = mechanism
         self.structure: Structure = structure(mechanism)
         self.start = mechanism.assembly[mechanism.driven]
+        self.turning = tuple(_turning(self.structure, c) for c in self.structure.coordinates)  # columns that turn with each coordinate
+        self._forms: dict[tuple[str, str], np.ndarray] = {}
         self._driven = self.structure.coordinates[0]
         self._branch: dict[Group, float] = {}
         s = self.structure
@@ -54,6 +56,13 @@ class Assembly:
                     )
                 guess[i] = mechanism.assembly[s.bodies[named[0]]] - s.twist[named[0]]
         self._home = self._assemble(guess)
+        self._path = Path(np.array([self.start]), self._home[:, None])  # as far as it has been walked
+
+    def form(self, body: str, point: str = "com") -> np.ndarray:
+        """The structure's form of a body's point, made once."""
+        if (body, point) not in self._forms:
+            self._forms[body, point] = self.structure.form(body, point)
+        return self._forms[body, point]
 
     # ---------------------------------------------------------------- positions
 
@@ -62,21 +71,34 @@ class Assembly:
 
         Angles are continued from the assembly angle, never wrapped.  Raises AssemblyError.
         """
+        u, columns = self.open(theta, gaps)
+        self.close(u, columns, path or self.path(u[0].min(), u[0].max()), bool(gaps))
+        return u
+
+    def open(self, theta: np.ndarray, gaps: Mapping[str, np.ndarray] | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates (n, N) and columns (n_columns, N) that hold what is known before :meth:`close`: crank angles and gaps.
+
+        Raises AssemblyError for a crank angle that is not a number.
+        """
         theta = np.atleast_1d(np.asarray(theta, float))
         if not np.all(np.isfinite(theta)):
             raise AssemblyError(f"{self.mechanism.name}: crank angle {theta[~np.isfinite(theta)][0]} is not a number")
-        path = path or self.path(theta.min(), theta.max())
-        near = path.near(theta)
-        u, columns = self._empty(theta, gaps)
+        u = np.zeros((len(self.structure.coordinates), theta.size))
+        u[0] = theta
+        return u, self._fixed_columns(theta.size, gaps)
+
+    def close(self, u: np.ndarray, columns: np.ndarray, path: Path, displaced: bool) -> None:
+        """Solve for all other coordinates and columns, in place; ``displaced`` says that there are gaps.  Raises AssemblyError."""
+        theta, near = u[0], path.near(u[0])
+        set_coordinate(self.structure, 0, columns, theta - self.structure.twist[self._driven.bodies[0]])
         for group in self.structure.groups:
             if group in self._branch:
                 margin = solve_dyad(self.structure, group, columns, u, self._branch[group])
-                self._refuse(theta, margin, group, bool(gaps))
+                self._refuse(theta, margin, group, displaced)
             else:
                 newton(self.structure, group, columns, u, near, theta)
         turns = [i for i, c in enumerate(self.structure.coordinates) if c.bodies and i]
         u[turns] += 2 * np.pi * np.rint((near[turns] - u[turns]) / (2 * np.pi))
-        return u
 
     def columns(self, coordinates: np.ndarray, gaps: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
         """The structure's columns (n_columns, N) at these coordinates."""
@@ -98,16 +120,19 @@ class Assembly:
         return columns
 
     def path(self, low: float, high: float) -> Path:
-        """The ideal linkage's path over [low, high] rad and the assembly angle.  Raises AssemblyError on the way."""
-        low, high = min(low, high, self.start), max(low, high, self.start)
-        below = np.linspace(self.start, low, int(np.ceil((self.start - low) / PATH_STEP)) + 1)
-        above = np.linspace(self.start, high, int(np.ceil((high - self.start) / PATH_STEP)) + 1)
-        u = np.hstack([self._walk(below)[:, :0:-1], self._walk(above)])
-        return Path(np.concatenate([below[:0:-1], above]), u)
+        """The ideal linkage's path over at least [low, high] rad and the assembly angle.  Raises AssemblyError on the way."""
+        low, high, known = min(low, high), max(low, high), self._path.theta
+        if not (known[0] <= low and high <= known[-1]):  # walked once: what is known has no change point
+            low, high = min(low, known[0]), max(high, known[-1])
+            below = np.linspace(self.start, low, int(np.ceil((self.start - low) / PATH_STEP)) + 1)
+            above = np.linspace(self.start, high, int(np.ceil((high - self.start) / PATH_STEP)) + 1)
+            u = np.hstack([self._walk(below)[:, :0:-1], self._walk(above)])
+            self._path = Path(np.concatenate([below[:0:-1], above]), u)
+        return self._path
 
     def _walk(self, theta: np.ndarray) -> np.ndarray:
         """Continue from the assembly angle along theta (monotone, its first is the assembly angle)."""
-        u, columns = self._empty(theta, None)
+        u, columns = self._driven_to(theta)
         for group in self.structure.groups:
             if group in self._branch:
                 margin = solve_dyad(self.structure, group, columns, u, self._branch[group])
@@ -119,19 +144,17 @@ class Assembly:
                     u[i] = np.unwrap(np.concatenate([[self._home[i]], u[i]]))[1:]
         return u
 
-    def _empty(self, theta: np.ndarray, gaps: Mapping[str, np.ndarray] | None) -> tuple[np.ndarray, np.ndarray]:
-        s = self.structure
-        u = np.zeros((len(s.coordinates), theta.size))
-        u[0] = theta
-        columns = self._fixed_columns(theta.size, gaps)
-        set_coordinate(s, 0, columns, theta - s.twist[self._driven.bodies[0]])
+    def _driven_to(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates and columns of the ideal linkage with its crank at theta, all groups still to be solved."""
+        u, columns = self.open(theta)
+        set_coordinate(self.structure, 0, columns, theta - self.structure.twist[self._driven.bodies[0]])
         return u, columns
 
     def _assemble(self, guess: np.ndarray) -> np.ndarray:
         s = self.structure
         home = guess.copy()
         at = np.array([self.start])
-        u, columns = self._empty(at, None)
+        u, columns = self._driven_to(at)
         for group in s.groups:
             angles = [i for i in group.coordinates if s.coordinates[i].bodies]
             if len(group.coordinates) == 2:
@@ -188,7 +211,7 @@ class Assembly:
                 raise self._change_point(group, zoom[j])
 
     def _margin(self, theta: np.ndarray, group: Group) -> np.ndarray:
-        u, columns = self._empty(theta, None)
+        u, columns = self._driven_to(theta)
         for g in self.structure.groups:
             if g in self._branch:
                 margin = solve_dyad(self.structure, g, columns, u, self._branch[g])
@@ -216,6 +239,11 @@ class Assembly:
             f"{self.mechanism.name}: change point at crank angle {np.degrees(theta):.6g} deg, where {' and '.join(group.bodies)} fall in line and "
             f"the assembly mode is lost; keep the range from the assembly angle ({np.degrees(self.start):.6g} deg) on clear of it"
         )
+
+
+def _turning(s: Structure, coordinate: Coordinate) -> tuple[int, ...]:
+    """Columns that turn with an angle: its bodies, then the travels along them."""
+    return (*coordinate.bodies, *(len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in coordinate.bodies))
 
 
 def _wrapped(angle: float) -> float:

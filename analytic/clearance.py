@@ -24,9 +24,10 @@ from analytic.kinetostatics import Reactions, kinetostatics
 Model = Literal["first_order", "equilibrium"]
 MODELS: tuple[Model, ...] = get_args(Model)
 NO_DIRECTION = 0.01  # of a joint's peak reaction, below which it is flagged
-STENCIL = 2e-3  # rad of crank angle, between the neighbours that give the gaps' rates
+STENCIL = 2e-3  # rad of crank angle, to either neighbour of the two that give the gaps' rates
 UNSTEADY = 0.02  # rad by which a gap's own motion may turn it
 SETTLED = 1e-12  # rad
+PASSES = 40
 
 
 @dataclass(frozen=True)
@@ -59,90 +60,117 @@ class Displaced:
 def displaced(
     assembly: Assembly,
     theta: np.ndarray,
-    omega: float = 0.0,
+    omega: np.ndarray | float = 0.0,
     *,
+    alpha: np.ndarray | float = 0.0,
     model: Model = "equilibrium",
     inertia: bool = True,
     clearances: Mapping[str, float] | None = None,
 ) -> Displaced:
     """The linkage with its clearances taken up along the reactions, at crank angles theta (N,) rad.
 
-    ``omega`` is the crank's constant speed (rad/s); without ``inertia`` the equilibrium is static and omega only gives
-    friction its direction.  ``clearances`` (m) replace the mechanism's own.  Raises AssemblyError where the ideal or the
-    displaced linkage cannot be assembled.
+    ``omega`` and ``alpha`` are the crank's angular velocity (rad/s) and acceleration (rad/s^2) there, which changes slowly; without
+    ``inertia`` the equilibrium is static and omega only gives friction its direction.  ``clearances`` (m) replace the
+    mechanism's own.  Raises AssemblyError where the ideal or the displaced linkage cannot be assembled.
     """
-    theta = np.atleast_1d(np.asarray(theta, float))
+    drive = np.array(np.broadcast_arrays(np.atleast_1d(np.asarray(theta, float)), omega, alpha), float)
     sizes = {name: c for name, c in (assembly.mechanism.clearances if clearances is None else clearances).items() if c > 0}
-    turning = bool(inertia and omega)
+    turning = bool(inertia and np.any(drive[1:]))
     reach = STENCIL if turning and sizes else 0.0
-    path = assembly.path(theta.min() - reach, theta.max() + reach)
-    ideal = kinetostatics(kinematics(assembly, theta, omega, path=path), inertia)
+    path = assembly.path(drive[0].min() - reach, drive[0].max() + reach)
+
+    def solve(drive: np.ndarray, gaps: Mapping[str, Gap] | None = None) -> Reactions:
+        return kinetostatics(kinematics(assembly, *drive, gaps=gaps, path=path), inertia)
+
+    ideal = solve(drive)
     flags = _without_direction(ideal, sizes)
     if not sizes:
         return Displaced(model, {}, ideal, ideal, ideal, flags)
-
-    def solve(at: np.ndarray, gaps: Mapping[str, Gap] | None = None) -> Reactions:
-        return kinetostatics(kinematics(assembly, at, omega, gaps=gaps, path=path), inertia)
-
-    gaps = _on_the_rim(solve, theta, sizes, model)
+    pins = _Pins(sizes, solve, model)
+    toward = pins.directions(ideal)
+    rates = None
+    phi, learnt = pins.settled(drive, toward)
     if turning:
-        steady, gaps = gaps, _in_motion(solve, theta, sizes, model, omega)
-        flags |= {i: why for i, why in _unsteady(steady, gaps).items() if i not in flags}
-    configuration = solve(theta, gaps)
+        rates = _rates(pins, drive, phi, toward, learnt)
+        steady, (phi, _) = phi, pins.settled(drive, phi, rates, learnt)
+        flags |= {i: why for i, why in _unsteady(sizes, phi - steady).items() if i not in flags}
+    gaps = pins.gaps(phi, rates)
+    configuration = solve(drive, gaps)
     reactions = ideal if model == "first_order" else configuration
     if model == "equilibrium":
         flags |= {i: why for i, why in _unsettled(configuration, gaps).items() if i not in flags}
-    return Displaced(model, {name: np.asarray(g.value) for name, g in gaps.items()}, reactions, configuration, ideal, flags)
+    return Displaced(model, {name: g.value for name, g in gaps.items()}, reactions, configuration, ideal, flags)
 
 
-Solve = Callable[[np.ndarray, Mapping[str, Gap] | None], Reactions]
+@dataclass(frozen=True)
+class _Pins:
+    """The K pins with clearance; ``solve`` gives the reactions for drive (3, N): crank angle, its rate and acceleration."""
+
+    sizes: Mapping[str, float]  # m
+    solve: Callable[[np.ndarray, Mapping[str, Gap] | None], Reactions]
+    model: Model
+
+    def directions(self, found: Reactions) -> np.ndarray:
+        """Directions (N, K) rad of the reactions."""
+        return np.stack([np.angle(found.forces[name]) for name in self.sizes], axis=-1)
+
+    def gaps(self, phi: np.ndarray, rates: np.ndarray | None = None) -> dict[str, Gap]:
+        """Gaps in the directions phi (N, K), with ``rates`` (2, N, K) complex: their first and second derivatives in time."""
+        moving = np.zeros((2, *phi.shape), complex) if rates is None else rates
+        return {name: Gap(c * np.exp(1j * phi[:, k]), *moving[:, :, k]) for k, (name, c) in enumerate(self.sizes.items())}
+
+    def settled(
+        self, drive: np.ndarray, phi: np.ndarray, rates: np.ndarray | None = None, inverse: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Directions (N, K) that are the displaced linkage's own reactions', from phi near by; for ``first_order`` phi itself.
+
+        Broyden's method at all angles at once, until each has settled.  It knows the ``inverse`` (N, K, K) of minus the
+        derivative of the miss by phi and returns what it has learnt of it; at first, a pin that turns does not turn its reaction.
+        """
+        phi, todo = phi.copy(), np.arange(len(phi))
+        inverse = np.tile(np.eye(phi.shape[1]), (len(phi), 1, 1)) if inverse is None else inverse.copy()
+        if self.model == "first_order":
+            return phi, inverse
+        miss = self.miss(drive, phi, rates)
+        gain = np.ones(len(phi))  # by which the last step made the miss smaller, so that the next one will as well
+        for _ in range(PASSES):
+            step = np.einsum("nij,nj->ni", inverse[todo], miss)
+            step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))  # at most half a radian at a time
+            phi[todo] += step
+            size = np.abs(miss).max(axis=1)
+            far = (size >= SETTLED) & (size * gain >= 1e-3 * SETTLED)
+            todo, step, before, size = todo[far], step[far], miss[far], size[far]
+            if not todo.size:
+                break
+            miss = self.miss(drive[:, todo], phi[todo], None if rates is None else rates[:, todo])
+            gain = np.minimum(1.0, np.abs(miss).max(axis=1) / size)
+            known = inverse[todo]
+            seen = np.einsum("nij,nj->ni", known, miss - before)
+            weight = np.einsum("ni,nij->nj", step, known) / np.sum(step * seen, axis=1, keepdims=True)
+            inverse[todo] -= (step + seen)[..., None] * weight[:, None]
+        return phi, inverse
+
+    def miss(self, drive: np.ndarray, phi: np.ndarray, rates: np.ndarray | None) -> np.ndarray:
+        """Angles (N, K) rad from the pins' directions to their reactions'."""
+        forces = self.solve(drive, self.gaps(phi, rates)).forces
+        return np.stack([np.angle(forces[name] * np.exp(-1j * phi[:, k])) for k, name in enumerate(self.sizes)], axis=-1)
 
 
-def _on_the_rim(solve: Solve, theta: np.ndarray, sizes: Mapping[str, float], model: Model, rates: Mapping[str, Gap] | None = None) -> dict[str, Gap]:
-    """Gaps whose directions are the reactions': Newton on all directions at once, differences for the Jacobian."""
-    names = list(sizes)
+def _rates(pins: _Pins, drive: np.ndarray, phi: np.ndarray, toward: np.ndarray, learnt: np.ndarray) -> np.ndarray:
+    """First and second derivatives in time (2, N, K) of the gaps in directions phi (``toward`` without gaps), found at rest.
 
-    def gaps_at(phi: np.ndarray) -> dict[str, Gap]:
-        rate = {name: (rates[name].rate, rates[name].acceleration) if rates else (0.0, 0.0) for name in names}
-        return {name: Gap(sizes[name] * np.exp(1j * p), *rate[name]) for name, p in zip(names, phi, strict=True)}
-
-    def miss(phi: np.ndarray) -> np.ndarray:
-        forces = solve(theta, gaps_at(phi)).forces
-        return np.array([np.angle(forces[name] * np.exp(-1j * p)) for name, p in zip(names, phi, strict=True)])
-
-    ideal = solve(theta, None).forces
-    phi = np.array([np.angle(ideal[name]) for name in names])
-    if model == "first_order":
-        return gaps_at(phi)
-    error = miss(phi)
-    for _ in range(40):
-        if np.nanmax(np.abs(error)) < SETTLED:
-            break
-        step = 1e-6
-        jacobian = np.empty((theta.size, len(names), len(names)))
-        for k in range(len(names)):
-            nudged = phi.copy()
-            nudged[k] += step
-            jacobian[:, :, k] = ((miss(nudged) - error) / step).T
-        change = -np.linalg.solve(jacobian + 1e-14 * np.eye(len(names)), error.T[..., None])[..., 0].T
-        change *= np.minimum(1.0, 0.5 / np.maximum(np.abs(change).max(axis=0), 1e-300))  # at most half a radian at a time
-        phi = phi + change
-        error = miss(phi)
-    return gaps_at(phi)
-
-
-def _in_motion(solve: Solve, theta: np.ndarray, sizes: Mapping[str, float], model: Model, omega: float) -> dict[str, Gap]:
-    """Gaps that turn with the crank: found at rest beside each angle, then once more with the rates that these show.
-
-    One pass is the first term of a series in (gap's inertia force / reaction); on the paper's case the next is 1e-6 deg.
+    They are differences between moments just before and after, with the crank's acceleration held.  One pass is the first
+    term of a series in (gap's inertia force / reaction); on the paper's case the next is 1e-6 deg.
     """
-    beside = theta + STENCIL * np.array([[-1.0], [0.0], [1.0]])
-    rates = {}
-    for name, gap in _on_the_rim(solve, beside.ravel(), sizes, model).items():
-        before, here, after = np.asarray(gap.value).reshape(3, -1)
-        slope, bend = (after - before) / (2 * STENCIL), (after - 2 * here + before) / STENCIL**2
-        rates[name] = Gap(here, slope * omega, bend * omega**2)
-    return _on_the_rim(solve, theta, sizes, model, rates)
+    angle, speed, acceleration = drive
+    pace = (np.abs(speed) + np.sqrt(speed**2 + 2 * np.abs(acceleration) * STENCIL)) / 2
+    moment = STENCIL / np.where(pace > 0, pace, 1.0)  # s, in which the crank turns by the stencil
+    sides = [np.array([angle + speed * t + acceleration * t**2 / 2, speed + acceleration * t, acceleration]) for t in (-moment, moment)]
+    beside = np.hstack(sides)
+    start = pins.directions(pins.solve(beside, None)) + np.tile(phi - toward, (2, 1))
+    c = np.array(list(pins.sizes.values()))
+    before, after = np.split(c * np.exp(1j * pins.settled(beside, start, inverse=np.tile(learnt, (2, 1, 1)))[0]), 2)
+    return np.array([(after - before) / (2 * moment[:, None]), (after - 2 * c * np.exp(1j * phi) + before) / moment[:, None] ** 2])
 
 
 def _without_direction(ideal: Reactions, sizes: Mapping[str, float]) -> dict[int, str]:
@@ -157,13 +185,12 @@ def _without_direction(ideal: Reactions, sizes: Mapping[str, float]) -> dict[int
     return flags
 
 
-def _unsteady(at_rest: Mapping[str, Gap], in_motion: Mapping[str, Gap]) -> dict[int, str]:
-    """Angles at which a gap's own motion changes it so much that following the reaction is no approximation any more."""
+def _unsteady(sizes: Mapping[str, float], turned: np.ndarray) -> dict[int, str]:
+    """Angles at which a gap's own motion has turned it (N, K) so much that following the reaction is no approximation any more."""
     flags: dict[int, str] = {}
-    for name, gap in in_motion.items():
-        turned = np.abs(np.angle(np.asarray(gap.value) / np.asarray(at_rest[name].value)))
-        for i in np.flatnonzero(~(turned < UNSTEADY)):
-            flags.setdefault(int(i), f"the reaction at {name} turns too fast for its pin to follow (off by {np.degrees(turned[i]):.2g} deg)")
+    for name, turn in zip(sizes, np.abs(np.angle(np.exp(1j * turned))).T, strict=True):
+        for i in np.flatnonzero(~(turn < UNSTEADY)):
+            flags.setdefault(int(i), f"the reaction at {name} turns too fast for its pin to follow (off by {np.degrees(turn[i]):.2g} deg)")
     return flags
 
 

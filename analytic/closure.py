@@ -1,6 +1,7 @@
 """Closing the loops of one Assur group: dyads in closed form, larger groups by Newton's method.
 
-All functions work on N crank angles at once and fill the structure's columns and coordinates in place.
+All functions work on N crank angles at once and fill the structure's columns and coordinates in place.  Without gaps their
+columns, the structure's last and all zero, may be left out.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ def solve_dyad(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, b
     for c in (s.coordinates[i], s.coordinates[j]):
         known[list(c.bodies)] = False
         known[[len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in c.bodies or len(s.bodies) + k == c.column]] = False
-    use = np.flatnonzero(known & (row != 0))
+    use = np.flatnonzero((known & (row != 0))[: len(columns)])
     target = -(row[use] @ columns[use])
     with np.errstate(invalid="ignore", divide="ignore"):
         if s.coordinates[i].bodies and s.coordinates[j].bodies:
@@ -135,7 +136,7 @@ def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near:
         for i in unknown:
             if not s.coordinates[i].bodies:
                 set_coordinate(s, i, columns, u[i])
-        residual = rows @ columns
+        residual = rows[:, : len(columns)] @ columns
         jacobian = np.stack([partials(s, i, rows, columns) for i in unknown], axis=-1)  # (loops, N, unknowns)
         matrix = np.concatenate([jacobian.real, jacobian.imag]).transpose(1, 0, 2)
         if np.abs(residual).max() < 1e-14 * size:

@@ -6,8 +6,9 @@ What is exactly rigid is a constraint on the nodes' freedoms and is eliminated b
 (never a penalty; redundant ones, as every planar linkage of rigid links has out of its plane, do no harm).  The rest is
 Eq. 7, U = K^-1 W, for all crank angles at once.
 
-A node has six freedoms in the ground frame: translations x, y, z (m), rotations about x, y, z (rad).  The analysis is
-linear, about the given configuration.  Weight and inertia act at each body's com, as in Eqs. 9-10, not along the bar; a
+A node has six freedoms in the ground frame: translations x, y, z (m), rotations about x, y, z (rad).  Loads lie in the
+plane, and a beam's motions in it do not mix with those out of it, so that only x, y and the rotation about z are worked
+out; a beam matrix that is given may mix them and gets all six.  The analysis is linear, about the given configuration.  Weight and inertia act at each body's com, as in Eqs. 9-10, not along the bar; a
 prismatic joint's guide is as stiff as its body is at the joint's point, and does not bend between there and the slider.
 The beam matrix is the right one, not Eq. 2 as printed (:mod:`analytic.printed` has that).
 """
@@ -24,9 +25,11 @@ from analytic.kinematics import Motion
 from analytic.kinetostatics import joint_law
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint
 
-BLOCK = 256  # crank angles solved at once
+BLOCK = 128  # crank angles solved at once: their matrices stay in the processor's cache
 DEPENDENT = 1e-10  # of the largest singular value: constraints below it say nothing new
 FREE = 1e-14  # pivot of the stiffness, scaled to a unit diagonal, below which a motion costs no energy
+
+PLANE, SPACE = (0, 1, 5), (0, 1, 2, 3, 4, 5)  # freedoms of a node; the last is the rotation about z
 
 Values = Mapping[str, np.ndarray | complex | float]
 
@@ -87,25 +90,27 @@ class _Structure:
         self.motion = motion
         self.mechanism = motion.structure.mechanism
         self.frames = {body.name: frame(body) for body in self.mechanism.bodies}
+        self.kept = PLANE if beam is beam_stiffness else SPACE
         self.first: dict[str, int] = {}  # freedom of each body's first node
         self.size = 0
         for name, f in self.frames.items():
             self.first[name] = self.size
-            self.size += 6 * len(f.nodes)
+            self.size += len(self.kept) * len(f.nodes)
         self.bars = [bar for body in self.mechanism.bodies for bar in self.bars_of(body, beam)]
         self.slips = {joint.name: self.slip(joint) for joint in self.mechanism.joints}
 
     def bars_of(self, body: Body, beam: Callable[[Bar], np.ndarray]) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Freedoms (12,), direction (N,) complex and stiffness (12, 12) in its own axes of each bar."""
+        """Freedoms (2 d,), direction (N,) complex and stiffness (2 d, 2 d) in its own axes of each bar; d freedoms a node are kept."""
+        kept = np.array([*self.kept, *(6 + k for k in self.kept)])
         f = self.frames[body.name]
         for i, j, bar in f.bars:
             reach = f.nodes[j] - f.nodes[i]
             freedoms = np.concatenate([self.freedoms(body.name, i), self.freedoms(body.name, j)])
-            yield freedoms, reach / abs(reach) * self.phasor(body.name), beam(bar)
+            yield freedoms, reach / abs(reach) * self.phasor(body.name), beam(bar)[np.ix_(kept, kept)]
 
     def freedoms(self, body: str, node: int) -> np.ndarray:
-        """Indices (6,) of a node's freedoms."""
-        return self.first[body] + 6 * node + np.arange(6)
+        """Indices (d,) of a node's freedoms."""
+        return self.first[body] + len(self.kept) * node + np.arange(len(self.kept))
 
     def phasor(self, body: str) -> np.ndarray:
         """exp(i angle) of a body, (N,)."""
@@ -113,26 +118,30 @@ class _Structure:
         return phasor
 
     def place(self, body: str, point: str) -> tuple[np.ndarray, np.ndarray]:
-        """Freedoms (6,) of the node that carries a body's point, and the rigid arm (N,) complex from node to point."""
+        """Freedoms (d,) of the node that carries a body's point, and the rigid arm (N,) complex from node to point."""
         node, arm = self.frames[body].places[point]
         return self.freedoms(body, node), arm * self.phasor(body)
 
+    def carry(self, arm: np.ndarray) -> np.ndarray:
+        """(N, d, d): motion of a point at the end of a rigid in-plane arm (N,) complex, from the motion of its node."""
+        return _carry(arm)[:, np.array(self.kept)[:, None], self.kept]
+
     def slip(self, joint: Joint) -> np.ndarray:
-        """Form (N, 6, n) of a joint's relative motion: second body minus first, at the second's point, along the joint's axes.
+        """Form (N, d, n) of a joint's relative motion: second body minus first, at the second's point, along the joint's axes.
 
         A prismatic joint's guide is a rigid arm of its first body from that body's point to the second's; x is its axis.
         """
-        form = np.zeros((self.motion.theta.size, 6, self.size))
+        form = np.zeros((self.motion.theta.size, len(self.kept), self.size))
         for body, sign in zip(joint.bodies, (-1, 1), strict=True):
             if body != GROUND:
                 freedoms, arm = self.place(body, joint.name)
                 if joint.prismatic and sign < 0:
                     arm = arm + joint.direction * self.motion.columns[self.motion.structure.slide_column(joint.name)]
-                form[:, :, freedoms] = sign * _carry(arm)
-        return _turn(joint.direction * self.phasor(joint.bodies[0]), 2).swapaxes(1, 2) @ form if joint.prismatic else form
+                form[:, :, freedoms] = sign * self.carry(arm)
+        return _turn(joint.direction * self.phasor(joint.bodies[0]), len(self.kept) // 3).swapaxes(1, 2) @ form if joint.prismatic else form
 
     def springs(self, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
-        """Stiffness (6,) against each relative motion of a joint (k_c of Eq. 4), and which of them are tied (6,)."""
+        """Stiffness (d,) against each relative motion of a joint (k_c of Eq. 4), and which of them are tied (d,)."""
         free, elastic = _free(joint), joint.elasticity
         springs = np.zeros(6) if elastic is None else np.repeat([elastic.translation, elastic.rotation], 3)
         tied = np.full(6, elastic is None)
@@ -141,13 +150,13 @@ class _Structure:
             motor = None if self.mechanism.drive is None else self.mechanism.drive.stiffness
             springs[free] += motor or 0.0
             tied[free] = motor is None
-        return springs, tied
+        return springs[[*self.kept]], tied[[*self.kept]]
 
     def stiffness(self, block: slice) -> tuple[np.ndarray, np.ndarray]:
         """K (N, n, n) of bars and springs in the ground frame (Eqs. 5, 6), and the ties (N, r, n), for which ties @ U = 0."""
         k = np.zeros((self.motion.theta[block].size, self.size, self.size))
         for freedoms, direction, element in self.bars:
-            turn = _turn(direction[block], 4)
+            turn = _turn(direction[block], len(element) // 3)
             k[:, freedoms[:, None], freedoms] += turn @ element @ turn.swapaxes(1, 2)
         ties = []
         for joint in self.mechanism.joints:
@@ -166,7 +175,7 @@ class _Structure:
             freedoms, arm = self.place(body, point)
             load[:, freedoms[0]] += np.real(force)
             load[:, freedoms[1]] += np.imag(force)
-            load[:, freedoms[5]] += (np.conj(arm) * force).imag + np.real(torque)
+            load[:, freedoms[-1]] += (np.conj(arm) * force).imag + np.real(torque)
 
         for body in self.mechanism.bodies:
             add(body.name, MASS_CENTRE, body.mass * complex(*self.mechanism.gravity) + forces.get(body.name, 0.0), torques.get(body.name, 0.0))
@@ -177,7 +186,7 @@ class _Structure:
         for given in self.mechanism.loads:
             add(given.body, given.point, complex(*given.force), given.torque)
         for joint in self.mechanism.joints:
-            load += self.joint_torque(joint, inertia)[:, None] * self.slips[joint.name][:, _free(joint)]
+            load += self.joint_torque(joint, inertia)[:, None] * self.slips[joint.name][:, self.kept.index(_free(joint))]
         return load
 
     def joint_torque(self, joint: Joint, inertia: bool) -> np.ndarray:
@@ -200,10 +209,10 @@ class _Structure:
                 self.refuse(theta[same][~held], "nothing holds the linkage in place")
             u[same] = (basis @ np.linalg.solve(inner, outer))[..., 0]
         size = max(body.length for body in self.mechanism.bodies)
-        moved = np.abs(u.reshape(theta.size, -1, 6)[..., :3]).max(axis=(1, 2))
+        moved = np.abs(u.reshape(theta.size, -1, len(self.kept))[..., : len(self.kept) // 3 + 1]).max(axis=(1, 2))
         if np.any(moved > size):
             self.refuse(theta[moved > size], f"its loads displace it by more than its own size ({size:g} m), where a linear analysis means nothing")
-        return u, 0.5 * (u[:, None] @ k @ u[..., None])[:, 0, 0]
+        return u, 0.5 * np.sum(load * u, axis=1)
 
     def refuse(self, theta: np.ndarray, why: str) -> None:
         raise ComplianceError(
@@ -217,7 +226,8 @@ class _Structure:
         for body, f in self.frames.items():
             for point in f.places:
                 freedoms, arm = self.place(body, point)
-                result[body, point] = (_carry(arm) @ u[:, freedoms, None])[..., 0]
+                result[body, point] = np.zeros((len(u), 6))
+                result[body, point][:, self.kept] = (self.carry(arm) @ u[:, freedoms, None])[..., 0]
         return result
 
 

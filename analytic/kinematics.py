@@ -6,7 +6,7 @@ solved after the ones it hangs on.  Gaps of joints with clearance enter as known
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,8 @@ import numpy as np
 from analytic.assembly import Assembly, Path
 from analytic.closure import AssemblyError, partials
 from analytic.structure import Group, Structure
+
+BLOCK = 4096  # crank angles worked on at once: their temporary arrays stay in the processor's cache and on the heap
 
 
 @dataclass(frozen=True)
@@ -44,17 +46,24 @@ class Motion:
         """The linkage's structure."""
         return self.assembly.structure
 
+    def part(self, block: slice, live: int | None = None) -> Motion:
+        """The same motion at some of its crank angles, or only its first ``live`` columns: views of its arrays."""
+        coordinates = (x[:, block] for x in (self.coordinates, self.rates, self.accelerations))
+        columns = (x[:live, block] for x in (self.columns, self.column_rates, self.column_accelerations))
+        jacobians = {group: jacobian[..., block] for group, jacobian in self.jacobians.items()}
+        return Motion(self.assembly, self.theta[block], *coordinates, *columns, jacobians)
+
     def position(self, body: str, point: str = "com") -> np.ndarray:
         """Position (m) of a body's point."""
-        return self.structure.form(body, point) @ self.columns
+        return self.assembly.form(body, point) @ self.columns
 
     def velocity(self, body: str, point: str = "com") -> np.ndarray:
         """Velocity (m/s) of a body's point."""
-        return self.structure.form(body, point) @ self.column_rates
+        return self.assembly.form(body, point) @ self.column_rates
 
     def acceleration(self, body: str, point: str = "com") -> np.ndarray:
         """Acceleration (m/s^2) of a body's point."""
-        return self.structure.form(body, point) @ self.column_accelerations
+        return self.assembly.form(body, point) @ self.column_accelerations
 
     def angle(self, body: str) -> np.ndarray:
         """Angle (rad) of a body, continued from the assembly angle."""
@@ -94,27 +103,42 @@ def kinematics(
     Raises AssemblyError at a change point or an angle that cannot be reached.
     """
     s = assembly.structure
-    theta = np.atleast_1d(np.asarray(theta, float))
-    values = {name: gap.value for name, gap in (gaps or {}).items()}
-    u = assembly.coordinates(theta, values, path)
-    columns = assembly.columns(u, values)
-    jacobians = {g: np.stack([partials(s, i, s.loops[list(g.loops)], columns) for i in g.coordinates]) for g in s.groups}
-    rates, column_rates = _differentiate(s, jacobians, columns, np.broadcast_to(omega, theta.shape), _gap_columns(s, gaps, "rate", theta.size))
-    centripetal = _gap_columns(s, gaps, "acceleration", theta.size)
+    u, columns = assembly.open(theta, {name: gap.value for name, gap in (gaps or {}).items()})
+    theta = u[0].copy()
+    path = path or assembly.path(theta.min(), theta.max())
+    drive = np.broadcast_to(omega, theta.shape), np.broadcast_to(alpha, theta.shape)
+    rates, bends = (_gap_columns(s, gaps, order, theta.size) for order in ("rate", "acceleration"))
+    jacobians = {g: np.empty((len(g.coordinates), len(g.loops), theta.size), complex) for g in s.groups}
+    motion = Motion(assembly, theta, u, np.empty_like(u), np.empty_like(u), columns, rates, bends, jacobians)
+    live = s.n_columns if gaps else len(s.bodies) + len(s.slides)  # memory of zeros that nobody looks at costs nothing
+    for block in blocks(theta.size):
+        part = motion.part(block, live)
+        assembly.close(part.coordinates, part.columns, path, bool(gaps))
+        _set_in_motion(part, drive[0][block], drive[1][block])
+    return motion
+
+
+def blocks(n: int) -> Iterator[slice]:
+    """Slices of at most BLOCK crank angles that make up n."""
+    return (slice(i, min(i + BLOCK, n)) for i in range(0, n, BLOCK))
+
+
+def _set_in_motion(motion: Motion, omega: np.ndarray, alpha: np.ndarray) -> None:
+    """Fill in the rates and accelerations (and the loops' Jacobians) of a motion whose positions are known, gaps' included."""
+    s, columns, rates, spin = motion.structure, motion.columns, motion.column_rates, motion.rates
+    for group, jacobian in motion.jacobians.items():
+        for k, i in enumerate(group.coordinates):
+            jacobian[k] = partials(s, i, s.loops[list(group.loops)], columns)
+    _differentiate(motion, omega, spin, rates)
+    centripetal = motion.column_accelerations
     for i, c in enumerate(s.coordinates):
         if c.bodies:
-            turning = turning_columns(s, i)
-            centripetal[turning] -= rates[i] ** 2 * columns[turning]
+            turning = motion.assembly.turning[i]
+            for k in turning:
+                centripetal[k] -= spin[i] ** 2 * columns[k]
             for k in turning[len(c.bodies) :]:  # Coriolis: twice the spin times the sliding
-                centripetal[k] += 2j * rates[i] * (column_rates[k] - 1j * rates[i] * columns[k])
-    accelerations, column_accelerations = _differentiate(s, jacobians, columns, np.broadcast_to(alpha, theta.shape), centripetal)
-    return Motion(assembly, theta, u, rates, accelerations, columns, column_rates, column_accelerations, jacobians)
-
-
-def turning_columns(s: Structure, i: int) -> list[int]:
-    """Columns that turn with angle coordinate i: its bodies, then the travels along them."""
-    bodies = s.coordinates[i].bodies
-    return [*bodies, *(len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in bodies)]
+                centripetal[k] += 2j * spin[i] * (rates[k] - 1j * spin[i] * columns[k])
+    _differentiate(motion, alpha, motion.accelerations, centripetal)
 
 
 def _gap_columns(s: Structure, gaps: Mapping[str, Gap] | None, order: str, n: int) -> np.ndarray:
@@ -124,29 +148,27 @@ def _gap_columns(s: Structure, gaps: Mapping[str, Gap] | None, order: str, n: in
     return columns
 
 
-def _differentiate(
-    s: Structure, jacobians: Mapping[Group, np.ndarray], columns: np.ndarray, driven: np.ndarray, known: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Solve the differentiated loop closures: coordinates' derivatives (n, N) and the columns' (n_columns, N)."""
-    result = np.zeros((len(s.coordinates), driven.size))
+def _differentiate(motion: Motion, driven: np.ndarray, result: np.ndarray, out: np.ndarray) -> None:
+    """Solve the differentiated loop closures for the coordinates' derivatives (n, N) and the columns' (n_columns, N), in place.
+
+    ``out`` holds what is known of the columns' derivatives already.
+    """
+    s = motion.structure
     result[0] = driven
-    out = known
-    _spread(s, 0, driven, columns, out)
-    for group in s.groups:
-        rows = s.loops[list(group.loops)]
-        solved = solve_loops(jacobians[group], rows @ out, s, group)
+    _spread(motion, 0, driven, out)
+    for group, jacobian in motion.jacobians.items():
+        solved = solve_loops(jacobian, s.loops[list(group.loops), : len(out)] @ out, s, group)
         for i, value in zip(group.coordinates, solved, strict=True):
             result[i] = value
-            _spread(s, i, value, columns, out)
-    return result, out
+            _spread(motion, i, value, out)
 
 
-def _spread(s: Structure, i: int, value: np.ndarray, columns: np.ndarray, out: np.ndarray) -> None:
+def _spread(motion: Motion, i: int, value: np.ndarray, out: np.ndarray) -> None:
     """Add to ``out`` what a rate of coordinate i does to the columns."""
-    c = s.coordinates[i]
+    s, columns, c = motion.structure, motion.columns, motion.structure.coordinates[i]
     if c.bodies:
-        turning = turning_columns(s, i)
-        out[turning] += 1j * value * columns[turning]
+        for k in motion.assembly.turning[i]:
+            out[k] += 1j * value * columns[k]
     else:
         out[c.column] += value * columns[s.slide_body[c.column - len(s.bodies)]]
 

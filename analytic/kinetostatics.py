@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.kinematics import Motion, solve_forces, turning_columns
+from analytic.kinematics import BLOCK, Motion, blocks, solve_forces
 from analytic.mechanism import MASS_CENTRE, Joint
 from analytic.structure import Structure
 
@@ -53,41 +53,59 @@ def kinetostatics(motion: Motion, inertia: bool = True) -> Reactions:
     Without ``inertia`` the linkage is in static equilibrium at each angle; the motion's velocities then only give
     Coulomb friction its direction and dampers do nothing.
     """
+    s, n = motion.structure, motion.theta.size
+    order = [j.name for j in s.mechanism.joints]
+    found = {name: np.empty(n, complex) for name in order}, {name: np.empty(n) for name in s.slides}
+    drive_torque = np.empty(n)
+    work = np.empty((s.n_columns, min(n, BLOCK)), complex)  # the same memory for every block
+    for block in blocks(n):
+        *parts, drive_torque[block] = _balance(motion.part(block), inertia, work[:, : block.stop - block.start])
+        for whole, part in zip(found, parts, strict=True):
+            for name, values in part.items():
+                whole[name][block] = values
+    return Reactions(motion, *found, drive_torque)
+
+
+def _balance(motion: Motion, inertia: bool, work: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
+    """Forces and moments of the joints and the drive torque, as in Reactions; ``work`` (n_columns, N) complex is written over."""
     s = motion.structure
-    work = _work_of_forces(motion, inertia)
+    _work_of_forces(motion, inertia, work)
     torque = _torques(motion, inertia)
     travel_force = {j.name: joint_law(j, *motion.travel(j.name), moving=inertia) for j in s.mechanism.joints if j.prismatic}
     for group in reversed(s.groups):
         generalised = np.array([_generalised(motion, i, work, torque, travel_force) for i in group.coordinates])
         closing = solve_forces(motion.jacobians[group], generalised, s, group)
         for row, force in zip(group.loops, closing, strict=True):
-            used = np.flatnonzero(s.loops[row])
-            work[used] += s.loops[row, used, None] * np.conj(force)
+            for k in np.flatnonzero(s.loops[row]):
+                work[k] += s.loops[row, k] * np.conj(force)
     forces = {name: np.conj(work[s.gap_column(name)]) for name in s.pins}
     forces |= {name: -np.conj(work[s.slide_column(name)]) * s.mechanism.joint(name).direction for name in s.slides}
     moments = {}
     for name, carried, far_is_second in zip(s.slides, s.turned_by, s.far_is_second, strict=True):
-        moment = np.sum([_turning_work(motion, [b], work, torque) for b in carried], axis=0)
+        riding = tuple(len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in carried)
+        moment = _turning_work(motion, tuple(carried), riding, work, torque)
         moments[name] = -moment if far_is_second else moment
-    drive_torque = -_generalised(motion, 0, work, torque, travel_force)
-    order = [j.name for j in s.mechanism.joints]
-    return Reactions(motion, {name: forces[name] for name in order}, moments, drive_torque)
+    return forces, moments, -_generalised(motion, 0, work, torque, travel_force)
 
 
-def _work_of_forces(motion: Motion, inertia: bool) -> np.ndarray:
-    """(n_columns, N) complex: conj(force) times form, summed over all applied and inertia forces."""
-    s = motion.structure
-    m = s.mechanism
-    gravity = complex(*m.gravity)
-    forms = np.array([s.form(b.name, MASS_CENTRE) for b in m.bodies])
-    masses = np.array([b.mass for b in m.bodies])[:, None]
-    forces = np.broadcast_to(masses * gravity, (len(masses), motion.theta.size))
-    if inertia:
-        forces = forces - masses * (forms @ motion.column_accelerations)
-    work = forms.T @ np.conj(forces)
+def _work_of_forces(motion: Motion, inertia: bool, work: np.ndarray) -> None:
+    """Set ``work`` (n_columns, N) to conj(force) times form, summed over all applied and inertia forces."""
+    m = motion.structure.mechanism
+    work[:] = 0.0
+
+    def add(body: str, point: str, force: np.ndarray | complex) -> None:
+        force = np.conj(force)
+        for k, arm in enumerate(motion.assembly.form(body, point).tolist()):
+            if arm:
+                work[k] += arm * force
+
+    for body in m.bodies:
+        force: np.ndarray | complex = body.mass * complex(*m.gravity)
+        if inertia:
+            force = force - body.mass * motion.acceleration(body.name, MASS_CENTRE)
+        add(body.name, MASS_CENTRE, force)
     for load in m.loads:
-        work += (s.form(load.body, load.point) * np.conj(complex(*load.force)))[:, None]
-    return work
+        add(load.body, load.point, complex(*load.force))
 
 
 def _torques(motion: Motion, inertia: bool) -> np.ndarray:
@@ -119,13 +137,10 @@ def joint_law(joint: Joint, position: np.ndarray, rate: np.ndarray, moving: bool
     return -joint.coulomb * np.sign(rate) - damping * rate - joint.stiffness * (position - joint.rest_angle)
 
 
-def _turning_work(motion: Motion, columns: list[int], work: np.ndarray, torque: np.ndarray) -> np.ndarray:
-    """Work (N,) of everything on a unit turn of these columns: bodies, then the travels along them."""
-    s = motion.structure
-    bodies = [c for c in columns if c < len(s.bodies)]
-    riding = [len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in bodies]
-    turning = [*bodies, *riding]
-    return -(work[turning] * motion.columns[turning]).imag.sum(axis=0) + torque[bodies].sum(axis=0)
+def _turning_work(motion: Motion, bodies: tuple[int, ...], riding: tuple[int, ...], work: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """Work (N,) of everything on a unit turn of these columns: bodies, and the travels along them."""
+    turned = sum(torque[k] for k in bodies) - sum((work[k] * motion.columns[k]).imag for k in (*bodies, *riding))
+    return np.asarray(turned)
 
 
 def _generalised(motion: Motion, i: int, work: np.ndarray, torque: np.ndarray, travel_force: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -133,6 +148,6 @@ def _generalised(motion: Motion, i: int, work: np.ndarray, torque: np.ndarray, t
     s: Structure = motion.structure
     c = s.coordinates[i]
     if c.bodies:
-        return _turning_work(motion, turning_columns(s, i), work, torque)
+        return _turning_work(motion, c.bodies, motion.assembly.turning[i][len(c.bodies) :], work, torque)
     along = motion.columns[s.slide_body[c.column - len(s.bodies)]]
     return (work[c.column] * along).real + travel_force[c.joint]

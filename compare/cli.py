@@ -13,6 +13,7 @@ import typer
 
 from compare.accuracy import accuracy
 from compare.baseline import baseline
+from compare.diagnose.command import diagnose, effects
 from compare.export import export
 from compare.faults import Exit, OptionError, complaints
 from compare.listing import cases, simulators
@@ -93,6 +94,8 @@ def _announce_failures(result: dict[str, Any]) -> None:
 
 app.command()(accuracy)
 app.command()(cases)
+app.command()(diagnose)
+app.command()(effects)
 app.command()(export)
 app.command()(simulators)
 app.command()(validity)

@@ -35,12 +35,15 @@ def complaints() -> Iterator[list[str]]:
     from analytic.frame import ComplianceError
     from analytic.mechanism_file import MechanismError
     from analytic.structure import StructureError
+    from compare.diagnose.table import MeasuredError
     from compare.discrepancy import ToleranceError
     from compare.files import OutputError
     from compare.grid import GridError
     from sim_models.engine import SimulationError, SimulatorMissing, Unsupported
 
-    bad_input = (MechanismError, AssemblyError, ComplianceError, StructureError, ToleranceError, OutputError, GridError, Unsupported, OptionError)
+    bad_input = (
+        MechanismError, AssemblyError, ComplianceError, StructureError, ToleranceError, OutputError, GridError, MeasuredError, Unsupported, OptionError,
+    )  # fmt: skip
     try:
         with warnings.catch_warnings():
             warnings.showwarning = note

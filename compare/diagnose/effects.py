@@ -92,6 +92,10 @@ class Effect:
         """Smallest physical natural coordinates, (n,)."""
         return np.array([p.lowest for p in self.parameters])
 
+    def blames(self, parameter: str) -> bool:
+        """Whether a tolerance on a parameter bounds its natural coordinate: where that is how far the parameter is off."""
+        return True
+
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         """The mechanism with the effect."""
         return mechanism
@@ -330,6 +334,9 @@ class JointSpring(Effect):
             return (1e-3 * rig.force / rig.length, 1e-3 * rig.force)
         return (1e-3 * rig.torque, 1e-3 * rig.torque)
 
+    def blames(self, parameter: str) -> bool:
+        return parameter == "stiffness"
+
     def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
         return np.array([0.0, -math.inf])
 
@@ -376,6 +383,9 @@ class LoadTorque(Effect):
 
 class Reciprocal(Effect):
     """Effects of a compliance whose reported value is its reciprocal, a stiffness or modulus."""
+
+    def blames(self, parameter: str) -> bool:
+        return False
 
     def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
         return np.zeros(1)
@@ -432,6 +442,9 @@ class SpeedRipple(Effect):
 
     def places(self, rig: Rig) -> Sequence[str]:
         return ["drive"] if set(rig.driven) - set(rig.following) else []
+
+    def blames(self, parameter: str) -> bool:
+        return parameter == "amplitude"
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
         return [float(h) for h in HARMONICS]

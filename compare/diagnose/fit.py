@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -51,6 +52,12 @@ class Data:
         self.values, self.sigma, self.fold = (np.concatenate(x) for x in (values, sigma, fold))
         self.turning = np.concatenate([np.full(p.used.size, p.signal.endswith("_angle")) for p in self.parts])
         self.size = at
+
+    def shifted(self, difference: np.ndarray) -> Data:
+        """The same data less a difference (size,) in units of noise."""
+        other = copy(self)
+        other.values = self.values - difference * self.sigma
+        return other
 
     def residual(self, readings: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
         """(measured - predicted) / noise, (size,); angles modulo a turn.  Where the model has no answer it is bridged."""

@@ -8,7 +8,7 @@ are :func:`suspicious_swaps` and :func:`suspicious_units`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
@@ -122,7 +122,7 @@ def clipped(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
     if here.size < 2 * PLATEAU or np.ptp(x) == 0:
         return mask, level
     for extreme in (x.max(), x.min()):
-        runs = list(_plateaus(x == extreme))
+        runs = _plateaus(x == extreme)
         if not runs:
             continue
         flat = np.zeros(x.shape, bool)
@@ -138,12 +138,10 @@ def clipped(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
     return mask, level
 
 
-def _plateaus(equal: np.ndarray) -> Iterator[tuple[int, int]]:
+def _plateaus(equal: np.ndarray) -> list[tuple[int, int]]:
     """First and last sample of each run of at least PLATEAU true ones."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(np.int8)))
-    for first, end in zip(edges[::2], edges[1::2], strict=True):
-        if end - first >= PLATEAU:
-            yield int(first), int(end) - 1
+    return [(first, end - 1) for first, end in edges.reshape(-1, 2).tolist() if end - first >= PLATEAU]
 
 
 def _excess(time: np.ndarray, x: np.ndarray, first: int, last: int) -> float:
@@ -172,7 +170,7 @@ def outliers(time: np.ndarray, values: np.ndarray, sigma: float) -> np.ndarray:
     suspects = np.flatnonzero(peak)
     suspects = suspects[np.argsort(-d[suspects])][: min(max(10, x.size // 50), 5000)]
     kept = np.ones(x.size, bool)
-    for window in suspects:
+    for window in suspects.tolist():
         roughness = {}
         for k in range(max(2, window), min(window + 5, x.size - 2)):
             near = np.arange(max(0, k - 4), min(x.size, k + 5))
@@ -202,15 +200,13 @@ def unwrapped(angle: np.ndarray, command: np.ndarray | None = None) -> tuple[np.
     jump = np.abs(step) > math.pi
     if not np.any(jump) or np.ptp(angle[here]) > 2 * math.pi * 1.01:  # what turns further than once is continued already
         return angle, 0
-    left = np.abs(np.abs(step[jump]) - 2 * math.pi)
-    if np.any(left > max(0.1, 10 * float(np.median(np.abs(step))))):  # a spike, not a turn
-        return angle, 0
+    turn = jump & (np.abs(np.abs(step) - 2 * math.pi) < max(0.1, 10 * float(np.median(np.abs(step)))))  # another jump is a spike
     out = angle.copy()
     if command is None:
-        out[here] = np.unwrap(angle[here])
-    else:
+        out[here[1:]] -= 2 * math.pi * np.cumsum(np.where(turn, np.sign(step), 0.0))
+    elif np.any(turn):
         out += 2 * math.pi * np.round((command - angle) / (2 * math.pi))
-    return out, int(np.sum(jump))
+    return out, int(np.sum(turn))
 
 
 def gaps(time: np.ndarray) -> tuple[int, int, float]:

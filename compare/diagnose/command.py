@@ -1,0 +1,94 @@
+"""``compare diagnose`` and ``compare effects``."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from compare.faults import Exit, complaints
+from compare.options import file_name
+from compare.progress import progress_bar
+
+SETTLED = ("no gap", "explained")
+
+
+def diagnose(
+    measured: Annotated[Path, typer.Argument(metavar="MEASURED.TOML", help="Runs, their data files and the nominal mechanism.")],
+    simulator: Annotated[str, typer.Option(help="Engine that simulates before and after (see: compare simulators).")] = "mujoco",
+    only: Annotated[list[str] | None, typer.Option(metavar="EFFECT[@WHERE]", help="Consider nothing else; may be repeated.")] = None,
+    exclude: Annotated[list[str] | None, typer.Option(metavar="EFFECT[@WHERE]", help="Rule an effect out; may be repeated.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the report [reports/<mechanism>-diagnosis].")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print diagnosis.json to standard output, and nothing else there.")] = False,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes for the simulations [2, or the cores that there are].")] = None,
+) -> None:
+    """Find where simulation and measurement disagree, name the missing effect, add it, and show the gap shrink.
+
+    Exit status: 0 no gap or explained, 1 ambiguous, partly explained or unexplained, 2 bad input, 3 the simulator is missing or failed.
+    """
+    with complaints():
+        from compare.diagnose.measured import load_measured
+        from compare.diagnose.workflow import diagnose as run
+
+        data = load_measured(measured)
+        with progress_bar() as progress:
+            found = run(
+                data, simulator, only=only or (), exclude=exclude or (), workers=workers,
+                command=shlex.join(["compare", *sys.argv[1:]]), progress=progress,
+            )  # fmt: skip
+        folder = out or Path("reports") / f"{file_name(data.mechanism.name)}-diagnosis"
+        publish(found.result, found.explained, folder, json)
+    raise typer.Exit(Exit.AGREES if found.result["verdict"] in SETTLED else Exit.DISAGREES)
+
+
+def publish(result: dict[str, Any], explained: Any, folder: Path, json: bool) -> None:
+    """Write diagnosis.json, the pages and explained.toml, each whole or not at all; a few lines on the terminal."""
+    from analytic.mechanism_file import dumps
+    from compare.files import output_folder, to_json, write_atomically
+    from compare.report.diagnosis_page import diagnosis_html
+    from compare.report.diagnosis_text import diagnosis_md, terminal_lines
+
+    text = to_json(result)
+    files = {
+        "diagnosis.json": text,
+        "explained.toml": dumps(explained),
+        "diagnosis.md": diagnosis_md(result),
+        "diagnosis.html": diagnosis_html(result),
+    }
+    folder = output_folder(folder)
+    for name, content in files.items():
+        write_atomically(folder / name, content)
+    if json:
+        typer.echo(text)
+        return
+    for line in terminal_lines(result):
+        typer.echo(line)
+    typer.echo(f"report: {folder / 'diagnosis.html'}")
+
+
+def effects(json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False) -> None:
+    """List the vocabulary of effects: parameters, units, and which installed engines represent each."""
+    with complaints():
+        from compare.diagnose.confirm import VIA_COURSE
+        from compare.diagnose.sensors import VOCABULARY
+        from compare.diagnose.words import says
+        from sim_models.engine import COMMON_EFFECTS, ENGINES, declared
+
+        rows = []
+        for effect in VOCABULARY.values():
+            able = [n for n in ENGINES if effect.sensor or effect.name in declared(n).effects | COMMON_EFFECTS | {VIA_COURSE}]
+            if effect.name == "joint_clearance":
+                able = [n for n in able if ("contact", "driven") in declared(n).supports]
+            parameters = [{"name": p.name, "unit": p.unit or "of the signal"} for p in effect.parameters]
+            rows.append({"name": effect.name, "says": says(effect.name, "<where>"), "parameters": parameters, "simulators": able})
+        if json:
+            from compare.files import to_json
+
+            typer.echo(to_json({"schema": 1, "effects": rows}))
+            return
+        for row in rows:
+            values = ", ".join(f"{p['name']} [{p['unit']}]" for p in row["parameters"])
+            typer.echo(f"{row['name']:<18} {row['says']}\n{'':<18} {values}; simulated by {', '.join(row['simulators'])}")

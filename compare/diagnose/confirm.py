@@ -1,0 +1,126 @@
+"""Simulate in full: the readings of every run by an engine, with real clearance joints, friction, beams and all.
+
+Nothing here uses the analytic model, except for what an engine cannot represent: that part is then added as the analytic
+difference that it makes, and said so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from analytic.assembly import Assembly, AssemblyError
+from analytic.drive import Motor
+from analytic.mechanism import Mechanism
+from compare.diagnose.effects import Readings, Rig
+from compare.diagnose.measured import Run
+from compare.diagnose.predict import Hypothesis, Term, altered
+from compare.diagnose.sensors import EncoderOffset
+from compare.signals import with_derived
+from sim_models.engine import COMMON_EFFECTS, Request, SimulationError, SimulatorMissing, Trace, Unsupported, engine
+
+COURSE_STEP = 2e-3  # of a run's length, at most, between the knots of a motor's course
+VIA_COURSE = "speed_ripple"  # an effect that any engine has by following a course
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What an engine says of every run: readings by signal, or why there are none."""
+
+    name: str
+    version: str = ""
+    readings: Sequence[Mapping[str, np.ndarray]] | None = None
+    skipped: str | None = None
+    settings: Sequence[Mapping[str, object]] = field(default_factory=tuple)
+
+
+@dataclass(frozen=True)
+class Task:
+    """One run to be simulated under one hypothesis by one engine."""
+
+    engine: str
+    run: Run
+    mechanism: Mechanism  # nominal
+    hypothesis: Hypothesis
+    rig: Rig
+    course: Motor | None  # of a run that follows its data
+    start: tuple[float, float] | None  # of a free run: angle (rad) and rate (rad/s) at its first sample
+
+
+def lacking(name: str, terms: Sequence[Term]) -> list[Term]:
+    """Effects that an engine cannot represent."""
+    has = engine(name).effects | COMMON_EFFECTS | {VIA_COURSE}
+    joints = {m for m, motion in engine(name).supports if motion == "driven"}
+    return [t for t in terms if not t.effect.sensor and (t.effect.name not in has or (t.effect.name == "joint_clearance" and "contact" not in joints))]
+
+
+def simulate(task: Task) -> tuple[dict[str, np.ndarray], str, Mapping[str, object]] | str:
+    """Readings (N,) by signal, the engine's version and settings; or why the engine could not."""
+    try:
+        chosen = engine(task.engine)
+        mechanism = altered(task.mechanism if task.run.loads is None else task.mechanism.replace(loads=task.run.loads), task.hypothesis)
+        delays = {s: sum(t.effect.delay(task.run.name, s, t.where, v) for t, v in task.hypothesis) for s in task.run.channels}
+        wanted = sorted(set(delays.values()))
+        times = np.unique(np.concatenate([task.run.time - d for d in wanted]))
+        if task.run.drive == "free":
+            trace, seen = _free(chosen, mechanism, task, times)
+        else:
+            trace, seen = _driven(chosen, mechanism, task, times)
+        readings: Readings = {s: seen[s][np.searchsorted(times, task.run.time - d)] for s, d in delays.items()}
+        for term, values in task.hypothesis:
+            readings = term.effect.on_readings(readings, task.run.name, term.where, values)
+        return dict(readings), trace.version, dict(trace.settings)
+    except (SimulationError, SimulatorMissing, Unsupported, AssemblyError, ValueError) as error:
+        return str(error)
+
+
+def _joint_model(mechanism: Mechanism) -> str:
+    return "contact" if mechanism.clearances else "ideal"
+
+
+def _driven(chosen: object, mechanism: Mechanism, task: Task, times: np.ndarray) -> tuple[Trace, dict[str, np.ndarray]]:
+    """Trace and signals at times (N,) s of a run behind a motor."""
+    run = task.run
+    drive = mechanism.drive
+    offset = sum(EncoderOffset.offset(run.name, v) for t, v in task.hypothesis if t.effect.name == EncoderOffset.name) if run.drive == "measured" else 0.0
+    motor = task.course or Motor(run.speed or 0.0, run.angle or 0.0, drive)
+    fields = (drive.model_dump(exclude_unset=True) if drive else {"joint": mechanism.drive_joint.name}) | {"ripple": None}
+    if run.drive == "measured" or (drive is not None and drive.ripple is not None):
+        mechanism = mechanism.replace(drive=fields | {"speed": "measured"})
+        margin = 1e-6 * float(times[-1] - times[0])
+        knots = np.linspace(times[0] - margin, times[-1] + margin, max(2 * times.size, round(1 / COURSE_STEP)))
+        request = Request(mechanism, _joint_model(mechanism), "driven", time=times, course=(knots, motor.at(knots).theta - offset))  # type: ignore[arg-type]
+    else:
+        mechanism = mechanism.replace(drive=fields | {"speed": float(run.speed or 0.0)})
+        request = Request(mechanism, _joint_model(mechanism), "driven", crank_angle=motor.at(times).theta)  # type: ignore[arg-type]
+    trace = _run(chosen, request)
+    return trace, with_derived(trace.signals, mechanism) | {task.rig.encoder: motor.at(times).theta - offset}
+
+
+def _free(chosen: object, mechanism: Mechanism, task: Task, times: np.ndarray) -> tuple[Trace, dict[str, np.ndarray]]:
+    """Trace and signals of a released run; what is asked of it before its first sample is what holds there."""
+    assert task.start is not None
+    angle, rate = task.start
+    at = np.array([angle])
+    assembly = Assembly(mechanism)
+    u = assembly.coordinates(at)
+    s = assembly.structure
+    placed = {s.bodies[b]: float(u[i, 0] + s.twist[b]) for i, c in enumerate(s.coordinates) for b in c.bodies if b}
+    drive = {"joint": mechanism.drive_joint.name, "speed": "free"}
+    mechanism = mechanism.replace(assembly=placed | {mechanism.driven: angle}, drive=drive)
+    since = np.maximum(times - task.run.time[0], 0.0)
+    distinct, back = np.unique(since, return_inverse=True)
+    request = Request(mechanism, _joint_model(mechanism), "driven", time=distinct, start_speed=rate)  # type: ignore[arg-type]
+    trace = _run(chosen, request)
+    return trace, {name: values[back] for name, values in with_derived(trace.signals, mechanism).items()}
+
+
+def _run(chosen: object, request: Request) -> Trace:
+    flexible = [b.name for b in request.mechanism.bodies if b.youngs_modulus is not None]
+    if flexible:
+        from sim_models.exudyn_beams import flexible as with_beams
+
+        return with_beams(request)
+    return chosen.simulate(request)  # type: ignore[attr-defined]

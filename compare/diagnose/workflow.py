@@ -1,0 +1,468 @@
+"""The diagnosis from end to end: measured data in; where it disagrees, what is missing, and how far that closes the gap out."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from analytic.drive import Motor
+from analytic.mechanism import Body, Mechanism
+from compare.diagnose.confirm import Simulated, Task, lacking, simulate
+from compare.diagnose.effects import Effect, Rig
+from compare.diagnose.explain import CLOSED, Explanation, explain, rms
+from compare.diagnose.fit import Data, Fit, Fitter
+from compare.diagnose.isolate import candidates, signatures
+from compare.diagnose.locate import Stretch, locate
+from compare.diagnose.measured import Measured, MeasuredError, Run
+from compare.diagnose.predict import Hypothesis, Model, StartOfRun, Term, altered
+from compare.diagnose.search import Search, costs
+from compare.diagnose.sensors import VOCABULARY
+from compare.sweep import spread
+from sim_models.engine import ENGINES, SimulationError, SimulatorMissing, Unsupported, engine
+
+SAMPLES = 60_000  # of all sensors together; more are thinned, evenly, for the search and the pages
+EQUIVALENT = 0.1  # of the noise: an engine this near the analytic model is the same
+REFITS = 2  # with the engine's own difference to the analytic model taken along
+Progress = Callable[[str, int, int | None], None]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What a diagnosis found; ``result`` is the content of diagnosis.json and ``explained`` the mechanism with the effects."""
+
+    result: dict[str, Any]
+    explained: Mechanism
+    explanation: Explanation
+
+
+def diagnose(
+    measured: Measured,
+    simulator: str,
+    *,
+    only: Sequence[str] = (),
+    exclude: Sequence[str] = (),
+    own: Sequence[Effect] = (),
+    others: bool = True,
+    workers: int | None = None,
+    command: str = "",
+    progress: Progress = lambda what, done, total: None,
+) -> Diagnosis:
+    """Find which effects the data want that the mechanism lacks.
+
+    ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects beside the vocabulary.  With ``others``
+    every installed engine simulates the explanation too.  Raises MeasuredError for data that cannot be what they say,
+    Unsupported or SimulatorMissing for the simulator, SimulationError where it fails on the nominal mechanism.
+    """
+    from compare.diagnose.result import as_result
+
+    vocabulary = VOCABULARY | {e.name: e for e in own}
+    bench = Bench.of(measured, simulator, vocabulary, only, exclude, others, workers, progress)
+    found = bench.confirmed(bench.settled())
+    return Diagnosis(as_result(bench, found, command), found.explained, found.explanation)
+
+
+@dataclass(frozen=True)
+class Confirmed:
+    """An explanation with what the engines say of it, by engine: the chosen one first."""
+
+    explanation: Explanation
+    explained: Mechanism
+    before: Mapping[str, Simulated]
+    after: Mapping[str, Simulated]
+    agreement: Mapping[str, float]  # largest rms difference of a sensor between an engine and the analytic model, in noise
+    stretches: Sequence[Stretch]
+
+
+@dataclass
+class Bench:
+    """Everything that a diagnosis works on."""
+
+    measured: Measured
+    rig: Rig
+    mechanism: Mechanism
+    model: Model
+    data: Data
+    fitter: Fitter
+    terms: list[Term]
+    ruled_out: dict[tuple[str, str], str]
+    simulator: str
+    engines: tuple[str, ...]
+    skipped: dict[str, str]
+    workers: int
+    progress: Progress
+    notes: list[str]
+    base: Fit
+    before: dict[str, Simulated]
+    search: Search | None = None
+
+    @classmethod
+    def of(
+        cls,
+        measured: Measured,
+        simulator: str,
+        vocabulary: Mapping[str, Effect],
+        only: Sequence[str],
+        exclude: Sequence[str],
+        others: bool,
+        workers: int | None,
+        progress: Progress,
+    ) -> Bench:
+        """Prepare: the rig, the noise floor, the nominal model and what each engine says of it."""
+        engine(simulator)
+        engines, skipped = (simulator,), {}
+        for name in ENGINES if others else ():
+            if name != simulator:
+                try:
+                    engine(name)
+                    engines = (*engines, name)
+                except SimulatorMissing as error:
+                    skipped[name] = str(error)
+        measured = _thinned(measured)
+        notes: list[str] = []
+        courses = {run.name: _course(run, f"{measured.mechanism.driven}_angle") for run in measured.runs if run.drive == "measured"}
+        noise = {(run.name, s): c.noise for run in measured.runs for s, c in run.channels.items()}
+        mechanism, rig, model = _nominal(measured, courses, noise, notes)
+        measured = _unturned(measured, model, _starts(measured))
+        model = Model(measured, rig, mechanism, courses)
+        data = Data(measured, noise, rig.encoder)
+        terms = candidates(rig, vocabulary)
+        ruled_out = _ruled_out(terms, only, exclude)
+        bounds = _bounds(rig, measured.tolerance)
+        ruled_out |= {t.key: "the tolerance leaves it no room" for t in terms if t.key not in ruled_out and not np.any(np.subtract(*bounds(t)))}
+        fitter = Fitter(model, data, rig, bounds)
+        starts = _starts(measured)
+        base = fitter.fit(list(starts), starts)
+        if base is None:
+            raise MeasuredError(f"{measured.source}: the nominal mechanism cannot make these runs; check drive_angle, start and assembly")
+        bench = cls(
+            measured, rig, mechanism, model, data, fitter, terms, ruled_out, simulator, engines, skipped,
+            workers or min(2, os.cpu_count() or 1), progress, notes, base, {},
+        )  # fmt: skip
+        _refuse_slips(bench)
+        bench.widen(noise)
+        return bench
+
+    def widen(self, noise: Mapping[tuple[str, str], float]) -> None:
+        """Simulate the nominal mechanism and let the noise floor be no lower than the engines' spread there."""
+        self.before = self.simulate_all(self.base, self.engines)
+        chosen = self.before[self.simulator]
+        if chosen.readings is None:
+            raise SimulationError(f"{self.simulator} cannot simulate the nominal mechanism in these runs: {chosen.skipped}")
+        analytic = self.analytic(self.base)
+        floor = dict(noise)
+        for run, said, reckoned in zip(self.measured.runs, chosen.readings, analytic, strict=True):
+            for signal in run.channels:
+                spread_here = _rms_difference(said[signal], reckoned[signal], signal)
+                floor[run.name, signal] = math.hypot(noise[run.name, signal], spread_here)
+                if spread_here > 0.5 * noise[run.name, signal]:
+                    self.notes.append(
+                        f"In run {run.name}, {signal} differs between {self.simulator} and the analytic model by {spread_here:.3g} (rms, SI), "
+                        f"noise {noise[run.name, signal]:.3g}; the noise floor is raised to {floor[run.name, signal]:.3g}."
+                    )
+        self.data = Data(self.measured, floor, self.rig.encoder)
+        self.fitter = Fitter(self.model, self.data, self.rig, self.fitter.bounds)
+        starts = dict(zip(self.base.terms, self.base.x, strict=True))
+        self.base = self.fitter.fit(self.base.terms, starts) or self.base
+
+    def settled(self) -> Explanation:
+        """The explanation; again with the chosen engine's own difference to the analytic model taken along, where it has one."""
+        self.progress("search", 1, 4)
+        explanation = self.explanation(self.data)
+        for k in range(REFITS):
+            said = self.simulate_all(explanation.fit, (self.simulator,))[self.simulator] if explanation.named else None
+            if said is None or said.readings is None or self.agreement(said, explanation.fit) < EQUIVALENT:
+                break
+            self.progress(f"search with {self.simulator}'s difference", 2, 4)
+            before = explanation
+            difference = self.data.residual(self.analytic(explanation.fit)) - self.data.residual(said.readings)
+            explanation = self.explanation(self.data.shifted(difference))
+            if k == 0:
+                self.notes.append(
+                    f"With these effects {self.simulator} differs from the analytic model by up to {self.agreement(said, before.fit):.2g} of a sensor's noise (rms); "
+                    "the search was repeated with that difference taken along."
+                )
+        return explanation
+
+    def explanation(self, data: Data) -> Explanation:
+        """What explains these data, by the analytic model."""
+        wanted = [t for t in self.terms if t.key not in self.ruled_out]
+        fitter = Fitter(self.model, data, self.rig, self.fitter.bounds)
+        base = fitter.fit(self.base.terms, dict(zip(self.base.terms, self.base.x, strict=True))) or self.base
+        if self.search is None:
+            found = signatures(fitter, base, wanted)
+        else:
+            found = dict(self.search.signatures)  # differences of residuals, which a shift does not touch
+        self.search = Search(fitter, base, found, costs(wanted, self.rig, data.size))
+        return explain(self.search)
+
+    # ---------------------------------------------------------------- simulation in full
+
+    def confirmed(self, explanation: Explanation) -> Confirmed:
+        """The explanation simulated in full by every engine; fitted again where the chosen engine differs from the analytic model."""
+        self.progress("simulation", 3, 4)
+        hypothesis = explanation.fit.values(self.rig)
+        after = self.before if not explanation.named else self.simulate_all(explanation.fit, self.engines)
+        explained = altered(self.measured.mechanism, [h for h in hypothesis if not h[0].effect.sensor])
+        agreement = {name: self.agreement(s, explanation.fit) for name, s in after.items()}
+        angles = {run.name: self.crank_angle(run) for run in self.measured.runs}
+        stretches = locate(self.data, self.base.residual, angles)
+        self.progress("done", 4, 4)
+        return Confirmed(explanation, explained, self.before, after, agreement, stretches)
+
+    def simulate_all(self, fit: Fit, names: Sequence[str]) -> dict[str, Simulated]:
+        """Every run by every engine under a fit's hypothesis."""
+        hypothesis = fit.values(self.rig)
+        tasks: list[tuple[str, Task]] = []
+        parts: dict[str, list[Term]] = {}
+        for name in names:
+            parts[name] = lacking(name, [t for t, _ in hypothesis])
+            if parts[name] and name != self.simulator:
+                continue
+            able = [h for h in hypothesis if h[0] not in parts[name]]
+            tasks += [(name, self.task(name, run, able)) for run in self.measured.runs]
+        outcomes = self.run([task for _, task in tasks])
+        found: dict[str, Simulated] = {}
+        for name in names:
+            if parts[name] and name != self.simulator:
+                found[name] = Simulated(name, skipped=f"cannot represent {', '.join(t.label for t in parts[name])}")
+                continue
+            mine = [outcome for (who, _), outcome in zip(tasks, outcomes, strict=True) if who == name]
+            failed = next((o for o in mine if isinstance(o, str)), None)
+            whole = [o for o in mine if not isinstance(o, str)]
+            if failed is not None:
+                found[name] = Simulated(name, skipped=failed)
+            else:
+                readings = [dict(o[0]) for o in whole]
+                if parts[name]:
+                    readings = self.completed(readings, fit, parts[name])
+                found[name] = Simulated(name, whole[0][1], readings, settings=tuple(o[2] for o in whole))
+        return found
+
+    def task(self, name: str, run: Run, hypothesis: Hypothesis) -> Task:
+        """One run for one engine."""
+        start = self.model.start(run, hypothesis) if run.drive == "free" else None
+        return Task(name, run, self.mechanism, hypothesis, self.rig, self.model.courses.get(run.name), start)
+
+    def run(self, tasks: Sequence[Task]) -> list[tuple[dict[str, np.ndarray], str, Mapping[str, object]] | str]:
+        """Simulate tasks, in processes where there are several workers."""
+        if self.workers == 1 or len(tasks) < 2:
+            return [simulate(t) for t in tasks]
+        outcomes: dict[int, Any] = {}
+        for ended in spread(_numbered, list(enumerate(tasks)), self.workers):
+            outcomes[ended.item[0]] = ended.value if ended.error is None else str(ended.error)
+        return [outcomes[i] for i in range(len(tasks))]
+
+    def completed(self, readings: list[dict[str, np.ndarray]], fit: Fit, lacks: Sequence[Term]) -> list[dict[str, np.ndarray]]:
+        """Readings of an engine that lacks some effects, with the difference that these make in the analytic model."""
+        full = fit.values(self.rig)
+        found = self.model([full, [h for h in full if h[0] not in lacks]])
+        if found[0] is None or found[1] is None:
+            return readings
+        return [{s: v + w[s] - p[s] for s, v in r.items()} for r, w, p in zip(readings, found[0], found[1], strict=True)]
+
+    def analytic(self, fit: Fit) -> list[dict[str, np.ndarray]]:
+        """Readings by the analytic model."""
+        found = self.model([fit.values(self.rig)])[0]
+        if found is None:
+            raise SimulationError("the analytic model cannot make these runs")
+        return found
+
+    def agreement(self, said: Simulated, fit: Fit) -> float:
+        """Largest rms difference of a sensor between an engine and the analytic model, in noise; NaN without readings."""
+        if said.readings is None:
+            return math.nan
+        reckoned = self.data.residual(self.analytic(fit))
+        simulated = self.data.residual(said.readings)
+        return max((rms((simulated - reckoned)[p.place]) for p in self.data.parts), default=0.0)
+
+    def crank_angle(self, run: Run) -> np.ndarray:
+        """The motor's commanded angle (N,) rad; in a free run the driven body's."""
+        if run.drive == "free":
+            found = self.model.released(run, [self.base.values(self.rig)])[0]
+            assert found is not None
+            return found.motion.theta
+        return self.model.motor(run, self.mechanism).at(run.time).theta
+
+
+def _numbered(item: tuple[int, Task]) -> Any:
+    return simulate(item[1])
+
+
+def _rms_difference(a: np.ndarray, b: np.ndarray, signal: str) -> float:
+    from compare.diagnose.predict import wrapped
+
+    d = a - b
+    if signal.endswith("_angle"):
+        d = wrapped(d)
+    d = d[np.isfinite(d)]
+    return rms(d)
+
+
+# ------------------------------------------------------------------ preparation
+
+
+def _thinned(measured: Measured) -> Measured:
+    total = sum(run.time.size * len(run.channels) for run in measured.runs)
+    every = math.ceil(total / SAMPLES)
+    if every == 1:
+        return measured
+    runs = tuple(
+        replace(r, time=r.time[::every], channels={s: replace(c, values=c.values[::every]) for s, c in r.channels.items()}) for r in measured.runs
+    )
+    return replace(measured, runs=runs)
+
+
+def _course(run: Run, encoder: str) -> Motor:
+    """The motor of a run that follows its encoder: a smoothing spline by generalised cross-validation."""
+    from scipy.interpolate import CubicSpline, make_smoothing_spline
+
+    values = run.channels[encoder].values
+    known = np.isfinite(values)
+    smooth = make_smoothing_spline(run.time[known], values[known])
+    return Motor(course=CubicSpline(run.time, smooth(run.time)))
+
+
+def _starts(measured: Measured) -> dict[Term, np.ndarray]:
+    """The unknown starts of free runs."""
+    driven = measured.mechanism.driven
+    return {
+        Term(StartOfRun(), run.name): np.array([run.start[f"{driven}_angle"], run.start.get(f"{driven}_angular_velocity", 0.0)])
+        for run in measured.runs
+        if run.drive == "free"
+    }
+
+
+def _nominal(
+    measured: Measured, courses: Mapping[str, Motor], noise: Mapping[tuple[str, str], float], notes: list[str]
+) -> tuple[Mechanism, Rig, Model]:
+    """The mechanism believed, its rig and model: links with a modulus bend if the data like that better, else they are rigid."""
+    rigid = measured.mechanism.replace(bodies=tuple(_rigid(b) for b in measured.mechanism.bodies))
+    options = [rigid] if rigid == measured.mechanism or any(r.drive == "free" for r in measured.runs) else [rigid, measured.mechanism]
+    best: tuple[float, Mechanism, Rig, Model] | None = None
+    for mechanism in options:
+        rig = _rig(measured, mechanism, courses)
+        model = Model(measured, rig, mechanism, courses)
+        starts = _starts(measured)
+        found = model([[(t, t.effect.values(rig, t.where, x)) for t, x in starts.items()]])[0]
+        if found is None:
+            _explain_impossible(measured, mechanism, model)
+            continue
+        chi2 = float(np.sum(Data(measured, noise, rig.encoder).residual(found) ** 2))
+        if best is None or chi2 < best[0]:
+            best = chi2, mechanism, rig, model
+    if best is None:
+        raise MeasuredError(f"{measured.source}: the nominal mechanism cannot make these runs; check drive_angle, start and assembly")
+    if len(options) > 1:
+        bends = best[1] is measured.mechanism
+        notes.append(f"The links' stated moduli of elasticity {'are used: the data are nearer to links that bend' if bends else 'are left out: the data are nearer to rigid links'}.")
+    return best[1:]
+
+
+def _explain_impossible(measured: Measured, mechanism: Mechanism, model: Model) -> None:
+    """Raise what stops the nominal mechanism from making a run."""
+    from analytic.assembly import AssemblyError
+
+    for run in measured.runs:
+        if run.drive != "free":
+            try:
+                model.signals(run, [], run.time)
+            except AssemblyError as error:
+                raise MeasuredError(f"{measured.source}: run {run.name!r} cannot be made by the nominal mechanism: {error}") from None
+
+
+def _rigid(body: Body) -> Body:
+    fields = body.model_dump(exclude_unset=True)
+    return Body.model_validate({k: v for k, v in fields.items() if k not in ("youngs_modulus", "shear_modulus")})
+
+
+def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor]) -> Rig:
+    """Sizes of the rig, from its nominal motion."""
+    signals = tuple(dict.fromkeys(s for run in measured.runs for s in run.channels))
+    noise = {s: min(run.channels[s].noise for run in measured.runs if s in run.channels) for s in signals}
+    speeds = [abs(run.speed) for run in measured.runs if run.speed]
+    speeds += [float(np.abs(course.at(run.time).omega).max()) for run in measured.runs if (course := courses.get(run.name))]
+    encoder = f"{mechanism.driven}_angle"
+    for run in measured.runs:
+        if run.drive == "free" and encoder in run.channels:
+            values = run.channels[encoder].values
+            speeds.append(float(np.nanmax(np.abs(np.gradient(values, run.time)))))
+    speed = max([*speeds, 1e-3])
+    length = max(b.length for b in mechanism.bodies)
+    weight = sum(b.mass for b in mechanism.bodies) * abs(complex(*mechanism.gravity))
+    loads = [abs(complex(*load.force)) + abs(load.torque) / length for run in measured.runs for load in (run.loads if run.loads is not None else mechanism.loads)]
+    inertia = max(b.mass for b in mechanism.bodies) * length * speed**2
+    return Rig(
+        mechanism, signals, tuple(r.name for r in measured.runs), tuple(r.name for r in measured.runs if r.drive != "free"),
+        tuple(r.name for r in measured.runs if r.drive == "measured"), length, max(weight, inertia, *loads, 1e-9), speed, noise,
+    )  # fmt: skip
+
+
+def _unturned(measured: Measured, model: Model, starts: Mapping[Term, np.ndarray]) -> Measured:
+    """Measured angles moved by whole turns to where the model has them."""
+    found = model([[(t, t.effect.values(model.rig, t.where, x)) for t, x in starts.items()]])[0]
+    if found is None:
+        return measured
+    runs = []
+    for run, predicted in zip(measured.runs, found, strict=True):
+        channels = {}
+        for signal, channel in run.channels.items():
+            turns = 0.0
+            if signal.endswith("_angle") and not signal.startswith("reaction_"):
+                turns = 2 * math.pi * round(float(np.nanmedian(channel.values - predicted[signal])) / (2 * math.pi))
+            channels[signal] = replace(channel, values=channel.values - turns) if turns else channel
+        runs.append(replace(run, channels=channels))
+    return replace(measured, runs=tuple(runs))
+
+
+def _refuse_slips(bench: Bench) -> None:
+    """Refuse columns that are plainly another sensor's, or in another unit than they say."""
+    from compare.diagnose.quality import suspicious_swaps, suspicious_units
+
+    for run, predicted in zip(bench.measured.runs, bench.analytic(bench.base), strict=True):
+        slips = [*suspicious_swaps(run, predicted), *suspicious_units(run, predicted)]
+        if slips:
+            raise MeasuredError(f"{run.file}: {slips[0].text}")
+
+
+def _ruled_out(terms: Sequence[Term], only: Sequence[str], exclude: Sequence[str]) -> dict[tuple[str, str], str]:
+    """Terms that the engineer rules out.  Raises MeasuredError for names that are none."""
+    known = {label for t in terms for label in (t.label, t.effect.name)} | set(VOCABULARY)
+    for given in (*only, *exclude):
+        if given not in known:
+            import difflib
+
+            close = difflib.get_close_matches(given, known, n=1)
+            raise MeasuredError(f"{given!r} is not an effect of these data{f'; did you mean {close[0]!r}' if close else ''}; see: compare effects")
+    out = {}
+    for t in terms:
+        if {t.label, t.effect.name} & set(exclude):
+            out[t.key] = "excluded by the engineer"
+        elif only and not {t.label, t.effect.name} & set(only):
+            out[t.key] = "not among --only"
+    return out
+
+
+def _bounds(rig: Rig, tolerance: Mapping[str, float]) -> Callable[[Term], tuple[np.ndarray, np.ndarray]]:
+    """Natural coordinates' physical bounds, narrowed by the engineer's tolerances."""
+
+    def bounds(term: Term) -> tuple[np.ndarray, np.ndarray]:
+        effect = term.effect
+        low = np.array(effect.lowest(rig, term.where, term.variant), float)
+        high = np.full(low.size, math.inf)
+        for i in range(low.size):
+            p = effect.parameters[min(i, len(effect.parameters) - 1)]
+            for key in (f"{effect.name}.{p.name}", p.name, p.quantity):
+                if key in tolerance and effect.blames(p.name):
+                    low[i], high[i] = max(low[i], -tolerance[key]), tolerance[key]
+                    break
+        return low, high
+
+    return bounds
+
+
+__all__ = ["CLOSED", "Bench", "Confirmed", "Diagnosis", "Unsupported", "diagnose"]

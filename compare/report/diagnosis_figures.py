@@ -1,0 +1,228 @@
+"""The figures of a diagnosis as data: the residual map, and each signal's residual before and after.
+
+:mod:`compare.report.svg` draws the residuals for a page without script, ``diagnosis.js`` for one with it; the map is
+drawn here, a strip for each signal, and gets its colours from the page's style sheet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from compare.report.diagnosis_words import SIGMA, Result, amount, fitting, over_time, quantity, spoken, wrapped
+from compare.report.figures import Axis, Figure, Numbers, Series, scaled
+from compare.report.quantities import MINUS, Quantity, number
+from compare.report.svg import ticks
+
+COLUMNS = 72  # of the map: 5 degrees where the crank turns fully
+LEVELS = (2.0, 4.0, 10.0, 30.0)  # sigmas at which the map's colour changes
+BAND = 2.0  # sigmas
+BEFORE, AFTER = "spring-damper", "massless-link"  # whose colours they have: orange and blue, apart for every eye
+DRAWN = 250  # columns of a drawing on paper; a line has two points in each
+
+
+@dataclass(frozen=True)
+class Strip:
+    """One signal of one run in the map: residuals (sigma) by column, None where there are no samples."""
+
+    panel: int
+    run: str
+    title: str
+    before: Numbers
+    after: Numbers
+    gap_before: float | None
+    gap_after: float | None
+
+
+@dataclass(frozen=True)
+class Map:
+    """Strips over a common axis from ``low`` to ``high``, in the axis' unit."""
+
+    axis: Axis
+    low: float
+    high: float
+    strips: tuple[Strip, ...]
+
+    @property
+    def ticks(self) -> list[tuple[str, float]]:
+        """Numbers along the axis, each with its place in per cent."""
+        found = ticks(self.low, self.high, 4, self.axis.unit == "deg")
+        return [(number(v + 0.0, 4), 100 * (v - self.low) / (self.high - self.low)) for v in found]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Measured minus simulated of one signal in one run: residuals in ``unit``, measured values in ``quantity.unit``."""
+
+    run: int
+    signal: str
+    quantity: Quantity
+    title: str
+    unit: str
+    x: Axis
+    over: Numbers
+    measured: Numbers
+    before: Numbers
+    after: Numbers
+    noise: float
+    noise_text: str
+    gap_before: float | None
+    gap_after: float | None
+    held_out: tuple[tuple[float, float], ...]
+
+    @property
+    def summary(self) -> str:
+        """The text alternative."""
+        sides = (("before", self.before), ("after", self.after))
+        worst = [f"{name} up to {number(max((abs(v) for v in side if v is not None), default=None))} {self.unit}" for name, side in sides]
+        return f"Measured minus simulated over {self.x.label}: {'; '.join(worst)}; noise {self.noise_text}."
+
+
+def panels(result: Result) -> list[Panel]:
+    """Every signal of every run, in their order."""
+    found = []
+    for i, run in enumerate(result["runs"]):
+        x, over = _abscissa(run)
+        held = _blocks(run["held_out"], over)
+        for name, signal in run["signals"].items():
+            what = quantity(result, name)
+            residuals = {side: _apart(signal["measured"], signal[side]) for side in ("before", "after")}
+            unit, factor = fitting(signal["unit"], signal["noise"], *residuals["before"], *residuals["after"])
+            before, after = (_short(side, factor) for side in residuals.values())
+            words = spoken(result, name)
+            title = words[:1].upper() + words[1:]
+            said = amount(signal["noise"], signal["unit"]) + ("" if signal["noise_given"] else ", estimated from the data")
+            gaps = (signal["gap_before"], signal["gap_after"])
+            measured = scaled(signal["measured"], what.factor)
+            found.append(Panel(i, name, what, title, unit, x, over, measured, before, after, signal["noise"] * factor, said, *gaps, held))
+    return found
+
+
+def _abscissa(run: Mapping[str, Any]) -> tuple[Axis, Numbers]:
+    if over_time(run):
+        return Axis("time", "s"), scaled(run["time"])
+    return Axis("crank angle", "deg"), scaled(run["crank_angle"], math.degrees(1.0))
+
+
+def _apart(measured: Sequence[float | None], simulated: Sequence[float | None]) -> list[float | None]:
+    return [None if m is None or s is None else m - s for m, s in zip(measured, simulated, strict=True)]
+
+
+def _short(values: Sequence[float | None], factor: float) -> Numbers:
+    """To the four digits that a residual is worth."""
+    return tuple(None if v is None else float(f"{factor * v:.4g}") for v in values)
+
+
+def _blocks(held_out: Sequence[int] | None, over: Numbers) -> tuple[tuple[float, float], ...]:
+    """Ends of each stretch of samples that were held out."""
+    if not held_out:
+        return ()
+    edges = np.flatnonzero(np.diff([0, *(int(bool(h)) for h in held_out), 0]))
+    known = [v or 0.0 for v in over]
+    return tuple((known[a], known[b - 1]) for a, b in zip(edges[::2], edges[1::2], strict=True))
+
+
+def maps(result: Result) -> list[Map]:
+    """Residual maps: one over the crank angle for the runs at a commanded speed, one over time for the others."""
+    turning: list[tuple[int, Mapping[str, Any]]] = []
+    rest: list[tuple[int, Mapping[str, Any]]] = []
+    offset = 0
+    for run in result["runs"]:
+        (rest if over_time(run) else turning).append((offset, run))
+        offset += len(run["signals"])
+    return [_map(result, group) for group in (turning, rest) if group]
+
+
+def _map(result: Result, group: Sequence[tuple[int, Mapping[str, Any]]]) -> Map:
+    axis = _abscissa(group[0][1])[0]
+    over = [np.array(_abscissa(run)[1], float) for _, run in group]
+    if axis.unit == "deg" and wrapped(result):
+        over, low, high = [x % 360.0 for x in over], 0.0, 360.0
+    else:
+        low, high = min(float(x.min()) for x in over), max(float(x.max()) for x in over)
+    wide = (high - low) or 1.0
+    strips = []
+    for (offset, run), x in zip(group, over, strict=True):
+        columns = np.clip(np.floor((x - low) / wide * COLUMNS), 0, COLUMNS - 1).astype(int)
+        for k, (name, signal) in enumerate(run["signals"].items()):
+            words = spoken(result, name)
+            before, after = (_cells(_apart(signal["measured"], signal[side]), signal["noise"], columns) for side in ("before", "after"))
+            strips.append(Strip(offset + k, run["name"], words, before, after, signal["gap_before"], signal["gap_after"]))
+    return Map(axis, low, low + wide, tuple(strips))
+
+
+def _cells(residuals: Sequence[float | None], noise: float, columns: np.ndarray) -> Numbers:
+    """Root mean square (sigma) of the residuals in each column, with the sign of their mean."""
+    values = np.array(residuals, float) / noise
+    known = np.isfinite(values)
+    count = np.bincount(columns[known], minlength=COLUMNS)
+    total, squares = (np.bincount(columns[known], values[known] ** power, COLUMNS) for power in (1, 2))
+    sizes = np.copysign(np.sqrt(squares / np.maximum(count, 1)), total)
+    return tuple(float(f"{size:.3g}") if n else None for size, n in zip(sizes, count, strict=True))
+
+
+def level(value: float) -> int:
+    """The colour of a residual (sigma): 0 within the noise, up to 4 above and -4 below."""
+    found = sum(abs(value) >= least for least in LEVELS)
+    return found if value > 0 else -found
+
+
+def strip_svg(cells: Numbers, label: str) -> str:
+    """A strip of the map as SVG that stretches to its place; ``label`` (escaped) is its text alternative."""
+    paths: dict[int, list[str]] = {}
+    start = 0
+    levels = [None if value is None else level(value) for value in cells]
+    for i in range(1, len(levels) + 1):
+        if i == len(levels) or levels[i] != levels[start]:
+            shade = levels[start]
+            if shade is not None:
+                paths.setdefault(shade, []).append(f"M{start} 0h{i - start}v1h-{i - start}z")
+            start = i
+    drawn = "".join(f'<path class="{shade_class(shade)}" d="{"".join(d)}"/>' for shade, d in sorted(paths.items()))
+    return f'<svg viewBox="0 0 {len(cells)} 1" preserveAspectRatio="none" role="img" aria-label="{label}">{drawn}</svg>'
+
+
+def shade_class(shade: int) -> str:
+    """The style of a level: ``none``, ``low1`` to ``low4``, ``high1`` to ``high4``."""
+    return "none" if shade == 0 else f"{'high' if shade > 0 else 'low'}{abs(shade)}"
+
+
+def worst_cell(found: Map, cells: Numbers) -> str:
+    """A strip in words: ``largest -12 sigma at 85 deg``, or that it is all noise."""
+    known = [(abs(v), i) for i, v in enumerate(cells) if v is not None]
+    if not known:
+        return "no samples"
+    size, i = max(known)
+    if size < LEVELS[0]:
+        return "within the noise"
+    at = found.low + (i + 0.5) * (found.high - found.low) / len(cells)
+    return f"largest {number(cells[i], 2, True)} sigma at {number(at, 3)} {found.axis.unit}"
+
+
+def figure(panel: Panel, name: str) -> Figure:
+    """A panel as a drawing on paper: lines thinned to what it can show, the noise band dashed."""
+    ends = (panel.over[0], panel.over[-1]) if panel.over else ()
+    limit = BAND * panel.noise
+    sides = ((panel.before, "before", BEFORE), (panel.after, "after", AFTER))
+    lines = [Series(word, *_thinned(panel.over, side), role) for side, word, role in sides]
+    lines += [Series(f"noise ±{BAND:g} {SIGMA}" if v > 0 else "", ends, (v,) * len(ends), "frame", "dashed") for v in (limit, -limit)]
+    title = f"{panel.title}: measured {MINUS} simulated"
+    return Figure(name, title, panel.summary, panel.x, Axis(f"measured {MINUS} simulated", panel.unit), tuple(lines))
+
+
+def _thinned(x: Numbers, y: Numbers) -> tuple[Numbers, Numbers]:
+    """Of each column of a drawing the lowest and the highest sample, in order; a column with a gap keeps it."""
+    step = math.ceil(len(x) / DRAWN)
+    if step <= 2:
+        return x, y
+    kept: list[int] = []
+    for start in range(0, len(x), step):
+        column = range(start, min(start + step, len(x)))
+        known = sorted((v, i) for i in column if (v := y[i]) is not None)
+        gap = [i for i in column if y[i] is None][:1]
+        kept += sorted({i for _, i in (known[:1] + known[-1:])} | set(gap))
+    return tuple(x[i] for i in kept), tuple(y[i] for i in kept)

@@ -1,0 +1,193 @@
+"""The page of a diagnosis: one file that needs no network, verdict first."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from importlib import resources
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from compare.report import diagnosis_figures as figures
+from compare.report import diagnosis_words as words
+from compare.report.diagnosis_text import SIGNS, as_read
+from compare.report.pages import script_json
+from compare.report.quantities import DASH, MINUS, number
+from compare.report.svg import NOT_XML, draw
+
+LOOKS = {"no gap": "agrees", "explained": "agrees", "partly explained": "known", "ambiguous": "known", "unexplained": "disagrees"}
+PLACES = 10  # located deviations that are listed before one has to ask for the rest
+CANDIDATES = 12
+STATUS = {
+    "named": "named",
+    "tied": "tied",
+    "not needed": "not needed",
+    "not physical": "not physical",
+    "invisible": "not visible in these data",
+    "excluded": "ruled out",
+    "unsupported": "not supported",
+}
+
+
+def diagnosis_html(result: Mapping[str, Any]) -> str:
+    """The page over a diagnosis (the content of diagnosis.json); arrays and NaN are taken as their JSON says them."""
+    result = as_read(result)
+    panels, found = figures.panels(result), figures.maps(result)
+    places = words.worst_first(result)
+    candidates = sorted(result["candidates"], key=lambda c: (c["status"] not in ("named", "tied"), -c["sigmas"]))
+    context = {
+        "result": result,
+        "look": LOOKS[result["verdict"]],
+        "sign": SIGNS[result["verdict"]],
+        "groups": words.ties(result),
+        "maps": found,
+        "cells": _strip,
+        "legend": _legend(),
+        "places": places,
+        "listed": PLACES,
+        "panels": panels,
+        "runs": _runs(result, panels),
+        "widest": max(range(len(result["runs"])), key=lambda i: max((p.gap_before or 0.0 for p in panels if p.run == i), default=0.0)),
+        "drawings": [Markup(draw(figures.figure(panel, f"residual-{i}"))) for i, panel in enumerate(panels)],
+        "candidates": candidates,
+        "candidates_listed": CANDIDATES,
+        "statuses": STATUS,
+        "next_steps": words.next_steps(result),
+        "mechanism": toml(result["mechanism"]),
+        "explained": toml(result["explained"]),
+        "changes": changes(result),
+        "band": figures.BAND,
+        "css": _static("report.css") + _static("diagnosis.css"),
+        "scripts": _static("chart.js") + _static("diagnosis.js"),
+        "data": script_json(_data(result, panels, found)),
+    }
+    return _environment(result).get_template("diagnosis.html.j2").render(context)
+
+
+def toml(mechanism: Mapping[str, Any]) -> str:
+    """A mechanism as its file says it; what has no value is left out."""
+    import tomli_w
+
+    return tomli_w.dumps(_without_null(mechanism))
+
+
+def _without_null(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _without_null(v) for key, v in value.items() if v is not None}
+    return [_without_null(v) for v in value if v is not None] if isinstance(value, list) else value
+
+
+def changes(result: words.Result) -> list[tuple[str, str, str]]:
+    """Each field in which the explained mechanism differs from the nominal one, and its two values in SI units.
+
+    What a mechanism leaves out is zero or nothing, so that a field written out as that is no difference.
+    """
+    nominal, explained = (dict(_fields(_without_null(result[key]), "")) for key in ("mechanism", "explained"))
+    fields = [name for name in explained | nominal if _set(nominal.get(name)) != _set(explained.get(name))]
+
+    def said(side: Mapping[str, Any], name: str) -> str:
+        return json.dumps(side[name], ensure_ascii=False) if name in side else DASH
+
+    return [(name, said(nominal, name), said(explained, name)) for name in fields]
+
+
+def _fields(value: Any, path: str) -> Iterator[tuple[str, Any]]:
+    """``joint[B].clearance`` and its value for every field of a mechanism."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from _fields(inner, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list) and value and all(isinstance(item, Mapping) for item in value):
+        for i, item in enumerate(value):
+            yield from _fields(item, f"{path}[{item.get('name', i)}]")
+    else:
+        yield path, value
+
+
+def _set(value: Any) -> Any:
+    return value if np.any(value) else None
+
+
+def _runs(result: words.Result, panels: list[figures.Panel]) -> list[tuple[int, Mapping[str, Any], list[tuple[int, figures.Panel]]]]:
+    """Each run with its panels and their numbers, the widest gap first."""
+    numbered = list(enumerate(panels))
+    worst = sorted(numbered, key=lambda item: -(item[1].gap_before or 0.0))
+    return [(i, run, [item for item in worst if item[1].run == i]) for i, run in enumerate(result["runs"])]
+
+
+def _strip(found: figures.Map, strip: figures.Strip, side: str) -> Markup:
+    cells = strip.before if side == "before" else strip.after
+    label = escape(NOT_XML.sub("", f"{strip.title}, {side}: {figures.worst_cell(found, cells)}"))
+    return Markup(figures.strip_svg(cells, str(label)))
+
+
+def _legend() -> list[tuple[str, str]]:
+    """Style and meaning of each colour of the map, from too low to too high."""
+    edges = list(zip(figures.LEVELS, figures.LEVELS[1:], strict=False))
+    low, high = [f"{MINUS}{b:g} to {MINUS}{a:g}" for a, b in edges], [f"{a:g} to {b:g}" for a, b in edges]
+    low, high = [*low, f"below {MINUS}{figures.LEVELS[-1]:g}"], [*high, f"over {figures.LEVELS[-1]:g}"]
+    shades = [(figures.shade_class(-k), low[k - 1]) for k in range(len(low), 0, -1)]
+    shades.append((figures.shade_class(0), f"noise, below {figures.LEVELS[0]:g}"))
+    return shades + [(figures.shade_class(k), text) for k, text in enumerate(high, start=1)]
+
+
+def _data(result: words.Result, panels: list[figures.Panel], found: list[figures.Map]) -> dict[str, Any]:
+    """What the scripts need: every sample once, and the cells of the maps."""
+    over = {panel.run: panel for panel in panels}
+    return {
+        "colours": {"before": figures.BEFORE, "after": figures.AFTER},
+        "band": figures.BAND,
+        "runs": [
+            {"x": over[i].over, "label": over[i].x.label, "unit": over[i].x.unit, "held": over[i].held_out, "held_out": run["held_out"]}
+            if i in over
+            else None
+            for i, run in enumerate(result["runs"])
+        ],
+        "panels": [
+            {
+                "run": p.run,
+                "title": p.title,
+                "summary": p.summary,
+                "unit": p.unit,
+                "noise": p.noise,
+                "measuredUnit": p.quantity.unit,
+                "measured": p.measured,
+                "before": p.before,
+                "after": p.after,
+            }
+            for p in panels
+        ],
+        "maps": [
+            {
+                "unit": m.axis.unit,
+                "label": m.axis.label,
+                "low": m.low,
+                "high": m.high,
+                "strips": [{"title": f"{s.title}, {s.run}", "before": s.before, "after": s.after} for s in m.strips],
+            }
+            for m in found
+        ],
+    }
+
+
+def _environment(result: words.Result) -> Environment:
+    environment = Environment(loader=PackageLoader("compare.report"), autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
+    environment.filters |= {
+        "number": number,
+        "signed": lambda value: number(value, 3, True),
+        "parameters": lambda effect: [words.parameter(*item) for item in effect.get("parameters", {}).items()],
+        "phrase": lambda effect: words.phrase(result, effect["name"], effect["where"]),
+        "named": lambda key: words.named(result, key),
+        "spoken": lambda signal: words.spoken(result, signal),
+        "sentence": lambda place: words.sentence(result, place),
+        "separation": lambda effect: words.separation(effect.get("would_separate", "")),
+        "sigmas": lambda value: DASH if value is None else f"{value:.0f}" if value >= 100 else number(value),
+        "capital": lambda text: text[:1].upper() + text[1:],
+    }
+    return environment
+
+
+def _static(name: str) -> Markup:
+    return Markup(resources.files("compare.report").joinpath("static", name).read_text(encoding="utf-8"))
