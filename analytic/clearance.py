@@ -80,7 +80,8 @@ def displaced(
     path = assembly.path(drive[0].min() - reach, drive[0].max() + reach)
 
     def solve(drive: np.ndarray, gaps: Mapping[str, Gap] | None = None) -> Reactions:
-        return kinetostatics(kinematics(assembly, *drive, gaps=gaps, path=path), inertia)
+        theta, omega, alpha = drive
+        return kinetostatics(kinematics(assembly, theta, omega, alpha, gaps, path), inertia)
 
     ideal = solve(drive)
     flags = _without_direction(ideal, sizes)

@@ -8,8 +8,9 @@ Eq. 7, U = K^-1 W, for all crank angles at once.
 
 A node has six freedoms in the ground frame: translations x, y, z (m), rotations about x, y, z (rad).  Loads lie in the
 plane, and a beam's motions in it do not mix with those out of it, so that only x, y and the rotation about z are worked
-out; a beam matrix that is given may mix them and gets all six.  The analysis is linear, about the given configuration.  Weight and inertia act at each body's com, as in Eqs. 9-10, not along the bar; a
-prismatic joint's guide is as stiff as its body is at the joint's point, and does not bend between there and the slider.
+out; a beam matrix that is given may mix them and gets all six.  The analysis is linear, about the given configuration.
+Weight and inertia act at each body's com, as in Eqs. 9-10, not along the bar; a prismatic joint's guide is as stiff as
+its body is at the joint's point, and does not bend between there and the slider.
 The beam matrix is the right one, not Eq. 2 as printed (:mod:`analytic.printed` has that).
 """
 

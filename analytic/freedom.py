@@ -8,8 +8,9 @@ ordinary differential equation, which is integrated for all linkages of a batch 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -45,45 +46,63 @@ class Freedom:
 def swing(freedoms: Sequence[Freedom], start: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Angles (P, N) rad, rates (P, N) rad/s and accelerations (P, N) of P linkages released at ``start`` (P, 2), at times (N,) s from 0.
 
-    Runge-Kutta of fourth order, at most 4 ms and half a degree a step; friction turns from one sign to the other within the
+    Runge-Kutta of fourth order, at most 2 ms and half a degree a step; friction turns from one sign to the other within the
     speed that it takes away in one step.  Raises AssemblyError where a motion diverges.
     """
-    tables = np.stack([f.table for f in freedoms]).transpose(1, 0, 2)  # (5, P, POINTS)
-    tables = np.concatenate([tables[..., -1:], tables, tables[..., :2]], axis=-1)
-    rows = np.arange(len(freedoms))
-    state = np.array(start, float).T  # (2, P)
-    longest = min(4e-3, math.radians(1.0) / max(1.0, float(np.abs(state[1]).max())))
-
-    def acceleration(theta: np.ndarray, omega: np.ndarray, band: np.ndarray) -> np.ndarray:
-        at = np.mod(theta, 2 * math.pi) * (POINTS / (2 * math.pi))
-        i = np.minimum(at.astype(int), POINTS - 1)
-        u = at - i
-        before, here, after, beyond = (tables[:, rows, i + k] for k in range(4))
-        m, half, c, f, g = here + u * (
-            (after - before) / 2 + u * (before - 2.5 * here + 2 * after - beyond / 2 + u * (1.5 * (here - after) + (beyond - before) / 2))
-        )
-        return -(half * omega**2 + c * omega + f * np.clip(omega / band, -1, 1) + g) / m
-
+    tables = np.stack([f.table for f in freedoms])  # (P, 5, POINTS)
+    tables = np.ascontiguousarray(np.concatenate([tables[..., -1:], tables, tables[..., :2]], axis=-1))
+    start = np.ascontiguousarray(start, float)
+    longest = min(2e-3, math.radians(0.5) / max(1.0, float(np.abs(start[:, 1]).max())))
     out = np.empty((3, len(freedoms), time.size))
-    now = 0.0
-    slowest = np.abs(tables[3]).max(axis=-1) / np.abs(tables[0]).min(axis=-1)
-    for k, t in enumerate(time.tolist()):
-        count = max(1, math.ceil((t - now) / longest - 1e-9)) if t > now else 0
-        h = (t - now) / count if count else longest
-        band = np.maximum(slowest * h, 1e-12)
-        for _ in range(count):
-            theta, omega = state
-            a1 = acceleration(theta, omega, band)
-            w2 = omega + h / 2 * a1
-            a2 = acceleration(theta + h / 2 * omega, w2, band)
-            w3 = omega + h / 2 * a2
-            a3 = acceleration(theta + h / 2 * w2, w3, band)
-            w4 = omega + h * a3
-            a4 = acceleration(theta + h * w3, w4, band)
-            state = np.array([theta + h / 6 * (omega + 2 * w2 + 2 * w3 + w4), omega + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)])
-        now = t
-        out[:2, :, k] = state
-        out[2, :, k] = acceleration(*state, band)
-        if not np.all(np.abs(state[1]) < FASTEST):
-            raise AssemblyError(f"a released linkage diverges at {t:g} s; check its masses, springs and loads")
+    late = _integrator()(tables, start, np.ascontiguousarray(time, float), longest, out)
+    if late >= 0:
+        raise AssemblyError(f"a released linkage diverges at {time[late]:g} s; check its masses, springs and loads")
     return out[0], out[1], out[2]
+
+
+@cache
+def _integrator() -> Callable[[np.ndarray, np.ndarray, np.ndarray, float, np.ndarray], int]:
+    """The integration loop, compiled on first use; it returns the sample at which a motion diverged, or -1."""
+    from numba import njit
+
+    per_radian, points, fastest = POINTS / (2 * math.pi), POINTS, FASTEST
+
+    def acceleration(table: np.ndarray, theta: float, omega: float, h: float) -> float:
+        at = (theta - 2 * math.pi * math.floor(theta / (2 * math.pi))) * per_radian
+        i = min(int(at), points - 1)
+        u = at - i
+        value = np.empty(5)
+        for c in range(5):  # cubic through four neighbours
+            before, here, after, beyond = table[c, i], table[c, i + 1], table[c, i + 2], table[c, i + 3]
+            curve = before - 2.5 * here + 2 * after - beyond / 2 + u * (1.5 * (here - after) + (beyond - before) / 2)
+            value[c] = here + u * ((after - before) / 2 + u * curve)
+        m, half, damping, friction, rest = value
+        band = max(abs(friction) / m * h, 1e-12)
+        return -(half * omega**2 + damping * omega + friction * min(1.0, max(-1.0, omega / band)) + rest) / m
+
+    acceleration = njit(acceleration)
+
+    def integrate(tables: np.ndarray, start: np.ndarray, time: np.ndarray, longest: float, out: np.ndarray) -> int:
+        for p in range(tables.shape[0]):
+            table = tables[p]
+            theta, omega, now = start[p, 0], start[p, 1], 0.0
+            for k in range(time.size):
+                count = int(math.ceil((time[k] - now) / longest - 1e-9)) if time[k] > now else 0
+                h = (time[k] - now) / count if count else longest
+                for _ in range(count):
+                    a1 = acceleration(table, theta, omega, h)
+                    w2 = omega + h / 2 * a1
+                    a2 = acceleration(table, theta + h / 2 * omega, w2, h)
+                    w3 = omega + h / 2 * a2
+                    a3 = acceleration(table, theta + h / 2 * w2, w3, h)
+                    w4 = omega + h * a3
+                    a4 = acceleration(table, theta + h * w3, w4, h)
+                    theta += h / 6 * (omega + 2 * w2 + 2 * w3 + w4)
+                    omega += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+                now = time[k]
+                if not abs(omega) < fastest:
+                    return k
+                out[0, p, k], out[1, p, k], out[2, p, k] = theta, omega, acceleration(table, theta, omega, h)
+        return -1
+
+    return njit(integrate)

@@ -15,7 +15,10 @@ from analytic.assembly import Assembly, Path
 from analytic.closure import AssemblyError, partials
 from analytic.structure import Group, Structure
 
-BLOCK = 4096  # crank angles worked on at once: their temporary arrays stay in the processor's cache and on the heap
+BLOCK = 4096  # crank angles worked on at once: their temporary arrays stay in the processor's cache
+# glibc keeps freed memory for the next array up to twice the largest that it has ever seen freed, at first next to nothing; the rest
+# goes back to the system, and comes again page by page, which takes longer than all that is computed here.  Nothing is written to these.
+np.empty(2**21)
 
 
 @dataclass(frozen=True)
@@ -48,10 +51,10 @@ class Motion:
 
     def part(self, block: slice, live: int | None = None) -> Motion:
         """The same motion at some of its crank angles, or only its first ``live`` columns: views of its arrays."""
-        coordinates = (x[:, block] for x in (self.coordinates, self.rates, self.accelerations))
-        columns = (x[:live, block] for x in (self.columns, self.column_rates, self.column_accelerations))
+        u, rates, accelerations = (x[:, block] for x in (self.coordinates, self.rates, self.accelerations))
+        columns, turns, bends = (x[:live, block] for x in (self.columns, self.column_rates, self.column_accelerations))
         jacobians = {group: jacobian[..., block] for group, jacobian in self.jacobians.items()}
-        return Motion(self.assembly, self.theta[block], *coordinates, *columns, jacobians)
+        return Motion(self.assembly, self.theta[block], u, rates, accelerations, columns, turns, bends, jacobians)
 
     def position(self, body: str, point: str = "com") -> np.ndarray:
         """Position (m) of a body's point."""
@@ -104,7 +107,7 @@ def kinematics(
     """
     s = assembly.structure
     u, columns = assembly.open(theta, {name: gap.value for name, gap in (gaps or {}).items()})
-    theta = u[0].copy()
+    theta = np.atleast_1d(np.asarray(theta, float))
     path = path or assembly.path(theta.min(), theta.max())
     drive = np.broadcast_to(omega, theta.shape), np.broadcast_to(alpha, theta.shape)
     rates, bends = (_gap_columns(s, gaps, order, theta.size) for order in ("rate", "acceleration"))

@@ -17,7 +17,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from analytic.mechanism import Drive, Mechanism
+from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism_file import load
 from compare.export import export
 from linkages import inverted_slider
@@ -48,6 +48,7 @@ def request(m: Mechanism, joint_model: str = "ideal", motion: str = "driven", de
 
 PAPER = load("paper").with_clearances({"B": 1e-3})
 ROCKER = load("crank-rocker").with_clearances({"B": 2e-4})
+MARKED = ROCKER.with_body("coupler", com=(0.1, 0.02), marker=(0.05, -0.01)).replace(loads=(Load(body="coupler", point="com", force=(1.0, 20.0)),))
 SLIDER = load("slider-crank").with_clearances({"A": 1e-4})
 LAWS = inverted_slider().with_clearances({"A": 1e-4})  # prismatic between moving bodies, and every joint law
 PENDULUM = load("pendulum").with_clearances({"O": 5e-4})
@@ -58,6 +59,8 @@ REQUESTS = {
     "paper, spring-damper": request(PAPER, "spring-damper"),
     "paper, spring-damper, lead-in": request(PAPER, "spring-damper", lead_in=0.1, start="centred", step=5e-5),
     "crank-rocker": request(ROCKER, degrees=(0, 50, 30)),
+    "crank-rocker, at angles between steps": request(ROCKER, degrees=(0, 30.123, 50, 31.4567)),
+    "crank-rocker with a marker": request(MARKED, degrees=(0, 50, 30)),
     "crank-rocker, spring-damper": request(ROCKER, "spring-damper"),
     "slider-crank": request(SLIDER, degrees=(0, 50, 30)),
     "slider-crank, spring-damper": request(SLIDER, "spring-damper"),
@@ -219,6 +222,13 @@ def test_what_cannot_be_exported_is_refused_in_one_sentence(arguments: list[str]
     for word in words:
         assert word in why
     assert not (tmp_path / "out").exists() or not list((tmp_path / "out").iterdir())
+
+
+def test_a_course_is_refused(tmp_path: Path) -> None:
+    time = np.linspace(0.0, 0.1, 11)
+    with pytest.raises(Unsupported, match="leave out a course"):
+        ENGINE.export(Request(PAPER, course=(time, 0.5 + time), time=time), tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_drive_that_yields_is_refused(tmp_path: Path) -> None:

@@ -168,21 +168,6 @@ def test_a_lead_in_ends_where_a_direct_start_begins() -> None:
     assert led.journal["B"].shape == pytest.approx(direct.journal["B"].shape, abs=5)
 
 
-@pytest.mark.parametrize("joint_model", ["ideal", "massless-link"])
-def test_a_compliant_drive_reports_at_the_driven_bodys_angles(joint_model: JointModel) -> None:
-    m = load("paper").with_clearances({"B": 1e-4})
-    m = m.replace(drive=Drive(joint="D", speed=-(m.speed or 0), stiffness=500.0))
-    trace = run(m, joint_model, "driven", [120.0, 40.0, 80.0])
-    np.testing.assert_allclose(trace.signals["crank_angle"], np.radians([120.0, 40.0, 80.0]), atol=1e-6)
-    angle, size = reaction_errors(trace, m, "B")
-    assert angle < 0.02
-    assert size < 0.05
-    lag = trace.signals["drive_torque"] / 500.0  # motor ahead of the crank
-    assert trace.time is not None
-    motor = trace.crank_angle + lag
-    np.testing.assert_allclose(motor - motor[0], m.speed * (trace.time - trace.time[0]), atol=2e-6)
-
-
 # ---------------------------------------------------------------- released
 
 

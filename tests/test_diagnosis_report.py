@@ -1,0 +1,405 @@
+"""The pages of a diagnosis: its words and units, its figures' numbers, and what names and missing values may not do to them."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import re
+import tomllib
+from importlib import resources
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+from compare.files import to_json
+from compare.report.diagnosis_figures import COLUMNS, LEVELS, figure, level, maps, panels
+from compare.report.diagnosis_page import changes, diagnosis_html, toml
+from compare.report.diagnosis_text import diagnosis_md, terminal_lines
+from compare.report.diagnosis_words import amount, fitting, next_steps, parameter, phrase, sentence, separation, span, ties, wrapped
+from compare.report.quantities import DASH, MINUS
+from sample_diagnosis import CLEARANCE, no_gap, sample_diagnosis, swinging_diagnosis
+
+SCHEMA = json.loads(resources.files("compare").joinpath("schemas", "diagnosis.json").read_text(encoding="utf-8"))
+NASTY = "</script><img src=x onerror=\"document.title='owned'\">|`[x](y)"
+
+
+@pytest.fixture(scope="module")
+def explained() -> dict[str, Any]:
+    return sample_diagnosis()
+
+
+@pytest.fixture(scope="module")
+def small() -> dict[str, Any]:
+    return sample_diagnosis(samples=37)
+
+
+@pytest.fixture(scope="module")
+def ambiguous() -> dict[str, Any]:
+    return sample_diagnosis(runs=2)
+
+
+@pytest.fixture(scope="module")
+def swinging() -> dict[str, Any]:
+    return swinging_diagnosis()
+
+
+@pytest.fixture(scope="module")
+def page(explained: dict[str, Any]) -> str:
+    return diagnosis_html(explained)
+
+
+def embedded(html: str) -> Any:
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.DOTALL)
+    assert found
+    return json.loads(found.group(1))
+
+
+def changed(result: dict[str, Any], *path: Any, value: Any) -> dict[str, Any]:
+    out = copy.deepcopy(result)
+    here: Any = out
+    for step in path[:-1]:
+        here = here[step]
+    here[path[-1]] = value
+    return out
+
+
+# ------------------------------------------------------------------ schema
+
+
+def faults(result: Any) -> list[str]:
+    return [f"{error.json_path}: {error.message[:200]}" for error in jsonschema.Draft202012Validator(SCHEMA).iter_errors(result)]
+
+
+def test_every_sample_is_what_the_schema_says(small: dict[str, Any], swinging: dict[str, Any]) -> None:
+    for result in (small, sample_diagnosis(2, 37), swinging, no_gap()):
+        assert faults(json.loads(to_json(result))) == []
+
+
+WRONG: dict[str, tuple[tuple[Any, ...], Any]] = {
+    "another schema": (("schema",), 2),
+    "a verdict of its own": (("verdict",), "maybe"),
+    "a field that nobody knows": (("colour",), "red"),
+    "a step of its own": (("steps", 0, "title"), "Guess"),
+    "a sample in words": (("runs", 0, "signals", "drive_torque", "before", 0), "high"),
+    "no noise": (("runs", 0, "signals", "drive_torque", "noise"), 0),
+    "a drive of its own": (("runs", 0, "drive"), "hand"),
+    "half held out": (("runs", 0, "held_out", 0), 0.5),
+    "a negative gap": (("gap", "before"), -1.0),
+    "an effect without parameters": (("effects", 0, "parameters"), {}),
+    "an interval without an end": (("effects", 0, "parameters", "radial_clearance"), {"value": 1.0, "unit": "m", "low": 0.0}),
+    "a status of its own": (("candidates", 0, "status"), "perhaps"),
+    "a rival without a place": (("candidates", 0, "rival"), "gravity"),
+    "a pair of one": (("inseparable",), [["a@b", 1.0]]),
+    "no runs": (("runs",), []),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_what_is_wrong_is_noticed(wrong: str, small: dict[str, Any]) -> None:
+    path, value = WRONG[wrong]
+    assert faults(small) == []
+    assert faults(changed(small, *path, value=value)) != []
+
+
+def test_every_field_is_required(small: dict[str, Any]) -> None:
+    for name in small:
+        assert faults({key: value for key, value in small.items() if key != name}) != [], name
+
+
+# ------------------------------------------------------------------ words
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "said"),
+    [
+        (6e-4, "rad", "0.6 mrad"),
+        (0.5, "rad", "28.6 deg"),
+        (3e-6, "rad", "3 µrad"),
+        (2e-4, "m", "0.2 mm"),
+        (5e-6, "m", "5 µm"),
+        (0.05, "kg", "50 g"),
+        (2e11, "Pa", "200 GPa"),
+        (-0.02, "N", f"{MINUS}20 mN"),
+        (1e-3, "N.m.s/rad", "1 mN·m·s/rad"),
+        (3.5e-4, "s", "0.35 ms"),
+        (9.81, "m/s^2", "9.81 m/s^2"),
+        (2.0, "1", "2"),
+        (None, "m", DASH),
+    ],
+)
+def test_a_number_is_read_in_the_unit_that_fits_it(value: float | None, unit: str, said: str) -> None:
+    assert amount(value, unit) == said
+
+
+def test_the_largest_of_several_numbers_picks_their_unit() -> None:
+    assert fitting("m", 1e-6, -3e-3, None, math.nan) == ("mm", 1e3)
+
+
+def test_a_parameter_has_the_digits_that_its_interval_allows() -> None:
+    assert parameter("radial_clearance", {"value": 1.99988e-4, "unit": "m", "low": 1.9e-4, "high": 2.1e-4}) == (
+        "radial clearance",
+        "0.200 mm",
+        "0.190 to 0.210 mm",
+    )
+    assert parameter("offset@run-2", {"value": -6e-4, "unit": "rad", "low": -7e-4, "high": -5e-4}) == (
+        "offset in run run-2",
+        f"{MINUS}0.60 mrad",
+        f"{MINUS}0.70 to {MINUS}0.50 mrad",
+    )
+    assert parameter("gain_error", {"value": 0.02, "unit": "1", "low": 0.01, "high": 0.03})[1:] == ("2.0 %", "1.0 to 3.0 %")
+    assert parameter("harmonic", {"value": 3, "unit": "1", "low": None, "high": None}) == ("harmonic", "3", "not known")
+
+
+@pytest.mark.parametrize(
+    ("run", "shift", "word"),
+    [("slow-forward", -6e-4, "late"), ("slow-forward", 6e-4, "early"), ("slow-reverse", 6e-4, "late"), ("slow-reverse", -6e-4, "early")],
+)
+def test_an_angle_that_moves_one_way_is_late_or_early(explained: dict[str, Any], run: str, shift: float, word: str) -> None:
+    index = [r["name"] for r in explained["runs"]].index(run)
+    signal = explained["runs"][index]["signals"]["crank_angle"]
+    planted = changed(explained, "runs", index, "signals", "crank_angle", "measured", value=[b + shift for b in signal["before"]])
+    place = {"run": run, "signal": "crank_angle", "crank_angle_from": math.radians(40), "crank_angle_to": math.radians(110)}
+    place |= {"size": shift, "unit": "rad", "sigmas": 12.0}
+    assert sentence(planted, place) == f"crank angle is {word} by 0.6 mrad between 40 and 110 deg in run {run}"
+
+
+def test_what_turns_back_or_is_no_angle_is_too_high_or_too_low(explained: dict[str, Any]) -> None:
+    whole = {"run": "slow-forward", "signal": "follower_angle", "crank_angle_from": 0.0, "crank_angle_to": math.tau, "size": -2e-3, "unit": "rad"}
+    assert sentence(explained, whole) == "follower angle is too low by 2 mrad over the whole turn in run slow-forward"
+    torque = whole | {"signal": "drive_torque", "size": 0.5, "unit": "N.m", "crank_angle_to": 1.0}
+    said = sentence(explained, torque)
+    assert re.fullmatch(r"drive torque is too (high|low) by 0.5 N·m between 0 and 57.3 deg in run slow-forward", said)
+
+
+def test_places_are_told_within_a_turn_where_the_crank_makes_one(explained: dict[str, Any], swinging: dict[str, Any]) -> None:
+    place = {"run": "slow-reverse", "crank_angle_from": math.radians(-110), "crank_angle_to": math.radians(-40)}
+    assert wrapped(explained)
+    assert span(explained, place) == "between 250 and 320 deg"
+    assert not wrapped(swinging)
+    assert span(swinging, place | {"run": "released"}) == f"between {MINUS}110 and {MINUS}40 deg"
+
+
+def test_effects_and_places_are_named_as_an_engineer_would(explained: dict[str, Any]) -> None:
+    assert phrase(explained, "joint_clearance", "B") == "clearance in joint B"
+    assert phrase(explained, "gravity", "linkage") == "gravity"
+    assert phrase(explained, "sensor_bias", "reaction_B_x") == "a bias of the sensor for reaction x at B"
+    assert phrase(explained, "belt_slip", "drive") == "belt slip at drive"  # a person's own effect
+
+
+def test_a_separating_run_is_split_from_its_words() -> None:
+    words, block = separation('Reverse the load:\n\n[[run]]\nname = "back"\n\n[[run.load]]\ntorque = 2.0\n\nNothing else will do.')
+    assert words == "Reverse the load: Nothing else will do."
+    assert tomllib.loads(block) == {"run": [{"name": "back", "load": [{"torque": 2.0}]}]}
+    assert separation("No run can.") == ("No run can.", "")
+
+
+def test_aliases_that_name_each_other_are_one_tie(explained: dict[str, Any]) -> None:
+    one = explained["effects"][0] | {"name": "payload", "where": "crank", "ambiguous_with": [{"name": "com_offset", "where": "crank"}]}
+    other = one | {"name": "com_offset", "ambiguous_with": [{"name": "payload", "where": "crank"}]}
+    groups = ties(explained | {"effects": [one, other, explained["effects"][0]]})
+    assert [[effect["name"] for effect in group] for group in groups] == [["payload", "com_offset"], ["joint_clearance"]]
+    assert "parameters" in groups[0][1]
+
+
+def test_what_to_do_next_follows_the_verdict(explained: dict[str, Any], ambiguous: dict[str, Any]) -> None:
+    clean = explained | {"faults": []}
+    assert next_steps(clean)[0].startswith("Confirm clearance in joint B at the rig: expect radial clearance 0.19999 mm")
+    assert any("Reverse the load" in step for step in next_steps(ambiguous))
+    assert next_steps(no_gap()) == ["Nothing has to be added: the model explains these data down to their noise."]
+    left = changed(clean, "runs", 1, "signals", "drive_torque", "gap_after", value=7.0) | {"verdict": "unexplained", "effects": []}
+    assert next_steps(left)[0] == "Look for what is outside the vocabulary: drive torque in run slow-reverse still has a gap of 7."
+
+
+# ------------------------------------------------------------------ figures
+
+
+def test_a_cell_of_the_map_is_the_root_mean_square_of_its_samples_with_their_sign(explained: dict[str, Any]) -> None:
+    (found,) = maps(explained)
+    assert (found.low, found.high, found.axis.unit) == (0.0, 360.0, "deg")
+    run = explained["runs"][1]
+    signal = run["signals"]["follower_angle"]
+    strip = next(s for s in found.strips if s.run == "slow-reverse" and s.title == "follower angle")
+    residual = (np.array(signal["measured"], float) - np.array(signal["before"])) / signal["noise"]
+    degrees = np.round(np.degrees(run["crank_angle"]), 6) % 360
+    for column in (3, 17, 40):
+        inside = residual[(degrees >= 5 * column) & (degrees < 5 * column + 5)]
+        assert inside.size == 10
+        expected = math.copysign(math.sqrt(np.mean(inside**2)), inside.mean())
+        assert strip.before[column] == pytest.approx(expected, rel=5e-3)
+
+
+def test_the_map_shows_a_planted_pulse_where_it_is_and_noise_as_noise() -> None:
+    result = no_gap()
+    run = result["runs"][0]
+    degrees = np.round(np.degrees(run["crank_angle"]), 6) % 360
+    signal = run["signals"]["drive_torque"]
+    signal["measured"] = [m + 20 * signal["noise"] * (100 <= d < 120) for m, d in zip(signal["measured"], degrees, strict=True)]
+    (found,) = maps(result)
+    strips = {(s.run, s.title): [level(v) for v in s.before if v is not None] for s in found.strips}
+    hit = next(s for s in found.strips if (s.run, s.title) == ("slow-forward", "drive torque"))
+    assert {i for i, v in enumerate(hit.before) if v is not None and v > 10} == {20, 21, 22, 23}
+    quiet = [shade for key, shades in strips.items() if key != ("slow-forward", "drive torque") for shade in shades]
+    assert np.mean(np.array(quiet) == 0) > 0.85  # of a column's one or two samples
+    assert set(quiet) <= {-1, 0, 1}
+
+
+def test_a_colour_says_size_and_sign() -> None:
+    assert [level(v) for v in (0.0, 1.9, -1.9, 2.0, -5.0, 10.0, -100.0)] == [0, 0, 0, 1, -2, 3, -4]
+    assert len(LEVELS) == 4
+
+
+def test_a_free_run_is_shown_over_time_and_a_column_without_samples_stays_empty(swinging: dict[str, Any]) -> None:
+    (found,) = maps(swinging)
+    assert (found.axis.label, found.axis.unit) == ("time", "s")
+    assert found.high == pytest.approx(swinging["runs"][0]["time"][-1])
+    mixed = copy.deepcopy(swinging)
+    signal = mixed["runs"][0]["signals"]["pendulum_angle"]
+    signal["measured"] = [None if i < 100 else v for i, v in enumerate(signal["measured"])]
+    cells = maps(mixed)[0].strips[0].before
+    assert cells[: COLUMNS // 4 - 1] == (None,) * (COLUMNS // 4 - 1)
+    assert None not in cells[COLUMNS // 4 + 1 :]
+
+
+def test_residuals_are_measured_minus_simulated_in_a_unit_that_fits(explained: dict[str, Any]) -> None:
+    found = {(p.run, p.signal): p for p in panels(explained)}
+    panel, signal = found[0, "follower_angle"], explained["runs"][0]["signals"]["follower_angle"]
+    assert panel.unit == "mrad"
+    expected = 1e3 * (np.array(signal["measured"]) - np.array(signal["before"]))
+    np.testing.assert_allclose(np.array(panel.before, float), expected, rtol=1e-3, atol=1e-9)
+    held = np.array(explained["runs"][0]["held_out"])
+    over = np.array(panel.over)
+    shaded = np.any([(over >= a) & (over <= b) for a, b in panel.held_out], axis=0)
+    np.testing.assert_array_equal(shaded, held == 1)
+
+
+def test_a_drawing_keeps_the_peaks_of_a_long_run_and_few_of_its_samples(swinging: dict[str, Any]) -> None:
+    result = copy.deepcopy(swinging)
+    run = result["runs"][0]
+    for key in ("time", "crank_angle", "held_out"):
+        run[key] = list(np.repeat(run[key], 50))
+    run["time"] = list(np.linspace(0.0, 2.0, len(run["time"])))
+    for signal in run["signals"].values():
+        signal |= {key: list(np.repeat(signal[key], 50)) for key in ("measured", "before", "after")}
+    run["signals"]["pendulum_angle"]["measured"][10007] += 3.0  # one sample, in rad
+    panel = panels(result)[0]
+    line = figure(panel, "x").series[0]
+    assert len(line.x) <= 600 < len(panel.over)
+    assert max(v for v in line.y if v is not None) == max(v for v in panel.before if v is not None) > 100  # deg
+
+
+# ------------------------------------------------------------------ the page
+
+
+def test_the_verdict_comes_first_and_the_sections_are_in_order(page: str, explained: dict[str, Any]) -> None:
+    marks = ["<b>explained</b>", explained["statement"], "Clearance in joint B", "0.19999 mm", 'id="where"', 'id="story"', 'id="residuals"']
+    marks += ['id="engines"', 'id="candidates"', 'id="faults"', 'id="provenance"']
+    places = [page.index(mark) for mark in marks]
+    assert places == sorted(places)
+    assert explained["effects"][0]["parameters"]["radial_clearance"]["low"] < CLEARANCE
+
+
+def test_the_page_holds_every_sample_and_stays_below_6_megabytes(page: str, explained: dict[str, Any]) -> None:
+    data = embedded(page)
+    assert len(data["panels"]) == 30
+    assert {len(panel[key]) for panel in data["panels"] for key in ("measured", "before", "after")} == {721}
+    assert len(page.encode()) < 6e6
+
+
+def test_the_page_reaches_for_nothing_outside_itself(page: str) -> None:
+    assert set(re.findall(r"https?://[^\s\"'<]+", page)) == {"http://www.w3.org/2000/svg"}
+    assert not re.search(r"<(link|img|iframe)[^>]+(href|src)=\"(?!data:)", page)
+
+
+def test_an_ambiguous_page_has_both_names_side_by_side_and_the_run_that_separates_them(ambiguous: dict[str, Any]) -> None:
+    html = diagnosis_html(ambiguous)
+    cards = re.findall(r'<div class="card">\s*<h3>(.*?)</h3>', html)
+    assert cards == ["Clearance in joint B", "An error in the length of the coupler"]
+    block = re.search(r'<div class="copy"><pre tabindex="0"><code>(\[\[run.*?)</code>', html, re.DOTALL)
+    assert block
+    assert tomllib.loads(block.group(1).replace("&#34;", '"'))["run"][0]["load"] == [{"body": "follower", "torque": 2.0}]
+
+
+def test_what_was_added_is_told_field_by_field(explained: dict[str, Any]) -> None:
+    ((field, nominal, found),) = changes(explained)
+    assert (field, nominal) == ("joint[B].clearance", DASH)
+    assert float(found) == explained["effects"][0]["parameters"]["radial_clearance"]["value"]
+    assert changes(no_gap()) == []
+    assert tomllib.loads(toml(explained["mechanism"] | {"drive": None}))["name"] == "crank-rocker"
+
+
+def test_arrays_and_nan_are_shown_like_the_json_of_them(page: str, explained: dict[str, Any]) -> None:
+    raw = copy.deepcopy(explained)
+    for run in raw["runs"]:
+        run["crank_angle"] = np.array(run["crank_angle"])
+        for signal in run["signals"].values():
+            signal["measured"] = np.array([math.nan if v is None else v for v in signal["measured"]])
+    assert diagnosis_html(raw) == page
+    assert diagnosis_md(raw) == diagnosis_md(explained)
+
+
+def hostile(result: dict[str, Any]) -> dict[str, Any]:
+    """Every name and text in the result made into markup."""
+    text = json.dumps(result)
+    for name in ("slow-forward", "coupler", "mujoco"):
+        text = text.replace(name, json.dumps(NASTY)[1:-1] + name)
+    out: dict[str, Any] = json.loads(text)
+    out |= {"case": NASTY, "statement": NASTY, "command": NASTY}
+    out["faults"][0] |= {"text": NASTY, "kind": NASTY}
+    out["effects"][0] |= {"name": NASTY, "would_separate": NASTY}
+    return out
+
+
+def test_names_and_texts_from_files_are_escaped_everywhere(ambiguous: dict[str, Any]) -> None:
+    result = hostile(ambiguous)
+    html = diagnosis_html(result)
+    assert "<img" not in html
+    assert html.count("<script") == html.count("</script>") == 2
+    outside = re.sub(r"```.*?```", "", diagnosis_md(result), flags=re.DOTALL)
+    assert not re.search(r"(?<!\\)<img|(?<!\\)\[x\]", outside)
+
+
+# ------------------------------------------------------------------ text
+
+
+def test_the_markdown_has_the_effects_and_every_gap(explained: dict[str, Any]) -> None:
+    text = diagnosis_md(explained)
+    assert text.startswith("# ✓ Diagnosis of crank-rocker: explained")
+    rows = [[c.strip() for c in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("|")]
+    (effect,) = [row for row in rows if row[0] == "clearance in joint B"]
+    assert effect[1:4] == ["radial clearance", "0.19999 mm", "0.19971 to 0.20026 mm"]
+    gaps = [row for row in rows if len(row) == 5 and row[0] in ("slow-forward", "slow-reverse", "load-reversed") and row[1] != "coupler position y"]
+    assert len(gaps) == 30
+    follower = next(row for row in gaps if row[:2] == ["slow-forward", "Angle of follower"])
+    signal = explained["runs"][0]["signals"]["follower_angle"]
+    assert [float(cell) for cell in follower[3:]] == [pytest.approx(signal[f"gap_{side}"], rel=1e-2) for side in ("before", "after")]
+
+
+def test_the_markdown_of_a_tie_names_both_and_gives_the_run(ambiguous: dict[str, Any]) -> None:
+    text = diagnosis_md(ambiguous)
+    assert "| clearance in joint B |" in text
+    assert "| an error in the length of the coupler |" in text
+    block = re.search(r"```toml\n(.*?)\n```", text, re.DOTALL)
+    assert block
+    assert tomllib.loads(block.group(1))["run"][0]["name"] == "load-reversed"
+
+
+def test_the_terminal_gets_the_verdict_the_values_and_the_gap_in_ascii(
+    explained: dict[str, Any], ambiguous: dict[str, Any], swinging: dict[str, Any]
+) -> None:
+    lines = terminal_lines(explained)
+    assert lines[0].startswith("crank-rocker: EXPLAINED. ")
+    assert lines[1] == "missing: clearance in joint B, radial clearance 0.19999 mm (95 %: 0.19971 to 0.20026 mm)"
+    assert any(line.startswith("gap: 9.73 before, 1.01 after, noise floor 1") for line in lines)
+    tied = terminal_lines(ambiguous)
+    assert [line.split(":")[0] for line in tied[1:4]] == ["either", "or", "to separate them"]
+    every = [*lines, *tied, *terminal_lines(no_gap()), *terminal_lines(swinging)]
+    assert all(line.isascii() and "\n" not in line for line in every)
+    assert not any(line.startswith(("missing", "where")) for line in terminal_lines(no_gap()))
+
+
+def test_a_power_of_ten_is_ascii_in_a_terminal(explained: dict[str, Any]) -> None:
+    lines = terminal_lines(explained | {"gap": {"before": 1.23e7, "after": 1.0, "noise_floor": 1.0}})
+    assert any("1.23e7 before" in line for line in lines)

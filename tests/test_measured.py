@@ -1,0 +1,418 @@
+"""Measured data that can be used: units, runs, noise, and faults that are mended and said."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+import time as clock
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analytic.assembly import Assembly
+from analytic.kinematics import kinematics
+from analytic.kinetostatics import kinetostatics
+from analytic.mechanism_file import dumps, load
+from compare.diagnose import measured, quality
+from compare.diagnose.measured import Measured, load_measured
+from compare.diagnose.table import _cell_by_cell, read_table
+from compare.diagnose.units import ACCEPTED, SI, UnitError, factor, readable
+from compare.signals import with_derived
+from measured_files import MeasuredRun, csv_text, write_measured
+
+CRANK_ROCKER = load("crank-rocker")
+SPEED = CRANK_ROCKER.speed or 0.0
+TEXT = dumps(CRANK_ROCKER)
+REAL = os.environ.get("MEASURED_DATA")
+
+
+def signals(samples: int = 73, turns: float = 1.0) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Time and exact signals of the crank-rocker from angle 0, evenly sampled, ends included."""
+    theta = np.linspace(0, 2 * math.pi * turns, samples)
+    motion = kinematics(Assembly(CRANK_ROCKER), theta, np.full(samples, SPEED), 0.0)
+    return theta / SPEED, with_derived(kinetostatics(motion).signals(), CRANK_ROCKER)
+
+
+def one(folder: Path, time: np.ndarray, columns: dict[str, np.ndarray], **fields: object) -> Measured:
+    return load_measured(write_measured(folder, TEXT, [MeasuredRun("a", time, columns, {"drive_speed": SPEED, "drive_angle": 0.0, **fields})]))
+
+
+def kinds(found: Measured) -> dict[str, str]:
+    return {fault.signal: fault.kind for fault in found.faults}
+
+
+@pytest.mark.parametrize(
+    ("unit", "kind", "expected"),
+    [
+        ("deg", "angle", math.pi / 180), ("°", "angle", math.pi / 180), ("mrad", "angle", 1e-3), ("rev", "angle", 2 * math.pi),
+        ("rpm", "angular velocity", math.pi / 30), ("rev/min", "angular velocity", math.pi / 30), ("deg/s", "angular velocity", math.pi / 180),
+        ("rad.s^-1", "angular velocity", 1.0), ("mm", "length", 1e-3), ("in", "length", 0.0254), ("µm", "length", 1e-6),
+        ("kN", "force", 1e3), ("kgf", "force", 9.80665), ("lbf", "force", 4.4482216152605), ("N.m", "torque", 1.0), ("Nm", "torque", 1.0),
+        ("N-m", "torque", 1.0), ("mN.m", "torque", 1e-3), ("N·mm", "torque", 1e-3), ("lbf.in", "torque", 0.1129848290276167),
+        ("ms", "time", 1e-3), ("us", "time", 1e-6), ("min", "time", 60.0), ("h", "time", 3600.0),
+    ],
+)  # fmt: skip
+def test_units_of_the_right_dimension_are_converted(unit: str, kind: str, expected: float) -> None:
+    assert factor(unit, kind) == pytest.approx(expected, rel=1e-14)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("unit", "kind"),
+    [("", "angle"), ("%", "angle"), ("Hz", "angular velocity"), ("1/s", "angular velocity"), ("mm", "angle"), ("g", "force"), ("rad", "length"),
+     ("parrots", "length"), ("m**9**9**9", "length"), ("2 m", "length"), ("m^9", "length"), ("degC", "angle"), ("N/m", "torque"), ("nm", "torque")],
+)  # fmt: skip
+def test_other_units_are_refused_with_those_accepted(unit: str, kind: str) -> None:
+    with pytest.raises(UnitError, match=ACCEPTED[kind].split(",")[0]):  # type: ignore[index]
+        factor(unit, kind)  # type: ignore[arg-type]
+
+
+def test_every_offered_unit_is_accepted() -> None:
+    for kind, text in ACCEPTED.items():
+        for unit in text.replace(" or ", ", ").split(", "):
+            assert factor(unit, kind) > 0
+
+
+def test_data_in_si_do_not_wait_for_pint(tmp_path: Path) -> None:
+    time, exact = signals()
+    path = write_measured(tmp_path, TEXT, [MeasuredRun("a", time, {"follower_angle [rad]": exact["follower_angle"]})])
+    code = "import sys, pathlib; from compare.diagnose.measured import load_measured as f; f(pathlib.Path(sys.argv[1])); print('pint' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True).stdout.strip() == "False"
+
+
+def test_every_signal_is_read_in_any_unit(tmp_path: Path) -> None:
+    time, exact = signals()
+    rng = np.random.default_rng(1)
+    exact |= {name: rng.normal(size=time.size) for name in readable(CRANK_ROCKER) if name.startswith("clearance") or "angular_velocity" in name}
+    other = {"angle": "deg", "angular_velocity": "rpm", "_x": "mm", "_y": "mm", "torque": "kN.m"}
+    columns = {}
+    for name in readable(CRANK_ROCKER):
+        unit = "kN" if name.startswith("reaction") and not name.endswith("angle") else next(u for end, u in other.items() if name.endswith(end))
+        kind = next(k for k in SI if _converts(unit, k))
+        columns[f"{name} [{unit}]"] = exact[name] / factor(unit, kind)  # type: ignore[arg-type]
+    found = one(tmp_path, time, columns).runs[0]
+    assert set(found.channels) == set(readable(CRANK_ROCKER))
+    for name, channel in found.channels.items():
+        here = np.isfinite(channel.values)
+        assert here.sum() >= 72, name
+        np.testing.assert_allclose(channel.values[here], exact[name][here], rtol=1e-9, atol=1e-12, err_msg=name)
+    with pytest.raises(ValueError, match="read-only"):
+        found.time[0] = 1.0
+
+
+def _converts(unit: str, kind: str) -> bool:
+    try:
+        return factor(unit, kind) > 0  # type: ignore[arg-type]
+    except UnitError:
+        return False
+
+
+@pytest.mark.parametrize("written", ["\ufeff{}", "{}", "{}\n\n"], ids=["byte order mark", "plain", "blank lines at the end"])
+@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_files_of_other_programs_read_the_same(tmp_path: Path, written: str, ending: str, delimiter: str) -> None:
+    time, exact = signals()
+    values = exact["follower_angle"].copy()
+    values[[3, 4, 70]] = np.nan
+    text = csv_text(time, {"follower_angle [rad]": values, "drive_torque [N.m]": exact["drive_torque"]})
+    plain, strange = tmp_path / "plain.csv", tmp_path / "strange.csv"
+    plain.write_text(text)
+    strange.write_bytes(written.format(text).replace(",", delimiter).replace("\n", ending).encode())
+    one, two = (read_table(path, CRANK_ROCKER) for path in (plain, strange))
+    np.testing.assert_array_equal(one.time, two.time)
+    for name in one.values:
+        np.testing.assert_array_equal(one.values[name], two.values[name])
+    assert np.flatnonzero(np.isnan(two.values["follower_angle"])).tolist() == [3, 4, 70]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_fast_and_careful_reading_agree(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n, k = int(rng.integers(8, 400)), int(rng.integers(1, 6))
+    names = rng.choice(readable(CRANK_ROCKER), k, replace=False)
+    data = rng.normal(size=(n, k)) * 10.0 ** rng.integers(-12, 12, (n, k))
+    data[rng.random((n, k)) < 0.2] = np.nan
+    columns = {f"{s} [{_si(s)}]": data[:, i] for i, s in enumerate(names)}
+    text = csv_text(np.cumsum(rng.uniform(0.1, 1, n)), columns, digits=17)
+    path = tmp_path / "x.csv"
+    path.write_text(text)
+    found = read_table(path, CRANK_ROCKER)
+    slow, lines = _cell_by_cell("x.csv", text.splitlines(True)[1:], 2, ",", ["time", *names])
+    np.testing.assert_array_equal(np.column_stack([found.time, *found.values.values()]), slow)
+    np.testing.assert_array_equal(slow[:, 1:], data)
+    assert lines.tolist() == list(range(2, n + 2))
+
+
+def _si(signal: str) -> str:
+    return next(u for u in SI.values() if _reads(signal, u))
+
+
+def _reads(signal: str, unit: str) -> bool:
+    from compare.diagnose.units import dimension
+
+    return SI[dimension(signal)] == unit
+
+
+def test_a_run_takes_from_the_mechanism_what_it_leaves_out(tmp_path: Path) -> None:
+    time, exact = signals()
+    columns = {"crank_angle [rad]": exact["crank_angle"], "drive_torque [N.m]": exact["drive_torque"]}
+    runs = [
+        MeasuredRun("own speed", time, columns),
+        MeasuredRun("given", time, columns, {"drive_speed": 30.0, "drive_angle": 0.5, "from_rest": True, "load": []}),
+        MeasuredRun("followed", time, columns, {"drive": "measured", "load": [{"body": "follower", "torque": 0.5}]}),
+        MeasuredRun("released", time, columns, {"drive": "free", "start": {"crank_angle": 0.25}}),
+    ]
+    own, given, followed, released = load_measured(write_measured(tmp_path, TEXT, runs)).runs
+    assert (own.drive, own.speed, own.angle, own.loads, own.from_rest) == ("speed", SPEED, CRANK_ROCKER.assembly["crank"], None, False)
+    assert (given.drive, given.speed, given.angle, given.loads, given.from_rest) == ("speed", 30.0, 0.5, (), True)
+    assert (followed.drive, followed.speed, followed.angle) == ("measured", None, None)
+    assert followed.loads is not None
+    assert followed.loads[0].torque == 0.5
+    assert released.drive == "free"
+    assert released.start["crank_angle"] == 0.25  # as given; the rate from the readings
+    assert released.start["crank_angular_velocity"] == pytest.approx(SPEED, rel=1e-6)
+
+
+def test_tolerances_are_quantities_parameters_or_parameters_of_an_effect(tmp_path: Path) -> None:
+    time, exact = signals()
+    given = {"mass": 0.01, "radial_clearance": 1e-4, "sensor_bias.bias": 0.0}
+    path = write_measured(tmp_path, TEXT, [MeasuredRun("a", time, {"drive_torque [N.m]": exact["drive_torque"]})], given)
+    assert load_measured(path).tolerance == given
+    path.write_text(path.read_text().replace('"sensor_bias.bias" = 0.0', "sensor_bias.bias = 0.0"))
+    assert load_measured(path).tolerance == given
+
+
+@pytest.mark.parametrize("name", ["follower_angle", "coupler_angular_velocity", "reaction_B_x", "reaction_A_y", "drive_torque", "coupler_x"])
+@pytest.mark.parametrize(
+    ("samples", "turns", "relative", "within"), [(73, 1, 1e-3, 0.12), (73, 1, 1e-2, 0.08), (721, 2, 1e-4, 0.05), (721, 10, 1e-3, 0.05)]
+)
+def test_noise_of_smooth_signals_is_right_on_average(name: str, samples: int, turns: int, relative: float, within: float) -> None:
+    time, exact = signals(samples, turns)
+    rng = np.random.default_rng(5)
+    sigma = relative * np.ptp(exact[name])
+    found = [quality.noise(time, exact[name] + sigma * rng.normal(size=samples)) / sigma for _ in range(60)]
+    assert np.mean(found) == pytest.approx(1.0, abs=within)
+    assert np.std(found) < 0.21 if samples == 73 else np.std(found) < 0.08
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_of_irregular_samples_with_holes(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    time = np.sort(rng.uniform(0, 10, 2000))
+    values = np.sin(time) + 1e-4 * rng.normal(size=time.size)
+    values[rng.random(time.size) < 0.3] = np.nan
+    assert quality.noise(time, values) == pytest.approx(1e-4, rel=0.1)
+
+
+def test_noise_is_never_zero_nor_less_than_the_rounding() -> None:
+    time = np.linspace(0, 1, 500)
+    smooth = np.sin(3 * time)
+    assert quality.noise(time, smooth) == pytest.approx(1e-7 * np.ptp(smooth), rel=1e-6)
+    for step in (1e-1, 1e-2, 1e-3, 1e-5):
+        assert step / math.sqrt(12) <= quality.noise(time, step * np.round(smooth / step)) * 1.0001 < 1.3 * step
+    assert quality.noise(time, np.zeros(500)) > 0
+    assert quality.noise(time, np.full(500, np.nan)) > 0
+
+
+def test_steps_of_a_converter_are_found_and_of_noise_not() -> None:
+    rng = np.random.default_rng(2)
+    values = rng.normal(size=300)
+    assert quality.quantum(np.round(values / 0.025) * 0.025) == pytest.approx(0.025, rel=1e-9)
+    assert quality.quantum(values) == 0
+
+
+def test_signals_without_fault_are_left_as_they_are(tmp_path: Path) -> None:
+    for samples in (37, 73, 145, 361):
+        time, exact = signals(samples)
+        for decimals in (6, 4, 16):
+            for name, values in exact.items():
+                rounded = np.round(values, decimals)
+                sigma = quality.noise(time, rounded)
+                assert quality.outliers(time, rounded, sigma).size == 0, (name, samples, decimals)
+                assert not np.any(quality.clipped(time, rounded)[0]), (name, samples, decimals)
+
+
+@pytest.mark.parametrize("relative", [0.0, 1e-4, 1e-2])
+def test_isolated_spikes_are_left_out_and_counted(tmp_path: Path, relative: float) -> None:
+    time, exact = signals(361, 2)
+    rng = np.random.default_rng(3)
+    values = exact["follower_angle"] + relative * rng.normal(size=time.size)
+    at = [2, 40, 41 + 30, 200, 358]
+    values[at] += np.array([1, -1, 1, -1, 1]) * max(0.05, 40 * relative)
+    found = one(tmp_path, time, {"follower_angle [rad]": values})
+    (fault,) = found.faults
+    assert (fault.kind, fault.samples) == ("outliers", 5)
+    assert np.flatnonzero(np.isnan(found.runs[0].channels["follower_angle"].values)).tolist() == at
+    assert found.runs[0].channels["follower_angle"].noise == pytest.approx(max(relative, 1e-7), rel=0.2 if relative else 2.0)
+
+
+def test_a_step_is_no_spike() -> None:
+    time = np.linspace(0, 1, 200)
+    rng = np.random.default_rng(4)
+    values = np.sign(np.sin(20 * time)) + 1e-3 * rng.normal(size=200)
+    assert quality.outliers(time, values, quality.noise(time, values)).size == 0
+
+
+@pytest.mark.parametrize("relative", [0.0, 1e-3, 2e-2])
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_clipped_sensor_is_said_with_its_level(tmp_path: Path, relative: float, side: int) -> None:
+    time, exact = signals(361, 2)
+    force = exact["reaction_B_x"] * side
+    peak = np.max(force)
+    rng = np.random.default_rng(6)
+    values = side * np.minimum(force + relative * np.ptp(force) * rng.normal(size=time.size), 0.7 * peak)
+    found = one(tmp_path, time, {"reaction_B_x [N]": values})
+    (fault,) = found.faults
+    assert fault.kind == "clipped"
+    assert f"{side * 0.7 * peak:.5g} N" in fault.text
+    lost = np.isnan(found.runs[0].channels["reaction_B_x"].values)
+    assert np.all(lost[values * side >= 0.7 * peak * (1 - 1e-12)])
+    assert fault.samples == lost.sum() < 0.5 * time.size
+
+
+def test_rest_and_coarse_peaks_are_not_clipped() -> None:
+    time = np.linspace(0, 4, 801)
+    ramp = np.clip(time - 1, 0, 2)
+    rest = 0.5 * (1 - np.cos(math.pi * ramp / 2))  # at rest, moves, at rest
+    coarse = np.round(np.sin(3 * time) / 0.05) * 0.05
+    for values in (rest, coarse, np.sin(3 * time)):
+        assert not np.any(quality.clipped(time, values)[0])
+    assert np.any(quality.clipped(time, np.minimum(coarse, 0.7))[0])
+
+
+@pytest.mark.parametrize("unit", ["deg", "rad"])
+@pytest.mark.parametrize("low", [0.0, -0.5])
+def test_wrapped_angles_are_continued_even_over_a_gap(tmp_path: Path, unit: str, low: float) -> None:
+    time, exact = signals(361, 5)
+    turn = 2 * math.pi / factor(unit, "angle")
+    wrapped = (exact["crank_angle"] / factor(unit, "angle") / turn - low) % 1.0 * turn + low * turn
+    keep = (time < 0.3 * time[-1]) | (time > 0.8 * time[-1])
+    found = one(tmp_path, time[keep], {f"crank_angle [{unit}]": wrapped[keep]})
+    np.testing.assert_allclose(found.runs[0].channels["crank_angle"].values, exact["crank_angle"][keep], atol=1e-8)
+    assert kinds(found) == {"crank_angle": "wrapped", "time": "gap"}
+
+
+def test_a_wrapped_angle_without_a_command_is_continued() -> None:
+    time = np.linspace(0, 10, 500)
+    angle = 8 * np.sin(time)
+    wrapped = (angle + math.pi) % (2 * math.pi) - math.pi
+    found, jumps = quality.unwrapped(wrapped)
+    assert jumps > 4
+    np.testing.assert_allclose(found, angle, atol=1e-12)
+    assert quality.unwrapped(angle)[1] == 0
+
+
+def test_an_angle_sampled_once_a_turn_is_not_taken_for_wrapped() -> None:
+    angle = np.arange(20) * 6.5
+    assert quality.unwrapped(angle)[1] == 0
+
+
+def test_constant_absent_and_given_noise(tmp_path: Path) -> None:
+    time, exact = signals()
+    rng = np.random.default_rng(7)
+    few = np.where(np.arange(time.size) < 5, exact["follower_x"], np.nan)
+    columns = {
+        "follower_angle [rad]": exact["follower_angle"] + 1e-3 * rng.normal(size=time.size),
+        "reaction_B_x [N]": np.full(time.size, 3.0), "follower_x [m]": few, "drive_torque [N.m]": exact["drive_torque"],
+    }  # fmt: skip
+    found = one(tmp_path, time, columns, noise={"follower_angle": 1e-5, "drive_torque": 1e-3})
+    assert kinds(found) == {"follower_angle": "noise", "reaction_B_x": "constant", "follower_x": "absent"}
+    channels = found.runs[0].channels
+    assert list(channels) == ["follower_angle", "drive_torque"]
+    assert (channels["drive_torque"].noise, channels["drive_torque"].noise_given) == (1e-3, True)
+
+
+def test_swapped_columns_and_wrong_units_are_seen_with_a_model(tmp_path: Path) -> None:
+    time, exact = signals()
+    rng = np.random.default_rng(8)
+    noisy = {name: values + 1e-3 * np.ptp(values) * rng.normal(size=time.size) for name, values in exact.items()}
+    columns = {
+        "reaction_B_x [N]": noisy["reaction_B_y"], "reaction_B_y [N]": noisy["reaction_B_x"], "reaction_A_x [N]": noisy["reaction_A_x"],
+        "crank_angle [rad]": noisy["crank_angle"], "coupler_x [m]": noisy["coupler_x"] * 1e3,
+        "follower_angle [rad]": np.degrees(noisy["follower_angle"]),
+        "reaction_E_x [N]": -noisy["reaction_E_x"], "drive_torque [N.m]": -noisy["drive_torque"],
+    }  # fmt: skip
+    run = one(tmp_path, time, columns).runs[0]
+    (swap,) = quality.suspicious_swaps(run, exact)
+    assert (swap.kind, swap.signal) == ("swapped", "reaction_B_x")
+    assert "reaction_B_y" in swap.text
+    units = {f.signal: f.text for f in quality.suspicious_units(run, exact)}
+    assert set(units) == {"coupler_x", "follower_angle", "drive_torque"}  # a load cell upside down is an effect, not a slip
+    assert "millimetres" in units["coupler_x"]
+    assert "degrees" in units["follower_angle"]
+
+
+def test_right_columns_raise_no_suspicion(tmp_path: Path) -> None:
+    time, exact = signals()
+    rng = np.random.default_rng(9)
+    units = {name: _si(name) for name in exact if not name.startswith("clearance")}
+    columns = {f"{s} [{u}]": exact[s] * 1.02 + 1e-2 * np.ptp(exact[s]) * rng.normal(size=time.size) for s, u in units.items()}
+    columns["crank_angle [rad]"] = exact["crank_angle"]
+    run = one(tmp_path, time, columns).runs[0]
+    assert quality.suspicious_swaps(run, exact) == []
+    assert quality.suspicious_units(run, exact) == []
+
+
+def test_a_long_run_is_thinned_and_its_noise_kept(tmp_path: Path) -> None:
+    samples = 3 * measured.SAMPLES
+    rng = np.random.default_rng(10)
+    time = np.arange(samples) * 1e-4
+    values = np.sin(30 * time) + 1e-3 * rng.normal(size=samples)
+    found = one(tmp_path, time, {"follower_angle [rad]": values})
+    (fault,) = found.faults
+    run = found.runs[0]
+    assert (fault.kind, fault.samples) == ("thinned", 2 * measured.SAMPLES)
+    np.testing.assert_allclose(run.channels["follower_angle"].values, values[::3], rtol=1e-11)
+    np.testing.assert_allclose(run.time, time[::3], rtol=1e-11)
+    assert run.channels["follower_angle"].noise == pytest.approx(1e-3, rel=0.02)
+
+
+def test_reading_is_the_same_every_time(tmp_path: Path) -> None:
+    time, exact = signals()
+    path = write_measured(tmp_path, TEXT, [MeasuredRun("a", time, {"follower_angle [deg]": np.degrees(exact["follower_angle"])})])
+    first, second = (load_measured(path).runs[0].channels["follower_angle"] for _ in range(2))
+    np.testing.assert_array_equal(first.values, second.values)
+    assert first.noise == second.noise
+
+
+@pytest.mark.slow
+def test_a_million_rows_are_read_in_seconds_and_bounded_memory(tmp_path: Path) -> None:
+    time, exact = signals(1000, 1)
+    rows = 1_200_000
+    k = np.arange(rows)
+    columns = {f"{s} [{_si(s)}]": np.tile(exact[s], rows // 1000) + 1e-3 * (k % 7) for s in ("follower_angle", "drive_torque", "reaction_B_x")}
+    path = write_measured(tmp_path, TEXT, [MeasuredRun("a", k * (time[1] - time[0]), columns, {"drive_speed": SPEED})])
+    code = (
+        "import sys, pathlib, resource; from compare.diagnose.measured import load_measured as f; run = f(pathlib.Path(sys.argv[1])).runs[0];"
+        "print(run.time.size, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    )
+    begin = clock.monotonic()
+    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
+    kept, kilobytes = map(int, done.stdout.split())
+    assert kept == measured.SAMPLES
+    assert kilobytes < 800_000
+    assert clock.monotonic() - begin < 60
+
+
+@pytest.mark.skipif(REAL is None, reason="real data: set MEASURED_DATA to their folder")
+class TestRealData:
+    """Recordings of real rigs are read as they are."""
+
+    def test_pendulum(self) -> None:
+        found = load_measured(Path(REAL or "") / "pendulum" / "measured.toml")
+        assert [run.drive for run in found.runs] == ["free", "free"]
+        assert found.runs[0].start == {"pendulum_angle": 3.0939601, "pendulum_angular_velocity": 1.8482541}
+        for run in found.runs:
+            assert run.time.size == 2292
+            assert 1e-5 < run.channels["pendulum_angle"].noise < 1e-4
+            assert np.isfinite(run.channels["pendulum_angle"].values).all()
+        assert all(f.kind == "outliers" and f.samples < 10 for f in found.faults)
+
+    def test_robot_axis(self) -> None:
+        found = load_measured(Path(REAL or "") / "tx40-axis1" / "measured.toml")
+        (run,) = found.runs
+        assert (run.drive, run.time.size, list(run.channels)) == ("measured", 2250, ["arm_angle", "drive_torque"])
+        assert 0.1 < run.channels["drive_torque"].noise < 2
+        assert found.faults == ()

@@ -1,0 +1,309 @@
+"""Measured data that cannot be used: one sentence with the place, the value and the remedy, and never a traceback."""
+
+from __future__ import annotations
+
+import time as clock
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analytic.mechanism_file import dumps, load
+from compare.diagnose import measured, table
+from compare.diagnose.measured import MeasuredError, load_measured
+from measured_files import MeasuredRun, write_measured
+
+CRANK_ROCKER = load("crank-rocker")
+SPEED = CRANK_ROCKER.speed or 0.0
+TEXT = dumps(CRANK_ROCKER)
+TIME = np.arange(40) * 0.005
+ANGLE = SPEED * TIME
+GOOD = "time [s],crank_angle [rad],follower_x [m]\n" + "".join(f"{t:g},{a:.9g},{np.sin(3 * t):.9g}\n" for t, a in zip(TIME, ANGLE, strict=True))
+
+
+def refused(path: Path) -> str:
+    """The message; it is one line and names what it is about."""
+    with pytest.raises(MeasuredError) as caught:
+        load_measured(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert "Traceback" not in message
+    return message
+
+
+def rig(folder: Path, data: str | bytes = GOOD, **fields: object) -> Path:
+    """measured.toml with one run of this data file."""
+    entry = {"drive_speed": SPEED, "drive_angle": 0.0, **fields}
+    path = write_measured(folder, TEXT, [MeasuredRun("slow", TIME, {"crank_angle [rad]": ANGLE}, {k: v for k, v in entry.items() if v is not None})])
+    (folder / "slow.csv").write_bytes(data.encode() if isinstance(data, str) else data)
+    return path
+
+
+def edited(line: int, text: str) -> str:
+    """The good file with one line (1 is the header) replaced."""
+    lines = GOOD.splitlines()
+    lines[line - 1] = text
+    return "\n".join(lines) + "\n"
+
+
+def test_the_good_file_is_good(tmp_path: Path) -> None:
+    assert load_measured(rig(tmp_path)).faults == ()
+
+
+@pytest.mark.parametrize(
+    ("header", "says"),
+    [
+        ("time [s],crank_angle,follower_x [m]", ["line 1", "column 2", "crank_angle", "no unit", "deg"]),
+        ("time [s],crank_angle [],follower_x [m]", ["column 2", "no unit"]),
+        ("time [s],crank_angle [mm],follower_x [m]", ["column 2", "'mm'", "another dimension", "deg"]),
+        ("time [s],crank_angle [degs/],follower_x [m]", ["column 2", "'degs/'", "cannot be read"]),
+        ("time [s],crank_angle [parrots],follower_x [m]", ["column 2", "'parrots' is unknown"]),
+        ("time [Hz],crank_angle [rad],follower_x [m]", ["column 1", "time", "'Hz'", "ms"]),
+        ("time [s],crank_angel [rad],follower_x [m]", ["column 2", "'crank_angel'", "did you mean 'crank_angle'"]),
+        ("time [s],quux [rad],follower_x [m]", ["column 2", "'quux'", "its signals are", "drive_torque"]),
+        ("time [s],crank_angle [rad],crank_angle [deg]", ["'crank_angle' is there 2 times"]),
+        ("crank_angle [rad],time [s],follower_x [m]", ["column 1", "first column must be 'time [s]'"]),
+        ("time [s]", ["no column but time"]),
+        ("time [s],,follower_x [m]", ["column 2", "''", "signal [unit]"]),
+        ("time [s],crank [rad] angle,follower_x [m]", ["column 2", "signal [unit]"]),
+        ("0,0.1,0.2", ["line 1", "numbers where the header should be"]),
+    ],
+)
+def test_headers(tmp_path: Path, header: str, says: list[str]) -> None:
+    message = refused(rig(tmp_path, edited(1, header)))
+    assert "slow.csv" in message
+    for word in says:
+        assert word in message
+
+
+@pytest.mark.parametrize(
+    ("line", "text", "says"),
+    [
+        (5, "0.015,oops,1", ["line 5", "crank_angle [rad]", "'oops'", "leave the cell empty"]),
+        (5, "0.015,inf,1", ["line 5", "crank_angle [rad]", "'inf'"]),
+        (5, "0.015,0.4,-1e999", ["line 5", "follower_x [m]", "'-1e999'"]),
+        (5, "0.015,1_000,1", ["line 5", "'1_000'"]),
+        (5, "0.015,0.4", ["line 5", "2 cells", "header 3"]),
+        (5, "0.015,0.4,1,2", ["line 5", "4 cells", "header 3"]),
+        (5, "0,015,0,4,1,5", ["line 5", "6 cells", "decimal point"]),
+        (5, ",0.4,1", ["line 5", "no time"]),
+        (5, "nan,0.4,1", ["line 5", "no time"]),
+        (5, "inf,0.4,1", ["line 5", "time [s]", "'inf'"]),
+        (5, "0.01,0.4,1", ["line 5", "row before", "0.01 s"]),
+        (5, "0.001,0.4,1", ["line 5", "time runs back from 0.01 s to 0.001 s"]),
+        (41, "-1,0.4,1", ["line 41", "runs back"]),
+        (41, "0.195;0.4;1", ["line 41", "1 cells", "header 3"]),
+        (41, '0.195,"0.4,1', ["line 41", "2 cells"]),
+    ],
+)
+def test_rows(tmp_path: Path, line: int, text: str, says: list[str]) -> None:
+    message = refused(rig(tmp_path, edited(line, text)))
+    for word in ["slow.csv", *says]:
+        assert word in message
+
+
+def test_line_numbers_count_blank_lines(tmp_path: Path) -> None:
+    message = refused(rig(tmp_path, GOOD.replace("\n0.01,", "\n\n\n0.01,").replace("\n0.02,", "\n0.012,")))
+    assert "line 8: time runs back" in message
+
+
+def test_a_decimal_comma_in_a_semicolon_file(tmp_path: Path) -> None:
+    message = refused(rig(tmp_path, GOOD.replace(",", ";").replace("0.005", "0,005", 1)))
+    assert "line 3, column 'time [s]': '0,005' has a decimal comma; write a decimal point" in message
+
+
+def test_a_literal_nan_is_absent(tmp_path: Path) -> None:
+    lines = GOOD.splitlines()
+    lines[9] = lines[9].rsplit(",", 1)[0] + ",NaN"
+    channel = load_measured(rig(tmp_path, "\n".join(lines))).runs[0].channels["follower_x"]
+    assert np.flatnonzero(np.isnan(channel.values)).tolist() == [8]
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        (b"", "is empty"),
+        (b"\n\n", "is empty"),
+        (bytes(range(256)) * 20, "binary"),
+        (GOOD.encode("utf-16"), "UTF-16"),
+        ("time [s],crank_angle [°]\n".encode("latin-1") + b"0,0\n" * 9, "UTF-8"),
+        (b"\x89PNG\r\n\x1a\n\xff\xfe" * 50, "UTF-8"),
+        (b"time [s]," * 40_000, "longer than"),
+        (GOOD.splitlines()[0].encode(), "0 rows"),
+        ("\n".join(GOOD.splitlines()[:2]).encode(), "1 row of"),
+        ("\n".join(GOOD.splitlines()[:8]).encode(), "7 rows"),
+    ],
+)
+def test_files_that_are_no_table(tmp_path: Path, data: bytes, says: str) -> None:
+    message = refused(rig(tmp_path, data))
+    assert "slow.csv" in message
+    assert says in message
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_damaged_files_are_refused_or_read_but_never_crash(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    data = bytearray(GOOD.encode())
+    for _ in range(int(rng.integers(1, 6))):
+        at = int(rng.integers(0, len(data)))
+        match rng.integers(0, 3):
+            case 0:
+                data[at] = int(rng.integers(0, 256))
+            case 1:
+                del data[at : at + int(rng.integers(1, 200))]
+            case _:
+                data[at:at] = bytes(rng.choice(list(b',;"\n\r\t .-e0[]\x00\xff'), int(rng.integers(1, 5))).tolist())
+    path = rig(tmp_path, bytes(data))
+    found, message = None, ""
+    try:
+        found = load_measured(path)
+    except MeasuredError as error:
+        message = str(error)
+    assert "slow" in message if found is None else np.all(np.diff(found.runs[0].time) > 0)
+    assert found is None or all(c.noise > 0 for c in found.runs[0].channels.values())
+
+
+@pytest.mark.parametrize(
+    ("fields", "says"),
+    [
+        ({"drive_speed": 0.0}, ["run 'slow'", "drive_speed = 0"]),
+        ({"drive": "measured"}, ["drive_speed", "exclude each other"]),
+        ({"drive": "free", "drive_speed": None}, ["drive_angle", "free"]),
+        ({"drive": "slow", "drive_speed": None}, ["run[slow].drive", "'slow'", "'measured' or 'free'"]),
+        ({"drive_speed": "fast"}, ["run[slow].drive_speed", "'fast'"]),
+        ({"drive_sped": 3.0}, ["drive_sped", "did you mean 'drive_speed'"]),
+        ({"start": {"crank_angle": 1.0}}, ["start", "drive is speed"]),
+        ({"drive": "free", "drive_speed": None, "drive_angle": None, "start": {"crank_angel": 1.0}}, ["start.crank_angel", "'crank_angle'"]),
+        ({"drive": "free", "drive_speed": None, "drive_angle": None, "from_rest": True}, ["from_rest", "free"]),
+        ({"noise": {"follower_y": 1e-3}}, ["noise.follower_y", "not a column of slow.csv", "follower_x"]),
+        ({"noise": {"follower_x": 0.0}}, ["noise.follower_x", "greater than 0"]),
+        ({"load": [{"body": "folower", "torque": 1.0}]}, ["'folower'", "follower"]),
+        ({"load": [{"body": "follower", "torqe": 1.0}]}, ["torqe", "did you mean 'torque'"]),
+        ({"file": "gone.csv"}, ["gone.csv", "no such file"]),
+        ({"file": "."}, ["no such file"]),
+    ],
+)
+def test_fields_of_a_run(tmp_path: Path, fields: dict[str, object], says: list[str]) -> None:
+    message = refused(rig(tmp_path, **fields))
+    for word in says:
+        assert word in message
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("nominal.toml", "nominl.toml", ["measured.toml", "mechanism = 'nominl.toml'", "no such mechanism file"]),
+        ('mechanism = "nominal.toml"', "", ["mechanism is missing"]),
+        ("run = [", "runs = [", ["runs is not a field", "did you mean 'run'"]),
+        ('name = "slow"', 'name = "a@b"', ["run[a@b].name"]),
+        ("run = [", "run = [[", ["measured.toml", "not TOML"]),
+        ('mechanism = "nominal.toml"', 'mechanism = "nominal.toml"\ntolerance = { lenght = 1e-3 }', ["tolerance.lenght", "did you mean 'length'"]),
+        ('mechanism = "nominal.toml"', 'mechanism = "nominal.toml"\ntolerance = { qqq = 1e-3 }', ["tolerance.qqq", "use a quantity (mass"]),
+        ('mechanism = "nominal.toml"', 'mechanism = "nominal.toml"\ntolerance = { payload = { torque = 1e-3 } }', ["tolerance.payload.torque"]),
+        ('mechanism = "nominal.toml"', 'mechanism = "nominal.toml"\ntolerance = { mass = -1.0 }', ["tolerance.mass", "-1.0"]),
+    ],
+)
+def test_fields_of_the_file(tmp_path: Path, old: str, new: str, says: list[str]) -> None:
+    path = rig(tmp_path)
+    path.write_text(path.read_text().replace(old, new, 1))
+    message = refused(path)
+    for word in says:
+        assert word in message
+
+
+def test_two_runs_of_one_name(tmp_path: Path) -> None:
+    run = MeasuredRun("slow", TIME, {"follower_x [m]": np.sin(TIME)})
+    assert "run 'slow' is there 2 times" in refused(write_measured(tmp_path, TEXT, [run, run]))
+
+
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+    assert "no such file" in refused(tmp_path / "measured.toml")
+
+
+def test_a_bad_mechanism_is_the_mechanisms_fault(tmp_path: Path) -> None:
+    path = rig(tmp_path)
+    (tmp_path / "nominal.toml").write_text(TEXT.replace("mass = 0.0942", "mass = -1.0"))
+    assert "mass = -1.0" in refused(path)
+
+
+def test_a_mechanism_without_a_motor_is_not_driven(tmp_path: Path) -> None:
+    path = rig(tmp_path)
+    start = TEXT.index("[drive]")
+    (tmp_path / "nominal.toml").write_text(TEXT[:start] + TEXT[TEXT.index("[assembly]") :])
+    assert "has no [drive]" in refused(path)
+
+
+def test_a_run_that_follows_an_encoder_needs_one_that_moves_and_something_beside_it(tmp_path: Path) -> None:
+    fields = {"drive": "measured"}
+    still, only, none = (
+        {"crank_angle [rad]": np.full(40, 0.3), "follower_x [m]": np.sin(TIME)},
+        {"crank_angle [rad]": ANGLE},
+        {"follower_x [m]": np.sin(TIME)},
+    )
+    for columns, says in ((still, "does not move"), (only, "besides the encoder"), (none, "no column 'crank_angle'")):
+        assert says in refused(write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, columns, fields)]))
+
+
+def test_the_encoder_has_its_bodys_name(tmp_path: Path) -> None:
+    path = rig(tmp_path)
+    (tmp_path / "nominal.toml").write_text(TEXT.replace('"crank"', '"wheel"').replace("crank = 0.0", "wheel = 0.0"))
+    assert "'wheel_angle'" in refused(path)
+
+
+def test_a_lone_constant_sensor(tmp_path: Path) -> None:
+    path = write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, {"drive_torque [N.m]": np.full(40, 0.25)}, {"drive_speed": SPEED})])
+    message = refused(path)
+    assert "no usable signal" in message
+    assert "0.25 N.m throughout" in message
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "says"),
+    [("rad", 180 / np.pi, "looks like deg/s"), ("rad", 30 / np.pi, "looks like rpm"), ("rad", -1.0, "negate drive_speed"),
+     ("rad", 0.5 / np.pi, "turns per second")],
+)  # fmt: skip
+def test_a_speed_in_another_unit_contradicts_the_encoder(tmp_path: Path, column: str, factor: float, says: str) -> None:
+    rng = np.random.default_rng(1)
+    noisy = {f"crank_angle [{column}]": ANGLE + 1e-3 * rng.normal(size=40)}
+    message = refused(write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, noisy, {"drive_speed": SPEED * factor})]))
+    assert f"drive_speed = {SPEED * factor:g} rad/s" in message
+    assert says in message
+
+
+def test_degrees_that_are_called_radians_contradict_the_speed(tmp_path: Path) -> None:
+    columns = {"crank_angle [rad]": np.degrees(ANGLE) % 360}
+    assert "the column looks like degrees" in refused(write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, columns, {"drive_speed": SPEED})]))
+
+
+def test_a_speed_a_little_off_is_for_the_diagnosis_to_explain(tmp_path: Path) -> None:
+    columns = {"crank_angle [rad]": 1.1 * ANGLE}
+    assert load_measured(write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, columns, {"drive_speed": SPEED})])).runs[0].speed == SPEED
+
+
+def test_a_followed_motion_that_thinning_would_lose_is_refused(tmp_path: Path) -> None:
+    time = np.arange(2 * measured.SAMPLES + 10) * 1e-3
+    columns = {"crank_angle [rad]": np.sin(700 * time), "drive_torque [N.m]": np.cos(time)}
+    message = refused(write_measured(tmp_path, TEXT, [MeasuredRun("a", time, columns, {"drive": "measured"})]))
+    assert "cut the run into shorter ones" in message
+
+
+def test_more_rows_than_can_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(table, "CELLS", 100)
+    message = refused(rig(tmp_path))
+    assert "has 40 rows of 3 columns" in message
+    assert "keep one row in 2" in message
+
+
+@pytest.mark.slow
+def test_ten_million_rows_are_refused_at_once(tmp_path: Path) -> None:
+    path = rig(tmp_path)
+    rows = 10_000_000
+    with (tmp_path / "slow.csv").open("w") as file:
+        file.write("time [s],crank_angle [rad],follower_x [m]\n")
+        for first in range(0, rows, 100_000):
+            file.write("".join(f"{k}e-5,{k % 628}e-2,0.1\n" for k in range(first, first + 100_000)))
+    begin = clock.monotonic()
+    message = refused(path)
+    assert clock.monotonic() - begin < 10
+    assert "has 10000000 rows of 3 columns" in message
+    assert "keep one row in 3" in message
