@@ -1,8 +1,8 @@
 """How a motor turns its crank: at a commanded speed, unevenly, along a measured course, through a springy transmission.
 
 A crank on a spring lags its motor by torque / stiffness, where the torque depends on how the crank itself moves.  The
-steady motion is the fixed point of that; it is found harmonic by harmonic where the crank turns fully, on a grid of
-times elsewhere.
+steady motion is the fixed point of that; it is found as a Fourier series where the crank turns fully, on knots in time
+elsewhere.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from scipy.interpolate import CubicSpline
 from analytic.assembly import AssemblyError
 from analytic.mechanism import Drive
 
-HARMONICS = 40  # of a revolution, kept of a crank's lag
-GRID = 256  # points of a revolution, or of a stretch of time
+POINTS = 127  # of a revolution at which a lag that repeats is sought; odd, so that every harmonic has a cosine and a sine
+GRID = 256  # knots of a lag that does not repeat: at most four times as many
 SETTLED = 1e-9  # rad
 Torque = Callable[["Turning"], np.ndarray]
 
@@ -66,47 +66,56 @@ class Motor:
         return self._stretch(time, stiffness, torque)
 
     def _periodic(self, time: np.ndarray, stiffness: float, torque: Torque) -> Turning:
+        """The lag that repeats every revolution: Newton's method on its values at points of one, with Fourier derivatives."""
         period = 2 * math.pi / abs(self.speed)
-        grid = np.arange(GRID) * period / GRID
+        grid = np.arange(POINTS) * period / POINTS
         motor = self.at(grid)
-        order = np.arange(GRID // 2 + 1)
-        rate = 1j * order * 2 * math.pi / period
-        still = torque(Turning(motor.theta, motor.omega, np.zeros(GRID)))
-        inertia = float(np.mean(torque(Turning(motor.theta, motor.omega, np.ones(GRID))) - still))
-        own = stiffness + inertia * (rate**2).real  # what the mean inertia leaves of the stiffness, by harmonic
-        lag = np.zeros(order.size, complex)
-        for _ in range(60):
-            back = [np.fft.irfft(lag * rate**n, GRID) for n in range(3)]
-            needed = np.fft.rfft(torque(Turning(motor.theta - back[0], motor.omega - back[1], motor.alpha - back[2])))
-            new = np.where(order <= HARMONICS, (needed + inertia * (rate**2).real * lag) / own, 0.0)
-            change = float(np.abs(np.fft.irfft(new - lag, GRID)).max())
-            lag = new
-            if change < SETTLED:
-                break
-            if not change < 1e3:
+        rate = 2j * math.pi * np.fft.fftfreq(POINTS, 1 / POINTS) / period
+        first, second = (np.fft.ifft(np.fft.fft(np.eye(POINTS), axis=0) * rate[:, None] ** n, axis=0).real for n in (1, 2))
+        lag = np.zeros(POINTS)
+
+        def needed(back: np.ndarray, *nudge: float) -> np.ndarray:
+            theta, omega, alpha = nudge or (0.0, 0.0, 0.0)
+            return torque(Turning(motor.theta - back + theta, motor.omega - first @ back + omega, motor.alpha - second @ back + alpha))
+
+        nudges = np.diag([1e-5, 1e-5 * abs(self.speed), 1e-5 * self.speed**2])
+        for _ in range(20):
+            here = needed(lag)
+            by_theta, by_omega, by_alpha = ((needed(lag, *n) - here) / n.max() for n in nudges)
+            matrix = stiffness * np.eye(POINTS) + np.diag(by_theta) + by_omega[:, None] * first + by_alpha[:, None] * second
+            change = np.linalg.solve(matrix, here - stiffness * lag)
+            lag = lag + change
+            if not np.abs(lag).max() < math.pi:
                 raise _no_steady_motion(stiffness)
+            if np.abs(change).max() < SETTLED:
+                break
         else:
             raise _no_steady_motion(stiffness)
-        here = self.at(time)
-        wave = np.exp(np.multiply.outer(time, rate[: HARMONICS + 1])) * np.where(order[: HARMONICS + 1] == 0, 1, 2) / GRID
-        series = [(wave @ (lag * rate**n)[: HARMONICS + 1]).real for n in range(3)]
+        here, waves = self.at(time), np.fft.rfft(lag) / POINTS
+        waves[1:] *= 2
+        turns = np.exp(2j * math.pi * np.outer(time / period, np.arange(waves.size)))
+        series = [(turns @ (waves * rate[: waves.size] ** n)).real for n in range(3)]
         return Turning(here.theta - series[0], here.omega - series[1], here.alpha - series[2])
 
     def _stretch(self, time: np.ndarray, stiffness: float, torque: Torque) -> Turning:
-        grid = np.linspace(time.min(), time.max(), min(max(GRID, time.size), 8 * GRID)) if time.size > 3 else time
+        """The lag that follows the torque without swinging, on knots too far apart for the crank to swing between them."""
+        motor = self.at(time)
+        still = Turning(motor.theta, motor.omega, np.zeros(time.size))
+        inertia = float(np.abs(torque(Turning(motor.theta, motor.omega, np.ones(time.size))) - torque(still)).max())
+        span = float(np.ptp(time))
+        knots = min(4 * GRID, max(4, 1 + int(span / (5 * math.sqrt(inertia / stiffness)))))
+        grid = np.linspace(time.min(), time.max() + 1e-9 * span, knots)
         motor, here = self.at(grid), self.at(time)
-        spline: CubicSpline | None = None
-        previous = np.zeros(grid.size)
-        for _ in range(8):
-            moved = [spline(grid, n) if spline else np.zeros(grid.size) for n in range(3)]
-            lag = torque(Turning(motor.theta - moved[0], motor.omega - moved[1], motor.alpha - moved[2])) / stiffness
-            change = float(np.abs(lag - previous).max())
-            spline, previous = CubicSpline(grid, lag), lag
+        spline = CubicSpline(grid, np.zeros(knots))
+        for _ in range(30):
+            back = [spline(grid, n) for n in range(3)]
+            lag = torque(Turning(motor.theta - back[0], motor.omega - back[1], motor.alpha - back[2])) / stiffness
+            change = float(np.abs(lag - back[0]).max())
+            spline = CubicSpline(grid, lag)
             if change < SETTLED:
                 break
-            if not change < 1e3:
+            if not change < math.pi:
                 raise _no_steady_motion(stiffness)
-        assert spline is not None
         return Turning(here.theta - spline(time), here.omega - spline(time, 1), here.alpha - spline(time, 2))
 
 

@@ -52,6 +52,7 @@ def compare(
     clearance: Annotated[str | None, typer.Option(metavar="JOINT=M,...", help="Radial clearances (m) in place of the case's own.")] = None,
     angles: Annotated[str | None, typer.Option(metavar="START:STOP:STEP", help="Crank angles (deg).")] = None,
     analytic: Annotated[ModelChoice, typer.Option(help="Analytic model to hold the simulation to.")] = ModelChoice.equilibrium,
+    flexible: Annotated[bool, typer.Option("--flexible", help="Let bodies with youngs_modulus bend; with --motion static.")] = False,
     tolerance: Annotated[Path | None, typer.Option(help="Tolerance file in place of the shipped one.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the report [reports/<case>-<simulator>].")] = None,
     json: Annotated[bool, typer.Option("--json", help="Print result.json to standard output, and nothing else there.")] = False,
@@ -76,7 +77,7 @@ def compare(
 
         tolerances = load_tolerances(tolerance)
         mechanism = _mechanism(case, clearance)
-        job = _job(mechanism, simulator, joint, motion, angles, analytic, tolerances, caught)
+        job = _job(mechanism, simulator, joint, motion, angles, analytic, tolerances, caught, flexible)
         folder = _folder(out or Path("reports") / f"{file_name(mechanism.name)}-{simulator}")
         result = _run(job)
         _publish(result, folder, json)
@@ -126,12 +127,15 @@ def _job(
     analytic: ModelChoice,
     tolerances: dict[str, Any],
     caught: list[str],
+    flexible: bool,
 ) -> Job:
     from analytic.assembly import Assembly
     from compare.crosscheck import Job
     from compare.grid import FREE_TIME, default_angles, parse_angles
 
     simulators = engines_named(simulator)
+    if flexible:
+        simulators = _with_beams(simulators, simulator, mechanism, motion)
     if mechanism.drive is not None and mechanism.drive.stiffness is not None:
         warnings.warn(f"{mechanism.name}: cross-checks are rigid; drive.stiffness is left out", stacklevel=2)
         mechanism = mechanism.replace(drive=mechanism.drive.model_copy(update={"stiffness": None}))
@@ -153,7 +157,30 @@ def _job(
         model=analytic.value,
         command=shlex.join(["compare", *sys.argv[1:]]),
         warnings=tuple(caught),
+        flexible=flexible,
     )
+
+
+def _with_beams(simulators: tuple[str, ...], asked: str, mechanism: Mechanism, motion: MotionChoice) -> tuple[str, ...]:
+    """Those of the engines that bend links.  Raises OptionError or Unsupported."""
+    from compare.flexible import Beams
+    from sim_models.engine import Unsupported
+
+    if motion is not MotionChoice.static:
+        raise OptionError(f"--flexible --motion {motion}: flexible links are compared at rest; add --motion static")
+    if not any(body.youngs_modulus for body in mechanism.bodies):
+        raise OptionError(f"--flexible: no body of {mechanism.name} has a youngs_modulus (Pa); give the flexible ones theirs, and a section")
+    if asked != "all":
+        return tuple(Beams.of(name).name for name in simulators)
+    found = []
+    for name in simulators:
+        try:
+            found.append(Beams.of(name).name)
+        except Unsupported as why:
+            typer.echo(f"left out: {why}", err=True)
+    if not found:
+        raise OptionError("--flexible: no simulator that is installed bends links; run: pip install 'linkage-crosscheck[exudyn]'")
+    return tuple(found)
 
 
 def _run(job: Job) -> dict[str, Any]:

@@ -14,10 +14,11 @@ from analytic.clearance import Model
 from analytic.mechanism import Mechanism
 from compare.attribution import attribute
 from compare.discrepancy import Discrepancy, Rule, Scales, check_known, judge, known_differences
+from compare.flexible import Beams, softened
 from compare.grid import turns_fully
 from compare.runs import Failure, Resolve, simulate_all
 from compare.signals import compared, missing, with_derived, with_rotations
-from compare.yardstick import Yardstick, released_yardstick, yardstick
+from compare.yardstick import Yardstick, released_yardstick, with_flexible_links, yardstick
 from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Trace, Unsupported, engine, installed_version
 
 SCHEMA = 1
@@ -27,7 +28,10 @@ Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Y
 
 @dataclass(frozen=True)
 class Job:
-    """What to cross-check.  ``theta`` (N,) rad are the crank angles; a released linkage has ``time`` (N,) s instead."""
+    """What to cross-check.  ``theta`` (N,) rad are the crank angles; a released linkage has ``time`` (N,) s instead.
+
+    With ``flexible`` bodies that have a modulus of elasticity bend, in static motion; else all are rigid.
+    """
 
     mechanism: Mechanism
     simulators: tuple[str, ...]
@@ -40,10 +44,11 @@ class Job:
     command: str = ""
     warnings: tuple[str, ...] = ()
     workers: int = 1
+    flexible: bool = False
 
 
 def crosscheck(
-    job: Job, progress: Progress = lambda what, done, total: None, resolve: Resolve = engine, measure: Measure = yardstick
+    job: Job, progress: Progress = lambda what, done, total: None, resolve: Resolve | None = None, measure: Measure = yardstick
 ) -> dict[str, Any]:
     """Run a job; the dict is the content of result.json.
 
@@ -51,6 +56,7 @@ def crosscheck(
     SimulatorMissing, Unsupported or AssemblyError; a simulation that fails is listed under ``failures``.
     """
     check_known(job.tolerances, job.mechanism)
+    resolve = resolve or (Beams.of if job.flexible else engine)
     assembly = Assembly(job.mechanism)
     tasks = [(name, request) for name in job.simulators for request in _requests(job, assembly, name, resolve)]
     if not tasks:
@@ -98,7 +104,8 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
 def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Yardstick:
     if job.time is not None:
         return released_yardstick(assembly, job.time)
-    return measure(assembly, job.theta, job.motion, job.model, {} if ideal else job.mechanism.clearances)
+    side = measure(assembly, job.theta, job.motion, job.model, {} if ideal else job.mechanism.clearances)
+    return with_flexible_links(side, assembly, job.theta) if job.flexible else side
 
 
 def _whole(outcome: Trace | Failure, mechanism: Mechanism) -> Trace | Failure:
@@ -145,15 +152,15 @@ def _discrepancies(job: Job, side: Yardstick, trace: Trace, simulated: Mapping[s
     give, scales = _give(trace, simulated), Scales.of(side.signals, job.mechanism)
     known = known_differences(job.tolerances, job.mechanism.name, trace.simulator, trace.joint_model, trace.motion, job.model)
     theta = job.theta if job.time is None else None
-    found = []
+    rules = {}
     for name, kind in compared(job.mechanism, clearances).items():
         joint = name.removeprefix("clearance_")[:-2]
         gap = clearances.get(joint, min(clearances.values(), default=0.0))
-        rule = Rule.read(job.tolerances, trace.motion, trace.joint_model, kind, scales, give, gap)
-        one = judge(name, simulated, side.signals, rule, theta, known.get(name))
-        if one is not None:
-            found.append(one)
-    return found
+        rules[name] = Rule.read(job.tolerances, trace.motion, trace.joint_model, kind, scales, give, gap)
+    if job.flexible:
+        rules = softened(rules, side, clearances, job.mechanism)
+    judged = (judge(name, simulated, side.signals, rule, theta, known.get(name)) for name, rule in rules.items())
+    return [one for one in judged if one is not None]
 
 
 def _give(trace: Trace, simulated: Mapping[str, np.ndarray]) -> float:

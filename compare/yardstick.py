@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from analytic.assembly import Assembly
 from analytic.clearance import Model, displaced
+from analytic.compliance import compliance
+from analytic.kinematics import kinematics
+from analytic.mechanism import GROUND
 from analytic.released import released
 from compare.discrepancy import ANGULAR, difference
 from compare.signals import UNITS, compared, with_derived
@@ -20,13 +23,15 @@ from sim_models.engine import Motion
 class Yardstick:
     """Analytic signals (N,), NaN where flagged; ``ideal_angles`` (rad) are the bodies' without clearance.
 
-    ``order_difference`` says for each compared signal how far the paper's first order is from the equilibrium.
+    ``order_difference`` says for each compared signal how far the paper's first order is from the equilibrium, ``elastic`` (m) how
+    far flexible links let any of their points move at most; 0 if they are rigid.
     """
 
     signals: Mapping[str, np.ndarray]
     ideal_angles: Mapping[str, np.ndarray]
     order_difference: Mapping[str, Any]
     flags: Mapping[int, str]
+    elastic: float = 0.0
 
 
 def yardstick(assembly: Assembly, theta: np.ndarray, motion: Motion, model: Model, clearances: Mapping[str, float]) -> Yardstick:
@@ -45,6 +50,29 @@ def yardstick(assembly: Assembly, theta: np.ndarray, motion: Motion, model: Mode
             order[name] = {"unit": UNITS[kind], "max": apart.max, "rms": apart.rms, "at_crank_angle": float(theta[apart.at])}
     ideal = {body.name: found.ideal.motion.angle(body.name) for body in mechanism.bodies}
     return Yardstick(signals[model], ideal, order, found.flags)
+
+
+def with_flexible_links(side: Yardstick, assembly: Assembly, theta: np.ndarray) -> Yardstick:
+    """The paper's superposition (Fig. 7c): a side at rest with the elastic displacement of the ideal linkage (Eqs. 1-7) on top.
+
+    Reactions stay, as they change in second order only.  A link on a ground joint has its angle read there, another at its com.
+    """
+    m = assembly.mechanism
+    found = compliance(kinematics(assembly, theta, m.speed or 1.0))
+    signals = dict(side.signals)
+    for body in m.bodies:
+        moved = found.displacement(body.name)
+        at = next((j.name for j in m.joints if body.name in j.bodies and GROUND in j.bodies), "com")
+        parts = {"x": moved.real, "y": moved.imag, "angle": found.rotation(body.name, at), "rotation": found.rotation(body.name, at)}
+        signals |= {name: signals[name] + part for key, part in parts.items() if (name := f"{body.name}_{key}") in signals}
+    for joint in assembly.structure.pins:  # the joints' own springs yield too
+        first, second = (found.displacement(body, joint) for body in m.joint(joint).bodies)
+        signals |= {f"clearance_{joint}_{axis}": signals[f"clearance_{joint}_{axis}"] + part for axis, part in _axes(first - second)}
+    return replace(side, signals=signals, elastic=max(float(np.abs(found.displacement(*place)).max()) for place in found.motions))
+
+
+def _axes(vector: np.ndarray) -> tuple[tuple[str, np.ndarray], tuple[str, np.ndarray]]:
+    return ("x", vector.real), ("y", vector.imag)
 
 
 def released_yardstick(assembly: Assembly, time: np.ndarray) -> Yardstick:

@@ -27,6 +27,7 @@ from sim_models.start import Pose, poses
 ERROR_REDUCTION = 1.0  # share of a closing pin's drift that DART removes in a step: all, so that no transient lingers
 MODELS: tuple[JointModel, ...] = ("ideal", "spring-damper", "contact")
 MOTIONS: tuple[Motion, ...] = ("driven", "static")
+SETTLING = 3  # steps in which a loop that was closed without drift gets the drift that belongs to its motion
 TRIFLE = 1e-12  # kg, kg.m^2: the body between the drive's two joints where the crank's own pin has clearance
 
 
@@ -46,6 +47,7 @@ class DartWorld(PlanarWorld):
 
     def __init__(self, request: Request) -> None:
         super().__init__(request)
+        self.settling = SETTLING if request.joint_model == "ideal" else 1
         import dartpy as dart
 
         self.dart = dart
@@ -67,9 +69,7 @@ class DartWorld(PlanarWorld):
         for skeleton in self.skeletons:
             self.world.addSkeleton(skeleton)
         self.motor = self.roots[self.mechanism.driven]
-        if self.held:
-            self.motor.setActuatorType(dart.dynamics.VELOCITY)
-        self.command = 0.0
+        self.hold(self.held)
         self.bearings: dict[str, Bearing] = {}
         self.frames = {j.name: [self._frame(b, j.name) for b in j.bodies] for j in self.mechanism.joints if not j.prismatic}
         self._close()
@@ -164,9 +164,9 @@ class DartWorld(PlanarWorld):
 
     def pose(self, body: str) -> Pose:
         node = self.nodes[body]
-        return Pose(plane(node.getTransform().translation()), self._angle(body), plane(node.getLinearVelocity()), float(node.getAngularVelocity()[2]))
+        return Pose(plane(node.getTransform().translation()), self.angle(body), plane(node.getLinearVelocity()), float(node.getAngularVelocity()[2]))
 
-    def _angle(self, body: str) -> float:
+    def angle(self, body: str) -> float:
         """A body's angle (rad), summed along the tree and so never wrapped."""
         angle = 0.0
         while body != GROUND:
@@ -205,6 +205,11 @@ class DartWorld(PlanarWorld):
     def turn(self, body: str, torque: float) -> None:
         if body != GROUND:
             self.nodes[body].addExtTorque([0.0, 0.0, torque], False)
+
+    def hold(self, held: bool) -> None:
+        self.held = held
+        self.motor.setActuatorType(self.dart.dynamics.VELOCITY if held else self.dart.dynamics.FORCE)
+        self.motor.setCommand(0, 0.0)
 
     def advance(self, h: float) -> None:
         if h != self.world.getTimeStep():
@@ -283,7 +288,7 @@ class DartWorld(PlanarWorld):
 
     def nudge(self, joint: Joint, change: complex) -> None:
         """Move the linkage, the crank apart, as little as changes a joint's gap by this much (m)."""
-        turned = {body: Pose(0j, self._angle(body)) for body in joint.bodies if body != GROUND}
+        turned = {body: Pose(0j, self.angle(body)) for body in joint.bodies if body != GROUND}
         x, y = -self._pin_jacobian(joint, turned)
         row = x * change.real + y * change.imag
         if self.held:
@@ -312,7 +317,7 @@ class DartEngine:
 
     name = "dart"
     package = "dartpy"
-    effects = COMMON_EFFECTS
+    effects = COMMON_EFFECTS | {"drive_compliance"}
     supports: frozenset[tuple[JointModel, Motion]] = frozenset((model, motion) for model in MODELS for motion in MOTIONS)
 
     def simulate(self, request: Request) -> Trace:

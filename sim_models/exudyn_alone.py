@@ -4,7 +4,7 @@ model.json    bodies, loads, joints and drive, each to become an Exudyn item; ho
 expected.csv  what the cross-check got; this script writes what it gets to signals.csv and prints the largest differences
 
 SI units and rad.  reaction_<joint> is the force of the joint's first body on its second.  A body's node is at its centre
-of mass, and its points are measured from there.  What closes a joint:
+of mass, and its points are measured from there, "com" too: it is where <body>_x and <body>_y are taken.  What closes a joint:
     pin             an ideal joint (RevoluteJoint2D)
     slide           a prismatic joint, along the x axis of its two markers
     massless link   a constraint on the distance between the two pin centres, the clearance: it pulls and pushes, and on velocity
@@ -129,6 +129,7 @@ class Linkage:
             node = self.mbs.AddNode(item.Node1D(initialCoordinates=shaft[:1], initialVelocities=shaft[1:]))
             self.mbs.AddObject(item.ObjectRotationalMass1D(physicsInertia=1.0, nodeNumber=node))
             held = self.coordinate(node, 0)
+            self.sense("shaft", item.SensorNode, "Coordinates", nodeNumber=node)
         holding = item.ObjectConnectorCoordinate(markerNumbers=[self.still, held], offset=offset, velocityLevel=not self.static)
         motor = self.mbs.AddObject(holding)
         if shaft is not None:
@@ -149,9 +150,9 @@ class Linkage:
         return s
 
     def driven(self) -> Signals:
-        """Step through every stage; the signals where model.json asks for them: after some of the stages, or at crank angles."""
+        """Step through every stage; the signals after those of them for which model.json asks."""
         parts: list[Signals] = []
-        s, ahead = self.settings(), math.copysign(1.0, self.model["drive"]["offset"] if self.model["drive"] else 1.0)
+        s = self.settings()
         for begin, end, steps in self.model["stages"]:
             s.timeIntegration.startTime, s.timeIntegration.endTime, s.timeIntegration.numberOfSteps = begin, end, steps
             s.timeIntegration.minimumStepSize = (end - begin) / steps / self.model["halved"]  # where Newton's method stumbles over a contact
@@ -159,13 +160,9 @@ class Linkage:
                 sys.exit(f"Exudyn gave up between {begin} and {end} s")
             stored = {name: np.asarray(self.mbs.GetSensorStoredData(number))[bool(parts) :] for name, number in self.sensor.items()}
             parts.append(self.signals({name: values[:, 1:] for name, values in stored.items()}, next(iter(stored.values()))[:, 0]))
-        run, after = joined(parts), self.model["after_stage"]
-        if after is None:  # behind a spring the crank is not where its motor is
-            passed = np.interp(ahead * np.array(self.model["crank_angles"]), np.maximum.accumulate(ahead * run["crank_angle"]), run["time"])
-            found = {name: np.interp(passed, run["time"], values) for name, values in run.items()}
-        else:
-            last = np.array([0, *np.cumsum([part["time"].size for part in parts]) - 1])  # row of the start, and the last of every stage
-            found = {name: values[last[after]] for name, values in run.items()}
+        run = joined(parts)
+        last = np.array([0, *np.cumsum([part["time"].size for part in parts]) - 1])  # row of the start, and the last of every stage
+        found = {name: values[last[self.model["after_stage"]]] for name, values in run.items()}
         return found | {"time": found["time"] - (found["time"][0] if self.model["drive"] else 0.0)}
 
     def equilibria(self) -> Signals:
@@ -190,13 +187,16 @@ class Linkage:
         """All signals, from the sensors.  A constraint's force has one sign in Exudyn's static solver, the other in its dynamic one."""
         sign, crank = 1.0 if self.static else -1.0, self.model["crank"]
         out = {"crank_angle": seen[f"place {crank}"][:, 2], "time": time, "drive_torque": np.zeros(time.size)}
+        if "shaft" in seen:  # behind a spring the crank is not where its motor is asked to be
+            out["crank_angle"] = seen["shaft"][:, 0]
         if self.motor is not None:
             out["drive_torque"] = seen["drive"][:, 0] * (1.0 if "shaft" in self.model["drive"] else sign)
         centre, turn = {"ground": np.zeros(1, complex)}, {"ground": np.ones(1, complex)}  # the plane's vectors are complex, x + iy
         for body in self.bodies:
             (x, y, angle), rate = seen[f"place {body}"].T, seen[f"speed {body}"][:, 2]
-            out |= {f"{body}_x": x, f"{body}_y": y, f"{body}_angle": angle, f"{body}_angular_velocity": rate}
             centre[body], turn[body] = x + 1j * y, np.exp(1j * angle)
+            com = centre[body] + complex(*self.points[body]["com"]) * turn[body]
+            out |= {f"{body}_x": com.real, f"{body}_y": com.imag, f"{body}_angle": angle, f"{body}_angular_velocity": rate}
         for name, joint in self.joints.items():
             first, second = (centre[body] + complex(*self.points[body][name]) * turn[body] for body in joint["bodies"])
             value, how, gap = seen[f"force {name}"], joint["closed_by"], first - second

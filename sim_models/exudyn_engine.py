@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,15 +32,16 @@ from sim_models.engine import (
 )
 from sim_models.exudyn_equilibria import Equilibria, Inertia
 from sim_models.exudyn_linkage import Linkage
-from sim_models.exudyn_model import MINIMUM_IMPACT_SPEED, contact_restitution, silence
+from sim_models.exudyn_model import MINIMUM_IMPACT_SPEED, contact_restitution, joint_creep
+from sim_models.exudyn_motor import INSTANT, SETTLING, Motor
 from sim_models.exudyn_record import Judge, Record, join
-from sim_models.start import Schedule, poses, schedule, substeps
+from sim_models.exudyn_settings import silence
+from sim_models.exudyn_steady import steady_start
+from sim_models.start import Course, poses, schedule, substeps
 
 TURN_PER_STEP = 2e-3  # rad of crank angle in a step, at most
 SWING_PER_STEP = 5e-4  # rad, of a released linkage's time scale: it has no motor to keep its phase
 STEPS_PER_PERIOD = 40  # of the lighter link on a contact's stiffness, or hanging on a massless link
-INSTANT = 1e-9  # s, the first step of a run: its start is read with consistent reactions
-STENCIL = 1e-3  # rad of crank angle, for the yield of a compliant drive
 
 
 class Exudyn:
@@ -54,8 +56,9 @@ class Exudyn:
         """Run one request.
 
         ``steady`` starts in the equilibrium of the same joint model under loads and inertia forces, moving as that
-        equilibrium moves with the crank.  With a compliant drive angles are the driven body's, not the motor's.  Raises
-        SimulationError, Unsupported or AssemblyError.
+        equilibrium moves with the crank.  Requested angles and courses are the motor's; with a compliant drive the crank lags
+        by torque / stiffness, and ``steady`` is :func:`sim_models.exudyn_steady.crank_behind`.  Links are rigid: flexible ones
+        are asked for from :func:`sim_models.exudyn_beams.flexible`.  Raises SimulationError, Unsupported or AssemblyError.
         """
         check_supported(self, request)
         _check_request(request)
@@ -78,9 +81,13 @@ ENGINE = Exudyn()
 def _check_request(request: Request) -> None:
     m = request.mechanism
     moving = request.motion == "driven"
-    if moving and m.drive is not None and m.drive.speed == "measured":
-        raise Unsupported(f"{m.name}: exudyn does not follow a measured drive; give drive.speed in rad/s, or 'free'")
-    if moving and m.speed is None:
+    measured = m.drive is not None and m.drive.speed == "measured"
+    if request.course is not None:
+        if not moving or (m.speed is None and not measured):
+            raise Unsupported(f"{m.name}: a course is for a driven run of a drive that is not free")
+    elif moving and measured:
+        raise Unsupported(f"{m.name}: a measured drive follows a course; give Request.course, or drive.speed in rad/s")
+    elif moving and m.speed is None:
         if request.time is None or not request.time.size or request.time.min() < 0:
             raise Unsupported(f"{m.name}: a released linkage is asked for by time (s, from 0 on); give Request.time")
     elif not request.crank_angle.size:
@@ -103,14 +110,12 @@ class Run:
         self.clearance = self.m.clearances if request.joint_model != "ideal" else {}
         compliant = self.clearance if request.joint_model in ("spring-damper", "contact") else {}
         self.contact = {name: contact_parameters(self.m, self.m.joint(name), request.motion) for name in compliant}
-        spring = self.m.drive is not None and self.m.drive.stiffness is not None and request.motion == "driven"
-        stiffness = {name: law.stiffness for name, law in self.contact.items()}
-        self.judge = Judge(self.m, self.clearance, stiffness, self.m.speed if spring else None)
+        self.judge = Judge(self.m, self.clearance, {name: law.stiffness for name, law in self.contact.items()})
 
     def trace(self) -> Trace:
         if self.request.motion == "static":
             return self.static()
-        return self.released() if self.m.speed is None else self.driven()
+        return self.driven() if self.request.course is not None or self.m.speed is not None else self.released()
 
     # ---------------------------------------------------------------- motions
 
@@ -122,67 +127,75 @@ class Run:
         return self.report(found.rows(np.argsort(order)), found)
 
     def driven(self) -> Trace:
+        motor, passing, time = self.follow() if self.request.course is not None else self.turn()
+        order = np.argsort(passing, kind="stable")
+        if self.m.drive is not None and self.m.drive.stiffness is not None:
+            self.judge = replace(self.judge, motor=motor)
+        linkage, longest = self.launch(motor)
+        history, marks = self.march(linkage, passing[order], longest, motor)
+        self.check(self.judge.energy(history), self.judge.in_assembly_mode(history, self.assembly))
+        return self.report(history.rows(marks[np.argsort(order)]), history.rows(slice(int(marks[0]), None)), time, longest)
+
+    def turn(self) -> tuple[Motor, np.ndarray, np.ndarray]:
+        """A motor of constant speed, when (s) in the run it passes each requested angle, and when after the first of them."""
         plan = schedule(self.request)
-        back = np.argsort(plan.order)
         start = float(plan.theta[0]) - math.copysign(self.request.lead_in, plan.speed)
         self.assembly.path(min(start, *plan.theta), max(start, *plan.theta))  # refuses a change point on the way
-        linkage, longest = self.launch(start, plan.speed)
-        if linkage.compliant:
-            history = self.chase(linkage, plan, start, longest)
-            passed = np.maximum.accumulate(math.copysign(1.0, plan.speed) * history.angle[self.m.driven])
-            time = np.interp(math.copysign(1.0, plan.speed) * plan.theta, passed, history.time)
-            sampled, first = history.at(time), int(np.searchsorted(history.time, time[0]))
-            time -= time[0]
-        else:
-            history, marks = self.march(linkage, plan.time + self.request.lead_in / abs(plan.speed), longest)
-            sampled, first, time = history.rows(marks), int(marks[0]), plan.time
-        self.check(self.judge.energy(history), self.judge.in_assembly_mode(history, self.assembly))
-        return self.report(sampled.rows(back), history.rows(slice(first, None)), time[back], longest)
+        time = plan.time[np.argsort(plan.order)]
+        return Motor.at_speed(start, plan.speed), time + self.request.lead_in / abs(plan.speed), time
+
+    def follow(self) -> tuple[Motor, np.ndarray, np.ndarray]:
+        """A motor on a course, when (s) in the run each report is wanted, and when on the course."""
+        course, time = Course.of(self.request), np.asarray(self.request.time, float)
+        motor = Motor.along(course)
+        self.assembly.path(*motor.range)
+        return motor, time - course.spline.x[0] + motor.begins, time
 
     def released(self) -> Trace:
         time = np.asarray(self.request.time, float)
         order = np.argsort(time, kind="stable")
-        linkage, longest = self.launch(self.assembly.start, 0.0)
+        linkage, longest = self.launch(None)
         history, marks = self.march(linkage, time[order], longest)
         self.check(self.judge.energy(history))
         return self.report(history.rows(marks[np.argsort(order)]), history, time, longest)
 
     # ---------------------------------------------------------------- start
 
-    def launch(self, theta: float, speed: float) -> tuple[Linkage, float]:
-        """The linkage ready to go from crank angle theta (rad), and its longest step (s)."""
-        r = self.request
-        inertia = None if speed else self.release_accelerations()
-        stiffness = self.m.drive.stiffness if self.m.drive is not None and speed else None
+    def launch(self, motor: Motor | None) -> tuple[Linkage, float]:
+        """The linkage ready to go, and its longest step (s)."""
+        r, m = self.request, self.m
         pressing: dict[str, float] = {}
-        if not stiffness and (not self.clearance or r.start == "centred"):
-            start, wind_up = poses(self.assembly, theta, speed or r.start_speed), 0.0
-        else:
-            resting = r if r.start == "steady" else Request(self.m.with_clearances({}), motion="driven")
-            equilibria = Equilibria(resting, self.assembly, speed, inertia)
-            if speed and self.clearance and r.start == "steady":
-                equilibria = Equilibria(resting, self.assembly, speed, moving_as=equilibria)
-            here = equilibria.at(theta)
+        inertia = None if motor else self.release_accelerations()
+        theta = float(motor.angle(0.0)) if motor else self.assembly.start
+        start = poses(self.assembly, theta, float(motor.rate(0.0)) if motor else r.start_speed)
+        stiffness = m.drive.stiffness if m.drive is not None and motor else None
+        if stiffness is not None or (self.clearance and r.start == "steady"):
+            resting = r if r.start == "steady" else Request(m.with_clearances({}), motion="driven")
+            equilibria = Equilibria(resting, self.assembly, 0.0, joint_creep(motor))
+            if motor:
+                start, here = steady_start(equilibria, motor, stiffness)
+            else:
+                here = equilibria.at(theta, inertia)
+                gaps = {name: complex(here.gap[name][0]) for name in self.clearance}
+                start = poses(self.assembly, theta, r.start_speed, lambda _: gaps)
             pressing = {name: abs(force[0]) for name, force in here.force.items()}
-            wind_up, crank_speed = 0.0, speed or r.start_speed
-            if stiffness:  # the crank lags by torque / stiffness, and its speed by how the torque changes
-                before, after = (equilibria.at(theta + k * STENCIL).drive_torque[0] for k in (-1, 1))
-                wind_up = here.drive_torque[0] / stiffness
-                crank_speed = speed / (1 + (after - before) / (2 * STENCIL * stiffness))
-            start = poses(self.assembly, theta, crank_speed, equilibria.gaps)
-        linkage = Linkage(self.m, r.joint_model, "driven", "turning" if speed else "free", start, speed=speed, wind_up=wind_up)
-        return linkage, r.step or self.longest_step(linkage, speed, inertia, pressing)
+        linkage = Linkage(m, r.joint_model, "driven", start, motor=motor)
+        return linkage, r.step or self.longest_step(linkage, motor, inertia, pressing)
 
     def release_accelerations(self) -> Inertia:
         """Accelerations of the ideal linkage as it is let go at rest."""
-        linkage = Linkage(self.m, "ideal", "driven", "free", poses(self.assembly, self.assembly.start))
+        linkage = Linkage(self.m, "ideal", "driven", poses(self.assembly, self.assembly.start))
         self.advance(linkage, 0.0, INSTANT, 1)
         found = linkage.accelerations()
         return Inertia({name: a for name, (a, _) in found.items()}, {name: w for name, (_, w) in found.items()})
 
-    def longest_step(self, linkage: Linkage, speed: float, inertia: Inertia | None, pressing: Mapping[str, float]) -> float:
-        rate = abs(speed) if inertia is None else max(math.sqrt(abs(w)) for w in inertia.angular.values())
-        steps = [(TURN_PER_STEP if inertia is None else SWING_PER_STEP) / max(rate, 1.0)]
+    def longest_step(self, linkage: Linkage, motor: Motor | None, inertia: Inertia | None, pressing: Mapping[str, float]) -> float:
+        if motor is None:
+            assert inertia is not None
+            rate = max(math.sqrt(abs(w)) for w in inertia.angular.values())
+            steps = [SWING_PER_STEP / max(rate, 1.0)]
+        else:
+            steps = [TURN_PER_STEP / max(motor.top_speed, 1.0), motor.longest_step]
         for name, clearance in linkage.clearance.items():
             stiffness = linkage.stiffness(name) if self.request.joint_model != "massless-link" else pressing[name] / clearance
             steps.append(2 * math.pi * math.sqrt(lighter_mass(self.m, self.m.joint(name)) / stiffness) / STEPS_PER_PERIOD)
@@ -190,34 +203,29 @@ class Run:
 
     # ---------------------------------------------------------------- stepping
 
-    def march(self, linkage: Linkage, times: np.ndarray, longest: float) -> tuple[Record, np.ndarray]:
+    def march(self, linkage: Linkage, times: np.ndarray, longest: float, motor: Motor | None = None) -> tuple[Record, np.ndarray]:
         """Integrate from 0 through all times (s, sorted): every step, and the row of each time."""
-        parts = [self.advance(linkage, 0.0, INSTANT, 1).rows(slice(0, 1))]
-        marks, clock, last = [], INSTANT, 0
-        for end in times:
-            if end > clock:
-                count, _ = substeps(end - clock, longest)
-                parts.append(self.advance(linkage, clock, float(end), count).rows(slice(1, None)))
-                clock, last = float(end), last + parts[-1].time.size
-            marks.append(last)
-        return join(parts), np.array(marks)
+        parts, clock = [self.advance(linkage, 0.0, INSTANT, 1).rows(slice(0, 1))], INSTANT
+        onward, stops = motor is not None and not motor.steady, np.unique(times)
+        if motor is not None and onward:
+            parts, clock = [self.advance(linkage, clock, motor.begins, 0).rows(slice(1, None))], motor.begins
+            stops = np.union1d(times, motor.knots_between(times, longest))
+        ends, rows = [clock], [0]
+        for end in stops[stops > clock]:
+            if onward and end - clock > 10 * SETTLING:
+                self.advance(linkage, clock, clock + SETTLING, 0)
+                clock += SETTLING
+            count, _ = substeps(end - clock, longest)
+            parts.append(self.advance(linkage, clock, float(end), count, onward).rows(slice(1, None)))
+            clock = float(end)
+            ends.append(clock)
+            rows.append(rows[-1] + parts[-1].time.size)
+        return join(parts), np.array(rows)[np.searchsorted(ends, times)]
 
-    def chase(self, linkage: Linkage, plan: Schedule, start: float, longest: float) -> Record:
-        """Integrate until the driven body of a compliant drive has passed every angle."""
-        ahead = math.copysign(1.0, plan.speed)
-        chunk = max(abs(plan.theta[-1] - start), 0.1) / abs(plan.speed) / 20
-        parts: list[Record] = []
-        while not parts or ahead * (parts[-1].angle[self.m.driven][-1] - plan.theta[-1]) < 0:
-            if len(parts) > 60:
-                raise self.failure("the driven body falls ever farther behind its motor (drive.stiffness)")
-            clock = len(parts) * chunk
-            count, _ = substeps(chunk, longest)
-            parts.append(self.advance(linkage, clock, clock + chunk, count).rows(slice(1 if parts else 0, None)))
-        return join(parts)
-
-    def advance(self, linkage: Linkage, begin: float, end: float, count: int) -> Record:
-        if not linkage.advance(begin, end, count):
-            raise self.failure(f"the integrator gave up between {begin:.6g} and {end:.6g} s (step {(end - begin) / count:.3g} s)")
+    def advance(self, linkage: Linkage, begin: float, end: float, count: int, onward: bool = False) -> Record:
+        """Integrate in ``count`` steps, or settle in one (count 0)."""
+        if not (linkage.advance(begin, end, count, onward) if count else linkage.settle(begin, end)):
+            raise self.failure(f"the integrator gave up between {begin:.6g} and {end:.6g} s (step {(end - begin) / max(count, 1):.3g} s)")
         record = linkage.history()
         self.check(self.judge.finite(record), self.judge.joined(record))
         return record

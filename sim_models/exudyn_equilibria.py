@@ -9,14 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.assembly import Assembly
-from analytic.mechanism import GROUND
+from analytic.mechanism import GROUND, Joint
 from sim_models.engine import Request, SimulationError
 from sim_models.exudyn_linkage import Linkage
 from sim_models.exudyn_record import Record
 from sim_models.start import Pose, poses
 
 NO_LOAD = 1e-9  # of the largest reaction: a smaller one has no direction
-STENCIL = 1e-3  # rad of crank angle, for accelerations
 
 Loads = tuple[dict[str, complex], dict[str, float], dict[str, float]]  # force at each com (N), torque on each body (N.m), force along each slide (N)
 
@@ -30,31 +29,30 @@ class Inertia:
 
 
 class Equilibria:
-    """Equilibria of a joint model with the crank held, at rest or (d'Alembert) with the inertia forces of its motion.
+    """Equilibria of a joint model with the crank held, at rest or (d'Alembert) with the inertia forces of a motion.
 
-    Friction and dampers are evaluated on the ideal linkage's motion at the same crank angle; so are inertia forces in a
-    first pass, and in a second, ``moving_as`` that first one, on the motion with its gaps.  ``inertia``, if given,
-    replaces both.  From the ideal linkage's reactions rods are placed, from theirs the real joints.
+    Friction and dampers are evaluated on the ideal linkage's motion at the same crank angle, its crank at ``speed`` (rad/s)
+    unless told otherwise; friction fades below ``creep`` (rad/s), as in a run.  From the ideal linkage's reactions rods are
+    placed, from theirs the real joints.
     """
 
-    def __init__(
-        self, request: Request, assembly: Assembly, speed: float, inertia: Inertia | None = None, moving_as: Equilibria | None = None
-    ) -> None:
+    def __init__(self, request: Request, assembly: Assembly, speed: float, creep: float = 0.0) -> None:
         m = request.mechanism
-        self.request, self.m, self.assembly, self.speed, self.inertia = request, m, assembly, speed, inertia
+        self.request, self.m, self.assembly, self.speed, self.creep = request, m, assembly, speed, creep
         home = poses(assembly, assembly.start)
-        self.ideal = Linkage(m, "ideal", "static", "held", home)
-        self.moving_as = moving_as
-        self._found: dict[float, dict[str, complex]] = {}
+        self.ideal = Linkage(m, "ideal", "static", home, held=True)
         self.clearance = m.clearances if request.joint_model != "ideal" else {}
         self.rods = self.real = self.ideal
         if self.clearance:
-            self.rods = Linkage(m, "massless-link", "static", "held", home)
-            self.real = Linkage(m, request.joint_model, "static", "held", home, contact_for=request.motion)
+            self.rods = Linkage(m, "massless-link", "static", home, held=True)
+            self.real = Linkage(m, request.joint_model, "static", home, held=True, contact_for=request.motion)
 
-    def at(self, theta: float) -> Record:
-        """Equilibrium at a crank angle (rad), a record of one instant.  Raises SimulationError."""
-        loads = self._loads(theta)
+    def at(self, theta: float, inertia: Inertia | None = None, speed: float | None = None) -> Record:
+        """Equilibrium at a crank angle (rad), a record of one instant.  Raises SimulationError.
+
+        With ``inertia`` the linkage moves: its inertia forces act, and its dampers.
+        """
+        loads = self._loads(theta, inertia, self.speed if speed is None else speed)
         ideal = self._solve(self.ideal, theta, {}, loads)
         if not self.clearance:
             return ideal
@@ -76,13 +74,6 @@ class Equilibria:
             gaps[name] = (clearance + abs(force) / linkage.stiffness(name)) * force / abs(force)
         return gaps
 
-    def gaps(self, theta: float) -> dict[str, complex]:
-        """Gap (m) of every joint with clearance at a crank angle (rad)."""
-        if theta not in self._found:
-            found = self.at(theta)
-            self._found[theta] = {name: complex(found.gap[name][0]) for name in self.clearance}
-        return self._found[theta]
-
     def _solve(self, linkage: Linkage, theta: float, gaps: Mapping[str, complex], loads: Loads) -> Record:
         linkage.place(poses(self.assembly, theta, gaps=lambda _: gaps))
         linkage.load_bodies(*loads)
@@ -96,21 +87,20 @@ class Equilibria:
             "use a smaller clearance, leave the angle out, or run it driven with start 'centred'"
         )
 
-    def _loads(self, theta: float) -> Loads:
+    def _loads(self, theta: float, inertia: Inertia | None, speed: float) -> Loads:
         """Weight, inertia, friction and damping: force and torque on every body, force along every slide."""
-        moving = self.inertia is not None or (self.request.motion == "driven" and self.speed != 0)
-        inertia = self.inertia or (self._inertia(theta) if moving else None)
+        moving = inertia is not None
         force, torque = {}, {}
         for b in self.m.bodies:
             acceleration, turning = (inertia.linear[b.name], inertia.angular[b.name]) if inertia else (0j, 0.0)
             force[b.name] = b.mass * (complex(*self.m.gravity) - acceleration)
             torque[b.name] = -b.moment_of_inertia * turning
         slide = {}
-        rate = self._rates(theta) if any(j.coulomb or (moving and j.damping) for j in self.m.joints) else {}
+        rate = self._rates(theta, speed) if any(j.coulomb or (moving and j.damping) for j in self.m.joints) else {}
         for j in self.m.joints:
             law = 0.0
             if rate:
-                law = -j.coulomb * float(np.sign(rate[j.name])) - (j.damping * rate[j.name] if moving else 0.0)
+                law = -j.coulomb * self._direction(j, rate[j.name]) - (j.damping * rate[j.name] if moving else 0.0)
             if j.prismatic:
                 slide[j.name] = law
             else:
@@ -119,9 +109,14 @@ class Equilibria:
                         torque[body] += sign * law
         return force, torque, slide
 
-    def _rates(self, theta: float) -> dict[str, float]:
+    def _direction(self, joint: Joint, rate: float) -> float:
+        """Sign of a joint's rate, or the part of it that friction has reached."""
+        creep = self.creep * (self.ideal.size if joint.prismatic else 1.0)
+        return float(np.clip(rate / creep, -1.0, 1.0)) if creep else float(np.sign(rate))
+
+    def _rates(self, theta: float, speed: float) -> dict[str, float]:
         """Relative angular velocity (rad/s), or speed along the slide (m/s), of every joint of the ideal linkage."""
-        moving = poses(self.assembly, theta, self.speed) | {GROUND: Pose(0j, 0.0)}
+        moving = poses(self.assembly, theta, speed) | {GROUND: Pose(0j, 0.0)}
         rates = {}
         for j in self.m.joints:
             a, b = (moving[body] for body in j.bodies)
@@ -132,16 +127,4 @@ class Equilibria:
                 offset = b.origin + arms[1] - a.origin
                 slip = b.velocity + 1j * b.angular_velocity * arms[1] - a.velocity - 1j * a.angular_velocity * offset
                 rates[j.name] = float((slip * np.conj(along)).real)
-        return {name: 0.0 if abs(rate) < 1e-9 * abs(self.speed) else rate for name, rate in rates.items()}
-
-    def _inertia(self, theta: float) -> Inertia:
-        """Accelerations at constant speed, by central differences: of the ideal linkage, or with the first pass's gaps."""
-        gaps = self.moving_as.gaps if self.moving_as else lambda _: {}
-        before, after = (poses(self.assembly, theta + k * STENCIL, self.speed, gaps) for k in (-1, 1))
-        linear, angular = {}, {}
-        for b in self.m.bodies:
-            p, q = before[b.name], after[b.name]
-            v, w = (s.velocity + 1j * s.angular_velocity * b.centre * np.exp(1j * s.angle) for s in (p, q))
-            linear[b.name] = (w - v) / (2 * STENCIL) * self.speed
-            angular[b.name] = (q.angular_velocity - p.angular_velocity) / (2 * STENCIL) * self.speed
-        return Inertia(linear, angular)
+        return {name: 0.0 if abs(rate) < 1e-9 * abs(speed) else rate for name, rate in rates.items()}

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from analytic.mechanism import Body, Joint
-from sim_models.engine import Request
+from analytic.mechanism import MASS_CENTRE, Body, Joint
+from sim_models.engine import Request, Unsupported
 from sim_models.export_files import expected, lines
 from sim_models.exudyn_engine import Run
 from sim_models.exudyn_equilibria import Equilibria
 from sim_models.exudyn_linkage import HALVED, Linkage
+from sim_models.exudyn_motor import Motor
 from sim_models.exudyn_record import Record
 
 CONTACT = (
@@ -31,7 +32,12 @@ PARAMETERS = {  # what closes a joint: the numbers that make it, by Exudyn's nam
 
 
 def export(request: Request, folder: Path) -> list[Path]:
-    """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError."""
+    """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError.
+
+    Raises Unsupported for a course: the script's motor has a constant speed.
+    """
+    if request.course is not None:
+        raise Unsupported(f"{request.mechanism.name}: a course is not exported; ask for crank angles at a constant drive.speed")
     run = _Remembered(request)
     trace = run.trace()
     linkage, motion = _at_rest(run) if request.motion == "static" else _moving(run)
@@ -59,29 +65,26 @@ class _Remembered(Run):
     def __init__(self, request: Request) -> None:
         super().__init__(request)
         self.stages: list[tuple[float, float, int, int]] = []
-        self.marks: np.ndarray | None = None
+        self.marks = np.zeros(0, int)
 
-    def launch(self, theta: float, speed: float) -> tuple[Linkage, float]:
-        self.linkage, longest = super().launch(theta, speed)
+    def launch(self, motor: Motor | None) -> tuple[Linkage, float]:
+        self.linkage, longest = super().launch(motor)
         self.stages.clear()  # those that led to the start
         return self.linkage, longest
 
-    def advance(self, linkage: Linkage, begin: float, end: float, count: int) -> Record:
-        record = super().advance(linkage, begin, end, count)
+    def advance(self, linkage: Linkage, begin: float, end: float, count: int, onward: bool = False) -> Record:
+        record = super().advance(linkage, begin, end, count, onward)
         self.stages.append((begin, end, count, record.time.size))
         return record
 
-    def march(self, linkage: Linkage, times: np.ndarray, longest: float) -> tuple[Record, np.ndarray]:
-        history, self.marks = super().march(linkage, times, longest)
+    def march(self, linkage: Linkage, times: np.ndarray, longest: float, motor: Motor | None = None) -> tuple[Record, np.ndarray]:
+        history, self.marks = super().march(linkage, times, longest, motor)
         return history, self.marks
 
 
 def _moving(run: _Remembered) -> tuple[Linkage, dict[str, Any]]:
     """The linkage of a run in time, its stages, and after which of them it is read (0: at the start)."""
     plan: dict[str, Any] = {"halved": HALVED, "stages": [stage[:3] for stage in run.stages], "after_stage": None}
-    if run.marks is None:
-        theta = np.sort(run.request.crank_angle)
-        return run.linkage, plan | {"crank_angles": (theta if (run.m.speed or 0.0) > 0 else theta[::-1]).tolist()}
     last = np.cumsum([0, *(size - 1 for *_, size in run.stages[1:])])  # row that ends a stage; of the first, an instant, its start is kept
     after = np.searchsorted(last, run.marks)
     return run.linkage, plan | {"after_stage": (after + (after > 0)).tolist()}
@@ -113,7 +116,7 @@ def _parts(link: Linkage) -> dict[str, Any]:
         "ground": {"points": {name: _pair(m.ground.point(name)) for name in m.ground.points}},
         "bodies": {body.name: _body(link, body) for body in m.bodies},
         "loads": [
-            *({"body": b.name, "point": "com", "force": [b.mass * g for g in m.gravity], "torque": 0.0} for b in m.bodies),
+            *({"body": b.name, "point": MASS_CENTRE, "force": [b.mass * g for g in m.gravity], "torque": 0.0} for b in m.bodies),
             *({"body": load.body, "point": load.point, "force": load.force, "torque": load.torque} for load in m.loads),
         ],
         "joints": {joint.name: _joint(link, joint) for joint in m.joints},
@@ -128,7 +131,7 @@ def _body(link: Linkage, body: Body) -> dict[str, Any]:
         "inertia": body.moment_of_inertia,
         "start": node["initialCoordinates"].tolist(),
         "rates": node["initialVelocities"].tolist(),
-        "points": {name: _pair(body.point(name) - body.point("com")) for name in (*body.points, "com")},
+        "points": {name: _pair(body.point(name) - body.centre) for name in (*body.points, "com", MASS_CENTRE)},
     }
 
 

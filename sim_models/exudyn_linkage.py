@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from analytic.mechanism import GROUND
-from sim_models.exudyn_model import Model, gap_at, point_at, quiet_settings, static_settings
+from analytic.mechanism import GROUND, MASS_CENTRE
+from sim_models.exudyn_model import Model, gap_at, point_at
 from sim_models.exudyn_record import Record, locate
+from sim_models.exudyn_settings import quiet_settings, static_settings
 from sim_models.start import Pose
 
 HALVED = 256  # a step that Newton's method only manages when shorter than this part of it has failed
@@ -27,7 +28,7 @@ class Linkage(Model):
         """Put the bodies in these poses, the held crank included, as the guess of the next static solution."""
         coordinates = []
         for body in self.m.bodies:
-            com = point_at(self.m, start, body.name, "com")
+            com = point_at(self.m, start, body.name, MASS_CENTRE)
             coordinates += [com.real, com.imag, start[body.name].angle]
         self.mbs.systemData.SetODE2Coordinates(coordinates, self.exu.ConfigurationType.Initial)
         self.mbs.SetObjectParameter(self._drive, "offset", start[self.m.driven].angle)
@@ -65,17 +66,36 @@ class Linkage(Model):
 
     # ---------------------------------------------------------------- motion
 
-    def advance(self, begin: float, end: float, steps: int) -> bool:
+    def advance(self, begin: float, end: float, steps: int, onward: bool = False) -> bool:
         """Integrate from time ``begin`` to ``end`` (s) and go on from there; False if a step fails.
 
         Trapezoidal rule with constraints on velocity (index 2): no numerical damping, and a constraint on speed is exact.
         Steps are equal but for those that Newton's method, stumbling over a contact's kink, only manages when halved.
+        ``onward`` starts with the accelerations of the step before; otherwise Exudyn computes them, for a motor at constant speed.
+        A course's reactions are then off by what Newton's method leaves of the jerk, unless it is told to leave less.
         """
         settings = quiet_settings()
         time = settings.timeIntegration
+        time.generalizedAlpha.computeInitialAccelerations = not onward
+        if onward:
+            time.newton.relativeTolerance, time.newton.absoluteTolerance = 1e-12, self.residual
+        time.adaptiveStep, time.minimumStepSize = True, (end - begin) / steps / HALVED
+        return self._integrate(settings, begin, end, steps)
+
+    def settle(self, begin: float, end: float) -> bool:
+        """One short step to the accelerations that a motor's course asks for, whatever they were; False if it fails.
+
+        With Newmark's gamma of 1 they are the step's change of velocity, and owe nothing to the ones before.
+        """
+        settings = quiet_settings()
+        newmark = settings.timeIntegration.generalizedAlpha
+        newmark.newmarkBeta, newmark.newmarkGamma, newmark.computeInitialAccelerations = 0.5, 1.0, False
+        return self._integrate(settings, begin, end, 1)
+
+    def _integrate(self, settings: Any, begin: float, end: float, steps: int) -> bool:
+        time = settings.timeIntegration
         time.startTime, time.endTime, time.numberOfSteps = begin, end, steps
         time.generalizedAlpha.useIndex2Constraints = time.generalizedAlpha.useNewmark = True
-        time.adaptiveStep, time.minimumStepSize = True, (end - begin) / steps / HALVED
         time.discontinuous.useRecommendedStepSize = False
         try:
             return bool(self.mbs.SolveDynamic(settings, updateInitialValues=True, storeSolver=False))
@@ -129,4 +149,5 @@ class Linkage(Model):
             else:
                 force[joint.name] = -(value[:, 0] + 1j * value[:, 1])
         torque = np.zeros(time.size) if self._drive is None else raw["drive"][:, 0] * (1.0 if self.compliant else multiplier)
-        return Record(time, com, angle, velocity, turning, gap, force, moment, torque)
+        marker = {body: locate(self.m, com, angle, body, "com") for body in com}
+        return Record(time, com, marker, angle, velocity, turning, gap, force, moment, torque)

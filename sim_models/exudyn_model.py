@@ -8,61 +8,21 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from typing import Any, Literal
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
-from analytic.mechanism import GROUND, Joint, Mechanism
+from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 from sim_models.contact_laws import PIN_RADIUS, KelvinVoigt, contact_parameters, lighter_mass, restitution
 from sim_models.engine import JointModel, Motion
+from sim_models.exudyn_motor import Motor
 from sim_models.start import Pose
-
-DriveMode = Literal["held", "turning", "free"]
 
 ROD_STIFFNESS = 1e10  # N/m of the static massless link: Exudyn's static Newton knows no geometric stiffness of a constraint
 MINIMUM_IMPACT_SPEED = 1e-2  # m/s: slower touches are damped as one of this speed
 CONTACT_CREEP = 1e-3  # m/s, sliding speed below which contact friction falls to zero
-JOINT_CREEP = 1e-3  # of the drive's speed (a free drive: 1 rad/s), below which a joint's Coulomb friction falls to zero
-
-
-@contextmanager
-def silence() -> Iterator[None]:
-    """Keep Exudyn from printing, and leave its global settings as they were."""
-    import exudyn
-
-    before = exudyn.config.printToConsole, exudyn.config.suppressWarnings
-    exudyn.config.printToConsole, exudyn.config.suppressWarnings = False, True
-    try:
-        yield
-    finally:
-        exudyn.config.printToConsole, exudyn.config.suppressWarnings = before
-
-
-def static_settings(tolerance: float) -> Any:
-    """Exudyn's settings for a static solution in one go, to a residual of ``tolerance`` (N)."""
-    settings = quiet_settings()
-    solver = settings.staticSolver
-    solver.useLoadFactor = solver.adaptiveStep = False
-    solver.newton.maxIterations = 100
-    solver.newton.relativeTolerance = 1e-12
-    solver.newton.absoluteTolerance = tolerance
-    solver.discontinuous.maxIterations = 20
-    solver.discontinuous.ignoreMaxIterations = False
-    return settings
-
-
-def quiet_settings() -> Any:
-    """Exudyn's settings without files or messages."""
-    import exudyn
-
-    settings = exudyn.SimulationSettings()
-    settings.solution.file.write = False
-    settings.solution.sensors.writePeriod = 0.0
-    settings.staticSolver.verboseMode = settings.timeIntegration.verboseMode = 0
-    settings.linearSolver.showCausingItems = False
-    return settings
+JOINT_CREEP = 1e-3  # of the drive's top speed (a free drive: 1 rad/s), below which a joint's Coulomb friction falls to zero
 
 
 def contact_restitution(mechanism: Mechanism, joint: Joint, law: KelvinVoigt) -> float:
@@ -86,9 +46,9 @@ def hysteresis(e: float) -> float:
 class Model:
     """A mechanism assembled as an Exudyn system, in a given pose; ``static`` and ``driven`` differ in joint laws and drive.
 
-    ``start`` are the bodies' poses and rates; ``speed`` (rad/s) is the motor's and ``wind_up`` (rad) how far it is ahead
-    of the driven body at first.  Joints with clearance get the joint model, all others are ideal; ``contact_for`` says
-    whose contact parameters an equilibrium uses that a driven run starts from.
+    ``start`` are the bodies' poses and rates; ``motor`` turns the crank, or one end of the spring of a compliant drive whose
+    other end is the crank; without one the linkage is held or free.  Joints with clearance get the joint model, all others
+    are ideal; ``contact_for`` says whose contact parameters an equilibrium uses that a driven run starts from.
     """
 
     def __init__(
@@ -96,12 +56,11 @@ class Model:
         mechanism: Mechanism,
         joint_model: JointModel,
         motion: Motion,
-        drive: DriveMode,
         start: Mapping[str, Pose],
         *,
+        held: bool = False,
         contact_for: Motion | None = None,
-        speed: float = 0.0,
-        wind_up: float = 0.0,
+        motor: Motor | None = None,
     ) -> None:
         import exudyn
         import exudyn.itemInterface as items
@@ -124,13 +83,18 @@ class Model:
         self._com_torque: dict[str, Any] = {}
         for body in mechanism.bodies:
             self._add_body(body.name, start[body.name])
-        self.creep = JOINT_CREEP * (abs(speed) or 1.0)
+        self.creep = joint_creep(motor)
         self._add_loads()
         for joint in mechanism.joints:
             self._add_joint(joint, start)
             self._add_joint_law(joint)
-        self._add_drive(drive, start, speed, wind_up)
+        self._add_drive(held, start, motor)
         self.mbs.Assemble()
+
+    @property
+    def size(self) -> float:
+        """Length (m) of the longest body."""
+        return max(body.length for body in self.m.bodies)
 
     def stiffness(self, joint: str) -> float:
         """Stiffness (N/m) of a joint with clearance once its gap is taken up."""
@@ -143,7 +107,7 @@ class Model:
 
     def _add_body(self, name: str, pose: Pose) -> None:
         body = self.m.body(name)
-        arm = body.point("com") * cmath.exp(1j * pose.angle)
+        arm = body.point(MASS_CENTRE) * cmath.exp(1j * pose.angle)
         com, velocity = pose.origin + arm, pose.velocity + 1j * pose.angular_velocity * arm
         node = self.mbs.AddNode(
             self.items.NodeRigidBody2D(
@@ -164,7 +128,7 @@ class Model:
 
     def _marker(self, body: str, point: str, turn: float = 0.0) -> Any:
         """Marker at a body's point, its x axis turned by ``turn`` (rad) in the body."""
-        z = self.m.body(body).point(point) - (0 if body == GROUND else self.m.body(body).point("com"))
+        z = self.m.body(body).point(point) - (0 if body == GROUND else self.m.body(body).point(MASS_CENTRE))
         c, s = math.cos(turn), math.sin(turn)
         place = np.array([[c, -s, 0, z.real], [s, c, 0, z.imag], [0, 0, 1, 0], [0, 0, 0, 1]])
         number = self._ground if body == GROUND else self._body[body]
@@ -172,7 +136,7 @@ class Model:
 
     def _add_loads(self) -> None:
         for body in self.m.bodies:
-            com = self._marker(body.name, "com")
+            com = self._marker(body.name, MASS_CENTRE)
             weight = [body.mass * g for g in self.m.gravity]
             self._com_force[body.name] = self.mbs.AddLoad(self.items.LoadForceVector(markerNumber=com, loadVector=[*weight, 0.0]))
             self._com_torque[body.name] = self.mbs.AddLoad(self.items.LoadTorqueVector(markerNumber=com, loadVector=[0.0, 0.0, 0.0]))
@@ -269,7 +233,7 @@ class Model:
     def _add_slide_law(self, joint: Joint, damping: float, friction: float) -> None:
         from exudyn.utilities import CreateSymbolicUserFunction
 
-        symbolic, creep = self.exu.symbolic, self.creep * max(body.length for body in self.m.bodies)
+        symbolic, creep = self.exu.symbolic, self.creep * self.size
         markers = [self._marker(body, joint.name, cmath.phase(joint.direction) if k == 0 else 0.0) for k, body in enumerate(joint.bodies)]
         number = self.mbs.AddObject(
             self.items.ObjectConnectorLinearSpringDamper(
@@ -288,27 +252,42 @@ class Model:
         self._slide[joint.name] = number
         self._sense(f"law {joint.name}", self.items.SensorObject, "ForceLocal", objectNumber=number)
 
-    def _add_drive(self, drive: DriveMode, start: Mapping[str, Pose], speed: float, wind_up: float) -> None:
+    def _add_drive(self, held: bool, start: Mapping[str, Pose], motor: Motor | None) -> None:
         self._drive, self.compliant = None, False
-        if drive == "free":
+        if not held and motor is None:
             return
         connector = self.items.ObjectConnectorCoordinate
         crank = self._coordinate(self._node[self.m.driven], 2)
-        if drive == "held":
+        if motor is None:
             self._drive = self.mbs.AddObject(connector(markerNumbers=[self._fixed, crank], offset=start[self.m.driven].angle))
-        elif self.m.drive is None or self.m.drive.stiffness is None:
-            self._drive = self.mbs.AddObject(connector(markerNumbers=[self._fixed, crank], offset=speed, velocityLevel=True))
         else:
-            angle = start[self.m.driven].angle + wind_up
-            shaft = self.mbs.AddNode(self.items.Node1D(initialCoordinates=[angle], initialVelocities=[speed]))
-            self.mbs.AddObject(self.items.ObjectRotationalMass1D(physicsInertia=1.0, nodeNumber=shaft))
-            motor = self._coordinate(shaft, 0)
-            self.mbs.AddObject(connector(markerNumbers=[self._fixed, motor], offset=speed, velocityLevel=True))
-            self._drive = self.mbs.AddObject(
-                self.items.ObjectConnectorCoordinateSpringDamper(markerNumbers=[crank, motor], stiffness=self.m.drive.stiffness)
-            )
-        self.compliant = drive == "turning" and self.m.drive is not None and self.m.drive.stiffness is not None
+            stiffness = self.m.drive.stiffness if self.m.drive is not None else None
+            self.compliant = stiffness is not None
+            turned = self._add_shaft(motor) if self.compliant else crank
+            speed = {"offset": float(motor.rate(0.0))} if motor.steady else {"offsetUserFunction_t": _called(motor)}
+            self._drive = self.mbs.AddObject(connector(markerNumbers=[self._fixed, turned], velocityLevel=True, **speed))
+            if self.compliant:
+                spring = self.items.ObjectConnectorCoordinateSpringDamper
+                self._drive = self.mbs.AddObject(spring(markerNumbers=[crank, turned], stiffness=stiffness))
         self._sense("drive", self.items.SensorObject, "Force", objectNumber=self._drive)
+
+    def _add_shaft(self, motor: Motor) -> Any:
+        """The motor's shaft, whose inertia its prescribed motion makes immaterial; marker of its angle."""
+        angle, speed = float(motor.angle(0.0)), float(motor.rate(0.0))
+        shaft = self.mbs.AddNode(self.items.Node1D(initialCoordinates=[angle], initialVelocities=[speed]))
+        self.mbs.AddObject(self.items.ObjectRotationalMass1D(physicsInertia=1.0, nodeNumber=shaft))
+        return self._coordinate(shaft, 0)
+
+
+def _called(motor: Motor) -> Callable[[Any, float, int, float], float]:
+    """A motor's speed as Exudyn asks for it."""
+    speed = motor.speed_function()
+    return lambda mbs, t, item, offset: speed(t)
+
+
+def joint_creep(motor: Motor | None) -> float:
+    """Angular velocity (rad/s) of a joint below which its Coulomb friction falls to zero."""
+    return JOINT_CREEP * ((motor.top_speed if motor else 0.0) or 1.0)
 
 
 def point_at(mechanism: Mechanism, start: Mapping[str, Pose], body: str, point: str) -> complex:

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from analytic.assembly import Assembly
-from analytic.mechanism import GROUND, Body, Joint, Mechanism
+from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism
+from sim_models.exudyn_motor import Motor
 from sim_models.start import poses
 
 OPEN_LOOP = 1e-4  # of the largest link: gap at an ideal joint beyond which a run is garbage
@@ -24,7 +25,8 @@ class Record:
     """What the sensors saw at M instants.  Complex numbers are x + iy in the ground frame."""
 
     time: np.ndarray  # s (M,)
-    com: Mapping[str, np.ndarray]  # m (M,) complex, by body
+    com: Mapping[str, np.ndarray]  # m (M,) complex, by body: its centre of mass
+    marker: Mapping[str, np.ndarray]  # m (M,) complex, by body: where its position is read
     angle: Mapping[str, np.ndarray]  # rad (M,)
     velocity: Mapping[str, np.ndarray]  # m/s (M,) complex
     angular_velocity: Mapping[str, np.ndarray]  # rad/s (M,)
@@ -51,8 +53,8 @@ class Record:
     def signals(self) -> dict[str, np.ndarray]:
         """Every signal of a Trace, by name."""
         out = {"drive_torque": self.drive_torque}
-        for body, com in self.com.items():
-            out |= {f"{body}_x": com.real, f"{body}_y": com.imag}
+        for body, marker in self.marker.items():
+            out |= {f"{body}_x": marker.real, f"{body}_y": marker.imag}
             out |= {f"{body}_angle": self.angle[body], f"{body}_angular_velocity": self.angular_velocity[body]}
         for quantity, vectors in (("reaction", self.force), ("clearance", self.gap)):
             for joint, vector in vectors.items():
@@ -82,7 +84,7 @@ def locate(m: Mechanism, com: Mapping[str, np.ndarray], angle: Mapping[str, np.n
     """Path (m, (M,) complex) of a body's named point."""
     if body == GROUND:
         return np.full_like(next(iter(com.values())), m.ground.point(point))
-    return com[body] + (m.body(body).point(point) - m.body(body).point("com")) * np.exp(1j * angle[body])
+    return com[body] + (m.body(body).point(point) - m.body(body).point(MASS_CENTRE)) * np.exp(1j * angle[body])
 
 
 def travel(m: Mechanism, record: Record, joint: Joint) -> np.ndarray:
@@ -100,13 +102,13 @@ def travel(m: Mechanism, record: Record, joint: Joint) -> np.ndarray:
 class Judge:
     """The checks that a record must pass; each answers with what is wrong, or None.
 
-    ``stiffness`` (N/m) is that of each compliant contact, ``motor`` the speed (rad/s) of a motor behind a spring.
+    ``stiffness`` (N/m) is that of each compliant contact, ``motor`` turns the crank through a spring.
     """
 
     mechanism: Mechanism
     clearance: Mapping[str, float]
     stiffness: Mapping[str, float]
-    motor: float | None = None
+    motor: Motor | None = None
 
     def finite(self, record: Record) -> str | None:
         """Divergence."""
@@ -143,7 +145,7 @@ class Judge:
         for b in self.mechanism.bodies:
             kinetic += b.mass / 2 * np.abs(record.velocity[b.name]) ** 2 + b.moment_of_inertia / 2 * record.angular_velocity[b.name] ** 2
         stored = self._stored(record)
-        power = record.drive_torque * (record.angular_velocity[self.mechanism.driven] if self.motor is None else self.motor)
+        power = record.drive_torque * (record.angular_velocity[self.mechanism.driven] if self.motor is None else self.motor.rate(record.time))
         supplied = np.concatenate([[0.0], np.cumsum(np.diff(record.time) * (power[1:] + power[:-1]) / 2)])
         surplus = kinetic + stored - supplied
         created = surplus - np.minimum.accumulate(surplus)

@@ -10,7 +10,8 @@ What closes a joint:
     massless link   a bar between the two pin centres, as long as the clearance: it pulls and pushes
     spring-damper   a cord between them, as long as the clearance; beyond it stretches with K and C, and it never pushes
     contact         a journal in a bearing: one contact point where the circles touch, handed to MuJoCo's contact solver
-The motor is an armature so heavy that no reaction changes the crank's speed.
+The motor is an armature so heavy that no reaction changes its speed.  One that follows a course, a piecewise cubic in start.json, is
+pushed by an actuator whose activation is the acceleration, and put where it belongs at the end of every stage.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ class Linkage:
         for field, values in self.start["after_compiling"].items():
             getattr(self.model, field)[:] = values
         self.data = mujoco.MjData(self.model)
+        self.motor, self.course = self.model.joint(self.start["motor"]).id, self.start["course"]
 
     def pins(self, joint: str) -> list[complex]:
         """Centres of a joint's pin on its first and on its second body."""
@@ -112,15 +114,15 @@ class Linkage:
 
     def signals(self, forces: Forces, velocity: np.ndarray, friction: Mapping[str, float]) -> dict[str, float]:
         """All signals.  Forces in the joints of the tree follow from Newton's and Euler's equations, body by body, tips first."""
-        model, data, motor = self.model, self.data, self.model.joint(self.start["motor"]).id
-        out = {"crank_angle": data.qpos[motor], "time": data.time, "drive_torque": -model.dof_armature[motor] * data.qacc[motor]}
+        model, data = self.model, self.data
+        out = {"crank_angle": data.qpos[self.motor], "time": data.time, "drive_torque": 0.0}
         force_on, moment_on = dict.fromkeys(("ground", *self.bodies), 0j), dict.fromkeys(("ground", *self.bodies), 0.0)
 
         def act(body: str, force: complex, at: complex, torque: float = 0.0) -> None:
             force_on[body] += force
             moment_on[body] += torque + (at.conjugate() * force).imag  # about the ground's origin
 
-        for i in range(model.nu):  # loads are actuators of constant force
+        for i in range(model.nu - bool(self.course)):  # loads are actuators of constant force
             site, (fx, fy, *_, torque) = model.actuator_trnid[i, 0], model.actuator_gear[i]
             act(model.body(model.site_bodyid[site]).name, complex(fx, fy), complex(*data.site_xpos[site, :2]), torque)
         for joint, (force, at) in forces.items():
@@ -133,18 +135,23 @@ class Linkage:
             number, acceleration = model.body(body).id, np.zeros(6)
             mujoco.mj_objectAcceleration(model, data, mujoco.mjtObj.mjOBJ_BODY, number, acceleration, 0)  # gravity is in it
             com, hinges = complex(*data.xipos[number, :2]), [model.joint(name).id for name in how["hinges"]]
-            out[f"{body}_x"], out[f"{body}_y"] = com.real, com.imag
+            out[f"{body}_x"], out[f"{body}_y"] = data.site_xpos[model.site(f"marker of {body}").id, :2]
             out[f"{body}_angle"], out[f"{body}_angular_velocity"] = how["twist"] + data.qpos[hinges].sum(), velocity[hinges].sum()
             inertia = model.body_mass[number] * complex(*acceleration[3:5])
             force = inertia - force_on[body]
             moment = model.body_inertia[number, 2] * acceleration[2] + (com.conjugate() * inertia).imag - moment_on[body]
             joint = how["joint"]
-            if joint is None:  # only joints with clearance hold this body
-                continue
-            act(how["parent"], -force, 0j, -moment)
-            sign, at = 1 if self.joints[joint]["bodies"][1] == body else -1, self.pins(joint)[1]
-            out[f"reaction_{joint}_x"], out[f"reaction_{joint}_y"] = sign * force.real, sign * force.imag
-            out[f"reaction_{joint}_moment"] = sign * (moment - (at.conjugate() * force).imag)
+            if joint is not None:  # else only joints with clearance hold this body
+                act(how["parent"], -force, 0j, -moment)
+                sign, at = 1 if self.joints[joint]["bodies"][1] == body else -1, self.pins(joint)[1]
+                moment -= (at.conjugate() * force).imag
+                out[f"reaction_{joint}_x"], out[f"reaction_{joint}_y"] = sign * force.real, sign * force.imag
+                out[f"reaction_{joint}_moment"] = sign * moment
+                moment -= sign * (self.own_torque(joint) + friction.get(joint, 0.0))
+            if body == self.start["driven"]:  # what turns it beside joint forces and the joint's own law
+                out["drive_torque"] = moment
+        if self.course:
+            out["crank_angle"] = out[f"{self.start['driven']}_angle"]
         for joint, how in self.joints.items():
             gap = self.pins(joint)[0] - self.pins(joint)[1] if how["clearance"] else 0j
             out[f"clearance_{joint}_x"], out[f"clearance_{joint}_y"] = gap.real, gap.imag
@@ -157,19 +164,57 @@ class Linkage:
         """
         model, data, start = self.model, self.data, self.start
         data.time, data.qpos[:], data.qvel[:] = start["time"], start["qpos"], start["qvel"]
+        half = 0.5 if start["half_step"] else 0.0  # semi-implicit Euler holds velocities half a step older than its positions
+        time, lag = data.time, 0.0
+        self.place(time, lag)
         self.evaluate()
-        lag = 0.5 if start["half_step"] else 0.0  # semi-implicit Euler holds velocities half a step older than its positions
-        data.qvel[:] -= lag * model.opt.timestep * data.qacc
         for steps, model.opt.timestep, asked in start["stages"]:
-            for _ in range(steps):
+            data.qvel[:] += (lag - half * model.opt.timestep) * data.qacc
+            lag = half * model.opt.timestep
+            for _ in self.pushes(time, steps):
                 if self.contacts:
                     self.first_half()
                     mujoco.mj_step2(model, data)
                 else:
                     mujoco.mj_step(model, data)
+            time += steps * model.opt.timestep
+            self.place(time, lag)
             forces = self.evaluate()
             if asked:
-                yield self.signals(forces, data.qvel + lag * model.opt.timestep * data.qacc, {})
+                yield self.signals(forces, data.qvel + lag * data.qacc, {})
+
+    def along(self, time: np.ndarray | float, order: int = 0) -> np.ndarray:
+        """The motor's angle on its course at these times, or the angle's derivative of that order."""
+        knots, pieces = np.array(self.course["times"]), np.array(self.course["cubics"])  # highest power first, from each piece's first time
+        piece = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(pieces) - 1)
+        cubic = pieces[piece].T
+        for _ in range(order):
+            cubic = cubic[:-1] * np.arange(len(cubic) - 1, 0, -1).reshape((-1,) + (1,) * (cubic.ndim - 1))
+        return np.polyval(cubic, time - knots[piece])
+
+    def place(self, time: float, lag: float) -> None:
+        """Put a motor that follows a course where it belongs, its velocity being ``lag`` older."""
+        if self.course:
+            self.data.qpos[self.motor], self.data.act[0], self.data.ctrl[-1] = self.along(time), self.along(time, 2), 0.0
+            self.data.qvel[self.motor] = self.along(time, 1) - lag * self.along(time, 2)
+
+    def pushes(self, time: float, steps: int) -> Iterator[None]:
+        """Set, before each step, what keeps a motor on its course: an acceleration, or two, at either end of the step."""
+        if not self.course:
+            yield from [None] * steps
+            return
+        h = self.model.opt.timestep
+        times = time + h * np.arange(-1, steps + 1)
+        x, v = self.along(times), self.along(times[1:], 1)
+        if self.start["half_step"]:  # each velocity is that between two positions
+            self.data.qvel[self.motor] = (x[1] - x[0]) / h
+            push, change = np.diff(x, 2) / h**2, np.zeros(steps)
+        else:  # the cubic with the course's angle and rate at either end
+            mean = np.diff(x[1:]) / h
+            push, change = (6 * mean - 4 * v[:-1] - 2 * v[1:]) / h, (6 * (v[:-1] + v[1:]) - 12 * mean) / h**2
+        for k in range(steps):
+            self.data.act[0], self.data.ctrl[-1] = push[k], change[k]
+            yield
 
     def static(self) -> Iterator[dict[str, float]]:
         """The signals of each equilibrium.  That it is one is MuJoCo's word: the largest acceleration it finds there is printed."""

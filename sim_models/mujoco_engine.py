@@ -12,7 +12,8 @@ from sim_models.engine import COMMON_EFFECTS, JOINT_MODELS, JointModel, Motion, 
 class MujocoEngine:
     """MuJoCo.  Joints with clearance follow any of the four joint models, in driven and static motion.
 
-    With a drive that yields, the requested crank angles are the motor's.
+    With a drive that yields, the requested crank angles, or the course, are the motor's.  Where these repeat themselves with each
+    revolution, so does the crank of an ideal linkage from the start; else it starts where its motor's motion nearby has it.
     """
 
     name = "mujoco"

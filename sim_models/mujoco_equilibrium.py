@@ -15,7 +15,8 @@ import numpy as np
 
 from analytic.assembly import Assembly
 from sim_models.engine import Request, SimulationError
-from sim_models.mujoco_model import Contact, Linkage
+from sim_models.mujoco_laws import Contact
+from sim_models.mujoco_model import Linkage
 from sim_models.mujoco_state import contact_rows, gap, joint_forces, signals, touch
 from sim_models.start import poses
 
@@ -70,11 +71,10 @@ def balance(link: Linkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Ma
 
 @dataclass(frozen=True)
 class Rest:
-    """A state without transients: coordinates (nq,), forces of all constraint rows (nefc,), torque of the motor (N.m)."""
+    """A state without transients: coordinates (nq,), forces of all constraint rows (nefc,)."""
 
     q: np.ndarray
     force: np.ndarray
-    torque: float
 
 
 def rest(link: Linkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]) -> Rest | None:
@@ -120,19 +120,19 @@ def rest(link: Linkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mappi
                     every[row + 1] = -slip[name] * link.mechanism.joint(name).friction * every[row]
             link.data.qacc[:] = a
             mujoco.mj_rnePostConstraint(link.model, link.data)
-            return Rest(q, every, float((here.load - here.push.T @ force)[link.motor]))
+            return Rest(q, every)
     return None
 
 
 class Equilibria:
     """Equilibria of a request's mechanism, near the crank angle theta (rad).
 
-    ``step`` (s) sets how rigid the rigid rows are; ``speed`` (rad/s) gives friction its direction.  ``forces`` are the
+    ``step`` (s) sets how rigid the rigid rows are; ``direction`` (sign of the drive's motion, 0 at rest) that of friction.  ``forces`` are the
     sizes (N) of the ideal linkage's reactions at the joints with clearance, as last asked for.
     """
 
-    def __init__(self, request: Request, assembly: Assembly, laws: Mapping[str, Contact], speed: float, theta: float, step: float) -> None:
-        self.request, self.mechanism, self.assembly, self.laws, self.speed = request, request.mechanism, assembly, laws, speed
+    def __init__(self, request: Request, assembly: Assembly, laws: Mapping[str, Contact], direction: float, theta: float, step: float) -> None:
+        self.request, self.mechanism, self.assembly, self.laws, self.direction = request, request.mechanism, assembly, laws, direction
         pose = poses(assembly, theta)
         rows = "spring" if request.joint_model == "spring-damper" else request.joint_model
         self.ideal = Linkage(self.mechanism, {}, "ideal", pose, step, friction=False)
@@ -145,9 +145,9 @@ class Equilibria:
 
     def slip(self, theta: float) -> dict[str, float]:
         """Sign of each joint's relative velocity, second body less first, as the drive turns the ideal linkage."""
-        if not any(j.coulomb or j.friction for j in self.mechanism.joints):
+        if self.direction == 0 or not any(j.coulomb or j.friction for j in self.mechanism.joints):
             return {j.name: 0.0 for j in self.mechanism.joints}
-        link, h = self.ideal, math.copysign(1e-4, self.speed)
+        link, h = self.ideal, math.copysign(1e-4, self.direction)
         back, ahead = (link.vector(link.coordinates(poses(self.assembly, theta + side * h))) for side in (-1, 1))
         rates = {j.name: float(link.vector(link.across(j)) @ (ahead - back)) / abs(2 * h) for j in self.mechanism.joints}
         return {name: math.copysign(1.0, w) if abs(w) > STANDSTILL else 0.0 for name, w in rates.items()}
@@ -155,7 +155,7 @@ class Equilibria:
     def signals(self, link: Linkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:
         """All signals of the equilibrium that was found last."""
         friction = {j.name: -j.coulomb * slip[j.name] for j in self.mechanism.joints}
-        return signals(link, joint_forces(link, found.force), friction, found.torque)
+        return signals(link, joint_forces(link, found.force), friction)
 
     def reactions(self, theta: float, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> dict[str, complex]:
         """Reactions (N) of the ideal linkage at the joints with clearance, in this state of motion."""

@@ -77,6 +77,7 @@ def _meaning(link: Linkage) -> dict[str, Any]:
     """What the names in the model stand for."""
     return {
         "motor": "drive:motor" if link.compliant else link.mechanism.driven,
+        "driven": link.driven or None,
         "half_step": link.stepped,
         "bodies": {
             b.body.name: {
@@ -119,7 +120,10 @@ def _closed_by(link: Linkage, joint: Joint) -> str:
 def _stages(run: Run) -> tuple[Linkage, dict[str, Any]]:
     """The model of a run that steps, its start, and its steps."""
     record = run.record
-    return record.link, {"time": record.time, "qpos": record.q.tolist(), "qvel": record.v.tolist(), "stages": record.stages}
+    state = {"time": record.time, "qpos": record.q.tolist(), "qvel": record.v.tolist()}
+    spline = None if run.course is None else run.course.spline
+    course = None if spline is None else {"times": spline.x.tolist(), "cubics": spline.c.T.tolist()}
+    return record.link, {**state, "course": course, "stages": record.stages}
 
 
 def _equilibria(run: Run) -> tuple[Linkage, dict[str, Any]]:
@@ -132,7 +136,7 @@ def _equilibria(run: Run) -> tuple[Linkage, dict[str, Any]]:
     link = Linkage(run.mechanism, run.laws, run.request.joint_model, poses(run.assembly, theta[0]), STATIC_STEP, friction=False)
     for con in link.touch.values():
         con.friction = np.zeros(5)
-    return link, {"equilibria": [_state(near, at) for at in theta]}
+    return link, {"course": None, "equilibria": [_state(near, at) for at in theta]}
 
 
 def _state(near: Equilibria, theta: float) -> dict[str, Any]:

@@ -14,7 +14,6 @@ linear form of the hinges.  Loads are actuators of constant force, fixed in the 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -25,6 +24,8 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Body, Joint, Mechanism
 from sim_models.contact_laws import PIN_RADIUS
+from sim_models.mujoco_laws import Contact
+from sim_models.mujoco_tree import Branch, spanning_tree
 from sim_models.start import Pose
 
 MOTOR_INERTIA = 1e9  # kg.m^2 of armature: so much that no reaction changes a motor's speed
@@ -39,70 +40,20 @@ CONTACT_ROWS = (ROW.mjCNSTR_CONTACT_FRICTIONLESS, ROW.mjCNSTR_CONTACT_ELLIPTIC)
 
 
 @dataclass(frozen=True)
-class Contact:
-    """Law of a clearance joint: stiffness (N/m) and damping (N.s/m), or ``hard``: period/2 pi (s) and damping ratio of a bounce.
+class Part:
+    """What the balance of one body needs, by MuJoCo's numbers."""
 
-    A hard contact counts from ``margin`` (m) before the rim: a pressed pin would otherwise flicker between in and out.
-    """
-
-    stiffness: float
-    damping: float
-    hard: tuple[float, float] | None = None
-    margin: float = 0.0
-
-    @property
-    def words(self) -> str:
-        """The law in words."""
-        if self.hard is None:
-            return "max(0, K d + C d') outside the gap"
-        return f"hard, bounces in {math.pi * self.hard[0]:.3g} s at damping ratio {self.hard[1]:.3g}"
-
-
-@dataclass(frozen=True)
-class Branch:
-    """How a body hangs in the tree: on a parent by a joint, or floating (no joint)."""
-
-    body: Body
+    name: str
     parent: str
-    joint: Joint | None
-
-    @property
-    def is_second(self) -> bool:
-        """Whether the body is its joint's second."""
-        return self.joint is not None and self.joint.bodies[1] == self.body.name
-
-
-def spanning_tree(mechanism: Mechanism, cut: set[str]) -> tuple[list[Branch], list[Joint]]:
-    """Branches, parents first, and the ideal joints that are left to close loops; joints named in ``cut`` join nothing."""
-    part = {name: name for name in (GROUND, *(b.name for b in mechanism.bodies))}
-    drive = mechanism.drive_joint
-    edges, closing = [], []
-    for joint in sorted(mechanism.joints, key=lambda j: (not j.prismatic, j.name != drive.name, GROUND not in j.bodies)):
-        if joint.name in cut and joint.name != drive.name:
-            continue
-        a, b = (part[name] for name in joint.bodies)
-        if a == b:
-            closing.append(joint)
-        else:
-            edges += [joint] if joint.name not in cut else []  # a drive joint with clearance leaves the crank floating, its angle a coordinate
-            part = {name: b if p == a else p for name, p in part.items()}
-    branches: list[Branch] = []
-    placed = {GROUND}
-    roots = [mechanism.driven] if drive.name in cut else []
-    waiting = roots + [b.name for b in mechanism.bodies if b.name not in roots]
-    while waiting:
-        via = next((j for j in edges if len(placed & set(j.bodies)) == 1), None)
-        if via is None or (waiting[0] in roots):
-            child, parent, via = waiting[0], GROUND, None
-        else:
-            edges.remove(via)
-            parent, child = sorted(via.bodies, key=lambda name: name not in placed)
-        body = mechanism.body(child)
-        assert isinstance(body, Body)
-        branches.append(Branch(body, parent, via))
-        placed.add(child)
-        waiting.remove(child)
-    return branches, closing
+    joint: str  # in the tree; empty for a floating body
+    sign: float  # 1 if the body is the joint's second, else -1
+    slides: bool
+    number: int
+    marker: int  # site
+    mass: float  # kg
+    inertia: float  # kg.m^2
+    twist: float  # rad
+    form: np.ndarray  # angle less twist, over qpos
 
 
 def _numbers(*values: float) -> str:
@@ -117,8 +68,9 @@ class Linkage:
     """MuJoCo's model and data of a mechanism, and how to talk to them in the mechanism's words.
 
     ``contacts`` names the joints that are not ideal; ``rows`` what closes them.  ``pose`` is the reference pose, ``step``
-    (s) the longest step, ``hold`` whether a motor sets the driven body's angle.  With ``rows="spring"`` the spring-damper
-    also pulls: a smooth stand-in, to find where the real one rests.
+    (s) the longest step, ``hold`` whether a motor sets the driven body's angle, ``follows`` whether along a course: its last actuator
+    then gives it the acceleration (rad/s^2) that is its activation.  With ``rows="spring"`` the spring-damper also pulls: a
+    smooth stand-in, to find where the real one rests.
     """
 
     def __init__(
@@ -130,11 +82,13 @@ class Linkage:
         step: float,
         hold: bool = True,
         friction: bool = True,
+        follows: bool = False,
     ) -> None:
         self.mechanism, self.contacts, self.rows, self.pose = mechanism, contacts, rows, pose
         self.branches, self.closing = spanning_tree(mechanism, set(contacts))
-        self.compliant = hold and mechanism.speed is not None and mechanism.drive is not None and mechanism.drive.stiffness is not None
-        self.hold, self.friction, self.step = hold, friction, step
+        self.stiffness = (mechanism.drive.stiffness or 0.0) if hold and mechanism.drive is not None and mechanism.drive.speed != "free" else 0.0
+        self.compliant = self.stiffness > 0  # N.m/rad between motor and crank
+        self.hold, self.friction, self.step, self.follows = hold, friction, step, follows
         self.stepped = rows in ("spring-damper", "contact")  # semi-implicit Euler: what is stiff allows no larger step, and RK4 four times the work
         self.place = {GROUND: Pose(0j, 0.0), **pose}
         self.forms, self.twist = self._angles()
@@ -172,7 +126,7 @@ class Linkage:
 <worldbody>{self._places(GROUND)}{self._children(GROUND)}{self._motor()}</worldbody>
 <tendon>{self._links()}{"".join(self._law(j) for j in m.joints)}{self._drive_spring()}</tendon>
 <equality>{closed}{self._bars()}</equality>
-<actuator>{"".join(self._load(i) for i in range(len(m.loads)))}</actuator>
+<actuator>{"".join(self._load(i) for i in range(len(m.loads)))}{self._course()}</actuator>
 </mujoco>"""
 
     def coordinates(self, pose: Mapping[str, Pose], branches: list[Branch] | None = None) -> dict[str, float]:
@@ -240,7 +194,7 @@ class Linkage:
         text = "".join(f'<site name="{j.name}:{name}" pos="{_xy(body.point(j.name))}"/>' for j in pins)
         loads = {i: _xy(body.point(load.point)) for i, load in enumerate(self.mechanism.loads) if load.body == name}
         text += "".join(f'<site name="load{i}" pos="{at}"/>' for i, at in loads.items())
-        text += '<site name="world"/>' if name == GROUND else ""
+        text += '<site name="world"/>' if name == GROUND else f'<site name="marker of {name}" pos="{_xy(body.point("com"))}"/>'
         touching = {j.name: _xy(body.point(j.name)) for j in pins if j.name in self.contacts and self.rows == "contact"}
         return text + "".join(f'<geom name="{n}:{name}" size="0.01" pos="{at}" contype="0" conaffinity="0"/>' for n, at in touching.items())
 
@@ -252,10 +206,10 @@ class Linkage:
         return f'<body name="drive:motor"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>{hinge}</body>'
 
     def _drive_spring(self) -> str:
-        if not self.compliant or self.mechanism.drive is None:
+        if not self.compliant:
             return ""
         crank = f'<joint joint="{self.mechanism.driven}" coef="1"/><joint joint="drive:motor" coef="-1"/>'
-        return f'<fixed name="drive:spring" stiffness="{self.mechanism.drive.stiffness!r}" springlength="0">{crank}</fixed>'
+        return f'<fixed name="drive:spring" stiffness="{self.stiffness!r}" springlength="0">{crank}</fixed>'
 
     def _links(self) -> str:
         if self.rows == "contact":
@@ -283,6 +237,10 @@ class Linkage:
         gear = _numbers(*load.force, 0, 0, 0, load.torque)
         return f'<general name="load{i}" site="load{i}" refsite="world" gear="{gear}" biastype="affine" biasprm="1 0 0"/>'
 
+    def _course(self) -> str:
+        joint = "drive:motor" if self.compliant else self.mechanism.driven
+        return f'<general name="drive:course" joint="{joint}" dyntype="integrator" gainprm="{MOTOR_INERTIA!r}"/>' if self.follows else ""
+
     # ---------------------------------------------------------------- numbers that MJCF has no attribute for
 
     def _name_things(self) -> None:
@@ -290,15 +248,31 @@ class Linkage:
         self.names = [m.joint(i).name for i in range(m.njnt)]  # every joint has one coordinate: qpos and qvel have the same index
         self.index = {name: i for i, name in enumerate(self.names)}
         self.sites = {j.name: (m.site(f"{j.name}:{j.bodies[0]}").id, m.site(f"{j.name}:{j.bodies[1]}").id) for j in joints}
+        self.driven = self.mechanism.driven if self.hold else ""
         self.body_id = {b.name: m.body(b.name).id for b in self.mechanism.bodies}
         self.motor = self.index["drive:motor" if self.compliant else self.mechanism.driven] if self.hold else -1
+        self.pins = [j.name for j in joints if not j.prismatic]
         self.form = {b: self.vector(form) for b, form in self.forms.items()}
         self.laws = {j.name: m.tendon(f"law:{j.name}").id for j in joints if j.coulomb or j.damping or j.stiffness}
+
+        bars = self.contacts if self.rows in ("massless-link", "spring") else ()
+        self.row_id = {name: m.equality(name).id for name in (*(j.name for j in self.closing), *bars)}  # of equalities
+        self.load_sites = [m.site(f"load{i}").id for i in range(len(self.mechanism.loads))]
+        self.outward = [self._part(b) for b in reversed(self.branches)]  # tips first
 
         self.size = max(b.length for b in self.mechanism.bodies) or 1.0  # m
         self.touching: list[str] = []  # joints in contact, in the order of MuJoCo's contacts
         self.radii = {n: (j.clearance, (j.pin_radius or PIN_RADIUS) + j.clearance) for n in self.contacts for j in [self.mechanism.joint(n)]}
         self.friction_forms = {j.name: j.coulomb * self.vector(self.across(j)) for j in joints if j.coulomb}
+
+    def _part(self, b: Branch) -> Part:
+        name = b.body.name
+        joint = "" if b.joint is None else b.joint.name
+        sign = 1.0 if b.is_second else -1.0
+        slides = b.joint is not None and b.joint.prismatic
+        marker = self.model.site(f"marker of {name}").id
+        inertia = b.body.moment_of_inertia
+        return Part(name, b.parent, joint, sign, slides, self.body_id[name], marker, b.body.mass, inertia, self.twist[name], self.form[name])
 
     def vector(self, form: Mapping[str, float]) -> np.ndarray:
         """A form (or a set of coordinates) as an array in MuJoCo's order (nq,)."""

@@ -7,15 +7,17 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from analytic.assembly import Assembly
-from sim_models.contact_laws import DAMPING_RATIO, contact_parameters, damping_ratio, lighter_mass
-from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
+from sim_models.engine import Request, SimulationError, Trace, Unsupported
 from sim_models.mujoco_equilibrium import Equilibria
-from sim_models.mujoco_model import Contact, Linkage
+from sim_models.mujoco_laws import contact_laws, law_settings
+from sim_models.mujoco_limits import CameApart, check_depth, check_together, room_apart
+from sim_models.mujoco_model import Linkage
+from sim_models.mujoco_motor import Motor
 from sim_models.mujoco_state import (
-    advance,
     apart,
     check_warnings,
     friction_torques,
@@ -23,43 +25,21 @@ from sim_models.mujoco_state import (
     joint_forces,
     look,
     mobility,
-    motor_torque,
     on_track,
     signals,
     stiffest_law,
 )
-from sim_models.start import poses, schedule, substeps
+from sim_models.mujoco_steady import STENCIL, Revolution, derivative
+from sim_models.start import Course, poses, schedule, substeps
 
 STATIC_STEP = 2.5e-5  # s; nothing steps in statics, but it makes the rigid rows stiff
 LARGEST_STEP = 5e-4  # s
 TURN_PER_STEP = {"ideal": 2e-3, "massless-link": 3e-4, "spring-damper": 6e-4, "contact": 6e-4}  # rad of the crank
 SAMPLES = 600  # of a run's journal path, or somewhat more
 SAMPLES_AT_REST = 150  # of a static run's
-STENCIL = np.arange(-2, 3) * 0.01  # rad, crank angles whose equilibria give the rates of a steady start
 BOUNCE = 0.4  # of a bounce's period/2 pi, for a step
 FINE_BOUNCE = 0.1  # where the mechanism asks for a restitution
-DEEPEST = 0.1  # of the clearance: penetration that is in order without asking; more must be what the stiffness allows
-LOOSEST = 1e-5  # of the linkage's size, by which its rigid joints may come apart
-STRETCH = 5e-3  # of the clearance, by which a massless link may change its length
 HALVINGS = 5  # of the step, before a run with rigid joints coming apart is given up
-
-
-def contact_laws(request: Request) -> dict[str, Contact]:
-    """The law of each joint with clearance; none for ideal joints.
-
-    ``contact`` in a driven run is hard (it bounces as its restitution says, whatever mass it carries) unless the
-    mechanism gives a stiffness or damping; every other compliant joint is a spring and damper in SI units.
-    """
-    laws = {}
-    for name in request.mechanism.clearances if request.joint_model != "ideal" else ():
-        joint = request.mechanism.joint(name)
-        law = contact_parameters(request.mechanism, joint, request.motion)
-        hard = None
-        if request.joint_model == "contact" and request.motion == "driven" and joint.contact_stiffness is None and joint.contact_damping is None:
-            ratio = DAMPING_RATIO if joint.restitution is None else damping_ratio(joint.restitution)
-            hard = math.sqrt(lighter_mass(request.mechanism, joint) / law.stiffness), ratio
-        laws[name] = Contact(law.stiffness, law.damping, hard)
-    return laws
 
 
 @dataclass
@@ -86,8 +66,7 @@ class Record:
     stages: list[tuple[int, float, bool]] = field(default_factory=list)
 
 
-class _CameApart(SimulationError):
-    """Rigid joints came apart: the step was too long."""
+RELEASED = Motor(np.zeros(0), np.zeros(0), 0, 0.0, 0.0)  # no motor: nothing but steps
 
 
 class Run:
@@ -96,15 +75,28 @@ class Run:
     def __init__(self, request: Request) -> None:
         self.request, self.mechanism = request, request.mechanism
         drive = self.mechanism.drive
-        self.released = request.motion == "driven" and request.time is not None and (drive is None or drive.speed == "free")
-        if request.motion == "driven" and not self.released and self.mechanism.speed is None:
-            speed = "no drive" if drive is None else f"drive.speed = {drive.speed!r}"
-            raise Unsupported(f"{self.mechanism.name}: mujoco drives a crank at constant speed or releases it with times to report; this has {speed}")
-        if not self.released and request.crank_angle.size == 0:
+        free = drive is None or drive.speed == "free"
+        self.released = request.motion == "driven" and request.time is not None and request.course is None and free
+        self.course = None if request.course is None or request.motion == "static" else Course.of(request)
+        if request.motion == "driven" and not self.released:
+            self.check_drive(free)
+        if not self.released and self.course is None and request.crank_angle.size == 0:
             raise Unsupported(f"{self.mechanism.name}: there is no crank angle to report at; give at least one")
         self.assembly = Assembly(self.mechanism)
         self.laws = contact_laws(request)
-        self.speed = 0.0 if self.released else self.mechanism.speed or 1.0
+        self.motor = RELEASED
+        self.direction = 0.0 if self.released else math.copysign(1.0, self.mechanism.speed or 1.0)
+
+    def check_drive(self, free: bool) -> None:
+        """Raise Unsupported where nothing says how the motor moves, or more than one thing does."""
+        drive = self.mechanism.drive
+        has = "no drive" if drive is None else f"drive.speed = {drive.speed!r}"
+        if self.course is not None and (free or self.request.lead_in):
+            has = f"a lead-in of {self.request.lead_in:g} rad" if not free else has
+            raise Unsupported(f"{self.mechanism.name}: a course is a motor's, which follows it from its first time on; this has {has}")
+        if self.course is None and self.mechanism.speed is None:
+            ways = "drives a crank at constant speed or along a course, or releases it with times to report"
+            raise Unsupported(f"{self.mechanism.name}: mujoco {ways}; this has {has}")
 
     def trace(self) -> Trace:
         """Run the request."""
@@ -114,7 +106,7 @@ class Run:
 
     def near(self, theta: float, step: float = STATIC_STEP) -> Equilibria:
         """Equilibria near a crank angle, with rows as rigid as at this step."""
-        return Equilibria(self.request, self.assembly, self.laws, self.speed, theta, step)
+        return Equilibria(self.request, self.assembly, self.laws, self.direction, theta, step)
 
     def static(self) -> Trace:
         """Equilibrium at each crank angle, and between them for the journals' paths."""
@@ -135,11 +127,11 @@ class Run:
         columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
         return self.report(theta, None, columns, log, {"step": None, "start": "equilibrium"})
 
-    def begin(self, theta: float) -> tuple[np.ndarray, np.ndarray, float, str]:
+    def begin(self, motor: Motor) -> tuple[np.ndarray, np.ndarray, float, str]:
         """Coordinates, velocities, step (s) and kind of a driven run's start."""
-        near = self.near(theta)
-        angles = theta + STENCIL
-        rate = _derivative(STENCIL) * self.speed
+        angles, here = motor.angles, motor.here
+        near = self.near(angles[here])
+        rate = derivative(motor.instants)
         q = np.array([near.place(near.ideal, at) for at in angles])
         states = zip(angles, q, rate @ q, rate @ rate @ q, strict=True)
         forces = [near.reactions(at, *state) for at, *state in states] if self.laws else [{}] * angles.size
@@ -148,13 +140,19 @@ class Run:
         else:
             gaps = [near.pressing(at, f) for at, f in zip(angles, forces, strict=True)]
             q, how = np.array([near.place(near.pressed, at, gap) for at, gap in zip(angles, gaps, strict=True)]), "equilibrium"
-        step = self.longest_step(near, q[2])
+        step = self.longest_step(near, q[here])
         if how == "equilibrium":
-            settled = self.near(theta, step).steady(angles, q, rate)
+            settled = self.near(angles[here], step).steady(angles, q, rate)
             q, how = (q, "pressed where the ideal linkage's reaction points") if settled is None else (settled, how)
-        v = (rate @ q)[2]
-        v[near.pressed.motor] = self.speed
-        return q[2], v, step, how
+        v = (rate @ q)[here]
+        v[near.pressed.motor] = motor.speed
+        if near.pressed.compliant and not self.laws and motor.period is not None:
+            link = Linkage(self.mechanism, {}, "ideal", poses(self.assembly, angles[here]), step, follows=self.course is not None)
+            revolution = Revolution(link, self.assembly, motor, motor.period)
+            repeated = revolution.steady(q[here], v) if revolution.repeats() else None
+            if repeated is not None:
+                return *repeated, step, "equilibrium, the same a revolution later"
+        return q[here], v, step, how
 
     @property
     def centred(self) -> bool:
@@ -167,32 +165,48 @@ class Run:
         if self.released:  # nothing holds the crank: pins are lighter
             link = Linkage(self.mechanism, self.laws, self.request.joint_model, poses(self.assembly, self.assembly.start), STATIC_STEP, hold=False)
         limits = [LARGEST_STEP]
-        if self.speed:
-            limits.append(TURN_PER_STEP[self.request.joint_model] / abs(self.speed))
+        if self.motor.fastest:
+            limits.append(TURN_PER_STEP[self.request.joint_model] / self.motor.fastest)
         for name, law in list(self.laws.items()):
             ease = mobility(link, q, name)
             clearance = self.mechanism.joint(name).clearance
-            bounce = BOUNCE if self.mechanism.joint(name).restitution is None else FINE_BOUNCE
+            asked = self.mechanism.joint(name).restitution is not None
             limits.append(0.6 / math.sqrt(max(near.forces.get(name, 0.0) * ease / clearance, 1e-12)))
             if law.hard:
                 sag = near.forces.get(name, 0.0) * ease * law.hard[0] ** 2  # under the load that it starts with, were it a spring
                 self.laws[name] = replace(law, margin=min(sag, 0.05 * clearance))
-                limits.append(bounce * law.hard[0])
+                limits.append((FINE_BOUNCE if asked else BOUNCE) * law.hard[0])
             elif self.request.joint_model != "massless-link":
-                limits.append(2 * bounce / max(math.sqrt(law.stiffness * ease), law.damping * ease))
+                limits.append((FINE_BOUNCE if asked else 2 * BOUNCE) / max(math.sqrt(law.stiffness * ease), law.damping * ease))
         return self.request.step or min(*limits, 0.5 / max(stiffest_law(link, q), 1e-9))
 
     def driven(self) -> Trace:
-        """The crank at constant speed."""
+        """The motor at constant speed, or along its course."""
+        if self.course is not None:
+            return self.along(self.course)
         plan = schedule(self.request)
         self.assembly.coordinates(plan.theta)  # raises where the ideal linkage does not reach
-        lead = self.request.lead_in / abs(self.speed)
-        theta = float(plan.theta[0]) - self.speed * lead
-        q, v, step, how = self.begin(theta)
-        signals, log, step = self.run(theta, q, v, step, plan.time, lead)
+        lead = self.request.lead_in / abs(plan.speed)
+        signals, log, settings = self.turned(Motor.at_speed(float(plan.theta[0]) - plan.speed * lead, plan.speed), plan.time, lead)
         columns = {name: _scatter(values, plan.order) for name, values in signals.items()}
-        settings = {"step": step, "start": how}
         return self.report(self.request.crank_angle, _scatter(plan.time, plan.order), columns, log, settings)
+
+    def along(self, course: Course) -> Trace:
+        """The motor along its course; the crank angles reported are the simulated ones."""
+        time = np.asarray(self.request.time, float)
+        order = np.argsort(time, kind="stable")
+        knots = course.spline.x
+        self.assembly.coordinates(course.spline(np.union1d(time, knots[knots <= time.max()])))  # raises where the ideal linkage does not reach
+        signals, log, settings = self.turned(Motor.along(course), time[order], float(time.min() - knots[0]))
+        columns = {name: _scatter(values, order) for name, values in signals.items()}
+        return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
+
+    def turned(self, motor: Motor, marks: np.ndarray, lead: float) -> tuple[dict[str, np.ndarray], _Log, dict[str, Any]]:
+        """A run that a motor turns, reported at the marks (s), the first of them ``lead`` (s) after the start; with its settings."""
+        self.motor, self.direction = motor, motor.direction
+        q, v, step, how = self.begin(motor)
+        signals, log, step = self.run(float(motor.angles[motor.here]), q, v, step, marks, lead)
+        return signals, log, {"step": step, "start": how}
 
     def free(self) -> Trace:
         """Released at the assembly angles, at rest or with the request's speed."""
@@ -206,7 +220,7 @@ class Run:
         q = near.place(near.pressed, theta, gaps)
         step = self.longest_step(near, q)
         around = np.array([near.place(near.pressed, theta + side, gaps) for side in STENCIL]) if self.request.start_speed else np.tile(q, (5, 1))
-        v = (_derivative(STENCIL) @ around)[2] * self.request.start_speed
+        v = (derivative(STENCIL) @ around)[2] * self.request.start_speed
         signals, log, step = self.run(theta, q, v, step, time[order], float(time[order[0]]))
         columns = {name: _scatter(values, order) for name, values in signals.items()}
         settings = {"step": step, "start": f"released at {self.request.start_speed:g} rad/s"}
@@ -216,7 +230,7 @@ class Run:
         """Gaps (m) along the ideal linkage's reactions at the instant of release, x where there is none; zero to start centred."""
         link = Linkage(self.mechanism, {}, "ideal", poses(self.assembly, theta), STATIC_STEP, hold=False)
         look(link)
-        forces = near.noted(signals(link, joint_forces(link, link.data.efc_force), {}, 0.0))
+        forces = near.noted(signals(link, joint_forces(link, link.data.efc_force), {}))
         return {} if self.centred else {name: near.rim(name, force or complex(1e-12)) for name, force in forces.items()}
 
     def run(
@@ -224,10 +238,12 @@ class Run:
     ) -> tuple[dict[str, np.ndarray], _Log, float]:
         """A run with the engine's own step, halved while rigid joints come apart; or with the request's."""
         for attempt in range(HALVINGS + 1):
-            link = Linkage(self.mechanism, self.laws, self.request.joint_model, poses(self.assembly, theta), step, hold=not self.released)
+            place = poses(self.assembly, theta)
+            hold, follows = not self.released, self.course is not None
+            link = Linkage(self.mechanism, self.laws, self.request.joint_model, place, step, hold=hold, follows=follows)
             try:
                 return *self.march(link, q, v, step, marks, lead), step
-            except _CameApart:
+            except CameApart:
                 if self.request.step is not None or attempt == HALVINGS:
                     raise
                 step /= 2
@@ -238,61 +254,42 @@ class Run:
         m, d = link.model, link.data
         d.qpos[:], d.qvel[:] = q, v
         log = _Log.of(self.laws)
-        columns: dict[str, list[float]] = {}
-        lag = 0.5 if link.stepped else 0.0  # the velocities of semi-implicit Euler are half a step older than its positions
+        reported: list[dict[str, float]] = []
+        half = 0.5 if link.stepped else 0.0  # the velocities of semi-implicit Euler are half a step older than its positions
+        time = float(marks[0]) - lead
+        self.motor.place(link, time, 0.0)
         on_track(link)
-        self.record = Record(link, float(marks[0]) - lead, d.qpos.copy(), d.qvel.copy())
+        self.record = Record(link, time, d.qpos.copy(), d.qvel.copy())
         look(link)
-        d.qvel[:] -= lag * step * d.qacc
-        span = lead + float(marks[-1] - marks[0])
-        for k, interval in enumerate(np.diff(marks, prepend=marks[0] - lead).tolist()):
+        lag, span, room = 0.0, lead + float(marks[-1] - marks[0]), room_apart(self.request, link)
+        for k, interval in enumerate(np.diff(marks, prepend=time).tolist()):
             count, m.opt.timestep = substeps(interval, step) if interval > 0 else (0, step)
+            if half:
+                d.qvel[:] += (lag - half * m.opt.timestep) * d.qacc
+                lag = half * m.opt.timestep
             pieces = min(count, math.ceil(SAMPLES * interval / span)) if count else 1
             for piece in range(pieces):
                 steps = count * (piece + 1) // pieces - count * piece // pieces
                 self.record.stages.append((steps, m.opt.timestep, piece == pieces - 1))
-                advance(link, steps)
+                self.motor.turn(link, time, steps)
+                time += steps * m.opt.timestep
+                self.motor.place(link, time, lag)
                 look(link)
-                check_warnings(link, f"{self.mechanism.name}, {self.request.joint_model} joints, t = {d.time:.4g} s")
+                check_warnings(link, f"{self.mechanism.name}, {self.request.joint_model} joints, t = {time:.4g} s")
                 forces = joint_forces(link, d.efc_force)
-                self.check_together(apart(link), step)
+                check_together(self.request, apart(link), room, step)
                 for name in self.laws if k or piece == pieces - 1 else ():
                     log.gaps[name].append(gap(link, name))
                     log.forces[name].append(abs(forces[name][0]))
-            seen = signals(link, forces, friction_torques(link), motor_torque(link), d.qvel + lag * m.opt.timestep * d.qacc)
-            for name, value in seen.items():
-                columns.setdefault(name, []).append(value)
-        self.check_depth(log)
-        return {name: np.array(column) for name, column in columns.items()}, log
-
-    def check_together(self, distance: float, step: float) -> None:
-        """Raise _CameApart where rigid joints have come apart by more than is in order."""
-        room = LOOSEST * max(b.length for b in self.mechanism.bodies)
-        if self.request.joint_model == "massless-link":
-            room = min([room, *(STRETCH * c for c in self.mechanism.clearances.values())])
-        if distance > room:
-            raise _CameApart(
-                f"mujoco: {self.mechanism.name}, {self.request.joint_model} joints: a rigid joint came apart by {distance:.3g} m, "
-                f"{room:.3g} m is in order (step {step:.3g} s); use a smaller step"
-            )
-
-    def check_depth(self, log: _Log) -> None:
-        """Raise SimulationError where a pin went deeper into its bearing than its law lets it."""
-        where = f"mujoco: {self.mechanism.name}, {self.request.joint_model} joints"
-        for name, law in self.laws.items() if self.request.joint_model != "massless-link" else ():
-            clearance = self.mechanism.joint(name).clearance
-            deepest = float(np.abs(log.gaps[name]).max()) - clearance
-            allowed = max(DEEPEST * clearance, 3 * max(log.forces[name]) / law.stiffness)
-            if deepest > allowed:
-                raise SimulationError(
-                    f"{where}: the pin of joint {name!r} is {deepest:.3g} m deep in its bearing, {allowed:.3g} m is in order "
-                    f"(clearance {clearance:g} m, stiffness {law.stiffness:g} N/m); use a smaller step or a stiffer contact"
-                )
+            reported.append(signals(link, forces, friction_torques(link), d.qvel + lag * d.qacc if half else d.qvel))
+        check_depth(self.request, self.laws, log.gaps, log.forces)
+        values = np.array([list(seen.values()) for seen in reported]).T
+        return dict(zip(reported[0], values.copy(), strict=True)), log
 
     def report(self, theta: np.ndarray, time: np.ndarray | None, signals: Mapping[str, np.ndarray], log: _Log, settings: Mapping[str, Any]) -> Trace:
         return Trace(
             simulator="mujoco",
-            version=installed_version("mujoco") or "unknown",
+            version=mujoco.__version__,
             joint_model=self.request.joint_model,
             motion=self.request.motion,
             crank_angle=theta,
@@ -301,21 +298,8 @@ class Run:
             clearance={name: self.mechanism.joint(name).clearance for name in self.laws},
             journal={name: np.array([[g.real, g.imag] for g in path]) for name, path in log.gaps.items()},
             free_share={name: float(np.mean(np.array(force) <= 0)) for name, force in log.forces.items()},
-            settings={**self.law_settings(), **settings, "solver": "Newton, elliptic cone"},
+            settings={**law_settings(self.request, self.laws), **settings, "solver": "Newton, elliptic cone"},
         )
-
-    def law_settings(self) -> dict[str, Any]:
-        """What the joints with clearance were made of: the softest stiffness, each joint's damping, the law in words."""
-        if not self.laws or self.request.joint_model == "massless-link":
-            return {"contact_law": "massless link of fixed length, pulls and pushes"} if self.laws else {}
-        soft = [law for law in self.laws.values() if not law.hard]
-        words = {law.words for law in self.laws.values()}
-        settings: dict[str, Any] = {"contact_law": "; ".join(sorted(words))}
-        if soft:
-            settings["contact_stiffness"] = min(law.stiffness for law in soft)
-            damping = {name: law.damping for name, law in self.laws.items()}
-            settings["contact_damping"] = next(iter(damping.values())) if len(set(damping.values())) == 1 else damping
-        return settings
 
 
 def _scatter(values: np.ndarray, order: np.ndarray) -> np.ndarray:
@@ -332,12 +316,3 @@ def _filled(theta: np.ndarray) -> np.ndarray:
         return theta
     between = np.linspace(theta[0], theta[-1], SAMPLES_AT_REST)
     return np.unique(np.concatenate([theta, between]))
-
-
-def _derivative(x: np.ndarray) -> np.ndarray:
-    """Matrix (n, n) that differentiates the polynomial through values at x."""
-    powers = np.arange(x.size)
-    scale = np.abs(x).max()
-    values = (x[:, None] / scale) ** powers
-    slopes = powers[1:] * (x[:, None] / scale) ** (powers[1:] - 1) / scale
-    return np.column_stack([np.zeros(x.size), slopes]) @ np.linalg.inv(values)

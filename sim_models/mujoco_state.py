@@ -10,7 +10,7 @@ import numpy as np
 
 from analytic.mechanism import GROUND
 from sim_models.engine import SimulationError
-from sim_models.mujoco_model import CONTACT_ROWS, MOTOR_INERTIA, ROW, Linkage
+from sim_models.mujoco_model import CONTACT_ROWS, ROW, Linkage
 
 Applied = tuple[complex, complex]  # force on a joint's second body (N), and the point where it acts (m)
 
@@ -107,7 +107,7 @@ def joint_forces(link: Linkage, force: np.ndarray) -> dict[str, Applied]:
     m, rows = link.model, first_rows(link)
     applied: dict[str, Applied] = {}
     for j in link.closing:
-        row = rows[int(ROW.mjCNSTR_EQUALITY), m.equality(j.name).id]
+        row = rows[int(ROW.mjCNSTR_EQUALITY), link.row_id[j.name]]
         applied[j.name] = complex(force[row], force[row + 1]), pin(link, j.name)
     touched = contact_rows(link)
     for name in link.contacts:
@@ -123,14 +123,14 @@ def joint_forces(link: Linkage, force: np.ndarray) -> dict[str, Applied]:
             row = rows.get((int(ROW.mjCNSTR_LIMIT_TENDON), m.tendon(name).id), -1)
             f = force[row] * n if row >= 0 else 0j
         else:
-            f = -force[rows[int(ROW.mjCNSTR_EQUALITY), m.equality(name).id]] * n
+            f = -force[rows[int(ROW.mjCNSTR_EQUALITY), link.row_id[name]]] * n
         applied[name] = f, at
     return applied
 
 
 def friction_torques(link: Linkage) -> dict[str, float]:
     """Coulomb friction of each joint's law on its second body (N.m or N), from the present rows."""
-    rows = first_rows(link)
+    rows = first_rows(link) if link.laws else {}
     found = {name: rows.get((int(ROW.mjCNSTR_FRICTION_TENDON), t), -1) for name, t in link.laws.items()}
     return {name: float(link.data.efc_force[row]) if row >= 0 else 0.0 for name, row in found.items()}
 
@@ -148,59 +148,53 @@ def _cross(a: complex, b: complex) -> float:
     return (a.conjugate() * b).imag
 
 
-def signals(
-    link: Linkage, forces: Mapping[str, Applied], friction: Mapping[str, float], drive_torque: float, velocity: np.ndarray | None = None
-) -> dict[str, float]:
+def signals(link: Linkage, forces: Mapping[str, Applied], friction: Mapping[str, float], velocity: np.ndarray | None = None) -> dict[str, float]:
     """All signals of the present state; accelerations are those that :func:`look` left in the data, or an equilibrium.
 
     The closing joints' forces are the constraint rows'; those in the tree follow from them body by body, by Newton's
-    and Euler's equations with MuJoCo's accelerations.
+    and Euler's equations with MuJoCo's accelerations.  What then turns the crank is the drive.
     """
     m, d = link.model, link.data
-    out = {"drive_torque": drive_torque}
-    velocity = d.qvel if velocity is None else velocity
-    wrench = {name: [0j, 0.0] for name in (GROUND, *link.body_id)}  # on each body: force, moment about the ground's origin
+    q, velocity = d.qpos, d.qvel if velocity is None else velocity
+    site, centre = d.site_xpos[:, :2].tolist(), d.xipos[:, :2].tolist()
+    out: dict[str, float] = {"drive_torque": 0.0}
+    push_on, turn_on = dict.fromkeys((GROUND, *link.body_id), 0j), dict.fromkeys((GROUND, *link.body_id), 0.0)  # about the ground's origin
 
     def act(body: str, force: complex, moment: float) -> None:
-        wrench[body][0] += force
-        wrench[body][1] += moment
+        push_on[body] += force
+        turn_on[body] += moment
 
-    for i, load in enumerate(link.mechanism.loads):
-        at = complex(*d.site_xpos[m.site(f"load{i}").id, :2])
-        act(load.body, complex(*load.force), load.torque + _cross(at, complex(*load.force)))
+    for number, load in zip(link.load_sites, link.mechanism.loads, strict=True):
+        act(load.body, complex(*load.force), load.torque + _cross(complex(*site[number]), complex(*load.force)))
     for name, (force, at) in forces.items():
         first, second = link.mechanism.joint(name).bodies
         moment = _cross(at, force) + law_torque(link, name, friction)
         act(second, force, moment)
         act(first, -force, -moment)
         out[f"reaction_{name}_x"], out[f"reaction_{name}_y"] = force.real, force.imag
-    for b in reversed(link.branches):
-        name = b.body.name
-        motion = np.zeros(6)
-        mujoco.mj_objectAcceleration(m, d, mujoco.mjtObj.mjOBJ_BODY, link.body_id[name], motion, 0)
-        com = complex(*d.xipos[link.body_id[name], :2])
-        push = b.body.mass * complex(motion[3], motion[4])  # gravity is in MuJoCo's acceleration
-        force = push - wrench[name][0]
-        moment = b.body.moment_of_inertia * motion[2] + _cross(com, push) - wrench[name][1]
-        out[f"{name}_x"], out[f"{name}_y"] = com.real, com.imag
-        out[f"{name}_angle"] = link.twist[name] + float(link.form[name] @ d.qpos)
-        out[f"{name}_angular_velocity"] = float(link.form[name] @ velocity)
-        if b.joint is not None:
-            act(b.parent, -force, -moment)
-            sign = 1 if b.is_second else -1
-            out[f"reaction_{b.joint.name}_x"], out[f"reaction_{b.joint.name}_y"] = sign * force.real, sign * force.imag
-            if b.joint.prismatic:
-                out[f"reaction_{b.joint.name}_moment"] = sign * (moment - _cross(pin(link, b.joint.name), force))
-    for j in link.mechanism.joints:
-        if not j.prismatic:
-            g = gap(link, j.name) if j.name in link.contacts else 0j
-            out[f"clearance_{j.name}_x"], out[f"clearance_{j.name}_y"] = g.real, g.imag
+    motion = np.zeros(6)
+    for part in link.outward:
+        name, joint = part.name, part.joint
+        mujoco.mj_objectAcceleration(m, d, mujoco.mjtObj.mjOBJ_BODY, part.number, motion, 0)
+        push = part.mass * complex(motion[3], motion[4])  # gravity is in MuJoCo's acceleration
+        force = push - push_on[name]
+        moment = part.inertia * float(motion[2]) + _cross(complex(*centre[part.number]), push) - turn_on[name]
+        out[f"{name}_x"], out[f"{name}_y"] = site[part.marker]
+        out[f"{name}_angle"], out[f"{name}_angular_velocity"] = part.twist + float(part.form @ q), float(part.form @ velocity)
+        beyond = moment  # of what joint forces and laws give the body
+        if joint:
+            act(part.parent, -force, -moment)
+            out[f"reaction_{joint}_x"], out[f"reaction_{joint}_y"] = part.sign * force.real, part.sign * force.imag
+            at_pin = moment - _cross(complex(*site[link.sites[joint][1]]), force)
+            if part.slides:
+                out[f"reaction_{joint}_moment"] = part.sign * at_pin
+            beyond = at_pin - part.sign * law_torque(link, joint, friction)
+        if name == link.driven:
+            out["drive_torque"] = beyond
+    for name in link.pins:
+        g = gap(link, name) if name in link.contacts else 0j
+        out[f"clearance_{name}_x"], out[f"clearance_{name}_y"] = g.real, g.imag
     return out
-
-
-def motor_torque(link: Linkage) -> float:
-    """Torque of the motor in a run: the reaction of its armature."""
-    return -MOTOR_INERTIA * float(link.data.qacc[link.motor]) if link.hold else 0.0
 
 
 def on_track(link: Linkage) -> None:
@@ -235,8 +229,8 @@ def stiffest_law(link: Linkage, q: np.ndarray) -> float:
     mujoco.mj_fwdPosition(m, d)
     springs = [(link.mechanism.joint(n), link.vector(link.across(link.mechanism.joint(n)))) for n in link.laws]
     laws = [(j.stiffness, j.damping, form) for j, form in springs]
-    if link.compliant and link.mechanism.drive is not None:
-        laws.append((link.mechanism.drive.stiffness or 0.0, 0.0, link.form[link.mechanism.driven]))
+    if link.compliant:
+        laws.append((link.stiffness, 0.0, link.form[link.mechanism.driven]))
     rates = [0.0]
     for stiffness, damping, form in laws:
         eased = np.zeros((1, m.nv))
@@ -257,6 +251,7 @@ def apart(link: Linkage) -> float:
 def check_warnings(link: Linkage, where: str) -> None:
     """Raise SimulationError for anything that MuJoCo only warns of, and for a state that is not a number."""
     d = link.data
+    if not d.warning.number.any() and math.isfinite(float(d.qpos.sum()) + float(d.qvel.sum())):
+        return
     raised = [mujoco.mjtWarning(i).name.removeprefix("mjWARN_") for i in range(len(d.warning)) if d.warning[i].number]
-    if raised or not (np.all(np.isfinite(d.qpos)) and np.all(np.isfinite(d.qvel))):
-        raise SimulationError(f"mujoco: {where}: the run diverged ({', '.join(raised) or 'not a number'}); use a smaller step or a softer contact")
+    raise SimulationError(f"mujoco: {where}: the run diverged ({', '.join(raised) or 'not a number'}); use a smaller step or a softer contact")

@@ -8,29 +8,24 @@ first order in the step, because the engines reckon Coriolis forces with the vel
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from analytic.assembly import Assembly
-from analytic.mechanism import GROUND, Joint
+from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from sim_models.contact_laws import contact_parameters
 from sim_models.engine import Request, Unsupported
+from sim_models.planar_courses import Even, Grid, course_of, pace
 from sim_models.planar_parts import AT_REST, Branch, Pin, moving_body, travel_of
 from sim_models.start import Pose, poses
 
 PROBE = 1e-5  # s, the step from which accelerations are read
 SLIDING_ZONE = 1e-3  # of the drive's speed: relative speed below which Coulomb friction fades out
 FREE_SPEED = 1.0  # rad/s, in its place where nothing is driven
-STEP_ANGLE = 2e-4  # rad of crank angle in a step, at most
-FREE_STEP = 2e-5  # s
 WARM_UP = 4  # steps towards the first instant
-CONTACT_PHASE = 0.3  # rad of a contact's own oscillation in a step, at most
-SWING_PHASE = 0.2  # rad of a pin's swing along its bearing in a step, at most
-CONTACT_DECAY = 0.6  # of a contact's own relaxation in a step, at most
 
 
 class PlanarWorld(ABC):
@@ -42,18 +37,18 @@ class PlanarWorld(ABC):
 
     def __init__(self, request: Request) -> None:
         m = request.mechanism
-        if m.drive is not None and m.drive.stiffness is not None:
-            raise Unsupported(f"{self.engine} drives the crank rigidly: leave out drive.stiffness = {m.drive.stiffness:g} N.m/rad")
-        if m.drive is not None and m.drive.speed == "measured" and request.motion == "driven":
-            raise Unsupported(f"{self.engine} does not follow a measured drive; give drive.speed in rad/s, or 'free'")
         self.request = request
         self.mechanism = m
         self.static = request.motion == "static"
         self.speed = m.speed or 0.0
-        self.held = self.static or m.speed is not None  # the crank's motion is prescribed
+        self.course = course_of(request)
+        self.pace = pace(self.course or Even(0.0, self.speed))  # rad/s, of the crank at its fastest
+        self.turned = not self.static and (m.speed is not None or self.course is not None)  # by a motor
+        self.drive_stiffness = (m.drive.stiffness or 0.0) if m.drive is not None and m.drive.speed != "free" else 0.0
+        self.held = self.static or self.turned  # the crank's motion is prescribed: of a drive that yields, until the run begins
         self.assembly = Assembly(m)
         self.points = {(GROUND, name): m.ground.point(name) for name in m.ground.points}  # m, in the body's frame
-        self.points |= {(b.name, name): b.point(name) for b in m.bodies for name in (*b.points, "com")}
+        self.points |= {(b.name, name): b.point(name) for b in m.bodies for name in (*b.points, "com", MASS_CENTRE)}
         self.pins = {
             j.name: Pin(j, j.clearance, contact_parameters(m, j, request.motion))
             for j in m.joints
@@ -65,11 +60,16 @@ class PlanarWorld(ABC):
                 f"{self.engine} has no friction in contact: leave out friction = {rough[0].friction:g} of joint {rough[0].name!r}, or use mujoco"
             )
         self.laws = [j for j in m.joints if j.coulomb or j.damping or j.stiffness]
+        self.grid: Grid | None = None  # of a moving run
         self.trailing = 0.0  # s by which velocities trail positions
+        self.command = 0.0  # rad/s, the crank's in the next step
+        self.spin_up = 0.0  # rad/s^2, the crank's while nothing is aimed at
+        self.aim: float | None = None  # rad: the crank's angle at the next step's end, or the angle now of a motor that it lags
+        self.motor_torque = 0.0  # N.m, of a drive that yields
         self.pin_forces: dict[str, complex] = {}
         self.slide_forces: dict[str, complex] = {}  # of the prismatic joints' laws, on their second bodies
         self.sliding: dict[str, float] = {}  # direction of each joint's sliding where nothing moves
-        zone = SLIDING_ZONE * abs(self.speed or FREE_SPEED)
+        zone = SLIDING_ZONE * (self.pace or FREE_SPEED)
         self.zone = {j.name: zone * (moving_body(m, m.driven).length if j.prismatic else 1.0) for j in m.joints}
 
     # ---------------------------------------------------------------- what an engine provides
@@ -81,6 +81,10 @@ class PlanarWorld(ABC):
     @abstractmethod
     def pose(self, body: str) -> Pose:
         """A moving body's pose now."""
+
+    def angle(self, body: str) -> float:
+        """A moving body's angle (rad) now."""
+        return self.pose(body).angle
 
     @abstractmethod
     def gap(self, joint: str) -> tuple[complex, complex]:
@@ -105,6 +109,10 @@ class PlanarWorld(ABC):
     @abstractmethod
     def turn(self, body: str, torque: float) -> None:
         """Apply a torque (N.m) on a body during the next step; the ground takes it."""
+
+    @abstractmethod
+    def hold(self, held: bool) -> None:
+        """Prescribe the crank's motion from now on, or leave it to forces."""
 
     @abstractmethod
     def advance(self, h: float) -> None:
@@ -154,7 +162,7 @@ class PlanarWorld(ABC):
     # ---------------------------------------------------------------- stepping
 
     def step(self, h: float) -> None:
-        """Apply loads, joint laws and clearance forces at the positions now, and advance by h (s)."""
+        """Apply loads, joint laws, clearance forces and the motor at the positions now, and advance by h (s)."""
         for load in self.mechanism.loads:
             if load.force != (0.0, 0.0):
                 self.push(load.body, self.points[load.body, load.point], complex(*load.force))
@@ -166,10 +174,21 @@ class PlanarWorld(ABC):
             for name, pin in self.pins.items():
                 force = self.pin_forces[name] = pin.spring_damper(*self.gap(name))
                 if force:
-                    self._pull(pin.joint, force)
+                    self.pull(pin.joint, force)
+        self._steer(h)
         self.advance(h)
 
-    def _pull(self, joint: Joint, force: complex) -> None:
+    def _steer(self, h: float) -> None:
+        """Give the crank the speed that takes it to its aim in the next step (s), or, where it lags a motor, the torque of that."""
+        if self.aim is None:
+            self.command += self.spin_up * h
+        elif self.held:
+            self.command = (self.aim - self.angle(self.mechanism.driven)) / h
+        else:
+            self.motor_torque = self.drive_stiffness * (self.aim - self.angle(self.mechanism.driven))
+            self.turn(self.mechanism.driven, self.motor_torque)
+
+    def pull(self, joint: Joint, force: complex) -> None:
         """Apply a force (N) on a joint's second body at its pin, and the opposite on the first."""
         first, second = joint.bodies
         self.push(second, self.points[second, joint.name], force)
@@ -204,11 +223,10 @@ class PlanarWorld(ABC):
         here = {name: self.pose(name) for name in names}
         gaps = {j.name: self.gap(j.name)[0] for j in self.mechanism.joints if not j.prismatic}
         self.before_observing()
-        before = self.velocities()
         self.step(h)
         forces, moments, torque = self.reactions()
         lag = self.trailing / h
-        out: dict[str, float] = {"drive_torque": torque}
+        out: dict[str, float] = {"drive_torque": torque if self.held else self.motor_torque}
         for name in names:
             com = here[name].origin + self.points[name, "com"] * np.exp(1j * here[name].angle)
             spin = here[name].angular_velocity * (1 - lag) + self.pose(name).angular_velocity * lag
@@ -219,19 +237,17 @@ class PlanarWorld(ABC):
             force += self.slide_forces.get(name, 0j)  # a slide's reaction holds its friction, damper and spring too
             out |= {f"reaction_{name}_x": force.real, f"reaction_{name}_y": force.imag}
         out |= {f"reaction_{name}_moment": moment for name, moment in moments.items()}
-        if 0 < self.trailing != h / 2:  # the step's size has changed: trail by half the new one
-            after = self.velocities()
-            self.set_velocities(after + (after - before) * (lag - 0.5))
-            self.trailing = h / 2
         return out
 
-    def start(self, bodies: Mapping[str, Pose], h: float) -> None:
+    def start(self, bodies: Mapping[str, Pose], h: float, spin_up: float = 0.0, aims: Sequence[float | None] = (None,) * WARM_UP) -> None:
         """Place the bodies and take their velocities half a step (s) back, as a leapfrog wants them.
 
         Engines close loops and contacts by the drift and speed at a step's beginning, so a few steps must have been made
-        towards the poses for the next one to accelerate as it should.
+        towards the poses for the next one to accelerate as it should.  ``spin_up`` is the crank's acceleration (rad/s^2),
+        ``aims`` (WARM_UP,) are those of the steps towards the poses.
         """
-        self.approach(bodies, h)
+        self.aim = None
+        self.approach(bodies, h, spin_up)
         before = self.velocities()
         self.step(h)
         change = self.velocities() - before
@@ -239,49 +255,29 @@ class PlanarWorld(ABC):
         speeds = self.velocities()
         self.shift(-WARM_UP * h * (speeds - WARM_UP / 2 * change))
         self.set_velocities(speeds - (WARM_UP + 0.5) * change)
-        for _ in range(WARM_UP):
+        self.spin_up = 0.0
+        for self.aim in aims:
             self.step(h)
         self.trailing = h / 2
 
-    def approach(self, bodies: Mapping[str, Pose], h: float) -> None:
-        """Place the bodies a few steps (s) before these poses, and step."""
+    def approach(self, bodies: Mapping[str, Pose], h: float, spin_up: float = 0.0) -> None:
+        """Place the bodies a few steps (s) before these poses, and step; the crank accelerates by ``spin_up`` (rad/s^2)."""
         self.place(bodies)
+        self.spin_up = spin_up
+        self.command -= (self.settling - 1) * spin_up * h
         self.shift(-self.settling * h * self.velocities())
         for _ in range(self.settling):
             self.step(h)
 
-    def longest_step(self, theta: float, peaks: Mapping[str, float]) -> float:
-        """Step (s) that follows the crank and every pin: its swing about the bearing, and its spring's oscillation.
-
-        ``theta`` (rad) is the crank angle at which the pins' effective masses are taken, ``peaks`` their largest forces (N).
-        """
-        step = STEP_ANGLE / abs(self.speed) if self.speed else FREE_STEP
-        for name, pin in self.pins.items():
-            mass = self.pin_mass(pin.joint, theta)
-            step = min(step, SWING_PHASE * math.sqrt(mass * pin.clearance / max(peaks[name], 1e-300)))
-            if self.compliant:
-                step = min(step, CONTACT_PHASE * math.sqrt(mass / pin.contact.stiffness), CONTACT_DECAY * mass / max(pin.contact.damping, 1e-300))
-        return step
-
-    def pin_mass(self, joint: Joint, theta: float) -> float:
-        """Least effective mass (kg) that a joint's gap opposes to a force, at crank angle theta (rad)."""
-        bodies = poses(self.assembly, theta)
-        changes = []
-        for force in [0j, *np.exp(1j * np.linspace(0, np.pi, 8, endpoint=False))]:
-            self.place(bodies)
-            self._pull(joint, complex(force))
-            self.advance(PROBE)
-            changes.append(self.gap(joint.name)[1])
-        return PROBE / float(np.abs(np.array(changes[1:]) - changes[0]).max())
-
     # ---------------------------------------------------------------- equilibria
 
-    def ideal_forces(self, theta: float, speed: float) -> dict[str, complex]:
-        """Reactions (N) that a linkage of the same engine has with its pins centred."""
-        self.approach(poses(self.assembly, theta, speed), PROBE)
+    def forces_at(self, bodies: Mapping[str, Pose], spin_up: float) -> tuple[dict[str, complex], float]:
+        """Reactions (N) and drive torque (N.m) in these poses, with these velocities and the crank's acceleration (rad/s^2)."""
+        self.approach(bodies, PROBE, spin_up)
         self.before_observing()
         self.step(PROBE)
-        return self.reactions()[0]
+        forces, _, torque = self.reactions()
+        return forces, torque
 
     def set_sliding(self, theta: float) -> None:
         """Let static friction oppose the ideal motion in the drive's direction at this crank angle (rad)."""
@@ -293,9 +289,9 @@ class PlanarWorld(ABC):
             rate = travel_of(self.mechanism, j, a, b)[1] if j.prismatic else b.angular_velocity - a.angular_velocity
             self.sliding[j.name] = float(np.sign(round(rate, 9)))
 
-    def gap_accelerations(self, bodies: Mapping[str, Pose]) -> dict[str, complex]:
-        """Acceleration (m/s^2) of every pin's gap from these poses and velocities."""
-        self.approach(bodies, PROBE)
+    def gap_accelerations(self, bodies: Mapping[str, Pose], spin_up: float) -> dict[str, complex]:
+        """Acceleration (m/s^2) of every pin's gap from these poses, velocities and the crank's acceleration (rad/s^2)."""
+        self.approach(bodies, PROBE, spin_up)
         before = {name: self.gap(name)[1] for name in self.pins}
         self.step(PROBE)
         return {name: (self.gap(name)[1] - before[name]) / PROBE for name in self.pins}

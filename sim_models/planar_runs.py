@@ -1,32 +1,26 @@
-"""Runs of a :class:`~sim_models.planar_bodies.PlanarWorld`: static, driven and released, and where its pins rest."""
+"""Runs of a :class:`~sim_models.planar_bodies.PlanarWorld`: static, driven and released."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from types import MappingProxyType
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
-from sim_models.planar_bodies import PROBE, PlanarWorld
-from sim_models.start import Gaps, Pose, poses, schedule, substeps
+from sim_models.planar_bodies import PROBE, WARM_UP, PlanarWorld
+from sim_models.planar_courses import Even, Grid, Motor, Path, angles, moving, near
+from sim_models.planar_equilibria import Equilibria
+from sim_models.planar_steps import drive_inertia, longest_step
+from sim_models.start import schedule
 
-STENCIL = 1e-3  # rad of crank angle, for the rates of a gap's equilibrium
-NO_LOAD = 1e-9  # of the largest reaction: one below it leaves its pin loose
-NO_FORCE = 1e-6  # N, the same where all vanish: the engines' rounding
-NUDGE = 1e-4  # rad; of a depth, ten times that: differences for Newton's Jacobian
-SETTLED = 1e-7  # of a Newton step's limit (0.3 rad, 0.7 of a depth): the last step that is worth taking
-CLOSE = 1e-4  # of the same: below it a step that is no longer halved is the engine's rounding
-SAMPLES = 24  # crank angles at which a run's largest reactions are looked for
 JOURNAL_SAMPLES = 4000  # at least, where a run has as many steps
+AT_REST = 1e-9  # rad, of a crank on a spring
+OFF_COURSE = 1e-7  # rad, what a rigidly driven crank may be off its course
 TOO_DEEP = 0.1  # of the shortest link at a joint: a penetration that means divergence
-
-Changes = Mapping[str, complex]
-NONE: Changes = MappingProxyType({})
 
 
 def simulate(make: Callable[[Request], PlanarWorld], request: Request, package: str) -> Trace:
@@ -57,178 +51,114 @@ def silence() -> Iterator[None]:
         os.close(sink)
 
 
-# -------------------------------------------------------------------- equilibria
-
-
-@dataclass
-class Equilibria:
-    """Finds where the pins rest: the gaps at which none accelerates, by Newton's method on one step of the engine.
-
-    A gap is searched as direction and depth; a rigid contact has no depth.  The search starts from the reaction of the
-    same engine's ideal linkage, turned and scaled as the last answer was.
-    """
-
-    world: PlanarWorld
-    ideal: PlanarWorld
-    last: dict[str, tuple[complex, float]] = field(default_factory=dict)
-
-    def gaps(self, theta: float, speed: float, slope: Changes = NONE, bend: Changes = NONE) -> dict[str, complex]:
-        """Gap (m) of every pin with the crank at theta (rad) and ``speed`` (rad/s).
-
-        ``slope`` and ``bend`` are the gaps' derivatives by crank angle (m/rad, m/rad^2).  Raises SimulationError where no
-        force presses a pin, or no equilibrium is found.
-        """
-        world = self.world
-        if not world.pins:
-            return {}
-        forces = self.ideal.ideal_forces(theta, speed)
-        names = list(world.pins)
-        loose = [name for name in names if abs(forces[name]) <= max(NO_FORCE, NO_LOAD * max(abs(f) for f in forces.values()))]
-        if loose:
-            raise self._failed(f"nothing presses the pin of joint {loose[0]!r}", theta, "give the linkage a load or gravity, or start it centred")
-        begin = np.array([self._guess(name, forces[name]) for name in names])
-        n = len(names)
-
-        def gaps_at(x: np.ndarray) -> dict[str, complex]:
-            depth = x[n:] if world.compliant else np.zeros(n)
-            return {name: (world.pins[name].clearance + d) * np.exp(1j * phi) for name, phi, d in zip(names, x[:n], depth, strict=True)}
-
-        def miss(x: np.ndarray) -> np.ndarray:
-            found = world.gap_accelerations(poses(world.assembly, theta, speed, near(gaps_at(x), theta, slope, bend)))
-            polar = [(found[name] - bend.get(name, 0j) * speed**2) * np.exp(-1j * phi) for name, phi in zip(names, x[:n], strict=True)]
-            return np.array([p.imag for p in polar] + ([p.real for p in polar] if world.compliant else []))
-
-        x = self._newton(begin.T.ravel() if world.compliant else begin[:, 0], miss, n, theta)
-        settled = gaps_at(x)
-        for name in names:
-            self.last[name] = (settled[name] / forces[name], (abs(settled[name]) - world.pins[name].clearance) / abs(forces[name]))
-        return settled
-
-    def _guess(self, name: str, force: complex) -> tuple[float, float]:
-        """Direction (rad) and depth (m) to start from, given the ideal linkage's reaction (N)."""
-        turn, give = self.last.get(name, (1 + 0j, 1 / self.world.pins[name].contact.stiffness))
-        return float(np.angle(turn * force)), give * abs(force)
-
-    def _newton(self, x: np.ndarray, miss: Callable[[np.ndarray], np.ndarray], angles: int, theta: float) -> np.ndarray:
-        turns = np.arange(x.size) < angles
-        previous = np.inf
-        for _ in range(60):
-            error = miss(x)
-            nudge = np.where(turns, NUDGE, 10 * NUDGE * np.abs(x))
-            jacobian = np.column_stack([(miss(x + nudge * unit) - error) / nudge[k] for k, unit in enumerate(np.eye(x.size))])
-            if not np.all(np.isfinite(jacobian)) or np.linalg.matrix_rank(jacobian) < x.size:
-                break
-            change = -np.linalg.solve(jacobian, error)
-            relative = float((np.abs(change) / np.where(turns, 0.3, 0.7 * np.abs(x))).max())
-            x = x + change / max(1.0, relative)
-            if relative < SETTLED or CLOSE > relative > previous / 2:
-                return x
-            previous = relative
-        self.last.clear()
-        what = f"no equilibrium of the pins at {', '.join(self.world.pins)} was found"
-        raise self._failed(what, theta, "forces may lift them off there: choose other angles, or start the run centred")
-
-    def _failed(self, what: str, theta: float, remedy: str) -> SimulationError:
-        return SimulationError(f"{self.world.engine} {self.world.request.joint_model}: {what} at crank angle {np.degrees(theta):.6g} deg; {remedy}")
-
-    def steady(self, theta: float, speed: float) -> dict[str, Pose]:
-        """Poses and velocities of the linkage with its pins in steady contact at crank angle theta (rad)."""
-        slope: dict[str, complex] = {}
-        bend: dict[str, complex] = {}
-        here = self.gaps(theta, speed)
-        for _ in range(2 if speed and here else 0):
-            before, after = (self.gaps(theta + side * STENCIL, speed, slope, bend) for side in (-1, 1))
-            slope = {n: (after[n] - before[n]) / (2 * STENCIL) for n in here}
-            bend = {n: (after[n] - 2 * here[n] + before[n]) / STENCIL**2 for n in here}
-            here = self.gaps(theta, speed, slope, bend)
-        return poses(self.world.assembly, theta, speed, near(here, theta, slope, bend))
-
-    def peaks(self, theta: np.ndarray, speed: float) -> dict[str, float]:
-        """Largest reaction (N) of each pin in the ideal linkage over crank angles theta (rad) at ``speed`` (rad/s)."""
-        seen = [self.ideal.ideal_forces(float(t), speed) for t in theta[:: max(1, theta.size // SAMPLES)]] if self.world.pins else []
-        return {name: max(abs(forces[name]) for forces in seen) for name in self.world.pins}
-
-
-def near(gaps: Changes, theta: float, slope: Changes = NONE, bend: Changes = NONE) -> Gaps:
-    """Gaps (m) as a parabola in the crank angle about theta (rad)."""
-    return lambda t: {n: g + slope.get(n, 0j) * (t - theta) + bend.get(n, 0j) * (t - theta) ** 2 / 2 for n, g in gaps.items()}
-
-
 # -------------------------------------------------------------------- runs
 
 
 def _static(world: PlanarWorld, found: Equilibria) -> Trace:
-    angles = world.request.crank_angle
-    rows: list[dict[str, float]] = [{}] * angles.size
-    for k in np.argsort(angles if world.speed >= 0 else -angles, kind="stable"):
-        theta = float(angles[k])
-        for each in (world, found.ideal):
-            each.set_sliding(theta)
-        world.approach(poses(world.assembly, theta, 0.0, near(found.gaps(theta, 0.0), theta)), PROBE)
-        rows[k] = world.observe(PROBE)
-        _check_depth(world, theta)
-    trace = _trace(world, rows, angles, None, PROBE)
+    asked = world.request.crank_angle
+    rows: list[dict[str, float]] = [{}] * asked.size
+    for k in np.argsort(asked if world.speed >= 0 else -asked, kind="stable"):
+        rows[k] = _rest(world, found, float(asked[k]))
+    trace = _trace(world, rows, asked, None, PROBE)
     gaps = {n: trace.signals[f"clearance_{n}_x"] + 1j * trace.signals[f"clearance_{n}_y"] for n in world.pins}
     free = {n: float(np.mean(np.abs(g) < world.pins[n].clearance * (1 - 1e-9))) for n, g in gaps.items()}
     return replace(trace, free_share=free, journal={n: np.column_stack([g.real, g.imag]) for n, g in gaps.items()})
 
 
+def _rest(world: PlanarWorld, found: Equilibria, motor: float) -> dict[str, float]:
+    """Signals at rest with the motor at an angle (rad), which a crank on a spring lags."""
+    theta = motor
+    for _ in range(50):
+        for each in (world, found.ideal):
+            each.set_sliding(theta)
+        held = Even(theta)
+        world.approach(moving(world.assembly, held, 0.0, near(found.gaps(held, 0.0), 0.0)), PROBE)
+        row = world.observe(PROBE)
+        _check_depth(world, theta)
+        lagging = motor - row["drive_torque"] / world.drive_stiffness if world.drive_stiffness else theta
+        if abs(lagging - theta) < AT_REST:
+            return row
+        theta = lagging
+    raise SimulationError(f"{world.engine}: no rest of the crank on its drive.stiffness was found near crank angle {np.degrees(motor):.6g} deg")
+
+
 @dataclass(frozen=True)
 class Plan:
-    """When a moving run reports, and from where it starts: times (s) from the first report, or from release."""
+    """When a moving run reports, from where it starts, and how its motor moves."""
 
-    times: np.ndarray  # (N,) in the request's order
-    theta: np.ndarray  # (M,) rad: crank angles that the run is known to pass
-    begin: float  # rad
-    speed: float  # rad/s
-    lead: float  # s from the start to time 0
+    times: np.ndarray  # (N,) s in the request's order: from the first report, from release, or of the course
+    begin: float  # s
+    motor: Motor  # of a released linkage: as it starts
+    seen: np.ndarray  # (M,) s at which the motor is known to be on its path
 
     @classmethod
     def of(cls, world: PlanarWorld) -> Plan:
         """Raises Unsupported where a request's angles or times make no run."""
         request = world.request
+        if world.course is not None:
+            times, knots = np.asarray(request.time, float), world.course.spline.x
+            return cls(times, float(knots[0]), world.course, knots[knots <= times.max()])
         if not world.speed:
             times = np.zeros(0) if request.time is None else np.asarray(request.time, float)
             if times.size == 0 or not np.all(times >= 0):
                 raise Unsupported(f"{world.mechanism.name}: a released linkage needs request.time, from 0 s on; it is {request.time}")
-            return cls(times, np.array([world.assembly.start]), world.assembly.start, request.start_speed, float(times.min()))
+            return cls(times, 0.0, Even(world.assembly.start, request.start_speed), np.zeros(1))
         if request.crank_angle.size == 0:
             raise Unsupported(f"{world.mechanism.name}: a driven run needs crank angles to report at; give at least one")
         plan = schedule(request)
         times = np.empty(plan.order.size)
         times[plan.order] = np.round(plan.time, 12)  # equal angles, at equal times
-        begin = float(plan.theta[0] - np.sign(plan.speed) * request.lead_in)
-        return cls(times, plan.theta, begin, plan.speed, abs(request.lead_in / plan.speed))
+        return cls(times, -abs(request.lead_in / plan.speed), Even(float(plan.theta[0]), plan.speed), plan.time)
 
 
 def _moving(world: PlanarWorld, found: Equilibria) -> Trace:
-    """Drive the crank at constant speed, or release it, and observe on the way."""
+    """Drive the crank, or release it, and observe on the way."""
     request, plan = world.request, Plan.of(world)
-    longest = request.step or world.longest_step(plan.begin, found.peaks(plan.theta, plan.speed))
-    bodies = poses(world.assembly, plan.begin, plan.speed) if request.start == "centred" else found.steady(plan.begin, plan.speed)
-    stops = np.unique(plan.times)
-    leading = substeps(plan.lead, longest)
-    intervals = [substeps(x, longest) for x in np.diff(stops)]
-    h = leading[1] if plan.lead > 0 else intervals[0][1] if intervals else longest
-    world.start(bodies, h)
-    for _ in range(leading[0] if plan.lead > 0 else 0):
-        world.step(h)
-    tally = Tally(world, max(1, sum(count for count, _ in intervals) // JOURNAL_SAMPLES))
-    seen = []
-    last = intervals[-1][1] if intervals else h
-    for count, size in [*intervals, (1, last)]:
-        seen.append(world.observe(size))
-        _check_depth(world, seen[-1][f"{world.mechanism.driven}_angle"])
-        tally.add(size)
-        for _ in range(count - 1):
-            world.step(size)
-            tally.add(size)
-    rows = [seen[k] for k in np.searchsorted(stops, plan.times)]
+    longest = request.step or longest_step(world, plan.motor.angle(plan.begin), found.peaks(plan.motor, plan.seen))
+    grid = world.grid = Grid.of(plan.times, plan.begin, longest, early=world.turned)
+    _start(world, found, plan, grid)
+    tally = Tally(world, max(1, (grid.last - grid.lead) // JOURNAL_SAMPLES))
+    rows = grid.rows(_follow(world, plan, grid, tally))
     theta = np.array([row[f"{world.mechanism.driven}_angle"] for row in rows])
-    if world.speed and not np.allclose(theta, request.crank_angle, rtol=0, atol=1e-6):
-        raise SimulationError(f"{world.engine}: the crank is {np.abs(theta - request.crank_angle).max():.3g} rad off its course; use a smaller step")
-    trace = _trace(world, rows, request.crank_angle if world.speed else theta, plan.times, longest)
+    if world.turned and world.held:
+        off = float(np.abs(theta - angles(plan.motor, plan.times)).max())
+        if not off < OFF_COURSE:
+            raise SimulationError(f"{world.engine}: the crank is {off:.3g} rad off its course; use a smaller step")
+    trace = _trace(world, rows, request.crank_angle if request.crank_angle.size else theta, plan.times, grid.step)
     return replace(trace, free_share=tally.free_share(), journal=tally.journal())
+
+
+def _start(world: PlanarWorld, found: Equilibria, plan: Plan, grid: Grid) -> None:
+    """Bring the linkage to its first poses, a crank that will lag its motor with the speed and acceleration of its steady motion."""
+    begin = grid.begin
+    crank: Path = plan.motor
+    if world.drive_stiffness:
+        crank = found.lagging(plan.motor, begin, world.drive_stiffness, drive_inertia(world, plan.motor.angle(begin)))
+    steady = world.request.start == "steady"
+    bodies = found.steady(crank, begin) if steady else moving(world.assembly, crank, begin)
+    even = isinstance(crank, Even)
+    towards = begin + grid.step * np.arange(1.0 - WARM_UP, 1.0)
+    world.start(bodies, grid.step, crank.acceleration(begin), [None] * WARM_UP if even else angles(crank, towards).tolist())
+    if world.drive_stiffness:
+        world.hold(False)
+
+
+def _follow(world: PlanarWorld, plan: Plan, grid: Grid, tally: Tally) -> dict[int, dict[str, float]]:
+    """Signals at the beginnings of the grid's steps that reports need."""
+    seen: dict[int, dict[str, float]] = {}
+    wanted = set(grid.nodes.ravel().tolist())
+    steers = world.drive_stiffness or world.course is not None
+    ahead = 1 if world.held else 0
+    aims = angles(plan.motor, grid.begin + grid.step * np.arange(ahead, grid.last + 1 + ahead)).tolist() if steers else [None] * (grid.last + 1)
+    for k, world.aim in enumerate(aims):
+        if k in wanted:
+            seen[k] = world.observe(grid.step)
+            _check_depth(world, seen[k][f"{world.mechanism.driven}_angle"])
+        else:
+            world.step(grid.step)
+        if k >= grid.lead:
+            tally.add(grid.step)
+    return seen
 
 
 class Tally:

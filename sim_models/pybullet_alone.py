@@ -11,6 +11,7 @@ What holds a joint together:
     strut          a URDF of its own between the pins, as long as the clearance, or (contact) with a limit there
     spring-damper  beyond the clearance max(0, K d + C d') along the gap, applied here as an external force in each step
 Bullet steps v += a h; x += v h.  A moving run reads that as a leapfrog: velocities belong to half a step before positions.
+Its steps are equal; what is asked for between two of them follows from four by a cubic.
 """
 
 from __future__ import annotations
@@ -163,8 +164,7 @@ class Linkage:
         """Make a step, and say how everything was at its beginning.  Forces in the trees follow body by body, tips first."""
         before = self.coordinates()[1]
         self.step(h)
-        q, after = self.coordinates()
-        forces = self.forces
+        after, forces = self.coordinates()[1], self.forces
         for number, (joint, sign) in self.carriers.items():
             forces[joint] = sign * complex(*p.getConstraintState(number)[:2])
             for body, (at, _), side in zip(self.joints[joint]["bodies"], self.pins(joint), (-1, 1), strict=True):
@@ -174,7 +174,8 @@ class Linkage:
         out = {"crank_angle": self.places[self.motor["link"]].angle, "drive_torque": 0.0}
         for body, link in reversed(self.links.items()):
             here, (acceleration, spin_up, spin) = self.places[body], motion[body]
-            out |= {f"{body}_x": here.com.real, f"{body}_y": here.com.imag, f"{body}_angle": here.angle, f"{body}_angular_velocity": spin}
+            marker = self.point(body, self.start["markers"][body])[0]
+            out |= {f"{body}_x": marker.real, f"{body}_y": marker.imag, f"{body}_angle": here.angle, f"{body}_angular_velocity": spin}
             force = link.mass * (acceleration - complex(*self.start["gravity"])) - self.force[body]
             moment = link.inertia * spin_up - self.moment[body]
             joint = next((name for name, how in self.joints.items() if how["carries"] == body), None)
@@ -190,10 +191,6 @@ class Linkage:
             gap, force = self.pins(joint)[0][0] - self.pins(joint)[1][0], forces[joint] + self.forces_of_laws.get(joint, 0j)
             out |= {f"clearance_{joint}_x": gap.real, f"clearance_{joint}_y": gap.imag}
             out |= {f"reaction_{joint}_x": force.real, f"reaction_{joint}_y": force.imag}
-        if self.trailing not in (0.0, h / 2):  # the step's size has changed: velocities trail by half the new one
-            for link, position, velocity in zip(self.links.values(), q, after + (after - before) * (self.trailing / h - 0.5), strict=True):
-                p.resetJointState(*link.at, float(position), float(velocity))
-            self.trailing = h / 2
         return out
 
     def motion(self, change: np.ndarray, rates: np.ndarray) -> dict[str, tuple[complex, float, float]]:
@@ -229,7 +226,8 @@ def main() -> None:
     linkage = Linkage()
     with (HERE / "expected.csv").open(encoding="utf-8", newline="") as file:
         expected = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
-    found = list(linkage.run())
+    samples = list(linkage.run())
+    found = [{name: sum(weight * samples[k][name] for k, weight in report) for name in samples[0]} for report in linkage.start["reports"]]
     with (HERE / "signals.csv").open("w", encoding="utf-8", newline="") as file:
         table = csv.DictWriter(file, list(expected[0]), lineterminator="\n")
         table.writeheader()

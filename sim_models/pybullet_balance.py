@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analytic.mechanism import GROUND
+from analytic.mechanism import GROUND, MASS_CENTRE
 from sim_models.planar_parts import AT_REST, Branch, moving_body
 
 if TYPE_CHECKING:
@@ -48,11 +48,11 @@ class Balance:
             force = moving_body(m, child).mass * acceleration - self.force[child]
             about_com = moving_body(m, child).moment_of_inertia * spin_up - self.moment[child]
             if child == m.driven:
-                torque = about_com - _cross(self.place(child, m.drive_joint.name) - self.place(child, "com"), force)
+                torque = about_com - _cross(self.place(child, m.drive_joint.name) - self.place(child, MASS_CENTRE), force)
             if joint is None:
                 continue
             pin = self.place(joint.bodies[1], joint.name)
-            moment = about_com - _cross(pin - self.place(child, "com"), force)
+            moment = about_com - _cross(pin - self.place(child, MASS_CENTRE), force)
             forces[joint.name] = force if branch.forward else -force
             if joint.prismatic:
                 moments[joint.name] = moment if branch.forward else -moment
@@ -62,7 +62,7 @@ class Balance:
     def _load(self, body: str, at: complex, force: complex, moment: float = 0.0) -> None:
         if body != GROUND:
             self.force[body] += force
-            self.moment[body] += moment + _cross(at - self.place(body, "com"), force)
+            self.moment[body] += moment + _cross(at - self.place(body, MASS_CENTRE), force)
 
     def place(self, body: str, point: str) -> complex:
         """Place (m) of a body's point."""
@@ -80,7 +80,7 @@ class Balance:
             found[branch.child] = self._carried(branch, change[own].tolist(), rates[own].tolist(), *found[branch.parent])
         return {
             body.name: (
-                found[body.name][0] + self._swing(*found[body.name][1:]) * (self.place(body.name, "com") - self.poses[body.name].origin),
+                found[body.name][0] + self._swing(*found[body.name][1:]) * (self.place(body.name, MASS_CENTRE) - self.poses[body.name].origin),
                 spin_up,
             )
             for body in world.mechanism.bodies

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from analytic.mechanism import GROUND
+from analytic.mechanism import GROUND, MASS_CENTRE
 from sim_models.engine import COMMON_EFFECTS, JointModel, Motion, Request, SimulationError, Trace, check_supported
 from sim_models.planar_bodies import PlanarWorld
 from sim_models.planar_parts import AT_REST, Branch, moving_body, spanning_tree
@@ -69,7 +69,7 @@ class BulletWorld(PlanarWorld):
         self.ties = {j.name: self._tie(j.name, *j.bodies) for j in ideal if j in rest or j not in trunk}
         self.struts = {name: Strut(self, name) for name in self.pins if request.joint_model in ("massless-link", "contact")}
         self.step_size = 0.0
-        self.command = 0.0
+        self.commanded = 0.0  # rad/s, what the motor was last told
         self.settling = 1 if self.compliant else SETTLING
         self.applied: dict[str, tuple[complex, float]] = {}  # force and moment about the com on each body, for the next step
         self.was_applied: dict[str, tuple[complex, float]] = {}  # in the last one
@@ -105,7 +105,7 @@ class BulletWorld(PlanarWorld):
             number = self.grow(links)
             for branch, first in grown:
                 last = first + (2 if branch.joint is None else 0)
-                self.links[branch.child] = Link(number, last, self.points[branch.child, "com"])
+                self.links[branch.child] = Link(number, last, self.points[branch.child, MASS_CENTRE])
                 self.own[branch.child] = [self.freedoms.index((number, k)) for k in range(first, last + 1)]
 
     def _links_of(self, branch: Branch, parent: int) -> list[dict[str, Any]]:
@@ -174,8 +174,18 @@ class BulletWorld(PlanarWorld):
         self._reset(positions, velocities)
         self.command = bodies[self.mechanism.driven].angular_velocity
         if self.held:
-            motor = self.freedoms[self.own[self.mechanism.driven][-1]]
-            self.call("setJointMotorControl2", *motor, self.p.VELOCITY_CONTROL, targetVelocity=self.command, force=STRENGTH)
+            self._run_motor()
+
+    def hold(self, held: bool) -> None:
+        self.held = held
+        self._run_motor()
+
+    def _run_motor(self) -> None:
+        body, index = self.freedoms[self.own[self.mechanism.driven][-1]]
+        self.p.setJointMotorControl2(
+            body, index, self.p.VELOCITY_CONTROL, targetVelocity=self.command, force=STRENGTH if self.held else 0.0, physicsClientId=self.client
+        )
+        self.commanded = self.command
 
     def _reset(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         for (body, index), q, v in zip(self.freedoms, positions.tolist(), velocities.tolist(), strict=True):
@@ -255,6 +265,8 @@ class BulletWorld(PlanarWorld):
         if h != self.step_size:
             self.call("setTimeStep", h)
             self.step_size = h
+        if self.held and self.command != self.commanded:
+            self._run_motor()
         for strut in self.struts.values():
             strut.bear_up()
         self.p.stepSimulation(self.client)
@@ -285,7 +297,7 @@ class BulletEngine:
 
     name = "pybullet"
     package = "pybullet"
-    effects = COMMON_EFFECTS
+    effects = COMMON_EFFECTS | {"drive_compliance"}
     supports: frozenset[tuple[JointModel, Motion]] = frozenset(
         {
             ("ideal", "driven"),

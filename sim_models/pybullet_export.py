@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.resources
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from analytic.mechanism import GROUND, Joint
-from sim_models.engine import Request, Trace
+from sim_models.engine import Request, Trace, Unsupported
 from sim_models.export_files import expected, lines
+from sim_models.planar_bodies import WARM_UP
 from sim_models.planar_runs import simulate
 from sim_models.pybullet_engine import FASTEST, STRENGTH, BulletWorld
 from sim_models.pybullet_parts import flat
@@ -53,8 +54,7 @@ class RecordedWorld(BulletWorld):
 
     def _reset(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         super()._reset(positions, velocities)
-        if not self.observing:  # where a step's size changes, run.py does the same
-            self.run = {"state": list(zip(positions.tolist(), velocities.tolist(), strict=True)), "stages": []}
+        self.run = {"state": list(zip(positions.tolist(), velocities.tolist(), strict=True)), "stages": []}
 
     def advance(self, h: float) -> None:
         super().advance(h)
@@ -78,7 +78,14 @@ class RecordedWorld(BulletWorld):
 
 
 def export(request: Request, folder: Path) -> list[Path]:
-    """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError."""
+    """Run a request, and write what repeats it into an existing folder.
+
+    Raises what the run raises, Unsupported for a motor that does not turn evenly, and OSError.
+    """
+    drive = request.mechanism.drive
+    if request.course is not None or (drive is not None and drive.stiffness is not None):
+        what = "a course" if request.course is not None else f"drive.stiffness = {drive.stiffness:g} N.m/rad" if drive is not None else ""
+        raise Unsupported(f"pybullet's files drive the crank evenly and rigidly: leave out {what}")
     worlds: list[RecordedWorld] = []
 
     def make(asked: Request) -> RecordedWorld:
@@ -87,10 +94,11 @@ def export(request: Request, folder: Path) -> list[Path]:
 
     trace = simulate(make, request, "pybullet")
     world = worlds[0]  # another one only helps to find where the pins rest
+    order = _order(trace, world.speed)
     files = {f"{world.part(number)}.urdf": urdf(world, number) for number in world.grown}
     files |= {
-        "start.json": lines(_start(world, trace)),
-        "expected.csv": expected(trace, _order(trace, world.speed)),
+        "start.json": lines(_start(world, trace) | {"reports": _reports(world, order)}),
+        "expected.csv": expected(trace, order),
         "run.py": importlib.resources.files("sim_models").joinpath("pybullet_alone.py").read_text(encoding="utf-8"),
     }
     for name, content in files.items():
@@ -134,6 +142,7 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
     m = world.mechanism
     physics = dict(world.physics)
     solver = physics.pop("constraintSolverType")
+    begin = world.grid.begin - WARM_UP * world.grid.step if world.grid else 0.0  # s
     names = [name for name in dir(world.p) if name.startswith("CONSTRAINT_SOLVER") and getattr(world.p, name) == solver]
     return {
         "title": f"{m.name}, {trace.joint_model} joints, {trace.motion}",
@@ -149,9 +158,10 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
         "joints": {j.name: _joint(world, j) for j in m.joints},
         "constraints": _constraints(world),
         "laws": {j.name: _law(world, j) for j in world.laws},
+        "markers": {name: _from_com(world, name, "com") if name in m.moving else [0.0, 0.0] for name in world.names.values()},
         "loads": [*_loads(world), *_weights(world)],
         "spring_dampers": {name: {"clearance": pin.clearance} | asdict(pin.contact) for name, pin in world.pins.items() if world.compliant},
-        "runs": [run | {"time": _begin(trace, run), "state": dict(zip(world.names.values(), run["state"], strict=True))} for run in world.runs],
+        "runs": [run | {"time": begin, "state": dict(zip(world.names.values(), run["state"], strict=True))} for run in world.runs],
     }
 
 
@@ -200,10 +210,13 @@ def _weights(world: RecordedWorld) -> list[dict[str, Any]]:
     ]
 
 
-def _begin(trace: Trace, run: Mapping[str, Any]) -> float:
-    """Time (s) at which a run starts: that of its first report less the steps before."""
-    unseen = sum(steps * h for steps, h, asked in run["stages"][:1] if not asked)
-    return (0.0 if trace.time is None else float(trace.time.min())) - unseen
+def _reports(world: RecordedWorld, order: list[int]) -> list[list[tuple[int, float]]]:
+    """What each row of expected.csv is made of: samples, by their number, and their weights."""
+    if world.grid is None:
+        return [[(k, 1.0)] for k in range(len(order))]
+    number = {node: k for k, node in enumerate(sorted(set(world.grid.nodes.ravel().tolist())))}
+    mixed = [zip(world.grid.nodes[k].tolist(), world.grid.weights[k].tolist(), strict=True) for k in order]
+    return [[(number[node], weight) for node, weight in row if weight] for row in mixed]
 
 
 def _order(trace: Trace, speed: float) -> list[int]:

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from analytic.assembly import Assembly
 from sim_models.engine import Request, Unsupported
@@ -57,7 +57,7 @@ def _placed(assembly: Assembly, theta: float, gaps: Gaps) -> dict[str, tuple[com
 class Course:
     """A motor's prescribed motion: angle (rad), rate (rad/s) and acceleration (rad/s^2) at any time (s) of it."""
 
-    spline: CubicSpline
+    spline: Any  # scipy's CubicSpline
 
     @classmethod
     def of(cls, request: Request) -> Course:
@@ -71,6 +71,8 @@ class Course:
         report = np.asarray(request.time, float)
         if report.size == 0 or report.min() < time[0] or report.max() > time[-1]:
             raise Unsupported(f"{name}: reports are wanted outside the course, which lasts from {time[0]:g} to {time[-1]:g} s")
+        from scipy.interpolate import CubicSpline  # here, because it takes a quarter of a second that most runs can do without
+
         return cls(CubicSpline(time, angle))
 
     def angle(self, time: float) -> float:

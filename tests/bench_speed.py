@@ -14,6 +14,7 @@ import pytest
 
 from analytic.assembly import Assembly
 from analytic.clearance import displaced
+from analytic.compliance import compliance
 from analytic.kinematics import kinematics
 from analytic.kinetostatics import kinetostatics
 from analytic.mechanism_file import load
@@ -38,6 +39,20 @@ def test_kinematics_and_all_reactions(benchmark, case: str, count: int) -> None:
 def test_equilibrium_with_a_finite_gap(benchmark) -> None:  # type: ignore[no-untyped-def]
     assembly, theta = Assembly(load("paper")), np.linspace(0.4, 2.7, 10_000)
     report(benchmark, lambda: displaced(assembly, theta, 1.0, inertia=False), 10_000, "us per configuration")
+
+
+@pytest.mark.parametrize("pins", ["B", "BE"])
+def test_equilibrium_of_a_running_crank_rocker(benchmark, pins: str) -> None:  # type: ignore[no-untyped-def]
+    m = load("crank-rocker")
+    assembly, theta, gaps = Assembly(m), np.radians(np.linspace(0.0, 360.0, 721)), dict.fromkeys(pins, 2e-4)
+    report(benchmark, lambda: displaced(assembly, theta, m.speed or 0.0, clearances=gaps), 721, "us per configuration")
+
+
+@pytest.mark.parametrize("case", ["paper", "crank-rocker"])
+def test_compliance_of_links_and_joints(benchmark, case: str) -> None:  # type: ignore[no-untyped-def]
+    m = load(case)
+    motion = kinematics(Assembly(m), np.linspace(0.4, 2.7, 721), m.speed or 0.0)
+    report(benchmark, lambda: compliance(motion, inertia=True), 721, "us per configuration")
 
 
 @pytest.mark.parametrize("joint_model", ["ideal", "massless-link", "spring-damper", "contact"])

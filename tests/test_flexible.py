@@ -42,7 +42,8 @@ def test_beams_and_superposition_agree_on_where_the_bodies_are(joint_model: Any)
     (rigid,) = checked(joint_model=joint_model, flexible=False)["runs"]
     sagged = np.abs(np.array(run["simulated"]["coupler_y"]) - np.array(rigid["simulated"]["coupler_y"])).max()
     allowed = next(d["tolerance"] for d in run["discrepancies"] if d["signal"] == "coupler_y")
-    assert sagged > 1e-3 > 30 * allowed  # 50 N on these links: 1 mm
+    assert sagged > 1e-3  # m: 50 N on these links
+    assert allowed < sagged / 20
 
 
 class Softer:

@@ -7,7 +7,7 @@ share of chi^2 is divided by its excess and by its correlation time, so that N s
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -18,11 +18,11 @@ from compare.diagnose.fit import FOLDS, Data, Fit, rank_of
 from compare.diagnose.isolate import Screen
 from compare.diagnose.predict import Term
 from compare.diagnose.search import Search, without
+from compare.diagnose.worth import rms, worth
 
 TIE = 16.0  # of chi^2: two explanations closer than four sigmas are not told apart
 RICHER = 0.01  # chance that a richer explanation does better by luck
 HELD_OUT = 9.0  # of chi^2 on held-out data that an effect must bring
-NOISY = 1.15  # mean square of a sensor's residual, above which it is more than its noise
 CLOSED = 1.1  # of the noise floor: a gap that is closed
 DOMINANT = 0.5  # share of the excess that an effect must remove where something else remains
 RIVALS = 10  # fitted in full for each named effect
@@ -68,15 +68,10 @@ class Explanation:
         return rms(self.base.residual), rms(self.fit.residual)
 
 
-def rms(residual: np.ndarray) -> float:
-    """Root mean square."""
-    return math.sqrt(float(np.mean(residual**2))) if residual.size else 0.0
-
-
-def explain(search: Search, forbid: Callable[[Term], str | None] = lambda term: None) -> Explanation:
-    """The explanation of the data: which effects, how large, how sure, and the verdict."""
+def explain(search: Search, first: Sequence[Fit] = ()) -> Explanation:
+    """The explanation of the data: which effects, how large, how sure, and the verdict.  ``first`` is where to begin."""
     data = search.fitter.data
-    fit = search.best()
+    fit = search.best(first)
     while True:
         weights = worth(data, fit.residual)
         named, weak = admitted(search, fit, weights)
@@ -96,32 +91,6 @@ def verdict(fit: Fit, named: Sequence[Named], structured: bool) -> str:
     if not closed:
         return "partly explained"
     return "ambiguous" if any(n.ties for n in named) else "explained"
-
-
-# ------------------------------------------------------------------ worth of samples
-
-
-def worth(data: Data, residual: np.ndarray) -> np.ndarray:
-    """What each sample's squared residual counts, (size,): one in white noise of the stated size, less in what is not."""
-    out = np.ones(residual.size)
-    for part in data.parts:
-        r = residual[part.place]
-        mean_square = float(np.mean(r**2)) if r.size else 0.0
-        if mean_square > NOISY:
-            out[part.place] = 1 / (mean_square * correlation_time(r))
-    return out
-
-
-def correlation_time(r: np.ndarray) -> float:
-    """Samples per independent sample: 1 + 2 sum of the autocorrelation up to its first zero."""
-    n = r.size
-    if n < 8:
-        return 1.0
-    spectrum = np.abs(np.fft.rfft(r, 2 * n)) ** 2
-    correlation = np.fft.irfft(spectrum)[:n]
-    correlation = correlation / correlation[0]
-    below = np.flatnonzero(correlation <= 0)
-    return float(max(1.0, 1 + 2 * correlation[1 : int(below[0]) if below.size else n].sum()))
 
 
 def has_structure(data: Data, residual: np.ndarray) -> bool:
@@ -241,6 +210,8 @@ def ties_with(search: Search, screen: Screen, weights: np.ndarray, fit: Fit, i: 
     mine, theirs = fit.jacobian[:, fit.columns(i)], rival.jacobian[:, rival.columns(j)]
     more = rank_of(theirs) - rank_of(mine)
     contains = left_of(mine @ fit.x[i], rival.jacobian, weights) < 1.0
+    if term.effect.name in fit.terms[i].effect.alias_of and term.where == fit.terms[i].where:
+        return worse < TIE
     if contains and (more > 0 or term.effect.name in fit.terms[i].effect.special_case_of):
         return -worse > float(chi2.isf(RICHER, max(more, 1)))
     if fit.terms[i].effect.name in term.effect.special_case_of:

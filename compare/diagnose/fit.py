@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -34,7 +34,7 @@ class Data:
     """Everything measured as one vector, each sample over its noise."""
 
     def __init__(self, measured: Measured, noise: Mapping[tuple[str, str], float], encoder: str) -> None:
-        self.measured = measured
+        self.measured, self.noise, self.encoder = measured, noise, encoder
         self.parts: list[Part] = []
         values, sigma, fold = [], [], []
         at = 0
@@ -52,6 +52,15 @@ class Data:
         self.values, self.sigma, self.fold = (np.concatenate(x) for x in (values, sigma, fold))
         self.turning = np.concatenate([np.full(p.used.size, p.signal.endswith("_angle")) for p in self.parts])
         self.size = at
+
+    def until(self, share: float) -> Data:
+        """The same data without what free runs did after a share of their time."""
+        runs = []
+        for run in self.measured.runs:
+            early = run.time <= run.time[0] + share * (run.time[-1] - run.time[0])
+            cut = {s: replace(c, values=c.values[early]) for s, c in run.channels.items()}
+            runs.append(replace(run, time=run.time[early], channels=cut) if run.drive == "free" else run)
+        return Data(replace(self.measured, runs=tuple(runs)), self.noise, self.encoder)
 
     def shifted(self, difference: np.ndarray) -> Data:
         """The same data less a difference (size,) in units of noise."""
@@ -147,7 +156,15 @@ class Fitter:
             self._fits[key] = min((f for f in found if f is not None), key=lambda f: f.chi2, default=None)
         return self._fits[key]
 
-    def _fit(self, terms: tuple[Term, ...], x: list[np.ndarray]) -> Fit | None:
+    def done(self) -> list[Fit]:
+        """Every fit so far."""
+        return [f for f in self._fits.values() if f is not None]
+
+    def at(self, terms: Sequence[Term], x: Mapping[Term, np.ndarray]) -> Fit | None:
+        """The fit of a set of terms that stays where it starts."""
+        return self._fit(tuple(sorted(terms, key=lambda t: (t.label, t.variant))), [np.array(x[t], float) for t in sorted(terms, key=lambda t: (t.label, t.variant))], steps=0)
+
+    def _fit(self, terms: tuple[Term, ...], x: list[np.ndarray], steps: int = STEPS) -> Fit | None:
         limits = [self.bounds(t) for t in terms]
         low, high = (np.concatenate([b[k] for b in limits]) if limits else np.zeros(0) for k in (0, 1))
         scale = np.concatenate([np.asarray(t.effect.scales(self.rig, t.where, t.variant), float) for t in terms]) if terms else np.zeros(0)
@@ -162,15 +179,8 @@ class Fitter:
             return None
         jacobian, stale = self.jacobian(terms, point, residual, scale, high, parted), False
         damping = 0.0
-        for _ in range(STEPS if point.size else 0):
-            gradient = jacobian.T @ residual
-            held = ((point <= low) & (gradient > 0)) | ((point >= high) & (gradient < 0))
-            free = ~held & (np.linalg.norm(jacobian, axis=0) > 0)
-            if not free.any():
-                break
-            step = np.zeros(point.size)
-            step[free] = -_solve(jacobian[:, free], residual, damping)
-            trial = np.clip(point + step, low, high)
+        for _ in range(steps if point.size else 0):
+            trial = point + _step(jacobian, residual, low - point, high - point, damping)
             expected = float(residual @ residual - np.sum((residual + jacobian @ (trial - point)) ** 2))
             if expected < ENOUGH:
                 if not stale:
@@ -212,6 +222,21 @@ class Fitter:
         nudged = self.residuals(terms, [parted(point + step) for step in np.diag(steps)]) if point.size else []
         columns = [np.zeros(self.data.size) if r is None else (r - residual) / h for r, h in zip(nudged, steps, strict=True)]
         return np.column_stack(columns) if columns else np.zeros((self.data.size, 0))
+
+
+def _step(jacobian: np.ndarray, residual: np.ndarray, low: np.ndarray, high: np.ndarray, damping: float) -> np.ndarray:
+    """Least-squares step (n,) within bounds: what would leave them stops there, and the others make up for it."""
+    gradient = jacobian.T @ residual
+    step = np.zeros(gradient.size)
+    free = ~(((low >= 0) & (gradient > 0)) | ((high <= 0) & (gradient < 0))) & (np.linalg.norm(jacobian, axis=0) > 0)
+    while free.any():
+        step[free] = -_solve(jacobian[:, free], residual + jacobian[:, ~free] @ step[~free], damping)
+        beyond = free & ((step < low) | (step > high))
+        if not beyond.any():
+            break
+        step = np.clip(step, low, high)
+        free &= ~beyond
+    return step
 
 
 def _solve(jacobian: np.ndarray, residual: np.ndarray, damping: float) -> np.ndarray:

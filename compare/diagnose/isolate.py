@@ -46,10 +46,12 @@ def candidates(rig: Rig, vocabulary: Mapping[str, Effect], allowed: Sequence[tup
 
 
 def signatures(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> dict[Term, Signature]:
-    """Signatures of all terms that the data can see, about the nominal model."""
+    """Signatures of all terms that the data can see, about a fit (mostly of the nominal model) that has none of them."""
     rig, found = fitter.rig, {}
     start = dict(zip(base.terms, base.x, strict=True))
     for term in terms:
+        if term in start:
+            continue
         probes = term.effect.probes(rig, term.where, term.variant)
         still = [np.zeros(probes.shape[1])] if term.variant and term.effect.sensor else []
         points = [*still, *probes]

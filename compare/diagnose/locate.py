@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compare.diagnose.explain import correlation_time
 from compare.diagnose.fit import Data
+from compare.diagnose.worth import correlation_time
 
 WINDOWS = 36  # of a run, over which residuals are averaged
 SURE = 4.5  # sigmas of a window's mean

@@ -173,7 +173,8 @@ class Model:
         motions = swing([p[1] for p in pairs if p], start, run.time - run.time[0])
         for i, pair, theta, omega, alpha in zip(able, pairs, *motions, strict=True):
             assert pair is not None
-            moved[i] = kinetostatics(kinematics(pair[0], theta, omega, alpha))
+            if np.all(np.isfinite(theta)):
+                moved[i] = kinetostatics(kinematics(pair[0], theta, omega, alpha))
         return moved
 
     def start(self, run: Run, hypothesis: Hypothesis) -> tuple[float, float]:

@@ -102,6 +102,8 @@ def quantum(values: np.ndarray) -> float:
     """The step that all values are multiples apart of (a converter's, or of the decimals in a file); 0 if there is none."""
     present = values[np.isfinite(values)]
     levels = np.sort(present[_stretches(present.size)])
+    if np.unique(present).size > 0.8 * present.size:
+        return 0.0  # noise over a converter's steps would have made readings repeat; an even ramp has equal steps too
     gaps = np.diff(levels)
     gaps = gaps[gaps > 1e-12 * np.max(np.abs(levels), initial=0.0)]
     if gaps.size == 0:

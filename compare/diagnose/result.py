@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compare.diagnose.explain import Named, left_of, rms
+from compare.diagnose.explain import Named, left_of
 from compare.diagnose.fit import FOLDS, SEGMENTS, Fit
 from compare.diagnose.measured import Run
 from compare.diagnose.predict import Term
 from compare.diagnose.separate import would_separate
 from compare.diagnose.words import named, says, statement, stretch
+from compare.diagnose.worth import rms
 from sim_models.engine import installed_version
 
 if TYPE_CHECKING:

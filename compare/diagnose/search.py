@@ -11,8 +11,9 @@ from scipy.stats import chi2
 
 from compare.diagnose.effects import Rig
 from compare.diagnose.fit import Fit, Fitter
-from compare.diagnose.isolate import Screen, Signature
+from compare.diagnose.isolate import Screen, Signature, signatures
 from compare.diagnose.predict import Term
+from compare.diagnose.worth import worth
 
 CHANCE = 1e-3  # probability that noise alone names anything at all
 MOST = 4  # effects at once
@@ -20,6 +21,7 @@ FITTED = 9  # sets of each size that are fitted in full
 ROUNDS = 3
 MARGIN = 60.0  # of chi^2: sets that the screen puts farther behind its best are not fitted, unless they are among the first few
 FIRST = 5
+LEADERS = 5  # sets of effects that go on from a part of the data to more of it
 
 
 def costs(terms: Sequence[Term], rig: Rig, samples: int) -> dict[Term, float]:
@@ -42,25 +44,44 @@ class Search:
     base: Fit
     signatures: Mapping[Term, Signature]
     cost: Mapping[Term, float]
+    nonlinear: bool = False  # signatures hold only near the fit they were taken about (free runs)
+    surveyed: Fit | None = None
 
     @property
     def rig(self) -> Rig:
         """The rig."""
         return self.fitter.rig
 
-    def net(self, fit: Fit) -> float:
-        """chi^2 with what the terms cost: the smaller the better."""
-        return fit.chi2 + sum(self.cost[fit.terms[i]] for i in fit.named())
+    def price(self, fit: Fit) -> float:
+        """What the terms of a fit must bring."""
+        return sum(self.cost[fit.terms[i]] for i in fit.named())
 
-    def best(self) -> Fit:
-        """The set of effects with the smallest net chi^2; maybe none."""
+    def beats(self, new: Fit | None, old: Fit) -> bool:
+        """Whether a fit is better than another, its price paid; samples count for what the better of the two makes of them."""
+        if new is None or new is old:
+            return False
+        better = new if new.chi2 < old.chi2 else old
+        weights = worth(self.fitter.data, better.residual)
+        return float(weights @ (old.residual**2 - new.residual**2)) > self.price(new) - self.price(old) + 1e-6
+
+    def best(self, first: Sequence[Fit] = ()) -> Fit:
+        """The set of effects with the smallest chi^2 and price; maybe none.  ``first`` are fits to other data to begin with."""
         best = self.base
+        for fit in first:
+            begun = self.fitter.fit(fit.terms, dict(zip(fit.terms, fit.x, strict=True)))
+            best = begun if begun is not None and self.beats(begun, best) else best
         for _ in range(ROUNDS):
             before = best
             best = self.climb(self.screen(best), best)
             if set(best.terms) == set(before.terms):
                 break
         return best
+
+    def leaders(self, best: Fit) -> list[Fit]:
+        """The best fits so far, best first."""
+        weights = worth(self.fitter.data, best.residual)
+        others = sorted((float(weights @ f.residual**2) + self.price(f), k) for k, f in enumerate(self.fitter.done()) if f is not best)
+        return [best, *(self.fitter.done()[k] for _, k in others[: LEADERS - 1])]
 
     def climb(self, screen: Screen, best: Fit) -> Fit:
         """Fit the screen's best sets of each size until one more effect does not pay."""
@@ -71,7 +92,7 @@ class Search:
             fits = [self.fitted(screen, chosen) for k, (net, chosen) in enumerate(level[:FITTED]) if k < FIRST or net > level[0][0] - MARGIN]
             improved = False
             for fit in fits:
-                if fit is not None and self.net(fit) < self.net(best) - 1e-6:
+                if fit is not None and self.beats(fit, best):
                     best, improved = fit, True
             behind = 0 if improved else behind + 1
             if behind == 2:
@@ -98,6 +119,8 @@ class Search:
 
     def screen(self, about: Fit) -> Screen:
         """The linear problem about a fit: its terms by their derivatives there, all others by their signatures."""
+        if self.nonlinear and about is not self.surveyed:
+            self.signatures, self.surveyed = signatures(self.fitter, about, list(self.cost)), about
         found = dict(self.signatures)
         residual = about.residual.copy()
         for i in about.named():

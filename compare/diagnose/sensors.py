@@ -9,6 +9,7 @@ import numpy as np
 
 from compare.diagnose.effects import MECHANISM_EFFECTS, Effect, Parameter, Readings, Rig, Values
 
+
 class EncoderOffset(Effect):
     """A constant error of the motor's encoder; one value, or one for each run (``offset@run``).
 

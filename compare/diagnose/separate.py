@@ -76,7 +76,7 @@ def _trials(rig: Rig, measured: Measured) -> Iterator[Trial]:
         for signal in _sensors(rig.mechanism):
             if signal not in rig.signals:
                 channel = Channel(signal, np.zeros(base.time.size), 0.0, False, "")
-                yield Trial(f"measure {signal} too, in a run like {base.name!r}", replace(base, name=f"with-{signal}", channels={**base.channels, signal: channel}))
+                yield Trial(f"measure {signal} too, in a run like {base.name!r}", replace(base, channels={**base.channels, signal: channel}))
 
 
 def _turned(load: Load, by: complex) -> Load:

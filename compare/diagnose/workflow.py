@@ -14,7 +14,7 @@ from analytic.drive import Motor
 from analytic.mechanism import Body, Mechanism
 from compare.diagnose.confirm import Simulated, Task, lacking, simulate
 from compare.diagnose.effects import Effect, Rig
-from compare.diagnose.explain import CLOSED, Explanation, explain, rms
+from compare.diagnose.explain import Explanation, explain
 from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.isolate import candidates, signatures
 from compare.diagnose.locate import Stretch, locate
@@ -22,11 +22,13 @@ from compare.diagnose.measured import Measured, MeasuredError, Run
 from compare.diagnose.predict import Hypothesis, Model, StartOfRun, Term, altered
 from compare.diagnose.search import Search, costs
 from compare.diagnose.sensors import VOCABULARY
+from compare.diagnose.worth import rms
 from compare.sweep import spread
 from sim_models.engine import ENGINES, SimulationError, SimulatorMissing, Unsupported, engine
 
 SAMPLES = 60_000  # of all sensors together; more are thinned, evenly, for the search and the pages
 EQUIVALENT = 0.1  # of the noise: an engine this near the analytic model is the same
+HORIZONS = (0.06, 0.12, 0.25, 0.5)  # shares of free runs that are explained one after the other
 REFITS = 2  # with the engine's own difference to the analytic model taken along
 Progress = Callable[[str, int, int | None], None]
 
@@ -136,7 +138,9 @@ class Bench:
         ruled_out |= {t.key: "the tolerance leaves it no room" for t in terms if t.key not in ruled_out and not np.any(np.subtract(*bounds(t)))}
         fitter = Fitter(model, data, rig, bounds)
         starts = _starts(measured)
-        base = fitter.fit(list(starts), starts)
+        early = data.until(HORIZONS[0])
+        begun = Fitter(Model(early.measured, rig, mechanism, courses), early, rig, bounds).fit(list(starts), starts)
+        base = begun and fitter.at(begun.terms, dict(zip(begun.terms, begun.x, strict=True)))
         if base is None:
             raise MeasuredError(f"{measured.source}: the nominal mechanism cannot make these runs; check drive_angle, start and assembly")
         bench = cls(
@@ -166,8 +170,7 @@ class Bench:
                     )
         self.data = Data(self.measured, floor, self.rig.encoder)
         self.fitter = Fitter(self.model, self.data, self.rig, self.fitter.bounds)
-        starts = dict(zip(self.base.terms, self.base.x, strict=True))
-        self.base = self.fitter.fit(self.base.terms, starts) or self.base
+        self.base = self.fitter.at(self.base.terms, dict(zip(self.base.terms, self.base.x, strict=True))) or self.base
 
     def settled(self) -> Explanation:
         """The explanation; again with the chosen engine's own difference to the analytic model taken along, where it has one."""
@@ -191,14 +194,26 @@ class Bench:
     def explanation(self, data: Data) -> Explanation:
         """What explains these data, by the analytic model."""
         wanted = [t for t in self.terms if t.key not in self.ruled_out]
-        fitter = Fitter(self.model, data, self.rig, self.fitter.bounds)
-        base = fitter.fit(self.base.terms, dict(zip(self.base.terms, self.base.x, strict=True))) or self.base
-        if self.search is None:
-            found = signatures(fitter, base, wanted)
+        cost = costs(wanted, self.rig, data.size)
+        free = bool(self.base.terms)
+        first: list[Fit] = []
+        for share in HORIZONS if free else ():  # a free motion answers linearly only for a while: learn to walk first
+            search = self.prepared(data.until(share), cost, wanted, free)
+            first = search.leaders(search.best(first))
+        self.search = self.prepared(data, cost, wanted, free)
+        return explain(self.search, first)
+
+    def prepared(self, data: Data, cost: Mapping[Term, float], wanted: Sequence[Term], free: bool) -> Search:
+        """A search in these data, with signatures about the nominal model or, in free runs, about the fit it begins with."""
+        model = self.model if data.measured is self.measured else Model(data.measured, self.rig, self.mechanism, self.model.courses)
+        fitter = Fitter(model, data, self.rig, self.fitter.bounds)
+        start = dict(zip(self.base.terms, self.base.x, strict=True))
+        base = fitter.at(self.base.terms, start) or self.base
+        if self.search is not None and not free:
+            found = dict(self.search.signatures)  # differences of residuals, which a shift of the data does not touch
         else:
-            found = dict(self.search.signatures)  # differences of residuals, which a shift does not touch
-        self.search = Search(fitter, base, found, costs(wanted, self.rig, data.size))
-        return explain(self.search)
+            found = {} if free else signatures(fitter, base, wanted)
+        return Search(fitter, base, found, cost, nonlinear=free)
 
     # ---------------------------------------------------------------- simulation in full
 
@@ -465,4 +480,4 @@ def _bounds(rig: Rig, tolerance: Mapping[str, float]) -> Callable[[Term], tuple[
     return bounds
 
 
-__all__ = ["CLOSED", "Bench", "Confirmed", "Diagnosis", "Unsupported", "diagnose"]
+__all__ = ["Bench", "Confirmed", "Diagnosis", "Unsupported", "diagnose"]

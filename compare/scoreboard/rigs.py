@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,6 @@ SPEEDS = {"crank-rocker": (4.0, 30.0), "slider-crank": (10.0, 90.0), "six-bar": 
 LOADED = {"crank-rocker": ("coupler", 50.0), "slider-crank": ("slider", 60.0), "six-bar": ("coupler", 30.0)}  # body and force (N)
 SAMPLES = (120, 240)
 SENSORS = (5, 9)
-LOCAL_SENSORS = ("_x", "_y", "_angle", "_angular_velocity")
 
 
 class Rejected(ValueError):
@@ -81,8 +80,8 @@ class Bench:
                 s: Channel(s, values[i][s] if values is not None else np.zeros(p.time.size), sigma, True, SI[dimension(s)])
                 for s, sigma in self.noise.items()
             }
-            command = ("measured", None, None) if p.follows else ("speed", p.speed, p.angle)
-            runs.append(Run(p.name, p.time, channels, *command, start={}, loads=p.loads, from_rest=False, file=f"{p.name}.csv"))  # type: ignore[arg-type]
+            speed, angle = (None, None) if p.follows else (p.speed, p.angle)
+            runs.append(Run(p.name, p.time, channels, "measured" if p.follows else "speed", speed, angle, {}, p.loads, False, f"{p.name}.csv"))
         return Measured(self.nominal, tuple(runs), {}, (), "")
 
 
@@ -110,11 +109,11 @@ def draw_bench(rng: np.random.Generator, cases: Sequence[str], wanted: Sequence[
     case = str(rng.choice(list(cases), p=weights / weights.sum()))
     nominal = draw_mechanism(rng, case)
     plans = draw_plans(rng, case, nominal, slow, may_follow)
-    peaks = {}
+    peaks: dict[str, float] = {}
     for plan in plans:
         for signal, values in ideal(nominal, plan).items():
             peaks[signal] = max(peaks.get(signal, 0.0), float(np.abs(values).max()))
-    signals = draw_sensors(rng, nominal, peaks, wanted)
+    signals = draw_sensors(rng, nominal, peaks, [*wanted, *(["encoder"] if plans[0].follows else [])])
     noise = {s: draw_noise(rng, s, peaks) for s in signals}
     for s in signals:  # the two axes of a load cell are of one kind
         if s.startswith("reaction_") and s.endswith("_y"):
@@ -126,7 +125,7 @@ def draw_bench(rng: np.random.Generator, cases: Sequence[str], wanted: Sequence[
 def draw_mechanism(rng: np.random.Generator, case: str) -> Mechanism:
     """A shipped case, scaled, with lengths and masses of its own; rigid.  Raises Rejected where its crank does not turn."""
     m = load(case)
-    scale, heavier = math.exp(rng.uniform(math.log(0.7), math.log(1.6))), math.exp(rng.uniform(-0.5, 0.5))
+    scale, heavier = draw_log(rng, 0.7, 1.6), draw_log(rng, 0.6, 1.65)
     stretch = {b.name: scale * rng.uniform(0.95, 1.05) for b in m.bodies}
     ground = {name: (scale * x, scale * y) for name, (x, y) in m.ground.points.items()}
     bodies = []
@@ -159,7 +158,7 @@ def draw_plans(rng: np.random.Generator, case: str, nominal: Mechanism, slow: bo
     speeds = np.exp(np.linspace(math.log(low), math.log(high), count) + rng.uniform(-0.15, 0.15, count))
     signs = np.where(np.arange(count) == (count - 1 if rng.random() < 0.6 else -1), -1, 1)
     follows = may_follow and bool(rng.random() < 0.1)
-    n, turns = int(rng.integers(SAMPLES[0], SAMPLES[1] + 1)), int(rng.integers(1, 3))
+    n, turns = int(rng.integers(SAMPLES[0], SAMPLES[1] + 1)), 1 if slow else int(rng.integers(1, 3))
     plans = []
     for i, (speed, sign) in enumerate(zip(speeds, signs, strict=True)):
         time = np.linspace(0.0, turns * 2 * math.pi / speed, n)
@@ -205,7 +204,7 @@ def draw_noise(rng: np.random.Generator, signal: str, peaks: dict[str, float]) -
             unit = max(peaks[signal[:-1] + axis] for axis in "xy")
     else:
         low, high, unit = 5e-6, 2e-5, 1.0
-    return unit * math.exp(rng.uniform(math.log(low), math.log(high)))
+    return unit * draw_log(rng, low, high)
 
 
 def draw_unit(rng: np.random.Generator, signal: str) -> str:
@@ -215,6 +214,6 @@ def draw_unit(rng: np.random.Generator, signal: str) -> str:
     return other[kind] if rng.random() < 0.3 else SI[kind]
 
 
-def with_loads(bench: Bench, loads: Sequence[tuple[Load, ...] | None]) -> Bench:
-    """The bench with other loads in each run."""
-    return replace(bench, plans=tuple(replace(p, loads=x) for p, x in zip(bench.plans, loads, strict=True)))
+def draw_log(rng: np.random.Generator, low: float, high: float) -> float:
+    """A number whose logarithm is uniform."""
+    return math.exp(rng.uniform(math.log(low), math.log(high)))

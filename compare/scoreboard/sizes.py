@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from analytic.drive import Motor
-from compare.diagnose.effects import Rig
+from compare.diagnose.effects import OnJoint, Reciprocal, Rig
 from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.isolate import candidates, signatures
 from compare.diagnose.predict import Model, Term
@@ -84,10 +84,12 @@ def growth(name: str, where: str, bench: Bench, rig: Rig, rng: np.random.Generat
     elif name == "coulomb_friction":
         values, most = lambda a: {"friction_torque": a * torque}, 0.5
     elif name == "viscous_friction":
-        values, most = lambda a: {"damping": a * torque / rig.speed}, 0.5
+        damping = torque / rig.speed / (rig.length if joint is not None and joint.prismatic else 1.0)
+        values, most = lambda a: {"damping": a * damping}, 0.5
     elif name == "joint_spring":
         rest = _rest(bench, where, rng)
-        values, most = lambda a: {"stiffness": a * torque, "rest_angle": rest}, 0.5 if not (joint and joint.prismatic) else 0.5 / rig.length
+        stiffness = torque / rig.length if joint is not None and joint.prismatic else torque
+        values, most = lambda a: {"stiffness": a * stiffness, "rest_angle": rest}, 0.5
     elif name == "external_force":
         values, most = lambda a: {"x": a * c * rig.force, "y": a * s * rig.force}, 0.5
     elif name == "load_torque":
@@ -137,20 +139,18 @@ def _rest(bench: Bench, where: str, rng: np.random.Generator) -> float:
 
 def natural(term: Term, rig: Rig, values: Mapping[str, float]) -> np.ndarray:
     """Natural coordinates of reported values: the inverse of ``Effect.values``."""
-    v, name = list(values.values()), term.effect.name
-    if name == "gravity":
-        return np.array(v) - rig.mechanism.gravity
-    if name in ("joint_clearance", "coulomb_friction", "viscous_friction"):
-        return np.array(v) - term.effect.nominal(rig, term.where)  # type: ignore[attr-defined]
-    if name == "joint_spring":
+    v, effect = np.array(list(values.values())), term.effect
+    if effect.name == "gravity":
+        return np.asarray(v - rig.mechanism.gravity)
+    if isinstance(effect, OnJoint):
+        return np.asarray(v - effect.nominal(rig, term.where))
+    if effect.name == "joint_spring":
         return np.array([v[0], v[0] * v[1]])
-    if name in ("link_flexibility", "drive_compliance"):
-        return 1 / np.array(v)
-    if name == "speed_ripple":
-        return v[0] * np.array([math.cos(v[2]), math.sin(v[2])])
-    if name == "sensor_frame":
-        return np.array(v) - term.variant
-    return np.array(v)
+    if isinstance(effect, Reciprocal):
+        return np.asarray(1 / v)
+    if effect.name == "speed_ripple":
+        return np.asarray(v[0] * np.array([math.cos(v[2]), math.sin(v[2])]))
+    return np.asarray(v - term.variant) if effect.name == "sensor_frame" else v
 
 
 # ---------------------------------------------------------------- in sigmas

@@ -1,0 +1,101 @@
+"""How the motor of a driven run moves: at constant speed, or along a course."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from sim_models.start import Course
+
+INSTANT = 1e-9  # s, the first step of a run: it puts velocities right that are only nearly consistent
+SETTLING = 1e-7  # s, the step after which accelerations are consistent, where Exudyn does not know the motor's
+BESIDE = 0.1  # of a step: how near a report a knot may be for the step to pass over it
+DRIFT = 5e-8  # rad that the trapezoidal rule may be off a course
+OF_SCATTER = 1e-3  # of a noisy course's scatter, that it may be off
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A motor's angle (rad) over the time (s) of the run, a piecewise polynomial.
+
+    A course begins a moment after the run does, so that its first report is of a settled linkage.
+    """
+
+    path: PPoly
+    begins: float  # s of the run when the course does
+
+    @classmethod
+    def at_speed(cls, theta: float, speed: float) -> Motor:
+        """From angle theta (rad) on at a constant speed (rad/s)."""
+        return cls(PPoly([[speed], [theta]], [0.0, 1.0]), 0.0)
+
+    @classmethod
+    def along(cls, course: Course) -> Motor:
+        """Along a course."""
+        begins = INSTANT + SETTLING
+        return cls(PPoly(course.spline.c, course.spline.x - course.spline.x[0] + begins), begins)
+
+    @property
+    def steady(self) -> bool:
+        """Whether the speed is constant."""
+        return bool(len(self.path.c) == 2)
+
+    def angle(self, time: np.ndarray | float) -> np.ndarray:
+        """Angle (rad) at times (s)."""
+        return np.asarray(self.path(time))
+
+    def rate(self, time: np.ndarray | float) -> np.ndarray:
+        """Angular velocity (rad/s) at times (s)."""
+        return np.asarray(self.path(time, 1))
+
+    def knots_between(self, times: np.ndarray, step: float) -> np.ndarray:
+        """Knots (s) before the last of these times (s, sorted), but for those that nearly coincide with one of them.
+
+        A step over a knot, where the jerk jumps, would leave the trapezoidal rule's accelerations alternating ever after; so
+        would, by rounding, a step far shorter than ``step`` (s).
+        """
+        knots = self.path.x[self.path.x < times[-1]]
+        after = np.searchsorted(times, knots)
+        nearest = np.minimum(np.abs(times[after] - knots), np.abs(times[np.maximum(after - 1, 0)] - knots))
+        return np.asarray(knots[nearest > BESIDE * step])
+
+    @property
+    def top_speed(self) -> float:
+        """The largest angular velocity (rad/s), either way."""
+        x = self.path.x
+        return float(np.abs(self.rate(np.concatenate([x, (x[1:] + x[:-1]) / 2]))).max())
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Least and largest angle (rad) of a course."""
+        angles = self.angle(np.linspace(self.begins, self.path.x[-1], 8 * len(self.path.x)))
+        return float(angles.min()), float(angles.max())
+
+    @property
+    def longest_step(self) -> float:
+        """Step (s) with which the trapezoidal rule stays on the course: it loses h^2/12 of what the acceleration changes by.
+
+        A course with scatter, which sixth differences show, need not be followed closer than to a part of that.
+        """
+        change, rough = float(np.ptp(self.path(self.path.x, 2))), np.diff(self.angle(self.path.x), 6)
+        scatter = float(np.sqrt(np.mean(rough**2) / math.comb(12, 6))) if rough.size else 0.0
+        return float(np.sqrt(12 * max(DRIFT, OF_SCATTER * scatter) / change)) if change else float("inf")
+
+    def speed_function(self) -> Callable[[float], float]:
+        """Angular velocity (rad/s) at a time (s), fast."""
+        inner = self.path.x[1:-1].tolist()
+        pieces = list(zip(self.path.x[:-1].tolist(), *self.path.derivative().c.tolist(), strict=True))
+
+        def speed(time: float) -> float:
+            start, *coefficients = pieces[bisect(inner, time)]
+            value = 0.0
+            for c in coefficients:
+                value = value * (time - start) + c
+            return value
+
+        return speed

@@ -1,0 +1,45 @@
+"""Exudyn, kept quiet: its console, and settings of its solvers that leave no files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+
+@contextmanager
+def silence() -> Iterator[None]:
+    """Keep Exudyn from printing, and leave its global settings as they were."""
+    import exudyn
+
+    before = exudyn.config.printToConsole, exudyn.config.suppressWarnings
+    exudyn.config.printToConsole, exudyn.config.suppressWarnings = False, True
+    try:
+        yield
+    finally:
+        exudyn.config.printToConsole, exudyn.config.suppressWarnings = before
+
+
+def static_settings(tolerance: float) -> Any:
+    """Exudyn's settings for a static solution in one go, to a residual of ``tolerance`` (N)."""
+    settings = quiet_settings()
+    solver = settings.staticSolver
+    solver.useLoadFactor = solver.adaptiveStep = False
+    solver.newton.maxIterations = 100
+    solver.newton.relativeTolerance = 1e-12
+    solver.newton.absoluteTolerance = tolerance
+    solver.discontinuous.maxIterations = 20
+    solver.discontinuous.ignoreMaxIterations = False
+    return settings
+
+
+def quiet_settings() -> Any:
+    """Exudyn's settings without files or messages."""
+    import exudyn
+
+    settings = exudyn.SimulationSettings()
+    settings.solution.file.write = False
+    settings.solution.sensors.writePeriod = 0.0
+    settings.staticSolver.verboseMode = settings.timeIntegration.verboseMode = 0
+    settings.linearSolver.showCausingItems = False
+    return settings

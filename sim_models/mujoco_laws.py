@@ -1,0 +1,63 @@
+"""What the joints with clearance of a MuJoCo linkage are made of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sim_models.contact_laws import DAMPING_RATIO, contact_parameters, damping_ratio, lighter_mass
+from sim_models.engine import Request
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Law of a clearance joint: stiffness (N/m) and damping (N.s/m), or ``hard``: period/2 pi (s) and damping ratio of a bounce.
+
+    A hard contact counts from ``margin`` (m) before the rim: a pressed pin would otherwise flicker between in and out.
+    """
+
+    stiffness: float
+    damping: float
+    hard: tuple[float, float] | None = None
+    margin: float = 0.0
+
+    @property
+    def words(self) -> str:
+        """The law in words."""
+        if self.hard is None:
+            return "max(0, K d + C d') outside the gap"
+        return f"hard, bounces in {math.pi * self.hard[0]:.3g} s at damping ratio {self.hard[1]:.3g}"
+
+
+def contact_laws(request: Request) -> dict[str, Contact]:
+    """The law of each joint with clearance; none for ideal joints.
+
+    ``contact`` in a driven run is hard (it bounces as its restitution says, whatever mass it carries) unless the
+    mechanism gives a stiffness or damping; every other compliant joint is a spring and damper in SI units.
+    """
+    laws = {}
+    for name in request.mechanism.clearances if request.joint_model != "ideal" else ():
+        joint = request.mechanism.joint(name)
+        law = contact_parameters(request.mechanism, joint, request.motion)
+        hard = None
+        if request.joint_model == "contact" and request.motion == "driven" and joint.contact_stiffness is None and joint.contact_damping is None:
+            ratio = DAMPING_RATIO if joint.restitution is None else damping_ratio(joint.restitution)
+            hard = math.sqrt(lighter_mass(request.mechanism, joint) / law.stiffness), ratio
+        laws[name] = Contact(law.stiffness, law.damping, hard)
+    return laws
+
+
+def law_settings(request: Request, laws: Mapping[str, Contact]) -> dict[str, Any]:
+    """What the joints with clearance were made of: the softest stiffness, each joint's damping, the law in words."""
+    if not laws or request.joint_model == "massless-link":
+        return {"contact_law": "massless link of fixed length, pulls and pushes"} if laws else {}
+    soft = [law for law in laws.values() if not law.hard]
+    words = {law.words for law in laws.values()}
+    settings: dict[str, Any] = {"contact_law": "; ".join(sorted(words))}
+    if soft:
+        settings["contact_stiffness"] = min(law.stiffness for law in soft)
+        damping = {name: law.damping for name, law in laws.items()}
+        settings["contact_damping"] = next(iter(damping.values())) if len(set(damping.values())) == 1 else damping
+    return settings

@@ -1,0 +1,312 @@
+"""Hidden sets are what they claim to be, sensors are played as the contract has them, and scores tell right from wrong."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analytic.mechanism import Load
+from analytic.mechanism_file import load
+from compare.diagnose.effects import Rig
+from compare.diagnose.fit import Fitter
+from compare.diagnose.measured import load_measured
+from compare.diagnose.predict import Term
+from compare.diagnose.sensors import VOCABULARY, EncoderOffset
+from compare.scoreboard.board import FULL, run_all, seeds, thresholds
+from compare.scoreboard.hidden import COUNTS, DIAGNOSING, FIRST, Hidden, draw, kind_of
+from compare.scoreboard.outside import KINDS
+from compare.scoreboard.page import figure, page
+from compare.scoreboard.record import make, recorded
+from compare.scoreboard.rigs import Bench, Plan, Rejected
+from compare.scoreboard.score import opened, score
+from compare.scoreboard.sizes import Planted, Sizer, natural
+
+SPEED, ANGLE = 6.0, 0.4
+SENSORS = {"crank_angle": 5e-5, "follower_angle": 5e-5, "coupler_x": 1e-5, "drive_torque": 1e-3, "reaction_E_x": 0.02, "reaction_E_y": 0.02}
+
+
+def bench(*plans: Plan) -> Bench:
+    m = load("crank-rocker")
+    rigid = [type(b).model_validate(b.model_dump(exclude_unset=True, exclude={"youngs_modulus", "shear_modulus"})) for b in m.bodies]
+    m = m.replace(gravity=(0.0, -9.81), bodies=tuple(rigid), loads=(Load(body="coupler", force=(5.0, -30.0)),))
+    plan = Plan("slow", SPEED, ANGLE, np.linspace(0.0, 2 * math.pi / SPEED, 121), None)
+    return Bench("crank-rocker", m, plans or (plan,), SENSORS, True, {})
+
+
+def hidden(*effects: Planted, rig: Bench | None = None, source: str = "mujoco") -> Hidden:
+    return Hidden(0, "effects", rig or bench(), source, "exudyn", effects)
+
+
+def readings(*effects: Planted, rig: Bench | None = None, source: str = "mujoco") -> list[dict[str, np.ndarray]]:
+    set_ = hidden(*effects, rig=rig, source=source)
+    return [recorded(set_, plan) for plan in set_.bench.plans]
+
+
+# ---------------------------------------------------------------- sensors, played from the contract's sentences
+
+
+def test_a_delayed_sensor_reads_what_an_undelayed_one_reads_at_earlier_times() -> None:
+    plan = bench().plans[0]
+    step = float(plan.time[1])
+    now, late = readings()[0], readings(Planted("sensor_delay", "follower_angle", {"delay": step}))[0]
+    assert np.allclose(late["follower_angle"][1:], now["follower_angle"][:-1], rtol=0, atol=1e-7)
+    assert np.allclose(late["drive_torque"], now["drive_torque"], rtol=0, atol=1e-12)
+
+
+def test_a_late_clock_ages_every_sensor_the_encoder_included() -> None:
+    step = float(bench().plans[0].time[1])
+    now, late = readings()[0], readings(Planted("clock_offset", "slow", {"offset": step}))[0]
+    for signal in SENSORS:
+        assert np.allclose(late[signal][1:], now[signal][:-1], rtol=0, atol=1e-3 * np.ptp(now[signal])), signal
+    assert late["crank_angle"][0] == pytest.approx(ANGLE - SPEED * step)
+
+
+def test_a_load_cell_turned_by_a_quarter_reads_y_as_x_and_minus_x_as_y() -> None:
+    now, turned = readings()[0], readings(Planted("sensor_frame", "E", {"rotation": math.pi / 2}))[0]
+    assert np.allclose(turned["reaction_E_x"], now["reaction_E_y"])
+    assert np.allclose(turned["reaction_E_y"], -now["reaction_E_x"])
+
+
+def test_the_encoder_sits_on_the_motor_and_its_crank_lags_by_torque_over_stiffness() -> None:
+    seen = readings(Planted("drive_compliance", "drive", {"stiffness": 50.0}))[0]
+    plan = bench().plans[0]
+    assert np.allclose(seen["crank_angle"], plan.command(plan.time), rtol=0, atol=1e-12)
+    assert np.ptp(readings()[0]["follower_angle"] - seen["follower_angle"]) > 1e-4
+
+
+def test_ripple_is_seen_by_the_encoder() -> None:
+    ripple = {"amplitude": 1e-3, "harmonic": 2.0, "phase": 0.3}
+    plan = bench().plans[0]
+    command = plan.command(plan.time)
+    assert np.allclose(readings(Planted("speed_ripple", "drive", ripple))[0]["crank_angle"], command + 1e-3 * np.sin(2 * command + 0.3), atol=1e-12)
+
+
+CASES = [
+    Planted("sensor_bias", "coupler_x", {"bias": 1e-4}),
+    Planted("sensor_gain", "drive_torque", {"gain_error": 0.02}),
+    Planted("sensor_delay", "reaction_E_x", {"delay": 2e-3}),
+    Planted("sensor_frame", "E", {"rotation": 0.2}),
+    Planted("clock_offset", "slow", {"offset": 1e-3}),
+    Planted("encoder_offset", "crank_angle", {"offset": 1e-3}),
+    Planted("speed_ripple", "drive", {"amplitude": 1e-3, "harmonic": 2.0, "phase": 0.3}),
+    Planted("drive_compliance", "drive", {"stiffness": 80.0}),
+    Planted("payload", "coupler", {"mass": 0.02, "along": 0.01, "normal": 0.02}),
+    Planted("joint_spring", "E", {"stiffness": 0.05, "rest_angle": 1.2}),
+]
+
+
+@pytest.mark.parametrize("effect", CASES, ids=lambda e: e.name)
+def test_what_is_recorded_is_what_the_vocabulary_means(effect: Planted) -> None:
+    """Two independent ways to the same readings: an engine with sensors played here, and the diagnosis' own analytic model."""
+    variant = effect.values.get("harmonic", 0.0)
+    truth = [(Term(VOCABULARY[effect.name], effect.where, variant), effect.values)]
+    sizer = Sizer(bench())
+    predicted, nominal = sizer.model(truth)([truth, []])
+    assert predicted is not None
+    assert nominal is not None
+    seen = readings(effect)[0]
+    shown = max(float(np.abs(predicted[0][s] - nominal[0][s]).max()) / sigma for s, sigma in SENSORS.items())
+    for signal, sigma in SENSORS.items():
+        assert np.abs(seen[signal] - predicted[0][signal]).max() < 0.02 * shown * sigma + 0.1 * sigma, signal
+    assert shown > 5
+
+
+# ---------------------------------------------------------------- sizes
+
+
+def test_natural_coordinates_are_the_inverse_of_reported_values() -> None:
+    rig: Rig = bench().rig
+    for effect in CASES:
+        term = Term(VOCABULARY[effect.name], effect.where, effect.values.get("harmonic", 0.0))
+        again = term.effect.values(rig, term.where, natural(term, rig, effect.values), term.variant)
+        assert again == pytest.approx(dict(effect.values))
+
+
+def test_a_signature_is_its_distance_in_sigmas_and_grows_to_what_is_asked() -> None:
+    sizer = Sizer(bench())
+    truth = [(Term(VOCABULARY["sensor_bias"], "coupler_x"), {"bias": 3e-5})]
+    assert sizer.total(truth, 0) == pytest.approx(3.0 * math.sqrt(121))
+
+
+def test_an_exact_alias_is_not_distinguishable_and_an_own_signature_is() -> None:
+    sizer = Sizer(bench())
+    aliased = sizer.judged([(Term(VOCABULARY["load_torque"], "crank"), {"torque": 2e-3})])[0]
+    assert aliased.distinct < 0.01 < 5 < aliased.total
+    own = sizer.judged([(Term(VOCABULARY["speed_ripple"], "drive", 5.0), {"amplitude": 5e-4, "harmonic": 5.0, "phase": 0.0})])[0]
+    assert own.distinct > 20
+
+
+# ---------------------------------------------------------------- drawing
+
+
+def test_one_seed_is_one_set(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        make(FIRST["none"] + 10, tmp_path / name, tmp_path / f"{name}-seal")
+    files = sorted(p.name for p in (tmp_path / "a").iterdir())
+    assert {"measured.toml", "nominal.toml"} < set(files)
+    assert len(files) in (4, 5)
+    assert all((tmp_path / "a" / f).read_bytes() == (tmp_path / "b" / f).read_bytes() for f in files)
+
+
+def test_what_is_written_can_be_read_and_does_not_tell_the_truth(tmp_path: Path) -> None:
+    made = make(16, tmp_path / "data", tmp_path / "seal")
+    truth = opened(tmp_path / "seal")
+    measured = load_measured(tmp_path / "data" / "measured.toml")
+    assert [e["name"] for e in truth["effects"]] == [e.name for e in made.truth]
+    assert truth["effects"]
+    assert measured.mechanism == made.bench.nominal
+    for run, plan in zip(measured.runs, made.bench.plans, strict=True):
+        assert run.time.size == plan.time.size
+        assert list(run.channels) == list(made.bench.noise)
+    written = " ".join(p.read_text(encoding="utf-8") for p in (tmp_path / "data").iterdir() if p.name != "nominal.toml")
+    assert not any(name in written for name in VOCABULARY)
+
+
+def test_a_full_board_has_every_effect_kind_and_engine_often_enough() -> None:
+    chosen = seeds(FULL)
+    assert FULL["effects"] >= 200
+    assert FULL["none"] >= 300
+    assert FULL["outside"] >= 24
+    effects = [s for s in chosen if kind_of(s) == "effects"]
+    first = [list(VOCABULARY)[s % len(VOCABULARY)] for s in effects]
+    assert min(first.count(name) for name in VOCABULARY) >= 10
+    assert all([DIAGNOSING[s % len(DIAGNOSING)] for s in effects].count(e) >= 20 for e in set(DIAGNOSING))
+    assert {KINDS[s % len(KINDS)] for s in chosen if kind_of(s) == "outside"} == set(KINDS)
+    assert sum(COUNTS) == pytest.approx(1.0)
+
+
+def drawn(seed: int) -> Hidden:
+    for attempt in range(50):
+        try:
+            return draw(seed, attempt)
+        except Rejected:
+            continue
+    raise AssertionError(f"seed {seed} makes no set")
+
+
+@pytest.mark.parametrize("seed", [2, 9, 14, 16, 25, 38])
+def test_effects_are_as_large_as_asked_and_another_engine_diagnoses(seed: int) -> None:
+    found = drawn(seed)
+    assert found.truth[0].name == list(VOCABULARY)[seed % len(VOCABULARY)]
+    assert found.source != found.simulator
+    for e in found.truth:
+        assert e.total > 5
+        assert e.linear <= e.distinct + 1e-6
+        assert e.distinct <= e.total + 1e-6
+
+
+def test_clearance_is_an_alias_of_length_until_the_load_reverses() -> None:
+    same, other = drawn(FIRST["alias"]), drawn(FIRST["alias"] + 1)
+    for found, lengths in ((same, True), (other, False)):
+        sizer = Sizer(found.bench)
+        truth = [(Term(VOCABULARY[e.name], e.where), dict(e.values)) for e in found.truth]
+        model, data = sizer.data(truth)
+        term = Term(VOCABULARY["link_length"], "follower")
+        fit = Fitter(model, data, sizer.rig, sizer.bounds).fit([term], {term: np.zeros(1)})
+        assert fit is not None
+        assert math.sqrt(fit.chi2) < 3 if lengths else math.sqrt(fit.chi2) > 10
+
+
+def test_an_offset_of_its_own_for_each_run_is_drawn_too() -> None:
+    kinds = {len(e.values) for seed in range(15, 15 + 21 * 8, 21) for e in drawn(seed).truth if e.name == EncoderOffset.name}
+    assert 1 in kinds
+    assert max(kinds) > 1
+
+
+# ---------------------------------------------------------------- scores
+
+BIAS, GAIN, LENGTH = ("sensor_bias", "coupler_x"), ("sensor_gain", "coupler_x"), ("link_length", "follower")
+
+
+def truth(*keys: tuple[str, str], kind: str = "effects", **fields: Any) -> dict[str, Any]:
+    sizes = {"total": 30.0, "linear": 20.0, "distinct": 20.0, "rival": None}
+    effects = [{"name": n, "where": w, "parameters": {"bias": 1.0}, **sizes} for n, w in keys]
+    base = {"seed": 1, "kind": kind, "case": "paper", "source": {"name": "dart"}, "simulator": "mujoco", "effects": effects}
+    return base | {"outside": {"kind": "bent link"} if kind == "outside" else None, "reversed_load": False} | fields
+
+
+Key = tuple[str, str]
+
+
+def said(*named: tuple[Key, list[Key]], verdict: str = "explained", low: float | None = 0.9, high: float | None = 1.1) -> dict[str, Any]:
+    effects = [
+        {
+            "name": n, "where": w, "parameters": {"bias": {"value": 1.02, "unit": "m", "low": low, "high": high}},
+            "ambiguous_with": [{"name": a, "where": b} for a, b in ties], "would_separate": "a run with the load reversed" if ties else "",
+        }
+        for (n, w), ties in named
+    ]  # fmt: skip
+    return {"verdict": verdict, "effects": effects, "gap": {"before": 2.0, "after": 1.0, "noise_floor": 1.0}}
+
+
+@pytest.mark.parametrize(
+    ("found", "true", "outcome"),
+    [
+        (said((BIAS, [])), truth(BIAS), "exact"),
+        (said((BIAS, []), (GAIN, [])), truth(BIAS, GAIN), "exact"),
+        (said((GAIN, [BIAS])), truth(BIAS), "tie"),
+        (said((GAIN, [])), truth(BIAS), "wrong"),
+        (said((BIAS, []), (GAIN, [])), truth(BIAS), "wrong"),
+        (said((BIAS, [])), truth(BIAS, GAIN), "incomplete"),
+        (said(verdict="no gap"), truth(BIAS), "missed"),
+        (said(verdict="unexplained"), truth(BIAS), "abstained"),
+        (said(verdict="no gap"), truth(kind="none"), "clear"),
+        (said((BIAS, [])), truth(kind="none"), "false alarm"),
+        (said((BIAS, [])), truth(kind="outside"), "wrong"),
+        (said((BIAS, []), verdict="partly explained"), truth(kind="outside"), "partly"),
+        (said(verdict="unexplained"), truth(kind="outside"), "abstained"),
+        (said((BIAS, [LENGTH]), verdict="ambiguous"), truth(BIAS, kind="alias"), "tie"),
+        (said((BIAS, [])), truth(BIAS, kind="alias"), "incomplete"),
+        (said((BIAS, [LENGTH]), verdict="ambiguous"), truth(BIAS, kind="alias", reversed_load=True), "wrong"),
+        (said((BIAS, [])), truth(BIAS, kind="alias", reversed_load=True), "exact"),
+    ],
+)
+def test_outcomes(found: dict[str, Any], true: dict[str, Any], outcome: str) -> None:
+    assert score(found, true)["outcome"] == outcome
+
+
+def test_an_interval_covers_or_does_not_and_an_open_one_does() -> None:
+    def covered(**ends: float | None) -> bool:
+        return bool(score(said((BIAS, []), **ends), truth(BIAS))["parameters"][0]["covered"])
+
+    assert covered()
+    assert not covered(low=1.01)
+    assert covered(low=None, high=None)
+    assert score(said((BIAS, [])), truth(BIAS))["parameters"][0]["error"] == pytest.approx(0.02)
+
+
+def test_thresholds_count_and_a_board_that_meets_them_says_so() -> None:
+    good = [score(said((BIAS, [])), truth(BIAS)) for _ in range(19)]
+    bad = score(said((GAIN, [])), truth(BIAS))
+    rows = {r["what"]: r for r in thresholds([*good, bad])}
+    assert rows["exact where every effect is distinguishable"]["met"]
+    assert rows["exact where every effect is distinguishable"]["count"] == 19
+    assert not rows["wrong"]["met"]
+    rows = {r["what"]: r for r in thresholds([*good[:18], bad, bad])}
+    assert not rows["exact where every effect is distinguishable"]["met"]
+
+
+def test_the_page_lists_what_fell_short_with_its_seed_and_the_figure_is_drawn() -> None:
+    from compare.report.svg import draw as drawn_svg
+
+    results = [score(said((BIAS, [])), truth(BIAS)), score(said((GAIN, [])), truth(BIAS)) | {"seed": 4711}]
+    board = {"versions": {"mujoco": "4"}, "thresholds": thresholds(results), "by_simulator": {"mujoco": thresholds(results)}, "results": results}
+    text = page(json.loads(json.dumps(board)))
+    assert "| 4711 | wrong | explained | sensor_bias@coupler_x (30, 20.0) | sensor_gain@coupler_x |" in text
+    assert "<svg" in drawn_svg(figure(results))
+
+
+@pytest.mark.slow
+def test_a_dozen_hidden_sets_are_named_rightly(tmp_path: Path) -> None:
+    """Sets whose effects can all be told from anything else, some without effect, one outside the vocabulary, and the alias."""
+    chosen = [2, 3, 25, 35, 39, 14, FIRST["none"], FIRST["none"] + 1, FIRST["none"] + 2, FIRST["outside"], FIRST["alias"], FIRST["alias"] + 1]
+    results = run_all(chosen, tmp_path, 2)
+    short = {r["seed"]: (r["outcome"], r.get("why")) for r in results if not r["good"]}
+    assert not short
+    assert all(r["outcome"] == "exact" for r in results[:6])
+    assert run_all(chosen, tmp_path, 2) == results  # read, not done again
