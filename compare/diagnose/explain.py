@@ -72,15 +72,26 @@ def explain(search: Search, first: Sequence[Fit] = ()) -> Explanation:
     """The explanation of the data: which effects, how large, how sure, and the verdict.  ``first`` is where to begin."""
     data = search.fitter.data
     fit = search.best(first)
-    while True:
-        weights = worth(data, fit.residual)
-        named, weak = admitted(search, fit, weights)
-        if weak is None:
+    for last in (False, False, True):
+        fit, weights, found = pruned(search, fit)
+        named = tuple(rivalled(search, fit, weights, n) for n in found)
+        better = [rival for n in named for _, rival in n.ties if search.beats(rival, fit)]
+        if last or not better:
             break
-        fit = search.with_terms(fit, search.screen(fit), without(fit, weak)) or search.base
-    named = tuple(rivalled(search, fit, weights, n) for n in named)
+        fit = min(better, key=lambda rival: float(weights @ rival.residual**2) + search.price(rival))
+    named = tuple(sorted(named, key=lambda n: -n.chi2_gain))
     structured = has_structure(data, fit.residual)
     return Explanation(search.base, fit, named, verdict(fit, named, structured), weights, structured)
+
+
+def pruned(search: Search, fit: Fit) -> tuple[Fit, np.ndarray, list[Named]]:
+    """The fit without effects that do not pay their way, the worth of its samples, and the effects that stay."""
+    while True:
+        weights = worth(search.fitter.data, fit.residual)
+        named, weak = admitted(search, fit, weights)
+        if weak is None:
+            return fit, weights, named
+        fit = search.with_terms(fit, search.screen(fit), without(fit, weak)) or search.base
 
 
 def verdict(fit: Fit, named: Sequence[Named], structured: bool) -> str:

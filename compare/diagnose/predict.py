@@ -26,6 +26,7 @@ from compare.diagnose.measured import Measured, Run
 from compare.diagnose.sensors import EncoderOffset
 from compare.grid import turns_fully
 
+TABLES = 500  # linkages whose freedom is kept
 CACHED = 48  # runs whose signals are kept
 
 
@@ -77,6 +78,7 @@ class Model:
     def __init__(self, measured: Measured, rig: Rig, mechanism: Mechanism, courses: Mapping[str, Motor]) -> None:
         self.measured, self.rig, self.mechanism = measured, rig, mechanism
         self.courses = courses
+        self._tables: dict[object, tuple[Assembly, Freedom] | None] = {}
         self._kept: OrderedDict[object, dict[str, np.ndarray]] = OrderedDict()
 
     def altered(self, run: Run, hypothesis: Hypothesis) -> Mechanism:
@@ -106,7 +108,7 @@ class Model:
         delays = {signal: sum(t.effect.delay(run.name, signal, t.where, v) for t, v in hypothesis) for signal in run.channels}
         seen: dict[str, np.ndarray] = {}
         for delay in sorted(set(delays.values())):
-            signals = self.signals(run, hypothesis, run.time - delay) if moved is None else _aged(moved.signals(), run.time, delay)
+            signals = self.signals(run, hypothesis, run.time - delay) if moved is None else _aged({s: v for s, v in moved.signals().items() if s in delays}, run.time, delay)
             seen |= {signal: signals[signal] for signal, d in delays.items() if d == delay}
         readings: Readings = seen
         for term, values in hypothesis:
@@ -151,10 +153,12 @@ class Model:
 
     def released(self, run: Run, hypotheses: Sequence[Hypothesis]) -> list[Reactions | None]:
         """The motion of a free run under each hypothesis; None where there is none."""
-        tables: dict[object, tuple[Assembly, Freedom] | None] = {}
+        tables = self._tables
+        if len(tables) > TABLES:
+            tables.clear()
         keys = []
         for hypothesis in hypotheses:
-            key = tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor)
+            key = (run.loads, tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor))
             keys.append(key)
             if key not in tables:
                 try:

@@ -137,7 +137,7 @@ def _with_outside(seed: int, simulator: str, rng: np.random.Generator) -> Hidden
         strange, gap = _strange(bench, outside)
         if strange < 1e-6:
             raise Rejected(f"{kind} does not show")
-        if abs(strange / target - 1) < 0.05:
+        if abs(strange / target - 1) < 0.05 or gap * (target / strange) ** 2 < 0.8 * GAP:
             break
         outside = resized(outside, min(target / strange, 100.0))
     if abs(strange / target - 1) > 0.2 or gap < GAP:

@@ -66,7 +66,7 @@ def _outcomes(title: str, results: Sequence[Result], groups: Callable[[Result], 
         for group in groups(r):
             found.setdefault(group, Counter())[r["outcome"]] += 1
     yield from ("", f"## {title}", "", f"| | {' | '.join(columns)} |", "|---|" + "--:|" * len(columns))
-    for group in sorted(found):
+    for group in sorted(found, key=_in_order):
         yield f"| {group} | " + " | ".join(str(found[group][c] or "") for c in columns) + " |"
 
 
@@ -124,7 +124,13 @@ def _bin(sigmas: float) -> str:
     edges = (3.0, DISTINCT, 15.0, 30.0)
     low = max((e for e in edges if e <= sigmas), default=0.0)
     high = min((e for e in edges if e > sigmas), default=None)
-    return f"{low:02g} to {high:02g}" if high is not None else f"{low:02g} and more"
+    return f"{low:g} to {high:g}" if high is not None else f"{low:g} and more"
+
+
+def _in_order(group: str) -> tuple[float, str]:
+    """Groups that begin with a number by it, all others by name."""
+    first = group.split()[0]
+    return (float(first) if first.isdigit() else 0.0, group)
 
 
 def figure(results: Sequence[Result]) -> Figure:
