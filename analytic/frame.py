@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
+from analytic.bars import POISSON, division
 from analytic.mechanism import MASS_CENTRE, Body
-
-SAME_PLACE = 1e-3  # of a body's length: nearer points share a node
-POISSON = 0.3  # of a body without a shear modulus: G = E / 2.6
 
 
 class ComplianceError(ValueError):
@@ -83,45 +80,15 @@ class Frame:
 
 
 def frame(body: Body) -> Frame:
-    """A rigid body is one node at its com.  A flexible one is made of bars of its section:
+    """A rigid body is one node at its com, a flexible one the bars of :func:`analytic.bars.division`, of its section and welded at their nodes.
 
-    *straight*: where all points lie within the bar's height of the line through the two farthest, one bar along that
-    line, with a node at the foot of every point and of the com;
-    *star*: otherwise (a ternary link) a bar from each point to a hub, welded there, at the middle of the points.
-
-    A point beside its bar, and a com that is not on the hub, is carried by a rigid arm, so that an offset adds its
-    moment but bends nothing by itself.  Raises ComplianceError for bars without a section.
+    Raises ComplianceError for bars without a section.
     """
-    points = {name: body.point(name) for name in (*body.points, "com", MASS_CENTRE)}
     if body.youngs_modulus is None:
-        return Frame((body.centre,), (), {name: (0, p - body.centre) for name, p in points.items()})
-    named = [body.point(name) for name in body.points]
-    start, end = max(((p, q) for p in named for q in named), key=lambda ends: abs(ends[1] - ends[0]))
-    along = (end - start) / abs(end - start) if end != start else 1 + 0j
-
-    def beyond(p: complex) -> complex:  # x along the line from its start, y beside it
-        return (p - start) * along.conjugate()
-
-    if all(abs(beyond(p).imag) <= body.section[0] / 2 for p in named):
-        feet = {name: start + along * beyond(p).real for name, p in points.items()}
-        nodes = tuple(sorted(_distinct(feet.values(), body.length), key=lambda p: beyond(p).real))
-        pairs = list(pairwise(range(len(nodes))))
-    else:
-        hub = sum(named, 0j) / len(named)
-        feet = points | {"com": hub, MASS_CENTRE: hub}
-        nodes = _distinct([hub, *named], body.length)
-        pairs = [(0, i) for i in range(1, len(nodes))]
-    bars = tuple((i, j, _bar(body, body.youngs_modulus, abs(nodes[j] - nodes[i]))) for i, j in pairs)
-    nearest = {name: min(range(len(nodes)), key=lambda i: abs(foot - nodes[i])) for name, foot in feet.items()}
-    return Frame(nodes, bars, {name: (i, points[name] - nodes[i]) for name, i in nearest.items()})
-
-
-def _distinct(points: Iterable[complex], length: float) -> tuple[complex, ...]:
-    kept: list[complex] = []
-    for p in points:
-        if all(abs(p - q) > SAME_PLACE * length for q in kept):
-            kept.append(p)
-    return tuple(kept)
+        return Frame((body.centre,), (), {name: (0, body.point(name) - body.centre) for name in (*body.points, "com", MASS_CENTRE)})
+    parts = division(body)
+    bars = tuple((i, j, _bar(body, body.youngs_modulus, abs(parts.nodes[j] - parts.nodes[i]))) for i, j in parts.bars)
+    return Frame(parts.nodes, bars, parts.places)
 
 
 def _bar(body: Body, youngs_modulus: float, length: float) -> Bar:

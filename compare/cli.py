@@ -136,9 +136,7 @@ def _job(
     simulators = engines_named(simulator)
     if flexible:
         simulators = _with_beams(simulators, simulator, mechanism, motion)
-    if mechanism.drive is not None and mechanism.drive.stiffness is not None:
-        warnings.warn(f"{mechanism.name}: cross-checks are rigid; drive.stiffness is left out", stacklevel=2)
-        mechanism = mechanism.replace(drive=mechanism.drive.model_copy(update={"stiffness": None}))
+    mechanism = _rigidly_and_evenly_driven(mechanism)
     assembly = Assembly(mechanism)
     released = mechanism.speed is None and motion is MotionChoice.driven
     if released and angles is not None:
@@ -159,6 +157,16 @@ def _job(
         warnings=tuple(caught),
         flexible=flexible,
     )
+
+
+def _rigidly_and_evenly_driven(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with a drive as cross-checks have it; warns of what its own has besides."""
+    drive = mechanism.drive
+    for field, checks in (("stiffness", "are rigid"), ("ripple", "turn evenly")):
+        if drive is not None and getattr(drive, field) is not None:
+            warnings.warn(f"{mechanism.name}: cross-checks {checks}; drive.{field} is left out", stacklevel=3)
+            drive = drive.model_copy(update={field: None})
+    return mechanism if drive is mechanism.drive else mechanism.replace(drive=drive)
 
 
 def _with_beams(simulators: tuple[str, ...], asked: str, mechanism: Mechanism, motion: MotionChoice) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from analytic.frame import POISSON, frame
+from analytic.bars import POISSON, division
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism
 from sim_models.contact_laws import PIN_RADIUS, STATIC_STIFFNESS
 from sim_models.engine import Unsupported
@@ -41,7 +41,7 @@ def refuse_what_is_not_modelled(m: Mechanism) -> None:
             continue
         if min(body.section) <= 0:
             raise Unsupported(f"{m.name}: body {body.name!r} is elastic but has section {body.section}; give its height and depth in m")
-        for name, (_, arm) in frame(body).places.items():
+        for name, (_, arm) in division(body).places.items():
             if name in body.points and abs(arm) > BESIDE * body.length:
                 raise Unsupported(f"{m.name}: point {name!r} of body {body.name!r} lies {abs(arm):g} m beside its axis; a beam has its joints on it")
 
@@ -60,7 +60,7 @@ def pin_stiffness(joint: Joint) -> float:
 class BeamModel:
     """The linkage as an Exudyn system whose reference configuration is undeformed, under ``pushes`` besides nothing else.
 
-    A link is the bars of :func:`analytic.frame.frame`: one along a straight link, a star welded at its hub otherwise; a com or
+    A link is the bars of :func:`analytic.bars.division`: one along a straight link, a star welded at its hub otherwise; a com or
     marker that is not on a bar is carried by a rigid arm.
     """
 
@@ -106,13 +106,14 @@ class BeamModel:
             self._hold(node, [(2, 1.0)], pose.angle)
 
     def _add_beams(self, body: Body, pose: Pose) -> None:
-        parts, turn = frame(body), cmath.exp(1j * pose.angle)
+        parts, turn = division(body), cmath.exp(1j * pose.angle)
         sections: dict[int, list[tuple[Any, complex]]] = {}  # Exudyn's node and its direction, by node of the frame, for each bar that meets there
-        for i, j, bar in parts.bars:
-            direction = (parts.nodes[j] - parts.nodes[i]) / bar.length * turn
+        for i, j in parts.bars:
+            length = abs(parts.nodes[j] - parts.nodes[i])
+            direction = (parts.nodes[j] - parts.nodes[i]) / length * turn
             here = sections.setdefault(i, [])
             shared = next((node for node, along in here if abs(along - direction) < BESIDE), None)
-            nodes = self._beam(body, pose.origin + parts.nodes[i] * turn, direction, bar.length, shared)
+            nodes = self._beam(body, pose.origin + parts.nodes[i] * turn, direction, length, shared)
             if shared is None:
                 here.append((nodes[0], direction))
             sections.setdefault(j, []).append((nodes[-1], direction))

@@ -21,12 +21,11 @@ from typing import Literal
 import numpy as np
 
 from analytic.assembly import Assembly
-from analytic.kinematics import Motion, kinematics
-from analytic.kinetostatics import joint_law
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
 from sim_models.exudyn_beam_model import SOFTENING, BeamModel, Element, Push, pin_stiffness, refuse_what_is_not_modelled
-from sim_models.exudyn_equilibria import Equilibria, Inertia
+from sim_models.exudyn_beam_motion import RigidMotion
+from sim_models.exudyn_equilibria import Equilibria
 from sim_models.exudyn_settings import silence
 from sim_models.start import Course, poses, schedule
 
@@ -99,16 +98,8 @@ class _Beams:
         self.moving = request.motion == "driven"
         self.assembly = Assembly(self.m)
         theta, rate, acceleration, self.time = _crank(request)
-        self.motion: Motion = kinematics(self.assembly, theta, rate, acceleration)
-        self.law = {j.name: joint_law(j, *self._travel(j), moving=self.moving) for j in self.m.joints}  # N.m (N along a slide) on the second body
-
-    def _travel(self, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
-        """A joint's relative angle (rad) or travel (m), and its rate."""
-        first, second = joint.bodies
-        if joint.prismatic:
-            return self.motion.travel(joint.name)
-        turned = self.motion.angular_velocity(second) - self.motion.angular_velocity(first)
-        return self.motion.angle(second) - self.motion.angle(first), turned
+        self.motion = RigidMotion(self.assembly, theta, rate, acceleration)
+        self.law = {j.name: self.motion.law(j, self.moving) for j in self.m.joints}  # N.m (N along a slide) on the second body
 
     def signals(self, k: int) -> dict[str, float]:
         """All signals but the angular velocities, at one instant."""
@@ -148,12 +139,8 @@ class _Beams:
         if not self.clearance:
             return {}
         rods = Equilibria(Request(self.m, "massless-link", "static"), self.assembly, self.m.speed or 1.0)
-        inertia = Inertia(
-            {b.name: complex(self.motion.acceleration(b.name, MASS_CENTRE)[k]) for b in self.m.bodies},
-            {b.name: float(self.motion.angular_acceleration(b.name)[k]) for b in self.m.bodies},
-        )
         rate = float(self.motion.angular_velocity(self.m.driven)[k])
-        rigid = rods.at(float(self.motion.theta[k]), inertia if self.moving else None, rate)
+        rigid = rods.at(float(self.motion.theta[k]), self.motion.inertia(k) if self.moving else None, rate)
         gaps = {}
         for name, size in self.clearance.items():
             force = complex(rigid.force[name][0])
@@ -163,11 +150,12 @@ class _Beams:
     def _pushes(self, k: int) -> list[Push]:
         """Weights, loads, joint laws and inertia."""
         pushes: list[Push] = [(load.body, load.point, complex(*load.force), load.torque) for load in self.m.loads]
+        inertia = self.motion.inertia(k)
         for b in self.m.bodies:
             force, torque = b.mass * complex(*self.m.gravity), 0.0
             if self.moving:
-                force -= b.mass * complex(self.motion.acceleration(b.name, MASS_CENTRE)[k])
-                torque = -b.moment_of_inertia * float(self.motion.angular_acceleration(b.name)[k])
+                force -= b.mass * inertia.linear[b.name]
+                torque = -b.moment_of_inertia * inertia.angular[b.name]
             pushes.append((b.name, MASS_CENTRE, force, torque))
         for j in self.m.joints:
             for body, sign in zip(j.bodies, (-1.0, 1.0), strict=True):
@@ -209,7 +197,8 @@ def _crank(request: Request) -> tuple[np.ndarray, np.ndarray | float, np.ndarray
         time = np.asarray(request.time, float)
         return course(time), course(time, 1), course(time, 2), time
     if request.motion == "static":
-        return np.asarray(request.crank_angle, float), m.speed or 1.0, 0.0, None
+        rubs = any(j.coulomb for j in m.joints)
+        return np.asarray(request.crank_angle, float), (m.speed or 1.0) if rubs else 0.0, 0.0, None
     plan = schedule(request)
     back = np.argsort(plan.order)
     return plan.theta[back], plan.speed, 0.0, plan.time[back]

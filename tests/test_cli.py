@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from analytic.mechanism import Ripple
 from analytic.mechanism_file import dumps, load
 
 
@@ -144,11 +145,15 @@ def test_a_released_pendulum_is_compared_over_time(tmp_path: Path) -> None:
     assert len(run["time"]) == len(run["simulated"]["pendulum_angle"]) == 101
 
 
-def test_a_compliant_drive_is_taken_as_rigid_and_the_user_is_told(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("field", "value"), [("stiffness", 100.0), ("ripple", Ripple(amplitude=0.01, harmonic=2))])
+def test_a_drive_is_taken_as_rigid_and_even_and_the_user_is_told(field: str, value: object, tmp_path: Path) -> None:
     m = load("paper")
-    soft = m.replace(drive=m.drive.model_copy(update={"stiffness": 100.0}))  # type: ignore[union-attr]
+    own = m.replace(drive=m.drive.model_copy(update={field: value}))  # type: ignore[union-attr]
     arguments = ["--motion", "static", "--joint", "ideal", "--angles", "30:60:15", "--out", "o"]
-    done = compare("--simulator", "mujoco", "--case", saved(tmp_path, dumps(soft)), *arguments, cwd=tmp_path)
+    done = compare("--simulator", "mujoco", "--case", saved(tmp_path, dumps(own)), *arguments, cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "drive.stiffness is left out" in done.stderr
-    assert "drive.stiffness" in json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))["warnings"][0]
+    assert f"drive.{field} is left out" in done.stderr
+    result = json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))
+    (warning,) = result["warnings"]
+    assert f"drive.{field}" in warning
+    assert field not in result["mechanism"]["drive"]

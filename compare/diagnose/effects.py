@@ -62,7 +62,6 @@ class Effect:
     name: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
     special_case_of: ClassVar[tuple[str, ...]] = ()  # richer effects that must earn their extra parameter against this one
-    alias_of: ClassVar[tuple[str, ...]] = ()  # richer effects at the same place that are named beside this one all the same
     sensor: ClassVar[bool] = False  # of the measurement, not of the mechanism
 
     def places(self, rig: Rig) -> Sequence[str]:
@@ -188,7 +187,6 @@ class ComOffset(Effect):
     """A centre of mass elsewhere than thought; marker and loads stay."""
 
     name = "com_offset"
-    alias_of = ("payload",)
     parameters = (Parameter("along", "m", "com"), Parameter("normal", "m", "com"))
 
     def places(self, rig: Rig) -> Sequence[str]:

@@ -219,15 +219,14 @@ def ties_with(search: Search, screen: Screen, weights: np.ndarray, fit: Fit, i: 
         return False  # it would have to be unphysical
     worse = float(weights @ (rival.residual**2 - fit.residual**2))
     mine, theirs = fit.jacobian[:, fit.columns(i)], rival.jacobian[:, rival.columns(j)]
-    more = rank_of(theirs) - rank_of(mine)
-    contains = left_of(mine @ fit.x[i], rival.jacobian, weights) < 1.0
-    if term.effect.name in fit.terms[i].effect.alias_of and term.where == fit.terms[i].where:
-        return worse < TIE
-    if contains and (more > 0 or term.effect.name in fit.terms[i].effect.special_case_of):
+    more = max(rank_of(theirs) - rank_of(mine), 0)
+    share = max(8.0, math.log(weights.size))  # of chi^2, that a further parameter must bring
+    if term.effect.name in fit.terms[i].effect.special_case_of:  # the richer one must show that it is needed
         return -worse > float(chi2.isf(RICHER, max(more, 1)))
-    if fit.terms[i].effect.name in term.effect.special_case_of:
-        return worse < TIE + max(8.0, math.log(weights.size)) * max(-more, 0)
-    return worse < TIE - max(8.0, math.log(weights.size)) * max(more, 0)
+    if fit.terms[i].effect.name in term.effect.special_case_of:  # and this is the richer one: it has, unless by little
+        return worse < TIE + share
+    contained = left_of(mine @ fit.x[i], rival.jacobian, weights) < 1.0
+    return worse < TIE - (0.0 if contained else share * more)
 
 
 def left_of(signature: np.ndarray, columns: np.ndarray, weights: np.ndarray) -> float:

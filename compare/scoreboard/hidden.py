@@ -27,9 +27,9 @@ COUNTS = (0.6, 0.3, 0.1)  # of sets with one, two, three effects
 SPECIAL = ("joint_clearance", "link_flexibility", "drive_compliance", "speed_ripple")  # one of them in a set at most
 WITH_BEAMS = ("gravity", "external_force", "load_torque")  # and everything on sensors
 KEPT = 0.15  # of its peak, that the reaction of a joint with clearance never falls below
-STRANGE = (40.0, 120.0)  # sigmas that the best rival leaves of a thing outside the vocabulary
+STRANGE = (60.0, 160.0)  # sigmas that the best rival leaves of a thing outside the vocabulary
 TOGETHER = 4  # effects that may not describe it either:
-GAP = 0.3  # of the noise's mean square is what they leave at least
+GAP = 0.6  # of the noise's mean square is what they leave at least
 
 
 @dataclass(frozen=True)
