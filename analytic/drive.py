@@ -80,10 +80,10 @@ class Motor:
 
         nudges = np.diag([1e-5, 1e-5 * abs(self.speed), 1e-5 * self.speed**2])
         for _ in range(20):
-            here = needed(lag)
-            by_theta, by_omega, by_alpha = ((needed(lag, *n) - here) / n.max() for n in nudges)
+            now = needed(lag)
+            by_theta, by_omega, by_alpha = ((needed(lag, *n) - now) / n.max() for n in nudges)
             matrix = stiffness * np.eye(POINTS) + np.diag(by_theta) + by_omega[:, None] * first + by_alpha[:, None] * second
-            change = np.linalg.solve(matrix, here - stiffness * lag)
+            change = np.linalg.solve(matrix, now - stiffness * lag)
             lag = lag + change
             if not np.abs(lag).max() < math.pi:
                 raise _no_steady_motion(stiffness)

@@ -85,7 +85,7 @@ def _integrator() -> Callable[[np.ndarray, np.ndarray, np.ndarray, float, np.nda
             table = tables[p]
             theta, omega, now = start[p, 0], start[p, 1], 0.0
             for k in range(time.size):
-                count = int(math.ceil((time[k] - now) / longest - 1e-9)) if time[k] > now else 0
+                count = math.ceil((time[k] - now) / longest - 1e-9) if time[k] > now else 0
                 h = (time[k] - now) / count if count else longest
                 for _ in range(count):
                     a1 = acceleration(table, theta, omega, h)

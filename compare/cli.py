@@ -19,6 +19,7 @@ from compare.faults import Exit, OptionError, complaints
 from compare.listing import cases, simulators
 from compare.options import JointChoice, ModelChoice, MotionChoice, engines_named, file_name, metres_by_joint
 from compare.progress import progress_bar
+from compare.scoreboard.command import scoreboard
 from compare.show import show
 from compare.validation import validation
 from compare.validity import validity
@@ -102,6 +103,7 @@ app.command()(simulators)
 app.command()(validity)
 app.command()(show)
 app.add_typer(baseline, name="baseline")
+app.add_typer(scoreboard, name="scoreboard")
 app.add_typer(validation, name="validation")
 
 

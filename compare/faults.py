@@ -42,7 +42,8 @@ def complaints() -> Iterator[list[str]]:
     from sim_models.engine import SimulationError, SimulatorMissing, Unsupported
 
     bad_input = (
-        MechanismError, AssemblyError, ComplianceError, StructureError, ToleranceError, OutputError, GridError, MeasuredError, Unsupported, OptionError,
+        MechanismError, AssemblyError, ComplianceError, StructureError, ToleranceError,
+        OutputError, GridError, MeasuredError, Unsupported, OptionError,
     )  # fmt: skip
     try:
         with warnings.catch_warnings():

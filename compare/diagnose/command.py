@@ -72,23 +72,31 @@ def publish(result: dict[str, Any], explained: Any, folder: Path, json: bool) ->
 def effects(json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False) -> None:
     """List the vocabulary of effects: parameters, units, and which installed engines represent each."""
     with complaints():
-        from compare.diagnose.confirm import VIA_COURSE
+        from compare.diagnose.confirm import represents
         from compare.diagnose.sensors import VOCABULARY
         from compare.diagnose.words import says
-        from sim_models.engine import COMMON_EFFECTS, ENGINES, declared
+        from sim_models.engine import ENGINES, declared
 
         rows = []
         for effect in VOCABULARY.values():
-            able = [n for n in ENGINES if effect.sensor or effect.name in declared(n).effects | COMMON_EFFECTS | {VIA_COURSE}]
-            if effect.name == "joint_clearance":
-                able = [n for n in able if ("contact", "driven") in declared(n).supports]
-            parameters = [{"name": p.name, "unit": p.unit or "of the signal"} for p in effect.parameters]
-            rows.append({"name": effect.name, "says": says(effect.name, "<where>"), "parameters": parameters, "simulators": able})
+            rows.append(
+                {
+                    "name": effect.name,
+                    "says": says(effect.name, "<where>"),
+                    "parameters": [{"name": p.name, "unit": p.unit or "of the signal"} for p in effect.parameters],
+                    "simulators": [n for n in ENGINES if represents(declared(n), effect)],
+                }
+            )
         if json:
             from compare.files import to_json
 
             typer.echo(to_json({"schema": 1, "effects": rows}))
             return
         for row in rows:
-            values = ", ".join(f"{p['name']} [{p['unit']}]" for p in row["parameters"])
-            typer.echo(f"{row['name']:<18} {row['says']}\n{'':<18} {values}; simulated by {', '.join(row['simulators'])}")
+            typer.echo(_listed(row))
+
+
+def _listed(row: dict[str, Any]) -> str:
+    """An effect in two lines."""
+    values = ", ".join(f"{p['name']} [{p['unit']}]" for p in row["parameters"])
+    return f"{row['name']:<18} {row['says']}\n{'':<18} {values}; simulated by {', '.join(row['simulators'])}"

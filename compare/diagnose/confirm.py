@@ -14,15 +14,13 @@ import numpy as np
 from analytic.assembly import Assembly, AssemblyError
 from analytic.drive import Motor
 from analytic.mechanism import Mechanism
-from compare.diagnose.effects import Readings, Rig
+from compare.diagnose.effects import Effect, Readings, Rig
 from compare.diagnose.measured import Run
-from compare.diagnose.predict import Hypothesis, Term, altered
-from compare.diagnose.sensors import EncoderOffset
+from compare.diagnose.predict import Hypothesis, Term, altered, motor_offset
 from compare.signals import with_derived
-from sim_models.engine import COMMON_EFFECTS, Request, SimulationError, SimulatorMissing, Trace, Unsupported, engine
+from sim_models.engine import Engine, JointModel, Request, SimulationError, SimulatorMissing, Trace, Unsupported, engine
 
 COURSE_STEP = 2e-3  # of a run's length, at most, between the knots of a motor's course
-VIA_COURSE = "speed_ripple"  # an effect that any engine has by following a course
 
 
 @dataclass(frozen=True)
@@ -51,9 +49,14 @@ class Task:
 
 def lacking(name: str, terms: Sequence[Term]) -> list[Term]:
     """Effects that an engine cannot represent."""
-    has = engine(name).effects | COMMON_EFFECTS | {VIA_COURSE}
-    joints = {m for m, motion in engine(name).supports if motion == "driven"}
-    return [t for t in terms if not t.effect.sensor and (t.effect.name not in has or (t.effect.name == "joint_clearance" and "contact" not in joints))]
+    return [t for t in terms if not represents(engine(name), t.effect)]
+
+
+def represents(chosen: Engine, effect: Effect) -> bool:
+    """Whether an engine can simulate an effect in full; clearance needs real contact in motion."""
+    if effect.name == "joint_clearance":
+        return ("contact", "driven") in chosen.supports
+    return effect.sensor or not effect.needs_engine or effect.name in chosen.effects
 
 
 def simulate(task: Task) -> tuple[dict[str, np.ndarray], str, Mapping[str, object]] | str:
@@ -76,30 +79,30 @@ def simulate(task: Task) -> tuple[dict[str, np.ndarray], str, Mapping[str, objec
         return str(error)
 
 
-def _joint_model(mechanism: Mechanism) -> str:
+def _joint_model(mechanism: Mechanism) -> JointModel:
     return "contact" if mechanism.clearances else "ideal"
 
 
-def _driven(chosen: object, mechanism: Mechanism, task: Task, times: np.ndarray) -> tuple[Trace, dict[str, np.ndarray]]:
+def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -> tuple[Trace, dict[str, np.ndarray]]:
     """Trace and signals at times (N,) s of a run behind a motor."""
     run = task.run
     drive = mechanism.drive
-    offset = sum(EncoderOffset.offset(run.name, v) for t, v in task.hypothesis if t.effect.name == EncoderOffset.name) if run.drive == "measured" else 0.0
+    offset = motor_offset(run, task.hypothesis)
     motor = task.course or Motor(run.speed or 0.0, run.angle or 0.0, drive)
     fields = (drive.model_dump(exclude_unset=True) if drive else {"joint": mechanism.drive_joint.name}) | {"ripple": None}
     if run.drive == "measured" or (drive is not None and drive.ripple is not None):
         mechanism = mechanism.replace(drive=fields | {"speed": "measured"})
         margin = 1e-6 * float(times[-1] - times[0])
         knots = np.linspace(times[0] - margin, times[-1] + margin, max(2 * times.size, round(1 / COURSE_STEP)))
-        request = Request(mechanism, _joint_model(mechanism), "driven", time=times, course=(knots, motor.at(knots).theta - offset))  # type: ignore[arg-type]
+        request = Request(mechanism, _joint_model(mechanism), "driven", time=times, course=(knots, motor.at(knots).theta - offset))
     else:
         mechanism = mechanism.replace(drive=fields | {"speed": float(run.speed or 0.0)})
-        request = Request(mechanism, _joint_model(mechanism), "driven", crank_angle=motor.at(times).theta)  # type: ignore[arg-type]
+        request = Request(mechanism, _joint_model(mechanism), "driven", crank_angle=motor.at(times).theta)
     trace = _run(chosen, request)
     return trace, with_derived(trace.signals, mechanism) | {task.rig.encoder: motor.at(times).theta - offset}
 
 
-def _free(chosen: object, mechanism: Mechanism, task: Task, times: np.ndarray) -> tuple[Trace, dict[str, np.ndarray]]:
+def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -> tuple[Trace, dict[str, np.ndarray]]:
     """Trace and signals of a released run; what is asked of it before its first sample is what holds there."""
     assert task.start is not None
     angle, rate = task.start
@@ -112,15 +115,15 @@ def _free(chosen: object, mechanism: Mechanism, task: Task, times: np.ndarray) -
     mechanism = mechanism.replace(assembly=placed | {mechanism.driven: angle}, drive=drive)
     since = np.maximum(times - task.run.time[0], 0.0)
     distinct, back = np.unique(since, return_inverse=True)
-    request = Request(mechanism, _joint_model(mechanism), "driven", time=distinct, start_speed=rate)  # type: ignore[arg-type]
+    request = Request(mechanism, _joint_model(mechanism), "driven", time=distinct, start_speed=rate)
     trace = _run(chosen, request)
     return trace, {name: values[back] for name, values in with_derived(trace.signals, mechanism).items()}
 
 
-def _run(chosen: object, request: Request) -> Trace:
+def _run(chosen: Engine, request: Request) -> Trace:
     flexible = [b.name for b in request.mechanism.bodies if b.youngs_modulus is not None]
     if flexible:
         from sim_models.exudyn_beams import flexible as with_beams
 
         return with_beams(request)
-    return chosen.simulate(request)  # type: ignore[attr-defined]
+    return chosen.simulate(request)

@@ -63,6 +63,8 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]]
     special_case_of: ClassVar[tuple[str, ...]] = ()  # richer effects that must earn their extra parameter against this one
     sensor: ClassVar[bool] = False  # of the measurement, not of the mechanism
+    needs_engine: ClassVar[bool] = False  # only engines that declare it have it; the others are fields that each must honour
+    slow: ClassVar[bool] = False  # costs the analytic model many times what the others do, and changes their signatures little
 
     def places(self, rig: Rig) -> Sequence[str]:
         """Where it can be."""
@@ -288,6 +290,7 @@ class JointClearance(OnJoint):
     """Play between pin and bearing."""
 
     name = "joint_clearance"
+    slow = True
     field_name = "clearance"
     parameters = (Parameter("radial_clearance", "m", "clearance", 0.0),)
 
@@ -398,6 +401,8 @@ class LinkFlexibility(Reciprocal):
     """Links that bend, all of one modulus; they need a section."""
 
     name = "link_flexibility"
+    needs_engine = True
+    slow = True
     parameters = (Parameter("youngs_modulus", "Pa", "modulus", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:
@@ -422,6 +427,7 @@ class DriveCompliance(Reciprocal):
     """A springy transmission: the crank lags its motor by torque over stiffness."""
 
     name = "drive_compliance"
+    needs_engine = True
     parameters = (Parameter("stiffness", "N.m/rad", "stiffness", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:

@@ -18,6 +18,7 @@ from compare.diagnose.fit import FOLDS, Data, Fit, rank_of
 from compare.diagnose.isolate import Screen
 from compare.diagnose.predict import Term
 from compare.diagnose.search import Search, without
+from compare.diagnose.units import unit_of
 from compare.diagnose.worth import rms, worth
 
 TIE = 16.0  # of chi^2: two explanations closer than four sigmas are not told apart
@@ -50,6 +51,11 @@ class Named:
     held_out: tuple[float, float]
     ties: tuple[tuple[Term, Fit], ...] = ()  # what would explain the data as well in its place
 
+    def unit(self, parameter: str) -> str:
+        """SI unit of a reported parameter; a sensor's bias has its sensor's."""
+        units = {p.name: p.unit for p in self.term.effect.parameters}
+        return units.get(parameter.partition("@")[0]) or unit_of(self.term.where)
+
 
 @dataclass(frozen=True)
 class Explanation:
@@ -68,10 +74,9 @@ class Explanation:
         return rms(self.base.residual), rms(self.fit.residual)
 
 
-def explain(search: Search, first: Sequence[Fit] = ()) -> Explanation:
-    """The explanation of the data: which effects, how large, how sure, and the verdict.  ``first`` is where to begin."""
+def explain(search: Search, fit: Fit) -> Explanation:
+    """The explanation that a fit amounts to: which of its effects hold, how large, how sure, what else would do, and the verdict."""
     data = search.fitter.data
-    fit = search.best(first)
     for last in (False, False, True):
         fit, weights, found = pruned(search, fit)
         named = tuple(rivalled(search, fit, weights, n) for n in found)
@@ -96,9 +101,9 @@ def pruned(search: Search, fit: Fit) -> tuple[Fit, np.ndarray, list[Named]]:
 
 def verdict(fit: Fit, named: Sequence[Named], structured: bool) -> str:
     """One of the five verdicts."""
-    closed = rms(fit.residual) <= CLOSED
+    closed = rms(fit.residual) <= CLOSED and not structured
     if not named:
-        return "no gap" if closed and not structured else "unexplained"
+        return "no gap" if closed else "unexplained"
     if not closed:
         return "partly explained"
     return "ambiguous" if any(n.ties for n in named) else "explained"

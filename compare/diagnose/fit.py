@@ -31,9 +31,12 @@ class Part:
 
 
 class Data:
-    """Everything measured as one vector, each sample over its noise."""
+    """Everything measured as one vector, each sample over its noise.
 
-    def __init__(self, measured: Measured, noise: Mapping[tuple[str, str], float], encoder: str) -> None:
+    ``shared`` (size, k), in units of noise, are errors that samples have in common: their covariance is 1 + shared shared^T.
+    """
+
+    def __init__(self, measured: Measured, noise: Mapping[tuple[str, str], float], encoder: str, shared: np.ndarray | None = None) -> None:
         self.measured, self.noise, self.encoder = measured, noise, encoder
         self.parts: list[Part] = []
         values, sigma, fold = [], [], []
@@ -52,6 +55,9 @@ class Data:
         self.values, self.sigma, self.fold = (np.concatenate(x) for x in (values, sigma, fold))
         self.turning = np.concatenate([np.full(p.used.size, p.signal.endswith("_angle")) for p in self.parts])
         self.size = at
+        self.shared = np.zeros((at, 0)) if shared is None else shared
+        basis, spread, _ = np.linalg.svd(self.shared, full_matrices=False)
+        self._basis, self._less = basis, 1 / np.sqrt(1 + spread**2) - 1  # whitens what the sensors' errors have in common
 
     def until(self, share: float) -> Data:
         """The same data without what free runs did after a share of their time."""
@@ -65,7 +71,7 @@ class Data:
     def shifted(self, difference: np.ndarray) -> Data:
         """The same data less a difference (size,) in units of noise."""
         other = copy(self)
-        other.values = self.values - difference * self.sigma
+        other.values = self.values - difference * self.sigma  # a whitened difference, which is near enough
         return other
 
     def residual(self, readings: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
@@ -73,7 +79,10 @@ class Data:
         predicted = np.concatenate([bridged(readings[p.run][p.signal])[p.used] for p in self.parts])
         difference = self.values - predicted
         difference[self.turning] = wrapped(difference[self.turning])
-        return difference / self.sigma
+        return self._white(difference / self.sigma)
+
+    def _white(self, residual: np.ndarray) -> np.ndarray:
+        return residual + self._basis @ (self._less * (self._basis.T @ residual)) if self.shared.shape[1] else residual
 
 
 def bridged(values: np.ndarray) -> np.ndarray:
@@ -150,7 +159,7 @@ class Fitter:
 
     def fit(self, terms: Sequence[Term], *starts: Mapping[Term, np.ndarray]) -> Fit | None:
         """The best fit of a set of terms from any of the starts; None where none is possible."""
-        key = tuple(sorted(terms, key=lambda t: (t.label, t.variant)))
+        key = _sorted(terms)
         if key not in self._fits:
             found = [self._fit(key, [np.array(start[t], float) for t in key]) for start in starts]
             self._fits[key] = min((f for f in found if f is not None), key=lambda f: f.chi2, default=None)
@@ -162,7 +171,8 @@ class Fitter:
 
     def at(self, terms: Sequence[Term], x: Mapping[Term, np.ndarray]) -> Fit | None:
         """The fit of a set of terms that stays where it starts."""
-        return self._fit(tuple(sorted(terms, key=lambda t: (t.label, t.variant))), [np.array(x[t], float) for t in sorted(terms, key=lambda t: (t.label, t.variant))], steps=0)
+        key = _sorted(terms)
+        return self._fit(key, [np.array(x[t], float) for t in key], steps=0)
 
     def _fit(self, terms: tuple[Term, ...], x: list[np.ndarray], steps: int = STEPS) -> Fit | None:
         limits = [self.bounds(t) for t in terms]
@@ -217,11 +227,31 @@ class Fitter:
         high: np.ndarray,
         parted: Callable[[np.ndarray], list[np.ndarray]],
     ) -> np.ndarray:
-        """Derivatives (size, n) of the residual by forward differences (backward at an upper bound)."""
+        """Derivatives (size, n) of the residual by forward differences (backward at an upper bound).
+
+        Those of all but the slow effects are taken in the linkage without the slow ones: exact to first order in these.
+        """
+        if not point.size:
+            return np.zeros((self.data.size, 0))
         steps = np.where(point + STEP_OF_SCALE * scale > high, -1.0, 1.0) * STEP_OF_SCALE * scale
-        nudged = self.residuals(terms, [parted(point + step) for step in np.diag(steps)]) if point.size else []
-        columns = [np.zeros(self.data.size) if r is None else (r - residual) / h for r, h in zip(nudged, steps, strict=True)]
-        return np.column_stack(columns) if columns else np.zeros((self.data.size, 0))
+        slow = np.concatenate([np.full(len(xi), t.effect.slow) for t, xi in zip(terms, parted(point), strict=True)])
+        quick = [k for k, t in enumerate(terms) if not t.effect.slow]
+        columns = np.zeros((self.data.size, point.size))
+        for mine in (slow, ~slow):
+            within = range(len(terms)) if mine is slow or not slow.any() else quick
+            points = [point, *(point + step for step in np.diag(steps)[mine])] if mine.any() else []
+            here = [[parted(p)[k] for k in within] for p in points]
+            found = self.residuals([terms[k] for k in within], here[1:] if mine is slow or not slow.any() else here)
+            origin = residual if mine is slow or not slow.any() else (found.pop(0) if found else None)
+            for at, r in zip(np.flatnonzero(mine), found, strict=True):
+                if r is not None and origin is not None:
+                    columns[:, at] = (r - origin) / steps[at]
+        return columns
+
+
+def _sorted(terms: Iterable[Term]) -> tuple[Term, ...]:
+    """Terms in the order in which a fit has them, whoever asks."""
+    return tuple(sorted(terms, key=lambda t: (t.label, t.variant)))
 
 
 def _step(jacobian: np.ndarray, residual: np.ndarray, low: np.ndarray, high: np.ndarray, damping: float) -> np.ndarray:

@@ -89,21 +89,17 @@ class Screen:
         self.chi2 = float(left @ left)
         self.gram = stacked.T @ stacked
         self.wanted = -(stacked.T @ left)
-        # a variant's own offset changes the residual before its columns do
-        self.offset_gain = np.array([0.0 if not o.any() else float(left @ left - (left + o) @ (left + o)) for o in offsets])
-        self.offset_wanted = {i: -(stacked[:, self.at(i)].T @ (left + o)) for i, o in enumerate(offsets) if o.any()}
-
-    def at(self, i: int) -> slice:
-        """Columns of the i-th term."""
-        return slice(int(self.edges[i]), int(self.edges[i + 1]))
+        # what a variant does by itself changes the residual before any column does: by how much it gains, and what is wanted then
+        self.offsets = {i: (self.chi2 - float((left + o) @ (left + o)), stacked.T @ o, o) for i, o in enumerate(offsets) if o.any()}
 
     def gain(self, chosen: Sequence[int]) -> tuple[float, np.ndarray]:
         """Decrease of chi^2 by a set of terms, and the coefficients of their columns."""
         where = np.concatenate([np.arange(self.edges[i], self.edges[i + 1]) for i in chosen])
-        wanted = self.wanted[where]
-        extra = 0.0
-        if len(chosen) == 1 and chosen[0] in self.offset_wanted:
-            wanted, extra = self.offset_wanted[chosen[0]], float(self.offset_gain[chosen[0]])
+        wanted, extra = self.wanted[where], 0.0
+        turned = [self.offsets[i] for i in chosen if i in self.offsets]
+        for k, (gained, change, offset) in enumerate(turned):
+            wanted = wanted - change[where]
+            extra += gained - 2 * sum(float(offset @ other) for _, _, other in turned[:k])
         matrix = self.gram[np.ix_(where, where)] + 1e-10 * np.eye(where.size)
         solved = np.linalg.solve(matrix, wanted)
         return extra + float(wanted @ solved), solved / self.norm[where]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from analytic.assembly import Assembly, AssemblyError
 from analytic.clearance import displaced
 from analytic.compliance import compliance
 from analytic.drive import Motor, Turning
+from analytic.frame import ComplianceError
 from analytic.freedom import Freedom, swing
 from analytic.kinematics import kinematics
 from analytic.kinetostatics import Reactions, kinetostatics
@@ -25,6 +26,7 @@ from compare.diagnose.effects import Effect, Parameter, Readings, Rig, Values
 from compare.diagnose.measured import Measured, Run
 from compare.diagnose.sensors import EncoderOffset
 from compare.grid import turns_fully
+from compare.signals import with_derived
 
 TABLES = 500  # linkages whose freedom is kept
 CACHED = 48  # runs whose signals are kept
@@ -99,7 +101,7 @@ class Model:
                     continue
                 try:
                     so_far.append(self.readings(run, hypothesis, moved[i] if moved is not None else None))
-                except (Impossible, AssemblyError):
+                except (Impossible, AssemblyError, ComplianceError):
                     found[i] = None
         return found
 
@@ -108,7 +110,7 @@ class Model:
         delays = {signal: sum(t.effect.delay(run.name, signal, t.where, v) for t, v in hypothesis) for signal in run.channels}
         seen: dict[str, np.ndarray] = {}
         for delay in sorted(set(delays.values())):
-            signals = self.signals(run, hypothesis, run.time - delay) if moved is None else _aged({s: v for s, v in moved.signals().items() if s in delays}, run.time, delay)
+            signals = self.signals(run, hypothesis, run.time - delay) if moved is None else _aged(moved, delays, run.time, delay)
             seen |= {signal: signals[signal] for signal, d in delays.items() if d == delay}
         readings: Readings = seen
         for term, values in hypothesis:
@@ -119,7 +121,7 @@ class Model:
 
     def signals(self, run: Run, hypothesis: Hypothesis, time: np.ndarray) -> dict[str, np.ndarray]:
         """All signals of a driven run at times (N,) s of its command, before any sensor."""
-        offset = sum(EncoderOffset.offset(run.name, v) for t, v in hypothesis if t.effect.name == EncoderOffset.name) if run.drive == "measured" else 0.0
+        offset = motor_offset(run, hypothesis)
         within = [(t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor]
         key = (run.name, float(time[0]), offset, tuple(within))
         if key not in self._kept:
@@ -146,8 +148,7 @@ class Model:
         """The motor of a driven run."""
         if run.drive == "measured":
             return self.courses[run.name]
-        assert run.speed is not None and run.angle is not None
-        return Motor(run.speed, run.angle, mechanism.drive)
+        return Motor(run.speed or 0.0, run.angle or 0.0, mechanism.drive)
 
     # ---------------------------------------------------------------- free runs
 
@@ -189,6 +190,11 @@ class Model:
         raise LookupError(f"run {run.name!r} has no start")
 
 
+def motor_offset(run: Run, hypothesis: Hypothesis) -> float:
+    """How far (rad) the motor is behind the encoder that it follows; zero in a run that does not follow one."""
+    return sum(EncoderOffset.offset(run.name, v) for t, v in hypothesis if t.effect.name == EncoderOffset.name) if run.drive == "measured" else 0.0
+
+
 def altered(mechanism: Mechanism, hypothesis: Hypothesis) -> Mechanism:
     """A mechanism with the effects of a hypothesis.  Raises Impossible where the result is none."""
     for term, values in hypothesis:
@@ -216,11 +222,7 @@ def derived(assembly: Assembly, crank: Turning) -> dict[str, np.ndarray]:
         signals = ideal.signals()
     if any(b.youngs_modulus is not None for b in mechanism.bodies):
         signals = _bent(signals, ideal)
-    for joint in mechanism.joints:
-        force = signals[f"reaction_{joint.name}_x"] + 1j * signals[f"reaction_{joint.name}_y"]
-        signals[f"reaction_{joint.name}_magnitude"] = np.abs(force)
-        signals[f"reaction_{joint.name}_angle"] = np.angle(force)
-    return signals
+    return with_derived(signals, mechanism)
 
 
 def _bent(signals: dict[str, np.ndarray], ideal: Reactions) -> dict[str, np.ndarray]:
@@ -237,10 +239,12 @@ def _bent(signals: dict[str, np.ndarray], ideal: Reactions) -> dict[str, np.ndar
     return out
 
 
-def _aged(signals: Signals, time: np.ndarray, delay: float) -> dict[str, np.ndarray]:
-    """Signals (N,) some seconds ago, by cubic splines; before the first sample the first holds."""
+def _aged(moved: Reactions, wanted: Iterable[str], time: np.ndarray, delay: float) -> dict[str, np.ndarray]:
+    """Signals (N,) of a free run some seconds ago, by cubic splines; before the first sample the first holds."""
+    known = with_derived(moved.signals(), moved.motion.structure.mechanism)
+    signals = {name: known[name] for name in wanted}
     if delay == 0:
-        return dict(signals)
+        return signals
     from scipy.interpolate import CubicSpline
 
     at = np.clip(time - delay, time[0], time[-1])

@@ -14,8 +14,10 @@ from compare.diagnose.fit import FOLDS, SEGMENTS, Fit
 from compare.diagnose.measured import Run
 from compare.diagnose.predict import Term
 from compare.diagnose.separate import would_separate
-from compare.diagnose.words import named, says, statement, stretch
+from compare.diagnose.units import unit_of
+from compare.diagnose.words import named, statement, tied
 from compare.diagnose.worth import rms
+from compare.report.diagnosis_words import sentence
 from sim_models.engine import installed_version
 
 if TYPE_CHECKING:
@@ -24,17 +26,6 @@ if TYPE_CHECKING:
 SCHEMA = 1
 INSEPARABLE = 0.999  # cosine between two signatures
 LISTED = 40  # pairs
-
-
-def unit_of(signal: str) -> str:
-    """SI unit of a signal."""
-    if signal.endswith("_angular_velocity"):
-        return "rad/s"
-    if signal.endswith(("_angle", "_rotation")):
-        return "rad"
-    if signal.endswith(("_moment", "_torque")):
-        return "N.m"
-    return "N" if signal.startswith("reaction_") else "m"
 
 
 def as_result(bench: Bench, found: Confirmed, command: str) -> dict[str, Any]:
@@ -53,7 +44,10 @@ def as_result(bench: Bench, found: Confirmed, command: str) -> dict[str, Any]:
         "command": command,
         "versions": _versions(found),
         "located": [
-            {"run": s.run, "signal": s.signal, "crank_angle_from": s.begin, "crank_angle_to": s.end, "size": s.size, "unit": unit_of(s.signal), "sigmas": s.sigmas}
+            {
+                "run": s.run, "signal": s.signal, "crank_angle_from": s.begin, "crank_angle_to": s.end,
+                "size": s.size, "unit": unit_of(s.signal), "sigmas": s.sigmas,
+            }
             for s in found.stretches
         ],
         "effects": effects,
@@ -88,12 +82,11 @@ def _finite(value: float) -> float | None:
 
 
 def _effect(bench: Bench, fit: Fit, n: Named, noise: dict[tuple[str, str], float]) -> dict[str, Any]:
-    units = {p.name: p.unit for p in n.term.effect.parameters}
     return {
         "name": n.term.effect.name,
         "where": n.term.where,
         "parameters": {
-            p: {"value": i.value, "unit": units.get(p.partition("@")[0]) or unit_of(n.term.where), "low": _finite(i.low), "high": _finite(i.high)}
+            p: {"value": i.value, "unit": n.unit(p), "low": _finite(i.low), "high": _finite(i.high)}
             for p, i in n.parameters.items()
         },
         "gap_before": n.gap[0],
@@ -107,7 +100,7 @@ def _effect(bench: Bench, fit: Fit, n: Named, noise: dict[tuple[str, str], float
 
 def _separated(bench: Bench, fit: Fit, n: Named, noise: dict[tuple[str, str], float]) -> list[str]:
     """What would tell an effect from the first of its rivals."""
-    return [f"{n.term.label} or {t.label}: {would_separate(bench.model, noise, fit, rival)}" for t, rival in n.ties[:1]]
+    return [f"{would_separate(bench.model, noise, fit, rival)}" for _, rival in n.ties[:1]]
 
 
 def _candidates(bench: Bench, found: Confirmed) -> list[dict[str, Any]]:
@@ -122,7 +115,7 @@ def _candidates(bench: Bench, found: Confirmed) -> list[dict[str, Any]]:
         gain = screen.gain([i])[0]
         if term.key not in best or gain > best[term.key][0]:
             best[term.key] = gain, term
-    rows = []
+    rows: list[dict[str, Any]] = []
     for term in bench.terms:
         if any(r["name"] == term.effect.name and r["where"] == term.where for r in rows):
             continue
@@ -142,7 +135,7 @@ def _candidates(bench: Bench, found: Confirmed) -> list[dict[str, Any]]:
             elif _unphysical(screen, shown, bench):
                 row |= {"status": "not physical", "why": "it would have to have the wrong sign"}
             else:
-                row |= {"status": "not needed", "why": "it brings no more than chance once the rest is in" if e.named else "it brings no more than chance"}
+                row |= {"status": "not needed", "why": "it brings no more than chance" + " once the rest is in" * bool(e.named)}
         rows.append(row)
     return rows
 
@@ -185,10 +178,10 @@ def _inseparable(bench: Bench) -> list[list[Any]]:
 
 
 def _engines(bench: Bench, found: Confirmed) -> list[dict[str, Any]]:
-    rows = [
+    rows: list[dict[str, Any]] = [
         {
-            "name": name, "version": said.version or found.before[name].version, "before": _gap(bench, found.before[name]), "after": _gap(bench, said),
-            "agreement": _finite(found.agreement[name]), "skipped": said.skipped,
+            "name": name, "version": said.version or found.before[name].version, "agreement": _finite(found.agreement[name]),
+            "before": _gap(bench, found.before[name]), "after": _gap(bench, said), "skipped": said.skipped,
         }
         for name, said in found.after.items()
     ]  # fmt: skip
@@ -241,14 +234,16 @@ def _steps(bench: Bench, found: Confirmed, result: Mapping[str, Any]) -> list[di
     given = sum(c.noise_given for run in bench.measured.runs for c in run.channels.values())
     total = sum(len(run.channels) for run in bench.measured.runs)
     measured = [
-        f"{len(bench.measured.runs)} run(s), {total} sensor records, {samples} samples; the noise of {given} records is given, of {total - given} estimated from their own scatter.",
+        f"{len(bench.measured.runs)} run(s), {total} sensor records, {samples} samples; the noise of {given} records is given, "
+        f"of {total - given} estimated from their own scatter.",
         *(f["text"][:1].upper() + f["text"][1:] + "." for f in result["faults"]),
     ]
-    located = [stretch(s, unit_of(s.signal)) for s in found.stretches[:8]] or ["No sensor leaves its noise floor anywhere."]
+    places = [sentence(result, place) for place in result["located"][:8]]
+    located = [f"{text[:1].upper()}{text[1:]}." for text in places] or ["No sensor leaves its noise floor anywhere."]
     visible = sum(c["status"] not in ("invisible", "excluded") for c in result["candidates"])
     isolated = [
-        f"{len(result['candidates'])} effects at their places were considered, {visible} of them would show in these data; their signatures come from the analytic model, "
-        f"which agrees with {bench.simulator} on the nominal mechanism within {_agreement(bench, found)} of the noise.",
+        f"{len(result['candidates'])} effects at their places were considered, {visible} of them would show in these data; their signatures come "
+        f"from the analytic model, which agrees with {bench.simulator} on the nominal mechanism within {_agreement(bench, found)} of the noise.",
         *bench.notes,
     ]
     if result["inseparable"]:
@@ -257,10 +252,11 @@ def _steps(bench: Bench, found: Confirmed, result: Mapping[str, Any]) -> list[di
     name = []
     for n, effect in zip(e.named, result["effects"], strict=True):
         name.append(
-            f"{named(n)} It takes the gap from {n.gap[0]:.3g} to {n.gap[1]:.3g} times the noise, on data held out from {n.held_out[0]:.3g} to {n.held_out[1]:.3g}."
+            f"{named(n)} It takes the gap from {n.gap[0]:.3g} to {n.gap[1]:.3g} times the noise, "
+            f"on data held out from {n.held_out[0]:.3g} to {n.held_out[1]:.3g}."
         )
         if n.ties:
-            name.append(f"As good: {'; '.join(says(*t.key) for t, _ in n.ties)}. To tell them apart: {effect['would_separate']}")
+            name.append(f"As good: {tied(n)}. To tell them apart: {effect['would_separate']}")
     add = [
         f"{row['name']}: gap {row['before']:.3g} before, {row['after']:.3g} after."
         if row["before"] is not None and row["after"] is not None

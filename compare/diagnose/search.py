@@ -94,7 +94,7 @@ class Search:
             for fit in fits:
                 if fit is not None and self.beats(fit, best):
                     best, improved = fit, True
-            behind = 0 if improved else behind + 1
+            behind = 0 if improved or len(level[0][1]) <= len(best.named()) else behind + 1
             if behind == 2:
                 break
         return best
@@ -135,7 +135,8 @@ class Search:
         chosen = sorted(screen.terms.index(t) for t in terms)
         start = self.base_start() | (screen.starts(chosen) if chosen else {})
         known = {t: x for t, x in zip(about.terms, about.x, strict=True) if t in start}
-        return self.fitter.fit([*self.base.terms, *terms], start, *([start | known] if set(terms) & set(known) else []), *self.second_start(start))
+        also = [start | known] if self.nonlinear and set(terms) & set(known) else []
+        return self.fitter.fit([*self.base.terms, *terms], start, *also, *self.second_start(start))
 
 
 def without(fit: Fit, i: int) -> list[Term]:

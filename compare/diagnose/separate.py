@@ -16,6 +16,7 @@ from compare.diagnose.predict import Model, wrapped
 
 ENOUGH = 8.0  # sigmas between two explanations that separate them
 USEFUL = 3.0
+SAMPLES = 90  # of a run that is tried
 SHARE = 0.005  # of a signal's peak: the noise taken for a sensor that is not there yet
 TYPICAL = {"_angle": 5e-5, "_angular_velocity": 1e-3, "_x": 2e-5, "_y": 2e-5}  # rad, rad/s, m: the same for motions
 
@@ -53,8 +54,8 @@ def _trials(rig: Rig, measured: Measured) -> Iterator[Trial]:
 
         def run(name: str, words: str, **change: object) -> Trial:
             now = replace(base, name=name, **change)  # type: ignore[arg-type]
-            span = abs(base.speed or 1.0) * (base.time - base.time[0])
-            return Trial(words, replace(now, time=span / abs(now.speed or 1.0)))
+            span = abs(base.speed or 1.0) * float(base.time[-1] - base.time[0])
+            return Trial(words, replace(now, time=np.linspace(0.0, span / abs(now.speed or 1.0), min(SAMPLES, base.time.size))))
 
         if loads:
             reverse = tuple(_turned(load, -1) for load in loads)
@@ -69,14 +70,17 @@ def _trials(rig: Rig, measured: Measured) -> Iterator[Trial]:
             floating = next((b.name for b in reversed(rig.mechanism.bodies) if b.name != rig.mechanism.driven), rig.mechanism.driven)
             force = 10 * rig.force
             for sign in (1, -1):
-                yield run(f"load-{'up' if sign > 0 else 'down'}", f"load {floating} with {force:.3g} N", loads=(Load(body=floating, force=(0.0, sign * force)),))
+                pull = Load(body=floating, force=(0.0, sign * force))
+                yield run(f"load-{'up' if sign > 0 else 'down'}", f"load {floating} with {force:.3g} N", loads=(pull,))
         for factor in (2.0, 0.5, 4.0, 0.25):
-            yield run(f"{factor:g}-times-the-speed", f"run at {factor:g} times the speed", speed=math.copysign(speed * factor, base.speed or 1.0))
+            faster = math.copysign(speed * factor, base.speed or 1.0)
+            yield run(f"{factor:g}-times-the-speed", f"run at {factor:g} times the speed", speed=faster)
     for base in measured.runs[:1]:
         for signal in _sensors(rig.mechanism):
             if signal not in rig.signals:
                 channel = Channel(signal, np.zeros(base.time.size), 0.0, False, "")
-                yield Trial(f"measure {signal} too, in a run like {base.name!r}", replace(base, channels={**base.channels, signal: channel}))
+                more = replace(base, channels={**base.channels, signal: channel})
+                yield Trial(f"measure {signal} too, in a run like {base.name!r}", more)
 
 
 def _turned(load: Load, by: complex) -> Load:
@@ -103,7 +107,8 @@ def _apart(model: Model, noise: dict[tuple[str, str], float], one: Fit, other: F
     if found[0] is None or found[1] is None:
         return 0.0
     signals = list(run.channels)
-    sigma = {s: _noise(s, found[0][0][s], run, noise) for s in signals}
+    coarse = math.sqrt(run.time.size / max(r.time.size for r in model.measured.runs))  # fewer samples than the run would have
+    sigma = {s: _noise(s, found[0][0][s], noise) * coarse for s in signals}
 
     def stacked(readings: Sequence[dict[str, np.ndarray]]) -> np.ndarray:
         return np.concatenate([bridged(readings[0][s]) / sigma[s] for s in signals])
@@ -118,7 +123,8 @@ def _apart(model: Model, noise: dict[tuple[str, str], float], one: Fit, other: F
 
     second = stacked(found[1])
     new = difference(stacked(found[0]), second)
-    columns = [np.zeros(new.size) if f is None else difference(stacked(f), second) / h for f, h in zip(found[2:], np.concatenate(scale or [np.zeros(0)]), strict=True)]
+    steps = np.concatenate(scale or [np.zeros(0)])
+    columns = [np.zeros(new.size) if f is None else difference(stacked(f), second) / h for f, h in zip(found[2:], steps, strict=True)]
     apart = np.concatenate([other.residual - one.residual, new])
     jacobian = np.concatenate([other.jacobian, -np.column_stack(columns) if columns else np.zeros((new.size, 0))])
     norm = np.linalg.norm(jacobian, axis=0)
@@ -128,7 +134,7 @@ def _apart(model: Model, noise: dict[tuple[str, str], float], one: Fit, other: F
     return float(np.linalg.norm(apart[-new.size :]))
 
 
-def _noise(signal: str, values: np.ndarray, run: Run, noise: dict[tuple[str, str], float]) -> float:
+def _noise(signal: str, values: np.ndarray, noise: dict[tuple[str, str], float]) -> float:
     known = [v for (_, s), v in noise.items() if s == signal]
     if known:
         return min(known)

@@ -34,6 +34,11 @@ class UnitError(ValueError):
     """A unit is missing, unknown or of another dimension; the message says what is accepted."""
 
 
+def unit_of(signal: str) -> str:
+    """SI unit of a signal."""
+    return SI[dimension(signal)]
+
+
 def dimension(signal: str) -> Dimension:
     """What kind of quantity a signal is, by its name (see :func:`readable`)."""
     if signal == "time":

@@ -40,7 +40,8 @@ def as_read(result: Result) -> dict[str, Any]:
 def terminal_lines(result: Result) -> list[str]:
     """The verdict in a few lines: what is missing and how much, the gap, where it shows; ASCII but for names and given texts."""
     result = as_read(result)
-    out = [f"{result['case']}: {result['verdict'].upper()}. {_line(result['statement'])}"]
+    settled = result["effects"]  # whose lines say what the statement says
+    out = [f"{result['case']}: {result['verdict'].upper()}" + ("" if settled else f". {_line(result['statement'])}")]
     for group in ties(result):
         out += _effect_lines(result, group)
     gap = result["gap"]

@@ -1,0 +1,166 @@
+"""One diagnosis of three runs x 721 samples x 10 sensors: time, memory, repeatability; and the same data fitted by mujoco.sysid.
+
+``python tests/bench_diagnosis.py time [CASE ...]`` needs exudyn, which plays the rig; ``python tests/bench_diagnosis.py sysid`` needs
+``pip install '.[bench]'`` too.  Cases are the keys of ``TRUTH``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from analytic.mechanism import Load, Mechanism
+from analytic.mechanism_file import dumps, load
+from compare.diagnose.sensors import VOCABULARY
+from compare.diagnose.units import SI, dimension
+from sim_models.engine import JointModel, Request, engine
+
+Truth = Sequence[tuple[str, str, Mapping[str, float]]]  # effect, place, values
+
+TRUTH: dict[str, Truth] = {
+    "clearance": [("joint_clearance", "B", {"radial_clearance": 1e-4}), ("coulomb_friction", "E", {"friction_torque": 0.05})],
+    "friction": [("coulomb_friction", "E", {"friction_torque": 0.05}), ("sensor_gain", "reaction_E_x", {"gain_error": 0.01})],
+    "compliance": [("drive_compliance", "drive", {"stiffness": 2000.0})],
+}
+NOISE = {
+    "crank_angle": 2e-5, "follower_angle": 5e-5, "coupler_angle": 5e-5, "drive_torque": 5e-3, "coupler_x": 1e-5, "coupler_y": 1e-5,
+    "reaction_D_x": 0.1, "reaction_D_y": 0.1, "reaction_E_x": 0.1, "reaction_E_y": 0.1,
+}  # fmt: skip
+SAMPLES = 721
+TURNS = 3
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A run as the rig makes it: ``speed`` rad/s from ``angle`` rad, or released from there without a speed; ``time`` (N,) s."""
+
+    name: str
+    time: np.ndarray
+    angle: float
+    speed: float | None = None
+    loads: tuple[Load, ...] = ()
+
+
+def turns() -> list[Recording]:
+    """A revolution slow, one fast, and one backwards with the load turned over."""
+    down, up = (Load(body="coupler", force=(0.0, f)) for f in (-50.0, 50.0))
+    speeds = ("slow", 6.0, down), ("fast", 31.4, down), ("back", -15.0, up)
+    return [Recording(name, np.linspace(0, 2 * np.pi / abs(w), SAMPLES), 0.3, w, (force,)) for name, w, force in speeds]
+
+
+def swing() -> list[Recording]:
+    """A pendulum let go."""
+    return [Recording("swing", np.linspace(0, 8.0, SAMPLES), -0.4)]
+
+
+def record(nominal: Mechanism, runs: Sequence[Recording], truth: Truth, noise: Mapping[str, float], folder: Path) -> Path:
+    """Play the rig with Exudyn, contact in joints with clearance, and write measured.toml with its files."""
+    rng, entries = np.random.default_rng(1), []
+    folder.mkdir(parents=True, exist_ok=True)
+    for run in runs:
+        seen = played(nominal, run, truth)
+        columns = [run.time, *(seen[s] + sigma * rng.standard_normal(run.time.size) for s, sigma in noise.items())]
+        header = ",".join(["time [s]", *(f"{s} [{SI[dimension(s)]}]" for s in noise)])
+        np.savetxt(folder / f"{run.name}.csv", np.column_stack(columns), fmt="%.12g", delimiter=",", header=header, comments="")
+        entry: dict[str, Any] = {"name": run.name, "file": f"{run.name}.csv", "noise": dict(noise)}
+        entry |= {"drive": "free"} if run.speed is None else {"drive_speed": run.speed, "drive_angle": run.angle}
+        entries.append(entry | ({"load": [f.model_dump(mode="json", exclude_unset=True) for f in run.loads]} if run.loads else {}))
+    (folder / "nominal.toml").write_text(dumps(nominal), encoding="utf-8")
+    (folder / "measured.toml").write_text(tomli_w.dumps({"mechanism": "nominal.toml", "run": entries}), encoding="utf-8")
+    return folder / "measured.toml"
+
+
+def played(nominal: Mechanism, run: Recording, truth: Truth) -> Mapping[str, np.ndarray]:
+    """What noiseless sensors of the rig read, (N,) by signal."""
+    assert nominal.drive is not None
+    m = nominal.replace(loads=run.loads)
+    for effect, where, values in truth:
+        m = VOCABULARY[effect].on_mechanism(m, where, values)
+    joints: JointModel = "contact" if m.clearances else "ideal"
+    if run.speed is None:
+        request = Request(m.replace(assembly={m.driven: run.angle}), joints, time=run.time)
+    else:
+        request = Request(with_speed(m, run.speed), joints, crank_angle=run.angle + run.speed * run.time)
+    seen: Mapping[str, np.ndarray] = engine("exudyn").simulate(request).signals
+    if run.speed is not None:
+        seen = {**seen, f"{m.driven}_angle": run.angle + run.speed * run.time}  # the encoder sits on the motor
+    for effect, where, values in truth:
+        seen = VOCABULARY[effect].on_readings(seen, run.name, where, values)
+    return seen
+
+
+def rigid(m: Mechanism) -> Mechanism:
+    """A mechanism whose links do not bend, like those of the engines."""
+    return m.replace(bodies=[b.model_dump(exclude_unset=True, exclude={"youngs_modulus", "shear_modulus"}) for b in m.bodies])
+
+
+def with_speed(m: Mechanism, speed: float) -> Mechanism:
+    """A mechanism that is driven at a speed (rad/s)."""
+    assert m.drive is not None
+    return m.replace(drive=m.drive.model_copy(update={"speed": speed}))
+
+
+# ---------------------------------------------------------------- time, memory, the same again
+
+
+def one(measured: Path, out: Path, others: bool, workers: int) -> None:
+    """In a fresh process: diagnose and publish; what it took, as JSON."""
+    from compare.diagnose.command import publish
+    from compare.diagnose.measured import load_measured
+    from compare.diagnose.workflow import diagnose
+
+    start = time.perf_counter()
+    found = diagnose(load_measured(measured), "mujoco", others=others, workers=workers)
+    diagnosed = time.perf_counter() - start
+    publish(found.result, found.explained, out, json=False)
+    own, worker = (resource.getrusage(who).ru_maxrss / 1024 for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    print(json.dumps({"diagnosed": diagnosed, "own": own, "worker": worker}))
+
+
+def timed(cases: Sequence[str]) -> None:
+    """Each case twice with every engine and twice with MuJoCo alone, two workers."""
+    print(f"load of the machine before: {os.getloadavg()[0]:.1f}")
+    print("| truth | found | engines | command | of it diagnosis | memory | same again |\n|---|---|---|--:|--:|--:|---|")
+    for case in cases:
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            measured = record(rigid(load("crank-rocker")), turns(), TRUTH[case], NOISE, folder)
+            for others in (True, False):
+                print(f"| {case} | {row(measured, folder, others)} |", flush=True)
+
+
+def row(measured: Path, folder: Path, others: bool) -> str:
+    """The table's cells for one case; the least of two runs counts."""
+    told, texts = [], []
+    for turn in range(2):
+        out = folder / f"{others}{turn}"
+        command = [sys.executable, __file__, "one", str(measured), str(out), str(int(others)), "2"]
+        start = time.perf_counter()
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        told.append({"command": time.perf_counter() - start} | json.loads(done.stdout.splitlines()[-1]))
+        texts.append((out / "diagnosis.json").read_bytes())
+    result = json.loads(texts[0])
+    least = {k: min(t[k] for t in told) for k in told[0]}
+    memory = max(t["own"] + 2 * t["worker"] for t in told)
+    named = ", ".join(f"{e['name']}@{e['where']}" for e in result["effects"]) or "nothing"
+    cells = f"{result['verdict']}: {named}", "all" if others else "mujoco", f"{least['command']:.1f} s", f"{least['diagnosed']:.1f} s"
+    return " | ".join([*cells, f"{memory:.0f} MB", "yes" if texts[0] == texts[1] else "NO"])
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "one":
+        one(Path(sys.argv[2]), Path(sys.argv[3]), sys.argv[4] == "1", int(sys.argv[5]))
+    else:
+        timed(sys.argv[2:] or list(TRUTH))

@@ -1,0 +1,108 @@
+"""Rigs for the tests of the diagnosis: a believed mechanism, runs, sensors with noise, and an engine that plays what is wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from analytic.mechanism import Load, Mechanism
+from analytic.mechanism_file import load
+from compare.diagnose.measured import Channel, Measured, Run
+from compare.diagnose.units import SI, dimension
+from compare.diagnose.workflow import diagnose
+from compare.scoreboard.hidden import Hidden
+from compare.scoreboard.record import recorded, with_noise
+from compare.scoreboard.rigs import Bench, Plan
+from compare.scoreboard.sizes import Planted
+from sim_models.engine import Request, engine
+
+Result = dict[str, Any]
+START = 0.4  # rad, commanded crank angle at time 0
+SENSORS = {"crank_angle": 5e-5, "follower_angle": 5e-5, "coupler_x": 1e-5, "drive_torque": 1e-3, "reaction_E_x": 0.02, "reaction_E_y": 0.02}
+
+
+def four_bar(case: str = "crank-rocker", gravity: float = 9.81, loads: Sequence[Load] = (Load(body="coupler", force=(5.0, -30.0)),)) -> Mechanism:
+    """A shipped case with rigid links, gravity (m/s^2, downwards) and loads."""
+    m = load(case)
+    bodies = tuple(type(b).model_validate(b.model_dump(exclude_unset=True, exclude={"youngs_modulus", "shear_modulus"})) for b in m.bodies)
+    return m.replace(gravity=(0.0, -gravity), bodies=bodies, loads=tuple(loads))
+
+
+def turn(name: str, speed: float, loads: tuple[Load, ...] | None = None, follows: bool = False, samples: int = 120) -> Plan:
+    """One revolution at a speed (rad/s)."""
+    return Plan(name, speed, START, np.linspace(0.0, 2 * math.pi / abs(speed), samples), loads, follows)
+
+
+def bench(*plans: Plan, mechanism: Mechanism | None = None, sensors: Mapping[str, float] | None = None) -> Bench:
+    """A rig; left out: the four-bar, slowly forward and three times as fast in reverse."""
+    runs = plans or (turn("slow", 4.0), turn("fast-reverse", -12.0))
+    return Bench("crank-rocker", mechanism or four_bar(), runs, dict(sensors or SENSORS), True, {})
+
+
+def wrong(name: str, where: str, **values: float) -> Planted:
+    """Something that the believed mechanism lacks."""
+    return Planted(name, where, values)
+
+
+def played(rig: Bench, *effects: Planted, source: str = "exudyn", seed: int = 1) -> Measured:
+    """What the rig's sensors read, simulated by ``source``, with noise."""
+    return rig.measured(readings(rig, *effects, source=source, seed=seed))
+
+
+def readings(rig: Bench, *effects: Planted, source: str = "exudyn", seed: int = 1) -> list[dict[str, np.ndarray]]:
+    """The same as arrays (N,), SI, by signal, for each run."""
+    hidden = Hidden(seed, "effects", rig, source, "mujoco", effects)
+    return with_noise(hidden, [recorded(hidden, plan) for plan in rig.plans], np.random.default_rng(seed))
+
+
+def released(
+    believed: Mechanism, real: Mechanism, noise: Mapping[str, float], start: Sequence[tuple[float, float]], time: np.ndarray, source: str = "exudyn"
+) -> Measured:
+    """Free runs of the ``real`` mechanism, released at angles (rad) with rates (rad/s), read at times (N,) s, the start not told."""
+    from analytic.assembly import Assembly
+
+    runs, rng = [], np.random.default_rng(1)
+    for k, (angle, rate) in enumerate(start):
+        assembly = Assembly(real)
+        s, u = assembly.structure, assembly.coordinates(np.array([angle]))
+        placed = {s.bodies[b]: float(u[i, 0] + s.twist[b]) for i, c in enumerate(s.coordinates) for b in c.bodies if b}
+        free = real.replace(assembly=placed | {real.driven: angle}, drive={"joint": real.drive_joint.name, "speed": "free"})
+        signals = engine(source).simulate(Request(free, time=time, start_speed=rate)).signals
+        channels = {s: Channel(s, signals[s] + sigma * rng.standard_normal(time.size), sigma, True, SI[dimension(s)]) for s, sigma in noise.items()}
+        runs.append(Run(f"swing-{k + 1}", time, channels, "free", None, None, _first(channels, believed.driven, time), None, False, "swing.csv"))
+    return Measured(believed, tuple(runs), {}, (), "rig")
+
+
+def _first(channels: Mapping[str, Channel], driven: str, time: np.ndarray) -> dict[str, float]:
+    """The driven body's state at the first sample, as its own first readings have it."""
+    curve = np.polyfit(time[:8], channels[f"{driven}_angle"].values[:8], 2)
+    return {f"{driven}_angle": float(curve[2]), f"{driven}_angular_velocity": float(curve[1])}
+
+
+def diagnosed(measured: Measured, **options: Any) -> Result:
+    """The result by MuJoCo alone, in this process."""
+    return diagnose(measured, "mujoco", others=False, workers=1, **options).result
+
+
+def named(result: Result) -> list[tuple[str, str]]:
+    """Name and place of each effect, the weightiest first."""
+    return [(e["name"], e["where"]) for e in result["effects"]]
+
+
+def assert_recovered(result: Result, *truth: Planted) -> None:
+    """The true effects and no other, each value within four standard deviations, and the gap closed."""
+    said = {(e["name"], e["where"]): e["parameters"] for e in result["effects"]}
+    assert set(said) == {(t.name, t.where) for t in truth}, result["statement"]
+    assert result["verdict"] == "explained", result["statement"]
+    assert result["gap"]["before"] > 1.2
+    assert result["gap"]["after"] <= 1.1
+    for t in truth:
+        assert set(said[t.name, t.where]) == set(t.values)
+        for parameter, value in t.values.items():
+            p = said[t.name, t.where][parameter]
+            assert p["low"] <= p["value"] <= p["high"]
+            assert p["high"] - p["low"] < 0.5 * abs(value) or parameter == "harmonic", f"{parameter} is {p}: the data hardly know it"
+            assert abs(p["value"] - value) <= 4 / 1.96 * 0.5 * (p["high"] - p["low"]) + 1e-12, f"{parameter} is {value}, found {p}"

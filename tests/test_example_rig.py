@@ -1,0 +1,73 @@
+"""The example rig of the README: its files are what its script makes, and the diagnosis finds what was put in."""
+
+from __future__ import annotations
+
+import csv
+import runpy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from compare.diagnose.measured import load_measured
+from compare.diagnose.workflow import diagnose
+
+RIG = Path(__file__).parent.parent / "docs" / "example-rig"
+FILES = ("forward.csv", "reverse.csv", "lifted.csv")
+
+
+@pytest.fixture(scope="module")
+def script() -> dict[str, Any]:
+    return runpy.run_path(str(RIG / "make.py"))
+
+
+def table(path: Path) -> tuple[list[str], np.ndarray]:
+    """Header and numbers (N, columns) of a data file."""
+    header, *rows = csv.reader(path.read_text(encoding="utf-8").splitlines())
+    return header, np.array(rows, float)
+
+
+def test_making_the_files_again_gives_the_same_but_for_a_last_digit(script: dict[str, Any], tmp_path: Path) -> None:
+    script["make"](tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(FILES)
+    last_digit = np.array([1e-8, *(10.0**-decimals for _, _, decimals in script["COLUMNS"].values())])
+    for name in FILES:
+        (header, committed), (again, made) = table(RIG / name), table(tmp_path / name)
+        assert again == header
+        assert committed.shape == (script["SAMPLES"], 7)
+        assert np.all(np.abs(made - committed) < 1.5 * last_digit)
+
+
+def test_a_last_digit_is_a_small_part_of_the_noise(script: dict[str, Any]) -> None:
+    for run in load_measured(RIG / "measured.toml").runs:
+        assert list(run.channels) == list(script["COLUMNS"])
+        for signal, (_, size, decimals) in script["COLUMNS"].items():
+            assert 10.0**-decimals * size < 0.02 * run.channels[signal].noise
+
+
+def test_the_files_are_small_and_without_faults() -> None:
+    assert sum(p.stat().st_size for p in RIG.iterdir() if p.is_file()) < 150_000
+    assert load_measured(RIG / "measured.toml").faults == ()
+
+
+def test_what_the_engineer_is_given_does_not_tell_the_answer(script: dict[str, Any]) -> None:
+    given = load_measured(RIG / "measured.toml").mechanism
+    assert given.clearances == {}
+    assert [joint.damping for joint in given.joints] == [0.0] * 4
+    assert script["CLEARANCE"] == {"B": 1.5e-4}
+    assert script["DAMPING"] == {"E": 4e-3}
+
+
+@pytest.mark.slow
+def test_the_diagnosis_names_both_effects_and_their_size(script: dict[str, Any]) -> None:
+    found = diagnose(load_measured(RIG / "measured.toml"), "mujoco", others=False, workers=1)
+    assert found.result["verdict"] == "explained"
+    assert found.result["gap"]["before"] > 10
+    assert found.result["gap"]["after"] < 1.1
+    parameters = {(e["name"], e["where"]): e["parameters"] for e in found.result["effects"]}
+    assert set(parameters) == {("joint_clearance", "B"), ("viscous_friction", "E")}
+    clearance, damping = parameters["joint_clearance", "B"]["radial_clearance"], parameters["viscous_friction", "E"]["damping"]
+    assert clearance["low"] < script["CLEARANCE"]["B"] < clearance["high"]
+    assert damping["low"] < script["DAMPING"]["E"] < damping["high"]
+    assert found.explained.clearances == {"B": clearance["value"]}
