@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -71,7 +72,7 @@ class Motor:
         grid = np.arange(POINTS) * period / POINTS
         motor = self.at(grid)
         rate = 2j * math.pi * np.fft.fftfreq(POINTS, 1 / POINTS) / period
-        first, second = (np.fft.ifft(np.fft.fft(np.eye(POINTS), axis=0) * rate[:, None] ** n, axis=0).real for n in (1, 2))
+        first, second = (matrix / period**n for n, matrix in enumerate(_derivatives(), 1))
         lag = np.zeros(POINTS)
 
         def needed(back: np.ndarray, *nudge: float) -> np.ndarray:
@@ -117,6 +118,14 @@ class Motor:
             if not change < math.pi:
                 raise _no_steady_motion(stiffness)
         return Turning(here.theta - spline(time), here.omega - spline(time, 1), here.alpha - spline(time, 2))
+
+
+@cache
+def _derivatives() -> tuple[np.ndarray, np.ndarray]:
+    """Matrices (POINTS, POINTS) of the first and second Fourier derivative of values over a period of 1."""
+    rate = 2j * math.pi * np.fft.fftfreq(POINTS, 1 / POINTS)
+    unit = np.fft.fft(np.eye(POINTS), axis=0)
+    return np.fft.ifft(unit * rate[:, None], axis=0).real, np.fft.ifft(unit * rate[:, None] ** 2, axis=0).real
 
 
 def _no_steady_motion(stiffness: float) -> AssemblyError:

@@ -6,6 +6,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import os
 import resource
@@ -13,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,7 +41,8 @@ NOISE = {
     "reaction_D_x": 0.1, "reaction_D_y": 0.1, "reaction_E_x": 0.1, "reaction_E_y": 0.1,
 }  # fmt: skip
 SAMPLES = 721
-TURNS = 3
+TURNS = 2
+CLOSING = 10  # samples in which mujoco.sysid's linkage, begun in the nominal shape, closes in another; they are left out
 
 
 @dataclass(frozen=True)
@@ -144,7 +147,7 @@ def timed(cases: Sequence[str]) -> None:
 def row(measured: Path, folder: Path, others: bool) -> str:
     """The table's cells for one case; the least of two runs counts."""
     told, texts = [], []
-    for turn in range(2):
+    for turn in range(TURNS):
         out = folder / f"{others}{turn}"
         command = [sys.executable, __file__, "one", str(measured), str(out), str(int(others)), "2"]
         start = time.perf_counter()
@@ -159,8 +162,145 @@ def row(measured: Path, folder: Path, others: bool) -> str:
     return " | ".join([*cells, f"{memory:.0f} MB", "yes" if texts[0] == texts[1] else "NO"])
 
 
+# ---------------------------------------------------------------- beside mujoco.sysid
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """What mujoco.sysid is told to fit: one number of a MuJoCo model, and what the truth is."""
+
+    words: str
+    case: str
+    truth: Truth
+    offered: str
+    right: float | None  # the offered parameter's true value; None where the model lacks something else
+    bounds: tuple[float, float, float]  # start, lowest, highest
+    change: Callable[[Any, Any], None]  # writes the parameter into an MjSpec
+
+
+def set_damping(spec: Any, parameter: Any) -> None:
+    """A hinge's damping (N.m.s/rad)."""
+    damping = spec.joint("pendulum").damping
+    value = float(parameter.value[0])
+    spec.joint("pendulum").damping = value if np.isscalar(damping) else np.array([value, *np.ravel(damping)[1:]])
+
+
+def set_length(spec: Any, parameter: Any) -> None:
+    """The follower's length (m): where its last pin sits."""
+    spec.site("B:follower").pos = np.array([parameter.value[0], 0.0, 0.0])
+
+
+DAMPING, LENGTH = (5e-4, 0.0, 0.02), (0.1, 0.09, 0.11)
+PAIRS = (
+    Fitted("pendulum damped", "pendulum", [("viscous_friction", "O", {"damping": 2e-3})], "damping", 2e-3, DAMPING, set_damping),
+    Fitted("pendulum, dry friction", "pendulum", [("coulomb_friction", "O", {"friction_torque": 2e-3})], "damping", None, DAMPING, set_damping),
+    Fitted("follower longer", "crank-rocker", [("link_length", "follower", {"length_error": 1e-4})], "length", 0.1001, LENGTH, set_length),
+    Fitted("clearance in B", "crank-rocker", [("joint_clearance", "B", {"radial_clearance": 1e-4})], "length", None, LENGTH, set_length),
+)
+
+
+def beside_sysid() -> None:
+    """Each pair diagnosed with the whole vocabulary, and fitted by mujoco.sysid with the one parameter that it is offered."""
+    print(f"load of the machine before: {os.getloadavg()[0]:.1f}")
+    print("| truth | ours | seconds | error | mujoco.sysid fits | seconds | error (or value) | left, in noise | its report says | time, ratio |")
+    print("|---|---|--:|--:|---|--:|--:|--:|---|--:|")
+    for pair in PAIRS:
+        free = pair.case == "pendulum"
+        nominal, runs = rigid(load(pair.case)), swing() if free else turns()
+        noise = {"pendulum_angle": 1e-3} if free else {s: NOISE[s] for s in ("crank_angle", "follower_angle", "coupler_angle")}
+        with tempfile.TemporaryDirectory() as name:
+            measured = record(nominal, runs, pair.truth, noise, Path(name))
+            ours, theirs = diagnosed(measured, pair.truth), fitted(pair, nominal, runs, Path(name), noise)
+        ratio = f"{float(ours[1]) / float(theirs[0]):.1f}"
+        print("|", " | ".join([pair.words, *ours, pair.offered, *theirs, ratio]), "|", flush=True)
+
+
+def diagnosed(measured: Path, truth: Truth) -> list[str]:
+    """What we find, in how long, and how far off."""
+    from compare.diagnose.measured import load_measured
+    from compare.diagnose.workflow import diagnose
+
+    start = time.perf_counter()
+    result = diagnose(load_measured(measured), "mujoco", others=False, workers=1).result
+    spent = time.perf_counter() - start
+    (effect, where, values), error = truth[0], "-"
+    for e in result["effects"]:
+        if (e["name"], e["where"]) == (effect, where):
+            p = next(iter(values))
+            error = f"{abs(e['parameters'][p]['value'] / values[p] - 1):.2%}"
+    named = ", ".join(f"{e['name']}@{e['where']}" for e in result["effects"]) or "nothing"
+    return [f"{result['verdict']}: {named}", f"{spent:.1f}", error]
+
+
+def fitted(pair: Fitted, nominal: Mechanism, runs: Sequence[Recording], folder: Path, noise: Mapping[str, float]) -> list[str]:
+    """What mujoco.sysid finds from the true state at the start, in how long, how far off, what it leaves, and what its report says.
+
+    The models are those of ``compare export``: a crank heavy enough to keep its speed needs no control; an idle motor stands in for it.
+    """
+    from mujoco import sysid
+    from mujoco.sysid.report.sections.insights import AutomatedInsights
+
+    sequences, scales = [], []
+    for run in runs:
+        sequence, sigma = sequence_of(nominal, run, folder, noise)
+        sequences.append(sequence)
+        scales.append(sigma)
+    start = time.perf_counter()
+    first, low, high = pair.bounds
+    parameters = sysid.ParameterDict({pair.offered: sysid.Parameter(pair.offered, first, low, high, modifier=pair.change)})
+    residual = sysid.build_residual_fn(models_sequences=sequences)
+    with contextlib.redirect_stdout(io.StringIO()):  # its iterations
+        found, _ = sysid.optimize(parameters, residual, verbose=False, max_iters=50)
+    spent = time.perf_counter() - start
+    value = float(found[pair.offered].value[0])
+    _, predicted, seen = residual(found.as_vector(), found, return_pred_all=True)
+    parts = [((p[0].data - s[0].data) / sigma).ravel() for p, s, sigma in zip(predicted, seen, scales, strict=True)]
+    left = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+    off = pair.bounds[0] if pair.offered == "length" else 0.0  # how far off what is missing is, not the whole length
+    error = "-" if pair.right is None else f"{abs((value - off) / (pair.right - off) - 1):.2%}"
+    (insight,) = AutomatedInsights("", found).get_context()["insights"]
+    return [f"{spent:.1f}", error if pair.right is not None else f"{value:.5g}", f"{left:.2f}", insight["title"]]
+
+
+def sequence_of(nominal: Mechanism, run: Recording, folder: Path, noise: Mapping[str, float]) -> tuple[Any, np.ndarray]:
+    """A run's exported MuJoCo model with what was measured of its hinges, and the noise of each of them."""
+    import mujoco
+    from mujoco import sysid
+    from mujoco.sysid import SignalType
+
+    from sim_models.mujoco_export import export
+
+    out = folder / f"{run.name}-model"
+    out.mkdir()
+    if run.speed is None:
+        export(Request(nominal.replace(assembly={nominal.driven: run.angle}), "ideal", time=run.time), out)
+    else:
+        export(Request(with_speed(nominal, run.speed), "ideal", crank_angle=run.angle + run.speed * run.time), out)
+    begin = json.loads((out / "start.json").read_text(encoding="utf-8"))
+    spec = mujoco.MjSpec.from_file(str(out / "model.xml"))
+    spec.add_actuator(name="idle", target=nominal.driven, trntype=mujoco.mjtTrn.mjTRN_JOINT, gear=[0.0] * 6)
+    table = np.genfromtxt(folder / f"{run.name}.csv", delimiter=",", skip_header=1)
+    column = dict(zip(noise, table[:, 1:].T, strict=True))
+    hinges = {nominal.driven: column[f"{nominal.driven}_angle"]}
+    if run.speed is not None:
+        command = run.angle + run.speed * run.time
+        hinges = {"follower": column["follower_angle"], "coupler": column["coupler_angle"] - command}  # the coupler's hinge is on the crank
+    for hinge in hinges:
+        spec.add_sensor(name=hinge, type=mujoco.mjtSensor.mjSENS_JOINTPOS, objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=hinge)
+    model = spec.compile()
+    state = sysid.create_initial_state(model, np.array(begin["qpos"]), np.array(begin["qvel"]))
+    # positions after each step; jointpos sensors, which count only in the check of sizes, tell those before it
+    names = [(f"{hinge}_qpos", 1, SignalType.MjStateQPos) for hinge in hinges]
+    seen = sysid.TimeSeries.from_custom_map(run.time[CLOSING:], np.column_stack(list(hinges.values()))[CLOSING:], names)
+    control = sysid.TimeSeries(run.time, np.zeros((run.time.size, 1)))
+    sigma = np.array([noise[f"{hinge}_angle"] for hinge in hinges])
+    return sysid.ModelSequences(run.name, spec, run.name, state, control, seen), sigma
+
+
 if __name__ == "__main__":
     if sys.argv[1] == "one":
         one(Path(sys.argv[2]), Path(sys.argv[3]), sys.argv[4] == "1", int(sys.argv[5]))
+    elif sys.argv[1] == "sysid":
+        beside_sysid()
     else:
         timed(sys.argv[2:] or list(TRUTH))

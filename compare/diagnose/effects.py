@@ -428,6 +428,7 @@ class DriveCompliance(Reciprocal):
 
     name = "drive_compliance"
     needs_engine = True
+    slow = True
     parameters = (Parameter("stiffness", "N.m/rad", "stiffness", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:

@@ -89,6 +89,7 @@ class Measured:
 def load_measured(path: Path) -> Measured:
     """Read measured.toml, the mechanism and the data files that it names, relative to it.  Raises MeasuredError."""
     path = Path(path)
+    path = path / "measured.toml" if path.is_dir() else path
     file = read_file(path)
     mechanism = _mechanism(path, file.mechanism)
     names = [entry.name for entry in file.runs]

@@ -151,6 +151,11 @@ class Bench:
             workers or min(2, os.cpu_count() or 1), progress, notes, base, {},
         )  # fmt: skip
         _refuse_slips(bench)
+        bench.notes += [
+            f"Run {run.name} starts from rest; it is simulated in steady motion, so its start-up is no part of this comparison: leave it out of the file."
+            for run in measured.runs
+            if run.from_rest
+        ]
         bench.widen(noise)
         return bench
 
@@ -234,7 +239,12 @@ class Bench:
         """The explanation simulated in full by every engine; fitted again where the chosen engine differs from the analytic model."""
         self.progress("simulation", 3, 4)
         hypothesis = explanation.fit.values(self.rig)
-        after = self.before if not explanation.named else self.simulate_all(explanation.fit, self.engines)
+        if explanation.named or self.base.terms:
+            after = self.simulate_all(explanation.fit, self.engines)
+        else:
+            after = self.before
+        if not explanation.named:
+            self.before = after  # free runs are released from where all of the data say, not from where their beginning does
         gap = after[self.simulator].readings
         if explanation.verdict in ("explained", "ambiguous") and gap is not None and rms(self.data.residual(gap)) > CLOSED:
             explanation = replace(explanation, verdict="partly explained")
