@@ -10,7 +10,7 @@ import pytest
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Load, Mechanism
 from analytic.mechanism_file import load
-from compare.diagnose.effects import Effect, Rig
+from compare.diagnose.effect import Effect, Rig
 from compare.diagnose.sensors import SENSOR_EFFECTS, VOCABULARY
 from compare.scoreboard.sizes import Planted
 from diagnosis_rigs import SENSORS, assert_recovered, bench, diagnosed, four_bar, played, turn, wrong

@@ -12,7 +12,7 @@ import pytest
 
 from analytic.mechanism import Load
 from analytic.mechanism_file import load
-from compare.diagnose.effects import Rig
+from compare.diagnose.effect import Rig
 from compare.diagnose.fit import Fitter
 from compare.diagnose.measured import load_measured
 from compare.diagnose.predict import Term

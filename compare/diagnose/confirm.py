@@ -14,7 +14,7 @@ import numpy as np
 from analytic.assembly import Assembly, AssemblyError
 from analytic.drive import Motor
 from analytic.mechanism import Mechanism
-from compare.diagnose.effects import Effect, Readings, Rig
+from compare.diagnose.effect import Effect, Readings, Rig
 from compare.diagnose.measured import Run
 from compare.diagnose.predict import Hypothesis, Term, altered, motor_offset
 from compare.signals import with_derived

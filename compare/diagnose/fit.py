@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from compare.diagnose.effects import Rig
+from compare.diagnose.effect import Rig
 from compare.diagnose.measured import Measured
 from compare.diagnose.predict import Model, StartOfRun, Term, wrapped
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compare.diagnose.effects import Effect, Rig
+from compare.diagnose.effect import Effect, Rig
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.predict import Term
 

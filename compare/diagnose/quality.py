@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 ORDERS = (3, 4, 6, 8, 10)  # of differences, tried for the noise
 FLOOR = 1e-7  # of a channel's range: what a noise-free signal is taken to be good for
+EXACT = 1e-6  # relative, by which the steps of a converter may miss being multiples of the smallest
 SPIKE = 8.0  # sigmas of an outlier
 PLATEAU = 4  # equal extreme samples in a row that a clipped sensor shows
 GAP = 5.0  # median intervals
@@ -102,14 +103,14 @@ def quantum(values: np.ndarray) -> float:
     """The step that all values are multiples apart of (a converter's, or of the decimals in a file); 0 if there is none."""
     present = values[np.isfinite(values)]
     levels = np.sort(present[_stretches(present.size)])
-    if np.unique(present).size > 0.8 * present.size:
-        return 0.0  # noise over a converter's steps would have made readings repeat; an even ramp has equal steps too
     gaps = np.diff(levels)
     gaps = gaps[gaps > 1e-12 * np.max(np.abs(levels), initial=0.0)]
     if gaps.size == 0:
         return 0.0
     multiples = gaps / gaps.min()
-    return float(gaps.min()) if np.mean(np.abs(multiples - np.round(multiples)) < 0.01) > 0.9 else 0.0
+    if multiples.max() < 1.5 and np.unique(present).size == present.size:
+        return 0.0  # an even ramp, such as an encoder's at constant speed: its steps are its speed's
+    return float(gaps.min()) if np.mean(np.abs(multiples - np.round(multiples)) < EXACT * multiples) > 0.9 else 0.0
 
 
 def clipped(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:

@@ -45,8 +45,13 @@ def as_result(bench: Bench, found: Confirmed, command: str) -> dict[str, Any]:
         "versions": _versions(found),
         "located": [
             {
-                "run": s.run, "signal": s.signal, "crank_angle_from": s.begin, "crank_angle_to": s.end,
-                "size": s.size, "unit": unit_of(s.signal), "sigmas": s.sigmas,
+                "run": s.run,
+                "signal": s.signal,
+                "crank_angle_from": s.begin,
+                "crank_angle_to": s.end,
+                "size": s.size,
+                "unit": unit_of(s.signal),
+                "sigmas": s.sigmas,
             }
             for s in found.stretches
         ],
@@ -85,10 +90,7 @@ def _effect(bench: Bench, fit: Fit, n: Named, noise: dict[tuple[str, str], float
     return {
         "name": n.term.effect.name,
         "where": n.term.where,
-        "parameters": {
-            p: {"value": i.value, "unit": n.unit(p), "low": _finite(i.low), "high": _finite(i.high)}
-            for p, i in n.parameters.items()
-        },
+        "parameters": {p: {"value": i.value, "unit": n.unit(p), "low": _finite(i.low), "high": _finite(i.high)} for p, i in n.parameters.items()},
         "gap_before": n.gap[0],
         "gap_after": n.gap[1],
         "held_out_before": n.held_out[0],
@@ -277,4 +279,3 @@ def _agreement(bench: Bench, found: Confirmed) -> str:
     said = found.before[bench.simulator]
     value = bench.agreement(said, found.explanation.base)
     return f"{value:.2g}"
-

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from compare.diagnose.effects import Rig
+from compare.diagnose.effect import Rig
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.isolate import Screen, Signature, signatures
 from compare.diagnose.predict import Term
@@ -142,5 +142,3 @@ class Search:
 def without(fit: Fit, i: int) -> list[Term]:
     """The effects of a fit but one."""
     return [fit.terms[k] for k in fit.named() if k != i]
-
-

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from compare.diagnose.effects import MECHANISM_EFFECTS, Effect, Parameter, Readings, Rig, Values
+from compare.diagnose.effect import Effect, Parameter, Readings, Rig, Values
+from compare.diagnose.effects import MECHANISM_EFFECTS
 
 
 class EncoderOffset(Effect):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analytic.mechanism import Load, Mechanism
-from compare.diagnose.effects import Rig
+from compare.diagnose.effect import Rig
 from compare.diagnose.fit import Fit, bridged, hypothesis
 from compare.diagnose.measured import Channel, Measured, Run
 from compare.diagnose.predict import Model, wrapped

@@ -10,24 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from analytic.drive import Motor
-from analytic.mechanism import Body, Mechanism
+from analytic.mechanism import Mechanism
+from compare.diagnose import prepare
 from compare.diagnose.confirm import Simulated, Task, lacking, simulate
-from compare.diagnose.effects import Effect, Rig
+from compare.diagnose.effect import Effect, Rig
 from compare.diagnose.explain import CLOSED, Explanation, explain, pruned
 from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.isolate import candidates, signatures
 from compare.diagnose.locate import Stretch, locate
 from compare.diagnose.measured import Measured, MeasuredError, Run
-from compare.diagnose.predict import Hypothesis, Model, StartOfRun, Term, altered
+from compare.diagnose.predict import Hypothesis, Model, Term, altered, wrapped
 from compare.diagnose.search import Search, costs
 from compare.diagnose.sensors import VOCABULARY
 from compare.diagnose.worth import rms
 from compare.sweep import spread
-from sim_models.engine import ENGINES, SimulationError, SimulatorMissing, Unsupported, engine
+from sim_models.engine import ENGINES, SimulationError, SimulatorMissing, engine
 
-SAMPLES = 60_000  # of all sensors together; more are thinned, evenly, for the search and the pages
-REDRAWN = 32  # courses of runs that follow a noisy encoder
 EQUIVALENT = 0.1  # of the noise: an engine this near the analytic model is the same
 HORIZONS = (0.06, 0.12, 0.25, 0.5)  # shares of free runs that are explained one after the other
 FAR = 2.0  # times the analytic gap: an engine farther off moves otherwise, not a little differently
@@ -127,20 +125,20 @@ class Bench:
                     engines = (*engines, name)
                 except SimulatorMissing as error:
                     skipped[name] = str(error)
-        measured = _thinned(measured)
+        measured = prepare.thinned(measured)
         notes: list[str] = []
-        courses = {run.name: _course(run, f"{measured.mechanism.driven}_angle") for run in measured.runs if run.drive == "measured"}
+        courses = {run.name: prepare.course(run, f"{measured.mechanism.driven}_angle") for run in measured.runs if run.drive == "measured"}
         noise = {(run.name, s): c.noise for run in measured.runs for s, c in run.channels.items()}
-        mechanism, rig, model = _nominal(measured, courses, noise, notes)
-        measured = _unturned(measured, model, _starts(measured))
+        mechanism, rig, model = prepare.nominal(measured, courses, noise, notes)
+        measured = prepare.unturned(measured, model, prepare.starts(measured))
         model = Model(measured, rig, mechanism, courses)
-        data = Data(measured, noise, rig.encoder, _shared(measured, noise, model))
+        data = Data(measured, noise, rig.encoder, prepare.shared(measured, noise, model))
         terms = candidates(rig, vocabulary)
-        ruled_out = _ruled_out(terms, only, exclude)
-        bounds = _bounds(rig, measured.tolerance)
+        ruled_out = prepare.ruled_out(terms, only, exclude)
+        bounds = prepare.bounds(rig, measured.tolerance)
         ruled_out |= {t.key: "the tolerance leaves it no room" for t in terms if t.key not in ruled_out and not np.any(np.subtract(*bounds(t)))}
         fitter = Fitter(model, data, rig, bounds)
-        starts = _starts(measured)
+        starts = prepare.starts(measured)
         early = data.until(HORIZONS[0])
         begun = Fitter(Model(early.measured, rig, mechanism, courses), early, rig, bounds).fit(list(starts), starts)
         base = begun and fitter.at(begun.terms, dict(zip(begun.terms, begun.x, strict=True)))
@@ -152,7 +150,7 @@ class Bench:
         )  # fmt: skip
         _refuse_slips(bench)
         bench.notes += [
-            f"Run {run.name} starts from rest; it is simulated in steady motion, so its start-up is no part of this comparison: leave it out of the file."
+            f"Run {run.name} starts from rest and is simulated in steady motion: leave its start-up out of the file, or it will look like a fault."
             for run in measured.runs
             if run.from_rest
         ]
@@ -335,158 +333,11 @@ def _numbered(item: tuple[int, Task]) -> Any:
 
 
 def _rms_difference(a: np.ndarray, b: np.ndarray, signal: str) -> float:
-    from compare.diagnose.predict import wrapped
-
     d = a - b
     if signal.endswith("_angle"):
         d = wrapped(d)
     d = d[np.isfinite(d)]
     return rms(d)
-
-
-# ------------------------------------------------------------------ preparation
-
-
-def _thinned(measured: Measured) -> Measured:
-    total = sum(run.time.size * len(run.channels) for run in measured.runs)
-    every = math.ceil(total / SAMPLES)
-    if every == 1:
-        return measured
-    runs = tuple(
-        replace(r, time=r.time[::every], channels={s: replace(c, values=c.values[::every]) for s, c in r.channels.items()}) for r in measured.runs
-    )
-    return replace(measured, runs=runs)
-
-
-def _course(run: Run, encoder: str) -> Motor:
-    """The motor of a run that follows its encoder: a smoothing spline by generalised cross-validation."""
-    from scipy.interpolate import CubicSpline, make_smoothing_spline
-
-    values = run.channels[encoder].values
-    known = np.isfinite(values)
-    smooth = make_smoothing_spline(run.time[known], values[known])
-    return Motor(course=CubicSpline(run.time, smooth(run.time)))
-
-
-def _shared(measured: Measured, noise: Mapping[tuple[str, str], float], model: Model) -> np.ndarray:
-    """Errors (size, k) that all sensors of a run share because the course it follows is smoothed from a noisy encoder.
-
-    Each column is what one redraw of the encoder's noise does to the residual, over sqrt(k).
-    """
-    following = [run for run in measured.runs if run.drive == "measured"]
-    encoder = model.rig.encoder
-    plain = Data(measured, noise, encoder)
-    if not following:
-        return np.zeros((plain.size, 0))
-    draw = np.random.default_rng(0)
-    columns = []
-    origin = model([[]])[0]
-    for _ in range(REDRAWN):
-        courses = dict(model.courses)
-        for run in following:
-            channel = run.channels[encoder]
-            smooth = courses[run.name].at(run.time).theta
-            known = np.isfinite(channel.values)
-            again = np.where(known, smooth + channel.noise * draw.standard_normal(run.time.size), np.nan)
-            courses[run.name] = _course(replace(run, channels={**run.channels, encoder: replace(channel, values=again)}), encoder)
-        found = Model(measured, model.rig, model.mechanism, courses)([[]])[0]
-        if found is not None and origin is not None:
-            columns.append((plain.residual(found) - plain.residual(origin)) / math.sqrt(REDRAWN))
-    return np.column_stack(columns) if columns else np.zeros((plain.size, 0))
-
-
-def _starts(measured: Measured) -> dict[Term, np.ndarray]:
-    """The unknown starts of free runs."""
-    driven = measured.mechanism.driven
-    return {
-        Term(StartOfRun(), run.name): np.array([run.start[f"{driven}_angle"], run.start.get(f"{driven}_angular_velocity", 0.0)])
-        for run in measured.runs
-        if run.drive == "free"
-    }
-
-
-def _nominal(
-    measured: Measured, courses: Mapping[str, Motor], noise: Mapping[tuple[str, str], float], notes: list[str]
-) -> tuple[Mechanism, Rig, Model]:
-    """The mechanism believed, its rig and model: links with a modulus bend if the data like that better, else they are rigid."""
-    rigid = measured.mechanism.replace(bodies=tuple(_rigid(b) for b in measured.mechanism.bodies))
-    options = [rigid] if rigid == measured.mechanism or any(r.drive == "free" for r in measured.runs) else [rigid, measured.mechanism]
-    best: tuple[float, Mechanism, Rig, Model] | None = None
-    for mechanism in options:
-        rig = _rig(measured, mechanism, courses)
-        model = Model(measured, rig, mechanism, courses)
-        starts = _starts(measured)
-        found = model([[(t, t.effect.values(rig, t.where, x)) for t, x in starts.items()]])[0]
-        if found is None:
-            _explain_impossible(measured, mechanism, model)
-            continue
-        chi2 = float(np.sum(Data(measured, noise, rig.encoder).residual(found) ** 2))
-        if best is None or chi2 < best[0]:
-            best = chi2, mechanism, rig, model
-    if best is None:
-        raise MeasuredError(f"{measured.source}: the nominal mechanism cannot make these runs; check drive_angle, start and assembly")
-    if len(options) > 1:
-        bends = best[1] is measured.mechanism
-        used = "are used: the data are nearer to links that bend" if bends else "are left out: the data are nearer to rigid links"
-        notes.append(f"The links' stated moduli of elasticity {used}.")
-    return best[1:]
-
-
-def _explain_impossible(measured: Measured, mechanism: Mechanism, model: Model) -> None:
-    """Raise what stops the nominal mechanism from making a run."""
-    from analytic.assembly import AssemblyError
-
-    for run in measured.runs:
-        if run.drive != "free":
-            try:
-                model.signals(run, [], run.time)
-            except AssemblyError as error:
-                raise MeasuredError(f"{measured.source}: run {run.name!r} cannot be made by the nominal mechanism: {error}") from None
-
-
-def _rigid(body: Body) -> Body:
-    fields = body.model_dump(exclude_unset=True)
-    return Body.model_validate({k: v for k, v in fields.items() if k not in ("youngs_modulus", "shear_modulus")})
-
-
-def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor]) -> Rig:
-    """Sizes of the rig, from its nominal motion."""
-    signals = tuple(dict.fromkeys(s for run in measured.runs for s in run.channels))
-    noise = {s: min(run.channels[s].noise for run in measured.runs if s in run.channels) for s in signals}
-    speeds = [abs(run.speed) for run in measured.runs if run.speed]
-    speeds += [float(np.abs(course.at(run.time).omega).max()) for run in measured.runs if (course := courses.get(run.name))]
-    encoder = f"{mechanism.driven}_angle"
-    for run in measured.runs:
-        if run.drive == "free" and encoder in run.channels:
-            values = run.channels[encoder].values
-            speeds.append(float(np.nanmax(np.abs(np.gradient(values, run.time)))))
-    speed = max([*speeds, 1e-3])
-    length = max(b.length for b in mechanism.bodies)
-    weight = sum(b.mass for b in mechanism.bodies) * abs(complex(*mechanism.gravity))
-    given = [load for run in measured.runs for load in (run.loads if run.loads is not None else mechanism.loads)]
-    loads = [abs(complex(*load.force)) + abs(load.torque) / length for load in given]
-    inertia = max(b.mass for b in mechanism.bodies) * length * speed**2
-    return Rig(
-        mechanism, signals, tuple(r.name for r in measured.runs), tuple(r.name for r in measured.runs if r.drive != "free"),
-        tuple(r.name for r in measured.runs if r.drive == "measured"), length, max(weight, inertia, *loads, 1e-9), speed, noise,
-    )  # fmt: skip
-
-
-def _unturned(measured: Measured, model: Model, starts: Mapping[Term, np.ndarray]) -> Measured:
-    """Measured angles moved by whole turns to where the model has them."""
-    found = model([[(t, t.effect.values(model.rig, t.where, x)) for t, x in starts.items()]])[0]
-    if found is None:
-        return measured
-    runs = []
-    for run, predicted in zip(measured.runs, found, strict=True):
-        channels = {}
-        for signal, channel in run.channels.items():
-            turns = 0.0
-            if signal.endswith("_angle") and not signal.startswith("reaction_"):
-                turns = 2 * math.pi * round(float(np.nanmedian(channel.values - predicted[signal])) / (2 * math.pi))
-            channels[signal] = replace(channel, values=channel.values - turns) if turns else channel
-        runs.append(replace(run, channels=channels))
-    return replace(measured, runs=tuple(runs))
 
 
 def _refuse_slips(bench: Bench) -> None:
@@ -497,42 +348,3 @@ def _refuse_slips(bench: Bench) -> None:
         slips = [*suspicious_swaps(run, predicted), *suspicious_units(run, predicted)]
         if slips:
             raise MeasuredError(f"{run.file}: {slips[0].text}")
-
-
-def _ruled_out(terms: Sequence[Term], only: Sequence[str], exclude: Sequence[str]) -> dict[tuple[str, str], str]:
-    """Terms that the engineer rules out.  Raises MeasuredError for names that are none."""
-    known = {label for t in terms for label in (t.label, t.effect.name)} | set(VOCABULARY)
-    for given in (*only, *exclude):
-        if given not in known:
-            import difflib
-
-            close = difflib.get_close_matches(given, known, n=1)
-            raise MeasuredError(f"{given!r} is not an effect of these data{f'; did you mean {close[0]!r}' if close else ''}; see: compare effects")
-    out = {}
-    for t in terms:
-        if {t.label, t.effect.name} & set(exclude):
-            out[t.key] = "excluded by the engineer"
-        elif only and not {t.label, t.effect.name} & set(only):
-            out[t.key] = "not among --only"
-    return out
-
-
-def _bounds(rig: Rig, tolerance: Mapping[str, float]) -> Callable[[Term], tuple[np.ndarray, np.ndarray]]:
-    """Natural coordinates' physical bounds, narrowed by the engineer's tolerances."""
-
-    def bounds(term: Term) -> tuple[np.ndarray, np.ndarray]:
-        effect = term.effect
-        low = np.array(effect.lowest(rig, term.where, term.variant), float)
-        high = np.full(low.size, math.inf)
-        for i in range(low.size):
-            p = effect.parameters[min(i, len(effect.parameters) - 1)]
-            for key in (f"{effect.name}.{p.name}", p.name, p.quantity):
-                if key in tolerance and effect.blames(p.name):
-                    low[i], high[i] = max(low[i], -tolerance[key]), tolerance[key]
-                    break
-        return low, high
-
-    return bounds
-
-
-__all__ = ["Bench", "Confirmed", "Diagnosis", "Unsupported", "diagnose"]

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from analytic.assembly import Assembly
 from analytic.drive import Turning
 from analytic.mechanism import Load, Mechanism
-from compare.diagnose.effects import Rig
+from compare.diagnose.effect import Rig
 from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.isolate import candidates, signatures
 from compare.diagnose.predict import Term, derived

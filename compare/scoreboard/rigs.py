@@ -13,7 +13,7 @@ from analytic.assembly import Assembly
 from analytic.drive import Turning
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism_file import load
-from compare.diagnose.effects import Rig
+from compare.diagnose.effect import Rig
 from compare.diagnose.measured import Channel, Measured, Run
 from compare.diagnose.predict import derived
 from compare.diagnose.units import SI, dimension

@@ -15,7 +15,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from analytic.drive import Motor
-from compare.diagnose.effects import OnJoint, Reciprocal, Rig
+from compare.diagnose.effect import Rig
+from compare.diagnose.effects import OnJoint, Reciprocal
 from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.isolate import candidates, signatures
 from compare.diagnose.predict import Model, Term

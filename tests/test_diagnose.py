@@ -1,0 +1,435 @@
+"""The diagnosis from end to end: what it names, what it refuses to name, what would decide, and that it says so plainly."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+import tomllib
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analytic.mechanism import Load, Mechanism
+from analytic.mechanism_file import load
+from compare.diagnose.effect import Effect, Parameter, Readings, Rig, Values
+from compare.diagnose.measured import Measured, MeasuredError, load_measured
+from compare.diagnose.workflow import diagnose
+from compare.scoreboard.record import write_data
+from compare.scoreboard.rigs import Bench, Plan
+from compare.scoreboard.sizes import Planted
+from diagnosis_rigs import SENSORS, assert_recovered, bench, diagnosed, four_bar, named, played, readings, released, turn, wrong
+
+VISCOUS = wrong("viscous_friction", "E", damping=0.01)
+LONGER = wrong("link_length", "coupler", length_error=1e-4)
+BIASED = wrong("sensor_bias", "coupler_x", bias=5e-5)
+
+
+def one(result: dict[str, Any]) -> dict[str, Any]:
+    """The only effect named."""
+    assert len(result["effects"]) == 1, result["statement"]
+    return dict(result["effects"][0])
+
+
+# ---------------------------------------------------------------- nothing missing
+
+
+@pytest.mark.parametrize(("seed", "source"), [(1, "exudyn"), (2, "dart"), (3, "pybullet"), (4, "exudyn"), (5, "dart")])
+def test_no_gap_names_nothing(seed: int, source: str) -> None:
+    result = diagnosed(played(bench(), source=source, seed=seed))
+    assert (result["verdict"], result["effects"]) == ("no gap", [])
+    assert 0.9 < result["gap"]["before"] < 1.1
+    assert result["gap"]["after"] == result["gap"]["before"]
+    assert "Nothing is missing" in result["statement"]
+    assert result["explained"] == result["mechanism"]
+
+
+def test_no_gap_in_a_free_run_whose_start_is_not_known() -> None:
+    pendulum = load("pendulum")
+    result = diagnosed(released(pendulum, pendulum, {"pendulum_angle": 1e-3}, [(0.2, 0.0), (-2.5, 1.0)], np.linspace(0, 3, 150)))
+    assert (result["verdict"], result["effects"]) == ("no gap", [])
+    assert result["gap"]["after"] < 1.1
+
+
+@pytest.mark.slow
+def test_no_gap_in_a_free_run_of_a_closed_linkage() -> None:
+    result = diagnosed(released(four_bar(loads=()), four_bar(loads=()), ROCKER_NOISE, ROCKER_STARTS, ROCKER_TIME))
+    assert (result["verdict"], result["effects"]) == ("no gap", [])
+    assert result["gap"]["after"] < 1.1
+
+
+# ---------------------------------------------------------------- several effects, and none of the vocabulary
+
+
+@pytest.mark.parametrize("truth", [(VISCOUS, LONGER), (VISCOUS, LONGER, BIASED)], ids=["two", "three"])
+def test_several_effects_at_once(truth: Sequence[Planted]) -> None:
+    assert_recovered(diagnosed(played(bench(), *truth)), *truth)
+
+
+@pytest.mark.slow
+def test_a_spring_and_an_encoder_offset_at_once() -> None:
+    truth = wrong("joint_spring", "E", stiffness=0.05, rest_angle=1.2), wrong("encoder_offset", "crank_angle", offset=1e-3)
+    assert_recovered(diagnosed(played(bench(), *truth, source="dart")), *truth)
+
+
+def test_what_is_outside_the_vocabulary_is_not_explained() -> None:
+    """A follower sensor that slips by a step for a third of every revolution is no effect that there is a name for."""
+    rig = bench()
+    seen = readings(rig)
+    for plan, run in zip(rig.plans, seen, strict=True):
+        sector = np.abs(np.remainder(plan.command(plan.time), 2 * math.pi) - 2.0) < 1.0
+        run["follower_angle"] = run["follower_angle"] + 2e-3 * sector
+    result = diagnosed(rig.measured(seen))
+    assert result["verdict"] in ("unexplained", "partly explained")
+    assert result["gap"]["after"] > 2
+    assert any(place["signal"] == "follower_angle" for place in result["located"])
+
+
+def test_a_place_where_it_is_off_is_found() -> None:
+    """Between 1 and 3 rad, by 2 mrad: what "located" says before anything is named."""
+    rig = bench()
+    seen = readings(rig)
+    for plan, run in zip(rig.plans, seen, strict=True):
+        angle = np.remainder(plan.command(plan.time), 2 * math.pi)
+        run["follower_angle"] = run["follower_angle"] + 2e-3 * ((angle > 1) & (angle < 3))
+    places = [p for p in diagnosed(rig.measured(seen), only=("gravity",))["located"] if p["run"] == "slow"]
+    assert {p["signal"] for p in places} == {"follower_angle"}
+    worst = max(places, key=lambda p: p["sigmas"])
+    assert worst["size"] == pytest.approx(2e-3, rel=0.1)
+    assert worst["unit"] == "rad"
+    ends = sorted((worst["crank_angle_from"], worst["crank_angle_to"]))
+    assert ends == pytest.approx([1.0, 3.0], abs=0.3)
+
+
+# ---------------------------------------------------------------- what these data cannot tell apart
+
+
+ALIAS_SENSORS = {"crank_angle": 4e-5, "follower_angle": 6e-5, "follower_x": 1e-5, "follower_y": 1e-5, "coupler_angle": 6e-5, "drive_torque": 8e-3}
+DOWN, UP = Load(body="coupler", force=(0.0, -50.0)), Load(body="coupler", force=(0.0, 50.0))
+CLEARANCE = wrong("joint_clearance", "B", radial_clearance=1e-4)
+
+
+def alias_rig(*more: Plan) -> Bench:
+    """The follower carries its pin's force along itself and, while the load only pushes, always the same way."""
+    return bench(turn("slow", 4.0), turn("fast", 6.5), *more, mechanism=four_bar(gravity=0.0, loads=(DOWN,)), sensors=ALIAS_SENSORS)
+
+
+def test_clearance_is_not_told_from_length_until_the_load_reverses() -> None:
+    result = diagnosed(played(alias_rig(), CLEARANCE, source="dart"))
+    assert result["verdict"] == "ambiguous", result["statement"]
+    effect = one(result)
+    said = {(effect["name"], effect["where"]), *((a["name"], a["where"]) for a in effect["ambiguous_with"])}
+    assert {("joint_clearance", "B"), ("link_length", "follower")} <= said
+    assert "reverse the load" in effect["would_separate"]
+    assert "cannot tell" in result["statement"]
+    advice = tomllib.loads(effect["would_separate"][effect["would_separate"].index("[[run]]") :])["run"][0]
+    assert advice["load"][0]["force"] == [0.0, 50.0]
+    lifted = turn("slow-lifted", advice["drive_speed"], tuple(Load.model_validate(x) for x in advice["load"]))
+    resolved = diagnosed(played(alias_rig(lifted), CLEARANCE, source="dart"))
+    assert_recovered(resolved, CLEARANCE)
+
+
+CRANK_CELL = SENSORS | {"reaction_D_x": 0.01, "reaction_D_y": 0.01}
+
+
+@pytest.mark.parametrize(
+    "truth",
+    [wrong("payload", "crank", mass=0.02, along=0.015, normal=0.005), wrong("com_offset", "crank", along=0.005, normal=0.004)],
+    ids=lambda t: t.name,
+)
+def test_payload_and_com_offset_of_a_crank_at_constant_speed_are_aliases(truth: Planted) -> None:
+    rig = bench(turn("slow", 6.0), turn("fast", 25.0), mechanism=four_bar(gravity=0.0), sensors=CRANK_CELL)
+    result = diagnosed(played(rig, truth))
+    assert result["verdict"] == "ambiguous"
+    effect = one(result)
+    said = {effect["name"], *(a["name"] for a in effect["ambiguous_with"] if a["where"] == "crank")}
+    assert {"payload", "com_offset"} <= said
+    assert "none of the runs and sensors" in effect["would_separate"]
+
+
+def test_friction_and_damping_at_one_speed_are_aliases_and_another_speed_would_tell() -> None:
+    result = diagnosed(played(bench(turn("only", 6.0)), wrong("viscous_friction", "D", damping=2e-3)))
+    assert result["verdict"] == "ambiguous"
+    effect = one(result)
+    said = {(effect["name"], effect["where"]), *((a["name"], a["where"]) for a in effect["ambiguous_with"])}
+    assert {("viscous_friction", "D"), ("coulomb_friction", "D")} <= said
+    assert effect["would_separate"].count("[[run]]") == 1 or "none of the runs" in effect["would_separate"]
+
+
+# ---------------------------------------------------------------- what the engineer rules out
+
+
+FOLLOWER = wrong("link_length", "follower", length_error=2e-4)
+
+
+@pytest.fixture(scope="module")
+def longer_follower() -> Measured:
+    return played(bench(), FOLLOWER)
+
+
+def statuses(result: dict[str, Any], name: str, where: str) -> str:
+    return str(next(c["status"] for c in result["candidates"] if (c["name"], c["where"]) == (name, where)))
+
+
+@pytest.mark.parametrize("exclude", ["link_length", "link_length@follower"])
+def test_what_is_excluded_is_not_named(longer_follower: Measured, exclude: str) -> None:
+    result = diagnosed(longer_follower, exclude=(exclude,))
+    assert ("link_length", "follower") not in named(result)
+    assert result["verdict"] != "explained"
+    assert statuses(result, "link_length", "follower") == "excluded"
+    assert (statuses(result, "link_length", "crank") == "excluded") == (exclude == "link_length")
+
+
+@pytest.mark.parametrize("only", ["link_length", "link_length@follower"])
+def test_only_what_is_asked_for_is_considered(longer_follower: Measured, only: str) -> None:
+    result = diagnosed(longer_follower, only=(only,))
+    assert_recovered(result, FOLLOWER)
+    assert statuses(result, "gravity", "linkage") == "excluded"
+
+
+def test_only_effects_that_do_not_explain_leave_it_unexplained(longer_follower: Measured) -> None:
+    result = diagnosed(longer_follower, only=("gravity", "payload@coupler"))
+    assert (result["verdict"], result["effects"]) == ("unexplained", [])
+    assert result["gap"]["after"] > 10
+
+
+@pytest.mark.parametrize(("given", "meant"), [("gravty", "gravity"), ("link_length@folower", "link_length@follower"), ("clearance@B", "joint_clearance@B")])
+@pytest.mark.parametrize("option", ["only", "exclude"])
+def test_unknown_names_are_refused_with_what_was_meant(longer_follower: Measured, option: str, given: str, meant: str) -> None:
+    with pytest.raises(MeasuredError, match=f"{given!r} is not an effect.*did you mean {meant!r}"):
+        diagnosed(longer_follower, **{option: (given,)})
+
+
+@pytest.mark.parametrize("tolerance", [{"length": 1e-6}, {"link_length.length_error": 1e-6}, {"length_error": 0.0}])
+def test_a_tolerance_rules_a_length_out(longer_follower: Measured, tolerance: dict[str, float]) -> None:
+    result = diagnosed(replace(longer_follower, tolerance=tolerance))
+    assert ("link_length", "follower") not in named(result)
+    assert result["verdict"] in ("unexplained", "partly explained")
+
+
+def test_a_tolerance_that_is_wide_enough_rules_nothing_out(longer_follower: Measured) -> None:
+    assert_recovered(diagnosed(replace(longer_follower, tolerance={"length": 3e-4})), FOLLOWER)
+
+
+# ---------------------------------------------------------------- sensors, clocks, encoders
+
+
+@pytest.mark.parametrize("rotation", [math.pi, 0.3, -math.pi / 2], ids=["upside down", "turned", "on its side"])
+def test_a_load_cell_mounted_turned(rotation: float) -> None:
+    assert_recovered(diagnosed(played(bench(), wrong("sensor_frame", "E", rotation=rotation))), wrong("sensor_frame", "E", rotation=rotation))
+
+
+def test_one_clock_offset_of_many_sensors_is_named_once() -> None:
+    sensors = SENSORS | {"coupler_y": 1e-5, "coupler_angle": 5e-5, "reaction_D_x": 0.02, "reaction_D_y": 0.02}
+    late = wrong("clock_offset", "slow", offset=2e-3)
+    assert_recovered(diagnosed(played(bench(sensors=sensors), late)), late)
+
+
+def test_an_encoder_that_is_off_by_another_amount_in_each_run() -> None:
+    values = {"offset@slow": 1e-3, "offset@fast-reverse": -7e-4}
+    truth = Planted("encoder_offset", "crank_angle", values)
+    assert_recovered(diagnosed(played(bench(), truth)), truth)
+
+
+def test_a_clipped_sensor_is_a_fault_of_the_data_and_nothing_is_named(tmp_path: Path) -> None:
+    rig = bench()
+    seen = readings(rig)
+    for run in seen:
+        run["drive_torque"] = np.clip(run["drive_torque"], -0.4, 0.4)
+    assert any(np.mean(np.abs(run["drive_torque"]) == 0.4) > 0.1 for run in seen)
+    result = diagnosed(load_measured(written(rig, seen, tmp_path)))
+    assert (result["verdict"], result["effects"]) == ("no gap", [])
+    assert {f["signal"] for f in result["faults"]} == {"drive_torque"}
+    assert {f["kind"] for f in result["faults"]} == {"clipped"}
+    assert "clipped" in " ".join(result["steps"][0]["text"])
+
+
+def written(rig: Bench, seen: list[dict[str, np.ndarray]], folder: Path) -> Path:
+    from compare.scoreboard.hidden import Hidden
+
+    write_data(Hidden(0, "effects", rig, "exudyn", "mujoco"), seen, folder)
+    return folder / "measured.toml"
+
+
+def following(*effects: Planted) -> Measured:
+    return played(bench(turn("slow", 4.0, follows=True), turn("fast-reverse", -12.0, follows=True)), *effects)
+
+
+def test_a_run_that_follows_its_noisy_encoder() -> None:
+    assert_recovered(diagnosed(following(VISCOUS)), VISCOUS)
+
+
+def test_a_run_that_follows_its_noisy_encoder_and_nothing_missing() -> None:
+    result = diagnosed(following())
+    assert (result["verdict"], result["effects"]) == ("no gap", [])
+
+
+@pytest.mark.slow
+def test_an_offset_of_the_encoder_that_a_run_follows() -> None:
+    offset = wrong("encoder_offset", "crank_angle", offset=1e-3)
+    assert_recovered(diagnosed(following(offset)), offset)
+
+
+# ---------------------------------------------------------------- free runs
+
+
+PENDULUM = load("pendulum")
+ROCKER_NOISE = {"crank_angle": 1e-3, "follower_angle": 1e-3}
+ROCKER_STARTS = [(0.9, 0.0), (0.5, 20.0)]  # rad, rad/s
+ROCKER_TIME = np.linspace(0.0, 0.6, 100)
+
+
+@pytest.mark.parametrize(("name", "field", "value"), [("viscous_friction", "damping", 3e-3), ("coulomb_friction", "friction_torque", 1e-2)])
+def test_friction_of_a_free_pendulum_whose_start_is_not_known(name: str, field: str, value: float) -> None:
+    real = PENDULUM.with_joint("O", **{field: value})
+    data = released(PENDULUM, real, {"pendulum_angle": 1e-3}, [(0.2, 0.0), (-2.5, 1.0)], np.linspace(0, 3, 150))
+    result = diagnosed(data)
+    assert_recovered(result, wrong(name, "O", **{field: value}))
+    assert result["gap"]["before"] > 50
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "joint", "field", "value"), [("viscous_friction", "E", "damping", 1e-3), ("coulomb_friction", "D", "friction_torque", 4e-3)])
+def test_friction_of_a_free_crank_rocker(name: str, joint: str, field: str, value: float) -> None:
+    believed = four_bar(loads=())
+    data = released(believed, believed.with_joint(joint, **{field: value}), ROCKER_NOISE, ROCKER_STARTS, ROCKER_TIME)
+    assert_recovered(diagnosed(data), wrong(name, joint, **{field: value}))
+
+
+# ---------------------------------------------------------------- an effect of one's own
+
+
+class WornTooth(Effect):
+    """A follower sensor's gear with a worn tooth: it lags over a sector of the crank's turn."""
+
+    name = "worn_tooth"
+    parameters = (Parameter("lag", "rad", "angle"),)
+    sensor = True
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return ["follower_angle"]
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-5,)
+
+    def on_readings(self, seen: Readings, run: str, where: str, values: Values) -> Readings:
+        sector = np.abs(np.remainder(seen["crank_angle"], 2 * math.pi) - 2.0) < 0.5
+        return {**seen, where: seen[where] - values["lag"] * sector}
+
+
+class Tether(Effect):
+    """A line that pulls sideways at the end of a link."""
+
+    name = "tether"
+    parameters = (Parameter("pull", "N", "force"),)
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return ["coupler"]
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-3 * rig.force,)
+
+    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
+        return mechanism.replace(loads=(*mechanism.loads, Load(body=where, point="B", force=(values["pull"], 0.0))))
+
+
+def test_an_effect_of_ones_own_on_a_sensor_is_found() -> None:
+    rig, tooth = bench(), WornTooth()
+    seen = [dict(tooth.on_readings(run, plan.name, "follower_angle", {"lag": 5e-4})) for plan, run in zip(rig.plans, readings(rig), strict=True)]
+    assert named(diagnosed(rig.measured(seen))) != [("worn_tooth", "follower_angle")]
+    result = diagnosed(rig.measured(seen), own=(tooth,))
+    assert_recovered(result, wrong("worn_tooth", "follower_angle", lag=5e-4))
+    assert "Worn tooth at follower_angle" in result["statement"]
+
+
+def test_an_effect_of_ones_own_on_the_mechanism_is_found_and_simulated() -> None:
+    real = four_bar(loads=(*four_bar().loads, Load(body="coupler", point="B", force=(1.5, 0.0))))
+    seen = readings(bench(mechanism=real))
+    result = diagnosed(bench().measured(seen), own=(Tether(),), only=("tether", "gravity", "link_length", "viscous_friction", "sensor_bias"))
+    assert_recovered(result, wrong("tether", "coupler", pull=1.5))
+
+
+# ---------------------------------------------------------------- the answer as an object, in files, and again
+
+
+def test_the_same_answer_bit_for_bit_when_run_again() -> None:
+    data = played(bench(), VISCOUS, LONGER)
+    first, second = (json.dumps(diagnosed(data), sort_keys=True) for _ in range(2))
+    assert first == second
+
+
+def test_the_explained_mechanism_has_no_gap_left() -> None:
+    rig = bench()
+    seen = readings(rig, VISCOUS, LONGER)
+    found = diagnose(rig.measured(seen), "mujoco", others=False, workers=1)
+    assert found.explained.joint("E").damping == pytest.approx(0.01, rel=0.02)
+    again = diagnosed(replace(rig.measured(seen), mechanism=found.explained))
+    assert (again["verdict"], again["effects"]) == ("no gap", [])
+    assert again["gap"]["after"] == pytest.approx(found.result["gap"]["after"], rel=1e-3)
+
+
+def test_the_gap_shrinks_in_the_other_engines_too() -> None:
+    result = diagnose(played(bench(), VISCOUS), "mujoco", workers=1).result
+    assert set(result["other_simulators"]) == {"exudyn", "pybullet", "dart"}
+    for gap in result["other_simulators"].values():
+        assert gap["before"] > 10
+        assert gap["after"] < 1.1
+    assert {row["name"] for row in result["engines"]} == {"mujoco", "exudyn", "pybullet", "dart"}
+
+
+@pytest.mark.slow
+def test_processes_change_nothing() -> None:
+    data = played(bench(), VISCOUS)
+    one_process, two = (diagnose(data, "mujoco", workers=n).result for n in (1, 2))
+    assert json.dumps(one_process, sort_keys=True) == json.dumps(two, sort_keys=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("simulator", ["exudyn", "pybullet", "dart"])
+def test_every_engine_can_diagnose(simulator: str) -> None:
+    result = diagnose(played(bench(), VISCOUS, source="mujoco"), simulator, others=False, workers=1).result
+    assert result["simulator"]["name"] == simulator
+    assert_recovered(result, VISCOUS)
+
+
+def compare(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "compare", *arguments], cwd=cwd, capture_output=True, text=True, timeout=300, check=False)
+
+
+@pytest.mark.parametrize(
+    ("truth", "options", "status", "verdict"),
+    [
+        ((), (), 0, "no gap"),
+        ((VISCOUS,), (), 0, "explained"),
+        ((VISCOUS,), ("--only", "gravity"), 1, "unexplained"),
+    ],
+    ids=["no gap", "explained", "unexplained"],
+)
+def test_the_command(truth: Sequence[Planted], options: Sequence[str], status: int, verdict: str, tmp_path: Path) -> None:
+    rig = bench()
+    written(rig, readings(rig, *truth), tmp_path)
+    done = compare("diagnose", "measured.toml", "--simulator", "mujoco", "--json", "--out", "out", "--workers", "1", *options, cwd=tmp_path)
+    assert done.returncode == status, done.stderr
+    assert done.stderr == ""
+    result = json.loads(done.stdout)
+    assert result == json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert result["verdict"] == verdict
+    assert {p.name for p in (tmp_path / "out").iterdir()} >= {"diagnosis.json", "diagnosis.html", "diagnosis.md", "explained.toml"}
+    assert load(tmp_path / "out" / "explained.toml").joint("E").damping == pytest.approx(0.01 if verdict == "explained" else 0.0, rel=0.02)
+
+
+def test_the_command_refuses_what_it_does_not_know(tmp_path: Path) -> None:
+    rig = bench()
+    written(rig, readings(rig), tmp_path)
+    for options, word in ((("--only", "gravty"), "did you mean 'gravity'"), (("--simulator", "adams"), "'adams' is unknown")):
+        done = compare("diagnose", "measured.toml", "--out", "out", *options, cwd=tmp_path)
+        assert done.returncode == 2
+        assert word in done.stderr
+        assert "Traceback" not in done.stderr
+        assert done.stdout == ""
+        assert not (tmp_path / "out").exists()
