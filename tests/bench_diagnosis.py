@@ -42,6 +42,7 @@ NOISE = {
 }  # fmt: skip
 SAMPLES = 721
 TURNS = 2
+ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}  # threads of linear algebra wait for each other on two busy cores, up to four times as long
 CLOSING = 10  # samples in which mujoco.sysid's linkage, begun in the nominal shape, closes in another; they are left out
 
 
@@ -151,7 +152,7 @@ def row(measured: Path, folder: Path, others: bool) -> str:
         out = folder / f"{others}{turn}"
         command = [sys.executable, __file__, "one", str(measured), str(out), str(int(others)), "2"]
         start = time.perf_counter()
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        done = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ | ONE_THREAD)
         told.append({"command": time.perf_counter() - start} | json.loads(done.stdout.splitlines()[-1]))
         texts.append((out / "diagnosis.json").read_bytes())
     result = json.loads(texts[0])

@@ -7,7 +7,7 @@ anything is fitted.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,9 +104,8 @@ class Screen:
         solved = np.linalg.solve(matrix, wanted)
         return extra + float(wanted @ solved), solved / self.norm[where]
 
-    def best_sets(self, size: int, cost: Mapping[Term, float]) -> list[list[tuple[float, tuple[int, ...]]]]:
+    def best_sets(self, size: int, cost: Mapping[Term, float]) -> Iterator[list[tuple[float, tuple[int, ...]]]]:
         """For each number of terms up to ``size`` the sets that gain most net of their cost, best first."""
-        levels: list[list[tuple[float, tuple[int, ...]]]] = []
         beam: list[tuple[int, ...]] = [()]
         for _ in range(size):
             grown: dict[tuple[int, ...], float] = {}
@@ -117,11 +116,10 @@ class Screen:
                     if self.terms[i].key not in taken and new not in grown:
                         grown[new] = self.gain(new)[0] - sum(cost[self.terms[k]] for k in new)
             best = sorted(((net, chosen) for chosen, net in grown.items()), key=lambda item: (-item[0], item[1]))[:BEAM]
-            levels.append(best)
+            if not best:
+                return
+            yield best
             beam = [chosen for _, chosen in best]
-            if not beam:
-                break
-        return levels
 
     def starts(self, chosen: Sequence[int]) -> dict[Term, np.ndarray]:
         """Natural coordinates of each term of a set at the linear optimum."""

@@ -29,7 +29,7 @@ from compare.grid import turns_fully
 from compare.signals import with_derived
 
 TABLES = 500  # linkages whose freedom is kept
-CACHED = 48  # runs whose signals are kept
+CACHED = 400  # runs whose signals are kept
 
 
 class StartOfRun(Effect):

@@ -87,8 +87,6 @@ class Search:
         """Fit the screen's best sets of each size until one more effect does not pay."""
         behind = 0
         for level in screen.best_sets(MOST, self.cost):
-            if not level:
-                break
             fits = [self.fitted(screen, chosen) for k, (net, chosen) in enumerate(level[:FITTED]) if k < FIRST or net > level[0][0] - MARGIN]
             improved = False
             for fit in fits:

@@ -12,18 +12,18 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from compare.diagnose import prepare
-from compare.diagnose.confirm import Simulated, Task, lacking, simulate
+from compare.diagnose.confirm import Simulated
 from compare.diagnose.effect import Effect, Rig
 from compare.diagnose.explain import CLOSED, Explanation, explain, pruned
 from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.isolate import candidates, signatures
 from compare.diagnose.locate import Stretch, locate
 from compare.diagnose.measured import Measured, MeasuredError, Run
-from compare.diagnose.predict import Hypothesis, Model, Term, altered, wrapped
+from compare.diagnose.predict import Model, Term, altered, wrapped
+from compare.diagnose.referees import Referees
 from compare.diagnose.search import Search, costs
 from compare.diagnose.sensors import VOCABULARY
 from compare.diagnose.worth import rms
-from compare.sweep import spread
 from sim_models.engine import ENGINES, SimulationError, SimulatorMissing, engine
 
 EQUIVALENT = 0.1  # of the noise: an engine this near the analytic model is the same
@@ -95,12 +95,13 @@ class Bench:
     simulator: str
     engines: tuple[str, ...]
     skipped: dict[str, str]
-    workers: int
     progress: Progress
     notes: list[str]
     base: Fit
-    before: dict[str, Simulated]
+    referees: Referees
+    nominal: Simulated | None = None
     search: Search | None = None
+    remembered: tuple[list[tuple[Term, dict[str, float]]], Simulated] | None = None
 
     @classmethod
     def of(
@@ -146,7 +147,7 @@ class Bench:
             raise MeasuredError(f"{measured.source}: the nominal mechanism cannot make these runs; check drive_angle, start and assembly")
         bench = cls(
             measured, rig, mechanism, model, data, fitter, terms, ruled_out, simulator, engines, skipped,
-            workers or min(2, os.cpu_count() or 1), progress, notes, base, {},
+            progress, notes, base, Referees(model, simulator, workers or min(2, os.cpu_count() or 1)),
         )  # fmt: skip
         _refuse_slips(bench)
         bench.notes += [
@@ -158,9 +159,8 @@ class Bench:
         return bench
 
     def widen(self, noise: Mapping[tuple[str, str], float]) -> None:
-        """Simulate the nominal mechanism and let the noise floor be no lower than the engines' spread there."""
-        self.before = self.simulate_all(self.base, self.engines)
-        chosen = self.before[self.simulator]
+        """Simulate the nominal mechanism and let the noise floor be no lower than what the engine and the analytic model differ by."""
+        chosen = self.nominal = self.simulated(self.base)
         if chosen.readings is None:
             raise SimulationError(f"{self.simulator} cannot simulate the nominal mechanism in these runs: {chosen.skipped}")
         analytic = self.analytic(self.base)
@@ -183,7 +183,7 @@ class Bench:
         self.progress("search", 1, 4)
         data, fit, shift = self.data, self.found(self.data), np.zeros(self.data.size)
         for _ in range(REFITS):
-            said = self.simulate_all(fit, (self.simulator,))[self.simulator] if fit.named() else None
+            said = self.simulated(fit) if fit.named() else None
             if said is None or said.readings is None:
                 break
             simulated = self.data.residual(said.readings)
@@ -236,13 +236,13 @@ class Bench:
     def confirmed(self, explanation: Explanation) -> Confirmed:
         """The explanation simulated in full by every engine; fitted again where the chosen engine differs from the analytic model."""
         self.progress("simulation", 3, 4)
-        hypothesis = explanation.fit.values(self.rig)
-        if explanation.named or self.base.terms:
-            after = self.simulate_all(explanation.fit, self.engines)
-        else:
-            after = self.before
-        if not explanation.named:
-            self.before = after  # free runs are released from where all of the data say, not from where their beginning does
+        fit = explanation.fit
+        hypothesis = fit.values(self.rig)
+        begin = self.base if explanation.named else fit  # free runs without a gap are released from where all of the data say
+        fits = [begin] if begin is fit else [begin, fit]
+        others = self.referees.simulate([f.values(self.rig) for f in fits], self.engines[1:])
+        chosen = [self.simulated(f) for f in fits]
+        before, after = ({self.simulator: chosen[k]} | others[k] for k in (0, -1))
         gap = after[self.simulator].readings
         if explanation.verdict in ("explained", "ambiguous") and gap is not None and rms(self.data.residual(gap)) > CLOSED:
             explanation = replace(explanation, verdict="partly explained")
@@ -251,58 +251,14 @@ class Bench:
         angles = {run.name: self.crank_angle(run) for run in self.measured.runs}
         stretches = locate(self.data, self.base.residual, angles)
         self.progress("done", 4, 4)
-        return Confirmed(explanation, explained, self.before, after, agreement, stretches)
+        return Confirmed(explanation, explained, before, after, agreement, stretches)
 
-    def simulate_all(self, fit: Fit, names: Sequence[str]) -> dict[str, Simulated]:
-        """Every run by every engine under a fit's hypothesis."""
+    def simulated(self, fit: Fit) -> Simulated:
+        """Every run by the chosen engine under a fit's hypothesis; the last one asked for is remembered."""
         hypothesis = fit.values(self.rig)
-        tasks: list[tuple[str, Task]] = []
-        parts: dict[str, list[Term]] = {}
-        for name in names:
-            parts[name] = lacking(name, [t for t, _ in hypothesis])
-            if parts[name] and name != self.simulator:
-                continue
-            able = [h for h in hypothesis if h[0] not in parts[name]]
-            tasks += [(name, self.task(name, run, able)) for run in self.measured.runs]
-        outcomes = self.run([task for _, task in tasks])
-        found: dict[str, Simulated] = {}
-        for name in names:
-            if parts[name] and name != self.simulator:
-                found[name] = Simulated(name, skipped=f"cannot represent {', '.join(t.label for t in parts[name])}")
-                continue
-            mine = [outcome for (who, _), outcome in zip(tasks, outcomes, strict=True) if who == name]
-            failed = next((o for o in mine if isinstance(o, str)), None)
-            whole = [o for o in mine if not isinstance(o, str)]
-            if failed is not None:
-                found[name] = Simulated(name, skipped=failed)
-            else:
-                readings = [dict(o[0]) for o in whole]
-                if parts[name]:
-                    readings = self.completed(readings, fit, parts[name])
-                found[name] = Simulated(name, whole[0][1], readings, settings=tuple(o[2] for o in whole))
-        return found
-
-    def task(self, name: str, run: Run, hypothesis: Hypothesis) -> Task:
-        """One run for one engine."""
-        start = self.model.start(run, hypothesis) if run.drive == "free" else None
-        return Task(name, run, self.mechanism, hypothesis, self.rig, self.model.courses.get(run.name), start)
-
-    def run(self, tasks: Sequence[Task]) -> list[tuple[dict[str, np.ndarray], str, Mapping[str, object]] | str]:
-        """Simulate tasks, in processes where there are several workers."""
-        if self.workers == 1 or len(tasks) < 2:
-            return [simulate(t) for t in tasks]
-        outcomes: dict[int, Any] = {}
-        for ended in spread(_numbered, list(enumerate(tasks)), self.workers):
-            outcomes[ended.item[0]] = ended.value if ended.error is None else str(ended.error)
-        return [outcomes[i] for i in range(len(tasks))]
-
-    def completed(self, readings: list[dict[str, np.ndarray]], fit: Fit, lacks: Sequence[Term]) -> list[dict[str, np.ndarray]]:
-        """Readings of an engine that lacks some effects, with the difference that these make in the analytic model."""
-        full = fit.values(self.rig)
-        found = self.model([full, [h for h in full if h[0] not in lacks]])
-        if found[0] is None or found[1] is None:
-            return readings
-        return [{s: v + w[s] - p[s] for s, v in r.items()} for r, w, p in zip(readings, found[0], found[1], strict=True)]
+        if self.remembered is None or self.remembered[0] != hypothesis:
+            self.remembered = hypothesis, self.referees.simulate([hypothesis], (self.simulator,))[0][self.simulator]
+        return self.remembered[1]
 
     def analytic(self, fit: Fit) -> list[dict[str, np.ndarray]]:
         """Readings by the analytic model."""
@@ -326,10 +282,6 @@ class Bench:
             assert found is not None
             return found.motion.theta
         return self.model.motor(run, self.mechanism).at(run.time).theta
-
-
-def _numbered(item: tuple[int, Task]) -> Any:
-    return simulate(item[1])
 
 
 def _rms_difference(a: np.ndarray, b: np.ndarray, signal: str) -> float:

@@ -1,0 +1,87 @@
+"""The engines as referees: every run under some hypotheses by some engines, in processes where there are several workers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from compare.diagnose.confirm import Simulated, Task, lacking, simulate
+from compare.diagnose.measured import Run
+from compare.diagnose.predict import Hypothesis, Model, Term
+from compare.sweep import spread
+
+Outcome = tuple[dict[str, np.ndarray], str, Mapping[str, object]] | str
+
+
+@dataclass(frozen=True)
+class Referees:
+    """Simulates the runs of a model's measurement.  ``chosen`` gets what it lacks from the model; other engines are left out then."""
+
+    model: Model
+    chosen: str
+    workers: int
+
+    def simulate(self, hypotheses: Sequence[Hypothesis], names: Sequence[str]) -> list[dict[str, Simulated]]:
+        """What each engine says under each hypothesis."""
+        plan = [(k, name, run) for k, hypothesis in enumerate(hypotheses) for name in names if self.takes(name, hypothesis) for run in self.runs]
+        outcomes = self.run([self.task(name, run, hypotheses[k]) for k, name, run in plan])
+        found: list[dict[str, Simulated]] = []
+        for k, hypothesis in enumerate(hypotheses):
+            found.append({})
+            for name in names:
+                mine = [outcome for (at, who, _), outcome in zip(plan, outcomes, strict=True) if (at, who) == (k, name)]
+                found[-1][name] = self.said(name, hypothesis, mine)
+        return found
+
+    @property
+    def runs(self) -> Sequence[Run]:
+        """The measured runs."""
+        return self.model.measured.runs
+
+    def takes(self, name: str, hypothesis: Hypothesis) -> bool:
+        """Whether an engine simulates a hypothesis."""
+        return name == self.chosen or not lacking(name, [t for t, _ in hypothesis])
+
+    def task(self, name: str, run: Run, hypothesis: Hypothesis) -> Task:
+        """One run for one engine, without what it lacks."""
+        lacks = lacking(name, [t for t, _ in hypothesis])
+        able = [h for h in hypothesis if h[0] not in lacks]
+        start = self.model.start(run, able) if run.drive == "free" else None
+        return Task(name, run, self.model.mechanism, able, self.model.rig, self.model.courses.get(run.name), start)
+
+    def run(self, tasks: Sequence[Task]) -> list[Outcome]:
+        """Simulate tasks.  Processes take seconds to start: the chosen engine's few runs do not wait for them."""
+        if self.workers == 1 or all(task.engine == self.chosen for task in tasks):
+            return [simulate(task) for task in tasks]
+        outcomes: dict[int, Any] = {}
+        for ended in spread(_numbered, list(enumerate(tasks)), self.workers):
+            outcomes[ended.item[0]] = ended.value if ended.error is None else str(ended.error)
+        return [outcomes[i] for i in range(len(tasks))]
+
+    def said(self, name: str, hypothesis: Hypothesis, outcomes: Sequence[Outcome]) -> Simulated:
+        """The outcomes of an engine's runs as one answer."""
+        lacks = lacking(name, [t for t, _ in hypothesis])
+        if not self.takes(name, hypothesis):
+            return Simulated(name, skipped=f"cannot represent {', '.join(t.label for t in lacks)}")
+        failed = next((o for o in outcomes if isinstance(o, str)), None)
+        if failed is not None:
+            return Simulated(name, skipped=failed)
+        whole = [o for o in outcomes if not isinstance(o, str)]
+        readings = [o[0] for o in whole]
+        if lacks:
+            readings = self.completed(readings, hypothesis, lacks)
+        return Simulated(name, whole[0][1], readings, settings=tuple(o[2] for o in whole))
+
+    def completed(self, readings: list[dict[str, np.ndarray]], hypothesis: Hypothesis, lacks: Sequence[Term]) -> list[dict[str, np.ndarray]]:
+        """Readings of an engine that lacks some effects, with the difference that these make in the analytic model."""
+        full, less = self.model([hypothesis, [h for h in hypothesis if h[0] not in lacks]])
+        if full is None or less is None:
+            return readings
+        return [{s: v + w[s] - p[s] for s, v in r.items()} for r, w, p in zip(readings, full, less, strict=True)]
+
+
+def _numbered(item: tuple[int, Task]) -> Outcome:
+    return simulate(item[1])
