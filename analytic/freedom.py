@@ -46,13 +46,13 @@ class Freedom:
 def swing(freedoms: Sequence[Freedom], start: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Angles (P, N) rad, rates (P, N) rad/s and accelerations (P, N) of P linkages released at ``start`` (P, 2), at times (N,) s from 0.
 
-    Runge-Kutta of fourth order, at most 4 ms and two degrees a step; friction turns from one sign to the other within the
+    Runge-Kutta of fourth order, at most 1 ms and one degree a step; friction turns from one sign to the other within the
     speed that it takes away in one step.  A motion that diverges is NaN from there on.
     """
     tables = np.stack([f.table for f in freedoms])  # (P, 5, POINTS)
     tables = np.ascontiguousarray(np.concatenate([tables[..., -1:], tables, tables[..., :2]], axis=-1))
     start = np.ascontiguousarray(start, float)
-    longest = min(4e-3, math.radians(2.0) / max(1.0, float(np.abs(start[:, 1]).max())))
+    longest = min(1e-3, math.radians(1.0) / max(1.0, float(np.abs(start[:, 1]).max())))
     out = np.empty((3, len(freedoms), time.size))
     _integrator()(tables, start, np.ascontiguousarray(time, float), longest, out)
     return out[0], out[1], out[2]

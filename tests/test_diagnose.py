@@ -198,7 +198,9 @@ def test_only_effects_that_do_not_explain_leave_it_unexplained(longer_follower: 
     assert result["gap"]["after"] > 10
 
 
-@pytest.mark.parametrize(("given", "meant"), [("gravty", "gravity"), ("link_length@folower", "link_length@follower"), ("clearance@B", "joint_clearance@B")])
+@pytest.mark.parametrize(
+    ("given", "meant"), [("gravty", "gravity"), ("link_length@folower", "link_length@follower"), ("clearance@B", "joint_clearance@B")]
+)
 @pytest.mark.parametrize("option", ["only", "exclude"])
 def test_unknown_names_are_refused_with_what_was_meant(longer_follower: Measured, option: str, given: str, meant: str) -> None:
     with pytest.raises(MeasuredError, match=f"{given!r} is not an effect.*did you mean {meant!r}"):
@@ -294,7 +296,9 @@ def test_friction_of_a_free_pendulum_whose_start_is_not_known(name: str, field: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "joint", "field", "value"), [("viscous_friction", "E", "damping", 1e-3), ("coulomb_friction", "D", "friction_torque", 4e-3)])
+@pytest.mark.parametrize(
+    ("name", "joint", "field", "value"), [("viscous_friction", "E", "damping", 1e-3), ("coulomb_friction", "D", "friction_torque", 4e-3)]
+)
 def test_friction_of_a_free_crank_rocker(name: str, joint: str, field: str, value: float) -> None:
     believed = four_bar(loads=())
     data = released(believed, believed.with_joint(joint, **{field: value}), ROCKER_NOISE, ROCKER_STARTS, ROCKER_TIME)

@@ -7,13 +7,13 @@ difference that it makes, and said so.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from analytic.assembly import Assembly, AssemblyError
 from analytic.drive import Motor
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Body, Mechanism
 from compare.diagnose.effect import Effect, Readings, Rig
 from compare.diagnose.measured import Run
 from compare.diagnose.predict import Hypothesis, Term, altered, motor_offset
@@ -121,9 +121,25 @@ def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -
 
 
 def _run(chosen: Engine, request: Request) -> Trace:
-    flexible = [b.name for b in request.mechanism.bodies if b.youngs_modulus is not None]
-    if flexible:
-        from sim_models.exudyn_beams import flexible as with_beams
+    if not bends(request.mechanism):
+        return chosen.simulate(request)
+    if "link_flexibility" not in chosen.effects:
+        return chosen.simulate(replace(request, mechanism=rigid(request.mechanism)))
+    from sim_models.exudyn_beams import flexible
 
-        return with_beams(request)
-    return chosen.simulate(request)
+    return flexible(request)
+
+
+def bends(mechanism: Mechanism) -> bool:
+    """Whether any link has a modulus of elasticity."""
+    return any(b.youngs_modulus is not None for b in mechanism.bodies)
+
+
+def rigid(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with the moduli of its links left out."""
+    return mechanism.replace(bodies=tuple(_rigid(b) for b in mechanism.bodies))
+
+
+def _rigid(body: Body) -> Body:
+    fields = body.model_dump(exclude_unset=True)
+    return Body.model_validate({k: v for k, v in fields.items() if k not in ("youngs_modulus", "shear_modulus")})

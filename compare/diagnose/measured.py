@@ -26,6 +26,8 @@ from compare.diagnose.units import dimension, listed
 __all__ = ["Channel", "Fault", "Measured", "MeasuredError", "Run", "load_measured"]
 
 Drive = Literal["speed", "measured", "free"]
+ASTRAY = math.radians(20.0)  # an encoder that far from its command throughout is no offset but a wrong drive_angle
+MULTIPLE = 2.0  # of the command, or its inverse: an encoder that turns beyond is not of this run
 SAMPLES = 20_000  # of a run that are kept; more would tell little and take long to simulate
 # Ratios of the measured to the commanded speed that are a slip of units, and whose.
 SLIPS = {
@@ -135,7 +137,7 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism) -> tuple[Run, list[Faul
         told = f" ({faults[-1].text})" if faults else ""
         raise MeasuredError(f"{where}: {entry.file} has no usable signal{' besides the encoder' * (drive == 'measured')}{told}; add a sensor")
     if speed is not None and encoder in channels:
-        _check_speed(where, entry.file, table.time, channels[encoder], speed)
+        _check_speed(where, entry.file, table.time, channels[encoder], speed, angle or 0.0)
     start = _start(entry, mechanism, table.time, channels) if drive == "free" else {}
     run = Run(entry.name, table.time, channels, drive, speed, angle, start, entry.loads, entry.from_rest, entry.file)
     return _thinned(where, run, encoder, faults)
@@ -219,15 +221,22 @@ def _gap_fault(run: str, time: np.ndarray) -> list[Fault]:
     return [Fault(run, "time", "gap", samples, text)] if count else []
 
 
-def _check_speed(where: str, file: str, time: np.ndarray, encoder: Channel, speed: float) -> None:
-    """The encoder does not contradict the command by a clean factor."""
+def _check_speed(where: str, file: str, time: np.ndarray, encoder: Channel, speed: float, angle: float) -> None:
+    """The encoder does not contradict the command by a clean factor, by a multiple, or by a large angle."""
     here = np.flatnonzero(np.isfinite(encoder.values))
     lag = 1 + here.size // 1000
     found = float(np.median((encoder.values[here[lag:]] - encoder.values[here[:-lag]]) / (time[here[lag:]] - time[here[:-lag]])))
+    away = float(np.median(np.remainder(encoder.values[here] - angle - speed * time[here] + math.pi, 2 * math.pi) - math.pi))
+    if abs(found / speed - 1) < 0.03 and abs(away) > ASTRAY:
+        text = f"{encoder.signal} in {file} is {math.degrees(away):.4g} deg ahead of its command throughout"
+        raise MeasuredError(f"{where}: {text}; check drive_angle = {angle:g} rad, which is the angle at time 0")
     for ratio, remedy in SLIPS.items():
         if abs(found / speed / ratio - 1) < 0.03:
             text = f"drive_speed = {speed:g} rad/s, but {encoder.signal} in {file} turns at {found:.5g} rad/s, {found / speed:.4g} times as fast"
             raise MeasuredError(f"{where}: {text}; {remedy}")
+    if not 1 / MULTIPLE < found / speed < MULTIPLE:
+        text = f"drive_speed = {speed:g} rad/s, but {encoder.signal} in {file} turns at {found:.5g} rad/s"
+        raise MeasuredError(f"{where}: {text}; put the one right that is wrong")
 
 
 def _start(entry: Entry, mechanism: Mechanism, time: np.ndarray, channels: Mapping[str, Channel]) -> dict[str, float]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from analytic.assembly import AssemblyError
 from analytic.drive import Motor
-from analytic.mechanism import Body, Mechanism
+from analytic.mechanism import Mechanism
 from compare.diagnose.effect import Rig
 from compare.diagnose.fit import Data
 from compare.diagnose.measured import Measured, MeasuredError, Run
@@ -80,30 +80,14 @@ def starts(measured: Measured) -> dict[Term, np.ndarray]:
     }
 
 
-def nominal(
-    measured: Measured, courses: Mapping[str, Motor], noise: Mapping[tuple[str, str], float], notes: list[str]
-) -> tuple[Mechanism, Rig, Model]:
-    """The mechanism believed, its rig and model: links with a modulus bend if the data like that better, else they are rigid."""
-    rigid = measured.mechanism.replace(bodies=tuple(_rigid(b) for b in measured.mechanism.bodies))
-    options = [rigid] if rigid == measured.mechanism or any(r.drive == "free" for r in measured.runs) else [rigid, measured.mechanism]
-    best: tuple[float, Mechanism, Rig, Model] | None = None
-    for mechanism in options:
-        rig = _rig(measured, mechanism, courses)
-        model = Model(measured, rig, mechanism, courses)
-        found = model([[(t, t.effect.values(rig, t.where, x)) for t, x in starts(measured).items()]])[0]
-        if found is None:
-            _explain_impossible(measured, mechanism, model)
-            continue
-        chi2 = float(np.sum(Data(measured, noise, rig.encoder).residual(found) ** 2))
-        if best is None or chi2 < best[0]:
-            best = chi2, mechanism, rig, model
-    if best is None:
+def nominal(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor]) -> tuple[Rig, Model]:
+    """The rig and the model of a mechanism that is believed.  Raises MeasuredError where it cannot make the runs."""
+    rig = _rig(measured, mechanism, courses)
+    model = Model(measured, rig, mechanism, courses)
+    if model([[(t, t.effect.values(rig, t.where, x)) for t, x in starts(measured).items()]])[0] is None:
+        _explain_impossible(measured, mechanism, model)
         raise MeasuredError(f"{measured.source}: the nominal mechanism cannot make these runs; check drive_angle, start and assembly")
-    if len(options) > 1:
-        bends = best[1] is measured.mechanism
-        used = "are used: the data are nearer to links that bend" if bends else "are left out: the data are nearer to rigid links"
-        notes.append(f"The links' stated moduli of elasticity {used}.")
-    return best[1:]
+    return rig, model
 
 
 def _explain_impossible(measured: Measured, mechanism: Mechanism, model: Model) -> None:
@@ -114,11 +98,6 @@ def _explain_impossible(measured: Measured, mechanism: Mechanism, model: Model) 
                 model.signals(run, [], run.time)
             except AssemblyError as error:
                 raise MeasuredError(f"{measured.source}: run {run.name!r} cannot be made by the nominal mechanism: {error}") from None
-
-
-def _rigid(body: Body) -> Body:
-    fields = body.model_dump(exclude_unset=True)
-    return Body.model_validate({k: v for k, v in fields.items() if k not in ("youngs_modulus", "shear_modulus")})
 
 
 def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor]) -> Rig:

@@ -124,14 +124,16 @@ def clipped(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
     mask, level = np.zeros(values.shape, bool), math.nan
     if here.size < 2 * PLATEAU or np.ptp(x) == 0:
         return mask, level
-    for extreme in (x.max(), x.min()):
-        runs = _plateaus(x == extreme)
+    plateaus = {extreme: _plateaus(x == extreme) for extreme in (x.max(), x.min())}
+    flat = np.zeros(x.shape, bool)
+    for first, last in (run for runs in plateaus.values() for run in runs):
+        flat[first : last + 1] = True
+    rest = here[~flat]
+    if rest.size < 2 * PLATEAU:
+        return mask, level
+    for extreme, runs in plateaus.items():
         if not runs:
             continue
-        flat = np.zeros(x.shape, bool)
-        for first, last in runs:
-            flat[first : last + 1] = True
-        rest = here[~flat]
         sigma, step = noise(time[rest], values[rest]), quantum(values[rest])
         restless = sigma > max(step, 10 * FLOOR * np.ptp(x))
         if restless or any(_excess(time[here], x, *run) > max(2 * step, 3 * sigma) for run in runs):

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from compare.diagnose.confirm import Simulated, Task, lacking, simulate
+from compare.diagnose.confirm import Simulated, Task, bends, lacking, rigid, simulate
 from compare.diagnose.measured import Run
 from compare.diagnose.predict import Hypothesis, Model, Term
 from compare.sweep import spread
+from sim_models.engine import engine
 
 Outcome = tuple[dict[str, np.ndarray], str, Mapping[str, object]] | str
 
@@ -43,7 +44,11 @@ class Referees:
 
     def takes(self, name: str, hypothesis: Hypothesis) -> bool:
         """Whether an engine simulates a hypothesis."""
-        return name == self.chosen or not lacking(name, [t for t, _ in hypothesis])
+        return name == self.chosen or not (lacking(name, [t for t, _ in hypothesis]) or self.stiffer(name))
+
+    def stiffer(self, name: str) -> bool:
+        """Whether the links bend and an engine has no beams."""
+        return bends(self.model.mechanism) and "link_flexibility" not in engine(name).effects
 
     def task(self, name: str, run: Run, hypothesis: Hypothesis) -> Task:
         """One run for one engine, without what it lacks."""
@@ -65,19 +70,22 @@ class Referees:
         """The outcomes of an engine's runs as one answer."""
         lacks = lacking(name, [t for t, _ in hypothesis])
         if not self.takes(name, hypothesis):
-            return Simulated(name, skipped=f"cannot represent {', '.join(t.label for t in lacks)}")
+            what = [t.label for t in lacks] + ["links that bend"] * self.stiffer(name)
+            return Simulated(name, skipped=f"cannot represent {', '.join(what)}")
         failed = next((o for o in outcomes if isinstance(o, str)), None)
         if failed is not None:
             return Simulated(name, skipped=failed)
         whole = [o for o in outcomes if not isinstance(o, str)]
         readings = [o[0] for o in whole]
-        if lacks:
+        if lacks or self.stiffer(name):
             readings = self.completed(readings, hypothesis, lacks)
         return Simulated(name, whole[0][1], readings, settings=tuple(o[2] for o in whole))
 
     def completed(self, readings: list[dict[str, np.ndarray]], hypothesis: Hypothesis, lacks: Sequence[Term]) -> list[dict[str, np.ndarray]]:
         """Readings of an engine that lacks some effects, with the difference that these make in the analytic model."""
-        full, less = self.model([hypothesis, [h for h in hypothesis if h[0] not in lacks]])
+        m = self.model
+        stiff = m if not self.stiffer(self.chosen) else Model(m.measured, m.rig, rigid(m.mechanism), m.courses)
+        full, less = m([hypothesis])[0], stiff([[h for h in hypothesis if h[0] not in lacks]])[0]
         if full is None or less is None:
             return readings
         return [{s: v + w[s] - p[s] for s, v in r.items()} for r, w, p in zip(readings, full, less, strict=True)]

@@ -12,9 +12,9 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from compare.diagnose import prepare
-from compare.diagnose.confirm import Simulated
+from compare.diagnose.confirm import Simulated, rigid
 from compare.diagnose.effect import Effect, Rig
-from compare.diagnose.explain import CLOSED, Explanation, explain, pruned
+from compare.diagnose.explain import CLOSED, Explanation, explain, has_structure, pruned
 from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.isolate import candidates, signatures
 from compare.diagnose.locate import Stretch, locate
@@ -28,6 +28,7 @@ from sim_models.engine import ENGINES, SimulationError, SimulatorMissing, engine
 
 EQUIVALENT = 0.1  # of the noise: an engine this near the analytic model is the same
 HORIZONS = (0.06, 0.12, 0.25, 0.5)  # shares of free runs that are explained one after the other
+SHOWS = 0.2  # of the noise (rms), from which on links that bend are seen
 FAR = 2.0  # times the analytic gap: an engine farther off moves otherwise, not a little differently
 REFITS = 2  # with the engine's own difference to the analytic model taken along
 Progress = Callable[[str, int, int | None], None]
@@ -63,8 +64,16 @@ def diagnose(
     from compare.diagnose.result import as_result
 
     vocabulary = VOCABULARY | {e.name: e for e in own}
-    bench = Bench.of(measured, simulator, vocabulary, only, exclude, others, workers, progress)
-    found = bench.confirmed(bench.settled())
+    stiff = rigid(measured.mechanism)
+    bench = Bench.of(measured, stiff, simulator, vocabulary, only, exclude, others, workers, progress)
+    explanation = bench.settled()
+    if stiff != measured.mechanism and bench.sees(measured.mechanism):
+        bending = Bench.of(measured, measured.mechanism, simulator, vocabulary, only, exclude, others, workers, progress)
+        instead = bending.settled()
+        nearer = bending.price(instead) < bench.price(explanation)
+        bench, explanation = (bending, instead) if nearer else (bench, explanation)
+        bench.notes.append(f"The links' stated moduli of elasticity are {'used' if nearer else 'left out'}: that explains the data with less.")
+    found = bench.confirmed(explanation)
     return Diagnosis(as_result(bench, found, command), found.explained, found.explanation)
 
 
@@ -107,6 +116,7 @@ class Bench:
     def of(
         cls,
         measured: Measured,
+        mechanism: Mechanism,
         simulator: str,
         vocabulary: Mapping[str, Effect],
         only: Sequence[str],
@@ -130,7 +140,7 @@ class Bench:
         notes: list[str] = []
         courses = {run.name: prepare.course(run, f"{measured.mechanism.driven}_angle") for run in measured.runs if run.drive == "measured"}
         noise = {(run.name, s): c.noise for run in measured.runs for s, c in run.channels.items()}
-        mechanism, rig, model = prepare.nominal(measured, courses, noise, notes)
+        rig, model = prepare.nominal(measured, mechanism, courses)
         measured = prepare.unturned(measured, model, prepare.starts(measured))
         model = Model(measured, rig, mechanism, courses)
         data = Data(measured, noise, rig.encoder, prepare.shared(measured, noise, model))
@@ -157,6 +167,19 @@ class Bench:
         ]
         bench.widen(noise)
         return bench
+
+    def sees(self, bending: Mechanism) -> bool:
+        """Whether these data would show the difference that bending links make to the nominal linkage."""
+        if self.base.terms:
+            return False
+        found = Model(self.measured, self.rig, bending, self.model.courses)([[]])[0]
+        difference = np.zeros(1) if found is None else self.data.residual(found) - self.base.residual
+        return found is not None and max(rms(difference[p.place]) for p in self.data.parts) > SHOWS
+
+    def price(self, explanation: Explanation) -> float:
+        """chi^2 that an explanation leaves, and what its effects cost."""
+        assert self.search is not None
+        return explanation.fit.chi2 + self.search.price(explanation.fit)
 
     def widen(self, noise: Mapping[tuple[str, str], float]) -> None:
         """Simulate the nominal mechanism and let the noise floor be no lower than what the engine and the analytic model differ by."""
@@ -198,18 +221,20 @@ class Bench:
             if change < EQUIVALENT:
                 break
             self.progress(f"search with {self.simulator}'s difference", 2, 4)
+            closed = not shift.any() and rms(fit.residual) <= CLOSED and not has_structure(self.data, fit.residual)
             if not shift.any():
                 self.notes.append(
                     f"With these effects {self.simulator} differs from the analytic model by up to {change:.2g} of a sensor's noise (rms); "
-                    "the search was repeated with that difference taken along."
+                    f"{'they were fitted' if closed else 'the search was repeated'} again with that difference taken along."
                 )
             shift, data = difference, self.data.shifted(difference)
-            fit = self.found(data, [fit])
+            # where these effects close the gap already, what else the engine's difference may want is the engine's and not the rig's
+            fit = self.found(data, [fit], again=closed)
         assert self.search is not None
         return explain(self.search, fit)
 
-    def found(self, data: Data, first: Sequence[Fit] = ()) -> Fit:
-        """The best set of effects in these data, by the analytic model."""
+    def found(self, data: Data, first: Sequence[Fit] = (), again: bool = False) -> Fit:
+        """The best set of effects in these data, by the analytic model; or the first one ``again``, fitted to these data."""
         wanted = [t for t in self.terms if t.key not in self.ruled_out]
         cost = costs(wanted, self.rig, data.size)
         free = bool(self.base.terms)
@@ -217,6 +242,9 @@ class Bench:
             search = self.prepared(data.until(share), cost, wanted, free)
             first = search.leaders(search.best(first))
         self.search = self.prepared(data, cost, wanted, free)
+        if again:
+            begun = [self.search.fitter.fit(f.terms, dict(zip(f.terms, f.x, strict=True))) for f in first]
+            return pruned(self.search, next((f for f in begun if f is not None), self.search.base))[0]
         return pruned(self.search, self.search.best(first))[0]
 
     def prepared(self, data: Data, cost: Mapping[Term, float], wanted: Sequence[Term], free: bool) -> Search:

@@ -1,7 +1,9 @@
 """Open the seal: what a diagnosis said, held against the truth.
 
 ``exact``        the same effects at the same places, no more and no less
-``tie``          every true effect is named or in an ``ambiguous_with``; what else is named has a true one in its own
+``tie``          every true effect is named or in an ``ambiguous_with``; what else is named has a true one in its own.  A true effect
+                 that these data do not tell from a simpler special case of it (a payload from a moment of inertia) counts as
+                 named if that one is: a richer effect is only named where its further parameters earn their place
 ``incomplete``   what is named is true or ties with it, but a true effect is left out
 ``missed``       no gap was seen, though there was something
 ``wrong``        something is named that is neither true nor tied with it
@@ -18,6 +20,8 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from compare.diagnose.sensors import VOCABULARY
 
 Key = tuple[str, str]
 DISTINCT = 8.0  # sigmas left after the best rival, from which on an effect can be told from all others
@@ -51,6 +55,7 @@ def score(diagnosis: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, A
 def judged(truth: Mapping[str, Any], diagnosis: Mapping[str, Any], found: Mapping[Key, set[Key]], true: set[Key]) -> str:
     """The outcome."""
     kind, verdict = truth["kind"], diagnosis["verdict"]
+    distinct = {(e["name"], e["where"]): e["distinct"] for e in truth["effects"]}
     if kind == "none":
         return "false alarm" if found else "clear"
     if not found:
@@ -61,10 +66,17 @@ def judged(truth: Mapping[str, Any], diagnosis: Mapping[str, Any], found: Mappin
         return _alias(truth, diagnosis, found, true)
     if set(found) == true:
         return "exact"
-    if any(key not in true and not ties & true for key, ties in found.items()):
+    simpler = {key: special_cases(key) for key in true if distinct[key] < DISTINCT}
+    right = true.union(*simpler.values())
+    if any(key not in right and not ties & right for key, ties in found.items()):
         return "wrong"
     reached = set(found) | set().union(*found.values())
-    return "tie" if true <= reached else "incomplete"
+    return "tie" if all(key in reached or simpler.get(key, set()) & reached for key in true) else "incomplete"
+
+
+def special_cases(key: Key) -> set[Key]:
+    """Simpler effects at the same place of which an effect is the richer form."""
+    return {(name, key[1]) for name, effect in VOCABULARY.items() if key[0] in effect.special_case_of}
 
 
 def _alias(truth: Mapping[str, Any], diagnosis: Mapping[str, Any], found: Mapping[Key, set[Key]], true: set[Key]) -> str:
