@@ -390,7 +390,7 @@ def test_the_terminal_gets_the_verdict_the_values_and_the_gap_in_ascii(
     explained: dict[str, Any], ambiguous: dict[str, Any], swinging: dict[str, Any]
 ) -> None:
     lines = terminal_lines(explained)
-    assert lines[0].startswith("crank-rocker: EXPLAINED. ")
+    assert lines[0] == "crank-rocker: EXPLAINED"
     assert lines[1] == "missing: clearance in joint B, radial clearance 0.19999 mm (95 %: 0.19971 to 0.20026 mm)"
     assert any(line.startswith("gap: 9.73 before, 1.01 after, noise floor 1") for line in lines)
     tied = terminal_lines(ambiguous)

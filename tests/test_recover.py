@@ -28,7 +28,7 @@ RECOVERED = {  # effect -> where, values
     "joint_spring": ("E", {"stiffness": 0.05, "rest_angle": 1.2}),
     "external_force": ("follower", {"x": 1.0, "y": -0.7}),
     "load_torque": ("follower", {"torque": 0.05}),
-    "link_flexibility": ("linkage", {"youngs_modulus": 1e10}),
+    "link_flexibility": ("linkage", {"youngs_modulus": 3e10}),
     "drive_compliance": ("drive", {"stiffness": 500.0}),
     "speed_ripple": ("drive", {"amplitude": 1e-3, "harmonic": 3.0, "phase": 0.7}),
     "encoder_offset": ("crank_angle", {"offset": 1e-3}),

@@ -29,6 +29,8 @@ DOMINANT = 0.5  # share of the excess that an effect must remove where something
 RIVALS = 10  # fitted in full for each named effect
 STRUCTURE = 1e-6  # chance of as much structure in noise alone
 BINS = 24
+SLIGHT = 0.3  # of the noise: structure that is let pass
+MODEL = 0.5  # the same beside named effects, which the models of contact and bending do not follow to the last micrometre
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ def explain(search: Search, fit: Fit) -> Explanation:
             break
         fit = min(better, key=lambda rival: float(weights @ rival.residual**2) + search.price(rival))
     named = tuple(sorted(named, key=lambda n: -n.chi2_gain))
-    structured = has_structure(data, fit.residual)
+    structured = has_structure(data, fit.residual, MODEL if named else SLIGHT)
     return Explanation(search.base, fit, named, verdict(fit, named, structured), weights, structured)
 
 
@@ -109,8 +111,8 @@ def verdict(fit: Fit, named: Sequence[Named], structured: bool) -> str:
     return "ambiguous" if any(n.ties for n in named) else "explained"
 
 
-def has_structure(data: Data, residual: np.ndarray) -> bool:
-    """Whether the residual's local means are more than noise, and not negligible beside it."""
+def has_structure(data: Data, residual: np.ndarray, slight: float = SLIGHT) -> bool:
+    """Whether the residual's local means are more than noise, and more than ``slight`` of it (rms)."""
     for part in data.parts:
         r = residual[part.place]
         if r.size < 2 * BINS:
@@ -118,7 +120,7 @@ def has_structure(data: Data, residual: np.ndarray) -> bool:
         scale = max(1.0, float(np.std(np.diff(r))) / math.sqrt(2))
         bins = np.array_split(r, BINS)
         means = np.array([b.mean() * math.sqrt(b.size) for b in bins]) / scale
-        if chi2.sf(float(means @ means), BINS) < STRUCTURE and rms(np.array([b.mean() for b in bins])) > 0.3 * scale:
+        if chi2.sf(float(means @ means), BINS) < STRUCTURE and rms(np.array([b.mean() for b in bins])) > slight * scale:
             return True
     return False
 

@@ -14,6 +14,7 @@ from compare.diagnose.measured import Measured
 from compare.diagnose.predict import Model, StartOfRun, Term, wrapped
 
 STEPS = 30  # of a fit, at most
+RELUCTANCE = 1e-3  # chi^2 that a coordinate pays for a step of its own scale: nothing for what the data see
 ENOUGH = 0.01  # decrease of chi^2 below which a fit has settled
 STEP_OF_SCALE = 1.0  # difference step, in the effects' own scales
 FOLDS = 6
@@ -158,12 +159,18 @@ class Fitter:
         return [None if f is None else self.data.residual(f) for f in found]
 
     def fit(self, terms: Sequence[Term], *starts: Mapping[Term, np.ndarray]) -> Fit | None:
-        """The best fit of a set of terms from any of the starts; None where none is possible."""
+        """The best fit of a set of terms from the start that the data like best; None where none is possible."""
         key = _sorted(terms)
         if key not in self._fits:
-            found = [self._fit(key, [np.array(start[t], float) for t in key]) for start in starts]
-            self._fits[key] = min((f for f in found if f is not None), key=lambda f: f.chi2, default=None)
+            points = [self._within(key, [np.array(start[t], float) for t in key]) for start in starts]
+            tried = self.residuals(key, points) if len(points) > 1 else [np.zeros(1)]
+            sizes = [np.inf if r is None else float(r @ r) for r in tried]
+            self._fits[key] = self._fit(key, points[int(np.argmin(sizes))])
         return self._fits[key]
+
+    def _within(self, terms: Sequence[Term], x: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Coordinates moved within their bounds."""
+        return [np.clip(xi, *self.bounds(t)) for t, xi in zip(terms, x, strict=True)]
 
     def done(self) -> list[Fit]:
         """Every fit so far."""
@@ -190,7 +197,7 @@ class Fitter:
         jacobian, stale = self.jacobian(terms, point, residual, scale, high, parted), False
         damping = 0.0
         for _ in range(steps if point.size else 0):
-            trial = point + _step(jacobian, residual, low - point, high - point, damping)
+            trial = point + _step(jacobian, residual, low - point, high - point, damping, scale)
             expected = float(residual @ residual - np.sum((residual + jacobian @ (trial - point)) ** 2))
             if expected < ENOUGH:
                 if not stale:
@@ -254,13 +261,13 @@ def _sorted(terms: Iterable[Term]) -> tuple[Term, ...]:
     return tuple(sorted(terms, key=lambda t: (t.label, t.variant)))
 
 
-def _step(jacobian: np.ndarray, residual: np.ndarray, low: np.ndarray, high: np.ndarray, damping: float) -> np.ndarray:
+def _step(jacobian: np.ndarray, residual: np.ndarray, low: np.ndarray, high: np.ndarray, damping: float, scale: np.ndarray) -> np.ndarray:
     """Least-squares step (n,) within bounds: what would leave them stops there, and the others make up for it."""
     gradient = jacobian.T @ residual
     step = np.zeros(gradient.size)
     free = ~(((low >= 0) & (gradient > 0)) | ((high <= 0) & (gradient < 0))) & (np.linalg.norm(jacobian, axis=0) > 0)
     while free.any():
-        step[free] = -_solve(jacobian[:, free], residual + jacobian[:, ~free] @ step[~free], damping)
+        step[free] = -_solve(jacobian[:, free], residual + jacobian[:, ~free] @ step[~free], damping, scale[free])
         beyond = free & ((step < low) | (step > high))
         if not beyond.any():
             break
@@ -269,9 +276,9 @@ def _step(jacobian: np.ndarray, residual: np.ndarray, low: np.ndarray, high: np.
     return step
 
 
-def _solve(jacobian: np.ndarray, residual: np.ndarray, damping: float) -> np.ndarray:
-    """Least squares with columns scaled to unit length; a hint of damping keeps what the data do not see where it is."""
+def _solve(jacobian: np.ndarray, residual: np.ndarray, damping: float, scale: np.ndarray) -> np.ndarray:
+    """Least squares with columns scaled to unit length; what the data hardly see pays for going far (in its own scale)."""
     norm = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian / norm
-    matrix = scaled.T @ scaled + (damping + 1e-12) * np.eye(norm.size)
+    matrix = scaled.T @ scaled + np.diag(damping + RELUCTANCE / (scale * norm) ** 2)
     return np.linalg.solve(matrix, scaled.T @ residual) / norm

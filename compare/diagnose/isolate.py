@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from compare.diagnose.effect import Effect, Rig
-from compare.diagnose.fit import Fit, Fitter
+from compare.diagnose.fit import RELUCTANCE, Fit, Fitter
 from compare.diagnose.predict import Term
 
 BEAM = 24  # sets of each size that are carried on
@@ -85,12 +85,19 @@ class Screen:
         self.norm = np.linalg.norm(stacked, axis=0)
         self.norm[self.norm == 0] = 1.0
         stacked = stacked / self.norm
+        scales = [self.unit(found[t]) for t in self.terms]
+        self.reluctance = RELUCTANCE / (np.concatenate(scales) * self.norm) ** 2 if scales else np.zeros(0)
         left = residual - basis @ (basis.T @ residual)
         self.chi2 = float(left @ left)
         self.gram = stacked.T @ stacked
         self.wanted = -(stacked.T @ left)
         # what a variant does by itself changes the residual before any column does: by how much it gains, and what is wanted then
         self.offsets = {i: (self.chi2 - float((left + o) @ (left + o)), stacked.T @ o, o) for i, o in enumerate(offsets) if o.any()}
+
+    def unit(self, signature: Signature) -> np.ndarray:
+        """What one of each column amounts to in the effect's own scales."""
+        t = signature.term
+        return np.asarray(t.effect.scales(self.rig, t.where, t.variant), float) if signature.fitted else np.ones(signature.columns.shape[1])
 
     def gain(self, chosen: Sequence[int]) -> tuple[float, np.ndarray]:
         """Decrease of chi^2 by a set of terms, and the coefficients of their columns."""
@@ -100,7 +107,7 @@ class Screen:
         for k, (gained, change, offset) in enumerate(turned):
             wanted = wanted - change[where]
             extra += gained - 2 * sum(float(offset @ other) for _, _, other in turned[:k])
-        matrix = self.gram[np.ix_(where, where)] + 1e-10 * np.eye(where.size)
+        matrix = self.gram[np.ix_(where, where)] + np.diag(self.reluctance[where])
         solved = np.linalg.solve(matrix, wanted)
         return extra + float(wanted @ solved), solved / self.norm[where]
 

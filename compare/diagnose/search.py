@@ -100,7 +100,8 @@ class Search:
     def fitted(self, screen: Screen, chosen: Sequence[int]) -> Fit | None:
         """A set of the screen, fitted in full; without terms that the fit leaves at their bound."""
         start = self.base_start() | screen.starts(chosen)
-        return self.fitter.fit([*self.base.terms, *(screen.terms[i] for i in chosen)], start, *self.second_start(start))
+        terms = [screen.terms[i] for i in chosen]
+        return self.fitter.fit([*self.base.terms, *terms], start, self.base_start() | self.none_of(terms), *self.second_start(start))
 
     def second_start(self, start: Mapping[Term, np.ndarray]) -> list[dict[Term, np.ndarray]]:
         """Another start for effects whose coordinates do not answer linearly."""
@@ -133,8 +134,12 @@ class Search:
         chosen = sorted(screen.terms.index(t) for t in terms)
         start = self.base_start() | (screen.starts(chosen) if chosen else {})
         known = {t: x for t, x in zip(about.terms, about.x, strict=True) if t in start}
-        also = [start | known] if self.nonlinear and set(terms) & set(known) else []
-        return self.fitter.fit([*self.base.terms, *terms], start, *also, *self.second_start(start))
+        still = start | self.none_of(terms) | known
+        return self.fitter.fit([*self.base.terms, *terms], start, start | known, still, *self.second_start(start))
+
+    def none_of(self, terms: Sequence[Term]) -> dict[Term, np.ndarray]:
+        """Coordinates at which these effects do nothing."""
+        return {t: np.zeros(len(t.effect.scales(self.rig, t.where, t.variant))) for t in terms}
 
 
 def without(fit: Fit, i: int) -> list[Term]:

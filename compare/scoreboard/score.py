@@ -66,17 +66,18 @@ def judged(truth: Mapping[str, Any], diagnosis: Mapping[str, Any], found: Mappin
         return _alias(truth, diagnosis, found, true)
     if set(found) == true:
         return "exact"
-    simpler = {key: special_cases(key) for key in true if distinct[key] < DISTINCT}
+    said = set(found) | set().union(*found.values())
+    simpler = {key: {other for other in said if is_special_case(other, key)} for key in true if distinct[key] < DISTINCT}
     right = true.union(*simpler.values())
     if any(key not in right and not ties & right for key, ties in found.items()):
         return "wrong"
-    reached = set(found) | set().union(*found.values())
-    return "tie" if all(key in reached or simpler.get(key, set()) & reached for key in true) else "incomplete"
+    return "tie" if all(key in said or simpler.get(key) for key in true) else "incomplete"
 
 
-def special_cases(key: Key) -> set[Key]:
-    """Simpler effects at the same place of which an effect is the richer form."""
-    return {(name, key[1]) for name, effect in VOCABULARY.items() if key[0] in effect.special_case_of}
+def is_special_case(simple: Key, rich: Key) -> bool:
+    """Whether an effect is the simpler form of another: at the same place, where both are of a body; a length of any pivot's."""
+    effect = VOCABULARY.get(simple[0])
+    return effect is not None and rich[0] in effect.special_case_of and (simple[1] == rich[1] or rich[0] != "payload")
 
 
 def _alias(truth: Mapping[str, Any], diagnosis: Mapping[str, Any], found: Mapping[Key, set[Key]], true: set[Key]) -> str:
