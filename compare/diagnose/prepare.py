@@ -23,6 +23,7 @@ REDRAWN = 32  # courses of runs that follow a noisy encoder
 
 
 def thinned(measured: Measured) -> Measured:
+    """The measurement with no more than SAMPLES samples, every so many-th of each run."""
     total = sum(run.time.size * len(run.channels) for run in measured.runs)
     every = math.ceil(total / SAMPLES)
     if every == 1:
