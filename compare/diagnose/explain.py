@@ -30,7 +30,7 @@ RIVALS = 10  # fitted in full for each named effect
 STRUCTURE = 1e-6  # chance of as much structure in noise alone
 BINS = 24
 SLIGHT = 0.3  # of the noise: structure that is let pass
-MODEL = 0.5  # the same beside named effects, which the models of contact and bending do not follow to the last micrometre
+MODEL = 1.0  # the same beside named effects, which the models of contact and bending do not follow to the last micrometre
 
 
 @dataclass(frozen=True)

@@ -225,7 +225,7 @@ class Bench:
             if not shift.any():
                 self.notes.append(
                     f"With these effects {self.simulator} differs from the analytic model by up to {change:.2g} of a sensor's noise (rms); "
-                    f"{'they were fitted' if closed else 'the search was repeated'} again with that difference taken along."
+                    f"{'they were fitted again' if closed else 'the search was repeated'} with that difference taken along."
                 )
             shift, data = difference, self.data.shifted(difference)
             # where these effects close the gap already, what else the engine's difference may want is the engine's and not the rig's
