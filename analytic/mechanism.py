@@ -216,6 +216,15 @@ class Mechanism(_Part):
         """Radial clearance (m) of each joint that has one."""
         return {j.name: j.clearance for j in self.joints if j.clearance > 0}
 
+    @property
+    def bends(self) -> bool:
+        """Whether any link has a modulus of elasticity."""
+        return any(b.youngs_modulus is not None for b in self.bodies)
+
+    def rigid(self) -> Mechanism:
+        """A checked copy with the moduli of its links left out."""
+        return self.replace(bodies=tuple(_rigid(b) for b in self.bodies))
+
     def replace(self, **fields: Any) -> Mechanism:
         """A checked copy with top-level fields replaced."""
         return Mechanism.model_validate({name: fields.get(name, getattr(self, name)) for name in type(self).model_fields})
@@ -245,6 +254,10 @@ def _edited(parts: tuple[Any, ...], name: str, fields: Mapping[str, Any]) -> tup
     if name not in [p.name for p in parts]:
         raise KeyError(name)
     return tuple(_with_fields(p, fields) if p.name == name else p for p in parts)
+
+
+def _rigid(body: Body) -> Body:
+    return Body.model_validate(body.model_dump(exclude_unset=True, exclude={"youngs_modulus", "shear_modulus"}))
 
 
 def _with_fields(part: Any, fields: Mapping[str, Any]) -> Any:

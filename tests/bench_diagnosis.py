@@ -25,8 +25,8 @@ import tomli_w
 
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism_file import dumps, load
-from compare.diagnose.sensors import VOCABULARY
 from compare.diagnose.units import SI, dimension
+from compare.diagnose.vocabulary import VOCABULARY
 from sim_models.engine import JointModel, Request, engine
 
 Truth = Sequence[tuple[str, str, Mapping[str, float]]]  # effect, place, values

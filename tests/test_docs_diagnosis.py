@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from compare.diagnose.measured import load_measured
-from compare.diagnose.sensors import VOCABULARY
+from compare.diagnose.vocabulary import VOCABULARY
 from test_ci_example import step
 
 ROOT = Path(__file__).parent.parent

@@ -73,8 +73,8 @@ def effects(json: Annotated[bool, typer.Option("--json", help="Print as JSON.")]
     """List the vocabulary of effects: parameters, units, and which installed engines represent each."""
     with complaints():
         from compare.diagnose.confirm import represents
-        from compare.diagnose.sensors import VOCABULARY
-        from compare.diagnose.words import says
+        from compare.diagnose.vocabulary import VOCABULARY
+        from compare.report.diagnosis_words import says
         from sim_models.engine import ENGINES, declared
 
         rows = []

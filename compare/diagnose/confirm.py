@@ -13,7 +13,7 @@ import numpy as np
 
 from analytic.assembly import Assembly, AssemblyError
 from analytic.drive import Motor
-from analytic.mechanism import Body, Mechanism
+from analytic.mechanism import Mechanism
 from compare.diagnose.effect import Effect, Readings, Rig
 from compare.diagnose.measured import Run
 from compare.diagnose.predict import Hypothesis, Term, altered, motor_offset
@@ -121,25 +121,10 @@ def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -
 
 
 def _run(chosen: Engine, request: Request) -> Trace:
-    if not bends(request.mechanism):
+    if not request.mechanism.bends:
         return chosen.simulate(request)
     if "link_flexibility" not in chosen.effects:
-        return chosen.simulate(replace(request, mechanism=rigid(request.mechanism)))
+        return chosen.simulate(replace(request, mechanism=request.mechanism.rigid()))
     from sim_models.exudyn_beams import flexible
 
     return flexible(request)
-
-
-def bends(mechanism: Mechanism) -> bool:
-    """Whether any link has a modulus of elasticity."""
-    return any(b.youngs_modulus is not None for b in mechanism.bodies)
-
-
-def rigid(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with the moduli of its links left out."""
-    return mechanism.replace(bodies=tuple(_rigid(b) for b in mechanism.bodies))
-
-
-def _rigid(body: Body) -> Body:
-    fields = body.model_dump(exclude_unset=True)
-    return Body.model_validate({k: v for k, v in fields.items() if k not in ("youngs_modulus", "shear_modulus")})

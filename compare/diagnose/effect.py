@@ -7,6 +7,7 @@ effect" and the signals answer nearly linearly (1/E instead of E, say).
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
@@ -54,7 +55,7 @@ class Rig:
         return self.force * self.length
 
 
-class Effect:
+class Effect(ABC):
     """A missing effect.  Subclasses say what it does; everything it does is pure."""
 
     name: ClassVar[str]
@@ -64,13 +65,13 @@ class Effect:
     needs_engine: ClassVar[bool] = False  # only engines that declare it have it; the others are fields that each must honour
     slow: ClassVar[bool] = False  # costs the analytic model many times what the others do, and changes their signatures little
 
+    @abstractmethod
     def places(self, rig: Rig) -> Sequence[str]:
         """Where it can be."""
-        raise NotImplementedError
 
+    @abstractmethod
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         """A small amount of each natural coordinate."""
-        raise NotImplementedError
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
         """Discrete choices that come before the coordinates (a harmonic, a quarter turn); one of them is enough for most."""
@@ -83,6 +84,14 @@ class Effect:
     def start(self, rig: Rig, where: str, coefficients: np.ndarray, variant: float = 0.0) -> np.ndarray:
         """Natural coordinates (n,) to start a fit from, given how much (k,) of each probe the data want."""
         return coefficients @ self.probes(rig, where, variant)
+
+    def other_start(self, rig: Rig, where: str, x: np.ndarray) -> np.ndarray | None:
+        """Another start beside x, for effects whose coordinates do not answer linearly."""
+        return None
+
+    def unit(self, rig: Rig, where: str, parameter: str) -> str:
+        """SI unit of a reported parameter at a place; one of a single run is called ``offset@run``."""
+        return next(p.unit for p in self.parameters if p.name == parameter.partition("@")[0])
 
     def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
         """Reported values of natural coordinates."""
@@ -107,3 +116,16 @@ class Effect:
     def delay(self, run: str, signal: str, where: str, values: Values) -> float:
         """Seconds by which a signal's readings are older than their time stamps."""
         return 0.0
+
+
+class Reciprocal(Effect):
+    """Effects of a compliance whose reported value is its reciprocal, a stiffness or modulus."""
+
+    def blames(self, parameter: str) -> bool:
+        return False
+
+    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return np.zeros(1)
+
+    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
+        return {self.parameters[0].name: 1.0 / max(float(x[0]), 1e-9 * self.scales(rig, where)[0])}

@@ -18,7 +18,6 @@ from compare.diagnose.fit import FOLDS, Data, Fit, rank_of
 from compare.diagnose.isolate import Screen
 from compare.diagnose.predict import Term
 from compare.diagnose.search import Search, without
-from compare.diagnose.units import unit_of
 from compare.diagnose.worth import rms, worth
 
 TIE = 16.0  # of chi^2: two explanations closer than four sigmas are not told apart
@@ -35,11 +34,12 @@ MODEL = 1.0  # the same beside named effects, which the models of contact and be
 
 @dataclass(frozen=True)
 class Interval:
-    """A reported parameter with its 95 % interval; an open end is infinite."""
+    """A reported parameter in SI with its 95 % interval; an open end is infinite."""
 
     value: float
     low: float
     high: float
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,6 @@ class Named:
     gap: tuple[float, float]  # before, after
     held_out: tuple[float, float]
     ties: tuple[tuple[Term, Fit], ...] = ()  # what would explain the data as well in its place
-
-    def unit(self, parameter: str) -> str:
-        """SI unit of a reported parameter; a sensor's bias has its sensor's."""
-        units = {p.name: p.unit for p in self.term.effect.parameters}
-        return units.get(parameter.partition("@")[0]) or unit_of(self.term.where)
 
 
 @dataclass(frozen=True)
@@ -174,12 +169,16 @@ def intervals(search: Search, fit: Fit, i: int, weights: np.ndarray) -> dict[str
     def reported(point: np.ndarray) -> dict[str, float]:
         return term.effect.values(search.rig, term.where, point, term.variant)
 
+    def interval(parameter: str, value: float, ends: Sequence[float], open_ended: bool) -> Interval:
+        low, high = (-math.inf, math.inf) if open_ended else (min(*ends, value), max(*ends, value))
+        return Interval(value, low, high, term.effect.unit(search.rig, term.where, parameter))
+
     best = reported(x)
     low, high = search.fitter.bounds(term)
     if x.size == 1:
         half = 1.96 * math.sqrt(max(float(covariance[0, 0]), 0.0))
         ends = [reported(np.clip(x + side * half, low, high)) for side in (-1, 1)]
-        return {p: _interval(v, [e[p] for e in ends], bool(blind[0])) for p, v in best.items()}
+        return {p: interval(p, v, [e[p] for e in ends], bool(blind[0])) for p, v in best.items()}
     scale = np.asarray(term.effect.scales(search.rig, term.where, term.variant), float)
     step = np.maximum(1e-4 * np.abs(x), 1e-3 * scale)
     slopes = [reported(x + s) for s in np.diag(step)]
@@ -187,12 +186,8 @@ def intervals(search: Search, fit: Fit, i: int, weights: np.ndarray) -> dict[str
     for p, v in best.items():
         slope = np.array([(m[p] - v) / h for m, h in zip(slopes, step, strict=True)])
         half = 1.96 * math.sqrt(max(float(slope @ covariance @ slope), 0.0))
-        out[p] = _interval(v, [v - half, v + half], bool((blind & (slope != 0)).any()))
+        out[p] = interval(p, v, [v - half, v + half], bool((blind & (slope != 0)).any()))
     return out
-
-
-def _interval(value: float, ends: Sequence[float], open_ended: bool) -> Interval:
-    return Interval(value, -math.inf, math.inf) if open_ended else Interval(value, min(*ends, value), max(*ends, value))
 
 
 # ------------------------------------------------------------------ rivals

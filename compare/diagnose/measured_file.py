@@ -12,9 +12,9 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from analytic.mechanism import Load
 from analytic.mechanism_file import describe
-from compare.diagnose.sensors import VOCABULARY
 from compare.diagnose.table import MeasuredError
 from compare.diagnose.units import listed
+from compare.diagnose.vocabulary import VOCABULARY
 
 QUANTITIES = (
     "mass", "length", "inertia", "force", "torque", "angle", "time", "damping", "stiffness", "clearance", "modulus", "gain", "gravity",

@@ -39,6 +39,9 @@ class StartOfRun(Effect):
     parameters = (Parameter("angle", "rad", "angle"), Parameter("rate", "rad/s", "rate"))
     sensor = True
 
+    def places(self, rig: Rig) -> Sequence[str]:
+        return [run for run in rig.runs if run not in rig.driven]
+
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-5, 1e-5 * rig.speed)
 
@@ -220,7 +223,7 @@ def derived(assembly: Assembly, crank: Turning) -> dict[str, np.ndarray]:
     else:
         ideal = kinetostatics(kinematics(assembly, crank.theta, crank.omega, crank.alpha))
         signals = ideal.signals()
-    if any(b.youngs_modulus is not None for b in mechanism.bodies):
+    if mechanism.bends:
         signals = _bent(signals, ideal)
     return with_derived(signals, mechanism)
 

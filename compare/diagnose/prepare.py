@@ -16,7 +16,7 @@ from compare.diagnose.effect import Rig
 from compare.diagnose.fit import Data
 from compare.diagnose.measured import Measured, MeasuredError, Run
 from compare.diagnose.predict import Model, StartOfRun, Term
-from compare.diagnose.sensors import VOCABULARY
+from compare.diagnose.vocabulary import VOCABULARY
 
 SAMPLES = 60_000  # of all sensors together; more are thinned, evenly, for the search and the pages
 REDRAWN = 32  # courses of runs that follow a noisy encoder

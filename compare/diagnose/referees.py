@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from compare.diagnose.confirm import Simulated, Task, bends, lacking, rigid, simulate
+from compare.diagnose.confirm import Simulated, Task, lacking, simulate
 from compare.diagnose.measured import Run
 from compare.diagnose.predict import Hypothesis, Model, Term
 from compare.sweep import spread
@@ -48,7 +48,7 @@ class Referees:
 
     def stiffer(self, name: str) -> bool:
         """Whether the links bend and an engine has no beams."""
-        return bends(self.model.mechanism) and "link_flexibility" not in engine(name).effects
+        return self.model.mechanism.bends and "link_flexibility" not in engine(name).effects
 
     def task(self, name: str, run: Run, hypothesis: Hypothesis) -> Task:
         """One run for one engine, without what it lacks."""
@@ -84,7 +84,7 @@ class Referees:
     def completed(self, readings: list[dict[str, np.ndarray]], hypothesis: Hypothesis, lacks: Sequence[Term]) -> list[dict[str, np.ndarray]]:
         """Readings of an engine that lacks some effects, with the difference that these make in the analytic model."""
         m = self.model
-        stiff = m if not self.stiffer(self.chosen) else Model(m.measured, m.rig, rigid(m.mechanism), m.courses)
+        stiff = m if not self.stiffer(self.chosen) else Model(m.measured, m.rig, m.mechanism.rigid(), m.courses)
         full, less = m([hypothesis])[0], stiff([[h for h in hypothesis if h[0] not in lacks]])[0]
         if full is None or less is None:
             return readings

@@ -21,7 +21,7 @@ from compare.report.diagnosis_words import sentence
 from sim_models.engine import installed_version
 
 if TYPE_CHECKING:
-    from compare.diagnose.workflow import Bench, Confirmed
+    from compare.diagnose.bench import Bench, Confirmed
 
 SCHEMA = 1
 INSEPARABLE = 0.999  # cosine between two signatures
@@ -90,19 +90,14 @@ def _effect(bench: Bench, fit: Fit, n: Named, noise: dict[tuple[str, str], float
     return {
         "name": n.term.effect.name,
         "where": n.term.where,
-        "parameters": {p: {"value": i.value, "unit": n.unit(p), "low": _finite(i.low), "high": _finite(i.high)} for p, i in n.parameters.items()},
+        "parameters": {p: {"value": i.value, "unit": i.unit, "low": _finite(i.low), "high": _finite(i.high)} for p, i in n.parameters.items()},
         "gap_before": n.gap[0],
         "gap_after": n.gap[1],
         "held_out_before": n.held_out[0],
         "held_out_after": n.held_out[1],
         "ambiguous_with": [{"name": t.effect.name, "where": t.where} for t, _ in n.ties],
-        "would_separate": " ".join(_separated(bench, fit, n, noise)),
+        "would_separate": would_separate(bench.model, noise, fit, n.ties[0][1]) if n.ties else "",  # from the first of its rivals
     }
-
-
-def _separated(bench: Bench, fit: Fit, n: Named, noise: dict[tuple[str, str], float]) -> list[str]:
-    """What would tell an effect from the first of its rivals."""
-    return [f"{would_separate(bench.model, noise, fit, rival)}" for _, rival in n.ties[:1]]
 
 
 def _candidates(bench: Bench, found: Confirmed) -> list[dict[str, Any]]:

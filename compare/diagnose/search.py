@@ -98,18 +98,14 @@ class Search:
         return best
 
     def fitted(self, screen: Screen, chosen: Sequence[int]) -> Fit | None:
-        """A set of the screen, fitted in full; without terms that the fit leaves at their bound."""
+        """A set of the screen, fitted in full."""
         start = self.base_start() | screen.starts(chosen)
         terms = [screen.terms[i] for i in chosen]
         return self.fitter.fit([*self.base.terms, *terms], start, self.base_start() | self.none_of(terms), *self.second_start(start))
 
     def second_start(self, start: Mapping[Term, np.ndarray]) -> list[dict[Term, np.ndarray]]:
         """Another start for effects whose coordinates do not answer linearly."""
-        other = {}
-        for term, x in start.items():
-            if term.effect.name == "payload":
-                scales = np.asarray(term.effect.scales(self.rig, term.where))
-                other[term] = np.array([max(float(x[0]), scales[0]), 0.0, 0.0])
+        other = {t: x for t in start if (x := t.effect.other_start(self.rig, t.where, start[t])) is not None}
         return [dict(start) | other] if other else []
 
     def base_start(self) -> dict[Term, np.ndarray]:

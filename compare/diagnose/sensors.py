@@ -1,4 +1,4 @@
-"""The vocabulary's second half: what may be wrong with sensors, clocks and the encoder, as functions on readings."""
+"""Effects on sensors, clocks and the encoder, as pure functions on readings."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from compare.diagnose.effect import Effect, Parameter, Readings, Rig, Values
-from compare.diagnose.effects import MECHANISM_EFFECTS
+from compare.diagnose.units import unit_of
 
 
 class EncoderOffset(Effect):
@@ -63,6 +63,9 @@ class SensorBias(OnSensor):
 
     name = "sensor_bias"
     parameters = (Parameter("bias", "", "bias"),)
+
+    def unit(self, rig: Rig, where: str, parameter: str) -> str:
+        return unit_of(where)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (rig.noise[where],)
@@ -148,4 +151,3 @@ class ClockOffset(Effect):
 
 
 SENSOR_EFFECTS: tuple[Effect, ...] = (EncoderOffset(), SensorBias(), SensorGain(), SensorDelay(), SensorFrame(), ClockOffset())
-VOCABULARY: dict[str, Effect] = {e.name: e for e in (*MECHANISM_EFFECTS, *SENSOR_EFFECTS)}

@@ -22,28 +22,28 @@ READ = {  # SI unit -> (least size, unit that is read from there on, factor), la
     "N.m.s/rad": ((0.01, "N·m·s/rad", 1.0), (0.0, "mN·m·s/rad", 1e3)),
     "Pa": ((1e9, "GPa", 1e-9), (1e6, "MPa", 1e-6), (0.0, "Pa", 1.0)),
 }
-EFFECTS = {  # what a person calls an effect; {} is where it is
-    "gravity": "gravity",
-    "payload": "a payload on the {}",
-    "com_offset": "an offset centre of mass of the {}",
-    "moment_of_inertia": "an error in the moment of inertia of the {}",
-    "link_length": "an error in the length of the {}",
-    "pivot_position": "a displaced ground pivot {}",
-    "joint_clearance": "clearance in joint {}",
-    "coulomb_friction": "Coulomb friction in joint {}",
-    "viscous_friction": "viscous friction in joint {}",
-    "joint_spring": "a spring in joint {}",
-    "external_force": "an external force on the {}",
-    "load_torque": "a load torque on the {}",
-    "link_flexibility": "flexible links",
-    "drive_compliance": "a compliant drive",
-    "speed_ripple": "a ripple of the drive's speed",
-    "encoder_offset": "an offset of the encoder for {}",
-    "sensor_bias": "a bias of the sensor for {}",
-    "sensor_gain": "a gain error of the sensor for {}",
-    "sensor_delay": "a delay of the sensor for {}",
-    "sensor_frame": "a turned load cell at joint {}",
-    "clock_offset": "a clock offset of run {}",
+EFFECTS = {  # what a person calls an effect, and what it means; {} is where it is
+    "gravity": ("gravity", "gravity acts on the linkage"),
+    "payload": ("a payload on the {}", "a payload rides on the {}"),
+    "com_offset": ("an offset centre of mass of the {}", "the centre of mass of the {} is off"),
+    "moment_of_inertia": ("an error in the moment of inertia of the {}", "the moment of inertia of the {} is off"),
+    "link_length": ("an error in the length of the {}", "the {} is not as long as thought"),
+    "pivot_position": ("a displaced ground pivot {}", "the ground pivot {} is not where it is thought to be"),
+    "joint_clearance": ("clearance in joint {}", "joint {} has clearance"),
+    "coulomb_friction": ("Coulomb friction in joint {}", "joint {} has dry friction"),
+    "viscous_friction": ("viscous friction in joint {}", "joint {} has viscous friction"),
+    "joint_spring": ("a spring in joint {}", "a spring acts in joint {}"),
+    "external_force": ("an external force on the {}", "an unknown force acts on the {}"),
+    "load_torque": ("a load torque on the {}", "an unknown torque acts on the {}"),
+    "link_flexibility": ("flexible links", "the links bend"),
+    "drive_compliance": ("a compliant drive", "the drive is springy"),
+    "speed_ripple": ("a ripple of the drive's speed", "the drive turns unevenly"),
+    "encoder_offset": ("an offset of the encoder for {}", "the encoder {} has an offset"),
+    "sensor_bias": ("a bias of the sensor for {}", "the sensor {} has a bias"),
+    "sensor_gain": ("a gain error of the sensor for {}", "the sensor {} has a wrong gain"),
+    "sensor_delay": ("a delay of the sensor for {}", "the sensor {} is late"),
+    "sensor_frame": ("a turned load cell at joint {}", "the load cell at {} is mounted turned"),
+    "clock_offset": ("a clock offset of run {}", "the clock of run {} is off against its command"),
 }
 ON_SIGNALS = {"encoder_offset", "sensor_bias", "sensor_gain", "sensor_delay"}
 TOML_STARTS = ("[", "#")
@@ -85,7 +85,12 @@ def phrase(result: Result, name: str, where: str) -> str:
     """An effect at its place: ``clearance in joint B``; one outside the vocabulary by its own name."""
     if name not in EFFECTS:
         return f"{name.replace('_', ' ')} at {where}"
-    return EFFECTS[name].format(spoken(result, where) if name in ON_SIGNALS else where)
+    return EFFECTS[name][0].format(spoken(result, where) if name in ON_SIGNALS else where)
+
+
+def says(name: str, where: str) -> str:
+    """What an effect at a place means: ``joint B has clearance``."""
+    return EFFECTS[name][1].format(where) if name in EFFECTS else f"{name.replace('_', ' ')} at {where}"
 
 
 def named(result: Result, key: str) -> str:

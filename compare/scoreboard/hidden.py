@@ -16,7 +16,7 @@ from compare.diagnose.effect import Rig
 from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.isolate import candidates, signatures
 from compare.diagnose.predict import Term, derived
-from compare.diagnose.sensors import VOCABULARY
+from compare.diagnose.vocabulary import VOCABULARY
 from compare.scoreboard.outside import KINDS, Course, Outside, draw_outside, resized
 from compare.scoreboard.rigs import CASES, Bench, Plan, Rejected, draw_bench, draw_log, ideal
 from compare.scoreboard.sizes import LARGEST, SMALLEST, Growth, Planted, Sizer, Values, growth, left, solve

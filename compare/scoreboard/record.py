@@ -18,8 +18,8 @@ import numpy as np
 from analytic.assembly import AssemblyError
 from analytic.mechanism import Mechanism
 from analytic.mechanism_file import dumps
-from compare.diagnose.sensors import VOCABULARY
 from compare.diagnose.units import SI, dimension, factor
+from compare.diagnose.vocabulary import VOCABULARY
 from compare.files import output_folder, to_json, write_atomically
 from compare.scoreboard.hidden import Hidden, course_grid, draw
 from compare.scoreboard.outside import Course
@@ -107,8 +107,7 @@ def run(name: str, m: Mechanism, plan: Plan, time: np.ndarray, course: Course | 
     else:
         grid = course_grid(plan, time)
         request = Request(m, joint_model, time=time, course=(grid, course(grid)))
-    bends = any(b.youngs_modulus is not None for b in m.bodies)
-    trace = flexible(request) if bends else engine(name).simulate(request)
+    trace = flexible(request) if m.bends else engine(name).simulate(request)
     if any(trace.free_share.values()):
         raise Rejected(f"a pin flies free in {plan.name}")
     return trace

@@ -1,41 +1,13 @@
-"""The vocabulary's first half: what may be missing from a mechanism, as pure functions on it.
-
-The second half, sensors and clocks, is in :mod:`compare.diagnose.sensors`.
-"""
+"""Effects on links, ground and loads: masses, lengths, forces and bending, as pure functions on the mechanism."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import ClassVar
 
 import numpy as np
 
-from analytic.mechanism import GROUND, Body, Load, Mechanism, Ripple
-from compare.diagnose.effect import Effect, Parameter, Rig, Values
-
-HARMONICS = range(1, 13)
-
-
-def _bodies(rig: Rig) -> list[str]:
-    return [b.name for b in rig.mechanism.bodies]
-
-
-def _joints(rig: Rig) -> list[str]:
-    return [j.name for j in rig.mechanism.joints]
-
-
-def _body(mechanism: Mechanism, name: str) -> Body:
-    return mechanism.moving[name]
-
-
-def _pair(z: complex) -> tuple[float, float]:
-    return (z.real, z.imag)
-
-
-def _pinned(body: Body) -> dict[str, object]:
-    """What must stay when points or masses move: com, inertia and marker as they are now."""
-    return {"com": _pair(body.centre), "inertia": body.moment_of_inertia, "marker": _pair(body.point("com"))}
+from analytic.mechanism import GROUND, Body, Load, Mechanism
+from compare.diagnose.effect import Effect, Parameter, Reciprocal, Rig, Values
 
 
 class Gravity(Effect):
@@ -81,6 +53,9 @@ class Payload(Effect):
         if share <= 0:  # the data want less mass, which no payload is
             return np.array([0.0, 0.0, 0.0])
         return np.array([m * share, a * (coefficients[1] - coefficients[2]) / share, n * coefficients[3] / share])
+
+    def other_start(self, rig: Rig, where: str, x: np.ndarray) -> np.ndarray | None:
+        return np.array([max(float(x[0]), self.scales(rig, where)[0]), 0.0, 0.0])
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         body = _body(mechanism, where)
@@ -138,7 +113,7 @@ class LinkLength(Effect):
     special_case_of = ("pivot_position",)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        joints = set(_joints(rig))
+        joints = {j.name for j in rig.mechanism.joints}
         return [b.name for b in rig.mechanism.bodies if len(b.points) > 1 and list(b.points)[-1] in joints]
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
@@ -168,93 +143,6 @@ class PivotPosition(Effect):
         points = dict(mechanism.ground.points)
         points[where] = (points[where][0] + values["x"], points[where][1] + values["y"])
         return mechanism.replace(ground={"points": points})
-
-
-class OnJoint(Effect):
-    """Effects that are one field of a joint; the value is the whole field, the natural coordinate what the model lacks of it."""
-
-    field_name: ClassVar[str]
-
-    def places(self, rig: Rig) -> Sequence[str]:
-        return _joints(rig)
-
-    def nominal(self, rig: Rig, where: str) -> float:
-        """The field in the nominal mechanism."""
-        return float(getattr(rig.mechanism.joint(where), self.field_name))
-
-    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
-        return {self.parameters[0].name: self.nominal(rig, where) + float(x[0])}
-
-    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
-        return np.array([-self.nominal(rig, where)])
-
-    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
-        return mechanism.with_joint(where, **{self.field_name: values[self.parameters[0].name]})
-
-
-class JointClearance(OnJoint):
-    """Play between pin and bearing."""
-
-    name = "joint_clearance"
-    slow = True
-    field_name = "clearance"
-    parameters = (Parameter("radial_clearance", "m", "clearance", 0.0),)
-
-    def places(self, rig: Rig) -> Sequence[str]:
-        return [j.name for j in rig.mechanism.joints if not j.prismatic]
-
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (2e-4 * rig.length,)
-
-
-class CoulombFriction(OnJoint):
-    """A constant friction torque (a force in a prismatic joint)."""
-
-    name = "coulomb_friction"
-    field_name = "friction_torque"
-    parameters = (Parameter("friction_torque", "N.m", "torque", 0.0),)
-
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-3 * (rig.force if rig.mechanism.joint(where).prismatic else rig.torque),)
-
-
-class ViscousFriction(OnJoint):
-    """A damper in a joint."""
-
-    name = "viscous_friction"
-    field_name = "damping"
-    parameters = (Parameter("damping", "N.m.s/rad", "damping", 0.0),)
-
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-3 * (rig.force / rig.length if rig.mechanism.joint(where).prismatic else rig.torque) / rig.speed,)
-
-
-class JointSpring(Effect):
-    """A spring in a joint: torque -k (q - rest).  Natural coordinates are k and k rest, in which it is linear."""
-
-    name = "joint_spring"
-    parameters = (Parameter("stiffness", "N.m/rad", "stiffness", 0.0), Parameter("rest_angle", "rad", "angle"))
-
-    def places(self, rig: Rig) -> Sequence[str]:
-        return [j.name for j in rig.mechanism.joints if not j.stiffness]
-
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        if rig.mechanism.joint(where).prismatic:
-            return (1e-3 * rig.force / rig.length, 1e-3 * rig.force)
-        return (1e-3 * rig.torque, 1e-3 * rig.torque)
-
-    def blames(self, parameter: str) -> bool:
-        return parameter == "stiffness"
-
-    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
-        return np.array([0.0, -math.inf])
-
-    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
-        stiffness = max(float(x[0]), 1e-9 * self.scales(rig, where)[0])
-        return {"stiffness": stiffness, "rest_angle": float(x[1]) / stiffness}
-
-    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
-        return mechanism.with_joint(where, stiffness=values["stiffness"], rest_angle=values["rest_angle"])
 
 
 class ExternalForce(Effect):
@@ -290,19 +178,6 @@ class LoadTorque(Effect):
         return mechanism.replace(loads=(*mechanism.loads, Load(body=where, torque=values["torque"])))
 
 
-class Reciprocal(Effect):
-    """Effects of a compliance whose reported value is its reciprocal, a stiffness or modulus."""
-
-    def blames(self, parameter: str) -> bool:
-        return False
-
-    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
-        return np.zeros(1)
-
-    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
-        return {self.parameters[0].name: 1.0 / max(float(x[0]), 1e-9 * self.scales(rig, where)[0])}
-
-
 class LinkFlexibility(Reciprocal):
     """Links that bend, all of one modulus; they need a section."""
 
@@ -329,59 +204,18 @@ def _flexible(body: Body, modulus: float) -> Body:
     return Body.model_validate(body.model_dump(exclude_unset=True) | {"youngs_modulus": modulus}) if _bends(body) else body
 
 
-class DriveCompliance(Reciprocal):
-    """A springy transmission: the crank lags its motor by torque over stiffness."""
-
-    name = "drive_compliance"
-    needs_engine = True
-    slow = True
-    parameters = (Parameter("stiffness", "N.m/rad", "stiffness", 0.0),)
-
-    def places(self, rig: Rig) -> Sequence[str]:
-        return ["drive"] if rig.driven and not (rig.mechanism.drive and rig.mechanism.drive.stiffness) else []
-
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-5 / rig.torque,)
-
-    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
-        return _with_drive(mechanism, stiffness=values["stiffness"])
+def _bodies(rig: Rig) -> list[str]:
+    return [b.name for b in rig.mechanism.bodies]
 
 
-class SpeedRipple(Effect):
-    """A motor that turns unevenly: command plus amplitude sin(harmonic command + phase).  Natural: a cos p, a sin p."""
-
-    name = "speed_ripple"
-    parameters = (Parameter("amplitude", "rad", "angle", 0.0), Parameter("harmonic", "1", "harmonic"), Parameter("phase", "rad", "phase"))
-
-    def places(self, rig: Rig) -> Sequence[str]:
-        return ["drive"] if set(rig.driven) - set(rig.following) else []
-
-    def blames(self, parameter: str) -> bool:
-        return parameter == "amplitude"
-
-    def variants(self, rig: Rig, where: str) -> Sequence[float]:
-        return [float(h) for h in HARMONICS]
-
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-5, 1e-5)
-
-    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
-        return np.array([-math.inf, -math.inf])
-
-    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
-        return {"amplitude": math.hypot(x[0], x[1]), "harmonic": variant, "phase": math.atan2(x[1], x[0])}
-
-    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
-        ripple = Ripple(amplitude=values["amplitude"], harmonic=round(values["harmonic"]), phase=values["phase"])
-        return _with_drive(mechanism, ripple=ripple)
+def _body(mechanism: Mechanism, name: str) -> Body:
+    return mechanism.moving[name]
 
 
-def _with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:
-    drive = mechanism.drive.model_dump(exclude_unset=True) if mechanism.drive else {"joint": mechanism.drive_joint.name, "speed": "measured"}
-    return mechanism.replace(drive=drive | fields)
+def _pair(z: complex) -> tuple[float, float]:
+    return (z.real, z.imag)
 
 
-MECHANISM_EFFECTS: tuple[Effect, ...] = (
-    Gravity(), Payload(), ComOffset(), MomentOfInertia(), LinkLength(), PivotPosition(), JointClearance(), CoulombFriction(),
-    ViscousFriction(), JointSpring(), ExternalForce(), LoadTorque(), LinkFlexibility(), DriveCompliance(), SpeedRipple(),
-)  # fmt: skip
+def _pinned(body: Body) -> dict[str, object]:
+    """What must stay when points or masses move: com, inertia and marker as they are now."""
+    return {"com": _pair(body.centre), "inertia": body.moment_of_inertia, "marker": _pair(body.point("com"))}
