@@ -26,9 +26,7 @@ SENSORS = {"crank_angle": 5e-5, "follower_angle": 5e-5, "coupler_x": 1e-5, "driv
 
 def four_bar(case: str = "crank-rocker", gravity: float = 9.81, loads: Sequence[Load] = (Load(body="coupler", force=(5.0, -30.0)),)) -> Mechanism:
     """A shipped case with rigid links, gravity (m/s^2, downwards) and loads."""
-    m = load(case)
-    bodies = tuple(type(b).model_validate(b.model_dump(exclude_unset=True, exclude={"youngs_modulus", "shear_modulus"})) for b in m.bodies)
-    return m.replace(gravity=(0.0, -gravity), bodies=bodies, loads=tuple(loads))
+    return load(case).rigid().replace(gravity=(0.0, -gravity), loads=tuple(loads))
 
 
 def turn(name: str, speed: float, loads: tuple[Load, ...] | None = None, follows: bool = False, samples: int = 120) -> Plan:

@@ -224,10 +224,13 @@ def _tell(result: dict[str, Any], words: str) -> None:
     gap = {side: result["gap"][side] for side in ("before", "after")}
     result["statement"] = f"What the model lacks is {words}: with it the gap shrinks from {gap['before']:.3g} to {gap['after']:.3g}."
     result["engines"] = [
-        {"name": "mujoco", "version": "4.0.0", **gap, "agreement": 0.0, "skipped": None},
-        {"name": "exudyn", "version": "1.13.0", **gap, "agreement": 0.0, "skipped": None},
-        {"name": "dart", "version": "6.20.0", "before": None, "after": None, "agreement": None, "skipped": f"it has no {words}"},
-    ]
+        {"name": "mujoco", "version": "4.0.0", **gap, "agreement": 0.0, "skipped": None, "added": [], "settings": _settings(result)},
+        {"name": "exudyn", "version": "1.13.0", **gap, "agreement": 0.0, "skipped": None, "added": ["coulomb_friction@B"], "settings": {}},
+        {
+            "name": "dart", "version": "6.20.0", "before": None, "after": None, "agreement": None, "skipped": f"it has no {words}",
+            "added": [], "settings": {},
+        },
+    ]  # fmt: skip
     result["other_simulators"] = {"exudyn": gap}
     runs, candidates, alike = (len(result[key]) for key in ("runs", "candidates", "inseparable"))
     result["steps"] = [
@@ -238,6 +241,11 @@ def _tell(result: dict[str, Any], words: str) -> None:
         {"title": "Add", "text": [f"With {words} the mechanism was simulated again."]},
         {"title": "Result", "text": [result["statement"]]},
     ]
+
+
+def _settings(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """A step of each run's own, and a law that is the same in all."""
+    return {run["name"]: {"step": 1e-4 * (1 + i), "contact_law": "linear spring"} for i, run in enumerate(result["runs"])}
 
 
 def _weigh(result: dict[str, Any]) -> None:

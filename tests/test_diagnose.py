@@ -18,7 +18,10 @@ import pytest
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism_file import load
 from compare.diagnose.effect import Effect, Parameter, Readings, Rig, Values
+from compare.diagnose.fit import Data
+from compare.diagnose.locate import locate
 from compare.diagnose.measured import Measured, MeasuredError, load_measured
+from compare.diagnose.prepare import thinned
 from compare.diagnose.workflow import diagnose
 from compare.scoreboard.record import write_data
 from compare.scoreboard.rigs import Bench, Plan
@@ -104,6 +107,26 @@ def test_a_place_where_it_is_off_is_found() -> None:
     assert worst["unit"] == "rad"
     ends = sorted((worst["crank_angle_from"], worst["crank_angle_to"]))
     assert ends == pytest.approx([1.0, 3.0], abs=0.3)
+
+
+def test_what_the_engines_differ_by_is_not_listed_as_a_deviation() -> None:
+    rig = bench(turn("slow", 4.0))
+    data = Data(rig.measured(readings(rig)), {("slow", signal): noise for signal, noise in SENSORS.items()}, "crank_angle")
+    part = next(p for p in data.parts if p.signal == "follower_angle")
+    residual = np.random.default_rng(1).standard_normal(data.size)
+    residual[part.place][40:60] += 2e-3 / SENSORS["follower_angle"]
+    angles = {"slow": rig.plans[0].command(rig.plans[0].time)}
+    for between, listed in ((0.0, 1), (1e-3, 1), (3e-3, 0)):
+        assert len(locate(data, residual, angles, {("slow", "follower_angle"): between})) == listed
+
+
+def test_data_that_are_thinned_for_the_search_are_said_to_be() -> None:
+    rig = bench(turn("slow", 4.0, samples=6000), turn("fast", 12.0, samples=6000))
+    data = rig.measured([{s: np.zeros(6000) for s in SENSORS} for _ in rig.plans])
+    thin = thinned(data)
+    assert sum(run.time.size * len(run.channels) for run in thin.runs) <= 60_000
+    assert [(f.run, f.kind, f.samples) for f in thin.faults] == [("slow", "thinned", 3000), ("fast", "thinned", 3000)]
+    assert "one in 2 is used" in thin.faults[0].text
 
 
 # ---------------------------------------------------------------- what these data cannot tell apart
@@ -361,6 +384,43 @@ def test_an_effect_of_ones_own_on_the_mechanism_is_found_and_simulated() -> None
 # ---------------------------------------------------------------- the answer as an object, in files, and again
 
 
+class WornBush(Effect):
+    """Wear that opens a joint, which an engine learns only when it simulates it."""
+
+    name = "worn_bush"
+    parameters = (Parameter("wear", "m", "length", 0.0),)
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return ["B"]
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-4 * rig.length,)
+
+    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
+        return mechanism.with_clearances({where: values["wear"]})
+
+
+OPEN = wrong("joint_clearance", "B", radial_clearance=3e-4)
+
+
+def test_an_engine_that_cannot_simulate_the_explanation_does_not_confirm_it() -> None:
+    data = played(bench(turn("slow", 2.0)), OPEN, source="mujoco")
+    result = diagnose(data, "pybullet", own=(WornBush(),), only=("worn_bush",), others=False, workers=1).result
+    assert named(result) == [("worn_bush", "B")]
+    assert result["verdict"] == "partly explained"
+    assert "pybullet could not simulate that" in result["statement"]
+    assert "the gap after is the analytic model's" in result["statement"]
+    assert result["engines"][0]["after"] is None
+
+
+def test_what_the_chosen_engine_lacks_is_said_to_be_the_analytic_models() -> None:
+    result = diagnose(played(bench(turn("slow", 2.0)), OPEN, source="mujoco"), "pybullet", others=False, workers=1).result
+    assert named(result) == [("joint_clearance", "B")]
+    assert result["engines"][0]["added"] == ["joint_clearance@B"]
+    (said,) = next(step["text"] for step in result["steps"] if step["title"] == "Add")
+    assert "it has no joint_clearance@B, and got the difference that the analytic model makes of it" in said
+
+
 def test_the_same_answer_bit_for_bit_when_run_again() -> None:
     data = played(bench(), VISCOUS, LONGER)
     first, second = (json.dumps(diagnosed(data), sort_keys=True) for _ in range(2))
@@ -384,6 +444,10 @@ def test_the_gap_shrinks_in_the_other_engines_too() -> None:
         assert gap["before"] > 10
         assert gap["after"] < 1.1
     assert {row["name"] for row in result["engines"]} == {"mujoco", "exudyn", "pybullet", "dart"}
+    for row in result["engines"]:
+        assert row["settings"].keys() == {"slow", "fast-reverse"}
+        assert all(settings["step"] > 0 for settings in row["settings"].values())
+        assert row["added"] == []
 
 
 @pytest.mark.slow

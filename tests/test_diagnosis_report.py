@@ -293,6 +293,17 @@ def test_a_drawing_keeps_the_peaks_of_a_long_run_and_few_of_its_samples(swinging
 # ------------------------------------------------------------------ the page
 
 
+def test_settings_and_shortcomings_of_the_engines_are_said(page: str, explained: dict[str, Any]) -> None:
+    text = diagnosis_md(explained)
+    for row in (
+        ("mujoco", "step", "0.0001 in slow-forward, 0.0002 in slow-reverse, 0.0003 in load-reversed"),
+        ("mujoco", "contact law", "linear spring"),
+    ):
+        assert f"| {' | '.join(row)} |" in text
+        assert '<tr><th scope="row">{}</th><td>{}</td><td class="words">{}</td></tr>'.format(*row) in page
+    assert "has no coulomb_friction@B: got the difference that the analytic model makes of it" in page
+
+
 def test_the_verdict_comes_first_and_the_sections_are_in_order(page: str, explained: dict[str, Any]) -> None:
     marks = ["<b>explained</b>", explained["statement"], "Clearance in joint B", "0.19999 mm", 'id="where"', 'id="story"', 'id="residuals"']
     marks += ['id="engines"', 'id="candidates"', 'id="faults"', 'id="provenance"']

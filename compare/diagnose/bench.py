@@ -16,12 +16,14 @@ from compare.diagnose.effect import Effect, Rig
 from compare.diagnose.explain import CLOSED, Explanation, explain, has_structure, pruned
 from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.isolate import candidates, signatures
-from compare.diagnose.locate import Stretch, locate
+from compare.diagnose.locate import Stretch, apart, locate, spread
 from compare.diagnose.measured import Measured, MeasuredError, Run
-from compare.diagnose.predict import Model, Term, altered, wrapped
+from compare.diagnose.predict import Model, Term, altered
 from compare.diagnose.referees import Referees
 from compare.diagnose.search import Search, costs
+from compare.diagnose.units import unit_of
 from compare.diagnose.worth import rms
+from compare.report.diagnosis_words import amount
 from sim_models.engine import ENGINES, SimulationError, SimulatorMissing, engine
 
 EQUIVALENT = 0.1  # of the noise: an engine this near the analytic model is the same
@@ -144,12 +146,13 @@ class Bench:
         floor = dict(noise)
         for run, said, reckoned in zip(self.measured.runs, chosen.readings, analytic, strict=True):
             for signal in run.channels:
-                spread_here = _rms_difference(said[signal], reckoned[signal], signal)
+                spread_here = apart(said[signal], reckoned[signal], signal)
                 floor[run.name, signal] = math.hypot(noise[run.name, signal], spread_here)
                 if spread_here > 0.5 * noise[run.name, signal]:
+                    unit = unit_of(signal)
                     self.notes.append(
-                        f"In run {run.name}, {signal} differs between {self.simulator} and the analytic model by {spread_here:.3g} (rms, SI), "
-                        f"noise {noise[run.name, signal]:.3g}; the noise floor is raised to {floor[run.name, signal]:.3g}."
+                        f"In run {run.name}, {signal} differs between {self.simulator} and the analytic model by {amount(spread_here, unit)} (rms), "
+                        f"noise {amount(noise[run.name, signal], unit)}; the noise floor is raised to {amount(floor[run.name, signal], unit)}."
                     )
         self.data = Data(self.measured, floor, self.rig.encoder, self.data.shared)
         self.fitter = Fitter(self.model, self.data, self.rig, self.fitter.bounds)
@@ -165,9 +168,11 @@ class Bench:
                 break
             simulated = self.data.residual(said.readings)
             if rms(simulated) > FAR * rms(fit.residual):
+                clearance = any(fit.terms[i].effect.name == "joint_clearance" for i in fit.named())
                 self.notes.append(
                     f"With these effects {self.simulator} is {rms(simulated):.3g} times the noise off the data, the analytic model "
-                    f"{rms(fit.residual):.3g}: its pins leave their bearings or bounce, which does not repeat; the analytic explanation stands."
+                    f"{rms(fit.residual):.3g}. It moves otherwise, not a little differently"
+                    f"{' (pins that leave their bearings or bounce do that)' if clearance else ''}, so that nothing was fitted to it."
                 )
                 break
             difference = self.data.residual(self.analytic(fit)) - simulated
@@ -225,13 +230,20 @@ class Bench:
         others = self.referees.simulate([f.values(self.rig) for f in fits], self.engines[1:])
         chosen = [self.simulated(f) for f in fits]
         before, after = ({self.simulator: chosen[k]} | others[k] for k in (0, -1))
-        gap = after[self.simulator].readings
-        if explanation.verdict in ("explained", "ambiguous") and gap is not None and rms(self.data.residual(gap)) > CLOSED:
+        said = after[self.simulator].readings
+        if explanation.verdict in ("explained", "ambiguous") and (said is None or rms(self.data.residual(said)) > CLOSED):
             explanation = replace(explanation, verdict="partly explained")
         explained = altered(self.measured.mechanism, [h for h in hypothesis if not h[0].effect.sensor])
         agreement = {name: self.agreement(s, explanation.fit) for name, s in after.items()}
         angles = {run.name: self.crank_angle(run) for run in self.measured.runs}
-        stretches = locate(self.data, self.base.residual, angles)
+        between = spread(self.measured, {name: s.readings for name, s in before.items() if s.readings is not None})
+        stretches = locate(self.data, self.base.residual, angles, {key: size for key, (size, _) in between.items()})
+        self.notes += [
+            f"In run {run}, {signal} differs between {pair} by {amount(size, unit_of(signal))} (rms) on the nominal mechanism; "
+            f"deviations are listed only beyond that."
+            for (run, signal), (size, pair) in between.items()
+            if size > self.data.noise[run, signal]
+        ]
         self.progress("done", 4, 4)
         return Confirmed(explanation, explained, before, after, agreement, stretches)
 
@@ -264,14 +276,6 @@ class Bench:
             assert found is not None
             return found.motion.theta
         return self.model.motor(run, self.mechanism).at(run.time).theta
-
-
-def _rms_difference(a: np.ndarray, b: np.ndarray, signal: str) -> float:
-    d = a - b
-    if signal.endswith("_angle"):
-        d = wrapped(d)
-    d = d[np.isfinite(d)]
-    return rms(d)
 
 
 def _refuse_slips(bench: Bench) -> None:

@@ -31,7 +31,8 @@ class Simulated:
     version: str = ""
     readings: Sequence[Mapping[str, np.ndarray]] | None = None
     skipped: str | None = None
-    settings: Sequence[Mapping[str, object]] = field(default_factory=tuple)
+    settings: Sequence[Mapping[str, object]] = field(default_factory=tuple)  # of each run
+    added: Sequence[str] = ()  # effects that it lacks and gets as the analytic model's difference
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ class Rig:
     driven: tuple[str, ...]  # runs in which a motor follows a command
     following: tuple[str, ...] = ()  # runs that follow the measured crank angle
     length: float = 1.0  # m: the longest link
-    force: float = 1.0  # N: the largest reaction, or weight
+    force: float = 1.0  # N: the largest of weight, inertia force at the fastest speed, and loads
     speed: float = 1.0  # rad/s: the fastest run
     noise: Mapping[str, float] = field(default_factory=dict)  # 1-sigma by signal
 

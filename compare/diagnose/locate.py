@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from compare.diagnose.fit import Data
-from compare.diagnose.worth import correlation_time
+from compare.diagnose.measured import Measured
+from compare.diagnose.predict import wrapped
+from compare.diagnose.worth import correlation_time, rms
 
 WINDOWS = 36  # of a run, over which residuals are averaged
 SURE = 4.5  # sigmas of a window's mean
@@ -27,8 +31,13 @@ class Stretch:
     sigmas: float  # of the stretch's mean, correlation accounted for
 
 
-def locate(data: Data, residual: np.ndarray, angles: dict[str, np.ndarray]) -> list[Stretch]:
-    """Stretches where the residual (size,) is not noise, the surest first; ``angles`` are the runs' crank angles (N,) rad."""
+def locate(
+    data: Data, residual: np.ndarray, angles: Mapping[str, np.ndarray], spread: Mapping[tuple[str, str], float] | None = None
+) -> list[Stretch]:
+    """Stretches where the residual (size,) is not noise, the surest first; ``angles`` are the runs' crank angles (N,) rad.
+
+    ``spread`` (SI), by run and signal, is what the engines differ by: a stretch that is not larger is none.
+    """
     found = []
     for part in data.parts:
         run = data.measured.runs[part.run]
@@ -44,13 +53,29 @@ def locate(data: Data, residual: np.ndarray, angles: dict[str, np.ndarray]) -> l
             last = k
             while sign[k] and last + 1 < len(windows) and sign[last + 1] == sign[k]:
                 last += 1
-            if sign[k]:
-                at = np.concatenate(windows[k : last + 1])
-                mean = float(r[at].mean())
+            at = np.concatenate(windows[k : last + 1])
+            mean = float(r[at].mean())
+            if sign[k] and abs(mean) * float(sigma[0]) > (spread or {}).get((run.name, part.signal), 0.0):
                 sure = abs(mean) * math.sqrt(at.size / whiteness)
                 found.append(Stretch(run.name, part.signal, float(theta[at[0]]), float(theta[at[-1]]), mean * float(sigma[0]), sure))
             k = last + 1
     return sorted(found, key=lambda s: -s.sigmas)[:MOST]
+
+
+def spread(measured: Measured, said: Mapping[str, Sequence[Mapping[str, np.ndarray]]]) -> dict[tuple[str, str], tuple[float, str]]:
+    """Largest rms difference (SI) between two engines' readings, and which two, by run and signal."""
+    found = {}
+    for r, run in enumerate(measured.runs):
+        for signal in run.channels:
+            pairs = [(apart(said[a][r][signal], said[b][r][signal], signal), f"{a} and {b}") for a, b in combinations(said, 2)]
+            found[run.name, signal] = max(pairs, default=(0.0, ""))
+    return found
+
+
+def apart(a: np.ndarray, b: np.ndarray, signal: str) -> float:
+    """Root mean square of the difference between two readings (N,) of a signal, angles modulo a turn."""
+    d = wrapped(a - b) if signal.endswith("_angle") else a - b
+    return rms(d[np.isfinite(d)])
 
 
 def _own_correlation(r: np.ndarray) -> float:

@@ -257,7 +257,7 @@ def _thinned(where: str, run: Run, encoder: str, faults: list[Fault]) -> tuple[R
         _check_course(where, run, encoder, every)
     channels = {s: replace(c, values=_frozen(c.values[pick])) for s, c in run.channels.items()}
     thin = replace(run, time=_frozen(run.time[pick]), channels=channels)
-    text = f"run {run.name!r} has {run.time.size} samples; every {every}th is used, their noise is estimated from all"
+    text = f"run {run.name!r} has {run.time.size} samples; one in {every} is used, their noise is estimated from all"
     return thin, [*faults, *([Fault(run.name, "time", "thinned", run.time.size - thin.time.size, text)] if every > 1 else [])]
 
 
@@ -271,7 +271,7 @@ def _check_course(where: str, run: Run, encoder: str, every: int) -> None:
     error = float(np.sqrt(np.mean((CubicSpline(time[::every], values[::every])(time) - values) ** 2)))
     if error > 3 * max(channel.noise, FLOOR * float(np.ptp(values))):
         raise MeasuredError(
-            f"{where}: {run.time.size} samples are more than the {SAMPLES} that can be used, and every {every}th does not hold the "
+            f"{where}: {run.time.size} samples are more than the {SAMPLES} that can be used, and one in {every} does not hold the "
             f"motion of {encoder} ({error:.2g} rad off); cut the run into shorter ones"
         )
 

@@ -16,6 +16,7 @@ from compare.diagnose.effect import Rig
 from compare.diagnose.fit import Data
 from compare.diagnose.measured import Measured, MeasuredError, Run
 from compare.diagnose.predict import Model, StartOfRun, Term
+from compare.diagnose.quality import Fault
 from compare.diagnose.vocabulary import VOCABULARY
 
 SAMPLES = 60_000  # of all sensors together; more are thinned, evenly, for the search and the pages
@@ -31,7 +32,12 @@ def thinned(measured: Measured) -> Measured:
     runs = tuple(
         replace(r, time=r.time[::every], channels={s: replace(c, values=c.values[::every]) for s, c in r.channels.items()}) for r in measured.runs
     )
-    return replace(measured, runs=runs)
+    text = f"{{}} has {{}} samples of {{}} sensors, {total} in all runs; one in {every} is used, their noise is estimated from all"
+    faults = [
+        Fault(r.name, "time", "thinned", r.time.size - thin.time.size, text.format(f"run {r.name!r}", r.time.size, len(r.channels)))
+        for r, thin in zip(measured.runs, runs, strict=True)
+    ]
+    return replace(measured, runs=runs, faults=(*measured.faults, *faults))
 
 
 def course(run: Run, encoder: str) -> Motor:

@@ -69,8 +69,8 @@ class Referees:
     def said(self, name: str, hypothesis: Hypothesis, outcomes: Sequence[Outcome]) -> Simulated:
         """The outcomes of an engine's runs as one answer."""
         lacks = lacking(name, [t for t, _ in hypothesis])
+        what = [t.label for t in lacks] + ["links that bend"] * self.stiffer(name)
         if not self.takes(name, hypothesis):
-            what = [t.label for t in lacks] + ["links that bend"] * self.stiffer(name)
             return Simulated(name, skipped=f"cannot represent {', '.join(what)}")
         failed = next((o for o in outcomes if isinstance(o, str)), None)
         if failed is not None:
@@ -79,7 +79,7 @@ class Referees:
         readings = [o[0] for o in whole]
         if lacks or self.stiffer(name):
             readings = self.completed(readings, hypothesis, lacks)
-        return Simulated(name, whole[0][1], readings, settings=tuple(o[2] for o in whole))
+        return Simulated(name, whole[0][1], readings, settings=tuple(o[2] for o in whole), added=tuple(what))
 
     def completed(self, readings: list[dict[str, np.ndarray]], hypothesis: Hypothesis, lacks: Sequence[Term]) -> list[dict[str, np.ndarray]]:
         """Readings of an engine that lacks some effects, with the difference that these make in the analytic model."""

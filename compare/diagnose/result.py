@@ -22,6 +22,7 @@ from sim_models.engine import installed_version
 
 if TYPE_CHECKING:
     from compare.diagnose.bench import Bench, Confirmed
+    from compare.diagnose.confirm import Simulated
 
 SCHEMA = 1
 INSEPARABLE = 0.999  # cosine between two signatures
@@ -33,13 +34,15 @@ def as_result(bench: Bench, found: Confirmed, command: str) -> dict[str, Any]:
     e = found.explanation
     before, after = _gap(bench, found.before[bench.simulator]), _gap(bench, found.after[bench.simulator])
     gap = (before if before is not None else e.gap[0], after if after is not None else e.gap[1])
+    why = found.after[bench.simulator].skipped
+    failure = f"{bench.simulator} could not simulate that ({why}): the gap after is the analytic model's." if why else ""
     noise = {(bench.measured.runs[p.run].name, p.signal): float(bench.data.sigma[p.place][0]) for p in bench.data.parts if p.used.size}
     effects = [_effect(bench, e.fit, n, noise) for n in e.named]
     result: dict[str, Any] = {
         "schema": SCHEMA,
         "case": bench.mechanism.name,
         "verdict": e.verdict,
-        "statement": statement(e, gap),
+        "statement": statement(e, gap, failure),
         "simulator": {"name": bench.simulator, "version": found.before[bench.simulator].version},
         "command": command,
         "versions": _versions(found),
@@ -178,12 +181,18 @@ def _engines(bench: Bench, found: Confirmed) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = [
         {
             "name": name, "version": said.version or found.before[name].version, "agreement": _finite(found.agreement[name]),
-            "before": _gap(bench, found.before[name]), "after": _gap(bench, said), "skipped": said.skipped,
+            "before": _gap(bench, found.before[name]), "after": _gap(bench, said), "skipped": said.skipped, "added": list(said.added),
+            "settings": _settings(bench, said if said.settings else found.before[name]),
         }
         for name, said in found.after.items()
     ]  # fmt: skip
-    rows += [{"name": name, "version": "", "before": None, "after": None, "agreement": None, "skipped": why} for name, why in bench.skipped.items()]
-    return rows
+    nothing: dict[str, Any] = {"version": "", "before": None, "after": None, "agreement": None, "added": [], "settings": {}}
+    return rows + [{"name": name, **nothing, "skipped": why} for name, why in bench.skipped.items()]
+
+
+def _settings(bench: Bench, said: Simulated) -> dict[str, dict[str, Any]]:
+    """An engine's own settings, by run."""
+    return {run.name: dict(found) for run, found in zip(bench.measured.runs, said.settings, strict=False)}
 
 
 def _run(bench: Bench, found: Confirmed, r: int, run: Run) -> dict[str, Any]:
@@ -254,12 +263,7 @@ def _steps(bench: Bench, found: Confirmed, result: Mapping[str, Any]) -> list[di
         )
         if n.ties:
             name.append(f"As good: {tied(n)}. To tell them apart: {effect['would_separate']}")
-    add = [
-        f"{row['name']}: gap {row['before']:.3g} before, {row['after']:.3g} after."
-        if row["before"] is not None and row["after"] is not None
-        else f"{row['name']}: {row['skipped']}."
-        for row in result["engines"]
-    ]
+    add = [_added(row) for row in result["engines"]]
     return [
         {"title": "Measured data", "text": measured},
         {"title": "Locate", "text": located},
@@ -268,6 +272,14 @@ def _steps(bench: Bench, found: Confirmed, result: Mapping[str, Any]) -> list[di
         {"title": "Add", "text": add if e.named else ["Nothing to add."]},
         {"title": "Result", "text": [result["statement"]]},
     ]
+
+
+def _added(row: Mapping[str, Any]) -> str:
+    """What the explanation does to the gap of one engine."""
+    if row["before"] is None or row["after"] is None:
+        return f"{row['name']}: {row['skipped']}."
+    lacking = f"; it has no {', '.join(row['added'])}, and got the difference that the analytic model makes of it" if row["added"] else ""
+    return f"{row['name']}: gap {row['before']:.3g} before, {row['after']:.3g} after{lacking}."
 
 
 def _agreement(bench: Bench, found: Confirmed) -> str:

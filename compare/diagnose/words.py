@@ -27,8 +27,8 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def statement(e: Explanation, gap: tuple[float, float]) -> str:
-    """The verdict in a paragraph."""
+def statement(e: Explanation, gap: tuple[float, float], failure: str = "") -> str:
+    """The verdict in a paragraph; ``failure`` says why the simulator could not confirm it."""
     before, after = gap
     measure = f"The gap is {before:.3g} times the noise before and {after:.3g} after."
     if e.verdict == "no gap":
@@ -43,4 +43,6 @@ def statement(e: Explanation, gap: tuple[float, float]) -> str:
     if e.verdict == "ambiguous":
         ties = " ".join(f"These data would be explained as well if {tied(n)} (instead of {n.term.label})." for n in e.named if n.ties)
         return f"{what} {ties} {measure}"
+    if failure:
+        return f"{what} {measure} {failure}"
     return f"{what} {measure} Something remains that these effects do not explain."

@@ -59,6 +59,7 @@ def diagnosis_html(result: Mapping[str, Any]) -> str:
         "mechanism": toml(result["mechanism"]),
         "explained": toml(result["explained"]),
         "changes": changes(result),
+        "settings": words.settings(result),
         "band": figures.BAND,
         "css": _static("report.css") + _static("diagnosis.css"),
         "scripts": _static("chart.js") + _static("diagnosis.js"),
@@ -183,6 +184,7 @@ def _environment(result: words.Result) -> Environment:
         "spoken": lambda signal: words.spoken(result, signal),
         "sentence": lambda place: words.sentence(result, place),
         "separation": lambda effect: words.separation(effect.get("would_separate", "")),
+        "remark": words.remark,
         "sigmas": lambda value: DASH if value is None else f"{value:.0f}" if value >= 100 else number(value),
         "capital": lambda text: text[:1].upper() + text[1:],
     }

@@ -19,6 +19,7 @@ from compare.report.diagnosis_words import (
     quantity,
     sentence,
     separation,
+    settings,
     spoken,
     ties,
     worst_first,
@@ -98,6 +99,8 @@ def diagnosis_md(result: Result) -> str:
         out += ["## Data faults", "", *_table(["Run", "Signal", "Kind", "Samples", "What"], rows, (3,))]
     versions = ", ".join(f"{md(name)} {md(version)}" for name, version in result["versions"].items())
     out += ["## Provenance", "", _code(result["command"], "sh"), "", f"Versions: {versions}", ""]
+    rows = [[md(cell) for cell in row] for row in settings(result)]
+    out += _table(["Engine", "Setting", "Value (SI)"], rows, ()) if rows else []
     return "\n".join(out)
 
 

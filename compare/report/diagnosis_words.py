@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from compare.report.quantities import DASH, MINUS, Quantity, number, quantities, shown
+from compare.report.quantities import DASH, MINUS, Quantity, number, quantities, setting, shown
 
 Result = Mapping[str, Any]
 TURN = math.tau
@@ -241,3 +241,22 @@ def remaining(result: Result) -> list[str]:
     floor = 1.1 * result["gap"]["noise_floor"]
     rows = [(s["gap_after"], run["name"], name) for run in result["runs"] for name, s in run["signals"].items() if (s["gap_after"] or 0) > floor]
     return [f"{spoken(result, signal)} in run {run} still has a gap of {number(gap)}" for gap, run, signal in sorted(rows, reverse=True)]
+
+
+def remark(engine: Mapping[str, Any]) -> str:
+    """What has to be known of an engine's numbers: that it has none, or what it lacks."""
+    if engine["skipped"]:
+        return f"skipped: {engine['skipped']}"
+    return f"has no {', '.join(engine['added'])}: got the difference that the analytic model makes of it" if engine["added"] else ""
+
+
+def settings(result: Result) -> list[tuple[str, str, str]]:
+    """Engine, setting and value of every number with which an engine was set; one that differs between runs is said for each."""
+    rows = []
+    for engine in result["engines"]:
+        for name in dict.fromkeys(name for found in engine["settings"].values() for name in found):
+            values = {run: setting(found.get(name)) for run, found in engine["settings"].items()}
+            alike = len(set(values.values())) == 1
+            said = next(iter(values.values())) if alike else ", ".join(f"{value} in {run}" for run, value in values.items())
+            rows.append((engine["name"], name.replace("_", " "), said))
+    return rows

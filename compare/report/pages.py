@@ -14,7 +14,7 @@ from markupsafe import Markup
 
 from compare.report.figures import Figure
 from compare.report.linkage import explorer
-from compare.report.quantities import number, plain
+from compare.report.quantities import number, setting
 from compare.report.summary import MODELS, WORDS, Run, Summary
 
 SIGNS = {"agrees": "✓", "disagrees": "✗", "known": "≈"}
@@ -97,7 +97,7 @@ def _environment(escaping: bool) -> Environment:
     environment.filters |= {
         "number": number,
         "signed": lambda value: number(value, 3, True),
-        "setting": lambda value: plain(value, 6) if isinstance(value, float) else str(value),
+        "setting": setting,
         "md": escape_markdown,
         "md_code": _code,
         "grouped": _grouped,

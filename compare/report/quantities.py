@@ -99,3 +99,10 @@ def plain(value: float | None, digits: int = 3, sign: bool = False) -> str:
     if value is None:
         return "-"
     return f"{value:{'+' if sign else ''}.{digits}g}"
+
+
+def setting(value: Any) -> str:
+    """A setting of an engine: a number to six digits, one for each joint as ``B 0.3``."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {setting(one)}" for key, one in value.items())
+    return DASH if value is None else plain(value, 6) if isinstance(value, float) else str(value)
