@@ -295,10 +295,8 @@ def test_a_drawing_keeps_the_peaks_of_a_long_run_and_few_of_its_samples(swinging
 
 def test_settings_and_shortcomings_of_the_engines_are_said(page: str, explained: dict[str, Any]) -> None:
     text = diagnosis_md(explained)
-    for row in (
-        ("mujoco", "step", "0.0001 in slow-forward, 0.0002 in slow-reverse, 0.0003 in load-reversed"),
-        ("mujoco", "contact law", "linear spring"),
-    ):
+    steps = "0.0001 in slow-forward, 0.0002 in slow-reverse, 0.0003 in load-reversed"
+    for row in (("mujoco", "step", steps), ("mujoco", "contact law", "linear spring")):
         assert f"| {' | '.join(row)} |" in text
         assert '<tr><th scope="row">{}</th><td>{}</td><td class="words">{}</td></tr>'.format(*row) in page
     assert "has no coulomb_friction@B: got the difference that the analytic model makes of it" in page
