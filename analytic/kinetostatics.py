@@ -16,6 +16,8 @@ from analytic.kinematics import BLOCK, Motion, blocks, solve_forces
 from analytic.mechanism import MASS_CENTRE, Joint
 from analytic.structure import Structure
 
+DEAD_CENTRE = 1e-12  # rad/s (prismatic: m/s), below which a joint's rate is what rounding makes of none
+
 
 @dataclass(frozen=True)
 class Reactions:
@@ -132,9 +134,10 @@ def _torques(motion: Motion, inertia: bool) -> np.ndarray:
 
 
 def joint_law(joint: Joint, position: np.ndarray, rate: np.ndarray, moving: bool) -> np.ndarray:
-    """Torque (N.m; prismatic: force, N) of a joint's friction, damper and spring on its second body."""
+    """Torque (N.m; prismatic: force, N) of a joint's friction, damper and spring on its second body; no friction at a dead centre."""
     damping = joint.damping if moving else 0.0
-    return -joint.coulomb * np.sign(rate) - damping * rate - joint.stiffness * (position - joint.rest_angle)
+    slip = np.sign(rate) * (np.abs(rate) > DEAD_CENTRE)
+    return -joint.coulomb * slip - damping * rate - joint.stiffness * (position - joint.rest_angle)
 
 
 def _turning_work(motion: Motion, bodies: tuple[int, ...], riding: tuple[int, ...], work: np.ndarray, torque: np.ndarray) -> np.ndarray:

@@ -122,7 +122,7 @@ class Run:
     def static(self) -> Trace:
         equilibria = Equilibria(self.request, self.assembly, self.m.speed or 1.0)
         order = np.argsort(self.request.crank_angle, kind="stable")
-        found = join([equilibria.at(float(theta)) for theta in self.request.crank_angle[order]])
+        found = join([equilibria.at(equilibria.crank(float(theta))) for theta in self.request.crank_angle[order]])
         self.check(self.judge.finite(found), self.judge.joined(found), self.judge.in_assembly_mode(found, self.assembly))
         return self.report(found.rows(np.argsort(order)), found)
 

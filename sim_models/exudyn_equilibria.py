@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import newton
 
 from analytic.assembly import Assembly
 from analytic.mechanism import GROUND, Joint
@@ -15,6 +16,7 @@ from sim_models.exudyn_linkage import Linkage
 from sim_models.exudyn_record import Record
 from sim_models.start import Pose, poses
 
+STILL = 1e-12  # rad: last correction of a crank's angle behind a compliant drive
 NO_LOAD = 1e-9  # of the largest reaction: a smaller one has no direction
 
 Loads = tuple[dict[str, complex], dict[str, float], dict[str, float]]  # force at each com (N), torque on each body (N.m), force along each slide (N)
@@ -62,6 +64,20 @@ class Equilibria:
             if np.real(found.force[name][0] * np.conj(found.gap[name][0])) <= 0:
                 raise self._failure(f"the pin of joint {name} would have to be pushed, not pulled", theta)
         return found
+
+    def crank(self, theta: float) -> float:
+        """Angle (rad) at which the crank rests with the motor at ``theta``: behind by the torque over the drive's stiffness.
+
+        Raises SimulationError.
+        """
+        drive = self.m.drive
+        if drive is None or drive.stiffness is None:
+            return theta
+        stiffness = drive.stiffness
+        try:
+            return float(newton(lambda angle: angle - theta + self.at(float(angle)).drive_torque[0] / stiffness, theta, tol=STILL))
+        except RuntimeError:
+            raise self._failure(f"a drive of {stiffness:g} N.m/rad holds the crank nowhere near", theta) from None
 
     def _taken_up(self, linkage: Linkage, near: Record, theta: float) -> dict[str, complex]:
         """Gaps (m) where the reactions of a neighbouring equilibrium press every pin."""

@@ -94,7 +94,8 @@ def _at_rest(run: Run) -> tuple[Linkage, dict[str, Any]]:
     """The linkage at rest, and where its bodies are put, and loaded with what besides the mechanism's loads, to find each equilibrium."""
     equilibria = Equilibria(run.request, run.assembly, run.m.speed or 1.0)
     near = []
-    for theta in run.request.crank_angle.tolist():
+    for motor in run.request.crank_angle.tolist():
+        theta = equilibria.crank(motor)
         equilibria.at(theta)
         link, initial = equilibria.real, equilibria.real.exu.ConfigurationType.Initial
         near.append(

@@ -105,11 +105,6 @@ def played(nominal: Mechanism, run: Recording, truth: Truth) -> Mapping[str, np.
     return seen
 
 
-def rigid(m: Mechanism) -> Mechanism:
-    """A mechanism whose links do not bend, like those of the engines."""
-    return m.replace(bodies=[b.model_dump(exclude_unset=True, exclude={"youngs_modulus", "shear_modulus"}) for b in m.bodies])
-
-
 def with_speed(m: Mechanism, speed: float) -> Mechanism:
     """A mechanism that is driven at a speed (rad/s)."""
     assert m.drive is not None
@@ -140,7 +135,7 @@ def timed(cases: Sequence[str]) -> None:
     for case in cases:
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
-            measured = record(rigid(load("crank-rocker")), turns(), TRUTH[case], NOISE, folder)
+            measured = record(load("crank-rocker").rigid(), turns(), TRUTH[case], NOISE, folder)
             for others in (True, False):
                 print(f"| {case} | {row(measured, folder, others)} |", flush=True)
 
@@ -207,7 +202,7 @@ def beside_sysid() -> None:
     print("|---|---|--:|--:|---|--:|--:|--:|---|--:|")
     for pair in PAIRS:
         free = pair.case == "pendulum"
-        nominal, runs = rigid(load(pair.case)), swing() if free else turns()
+        nominal, runs = load(pair.case).rigid(), swing() if free else turns()
         noise = {"pendulum_angle": 1e-3} if free else {s: NOISE[s] for s in ("crank_angle", "follower_angle", "coupler_angle")}
         with tempfile.TemporaryDirectory() as name:
             measured = record(nominal, runs, pair.truth, noise, Path(name))

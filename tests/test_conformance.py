@@ -16,7 +16,7 @@ from analytic.mechanism_file import load
 from compare.crosscheck import Job, crosscheck
 from compare.discrepancy import load_tolerances
 from compare.grid import default_angles
-from sim_models.engine import ENGINES, JOINT_MODELS, JointModel, Motion, declared
+from sim_models.engine import ENGINES, JOINT_MODELS, JointModel, Motion, Request, declared, engine
 
 GRAVITY = (0.0, -9.81)
 
@@ -76,6 +76,24 @@ def test_an_engine_agrees_with_the_analytic_model(name: str, model: JointModel, 
         if d["verdict"] != "agrees"
     ]
     assert not differ, "; ".join(differ)
+
+
+@pytest.mark.parametrize("name", ENGINES)
+@pytest.mark.parametrize("model", ["ideal", "contact"])
+def test_a_crank_at_rest_is_behind_its_motor_by_torque_over_stiffness(name: str, model: JointModel) -> None:
+    """And the linkage is where a rigid drive would hold it with the crank there."""
+    if importlib.util.find_spec(declared(name).package) is None:
+        pytest.skip(f"{name} is not installed")
+    rigid = load("paper").with_clearances({"B": 1e-3} if model == "contact" else {})
+    drive = rigid.drive.model_dump(exclude_unset=True) | {"stiffness": 300.0}  # type: ignore[union-attr]
+    theta = np.radians([40.0, 90.0, 130.0])
+    found = engine(name).simulate(Request(rigid.replace(drive=drive), model, "static", theta)).signals
+    lag = theta - found["crank_angle"]
+    assert np.abs(lag).max() > 0.01
+    np.testing.assert_allclose(lag, found["drive_torque"] / 300.0, atol=1e-7)
+    held = engine(name).simulate(Request(rigid, model, "static", found["crank_angle"])).signals
+    for signal in ("follower_angle", "coupler_angle", "drive_torque"):
+        np.testing.assert_allclose(found[signal], held[signal], atol=1e-6)
 
 
 def test_every_case_keeps_contact_by_its_analytic_model() -> None:

@@ -38,6 +38,7 @@ REQUESTS = {
     "two gaps, backwards": Request(driven_by(PAPER.with_clearances({"A": 1e-3, "B": 5e-4}), speed=-3.0), "contact", "driven", SHORT),
     "compliant drive": Request(driven_by(PAPER, stiffness=2000.0), "spring-damper", "driven", SHORT),
     "compliant drive, backwards": Request(driven_by(PAPER, stiffness=500.0, speed=-3.0), "ideal", "driven", SHORT),
+    "compliant drive, static": Request(driven_by(PAPER, stiffness=500.0), "contact", "static", SHORT),
     "impacts": Request(ROCKER, "contact", "driven", SHORT, start="centred", lead_in=1.0),
     "released": Request(load("pendulum"), "ideal", time=np.array([0.3, 0.1, 0.5])),
     "released with a gap": Request(load("pendulum").with_clearances({"O": 5e-4}), "contact", time=np.array([0.0, 0.1, 0.2])),

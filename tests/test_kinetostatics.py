@@ -114,6 +114,14 @@ def test_the_drives_power_is_what_all_else_takes(mechanism: Mechanism, theta: np
     np.testing.assert_allclose(power, 0, atol=1e-11 * max(1.0, np.abs(found.drive_torque * omega).max()))
 
 
+@pytest.mark.parametrize("turns", [0.0, 0.5, 1.0, 1.5, -0.5])
+def test_a_slider_that_stands_at_its_dead_centre_has_no_friction(turns: float) -> None:
+    """Whichever way rounding would have it slip."""
+    rubbing = load("slider-crank").with_joint("S", friction_torque=5.0)
+    plain, rubbed = (kinetostatics(kinematics(Assembly(m), np.array([2 * np.pi * turns]), 10.0)) for m in (load("slider-crank"), rubbing))
+    np.testing.assert_allclose(rubbed.forces["S"], plain.forces["S"], atol=1e-12)
+
+
 lengths = st.floats(0.05, 0.5)
 
 
