@@ -65,6 +65,7 @@ class Bench:
     notes: list[str]
     base: Fit
     referees: Referees
+    nominal: Callable[[], dict[str, Simulated]] = dict  # what the other engines say of the nominal mechanism
     search: Search | None = None
     remembered: tuple[list[tuple[Term, dict[str, float]]], Simulated] | None = None
 
@@ -122,6 +123,7 @@ class Bench:
             if run.from_rest
         ]
         bench.widen(noise)
+        bench.nominal = bench.referees.begin(bench.base.values(rig), engines[1:])
         return bench
 
     def sees(self, bending: Mechanism) -> bool:
@@ -226,10 +228,11 @@ class Bench:
         fit = explanation.fit
         hypothesis = fit.values(self.rig)
         begin = self.base if explanation.named else fit  # free runs without a gap are released from where all of the data say
-        fits = [begin] if begin is fit else [begin, fit]
-        others = self.referees.simulate([f.values(self.rig) for f in fits], self.engines[1:])
-        chosen = [self.simulated(f) for f in fits]
-        before, after = ({self.simulator: chosen[k]} | others[k] for k in (0, -1))
+        known = begin.values(self.rig) == self.base.values(self.rig)
+        nominal = self.nominal() if known else self.referees.simulate(begin.values(self.rig), self.engines[1:])
+        before = {self.simulator: self.simulated(begin)} | nominal
+        others = nominal if begin is fit else self.referees.simulate(hypothesis, self.engines[1:])
+        after = {self.simulator: self.simulated(fit)} | others
         said = after[self.simulator].readings
         if explanation.verdict in ("explained", "ambiguous") and (said is None or rms(self.data.residual(said)) > CLOSED):
             explanation = replace(explanation, verdict="partly explained")
@@ -251,7 +254,7 @@ class Bench:
         """Every run by the chosen engine under a fit's hypothesis; the last one asked for is remembered."""
         hypothesis = fit.values(self.rig)
         if self.remembered is None or self.remembered[0] != hypothesis:
-            self.remembered = hypothesis, self.referees.simulate([hypothesis], (self.simulator,))[0][self.simulator]
+            self.remembered = hypothesis, self.referees.simulate(hypothesis, (self.simulator,))[self.simulator]
         return self.remembered[1]
 
     def analytic(self, fit: Fit) -> list[dict[str, np.ndarray]]:

@@ -1,8 +1,9 @@
-"""The engines as referees: every run under some hypotheses by some engines, in processes where there are several workers."""
+"""The engines as referees: every run under a hypothesis by some engines, in processes where there are several workers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,17 +26,29 @@ class Referees:
     chosen: str
     workers: int
 
-    def simulate(self, hypotheses: Sequence[Hypothesis], names: Sequence[str]) -> list[dict[str, Simulated]]:
-        """What each engine says under each hypothesis."""
-        plan = [(k, name, run) for k, hypothesis in enumerate(hypotheses) for name in names if self.takes(name, hypothesis) for run in self.runs]
-        outcomes = self.run([self.task(name, run, hypotheses[k]) for k, name, run in plan])
-        found: list[dict[str, Simulated]] = []
-        for k, hypothesis in enumerate(hypotheses):
-            found.append({})
-            for name in names:
-                mine = [outcome for (at, who, _), outcome in zip(plan, outcomes, strict=True) if (at, who) == (k, name)]
-                found[-1][name] = self.said(name, hypothesis, mine)
-        return found
+    def simulate(self, hypothesis: Hypothesis, names: Sequence[str]) -> dict[str, Simulated]:
+        """What each engine says under a hypothesis."""
+        tasks = self.tasks(hypothesis, names)
+        return self.answers(hypothesis, names, tasks, self.run(tasks))
+
+    def begin(self, hypothesis: Hypothesis, names: Sequence[str]) -> Callable[[], dict[str, Simulated]]:
+        """The same, under way while the caller goes on, if there are processes for it; call what is returned to wait for it."""
+        if self.workers == 1 or not names:
+            return lambda: self.simulate(hypothesis, names)
+        tasks = self.tasks(hypothesis, names)
+        background = ThreadPoolExecutor(1)
+        outcomes = background.submit(self.run, tasks)
+        background.shutdown(wait=False)
+        return lambda: self.answers(hypothesis, names, tasks, outcomes.result())
+
+    def tasks(self, hypothesis: Hypothesis, names: Sequence[str]) -> list[Task]:
+        """Every run by every engine that takes the hypothesis."""
+        return [self.task(name, run, hypothesis) for name in names if self.takes(name, hypothesis) for run in self.runs]
+
+    def answers(self, hypothesis: Hypothesis, names: Sequence[str], tasks: Sequence[Task], outcomes: Sequence[Outcome]) -> dict[str, Simulated]:
+        """What came of tasks, by engine."""
+        done = [(task.engine, outcome) for task, outcome in zip(tasks, outcomes, strict=True)]
+        return {name: self.said(name, hypothesis, [outcome for who, outcome in done if who == name]) for name in names}
 
     @property
     def runs(self) -> Sequence[Run]:
