@@ -296,9 +296,10 @@ def test_the_page_lists_what_fell_short_with_its_seed_and_the_figure_is_drawn() 
     from compare.report.svg import draw as drawn_svg
 
     results = [score(said((BIAS, [])), truth(BIAS)), score(said((GAIN, [])), truth(BIAS)) | {"seed": 4711}]
-    board = {"versions": {"mujoco": "4"}, "thresholds": thresholds(results), "by_simulator": {"mujoco": thresholds(results)}, "results": results}
+    board = {"versions": {"mujoco": "4"}, "code": "5eed", "thresholds": thresholds(results), "by_simulator": {}, "results": results}
     text = page(json.loads(json.dumps(board)))
     assert "| 4711 | wrong | explained | sensor_bias@coupler_x (30, 20.0) | sensor_gain@coupler_x |" in text
+    assert "code 5eed (a hash over" in text
     assert "<svg" in drawn_svg(figure(results))
 
 

@@ -50,15 +50,17 @@ def update(
 def check(folder: Folder = WHERE, workers: Workers = None, every: Annotated[int, typer.Option(min=1, help="One set in so many.")] = 20) -> None:
     """Do a share of the sets again; exit 1 and say which, where the outcome is worse than in the committed report."""
     with complaints():
-        from compare.scoreboard.board import run_all
+        from compare.scoreboard.board import digest, run_all
 
-        stored = {r["seed"]: r for r in read(folder / "scoreboard.json")["results"]}
+        board = read(folder / "scoreboard.json")
+        stored = {r["seed"]: r for r in board["results"]}
         wanted = sorted(stored)[::every]
         found = run_all(wanted, None, workers or cores())
         worse = [r for r in found if stored[r["seed"]]["good"] and not r["good"]]
         for r in worse:
             typer.echo(f"seed {r['seed']}: was {stored[r['seed']]['outcome']}, is {r['outcome']}")
-        typer.echo(f"{len(found)} sets, {len(worse)} worse than in {folder / 'scoreboard.json'}")
+        code = "of this very code" if board.get("code") == digest() else "of other code than this"
+        typer.echo(f"{len(found)} sets, {len(worse)} worse than in {folder / 'scoreboard.json'}, which is {code}")
     raise typer.Exit(Exit.DISAGREES if worse else Exit.AGREES)
 
 
@@ -92,13 +94,15 @@ def publish(results: list[dict[str, Any]], folder: Path) -> dict[str, Any]:
     """Write the report of these results; returns what scoreboard.json holds."""
     from compare.files import to_json, write_atomically
     from compare.report.svg import draw
-    from compare.scoreboard.board import thresholds
+    from compare.scoreboard.board import digest, thresholds
     from compare.scoreboard.page import figure, page
     from sim_models.engine import ENGINES, declared, installed_version
 
     versions = {name: installed_version(declared(name).package) for name in ENGINES}
     by_simulator = {s: thresholds(r for r in results if r.get("simulator") == s) for s in ENGINES if any(r.get("simulator") == s for r in results)}
-    board = {"schema": 1, "versions": versions, "thresholds": thresholds(results), "by_simulator": by_simulator, "results": results}
+    board = {
+        "schema": 1, "versions": versions, "code": digest(), "thresholds": thresholds(results), "by_simulator": by_simulator, "results": results,
+    }  # fmt: skip
     plain = json.loads(to_json(board))
     write_atomically(folder / "sizes.svg", draw(figure(plain["results"])))
     write_atomically(folder / "scoreboard.json", to_json(plain, indent=1) + "\n")
