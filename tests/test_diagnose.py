@@ -21,7 +21,9 @@ from compare.diagnose.effect import Effect, Parameter, Readings, Rig, Values
 from compare.diagnose.fit import Data
 from compare.diagnose.locate import locate
 from compare.diagnose.measured import Measured, MeasuredError, load_measured
+from compare.diagnose.measured_file import read_file
 from compare.diagnose.prepare import thinned
+from compare.diagnose.separate import as_toml
 from compare.diagnose.workflow import diagnose
 from compare.scoreboard.record import write_data
 from compare.scoreboard.rigs import Bench, Plan
@@ -155,6 +157,26 @@ def test_clearance_is_not_told_from_length_until_the_load_reverses() -> None:
     lifted = turn("slow-lifted", advice["drive_speed"], tuple(Load.model_validate(x) for x in advice["load"]))
     resolved = diagnosed(played(alias_rig(lifted), CLEARANCE, source="dart"))
     assert_recovered(resolved, CLEARANCE)
+
+
+@pytest.mark.parametrize("loads", [None, (), (DOWN,), (DOWN, Load(body="follower", point="B", force=(1.0, 2.0), torque=0.3))])
+def test_a_run_that_is_proposed_is_read_back_with_its_loads(loads: tuple[Load, ...] | None, tmp_path: Path) -> None:
+    run = played(alias_rig()).runs[0]
+    path = tmp_path / "measured.toml"
+    path.write_text(f'mechanism = "nominal.toml"\n{as_toml(replace(run, loads=loads))}\n', encoding="utf-8")
+    (entry,) = read_file(path).runs
+    assert (entry.drive_speed, entry.drive_angle, entry.loads) == (run.speed, run.angle, loads)
+
+
+def test_a_sensor_that_is_proposed_comes_with_the_noise_that_it_may_have() -> None:
+    """A pendulum's period has the ratio of its weight to its inertia; the force in its pivot has more."""
+    believed = load("pendulum")
+    real = believed.with_body("pendulum", inertia=1.05 * believed.bodies[0].moment_of_inertia)
+    data = released(believed, real, {"pendulum_angle": 1e-3}, [(0.8, 0.0)], np.linspace(0, 2, 80))
+    effect = one(diagnosed(data, only=("moment_of_inertia", "gravity")))
+    assert effect["ambiguous_with"]
+    assert effect["would_separate"].startswith("measure reaction_O_")
+    assert "if its noise is" in effect["would_separate"]
 
 
 CRANK_CELL = SENSORS | {"reaction_D_x": 0.01, "reaction_D_y": 0.01}

@@ -13,6 +13,8 @@ from compare.diagnose.effect import Rig
 from compare.diagnose.fit import Fit, bridged, hypothesis
 from compare.diagnose.measured import Channel, Measured, Run
 from compare.diagnose.predict import Model, wrapped
+from compare.diagnose.units import unit_of
+from compare.report.diagnosis_words import amount
 
 ENOUGH = 8.0  # sigmas between two explanations that separate them
 USEFUL = 3.0
@@ -27,6 +29,7 @@ class Trial:
 
     words: str
     run: Run
+    sensor: str = ""  # that is not there yet
 
 
 def would_separate(model: Model, noise: dict[tuple[str, str], float], one: Fit, other: Fit) -> str:
@@ -34,10 +37,11 @@ def would_separate(model: Model, noise: dict[tuple[str, str], float], one: Fit, 
     rig = model.rig
     best: tuple[float, str] = (0.0, "")
     for trial in _trials(rig, model.measured):
-        sigmas = _apart(model, noise, one, other, trial.run)
+        sigmas, sigma = _apart(model, noise, one, other, trial.run)
+        given = f", if its noise is {amount(sigma[trial.sensor], unit_of(trial.sensor))}" if sigmas and trial.sensor else ""
         if sigmas > ENOUGH:
-            return f"{trial.words} (would part them by {sigmas:.0f} sigma):\n{as_toml(trial.run)}"
-        best = max(best, (sigmas, f"{trial.words}, though only by {sigmas:.0f} sigma:\n{as_toml(trial.run)}"))
+            return f"{trial.words} (would part them by {sigmas:.0f} sigma{given}):\n{as_toml(trial.run)}"
+        best = max(best, (sigmas, f"{trial.words}, though only by {sigmas:.0f} sigma{given}:\n{as_toml(trial.run)}"))
     if best[0] > USEFUL:
         return best[1]
     return "none of the runs and sensors tried: reversed, larger or other loads, other speeds and directions, every sensor of the vocabulary"
@@ -80,7 +84,7 @@ def _trials(rig: Rig, measured: Measured) -> Iterator[Trial]:
             if signal not in rig.signals:
                 channel = Channel(signal, np.zeros(base.time.size), 0.0, False, "")
                 more = replace(base, channels={**base.channels, signal: channel})
-                yield Trial(f"measure {signal} too, in a run like {base.name!r}", more)
+                yield Trial(f"measure {signal} too, in a run like {base.name!r}", more, signal)
 
 
 def _turned(load: Load, by: complex) -> Load:
@@ -94,8 +98,8 @@ def _sensors(mechanism: Mechanism) -> list[str]:
     return [*names, "drive_torque", *(f"reaction_{j.name}_{axis}" for j in mechanism.joints for axis in "xy")]
 
 
-def _apart(model: Model, noise: dict[tuple[str, str], float], one: Fit, other: Fit, run: Run) -> float:
-    """Sigmas between two fits if the run were made too, after the second has been fitted to data and run again."""
+def _apart(model: Model, noise: dict[tuple[str, str], float], one: Fit, other: Fit, run: Run) -> tuple[float, dict[str, float]]:
+    """Sigmas between two fits if the run were made too, after the second has been fitted to data and run again; the noise taken for it."""
     trial = Model(replace(model.measured, runs=(run,)), model.rig, model.mechanism, model.courses)
     terms, scale = other.terms, []
     for t in terms:
@@ -105,10 +109,11 @@ def _apart(model: Model, noise: dict[tuple[str, str], float], one: Fit, other: F
         points += [[*other.x[:i], x + step, *other.x[i + 1 :]] for step in np.diag(scale[i])]
     found = trial([hypothesis(model.rig, one.terms, one.x), *(hypothesis(model.rig, terms, p) for p in points)])
     if found[0] is None or found[1] is None:
-        return 0.0
+        return 0.0, {}
     signals = list(run.channels)
     coarse = math.sqrt(run.time.size / max(r.time.size for r in model.measured.runs))  # fewer samples than the run would have
-    sigma = {s: _noise(s, found[0][0][s], noise) * coarse for s in signals}
+    single = {s: _noise(s, found[0][0][s], noise) for s in signals}
+    sigma = {s: coarse * size for s, size in single.items()}
 
     def stacked(readings: Sequence[dict[str, np.ndarray]]) -> np.ndarray:
         return np.concatenate([bridged(readings[0][s]) / sigma[s] for s in signals])
@@ -131,7 +136,7 @@ def _apart(model: Model, noise: dict[tuple[str, str], float], one: Fit, other: F
     jacobian = jacobian[:, norm > 0] / norm[norm > 0]
     if jacobian.shape[1]:
         apart = apart - jacobian @ np.linalg.solve(jacobian.T @ jacobian + 1e-10 * np.eye(jacobian.shape[1]), jacobian.T @ apart)
-    return float(np.linalg.norm(apart[-new.size :]))
+    return float(np.linalg.norm(apart[-new.size :])), single
 
 
 def _noise(signal: str, values: np.ndarray, noise: dict[tuple[str, str], float]) -> float:
@@ -151,6 +156,8 @@ def as_toml(run: Run) -> str:
         lines += [f"drive_speed = {run.speed!r}", f"drive_angle = {run.angle!r}"]
     else:
         lines.append(f'drive = "{run.drive}"')
+    if run.loads == ():
+        lines.append("load = []")  # none, not the mechanism's own
     for load in run.loads or ():
         lines += ["[[run.load]]", f'body = "{load.body}"', f'point = "{load.point}"', f"force = [{load.force[0]!r}, {load.force[1]!r}]"]
         lines += [f"torque = {load.torque!r}"] if load.torque else []
