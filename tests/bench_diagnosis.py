@@ -10,7 +10,6 @@ import contextlib
 import io
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -124,8 +123,7 @@ def one(measured: Path, out: Path, others: bool, workers: int) -> None:
     found = diagnose(load_measured(measured), "mujoco", others=others, workers=workers)
     diagnosed = time.perf_counter() - start
     publish(found.result, found.explained, out, json=False)
-    own, worker = (resource.getrusage(who).ru_maxrss / 1024 for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    print(json.dumps({"diagnosed": diagnosed, "own": own, "worker": worker}))
+    print(json.dumps({"diagnosed": diagnosed}))
 
 
 def timed(cases: Sequence[str]) -> None:
@@ -142,20 +140,42 @@ def timed(cases: Sequence[str]) -> None:
 
 def row(measured: Path, folder: Path, others: bool) -> str:
     """The table's cells for one case; the least of two runs counts."""
-    told, texts = [], []
+    told, texts, memory = [], [], 0.0
     for turn in range(TURNS):
         out = folder / f"{others}{turn}"
         command = [sys.executable, __file__, "one", str(measured), str(out), str(int(others)), "2"]
         start = time.perf_counter()
-        done = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ | ONE_THREAD)
-        told.append({"command": time.perf_counter() - start} | json.loads(done.stdout.splitlines()[-1]))
+        running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=os.environ | ONE_THREAD)
+        while running.poll() is None:
+            memory = max(memory, sum(held(pid) for pid in family(running.pid)))
+            time.sleep(0.1)
+        assert running.stdout is not None
+        assert running.returncode == 0, command
+        told.append({"command": time.perf_counter() - start} | json.loads(running.stdout.read().splitlines()[-1]))
         texts.append((out / "diagnosis.json").read_bytes())
     result = json.loads(texts[0])
     least = {k: min(t[k] for t in told) for k in told[0]}
-    memory = max(t["own"] + 2 * t["worker"] for t in told)
     named = ", ".join(f"{e['name']}@{e['where']}" for e in result["effects"]) or "nothing"
     cells = f"{result['verdict']}: {named}", "all" if others else "mujoco", f"{least['command']:.1f} s", f"{least['diagnosed']:.1f} s"
     return " | ".join([*cells, f"{memory:.0f} MB", "yes" if texts[0] == texts[1] else "NO"])
+
+
+def family(pid: int) -> list[int]:
+    """A process and all that it has started."""
+    found = [pid]
+    with contextlib.suppress(OSError):  # it has ended meanwhile
+        for thread in Path(f"/proc/{pid}/task").iterdir():
+            found += [one for child in (thread / "children").read_text().split() for one in family(int(child))]
+    return found
+
+
+def held(pid: int) -> float:
+    """Memory (MB) of a process, what it shares with others divided among them."""
+    try:
+        text = Path(f"/proc/{pid}/smaps_rollup").read_text()
+    except OSError:
+        return 0.0
+    return float(text.partition("\nPss:")[2].split()[0]) / 1024 if "\nPss:" in text else 0.0
 
 
 # ---------------------------------------------------------------- beside mujoco.sysid
