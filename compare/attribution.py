@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from compare.discrepancy import ANGULAR, Rule, Scales, difference
+from compare.discrepancy import ANGULAR, Rule, difference
 from compare.signals import UNITS, Kind, compared
 
 ANALYTIC = "analytic"
@@ -78,22 +78,21 @@ def odd_one_out(found: Sequence[Apart]) -> str | None:
     return counts[0][1] if counts and counts[0][0] >= 3 * counts[1][0] else None
 
 
-def attribute(runs: Sequence[Mapping[str, Any]], mechanism: Mechanism, tolerances: Mapping[str, Any]) -> dict[str, Any]:
-    """The part of a result that only several engines have: ``spread``, ``odd_one_out``, ``apart`` and ``words``.
+def attribute(judged: Sequence[tuple[Mapping[str, Any], Mapping[str, Rule]]], mechanism: Mechanism) -> dict[str, Any]:
+    """The part of a result that only several engines have: ``spread``, ``odd_one_out`` and ``words``.
 
-    ``runs`` are the result's; engines are compared within each joint model.
+    ``judged`` are the result's runs with the rules by which each was held to the analytic side; engines are compared within each
+    joint model, by the widest rule among them.
     """
+    runs = [run for run, _ in judged]
     widest: dict[str, dict[str, Any]] = {}
     apart: list[Apart] = []
     for joint_model in dict.fromkeys(run["joint_model"] for run in runs):
         group = [run for run in runs if run["joint_model"] == joint_model]
-        theta = group[0]["crank_angle"]
+        rules = [rule for run, rule in judged if run["joint_model"] == joint_model]
+        theta, analytic = group[0]["crank_angle"], group[0]["analytic"]
         for name, kind in compared(mechanism, group[0]["clearance"]).items():
-            gap = max(group[0]["clearance"].values(), default=0.0)
-            analytic = group[0]["analytic"]
-            tolerance = Rule.read(tolerances, group[0]["motion"], joint_model, kind, Scales.of(analytic, mechanism), 0.0, gap).tolerance(
-                name, analytic
-            )
+            tolerance = np.max([rule[name].tolerance(name, analytic) for rule in rules], axis=0)
             engines = {run["simulator"]["name"]: run["simulated"][name] for run in group}
             wide = spread(kind, engines, tolerance)
             if wide is None:
@@ -110,7 +109,7 @@ def attribute(runs: Sequence[Mapping[str, Any]], mechanism: Mechanism, tolerance
 
 def _words(odd: str | None, apart: Sequence[Apart], differ: bool) -> str:
     if odd is None:
-        return "they differ, and no single one stands apart" if differ else "all agree within the spread between engines"
+        return "they differ, and no single one stands apart" if differ else "all agree within the tolerances"
     worst = max((a for a in apart if a.party == odd), key=lambda a: a.share)
     name = "the analytic model" if odd == ANALYTIC else odd
     by, others = (_said(worst.kind, value) for value in (worst.by, worst.others_spread))

@@ -14,10 +14,11 @@ import numpy as np
 
 from analytic.assembly import Assembly
 from analytic.mechanism import Drive, Load, Mechanism
+from analytic.mechanism_file import load, shipped_cases
 from compare.baseline_file import NO_DIRECTION, Run
 from compare.grid import FREE_TIME, default_angles
 from compare.runs import Failure, Resolve, simulate
-from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace
+from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported
 
 ROWS = 36  # of a table, at most
 NO_FORCE = 1e-6  # of the run's largest force: a joint below it carries none
@@ -66,14 +67,15 @@ def setups(mechanism: Mechanism) -> list[Setup]:
         found.append(Setup(Request(mechanism.with_clearances({}), "ideal", "driven", theta)))
     else:
         found.append(Setup(Request(mechanism.with_clearances({}), "ideal", "driven", time=_thinned(FREE_TIME))))
-    loaded = Loaded(mechanism.clearances) if mechanism.clearances else LOADED.get(mechanism.name, Loaded({}))
+    shipped = mechanism.name in shipped_cases() and mechanism == load(mechanism.name)
+    loaded = LOADED[mechanism.name] if shipped and mechanism.name in LOADED else Loaded(mechanism.clearances)
     if loaded.clearance:
         added: dict[str, Any] = {"clearance": dict(loaded.clearance)}
         if loaded.loads:
             added["load"] = [load.model_dump(exclude_unset=True, mode="json") for load in loaded.loads]
         at_rest = mechanism.with_clearances(loaded.clearance).replace(loads=mechanism.loads + loaded.loads)
         found += [Setup(Request(at_rest, model, "static", theta), added) for model in LOOSE]
-    if mechanism.name == "crank-rocker":
+    if shipped and mechanism.name == "crank-rocker":
         found += _impacting(mechanism)
     return found
 
@@ -113,7 +115,7 @@ def simulated(mechanism: Mechanism, simulator: str, resolve: Resolve) -> tuple[s
 def _trace(engine: Engine, request: Request) -> Trace:
     outcome = simulate(engine.name, request, lambda name: engine)
     if isinstance(outcome, Failure):
-        raise SimulationError(outcome.why)
+        raise Unsupported(outcome.why) if outcome.unsupported else SimulationError(outcome.why)
     return outcome
 
 

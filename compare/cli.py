@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,7 +16,7 @@ from compare.diagnose.command import diagnose, effects
 from compare.export import export
 from compare.faults import Exit, OptionError, complaints
 from compare.listing import cases, simulators
-from compare.options import JointChoice, ModelChoice, MotionChoice, engines_named, file_name, metres_by_joint
+from compare.options import JointChoice, ModelChoice, MotionChoice, cores, engines_named, file_name, metres_by_joint, rigidly_and_evenly_driven
 from compare.progress import progress_bar
 from compare.scoreboard.command import scoreboard
 from compare.show import show
@@ -54,7 +53,7 @@ def compare(
     angles: Annotated[str | None, typer.Option(metavar="START:STOP:STEP", help="Crank angles (deg).")] = None,
     analytic: Annotated[ModelChoice, typer.Option(help="Analytic model to hold the simulation to.")] = ModelChoice.equilibrium,
     flexible: Annotated[bool, typer.Option("--flexible", help="Let bodies with youngs_modulus bend; with --motion static.")] = False,
-    tolerance: Annotated[Path | None, typer.Option(help="Tolerance file in place of the shipped one.")] = None,
+    tolerance: Annotated[Path | None, typer.Option(help="Tolerance file laid over the shipped one.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the report [reports/<case>-<simulator>].")] = None,
     json: Annotated[bool, typer.Option("--json", help="Print result.json to standard output, and nothing else there.")] = False,
     version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
@@ -81,6 +80,8 @@ def compare(
         job = _job(mechanism, simulator, joint, motion, angles, analytic, tolerances, caught, flexible)
         folder = _folder(out or Path("reports") / f"{file_name(mechanism.name)}-{simulator}")
         result = _run(job)
+        for text in result["warnings"][len(job.warnings) :]:
+            typer.echo(text, err=True)
         _publish(result, folder, json)
         _announce_failures(result)
     raise typer.Exit(Exit.AGREES if result["verdict"] == "agrees" else Exit.DISAGREES)
@@ -138,7 +139,7 @@ def _job(
     simulators = engines_named(simulator)
     if flexible:
         simulators = _with_beams(simulators, simulator, mechanism, motion)
-    mechanism = _rigidly_and_evenly_driven(mechanism)
+    mechanism = rigidly_and_evenly_driven(mechanism)
     assembly = Assembly(mechanism)
     released = mechanism.speed is None and motion is MotionChoice.driven
     if released and angles is not None:
@@ -148,7 +149,7 @@ def _job(
     return Job(
         mechanism=mechanism,
         simulators=simulators,
-        workers=len(os.sched_getaffinity(0)) if len(simulators) > 1 else 1,
+        workers=cores() if len(simulators) > 1 else 1,
         tolerances=tolerances,
         motion=motion.value,
         theta=theta[:0] if released else theta,
@@ -159,16 +160,6 @@ def _job(
         warnings=tuple(caught),
         flexible=flexible,
     )
-
-
-def _rigidly_and_evenly_driven(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with a drive as cross-checks have it; warns of what its own has besides."""
-    drive = mechanism.drive
-    for field, checks in (("stiffness", "are rigid"), ("ripple", "turn evenly")):
-        if drive is not None and getattr(drive, field) is not None:
-            warnings.warn(f"{mechanism.name}: cross-checks {checks}; drive.{field} is left out", stacklevel=3)
-            drive = drive.model_copy(update={field: None})
-    return mechanism if drive is mechanism.drive else mechanism.replace(drive=drive)
 
 
 def _with_beams(simulators: tuple[str, ...], asked: str, mechanism: Mechanism, motion: MotionChoice) -> tuple[str, ...]:

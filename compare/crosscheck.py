@@ -70,8 +70,13 @@ def crosscheck(
         outcomes[i] = outcome
         progress(f"{tasks[i][0]} {tasks[i][1].joint_model}", len(outcomes), len(tasks))
     traces = [_whole(outcomes[i], job.mechanism) for i in range(len(tasks))]
-    runs = [_run(job, sides[t.joint_model == "ideal"], t) for t in traces if isinstance(t, Trace)]
-    failures = [{"simulator": f.simulator, "joint_model": f.joint_model, "why": f.why} for f in traces if isinstance(f, Failure)]
+    failed = [f for f in traces if isinstance(f, Failure) and not f.unsupported]
+    left_out = [f.why for f in traces if isinstance(f, Failure) and f.unsupported]
+    if len(left_out) == len(tasks) or (left_out and len(job.simulators) == 1):
+        raise Unsupported(left_out[0])
+    judged = [_run(job, sides[t.joint_model == "ideal"], t) for t in traces if isinstance(t, Trace)]
+    runs = [run for run, _ in judged]
+    failures = [{"simulator": f.simulator, "joint_model": f.joint_model, "why": f.why} for f in failed]
     result: dict[str, Any] = {
         "schema": SCHEMA,
         "case": job.mechanism.name,
@@ -79,12 +84,12 @@ def crosscheck(
         "command": job.command,
         "versions": _versions(runs),
         "mechanism": job.mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json"),
-        "warnings": list(job.warnings),
+        "warnings": [*job.warnings, *(f"left out: {why}" for why in left_out)],
         "runs": runs,
         "failures": failures,
     }
     if len({run["simulator"]["name"] for run in runs}) > 1:
-        result |= attribute(runs, job.mechanism, job.tolerances)
+        result |= attribute(judged, job.mechanism)
     return result
 
 
@@ -116,15 +121,16 @@ def _whole(outcome: Trace | Failure, mechanism: Mechanism) -> Trace | Failure:
     return Failure(outcome.simulator, outcome.joint_model, f"{outcome.simulator} {outcome.joint_model}: the simulation reports no {', '.join(lacks)}")
 
 
-def _run(job: Job, side: Yardstick, trace: Trace) -> dict[str, Any]:
-    """One entry of ``runs``: both sides, flagged samples blanked on both, and the verdict."""
+def _run(job: Job, side: Yardstick, trace: Trace) -> tuple[dict[str, Any], dict[str, Rule]]:
+    """One entry of ``runs``: both sides, flagged samples blanked on both, and the verdict; and the rules by which it was judged."""
     simulated = with_derived(trace.signals, job.mechanism)
     if trace.clearance:
         simulated = with_rotations(simulated, side.ideal_angles)
     for values in simulated.values():
         values[list(side.flags)] = np.nan
     theta = trace.crank_angle if job.time is not None else job.theta
-    found = _discrepancies(job, side, trace, simulated)
+    rules = _rules(job, side, trace, simulated)
+    found = _discrepancies(job, side, trace, simulated, rules)
     run = {
         "simulator": {"name": trace.simulator, "version": trace.version},
         "joint_model": trace.joint_model,
@@ -144,21 +150,24 @@ def _run(job: Job, side: Yardstick, trace: Trace) -> dict[str, Any]:
     }
     if trace.time is not None:
         run["time"] = trace.time
-    return run
+    return run, rules
 
 
-def _discrepancies(job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.ndarray]) -> list[Discrepancy]:
+def _rules(job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.ndarray]) -> dict[str, Rule]:
+    """What each compared signal of a run may differ by."""
     clearances = dict(trace.clearance)
     give, scales = _give(trace, simulated), Scales.of(side.signals, job.mechanism)
-    known = known_differences(job.tolerances, job.mechanism.name, trace.simulator, trace.joint_model, trace.motion, job.model)
-    theta = job.theta if job.time is None else None
     rules = {}
     for name, kind in compared(job.mechanism, clearances).items():
         joint = name.removeprefix("clearance_")[:-2]
         gap = clearances.get(joint, min(clearances.values(), default=0.0))
         rules[name] = Rule.read(job.tolerances, trace.motion, trace.joint_model, kind, scales, give, gap)
-    if job.flexible:
-        rules = softened(rules, side, clearances, job.mechanism)
+    return softened(rules, side, clearances, job.mechanism) if job.flexible else rules
+
+
+def _discrepancies(job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.ndarray], rules: Mapping[str, Rule]) -> list[Discrepancy]:
+    known = known_differences(job.tolerances, job.mechanism.name, trace.simulator, trace.joint_model, trace.motion, job.model)
+    theta = job.theta if job.time is None else None
     judged = (judge(name, simulated, side.signals, rule, theta, known.get(name)) for name, rule in rules.items())
     return [one for one in judged if one is not None]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from compare.faults import OptionError, complaints
-from compare.options import JointChoice, MotionChoice, metres_by_joint
+from compare.options import JointChoice, MotionChoice, metres_by_joint, rigidly_and_evenly_driven
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
@@ -43,7 +43,7 @@ def export(
         if write is None:
             can = ", ".join(name for name in ENGINES if hasattr(declared(name), "export"))
             raise OptionError(f"--simulator {simulator}: its model cannot be exported; that of {can} can")
-        request = request_of(mechanism, joint, motion, angles)
+        request = request_of(rigidly_and_evenly_driven(mechanism), joint, motion, angles)
         folder = output_folder(out)
         with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place
             texts = {path.name: path.read_text(encoding="utf-8") for path in write(request, Path(draft))}

@@ -8,6 +8,7 @@ from analytic.assembly import Assembly, AssemblyError
 
 STEP = np.radians(5.0)
 CLEAR = np.radians(20.0)  # how far the default range keeps from a change point or the end of the crank's reach
+FARTHEST = 1e6  # deg: the crank is followed there from where it is assembled
 FREE_TIME = np.linspace(0.0, 2.0, 101)  # s, for a released linkage
 
 
@@ -23,6 +24,8 @@ def parse_angles(text: str) -> np.ndarray:
         raise GridError(f"--angles {text}: give start:stop:step in degrees, such as 20:160:5") from None
     if not (np.isfinite([start, stop, step]).all() and step > 0 and stop >= start):
         raise GridError(f"--angles {text}: stop must not be below start, and step must be positive (degrees)")
+    if max(abs(start), abs(stop)) > FARTHEST:
+        raise GridError(f"--angles {text}: a crank angle (degrees) must not be beyond {FARTHEST:g}")
     if (stop - start) / step > 1e6:
         raise GridError(f"--angles {text}: that is more than a million angles; use a larger step")
     return np.radians(start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import warnings
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -72,6 +74,21 @@ def engines_named(name: str) -> tuple[str, ...]:
     if not found:
         raise SimulatorMissing(f"no simulator is installed; run: pip install 'linkage-crosscheck[{ENGINES[0]}]'")
     return tuple(found)
+
+
+def rigidly_and_evenly_driven(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with a drive as cross-checks have it; warns of what its own has besides."""
+    drive = mechanism.drive
+    for field, checks in (("stiffness", "are rigid"), ("ripple", "turn evenly")):
+        if drive is not None and getattr(drive, field) is not None:
+            warnings.warn(f"{mechanism.name}: cross-checks {checks}; drive.{field} is left out", stacklevel=3)
+            drive = drive.model_copy(update={field: None})
+    return mechanism if drive is mechanism.drive else mechanism.replace(drive=drive)
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def file_name(name: str) -> str:

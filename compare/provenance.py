@@ -156,9 +156,11 @@ def _explained(result: Result, run: Run, quantity: Quantity, at: float) -> Itera
     unit = row.unit if row else next(si for si in (*_SI, quantity.unit.replace("·", ".")) if shown(si)[0] == quantity.unit)
     yield f"  analytic      {_both(analytic, unit)}"
     yield from (f"                {line}" for line in _analytic_source(run, quantity, result.swings))
+    if _bends(run) and not (quantity.name.startswith("reaction") or quantity.name == "drive torque"):
+        yield "                plus the elastic displacement of links and joints (Eqs. 1-7); analytic/compliance.py"
     yield from _components(run.analytic, quantity, k)
     yield f"  simulated     {_both(simulated, unit)}"
-    yield f"                sim_models/{run.simulator.name}_engine.py; {_settings(run)}"
+    yield f"                sim_models/{'exudyn_beams' if _bends(run) else f'{run.simulator.name}_engine'}.py; {_settings(run)}"
     yield from _components(run.simulated, quantity, k)
     if analytic is not None and simulated is not None:
         apart = simulated - analytic
@@ -207,6 +209,11 @@ def _analytic_source(run: Run, quantity: Quantity, swings: bool) -> Iterator[str
         yield MOTION.format("displaced" if loose else "ideal")
         if loose:
             yield f"displaced by {GAP[model]}"
+
+
+def _bends(run: Run) -> bool:
+    """Whether the links of a run were made of beams."""
+    return "links" in run.settings
 
 
 def _components(side: Samples, quantity: Quantity, k: int) -> Iterator[str]:

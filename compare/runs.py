@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from compare.sweep import Died, spread
-from sim_models.engine import Engine, Request, SimulationError, Trace, engine
+from sim_models.engine import Engine, Request, SimulationError, Trace, Unsupported, engine
 
 Resolve = Callable[[str], Engine]
 Numbered = tuple[int, str, Request]
@@ -14,19 +15,22 @@ Numbered = tuple[int, str, Request]
 
 @dataclass(frozen=True)
 class Failure:
-    """A simulation that raised; ``why`` is its sentence."""
+    """A simulation that raised; ``why`` is its sentence.  ``unsupported`` if the engine never had what it was asked for."""
 
     simulator: str
     joint_model: str
     why: str
+    unsupported: bool = False
 
 
 def simulate(simulator: str, request: Request, resolve: Resolve = engine) -> Trace | Failure:
-    """Run one request; a SimulationError becomes a Failure."""
+    """Run one request; a SimulationError or Unsupported becomes a Failure."""
     try:
         return resolve(simulator).simulate(request)
     except SimulationError as error:
         return Failure(simulator, request.joint_model, str(error))
+    except Unsupported as error:
+        return Failure(simulator, request.joint_model, str(error), unsupported=True)
 
 
 def simulate_all(tasks: Sequence[tuple[str, Request]], workers: int = 1, resolve: Resolve = engine) -> Iterator[tuple[int, Trace | Failure]]:
@@ -39,7 +43,7 @@ def simulate_all(tasks: Sequence[tuple[str, Request]], workers: int = 1, resolve
         for i, simulator, request in numbered:
             yield i, simulate(simulator, request, resolve)
         return
-    for ended in spread(_simulate, numbered, workers):
+    for ended in spread(partial(_simulate, resolve=resolve), numbered, workers):
         i, simulator, request = ended.item
         if ended.value is not None:
             yield i, ended.value
@@ -49,6 +53,6 @@ def simulate_all(tasks: Sequence[tuple[str, Request]], workers: int = 1, resolve
             raise ended.error
 
 
-def _simulate(numbered: Numbered) -> Trace | Failure:
+def _simulate(numbered: Numbered, resolve: Resolve) -> Trace | Failure:
     _, simulator, request = numbered
-    return simulate(simulator, request)
+    return simulate(simulator, request, resolve)

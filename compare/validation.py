@@ -7,7 +7,6 @@ runs again and compares the verdicts (that no number moves is what the baselines
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,6 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from compare.faults import Exit, OptionError, complaints
+from compare.options import cores
 
 validation = typer.Typer(help="The validation report of the project itself: every shipped case in every engine.", no_args_is_help=True)
 
@@ -95,7 +95,7 @@ def run_all() -> dict[str, Any]:
                 continue  # nothing to hold an impacting run to but another engine: the baselines do
             r = setup.request
             engines = tuple(n for n in names if (r.joint_model, r.motion) in declared(n).supports)
-            workers = min(len(engines), len(os.sched_getaffinity(0)))
+            workers = min(len(engines), cores())
             job = Job(r.mechanism, engines, tolerances, r.motion, r.crank_angle, r.time, r.joint_model, workers=workers)
             result = crosscheck(job)
             rows += [row(case, setup.name, run) for run in result["runs"]]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import shlex
 import shutil
 import sys
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from compare.faults import Exit, OptionError, complaints, stop
-from compare.options import JointChoice, file_name
+from compare.options import JointChoice, cores, file_name, rigidly_and_evenly_driven
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
@@ -30,7 +29,7 @@ def validity(
     at: Annotated[
         str | None, typer.Option(metavar="JOINT,...", help="Joints with the clearance [the case's, else the farthest from the ground].")
     ] = None,
-    tolerance: Annotated[Path | None, typer.Option(help="Tolerance file in place of the shipped one.")] = None,
+    tolerance: Annotated[Path | None, typer.Option(help="Tolerance file laid over the shipped one.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes [one a core].")] = None,
     dask: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster that is to do the runs.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of validity.json [reports/<case>-validity].")] = None,
@@ -46,7 +45,7 @@ def validity(
         from compare.files import output_folder
         from compare.validity_map import RPM, Grid, cells, clearance_joints, summarised
 
-        mechanism = load(case)
+        mechanism = rigidly_and_evenly_driven(load(case))
         if mechanism.speed is None:
             raise OptionError(f"--case {case}: {mechanism.name} has no drive of constant speed; a map is over its speeds, so give it one")
         joints, chosen = clearance_joints(mechanism, at)
@@ -61,7 +60,7 @@ def validity(
         )
         runs = cells(grid)
         folder = output_folder(out or Path("reports") / f"{file_name(mechanism.name)}-validity")
-        found = swept(runs, folder, workers or len(os.sched_getaffinity(0)), dask)
+        found = swept(runs, folder, workers or cores(), dask)
         result = summarised(grid, chosen, runs, found) | {"command": shlex.join(["compare", *sys.argv[1:]]), "warnings": caught}
         publish(result, folder, json)
         if all("failure" in one for one in found):

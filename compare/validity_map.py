@@ -17,7 +17,7 @@ from compare.cell import ASSUMPTIONS
 from compare.faults import OptionError
 from compare.grid import default_angles, turns_fully
 from sim_models.contact_laws import contact_parameters
-from sim_models.engine import JointModel, installed_version
+from sim_models.engine import JointModel, declared, installed_version
 
 SCHEMA = 1
 RPM = math.pi / 30  # rad/s
@@ -112,7 +112,8 @@ def _plain(mechanism: Mechanism) -> dict[str, Any]:
 
 def versions(*simulators: str) -> dict[str, str]:
     """Versions of what a result comes from."""
-    return {name: installed_version(name) or "not installed" for name in ("linkage-crosscheck", "numpy", *simulators)}
+    packages = {name: name for name in ("linkage-crosscheck", "numpy")} | {name: declared(name).package for name in simulators}
+    return {name: installed_version(package) or "not installed" for name, package in packages.items()}
 
 
 # ---------------------------------------------------------------- what they come to

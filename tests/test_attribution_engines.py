@@ -17,7 +17,7 @@ from compare.crosscheck import Job, crosscheck
 from compare.discrepancy import load_tolerances
 from compare.signals import with_derived
 from compare.yardstick import Yardstick, yardstick
-from sim_models.engine import ENGINES, Engine, Motion, Request, Trace, engine
+from sim_models.engine import ENGINES, Engine, Motion, Request, Trace, Unsupported, engine
 
 INSTALLED = tuple(name for name in ENGINES if importlib.util.find_spec(engine(name).package))
 TURN = np.radians(np.arange(0.0, 360.0, 20.0))
@@ -70,11 +70,32 @@ def test_the_printed_equation_11_stands_apart_as_the_analytic_model() -> None:
     assert result["words"].startswith("the analytic model stands apart")
 
 
+def test_what_agrees_with_its_contact_yielding_does_not_stand_apart() -> None:
+    """Contact yields by more than a tenth of a small clearance: what the verdict allows for, the attribution does too."""
+    job = Job(load("paper").with_clearances({"B": 1e-4}), INSTALLED, load_tolerances(), "static", PAPER[:3], joint_model="spring-damper")
+    result = crosscheck(job)
+    assert result["verdict"] == "agrees"
+    assert result["odd_one_out"] is None
+    assert result["words"] == "all agree within the tolerances"
+
+
+def test_an_engine_that_lacks_something_is_left_out_and_the_others_go_on() -> None:
+    rubbing = load("paper").with_joint("B", friction=0.1)
+    result = crosscheck(Job(rubbing, ("mujoco", "exudyn"), load_tolerances(), "static", PAPER[:2], joint_model="contact"))
+    assert {run["simulator"]["name"] for run in result["runs"]} == {"mujoco"}
+    (warning,) = result["warnings"]
+    assert warning.startswith("left out: exudyn")
+    assert "friction" in warning
+    assert result["failures"] == []
+    with pytest.raises(Unsupported, match="friction"):
+        crosscheck(Job(rubbing, ("exudyn",), load_tolerances(), "static", PAPER[:2], joint_model="contact"))
+
+
 def test_nobody_stands_apart_where_nothing_was_planted() -> None:
     result = crosscheck(Job(load("crank-rocker"), INSTALLED, load_tolerances(), "driven", TURN))
     assert result["verdict"] == "agrees"
     assert result["odd_one_out"] is None
-    assert result["words"] == "all agree within the spread between engines"
+    assert result["words"] == "all agree within the tolerances"
     assert set(result["spread"]["reaction_B_angle"]["between"]) <= set(INSTALLED)
 
 

@@ -38,6 +38,7 @@ BAD_INPUT = {
     "a negative clearance": (["--clearance", "B=-1e-4"], ["B=-1e-4", "0 or more"]),
     "a clearance larger than a link": (["--clearance", "B=0.5"], ["joint 'B'", "0.5", "not smaller than body"]),
     "a missing tolerance file": (["--tolerance", "none.toml"], ["--tolerance none.toml", "cannot be read"]),
+    "angles out of all bounds": (["--joint", "ideal", "--angles", "1e17:1e17:1"], ["--angles 1e17", "1e+06"]),
     "a joint model without a clearance": (["--case", "crank-rocker", "--joint", "contact"], ["contact", "--clearance"]),
 }
 
@@ -157,3 +158,19 @@ def test_a_drive_is_taken_as_rigid_and_even_and_the_user_is_told(field: str, val
     (warning,) = result["warnings"]
     assert f"drive.{field}" in warning
     assert field not in result["mechanism"]["drive"]
+
+
+def test_a_cross_check_whose_only_simulation_fails_says_so_everywhere(tmp_path: Path) -> None:
+    arguments = ["--case", "crank-rocker", "--joint", "contact", "--clearance", "B=1e-4", "--motion", "static", "--angles", "30:30:1"]
+    done = compare("--simulator", "mujoco", *arguments, "--out", "o", cwd=tmp_path)
+    assert done.returncode == 3
+    assert "Traceback" not in done.stderr
+    assert "nothing presses the pin of joint 'B'" in done.stderr
+    page, text, junit = ((tmp_path / "o" / name).read_text(encoding="utf-8") for name in ("report.html", "report.md", "junit.xml"))
+    for said in (page, text, done.stdout):
+        assert "nothing was compared" in said
+        assert "every position was compared" not in said
+    assert "No simulation" in text
+    assert 'errors="1"' in junit
+    assert "nothing presses the pin" in junit
+    assert json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))["runs"] == []

@@ -15,10 +15,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from analytic.assembly import Assembly
+from analytic.kinematics import kinematics
+from analytic.mechanism_file import load
 from compare.files import OutputError
 from compare.report import write_report
 from compare.report.figures import Axis, Figure, Series, beside, figures, thinned
-from compare.report.linkage import exaggeration, linkage_figure
+from compare.report.linkage import exaggeration, linkage_figure, parts
 from compare.report.pages import escape_markdown, script_json
 from compare.report.quantities import number, quantities
 from compare.report.summary import headline, summarise
@@ -324,3 +327,16 @@ def test_ticks_are_round_and_inside(low: float, high: float, degrees: bool, expe
 
 def test_small_axes_name_their_power_of_ten() -> None:
     assert [exponent(v) for v in (0.0, 5.0, 2e-4, 9e-7, 3e6)] == [0, 0, -6, -9, 6]
+
+
+def test_a_body_is_drawn_from_its_marker_where_its_position_is_measured() -> None:
+    """Its pins stay where its neighbours have theirs."""
+    m = load("paper")
+    marked = m.with_body("coupler", com=(0.25, 0.0), marker=(0.2, 0.0))
+    for each in (m, marked):
+        plain = each.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json")
+        (coupler,) = (body for body in parts(plain)["bodies"] if body["name"] == "coupler")
+        motion = kinematics(Assembly(each), np.array([0.5]))
+        at, turn = complex(motion.position("coupler")[0]), np.exp(1j * motion.angle("coupler")[0])
+        for joint in ("A", "B"):
+            assert at + turn * complex(*coupler["points"][joint]) == pytest.approx(complex(motion.position("coupler", joint)[0]), abs=1e-12)

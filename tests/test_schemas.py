@@ -6,6 +6,7 @@ import copy
 import json
 from collections.abc import Callable
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import jsonschema
@@ -25,6 +26,7 @@ from sim_models.engine import Motion
 SCHEMAS = sorted(p.name for p in resources.files("compare").joinpath("schemas").iterdir() if p.name.endswith(".json"))
 RESULT = json.loads(resources.files("compare").joinpath("schemas", "result.json").read_text(encoding="utf-8"))
 TOLERANCES = load_tolerances()
+REPORTS = Path(__file__).parents[1] / "reports"
 
 
 def faults(result: Any, schema: Any = RESULT) -> list[str]:
@@ -53,6 +55,16 @@ def test_a_schema_is_one_and_pins_the_version(name: str) -> None:
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     assert schema["properties"]["schema"] == {"const": 1}
     assert "schema" in schema["required"]
+
+
+COMMITTED = ["validation.json", "scoreboard/scoreboard.json", *sorted(f"{p.name}/validity.json" for p in REPORTS.glob("validity-*"))]
+
+
+@pytest.mark.parametrize("path", COMMITTED)
+def test_every_committed_report_is_what_its_schema_says(path: str) -> None:
+    name = path.rpartition("/")[2]
+    schema = json.loads(resources.files("compare").joinpath("schemas", name).read_text(encoding="utf-8"))
+    assert faults(json.loads((REPORTS / path).read_text(encoding="utf-8")), schema) == []
 
 
 CASES: dict[str, Callable[[], Any]] = {

@@ -28,9 +28,9 @@ from compare.discrepancy import load_tolerances
 from compare.grid import default_angles
 from compare.report.validity_figure import BOUNDARIES, draw
 from compare.report.validity_text import brief, percent
-from compare.validity_map import RPM, Grid, cells, clearance_joints, summarised
+from compare.validity_map import RPM, Grid, cells, clearance_joints, summarised, versions
 from planted import Planted, truth, turned
-from sim_models.engine import ENGINES, declared
+from sim_models.engine import ENGINES, declared, installed_version
 
 SCHEMA = json.loads(resources.files("compare").joinpath("schemas", "validity.json").read_text(encoding="utf-8"))
 TOLERANCES = load_tolerances()
@@ -339,3 +339,20 @@ def test_a_mechanism_file_is_mapped_like_a_shipped_case(tmp_path: Path) -> None:
     slow, fast = json.loads((tmp_path / "o" / "validity.json").read_text(encoding="utf-8"))["cells"]
     assert slow["verdict"] == "agrees"
     assert fast["verdict"] == "disagrees"
+
+
+def test_a_map_takes_the_drive_as_rigid_and_says_so(tmp_path: Path) -> None:
+    m = load("paper")
+    own = m.replace(drive=m.drive.model_copy(update={"stiffness": 2000.0}))  # type: ignore[union-attr]
+    (tmp_path / "mine.toml").write_text(dumps(own), encoding="utf-8")
+    arguments = ["--joint", "massless-link", "--speeds", "15", "--clearances", "1e-4", "--out", "o"]
+    done = validity("--case", "mine.toml", *arguments, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "drive.stiffness is left out" in done.stderr
+    found = json.loads((tmp_path / "o" / "validity.json").read_text(encoding="utf-8"))
+    assert [cell["verdict"] for cell in found["cells"]] == ["agrees"]
+    assert "stiffness" not in found["mechanism"]["drive"]
+
+
+def test_an_engine_is_listed_by_the_version_of_its_package() -> None:
+    assert all(versions(name)[name] == installed_version(declared(name).package) for name in ENGINES)

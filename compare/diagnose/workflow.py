@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Mechanism, MechanismWarning
 from compare.diagnose.bench import Bench, Progress
 from compare.diagnose.effect import Effect
 from compare.diagnose.explain import Explanation
@@ -24,6 +26,15 @@ class Diagnosis:
     explanation: Explanation
 
 
+@contextmanager
+def _trying() -> Iterator[None]:
+    """Not a word on the sizes of links that a fit only tries."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MechanismWarning)
+        yield
+
+
+@_trying()
 def diagnose(
     measured: Measured,
     simulator: str,

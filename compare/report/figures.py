@@ -62,6 +62,8 @@ class Figure:
 
 def figures(result: Mapping[str, Any], summary: Summary) -> list[Figure]:
     """Directions of the reactions, paths of the journals and differences, for the joints that the summary is about."""
+    if not result["runs"]:
+        return []
     found = [reaction_directions(result, summary, joint) for joint in summary.joints]
     found += [journal_path(result, summary, joint) for joint in summary.joints if any(_path(run, joint) for run in result["runs"])]
     found += [differences(result, summary, quantity) for quantity in summary.keys(False, result["mechanism"])]

@@ -10,7 +10,7 @@ from compare.report.svg import NOT_XML
 
 def junit(summary: Summary) -> str:
     """JUnit XML: a disagreement is a failure with its numbers, a known difference passes and says so."""
-    suites = [_suite(summary.case, run) for run in summary.runs]
+    suites = [_suite(summary.case, run) for run in summary.runs] + [_failed(summary)] * bool(summary.failures)
     root = ElementTree.Element("testsuites", _clean({"name": f"cross-check of {summary.case}", **_totals(suites)}))
     root.extend(suites)
     ElementTree.indent(root)
@@ -23,6 +23,16 @@ def _suite(case: str, run: Run) -> ElementTree.Element:
     counts = {"tests": str(len(cases)), "failures": str(failures), "errors": "0"}
     suite = ElementTree.Element("testsuite", _clean({"name": f"{run.title}, {run.motion}", **counts}))
     suite.extend(cases)
+    return suite
+
+
+def _failed(summary: Summary) -> ElementTree.Element:
+    """A suite of the runs that came to no end."""
+    count = str(len(summary.failures))
+    suite = ElementTree.Element("testsuite", {"name": "simulations that failed", "tests": count, "failures": "0", "errors": count})
+    for i, why in enumerate(summary.failures, 1):
+        case = ElementTree.SubElement(suite, "testcase", _clean({"classname": f"{summary.case}.simulation", "name": f"failure {i}", "time": "0"}))
+        ElementTree.SubElement(case, "error", _clean({"message": why, "type": "simulation"}))
     return suite
 
 

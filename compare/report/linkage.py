@@ -22,7 +22,7 @@ FACTORS = [m * 10**e for e in range(6) for m in (1, 2, 5)]
 VISIBLE = 0.12  # of a typical link's length: how large an exaggerated gap is drawn
 PREFERRED = math.radians(30.0)  # crank angle of the printed figure, the paper's own
 Result = Mapping[str, Any]
-Poses = dict[str, dict[str, Numbers]]  # body -> x, y (m, com) and angle (rad) of every sample
+Poses = dict[str, dict[str, Numbers]]  # body -> x, y (m, marker) and angle (rad) of every sample
 
 
 def explorer(result: Result, summary: Summary) -> dict[str, Any]:
@@ -31,12 +31,12 @@ def explorer(result: Result, summary: Summary) -> dict[str, Any]:
 
 
 def parts(mechanism: Mapping[str, Any]) -> dict[str, Any]:
-    """Bodies' points relative to their com, ground points and joints, as plain data (m)."""
+    """Bodies' points relative to where their position is measured (marker, else com), ground points and joints, as plain data (m)."""
     bodies = []
     for body in mechanism["body"]:
         points = {name: list(map(float, p)) for name, p in body["points"].items()}
-        com = body.get("com") or [sum(p[k] for p in points.values()) / len(points) for k in (0, 1)]
-        bodies.append({"name": body["name"], "points": {n: [p[0] - com[0], p[1] - com[1]] for n, p in points.items()}})
+        at = body.get("marker") or body.get("com") or [sum(p[k] for p in points.values()) / len(points) for k in (0, 1)]
+        bodies.append({"name": body["name"], "points": {n: [p[0] - at[0], p[1] - at[1]] for n, p in points.items()}})
     joints = [{"name": j["name"], "bodies": j["bodies"], "axis": j["axis"] if j["type"] == "prismatic" else None} for j in mechanism["joint"]]
     ground = {name: list(map(float, p)) for name, p in mechanism["ground"]["points"].items()}
     return {"bodies": bodies, "ground": ground, "joints": joints, "size": typical_length(mechanism)}
@@ -121,6 +121,8 @@ def _gap(run: Mapping[str, Any], joint: str) -> dict[str, list[Numbers]]:
 
 def linkage_figure(result: Result, summary: Summary) -> Figure | None:
     """The ideal and the displaced linkage of the first run with clearance (else the first), at one crank angle."""
+    if not result["runs"]:
+        return None
     run = next((run for run in result["runs"] if any(run["clearance"].values())), result["runs"][0])
     label, unit, factor, x = abscissa(run, result["mechanism"])
     ideal, displaced = ideal_poses(result, run), _poses(result["mechanism"], run["analytic"])

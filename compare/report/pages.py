@@ -44,7 +44,7 @@ def render(
         "models": [MODELS.get(name, name) for name in _once(run.analytic_model for run in runs if run.clearance != "none")] or ["ideal linkage"],
         "clearance": "; ".join(_once(run.clearance for run in runs if run.clearance != "none")) or "none",
         "by_engine": [(name, _worst_first(run for run in runs if run.simulator == name)) for name in _once(run.simulator for run in runs)],
-        "first_run": _worst_first(sorted(runs, key=lambda run: run.clearance == "none"))[0].index,
+        "first_run": _worst_first(sorted(runs, key=lambda run: run.clearance == "none"))[0].index if runs else None,
         "runs_with_order": _first_per_clearance(summary),
         "free": any(run.free for run in runs),
         "flagged": any(run.flags for run in runs),

@@ -194,6 +194,8 @@ def headline(runs: tuple[Run, ...], say: Callable[..., str] = number) -> str:
     known = sum(row.verdict == "known" for _, row in rows)
     judged = wrong or [(run, row) for run, row in rows if row.verdict == "agrees"]
     aside = f" {known} {'differs' if known == 1 else 'differ'} as known." if known else ""
+    if not runs:
+        return "No simulation came to its end: nothing was compared."
     if not judged:
         return f"{len(rows)} comparisons in {len(runs)} runs.{aside}"
     run, row = max(judged, key=lambda pair: pair[1].share or 0.0)

@@ -29,7 +29,8 @@ def print_table(result: Mapping[str, Any], console: Console) -> None:
         for row in (row for quantity in keys if (row := run.row(quantity.signal))):
             numbers = (plain(row.maximum, 3, True), row.quantity.unit.replace("·", "."), row.at, plain(row.rms), plain(row.tolerance))
             table.add_row(Text(f"  {row.quantity.label}"), *numbers, _word(row.verdict))
-    console.print(table)
+    if summary.runs:
+        console.print(table)
     for line in _notes(summary.runs):
         console.print(escape(line), soft_wrap=False)
     if summary.between:
@@ -45,6 +46,8 @@ def _word(verdict: str) -> Text:
 
 def _notes(runs: tuple[Run, ...]) -> list[str]:
     """Which analytic model was compared, flags, and time without contact."""
+    if not runs:
+        return []
     models = ", ".join(dict.fromkeys(run.analytic_model.replace("_", " ") for run in runs))
     notes = [f"analytic model: {models}; differences are simulated minus analytic"]
     notes += [f"{run.title}: {len(run.flags)} positions flagged, first {run.flags[0][0]}: {run.flags[0][1]}" for run in runs if run.flags]

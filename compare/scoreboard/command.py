@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import tempfile
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from compare.faults import Exit, OptionError, complaints
+from compare.options import cores
 
 scoreboard = typer.Typer(help="The diagnosis on data in which effects are hidden: scores and thresholds.", no_args_is_help=True)
 
@@ -83,11 +83,6 @@ def show(
         except Rejected as error:
             raise OptionError(f"{error}; choose another seed") from None
         typer.echo(to_json({"truth": opened(folder / "seal"), "scored": scored(folder / "data", folder / "seal")}, indent=1))
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 def publish(results: list[dict[str, Any]], folder: Path) -> dict[str, Any]:

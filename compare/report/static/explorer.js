@@ -211,5 +211,5 @@ document.querySelectorAll("[data-figure]").forEach((place, i) => {
   details.addEventListener("toggle", () => details.open && !details.querySelector("table") && tabulate(details, figure));
 });
 const root = document.getElementById("explorer");
-new Explorer(root, data.explorer, (x, unit) => charts.forEach((c) => c.figure.x.unit === unit && c.mark(x)));
+if (root) new Explorer(root, data.explorer, (x, unit) => charts.forEach((c) => c.figure.x.unit === unit && c.mark(x)));
 document.documentElement.classList.add("ready");
