@@ -246,7 +246,10 @@ def test_a_run_that_follows_an_encoder_needs_one_that_moves_and_something_beside
 def test_the_encoder_has_its_bodys_name(tmp_path: Path) -> None:
     path = rig(tmp_path)
     (tmp_path / "nominal.toml").write_text(TEXT.replace('"crank"', '"wheel"').replace("crank = 0.0", "wheel = 0.0"))
-    assert "'wheel_angle'" in refused(path)
+    assert "wheel_angle" in load_measured(path).runs[0].channels
+    text = (tmp_path / "slow.csv").read_text().replace("crank_angle", "crank_angel")
+    (tmp_path / "slow.csv").write_text(text)
+    assert "wheel_angle" in refused(path)
 
 
 def test_a_lone_constant_sensor(tmp_path: Path) -> None:

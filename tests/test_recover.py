@@ -213,7 +213,7 @@ def test_effects_sit_where_they_can_and_nowhere_else() -> None:
     assert "crank_angle" not in VOCABULARY["sensor_bias"].places(rig), "a constant error of the encoder is encoder_offset"
     assert not VOCABULARY["sensor_frame"].places(rig), "there is no load cell"
     free = Rig(load("pendulum"), ("pendulum_angle",), ("swing",), (), noise={"pendulum_angle": 1e-4})
-    for name in ("clock_offset", "encoder_offset", "drive_compliance", "speed_ripple"):
+    for name in ("clock_offset", "drive_compliance", "speed_ripple"):
         assert not VOCABULARY[name].places(free), f"{name} needs a motor"
     assert GROUND not in VOCABULARY["payload"].places(rig)
 

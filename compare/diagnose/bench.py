@@ -43,6 +43,7 @@ class Confirmed:
     before: Mapping[str, Simulated]
     after: Mapping[str, Simulated]
     agreement: Mapping[str, float]  # largest rms difference of a sensor between an engine and the analytic model, in noise
+    agreement_before: float  # the same of the chosen engine on the nominal mechanism
     stretches: Sequence[Stretch]
 
 
@@ -102,9 +103,11 @@ class Bench:
         model = Model(measured, rig, mechanism, courses)
         data = Data(measured, noise, rig.encoder, prepare.shared(measured, noise, model))
         terms = candidates(rig, vocabulary)
-        ruled_out = prepare.ruled_out(terms, only, exclude)
         bounds = prepare.bounds(rig, measured.tolerance)
-        ruled_out |= {t.key: "the tolerance leaves it no room" for t in terms if t.key not in ruled_out and not np.any(np.subtract(*bounds(t)))}
+        allowed = prepare.allowed(terms, measured.tolerance, bounds)
+        room = {t.key for t in allowed}
+        ruled_out = {t.key: "the tolerance leaves it no room" for t in terms if t.key not in room} | prepare.ruled_out(terms, only, exclude)
+        terms = [t for t in terms if t in allowed or t.key in ruled_out]  # without the variants that are too far
         fitter = Fitter(model, data, rig, bounds)
         starts = prepare.starts(measured)
         early = data.until(HORIZONS[0])
@@ -122,6 +125,8 @@ class Bench:
             for run in measured.runs
             if run.from_rest
         ]
+        if mechanism.clearances or any(t.effect.name == "joint_clearance" for t in terms):
+            bench.notes += [f"In run {run.name}, which is free, joints are taken without clearance." for run in measured.runs if run.drive == "free"]
         bench.widen(noise)
         bench.nominal = bench.referees.begin(bench.base.values(rig), engines[1:])
         return bench
@@ -156,7 +161,8 @@ class Bench:
                         f"In run {run.name}, {signal} differs between {self.simulator} and the analytic model by {amount(spread_here, unit)} (rms), "
                         f"noise {amount(noise[run.name, signal], unit)}; the noise floor is raised to {amount(floor[run.name, signal], unit)}."
                     )
-        self.data = Data(self.measured, floor, self.rig.encoder, self.data.shared)
+        raised = Data(self.measured, floor, self.rig.encoder)
+        self.data = Data(self.measured, floor, self.rig.encoder, self.data.shared * (self.data.sigma / raised.sigma)[:, None])
         self.fitter = Fitter(self.model, self.data, self.rig, self.fitter.bounds)
         self.base = self.fitter.at(self.base.terms, dict(zip(self.base.terms, self.base.x, strict=True))) or self.base
 
@@ -240,7 +246,7 @@ class Bench:
         agreement = {name: self.agreement(s, explanation.fit) for name, s in after.items()}
         angles = {run.name: self.crank_angle(run) for run in self.measured.runs}
         between = spread(self.measured, {name: s.readings for name, s in before.items() if s.readings is not None})
-        stretches = locate(self.data, self.base.residual, angles, {key: size for key, (size, _) in between.items()})
+        stretches = locate(self.data, begin.residual, angles, {key: size for key, (size, _) in between.items()})
         self.notes += [
             f"In run {run}, {signal} differs between {pair} by {amount(size, unit_of(signal))} (rms) on the nominal mechanism; "
             f"deviations are listed only beyond that."
@@ -248,7 +254,7 @@ class Bench:
             if size > self.data.noise[run, signal]
         ]
         self.progress("done", 4, 4)
-        return Confirmed(explanation, explained, before, after, agreement, stretches)
+        return Confirmed(explanation, explained, before, after, agreement, self.agreement(before[self.simulator], begin), stretches)
 
     def simulated(self, fit: Fit) -> Simulated:
         """Every run by the chosen engine under a fit's hypothesis; the last one asked for is remembered."""

@@ -106,6 +106,7 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
 def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -> tuple[Trace, dict[str, np.ndarray]]:
     """Trace and signals of a released run; what is asked of it before its first sample is what holds there."""
     assert task.start is not None
+    mechanism = mechanism.with_clearances({})
     angle, rate = task.start
     at = np.array([angle])
     assembly = Assembly(mechanism)

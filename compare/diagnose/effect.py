@@ -101,6 +101,14 @@ class Effect(ABC):
         """Smallest physical natural coordinates, (n,)."""
         return np.array([p.lowest for p in self.parameters])
 
+    def measured_by(self, i: int) -> Parameter:
+        """The reported parameter whose tolerance bounds the i-th natural coordinate."""
+        return self.parameters[min(i, len(self.parameters) - 1)]
+
+    def middle(self, variant: float) -> float:
+        """The reported parameter where the natural coordinate of a variant is zero, if a tolerance bounds it."""
+        return 0.0
+
     def blames(self, parameter: str) -> bool:
         """Whether a tolerance on a parameter bounds its natural coordinate: where that is how far the parameter is off."""
         return True

@@ -67,7 +67,8 @@ class Data:
             early = run.time <= run.time[0] + share * (run.time[-1] - run.time[0])
             cut = {s: replace(c, values=c.values[early]) for s, c in run.channels.items()}
             runs.append(replace(run, time=run.time[early], channels=cut) if run.drive == "free" else run)
-        return Data(replace(self.measured, runs=tuple(runs)), self.noise, self.encoder)
+        kept = [run.time[part.used] <= runs[part.run].time[-1] for part in self.parts if (run := self.measured.runs[part.run])]
+        return Data(replace(self.measured, runs=tuple(runs)), self.noise, self.encoder, self.shared[np.concatenate(kept)])
 
     def shifted(self, difference: np.ndarray) -> Data:
         """The same data less a difference (size,) in units of noise."""

@@ -35,13 +35,12 @@ class Signature:
         return coefficients if self.fitted else t.effect.start(rig, t.where, coefficients, t.variant)
 
 
-def candidates(rig: Rig, vocabulary: Mapping[str, Effect], allowed: Sequence[tuple[str, str]] | None = None) -> list[Term]:
+def candidates(rig: Rig, vocabulary: Mapping[str, Effect]) -> list[Term]:
     """Every effect at every place in every variant."""
     found = []
     for effect in vocabulary.values():
         for where in effect.places(rig):
-            if allowed is None or (effect.name, where) in allowed:
-                found += [Term(effect, where, variant) for variant in effect.variants(rig, where)]
+            found += [Term(effect, where, variant) for variant in effect.variants(rig, where)]
     return found
 
 

@@ -132,10 +132,11 @@ class SpeedRipple(Effect):
     parameters = (Parameter("amplitude", "rad", "angle", 0.0), Parameter("harmonic", "1", "harmonic"), Parameter("phase", "rad", "phase"))
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return ["drive"] if set(rig.driven) - set(rig.following) else []
+        uneven = rig.mechanism.drive is not None and rig.mechanism.drive.ripple is not None
+        return ["drive"] if set(rig.driven) - set(rig.following) and not uneven else []
 
-    def blames(self, parameter: str) -> bool:
-        return parameter == "amplitude"
+    def measured_by(self, i: int) -> Parameter:
+        return self.parameters[0]
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
         return [float(h) for h in HARMONICS]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -20,7 +20,8 @@ from analytic.mechanism import Load, Mechanism
 from analytic.mechanism_file import MechanismError, load, shipped_cases
 from compare.diagnose.measured_file import Entry, read_file, tolerances
 from compare.diagnose.quality import FLOOR, Fault, clipped, gaps, noise, outliers, unwrapped
-from compare.diagnose.table import ROWS, Column, MeasuredError, Table, read_table
+from compare.diagnose.table import ROWS, Column, MeasuredError, Table, canonical, read_table
+from compare.diagnose.thin import frozen, missed, picked
 from compare.diagnose.units import dimension, listed
 
 __all__ = ["Channel", "Fault", "Measured", "MeasuredError", "Run", "load_measured"]
@@ -60,7 +61,7 @@ class Run:
     """One recording: ``time`` (N,) s, strictly increasing, and channels by signal.
 
     ``speed`` (rad/s) and ``angle`` (rad, at time 0) are the command of a ``speed`` run, else None; ``start`` is the state at
-    time 0 of a ``free`` one: what was given, and for the driven body at least an estimate.  ``loads`` replace the
+    the first sample of a ``free`` one: what was given, and for the driven body at least an estimate.  ``loads`` replace the
     mechanism's; None keeps them.
     """
 
@@ -114,6 +115,8 @@ def _mechanism(path: Path, name: str) -> Mechanism:
 def _run(path: Path, entry: Entry, mechanism: Mechanism) -> tuple[Run, list[Fault]]:
     """A run and what was wrong with it."""
     where = f"{path.name}: run {entry.name!r}"
+    meant = {field: {canonical(k, mechanism): v for k, v in named.items()} for field in ("noise", "start") if (named := getattr(entry, field))}
+    entry = entry.model_copy(update=meant)
     drive, speed, angle = _command(where, entry, mechanism)
     _check_fields(where, entry, mechanism, drive)
     table = read_table(path.parent / entry.file, mechanism)
@@ -171,6 +174,9 @@ def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) 
         if name not in states:
             close = difflib.get_close_matches(name, states, n=1)
             raise MeasuredError(f"{where}: start.{name} is not a state; {f'did you mean {close[0]!r}' if close else f'use {listed(states)}'}")
+    given = entry.start or {}
+    if given and f"{mechanism.driven}_angle" not in given and not set(given) <= {f"{mechanism.driven}_angular_velocity"}:
+        raise MeasuredError(f"{where}: start has {listed(given)}; give {mechanism.driven}_angle, from which the others follow")
     try:
         mechanism.replace(loads=entry.loads or ())
     except ValidationError as error:
@@ -212,7 +218,7 @@ def _channel(entry: Entry, column: Column, table: Table, command: np.ndarray | N
         return None, faults
     if given is not None and estimate > 3 * max(given, FLOOR * float(np.ptp(present))):
         fault("noise", present.size, f"has a noise of {estimate:.3g} (SI) by its own scatter, and {given:.3g} is given; the given one is used")
-    return Channel(signal, _frozen(values), given or estimate, given is not None, column.unit), faults
+    return Channel(signal, frozen(values), given or estimate, given is not None, column.unit), faults
 
 
 def _gap_fault(run: str, time: np.ndarray) -> list[Fault]:
@@ -224,7 +230,7 @@ def _gap_fault(run: str, time: np.ndarray) -> list[Fault]:
 def _check_speed(where: str, file: str, time: np.ndarray, encoder: Channel, speed: float, angle: float) -> None:
     """The encoder does not contradict the command by a clean factor, by a multiple, or by a large angle."""
     here = np.flatnonzero(np.isfinite(encoder.values))
-    lag = 1 + here.size // 1000
+    lag = max(1, here.size // 2)  # far apart, so that a coarse encoder has moved
     found = float(np.median((encoder.values[here[lag:]] - encoder.values[here[:-lag]]) / (time[here[lag:]] - time[here[:-lag]])))
     away = float(np.median(np.remainder(encoder.values[here] - angle - speed * time[here] + math.pi, 2 * math.pi) - math.pi))
     if abs(found / speed - 1) < 0.03 and abs(away) > ASTRAY:
@@ -240,43 +246,25 @@ def _check_speed(where: str, file: str, time: np.ndarray, encoder: Channel, spee
 
 
 def _start(entry: Entry, mechanism: Mechanism, time: np.ndarray, channels: Mapping[str, Channel]) -> dict[str, float]:
-    """State at time 0: as given; left out, the driven body's from its first readings, or assembled and at rest without any."""
+    """State at the first sample: as given; left out, the driven body's from its first readings, or assembled and at rest without any."""
     angle, rate = f"{mechanism.driven}_angle", f"{mechanism.driven}_angular_velocity"
     found = {angle: mechanism.assembly[mechanism.driven], rate: 0.0}
     if angle in channels:
         here = np.flatnonzero(np.isfinite(channels[angle].values))[:ROWS]
-        _, found[rate], found[angle] = map(float, np.polyfit(time[here], channels[angle].values[here], 2))
+        _, found[rate], found[angle] = map(float, np.polyfit(time[here] - time[0], channels[angle].values[here], 2))
     return found | dict(entry.start or {})
 
 
 def _thinned(where: str, run: Run, encoder: str, faults: list[Fault]) -> tuple[Run, list[Fault]]:
-    """The run with no more than SAMPLES samples, evenly picked; noise and faults were found with all of them."""
+    """The run with about SAMPLES samples at most, evenly picked; noise and faults were found with all of them."""
     every = math.ceil(run.time.size / SAMPLES)
-    pick = slice(None, None, every)
-    if every > 1 and run.drive == "measured":
-        _check_course(where, run, encoder, every)
-    channels = {s: replace(c, values=_frozen(c.values[pick])) for s, c in run.channels.items()}
-    thin = replace(run, time=_frozen(run.time[pick]), channels=channels)
-    text = f"run {run.name!r} has {run.time.size} samples; one in {every} is used, their noise is estimated from all"
-    return thin, [*faults, *([Fault(run.name, "time", "thinned", run.time.size - thin.time.size, text)] if every > 1 else [])]
-
-
-def _check_course(where: str, run: Run, encoder: str, every: int) -> None:
-    """A drive that follows the encoder can do with every so many-th of its samples."""
-    from scipy.interpolate import CubicSpline
-
-    channel = run.channels[encoder]
-    here = np.flatnonzero(np.isfinite(channel.values))
-    time, values = run.time[here], channel.values[here]
-    error = float(np.sqrt(np.mean((CubicSpline(time[::every], values[::every])(time) - values) ** 2)))
-    if error > 3 * max(channel.noise, FLOOR * float(np.ptp(values))):
+    thin = picked(run, every)
+    if every == 1:
+        return thin, faults
+    if run.drive == "measured" and (error := missed(run, thin, encoder)) > 0:
         raise MeasuredError(
             f"{where}: {run.time.size} samples are more than the {SAMPLES} that can be used, and one in {every} does not hold the "
             f"motion of {encoder} ({error:.2g} rad off); cut the run into shorter ones"
         )
-
-
-def _frozen(values: np.ndarray) -> np.ndarray:
-    values = np.array(values, float)
-    values.flags.writeable = False
-    return values
+    text = f"run {run.name!r} has {run.time.size} samples; one in {every} is used, their noise is estimated from all"
+    return thin, [*faults, Fault(run.name, "time", "thinned", run.time.size - thin.time.size, text)]

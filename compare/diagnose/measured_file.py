@@ -87,4 +87,7 @@ def tolerances(source: str, given: Mapping[str, float | Mapping[str, float]]) ->
             close = difflib.get_close_matches(key, known, n=1)
             remedy = f"did you mean {close[0]!r}" if close else f"use a quantity ({listed(quantities)}), a parameter or effect.parameter"
             raise MeasuredError(f"{source}: tolerance.{key} is neither a quantity nor a parameter of an effect; {remedy}")
+        meant = [(effect, p) for effect, p in parameters if key in (f"{effect}.{p.name}", p.name, p.quantity)]
+        if flat[key] and meant and not any(VOCABULARY[effect].blames(p.name) for effect, p in meant):
+            raise MeasuredError(f"{source}: tolerance.{key} = {flat[key]:g} bounds nothing; give 0 to rule {meant[0][0]} out, or leave it out")
     return flat

@@ -12,11 +12,12 @@ import numpy as np
 from analytic.assembly import AssemblyError
 from analytic.drive import Motor
 from analytic.mechanism import Mechanism
-from compare.diagnose.effect import Rig
+from compare.diagnose.effect import Effect, Parameter, Rig
 from compare.diagnose.fit import Data
 from compare.diagnose.measured import Measured, MeasuredError, Run
 from compare.diagnose.predict import Model, StartOfRun, Term
 from compare.diagnose.quality import Fault
+from compare.diagnose.thin import missed, picked
 from compare.diagnose.vocabulary import VOCABULARY
 
 SAMPLES = 60_000  # of all sensors together; more are thinned, evenly, for the search and the pages
@@ -24,20 +25,21 @@ REDRAWN = 32  # courses of runs that follow a noisy encoder
 
 
 def thinned(measured: Measured) -> Measured:
-    """The measurement with no more than SAMPLES samples, every so many-th of each run."""
+    """The measurement with about SAMPLES samples at most, one in so many of each run; a course is left whole if it needs its samples."""
     total = sum(run.time.size * len(run.channels) for run in measured.runs)
     every = math.ceil(total / SAMPLES)
     if every == 1:
         return measured
-    runs = tuple(
-        replace(r, time=r.time[::every], channels={s: replace(c, values=c.values[::every]) for s, c in r.channels.items()}) for r in measured.runs
-    )
-    text = f"{{}} has {{}} samples of {{}} sensors, {total} in all runs; one in {every} is used, their noise is estimated from all"
-    faults = [
-        Fault(r.name, "time", "thinned", r.time.size - thin.time.size, text.format(f"run {r.name!r}", r.time.size, len(r.channels)))
-        for r, thin in zip(measured.runs, runs, strict=True)
-    ]
-    return replace(measured, runs=runs, faults=(*measured.faults, *faults))
+    encoder, runs, faults = f"{measured.mechanism.driven}_angle", [], list(measured.faults)
+    for run in measured.runs:
+        thin = picked(run, every)
+        if run.drive == "measured" and missed(run, thin, encoder):
+            thin = run
+        else:
+            text = f"run {run.name!r} has {run.time.size} samples of {len(run.channels)} sensors, {total} in all runs; one in {every} is used"
+            faults.append(Fault(run.name, "time", "thinned", run.time.size - thin.time.size, f"{text}, their noise is estimated from all"))
+        runs.append(thin)
+    return replace(measured, runs=tuple(runs), faults=tuple(faults))
 
 
 def course(run: Run, encoder: str) -> Motor:
@@ -114,12 +116,10 @@ def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor])
     speeds = [abs(run.speed) for run in measured.runs if run.speed]
     speeds += [float(np.abs(course.at(run.time).omega).max()) for run in measured.runs if (course := courses.get(run.name))]
     encoder = f"{mechanism.driven}_angle"
-    for run in measured.runs:
-        if run.drive == "free" and encoder in run.channels:
-            values = run.channels[encoder].values
-            speeds.append(float(np.nanmax(np.abs(np.gradient(values, run.time)))))
+    speeds += [_swiftest(run, encoder) for run in measured.runs if run.drive == "free" and encoder in run.channels]
     speed = max([*speeds, 1e-3])
-    length = max(b.length for b in mechanism.bodies)
+    arms = [abs(b.centre - b.point(name)) for b in mechanism.bodies for name in b.points]
+    length = max(b.length for b in mechanism.bodies) or max(arms) or 1.0
     weight = sum(b.mass for b in mechanism.bodies) * abs(complex(*mechanism.gravity))
     given = [load for run in measured.runs for load in (run.loads if run.loads is not None else mechanism.loads)]
     loads = [abs(complex(*load.force)) + abs(load.torque) / length for load in given]
@@ -128,6 +128,14 @@ def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor])
         mechanism, signals, tuple(r.name for r in measured.runs), tuple(r.name for r in measured.runs if r.drive != "free"),
         tuple(r.name for r in measured.runs if r.drive == "measured"), length, max(weight, inertia, *loads, 1e-9), speed, noise,
     )  # fmt: skip
+
+
+def _swiftest(run: Run, signal: str) -> float:
+    """Largest rate of an angle (rad/s), over a hundredth of the run, so that noise does not count."""
+    here = np.flatnonzero(np.isfinite(run.channels[signal].values))
+    lag = max(1, here.size // 100)
+    step = run.channels[signal].values[here[lag:]] - run.channels[signal].values[here[:-lag]]
+    return float(np.max(np.abs(step / (run.time[here[lag:]] - run.time[here[:-lag]])), initial=0.0))
 
 
 def unturned(measured: Measured, model: Model, starts: Mapping[Term, np.ndarray]) -> Measured:
@@ -171,11 +179,27 @@ def bounds(rig: Rig, tolerance: Mapping[str, float]) -> Callable[[Term], tuple[n
         low = np.array(effect.lowest(rig, term.where, term.variant), float)
         high = np.full(low.size, math.inf)
         for i in range(low.size):
-            p = effect.parameters[min(i, len(effect.parameters) - 1)]
-            for key in (f"{effect.name}.{p.name}", p.name, p.quantity):
-                if key in tolerance and effect.blames(p.name):
-                    low[i], high[i] = max(low[i], -tolerance[key]), tolerance[key]
-                    break
+            p = effect.measured_by(i)
+            limit = _limit(effect, p, tolerance)
+            if limit is not None and effect.blames(p.name):
+                middle = effect.middle(term.variant)
+                low[i], high[i] = max(low[i], -limit - middle), limit - middle
         return low, high
 
     return bounds
+
+
+def _limit(effect: Effect, p: Parameter, tolerance: Mapping[str, float]) -> float | None:
+    """The tolerance on a parameter, the most particular one."""
+    return next((tolerance[key] for key in (f"{effect.name}.{p.name}", p.name, p.quantity) if key in tolerance), None)
+
+
+def allowed(terms: Sequence[Term], tolerance: Mapping[str, float], bounds: Callable[[Term], tuple[np.ndarray, np.ndarray]]) -> list[Term]:
+    """The terms to which the tolerances leave room: not of an effect whose first parameter has none, nor a variant beyond them."""
+
+    def has_room(term: Term) -> bool:
+        low, high = bounds(term)
+        inside = bool(np.all(low <= 0) and np.all(high >= 0))
+        return _limit(term.effect, term.effect.parameters[0], tolerance) != 0 and inside and bool(np.any(high > low))
+
+    return [term for term in terms if has_room(term)]

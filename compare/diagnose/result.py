@@ -15,7 +15,7 @@ from compare.diagnose.measured import Run
 from compare.diagnose.predict import Term
 from compare.diagnose.separate import would_separate
 from compare.diagnose.units import unit_of
-from compare.diagnose.words import named, statement, tied
+from compare.diagnose.words import finite, named, statement, tied
 from compare.diagnose.worth import rms
 from compare.report.diagnosis_words import sentence
 from sim_models.engine import installed_version
@@ -85,15 +85,11 @@ def _gap(bench: Bench, said: Any) -> float | None:
     return None if said.readings is None else rms(bench.data.residual(said.readings))
 
 
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
 def _effect(bench: Bench, fit: Fit, n: Named, noise: dict[tuple[str, str], float]) -> dict[str, Any]:
     return {
         "name": n.term.effect.name,
         "where": n.term.where,
-        "parameters": {p: {"value": i.value, "unit": i.unit, "low": _finite(i.low), "high": _finite(i.high)} for p, i in n.parameters.items()},
+        "parameters": {p: {"value": i.value, "unit": i.unit, "low": finite(i.low), "high": finite(i.high)} for p, i in n.parameters.items()},
         "gap_before": n.gap[0],
         "gap_after": n.gap[1],
         "held_out_before": n.held_out[0],
@@ -180,7 +176,7 @@ def _inseparable(bench: Bench) -> list[list[Any]]:
 def _engines(bench: Bench, found: Confirmed) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = [
         {
-            "name": name, "version": said.version or found.before[name].version, "agreement": _finite(found.agreement[name]),
+            "name": name, "version": said.version or found.before[name].version, "agreement": finite(found.agreement[name]),
             "before": _gap(bench, found.before[name]), "after": _gap(bench, said), "skipped": said.skipped, "added": list(said.added),
             "settings": _settings(bench, said if said.settings else found.before[name]),
         }
@@ -249,7 +245,7 @@ def _steps(bench: Bench, found: Confirmed, result: Mapping[str, Any]) -> list[di
     visible = sum(c["status"] not in ("invisible", "excluded") for c in result["candidates"])
     isolated = [
         f"{len(result['candidates'])} effects at their places were considered, {visible} of them would show in these data; their signatures come "
-        f"from the analytic model, which agrees with {bench.simulator} on the nominal mechanism within {_agreement(bench, found)} of the noise.",
+        f"from the analytic model, which agrees with {bench.simulator} on the nominal mechanism within {found.agreement_before:.2g} of the noise.",
         *bench.notes,
     ]
     if result["inseparable"]:
@@ -280,9 +276,3 @@ def _added(row: Mapping[str, Any]) -> str:
         return f"{row['name']}: {row['skipped']}."
     lacking = f"; it has no {', '.join(row['added'])}, and got the difference that the analytic model makes of it" if row["added"] else ""
     return f"{row['name']}: gap {row['before']:.3g} before, {row['after']:.3g} after{lacking}."
-
-
-def _agreement(bench: Bench, found: Confirmed) -> str:
-    said = found.before[bench.simulator]
-    value = bench.agreement(said, found.explanation.base)
-    return f"{value:.2g}"

@@ -12,7 +12,7 @@ from compare.diagnose.units import unit_of
 
 
 class EncoderOffset(Effect):
-    """A constant error of the motor's encoder; one value, or one for each run (``offset@run``).
+    """A constant error of the driven body's angle, the motor's encoder; one value, or one for each run (``offset@run``).
 
     In a run that follows the encoder the motor is at column minus offset, so the offset moves the whole linkage.
     """
@@ -23,20 +23,20 @@ class EncoderOffset(Effect):
     each_run = 1.0  # the variant with a value of its own for each run
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return [rig.encoder] if rig.encoder in rig.signals and rig.driven else []
+        return [rig.encoder] if rig.encoder in rig.signals else []
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
-        return (0.0, self.each_run) if len(rig.driven) > 1 else (0.0,)
+        return (0.0, self.each_run) if len(rig.runs) > 1 else (0.0,)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-5,) * (len(rig.driven) if variant == self.each_run else 1)
+        return (1e-5,) * (len(rig.runs) if variant == self.each_run else 1)
 
     def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
         return np.full(len(self.scales(rig, where, variant)), -math.inf)
 
     def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
         if variant == self.each_run:
-            return {f"offset@{run}": float(v) for run, v in zip(rig.driven, x, strict=True)}
+            return {f"offset@{run}": float(v) for run, v in zip(rig.runs, x, strict=True)}
         return {"offset": float(x[0])}
 
     def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
@@ -121,6 +121,9 @@ class SensorFrame(Effect):
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
         return (0.0, math.pi / 2, math.pi, -math.pi / 2)
+
+    def middle(self, variant: float) -> float:
+        return variant
 
     def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
         return {"rotation": float(x[0]) + variant}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -14,6 +16,7 @@ from compare.diagnose.fit import Fit, bridged, hypothesis
 from compare.diagnose.measured import Channel, Measured, Run
 from compare.diagnose.predict import Model, wrapped
 from compare.diagnose.units import unit_of
+from compare.options import file_name
 from compare.report.diagnosis_words import amount
 
 ENOUGH = 8.0  # sigmas between two explanations that separate them
@@ -31,20 +34,29 @@ class Trial:
     run: Run
     sensor: str = ""  # that is not there yet
 
+    def as_toml(self, measured: Measured) -> str:
+        """The run as a [[run]] of measured.toml, under a name that no run has yet."""
+        name = f"{self.run.name}-with-{self.sensor}" if self.sensor else self.run.name
+        taken = {run.name for run in measured.runs} | {run.file.removesuffix(".csv") for run in measured.runs}
+        return as_toml(replace(self.run, name=next(n for k in itertools.count(1) if (n := name if k == 1 else f"{name}-{k}") not in taken)))
+
 
 def would_separate(model: Model, noise: dict[tuple[str, str], float], one: Fit, other: Fit) -> str:
     """The first run or sensor that would tell two fits apart by ENOUGH sigmas, or what came nearest."""
     rig = model.rig
     best: tuple[float, str] = (0.0, "")
+    tried: list[str] = []
     for trial in _trials(rig, model.measured):
         sigmas, sigma = _apart(model, noise, one, other, trial.run)
         given = f", if its noise is {amount(sigma[trial.sensor], unit_of(trial.sensor))}" if sigmas and trial.sensor else ""
         if sigmas > ENOUGH:
-            return f"{trial.words} (would part them by {sigmas:.0f} sigma{given}):\n{as_toml(trial.run)}"
-        best = max(best, (sigmas, f"{trial.words}, though only by {sigmas:.0f} sigma{given}:\n{as_toml(trial.run)}"))
+            return f"{trial.words} (would part them by {sigmas:.0f} sigma{given}):\n{trial.as_toml(model.measured)}"
+        tried += [trial.words] if not trial.sensor else []
+        best = max(best, (sigmas, f"{trial.words}, though only by {sigmas:.0f} sigma{given}:\n{trial.as_toml(model.measured)}"))
     if best[0] > USEFUL:
         return best[1]
-    return "none of the runs and sensors tried: reversed, larger or other loads, other speeds and directions, every sensor of the vocabulary"
+    sensors = "any further position, angle, reaction (x, y) or drive torque in a run like the first"
+    return f"none of the runs and sensors tried would: {'; '.join([*tried, sensors])}"
 
 
 def _trials(rig: Rig, measured: Measured) -> Iterator[Trial]:
@@ -149,9 +161,13 @@ def _noise(signal: str, values: np.ndarray, noise: dict[tuple[str, str], float])
     return max(SHARE * float(np.nanmax(np.abs(values))), 1e-9)
 
 
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)  # which is a string of TOML too
+
+
 def as_toml(run: Run) -> str:
     """A run as a [[run]] of measured.toml."""
-    lines = ["[[run]]", f'name = "{run.name}"', f'file = "{run.name}.csv"']
+    lines = ["[[run]]", f"name = {_quoted(run.name)}", f"file = {_quoted(file_name(run.name) + '.csv')}"]
     if run.drive == "speed":
         lines += [f"drive_speed = {run.speed!r}", f"drive_angle = {run.angle!r}"]
     else:
@@ -159,6 +175,6 @@ def as_toml(run: Run) -> str:
     if run.loads == ():
         lines.append("load = []")  # none, not the mechanism's own
     for load in run.loads or ():
-        lines += ["[[run.load]]", f'body = "{load.body}"', f'point = "{load.point}"', f"force = [{load.force[0]!r}, {load.force[1]!r}]"]
+        lines += ["[[run.load]]", f"body = {_quoted(load.body)}", f"point = {_quoted(load.point)}", f"force = [{load.force[0]!r}, {load.force[1]!r}]"]
         lines += [f"torque = {load.torque!r}"] if load.torque else []
     return "\n".join(lines)

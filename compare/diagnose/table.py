@@ -124,7 +124,7 @@ def _column(name: str, k: int, cell: str, mechanism: Mechanism) -> Column:
     found = re.fullmatch(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?", cell)
     if found is None or not found[1]:
         raise MeasuredError(f"{name}: line 1: column {k} is {cell!r}; write 'signal [unit]', such as 'crank_angle [deg]'")
-    signal, unit = found[1], (found[2] or "").strip()
+    signal, unit = canonical(found[1], mechanism), (found[2] or "").strip()
     if signal != "time" and signal not in readable(mechanism):
         raise MeasuredError(f"{name}: line 1: column {k}, {signal!r}, is not a signal of {mechanism.name!r}; {suggestion(signal, mechanism)}")
     try:
@@ -133,10 +133,14 @@ def _column(name: str, k: int, cell: str, mechanism: Mechanism) -> Column:
         raise MeasuredError(f"{name}: line 1: column {k}, {signal!r}, has {error}") from None
 
 
+def canonical(signal: str, mechanism: Mechanism) -> str:
+    """``crank_angle`` stands for the driven body's angle, ``crank_angular_velocity`` for its rate, unless another body is called crank."""
+    body, _, part = signal.partition("_")
+    return f"{mechanism.driven}_{part}" if body == "crank" and body not in mechanism.moving and part in ("angle", "angular_velocity") else signal
+
+
 def suggestion(signal: str, mechanism: Mechanism) -> str:
     """What a signal that the mechanism does not have was probably meant to be."""
-    if signal == "crank_angle":
-        return f"the driven body's angle is '{mechanism.driven}_angle'"
     close = difflib.get_close_matches(signal, ["time", *readable(mechanism)], n=1)
     return f"did you mean {close[0]!r}" if close else f"its signals are {listed(readable(mechanism))}"
 

@@ -12,7 +12,7 @@ def named(n: Named) -> str:
     """A named effect in a sentence, its parameters with their 95 % intervals."""
     values = []
     for p, i in n.parameters.items():
-        name, value, interval = parameter(p, {"value": i.value, "unit": i.unit, "low": _finite(i.low), "high": _finite(i.high)})
+        name, value, interval = parameter(p, {"value": i.value, "unit": i.unit, "low": finite(i.low), "high": finite(i.high)})
         values.append(f"{name} {value}" + (f" (95 %: {interval})" if i.low < i.high else ""))
     text = f"{says(*n.term.key)}: {'; '.join(values)}."
     return text[0].upper() + text[1:]
@@ -23,7 +23,8 @@ def tied(n: Named) -> str:
     return "; or ".join(says(*t.key) for t, _ in n.ties)
 
 
-def _finite(value: float) -> float | None:
+def finite(value: float) -> float | None:
+    """A number as JSON can have it."""
     return value if math.isfinite(value) else None
 
 

@@ -28,7 +28,6 @@ STATUS = {
     "not physical": "not physical",
     "invisible": "not visible in these data",
     "excluded": "ruled out",
-    "unsupported": "not supported",
 }
 
 
@@ -185,6 +184,7 @@ def _environment(result: words.Result) -> Environment:
         "sentence": lambda place: words.sentence(result, place),
         "separation": lambda effect: words.separation(effect.get("would_separate", "")),
         "remark": words.remark,
+        "simulated_by": words.simulated_by,
         "sigmas": lambda value: DASH if value is None else f"{value:.0f}" if value >= 100 else number(value),
         "capital": lambda text: text[:1].upper() + text[1:],
     }

@@ -20,10 +20,12 @@ from compare.report.diagnosis_words import (
     sentence,
     separation,
     settings,
+    simulated_by,
     spoken,
     ties,
     worst_first,
 )
+from compare.report.pages import code_block
 from compare.report.pages import escape_markdown as md
 from compare.report.quantities import DASH, MINUS, SUPERSCRIPT, TIMES, number
 
@@ -46,7 +48,9 @@ def terminal_lines(result: Result) -> list[str]:
     for group in ties(result):
         out += _effect_lines(result, group)
     gap = result["gap"]
-    out.append(f"gap: {number(gap['before'])} before, {number(gap['after'])} after, noise floor {number(gap['noise_floor'])} ({_simulator(result)})")
+    out.append(
+        f"gap: {number(gap['before'])} before, {number(gap['after'])} after, noise floor {number(gap['noise_floor'])} ({simulated_by(result)})"
+    )
     others = [f"{name} {number(g['before'])} before, {number(g['after'])} after" for name, g in result["other_simulators"].items()]
     out += [f"gap elsewhere: {'; '.join(others)}"] if others else []
     places = worst_first(result)
@@ -69,10 +73,6 @@ def _effect_lines(result: Result, group: Sequence[Mapping[str, Any]]) -> list[st
     return out
 
 
-def _simulator(result: Result) -> str:
-    return f"{result['simulator']['name']} {result['simulator']['version']}".strip()
-
-
 def _others(count: int) -> str:
     return f"and in {count} other place{'s' if count > 1 else ''}"
 
@@ -91,14 +91,14 @@ def diagnosis_md(result: Result) -> str:
     gap = result["gap"]
     shrinks = f"{number(gap['before'])} before → {number(gap['after'])} after (noise floor {number(gap['noise_floor'])})"
     out = [f"# {SIGNS[result['verdict']]} Diagnosis of {md(result['case'])}: {result['verdict']}", "", md(result["statement"]), ""]
-    out += [f"- Gap (rms of residual over noise): {shrinks}, simulated by {md(_simulator(result))}"]
+    out += [f"- Gap (rms of residual over noise): {shrinks}, simulated by {md(simulated_by(result))}"]
     out += [f"- In {md(name)}: {number(g['before'])} before → {number(g['after'])} after" for name, g in result["other_simulators"].items()]
     out += ["", *_effects(result), *_next(result), *_located(result), *_gaps(result)]
     if result["faults"]:
         rows = [[md(f["run"]), md(spoken(result, f["signal"])), md(f["kind"]), str(f["samples"]), md(f["text"])] for f in result["faults"]]
         out += ["## Data faults", "", *_table(["Run", "Signal", "Kind", "Samples", "What"], rows, (3,))]
     versions = ", ".join(f"{md(name)} {md(version)}" for name, version in result["versions"].items())
-    out += ["## Provenance", "", _code(result["command"], "sh"), "", f"Versions: {versions}", ""]
+    out += ["## Provenance", "", code_block(result["command"], "sh"), "", f"Versions: {versions}", ""]
     rows = [[md(cell) for cell in row] for row in settings(result)]
     out += _table(["Engine", "Setting", "Value (SI)"], rows, ()) if rows else []
     return "\n".join(out)
@@ -130,7 +130,7 @@ def _next(result: Result) -> list[str]:
     out = ["## What to do next", "", *(f"- {md(step)}" for step in next_steps(result)), ""]
     for group in ties(result):
         block = separation(group[0].get("would_separate", ""))[1]
-        out += [_code(block, "toml"), ""] if block else []
+        out += [code_block(block, "toml"), ""] if block else []
     return out
 
 
@@ -158,9 +158,3 @@ def _gaps(result: Result) -> list[str]:
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int]) -> list[str]:
     rule = ["--:" if i in right else "---" for i in range(len(head))]
     return [*("| " + " | ".join(cells) + " |" for cells in (head, rule, *rows)), ""]
-
-
-def _code(text: str, language: str) -> str:
-    """A code block whose fence is longer than any run of backticks in it."""
-    fence = "`" * max(3, 1 + max((len(run) for run in re.findall("`+", text)), default=0))
-    return f"{fence}{language}\n{text}\n{fence}"

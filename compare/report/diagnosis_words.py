@@ -160,9 +160,9 @@ def _direction(result: Result, place: Mapping[str, Any]) -> str:
     if run is None or signal is None:
         return "too high" if place["size"] > 0 else "too low"
     low, high = sorted((place["crank_angle_from"], place["crank_angle_to"]))
-    inside = [i for i, angle in enumerate(run["crank_angle"]) if high - low >= TURN or (angle - low) % TURN <= high - low]
-    apart = [m - b for i in inside if (m := signal["measured"][i]) is not None and (b := signal["before"][i]) is not None]
-    above = sum(apart) > 0 if apart else place["size"] > 0
+    inside = [i for i, angle in enumerate(run["crank_angle"]) if low <= angle <= high]
+    inside = inside or [i for i, angle in enumerate(run["crank_angle"]) if (angle - low) % TURN <= high - low]  # said of another turn
+    above = place["size"] > 0
     way = _way(signal["before"], inside) if quantity(result, place["signal"]).name == "angle" else 0
     if way:
         return "early" if above == (way > 0) else "late"
@@ -226,7 +226,8 @@ def next_steps(result: Result) -> list[str]:
             steps.append(f"Separate {tied}: {words.rstrip(':.') or 'no run of these sensors can'}.")
     if verdict in ("explained", "partly explained"):
         steps += [f"Confirm {phrase(result, e['name'], e['where'])} at the rig: expect {_values(e)}." for e in result["effects"]]
-        steps.append("Use explained.toml in place of the nominal mechanism.")
+        if result["explained"] != result["mechanism"]:
+            steps.append("Use explained.toml in place of the nominal mechanism.")
     if verdict in ("partly explained", "unexplained"):
         steps += [f"Look for what is outside the vocabulary: {rest}." for rest in remaining(result)[:3]]
     return steps
@@ -241,6 +242,13 @@ def remaining(result: Result) -> list[str]:
     floor = 1.1 * result["gap"]["noise_floor"]
     rows = [(s["gap_after"], run["name"], name) for run in result["runs"] for name, s in run["signals"].items() if (s["gap_after"] or 0) > floor]
     return [f"{spoken(result, signal)} in run {run} still has a gap of {number(gap)}" for gap, run, signal in sorted(rows, reverse=True)]
+
+
+def simulated_by(result: Result) -> str:
+    """Which engine the gaps are of; where it could not simulate the explanation, that the gap after is not."""
+    name = f"{result['simulator']['name']} {result['simulator']['version']}".strip()
+    failed = any(engine["name"] == result["simulator"]["name"] and engine["skipped"] for engine in result["engines"])
+    return f"{name}, after: the analytic model, as {result['simulator']['name']} failed" if failed else name
 
 
 def remark(engine: Mapping[str, Any]) -> str:

@@ -78,10 +78,10 @@ def escape_markdown(text: str) -> str:
     return re.sub(r"([\\`*_\[\]|<>&#~!$@])", r"\\\1", re.sub(r"\s+", " ", str(text)))
 
 
-def _code(text: str) -> str:
+def code_block(text: str, language: str = "sh") -> str:
     """A code block whose fence is longer than any run of backticks in it."""
     fence = "`" * max(3, 1 + max((len(run) for run in re.findall("`+", text)), default=0))
-    return f"{fence}sh\n{text}\n{fence}"
+    return f"{fence}{language}\n{text}\n{fence}"
 
 
 def _grouped(flags: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
@@ -99,7 +99,7 @@ def _environment(escaping: bool) -> Environment:
         "signed": lambda value: number(value, 3, True),
         "setting": setting,
         "md": escape_markdown,
-        "md_code": _code,
+        "md_code": code_block,
         "grouped": _grouped,
     }
     return environment
