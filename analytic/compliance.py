@@ -194,9 +194,9 @@ class _Structure:
         """Torque (N.m; prismatic: force, N) of a joint's spring, friction and damper on its second body."""
         m = self.motion
         if joint.prismatic:
-            return joint_law(joint, *m.travel(joint.name), moving=inertia)
+            return joint_law(joint, *m.travel(joint.name), m.rates[0], moving=inertia)
         first, second = joint.bodies
-        return joint_law(joint, m.angle(second) - m.angle(first), m.angular_velocity(second) - m.angular_velocity(first), moving=inertia)
+        return joint_law(joint, m.angle(second) - m.angle(first), m.angular_velocity(second) - m.angular_velocity(first), m.rates[0], moving=inertia)
 
     def solve(self, block: slice, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Displacements (N, n) and strain energy (N,) of a block of crank angles."""

@@ -16,7 +16,7 @@ from analytic.kinematics import BLOCK, Motion, blocks, solve_forces
 from analytic.mechanism import MASS_CENTRE, Joint
 from analytic.structure import Structure
 
-DEAD_CENTRE = 1e-12  # rad/s (prismatic: m/s), below which a joint's rate is what rounding makes of none
+DEAD_CENTRE = 1e-12  # of the crank's rate: below it, a joint's (rad/s; prismatic: m/s) is what rounding makes of none
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def _balance(motion: Motion, inertia: bool, work: np.ndarray) -> tuple[dict[str,
     s = motion.structure
     _work_of_forces(motion, inertia, work)
     torque = _torques(motion, inertia)
-    travel_force = {j.name: joint_law(j, *motion.travel(j.name), moving=inertia) for j in s.mechanism.joints if j.prismatic}
+    travel_force = {j.name: joint_law(j, *motion.travel(j.name), motion.rates[0], moving=inertia) for j in s.mechanism.joints if j.prismatic}
     for group in reversed(s.groups):
         generalised = np.array([_generalised(motion, i, work, torque, travel_force) for i in group.coordinates])
         closing = solve_forces(motion.jacobians[group], generalised, s, group)
@@ -126,6 +126,7 @@ def _torques(motion: Motion, inertia: bool) -> np.ndarray:
                 joint,
                 motion.angle(second) - motion.angle(first),
                 motion.angular_velocity(second) - motion.angular_velocity(first),
+                motion.rates[0],
                 moving=inertia,
             )
             torque[s.body_column(second)] += law
@@ -133,10 +134,10 @@ def _torques(motion: Motion, inertia: bool) -> np.ndarray:
     return torque
 
 
-def joint_law(joint: Joint, position: np.ndarray, rate: np.ndarray, moving: bool) -> np.ndarray:
+def joint_law(joint: Joint, position: np.ndarray, rate: np.ndarray, crank: np.ndarray, moving: bool) -> np.ndarray:
     """Torque (N.m; prismatic: force, N) of a joint's friction, damper and spring on its second body; no friction at a dead centre."""
     damping = joint.damping if moving else 0.0
-    slip = np.sign(rate) * (np.abs(rate) > DEAD_CENTRE)
+    slip = np.sign(rate) * (np.abs(rate) > DEAD_CENTRE * np.abs(crank))
     return -joint.coulomb * slip - damping * rate - joint.stiffness * (position - joint.rest_angle)
 
 

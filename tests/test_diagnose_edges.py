@@ -68,10 +68,11 @@ def test_a_clock_that_does_not_begin_at_zero_changes_nothing(tmp_path: Path) -> 
     assert found[1]["pendulum_angle"] == pytest.approx(0.3, abs=0.01)
 
 
+@pytest.mark.slow
 def test_clearance_is_found_in_driven_runs_though_another_run_is_free() -> None:
     truth = wrong("joint_clearance", "B", radial_clearance=3e-4)
-    data = played(bench(turn("slow", 4.0), turn("fast", 9.0)), truth, source="mujoco")
-    free = released(four_bar(), four_bar(), {s: SENSORS[s] for s in ("crank_angle", "follower_angle")}, [(1.2, 0.0)], np.linspace(0, 0.3, 30))
+    data = played(bench(turn("slow", 4.0, samples=60), turn("fast", 9.0, samples=60)), truth, source="mujoco")
+    free = released(four_bar(), four_bar(), {s: SENSORS[s] for s in ("crank_angle", "follower_angle")}, [(1.2, 0.0)], np.linspace(0, 0.2, 20))
     result = diagnosed(replace(data, runs=(*data.runs, *free.runs)), only=("joint_clearance", "viscous_friction"))
     assert_recovered(result, truth)
     assert any("free, joints are taken without clearance" in text for step in result["steps"] for text in step["text"])

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from analytic.mechanism import MechanismWarning
 from compare.scoreboard.hidden import FIRST
 from compare.scoreboard.record import make
 from compare.scoreboard.score import failed, opened, score
@@ -27,7 +28,8 @@ def seeds(counts: Mapping[str, int]) -> list[int]:
 
 def examine(content: Mapping[str, Any]) -> Result:
     """Draw, record, diagnose and score the set of ``content["seed"]``."""
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore", MechanismWarning)  # of values that are only tried
         data, seal = Path(folder, "data"), Path(folder, "seal")
         make(content["seed"], data, seal)
         return scored(data, seal)
