@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import tomllib
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,17 +14,11 @@ import pytest
 from compare.report.diagnosis_page import diagnosis_html
 from sample_diagnosis import sample_diagnosis, swinging_diagnosis
 from test_diagnosis_report import NASTY, hostile
-from test_report_browser import CHROMIUM, Browser
+from test_report_browser import CHROMIUM, Browser, browser, no_errors
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
+FIXTURES = (browser, no_errors)  # theirs and ours: a browser for the module, and a console that every test leaves clean
 CELLS = ".map tr[data-strip] td.cells svg"
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    found = Browser(tmp_path_factory.mktemp("profile"))
-    yield found
-    found.close()
 
 
 def written(result: dict[str, Any], folder: Path) -> Path:
@@ -47,16 +40,6 @@ def page(explained: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) ->
 @pytest.fixture(scope="module")
 def tied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return written(sample_diagnosis(runs=2), tmp_path_factory.mktemp("tied"))
-
-
-@pytest.fixture(autouse=True)
-def no_errors(browser: Browser) -> Iterator[None]:
-    """Every test must leave the console clean."""
-    browser.errors.clear()
-    browser.requests.clear()
-    yield
-    browser.run("1")
-    assert browser.errors == []
 
 
 def box(browser: Browser, selector: str) -> tuple[float, float, float, float]:

@@ -171,6 +171,17 @@ def test_the_slider_moves_the_linkage_and_says_the_angle(browser: Browser, page:
     assert browser.run(JOINT_A) == before
 
 
+def test_a_report_without_a_single_run_says_why_and_leaves_the_console_clean(browser: Browser, tmp_path: Path) -> None:
+    why = "mujoco: nothing presses the pin of joint 'B'"
+    failure = {"simulator": "mujoco", "joint_model": "contact", "why": why}
+    write_report(sample_result() | {"runs": [], "verdict": "disagrees", "failures": [failure]}, tmp_path)
+    browser.open(tmp_path / "report.html")
+    said = browser.run("document.body.innerText")
+    assert "nothing was compared" in said
+    assert why in said
+    assert browser.run("document.querySelector('#explorer')") is None
+
+
 def test_the_arrow_keys_move_the_slider_by_one_step(browser: Browser, page: Path) -> None:
     browser.open(page)
     browser.run("document.querySelector('[data-slider]').focus()")
