@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from compare.faults import OptionError, complaints
-from compare.options import MotionChoice, file_name, metres_by_joint
+from compare.files import file_name, output_folder, to_json, write_atomically
+from compare.options import MotionChoice, metres_by_joint
 
 if TYPE_CHECKING:
     import numpy as np
@@ -51,7 +52,6 @@ def accuracy(
     with complaints() as caught:
         from analytic.assembly import Assembly
         from analytic.mechanism_file import load
-        from compare.files import output_folder, to_json, write_atomically
         from compare.grid import default_angles, parse_angles
 
         mechanism = load(case)

@@ -11,17 +11,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from compare.accuracy import accuracy
-from compare.baseline import baseline
+from compare.baseline.command import baseline
 from compare.diagnose.command import diagnose, effects
 from compare.export import export
 from compare.faults import Exit, OptionError, complaints
+from compare.files import file_name, output_folder, to_json, write_atomically
 from compare.listing import cases, simulators
-from compare.options import JointChoice, ModelChoice, MotionChoice, cores, engines_named, file_name, metres_by_joint, rigidly_and_evenly_driven
+from compare.options import JointChoice, ModelChoice, MotionChoice, cores, engines_named, metres_by_joint, rigidly_and_evenly_driven
 from compare.progress import progress_bar
 from compare.scoreboard.command import scoreboard
 from compare.show import show
 from compare.validation import validation
-from compare.validity import validity
+from compare.validity.command import validity
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
@@ -116,8 +117,6 @@ def _mechanism(case: str, clearance: str | None) -> Mechanism:
 
 
 def _folder(path: Path) -> Path:
-    from compare.files import output_folder
-
     return output_folder(path)
 
 
@@ -192,7 +191,6 @@ def _run(job: Job) -> dict[str, Any]:
 
 
 def _publish(result: dict[str, Any], folder: Path, json: bool) -> None:
-    from compare.files import to_json, write_atomically
     from compare.report import write_report
 
     text = to_json(result)

@@ -1,4 +1,4 @@
-"""Files written whole or not at all, and JSON without NaN."""
+"""Files: their names, writing them whole or not at all, and JSON without NaN."""
 
 from __future__ import annotations
 
@@ -13,6 +13,11 @@ from typing import Any
 
 class OutputError(ValueError):
     """The output folder cannot be written; the message names it."""
+
+
+def file_name(name: str) -> str:
+    """A mechanism's or a run's name as part of a file name."""
+    return "".join(c if c.isalnum() or c in "-_" else "-" for c in name)
 
 
 def output_folder(path: Path) -> Path:

@@ -36,7 +36,7 @@ class Beams:
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""
-        from sim_models.exudyn_beams import flexible
+        from sim_models.exudyn.beams import flexible
 
         check_supported(self, request)
         return flexible(request)

@@ -1,4 +1,4 @@
-"""What several commands take: choices, engines by name, clearances by joint, names of files."""
+"""What several commands take: choices, engines by name, clearances by joint."""
 
 from __future__ import annotations
 
@@ -89,8 +89,3 @@ def rigidly_and_evenly_driven(mechanism: Mechanism) -> Mechanism:
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def file_name(name: str) -> str:
-    """A mechanism's name as part of a file name."""
-    return "".join(c if c.isalnum() or c in "-_" else "-" for c in name)

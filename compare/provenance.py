@@ -160,7 +160,7 @@ def _explained(result: Result, run: Run, quantity: Quantity, at: float) -> Itera
         yield "                plus the elastic displacement of links and joints (Eqs. 1-7); analytic/compliance.py"
     yield from _components(run.analytic, quantity, k)
     yield f"  simulated     {_both(simulated, unit)}"
-    yield f"                sim_models/{'exudyn_beams' if _bends(run) else f'{run.simulator.name}_engine'}.py; {_settings(run)}"
+    yield f"                sim_models/{run.simulator.name}/{'beams' if _bends(run) else 'engine'}.py; {_settings(run)}"
     yield from _components(run.simulated, quantity, k)
     if analytic is not None and simulated is not None:
         apart = simulated - analytic

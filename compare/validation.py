@@ -80,7 +80,7 @@ def differences(stored: list[dict[str, Any]], found: list[dict[str, Any]]) -> It
 def run_all() -> dict[str, Any]:
     """Every shipped case's runs, as the baselines set them up, in every installed engine; and how far Eq. 8 is off."""
     from analytic.mechanism_file import load, shipped_cases
-    from compare.baseline_runs import setups
+    from compare.baseline.runs import setups
     from compare.crosscheck import Job, crosscheck
     from compare.discrepancy import load_tolerances
     from sim_models.engine import ENGINES, declared, installed_version
@@ -159,7 +159,7 @@ def superposition() -> list[dict[str, float]]:
     from analytic.accuracy import total_displacement
     from analytic.assembly import Assembly
     from analytic.mechanism_file import load
-    from sim_models.exudyn_beams import flexible_static
+    from sim_models.exudyn.beams import flexible_static
 
     rows = []
     for gap in (0.0, *reversed(GAPS)):
@@ -189,7 +189,7 @@ def page(found: dict[str, Any]) -> str:
         "to `reports/baselines/` with `compare baseline check`.",
         "",
         "Each run has its engine's verdict and the largest share of a tolerance that any of its signals uses up. Ideal joints are",
-        "driven; joints with clearance rest in equilibrium under load (`compare/baseline_runs.py` says which clearance and load).",
+        "driven; joints with clearance rest in equilibrium under load (`compare/baseline/runs.py` says which clearance and load).",
     ]
     for case in cases:
         lines += ["", f"## {case}", "", *_table([run for run in found["runs"] if run["case"] == case])]

@@ -1,6 +1,6 @@
 """The seam: what a multibody engine is asked, what it must answer, and which engines there are.
 
-An engine is a module ``sim_models.<name>_engine`` with one object ``ENGINE`` that satisfies :class:`Engine`.  It
+An engine is a folder ``sim_models/<name>`` whose module ``engine`` has one object ``ENGINE`` that satisfies :class:`Engine`.  It
 imports its package only inside methods, so that looking up what is supported costs nothing and needs nothing.
 """
 
@@ -142,7 +142,7 @@ def engine(name: str) -> Engine:
 
 def declared(name: str) -> Engine:
     """The engine's declaration, installed or not."""
-    return cast(Engine, importlib.import_module(f"sim_models.{name}_engine").ENGINE)
+    return cast(Engine, importlib.import_module(f"sim_models.{name}.engine").ENGINE)
 
 
 def installed_version(package: str) -> str | None:

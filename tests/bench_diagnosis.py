@@ -24,8 +24,8 @@ import tomli_w
 
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism_file import dumps, load
-from compare.diagnose.units import SI, dimension
-from compare.diagnose.vocabulary import VOCABULARY
+from compare.diagnose.data.units import SI, dimension
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from sim_models.engine import JointModel, Request, engine
 
 Truth = Sequence[tuple[str, str, Mapping[str, float]]]  # effect, place, values
@@ -116,7 +116,7 @@ def with_speed(m: Mechanism, speed: float) -> Mechanism:
 def one(measured: Path, out: Path, others: bool, workers: int) -> None:
     """In a fresh process: diagnose and publish; what it took, as JSON."""
     from compare.diagnose.command import publish
-    from compare.diagnose.measured import load_measured
+    from compare.diagnose.data.measured import load_measured
     from compare.diagnose.workflow import diagnose
 
     start = time.perf_counter()
@@ -233,7 +233,7 @@ def beside_sysid() -> None:
 
 def diagnosed(measured: Path, truth: Truth) -> list[str]:
     """What we find, in how long, and how far off."""
-    from compare.diagnose.measured import load_measured
+    from compare.diagnose.data.measured import load_measured
     from compare.diagnose.workflow import diagnose
 
     start = time.perf_counter()
@@ -284,7 +284,7 @@ def sequence_of(nominal: Mechanism, run: Recording, folder: Path, noise: Mapping
     from mujoco import sysid
     from mujoco.sysid import SignalType
 
-    from sim_models.mujoco_export import export
+    from sim_models.mujoco.export import export
 
     out = folder / f"{run.name}-model"
     out.mkdir()

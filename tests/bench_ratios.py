@@ -59,8 +59,8 @@ def harness() -> None:
     """A driven MuJoCo run beside nothing but the steps that it took: same model, same number and sizes of steps."""
     from analytic.mechanism_file import load
     from sim_models.engine import JOINT_MODELS, Request
-    from sim_models.mujoco_runs import Record, Run
-    from sim_models.mujoco_state import advance
+    from sim_models.mujoco.runs import Record, Run
+    from sim_models.mujoco.state import advance
 
     def bare(record: Record) -> None:
         m, d = record.link.model, record.link.data
@@ -93,10 +93,10 @@ def harness() -> None:
 def sweep() -> None:
     """A validity map's cells on one worker and on two: both new for each turn, as a command's are."""
     from analytic.mechanism_file import load
-    from compare.cell import examine
     from compare.discrepancy import load_tolerances
     from compare.sweep import sweep as spread
-    from compare.validity_map import RPM, Grid, cells
+    from compare.validity.cell import examine
+    from compare.validity.map import RPM, Grid, cells
 
     speeds, sizes = (30, 45, 60, 90, 120, 180, 240, 300), (1e-4, 2e-4, 4e-4)
     grid = Grid(load("crank-rocker"), ("B",), tuple(rpm * RPM for rpm in speeds), sizes, ("mujoco",), "contact", load_tolerances(None))

@@ -10,8 +10,8 @@ import numpy as np
 
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism_file import load
-from compare.diagnose.measured import Channel, Measured, Run
-from compare.diagnose.units import SI, dimension
+from compare.diagnose.data.measured import Channel, Measured, Run
+from compare.diagnose.data.units import SI, dimension
 from compare.diagnose.workflow import diagnose
 from compare.scoreboard.hidden import Hidden
 from compare.scoreboard.record import recorded, with_noise

@@ -15,9 +15,9 @@ import pytest
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism_file import load, shipped_cases
-from compare.baseline import check_one, file_of, update_one
-from compare.baseline_file import Baseline, BaselineError, Run, Tolerance, fits, moved, read, write
-from compare.baseline_runs import setups
+from compare.baseline.command import check_one, file_of, update_one
+from compare.baseline.file import Baseline, BaselineError, Run, Tolerance, fits, moved, read, write
+from compare.baseline.runs import setups
 from planted import Planted, turned
 from sim_models.engine import ENGINES, declared, engine
 

@@ -17,11 +17,11 @@ import pytest
 
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism_file import load
-from compare.diagnose.effect import Effect, Parameter, Readings, Rig, Values
+from compare.diagnose.data.measured import Measured, MeasuredError, load_measured
+from compare.diagnose.data.measured_file import read_file
+from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
 from compare.diagnose.fit import Data
 from compare.diagnose.locate import locate
-from compare.diagnose.measured import Measured, MeasuredError, load_measured
-from compare.diagnose.measured_file import read_file
 from compare.diagnose.prepare import thinned
 from compare.diagnose.separate import as_toml
 from compare.diagnose.workflow import diagnose

@@ -13,9 +13,9 @@ import pytest
 
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism_file import dumps, load
-from compare.diagnose.measured import Measured, MeasuredError, Run, load_measured
+from compare.diagnose.data.measured import Measured, MeasuredError, Run, load_measured
+from compare.diagnose.data.thin import picked
 from compare.diagnose.prepare import thinned
-from compare.diagnose.thin import picked
 from compare.report.diagnosis_words import sentence
 from diagnosis_rigs import SENSORS, assert_recovered, bench, diagnosed, four_bar, named, played, released, turn, wrong
 from measured_files import MeasuredRun, write_measured

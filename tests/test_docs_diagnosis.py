@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compare.diagnose.measured import load_measured
-from compare.diagnose.vocabulary import VOCABULARY
+from compare.diagnose.data.measured import load_measured
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from test_ci_example import step
 
 ROOT = Path(__file__).parent.parent

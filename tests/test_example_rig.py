@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from compare.diagnose.measured import load_measured
+from compare.diagnose.data.measured import load_measured
 from compare.diagnose.workflow import diagnose
 
 RIG = Path(__file__).parent.parent / "docs" / "example-rig"

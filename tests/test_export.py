@@ -20,7 +20,7 @@ from analytic.mechanism_file import load
 from compare.export import export
 from linkages import inverted_slider
 from sim_models.engine import ENGINES, JOINT_MODELS, Request, Trace, declared, installed_version
-from sim_models.mujoco_engine import ENGINE
+from sim_models.mujoco.engine import ENGINE
 
 pytest.importorskip("mujoco")
 

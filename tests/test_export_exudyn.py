@@ -15,7 +15,7 @@ import pytest
 from analytic.mechanism import Drive, Mechanism
 from analytic.mechanism_file import load
 from sim_models.engine import JOINT_MODELS, Motion, Request, Unsupported
-from sim_models.exudyn_engine import ENGINE
+from sim_models.exudyn.engine import ENGINE
 from test_export import PAPER, SHORT, SLIDER, bare, columns, command, driven_by, table
 
 if importlib.util.find_spec("exudyn") is None:

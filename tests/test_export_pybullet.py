@@ -22,7 +22,7 @@ from analytic.mechanism_file import load
 from compare.export import export
 from linkages import inverted_slider
 from sim_models.engine import Request, Trace, Unsupported
-from sim_models.pybullet_engine import ENGINE
+from sim_models.pybullet.engine import ENGINE
 
 if importlib.util.find_spec("pybullet") is None:
     pytest.skip("pybullet is not installed", allow_module_level=True)

@@ -18,9 +18,9 @@ from analytic.mechanism import MASS_CENTRE, Drive, Load, Mechanism
 from analytic.mechanism_file import load
 from linkages import inverted_slider
 from sim_models.engine import Motion, Request, Unsupported
-from sim_models.exudyn_beam_model import Element
-from sim_models.exudyn_beam_motion import RigidMotion
-from sim_models.exudyn_beams import FlexibleLinkage, flexible, flexible_static
+from sim_models.exudyn.beam_model import Element
+from sim_models.exudyn.beam_motion import RigidMotion
+from sim_models.exudyn.beams import FlexibleLinkage, flexible, flexible_static
 
 if importlib.util.find_spec("exudyn") is None:
     pytest.skip("exudyn is not installed", allow_module_level=True)

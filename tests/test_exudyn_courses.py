@@ -17,7 +17,7 @@ from analytic.kinetostatics import kinetostatics
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism_file import load
 from sim_models.engine import JointModel, Request, Trace, Unsupported
-from sim_models.exudyn_engine import ENGINE
+from sim_models.exudyn.engine import ENGINE
 
 if importlib.util.find_spec("exudyn") is None:
     pytest.skip("exudyn is not installed", allow_module_level=True)

@@ -19,8 +19,8 @@ from analytic.released import released
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
 from ode import ClearanceMotion, clearance_four_bar_ode
 from sim_models.engine import JointModel, Motion, Request, SimulationError, Trace, Unsupported
-from sim_models.exudyn_engine import ENGINE
-from sim_models.exudyn_model import hysteresis
+from sim_models.exudyn.engine import ENGINE
+from sim_models.exudyn.model import hysteresis
 from sim_models.start import poses
 
 if importlib.util.find_spec("exudyn") is None:

@@ -15,10 +15,10 @@ from analytic.assembly import Assembly
 from analytic.kinematics import kinematics
 from analytic.kinetostatics import kinetostatics
 from analytic.mechanism_file import dumps, load
-from compare.diagnose import measured, quality
-from compare.diagnose.measured import Measured, load_measured
-from compare.diagnose.table import _cell_by_cell, read_table
-from compare.diagnose.units import ACCEPTED, SI, UnitError, factor, readable
+from compare.diagnose.data import measured, quality
+from compare.diagnose.data.measured import Measured, load_measured
+from compare.diagnose.data.table import _cell_by_cell, read_table
+from compare.diagnose.data.units import ACCEPTED, SI, UnitError, factor, readable
 from compare.signals import with_derived
 from measured_files import MeasuredRun, csv_text, write_measured
 
@@ -77,7 +77,8 @@ def test_every_offered_unit_is_accepted() -> None:
 def test_data_in_si_do_not_wait_for_pint(tmp_path: Path) -> None:
     time, exact = signals()
     path = write_measured(tmp_path, TEXT, [MeasuredRun("a", time, {"follower_angle [rad]": exact["follower_angle"]})])
-    code = "import sys, pathlib; from compare.diagnose.measured import load_measured as f; f(pathlib.Path(sys.argv[1])); print('pint' in sys.modules)"
+    code = "import sys, pathlib; from compare.diagnose.data.measured import load_measured as f; f(pathlib.Path(sys.argv[1]))"
+    code += "; print('pint' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True).stdout.strip() == "False"
 
 
@@ -149,7 +150,7 @@ def _si(signal: str) -> str:
 
 
 def _reads(signal: str, unit: str) -> bool:
-    from compare.diagnose.units import dimension
+    from compare.diagnose.data.units import dimension
 
     return SI[dimension(signal)] == unit
 
@@ -384,7 +385,7 @@ def test_a_million_rows_are_read_in_bounded_memory(tmp_path: Path) -> None:
     columns = {f"{s} [{_si(s)}]": np.tile(exact[s], rows // 1000) + 1e-3 * (k % 7) for s in ("follower_angle", "drive_torque", "reaction_B_x")}
     path = write_measured(tmp_path, TEXT, [MeasuredRun("a", k * (time[1] - time[0]), columns, {"drive_speed": SPEED})])
     code = (
-        "import sys, pathlib; from compare.diagnose.measured import load_measured as f; run = f(pathlib.Path(sys.argv[1])).runs[0];"
+        "import sys, pathlib; from compare.diagnose.data.measured import load_measured as f; run = f(pathlib.Path(sys.argv[1])).runs[0];"
         "peak = pathlib.Path('/proc/self/status').read_text().partition('VmHWM:')[2];"  # ru_maxrss has the parent's as well
         "print(run.time.size, peak.split()[0])"
     )

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from analytic.mechanism_file import dumps, load
-from compare.diagnose import measured, table
-from compare.diagnose.measured import MeasuredError, load_measured
+from compare.diagnose.data import measured, table
+from compare.diagnose.data.measured import MeasuredError, load_measured
 from measured_files import MeasuredRun, write_measured
 
 CRANK_ROCKER = load("crank-rocker")

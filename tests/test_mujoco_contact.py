@@ -13,7 +13,7 @@ from analytic.mechanism_file import load, loads
 from planar_checks import many_impacts_against_the_ode
 from sim_models.contact_laws import restitution
 from sim_models.engine import JointModel, Motion, Request
-from sim_models.mujoco_engine import ENGINE
+from sim_models.mujoco.engine import ENGINE
 
 pytest.importorskip("mujoco")
 

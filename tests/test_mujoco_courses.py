@@ -20,7 +20,7 @@ from analytic.kinetostatics import Reactions, kinetostatics
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism_file import load
 from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Trace, Unsupported
-from sim_models.mujoco_engine import ENGINE
+from sim_models.mujoco.engine import ENGINE
 
 pytest.importorskip("mujoco")
 

@@ -14,7 +14,7 @@ from analytic.mechanism_file import load
 from analytic.released import released
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
 from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, SimulationError, Trace, Unsupported
-from sim_models.mujoco_engine import ENGINE
+from sim_models.mujoco.engine import ENGINE
 
 pytest.importorskip("mujoco")
 

@@ -11,8 +11,8 @@ import pytest
 from analytic.assembly import Assembly
 from analytic.mechanism_file import load
 from sim_models.engine import Request, SimulationError
-from sim_models.mujoco_engine import ENGINE
-from sim_models.mujoco_model import Linkage
+from sim_models.mujoco.engine import ENGINE
+from sim_models.mujoco.model import Linkage
 from sim_models.start import poses
 
 PAPER = load("paper")

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from compare.diagnose.measured import load_measured
+from compare.diagnose.data.measured import load_measured
 from diagnosis_rigs import diagnosed
 
 FOLDER = os.environ.get("MEASURED_DATA", "")

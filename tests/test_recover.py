@@ -10,9 +10,9 @@ import pytest
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Load, Mechanism
 from analytic.mechanism_file import load
-from compare.diagnose.effect import Effect, Rig
-from compare.diagnose.sensors import SENSOR_EFFECTS
-from compare.diagnose.vocabulary import VOCABULARY
+from compare.diagnose.effects.effect import Effect, Rig
+from compare.diagnose.effects.sensors import SENSOR_EFFECTS
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.scoreboard.sizes import Planted
 from diagnosis_rigs import SENSORS, assert_recovered, bench, diagnosed, four_bar, played, turn, wrong
 

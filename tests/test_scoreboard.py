@@ -12,12 +12,12 @@ import pytest
 
 from analytic.mechanism import Load
 from analytic.mechanism_file import load
-from compare.diagnose.effect import Rig
+from compare.diagnose.data.measured import load_measured
+from compare.diagnose.effects.effect import Rig
+from compare.diagnose.effects.sensors import EncoderOffset
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fitter
-from compare.diagnose.measured import load_measured
 from compare.diagnose.predict import Term
-from compare.diagnose.sensors import EncoderOffset
-from compare.diagnose.vocabulary import VOCABULARY
 from compare.scoreboard.board import FULL, run_all, seeds, thresholds
 from compare.scoreboard.hidden import COUNTS, DIAGNOSING, FIRST, Hidden, draw, kind_of
 from compare.scoreboard.outside import KINDS

@@ -51,7 +51,7 @@ def test_the_command_prints_both_sides_and_where_they_come_from(tmp_path: Path) 
         "Eqs. 11-14, static force balance of the displaced linkage; analytic/kinetostatics.py",
         "analytic/clearance.py",
         f"mujoco {run['simulator']['version']}, contact joints, static",
-        "sim_models/mujoco_engine.py; clearance_B = 10 mm",
+        "sim_models/mujoco/engine.py; clearance_B = 10 mm",
         "contact_stiffness = 1e+08 N/m",
         "simulated minus analytic",
         "verdict       agrees",
@@ -66,7 +66,7 @@ def test_every_run_that_has_the_signal_is_shown_or_the_one_that_is_asked_for() -
     assert shown("reaction_B_angle", 30, several, joint="contact").count("simulated minus analytic") == 2
     one = shown("reaction_B_angle", 30, several, joint="contact", simulator="exudyn")
     assert one.count("simulated minus analytic") == 1
-    assert "sim_models/exudyn_engine.py" in one
+    assert "sim_models/exudyn/engine.py" in one
 
 
 def test_the_difference_is_that_of_the_two_sides_and_the_verdict_that_of_the_result() -> None:

@@ -18,11 +18,11 @@ import pytest
 
 import sweep_work
 from analytic.mechanism_file import load
-from compare.cell import examine
 from compare.discrepancy import load_tolerances
 from compare.runs import Failure, simulate_all
 from compare.sweep import AHEAD, ClusterError, Outcome, sweep
-from compare.validity_map import RPM, Grid, cells
+from compare.validity.cell import examine
+from compare.validity.map import RPM, Grid, cells
 from sim_models.engine import Request
 
 HERE = Path(__file__).parent

@@ -22,13 +22,13 @@ from jsonschema import Draft202012Validator
 from analytic.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism_file import dumps, load
-from compare.cell import Cell, examine
 from compare.crosscheck import Job, crosscheck
 from compare.discrepancy import load_tolerances
 from compare.grid import default_angles
 from compare.report.validity_figure import BOUNDARIES, draw
 from compare.report.validity_text import brief, percent
-from compare.validity_map import RPM, Grid, cells, clearance_joints, summarised, versions
+from compare.validity.cell import Cell, examine
+from compare.validity.map import RPM, Grid, cells, clearance_joints, summarised, versions
 from planted import Planted, truth, turned
 from sim_models.engine import ENGINES, declared, installed_version
 

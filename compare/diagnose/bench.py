@@ -12,16 +12,16 @@ import numpy as np
 from analytic.mechanism import Mechanism
 from compare.diagnose import prepare
 from compare.diagnose.confirm import Simulated
-from compare.diagnose.effect import Effect, Rig
+from compare.diagnose.data.measured import Measured, MeasuredError, Run
+from compare.diagnose.data.units import unit_of
+from compare.diagnose.effects.effect import Effect, Rig
 from compare.diagnose.explain import CLOSED, Explanation, explain, has_structure, pruned
 from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.isolate import candidates, signatures
 from compare.diagnose.locate import Stretch, apart, locate, spread
-from compare.diagnose.measured import Measured, MeasuredError, Run
 from compare.diagnose.predict import Model, Term, altered
 from compare.diagnose.referees import Referees
 from compare.diagnose.search import Search, costs
-from compare.diagnose.units import unit_of
 from compare.diagnose.worth import rms
 from compare.report.diagnosis_words import amount
 from sim_models.engine import ENGINES, SimulationError, SimulatorMissing, engine
@@ -289,7 +289,7 @@ class Bench:
 
 def _refuse_slips(bench: Bench) -> None:
     """Refuse columns that are plainly another sensor's, or in another unit than they say."""
-    from compare.diagnose.quality import suspicious_swaps, suspicious_units
+    from compare.diagnose.data.quality import suspicious_swaps, suspicious_units
 
     for run, predicted in zip(bench.measured.runs, bench.analytic(bench.base), strict=True):
         slips = [*suspicious_swaps(run, predicted), *suspicious_units(run, predicted)]

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from compare.faults import Exit, complaints
-from compare.options import file_name
+from compare.files import file_name, output_folder, to_json, write_atomically
 from compare.progress import progress_bar
 
 SETTLED = ("no gap", "explained")
@@ -30,7 +30,7 @@ def diagnose(
     Exit status: 0 no gap or explained, 1 ambiguous, partly explained or unexplained, 2 bad input, 3 the simulator is missing or failed.
     """
     with complaints():
-        from compare.diagnose.measured import load_measured
+        from compare.diagnose.data.measured import load_measured
         from compare.diagnose.workflow import diagnose as run
 
         data = load_measured(measured)
@@ -47,7 +47,6 @@ def diagnose(
 def publish(result: dict[str, Any], explained: Any, folder: Path, json: bool) -> None:
     """Write diagnosis.json, the pages and explained.toml, each whole or not at all; a few lines on the terminal."""
     from analytic.mechanism_file import dumps
-    from compare.files import output_folder, to_json, write_atomically
     from compare.report.diagnosis_page import diagnosis_html
     from compare.report.diagnosis_text import diagnosis_md, terminal_lines
 
@@ -73,7 +72,7 @@ def effects(json: Annotated[bool, typer.Option("--json", help="Print as JSON.")]
     """List the vocabulary of effects: parameters, units, and which installed engines represent each."""
     with complaints():
         from compare.diagnose.confirm import represents
-        from compare.diagnose.vocabulary import VOCABULARY
+        from compare.diagnose.effects.vocabulary import VOCABULARY
         from compare.report.diagnosis_words import says
         from sim_models.engine import ENGINES, declared
 
@@ -88,8 +87,6 @@ def effects(json: Annotated[bool, typer.Option("--json", help="Print as JSON.")]
                 }
             )
         if json:
-            from compare.files import to_json
-
             typer.echo(to_json({"schema": 1, "effects": rows}))
             return
         for row in rows:

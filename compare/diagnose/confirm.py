@@ -14,8 +14,8 @@ import numpy as np
 from analytic.assembly import Assembly, AssemblyError
 from analytic.drive import Motor
 from analytic.mechanism import Mechanism
-from compare.diagnose.effect import Effect, Readings, Rig
-from compare.diagnose.measured import Run
+from compare.diagnose.data.measured import Run
+from compare.diagnose.effects.effect import Effect, Readings, Rig
 from compare.diagnose.predict import Hypothesis, Term, altered, motor_offset
 from compare.signals import with_derived
 from sim_models.engine import Engine, JointModel, Request, SimulationError, SimulatorMissing, Trace, Unsupported, engine
@@ -127,6 +127,6 @@ def _run(chosen: Engine, request: Request) -> Trace:
         return chosen.simulate(request)
     if "link_flexibility" not in chosen.effects:
         return chosen.simulate(replace(request, mechanism=request.mechanism.rigid()))
-    from sim_models.exudyn_beams import flexible
+    from sim_models.exudyn.beams import flexible
 
     return flexible(request)

@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from compare.diagnose.effect import Rig
-from compare.diagnose.measured import Measured
+from compare.diagnose.data.measured import Measured
+from compare.diagnose.effects.effect import Rig
 from compare.diagnose.predict import Model, StartOfRun, Term, wrapped
 
 STEPS = 30  # of a fit, at most

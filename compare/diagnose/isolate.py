@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compare.diagnose.effect import Effect, Rig
+from compare.diagnose.effects.effect import Effect, Rig
 from compare.diagnose.fit import RELUCTANCE, Fit, Fitter
 from compare.diagnose.predict import Term
 

@@ -9,8 +9,8 @@ from itertools import combinations
 
 import numpy as np
 
+from compare.diagnose.data.measured import Measured
 from compare.diagnose.fit import Data
-from compare.diagnose.measured import Measured
 from compare.diagnose.predict import wrapped
 from compare.diagnose.worth import correlation_time, rms
 

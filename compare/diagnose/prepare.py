@@ -12,13 +12,13 @@ import numpy as np
 from analytic.assembly import AssemblyError
 from analytic.drive import Motor
 from analytic.mechanism import Mechanism
-from compare.diagnose.effect import Effect, Parameter, Rig
+from compare.diagnose.data.measured import Measured, MeasuredError, Run
+from compare.diagnose.data.quality import Fault
+from compare.diagnose.data.thin import missed, picked
+from compare.diagnose.effects.effect import Effect, Parameter, Rig
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Data
-from compare.diagnose.measured import Measured, MeasuredError, Run
 from compare.diagnose.predict import Model, StartOfRun, Term
-from compare.diagnose.quality import Fault
-from compare.diagnose.thin import missed, picked
-from compare.diagnose.vocabulary import VOCABULARY
 
 SAMPLES = 60_000  # of all sensors together; more are thinned, evenly, for the search and the pages
 REDRAWN = 32  # courses of runs that follow a noisy encoder

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compare.diagnose.data.measured import Run
+from compare.diagnose.data.units import unit_of
 from compare.diagnose.explain import Named, left_of
 from compare.diagnose.fit import FOLDS, SEGMENTS, Fit
-from compare.diagnose.measured import Run
 from compare.diagnose.predict import Term
 from compare.diagnose.separate import would_separate
-from compare.diagnose.units import unit_of
 from compare.diagnose.words import finite, named, statement, tied
 from compare.diagnose.worth import rms
 from compare.report.diagnosis_words import sentence

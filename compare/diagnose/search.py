@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from compare.diagnose.effect import Rig
+from compare.diagnose.effects.effect import Rig
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.isolate import Screen, Signature, signatures
 from compare.diagnose.predict import Term

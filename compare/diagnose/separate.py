@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analytic.mechanism import Load, Mechanism
-from compare.diagnose.effect import Rig
+from compare.diagnose.data.measured import Channel, Measured, Run
+from compare.diagnose.data.units import unit_of
+from compare.diagnose.effects.effect import Rig
 from compare.diagnose.fit import Fit, bridged, hypothesis
-from compare.diagnose.measured import Channel, Measured, Run
 from compare.diagnose.predict import Model, wrapped
-from compare.diagnose.units import unit_of
-from compare.options import file_name
+from compare.files import file_name
 from compare.report.diagnosis_words import amount
 
 ENOUGH = 8.0  # sigmas between two explanations that separate them

@@ -10,11 +10,11 @@ from typing import Any
 
 from analytic.mechanism import Mechanism, MechanismWarning
 from compare.diagnose.bench import Bench, Progress
-from compare.diagnose.effect import Effect
+from compare.diagnose.data.measured import Measured
+from compare.diagnose.effects.effect import Effect
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.explain import Explanation
-from compare.diagnose.measured import Measured
 from compare.diagnose.result import as_result
-from compare.diagnose.vocabulary import VOCABULARY
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from scipy.interpolate import CubicSpline
 from analytic.assembly import Assembly
 from analytic.drive import Turning
 from analytic.mechanism import Load, Mechanism
-from compare.diagnose.effect import Rig
+from compare.diagnose.effects.effect import Rig
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.isolate import candidates, signatures
 from compare.diagnose.predict import Term, derived
-from compare.diagnose.vocabulary import VOCABULARY
 from compare.scoreboard.outside import KINDS, Course, Outside, draw_outside, resized
 from compare.scoreboard.rigs import CASES, Bench, Plan, Rejected, draw_bench, draw_log, ideal
 from compare.scoreboard.sizes import LARGEST, SMALLEST, Growth, Planted, Sizer, Values, growth, left, solve

@@ -18,8 +18,8 @@ import numpy as np
 from analytic.assembly import AssemblyError
 from analytic.mechanism import Mechanism
 from analytic.mechanism_file import dumps
-from compare.diagnose.units import SI, dimension, factor
-from compare.diagnose.vocabulary import VOCABULARY
+from compare.diagnose.data.units import SI, dimension, factor
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.files import output_folder, to_json, write_atomically
 from compare.scoreboard.hidden import Hidden, course_grid, draw
 from compare.scoreboard.outside import Course
@@ -96,7 +96,7 @@ def run(name: str, m: Mechanism, plan: Plan, time: np.ndarray, course: Course | 
 
     Raises Rejected where a pin leaves its bearing.
     """
-    from sim_models.exudyn_beams import flexible
+    from sim_models.exudyn.beams import flexible
 
     assert m.drive is not None
     m = m.replace(drive=m.drive.model_copy(update={"speed": plan.speed}))

@@ -13,10 +13,10 @@ from analytic.assembly import Assembly
 from analytic.drive import Turning
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism_file import load
-from compare.diagnose.effect import Rig
-from compare.diagnose.measured import Channel, Measured, Run
+from compare.diagnose.data.measured import Channel, Measured, Run
+from compare.diagnose.data.units import SI, dimension
+from compare.diagnose.effects.effect import Rig
 from compare.diagnose.predict import derived
-from compare.diagnose.units import SI, dimension
 from compare.grid import turns_fully
 
 CASES = {"crank-rocker": 0.45, "slider-crank": 0.3, "six-bar": 0.25}  # and how often each is drawn

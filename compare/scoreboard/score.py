@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from compare.diagnose.vocabulary import VOCABULARY
+from compare.diagnose.effects.vocabulary import VOCABULARY
 
 Key = tuple[str, str]
 DISTINCT = 8.0  # sigmas left after the best rival, from which on an effect can be told from all others

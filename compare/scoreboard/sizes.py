@@ -15,13 +15,13 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from analytic.drive import Motor
-from compare.diagnose.effect import Reciprocal, Rig
+from compare.diagnose.effects.effect import Reciprocal, Rig
+from compare.diagnose.effects.joints import OnJoint
+from compare.diagnose.effects.sensors import EncoderOffset
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.isolate import candidates, signatures
-from compare.diagnose.joints import OnJoint
 from compare.diagnose.predict import Model, Term
-from compare.diagnose.sensors import EncoderOffset
-from compare.diagnose.vocabulary import VOCABULARY
 from compare.scoreboard.rigs import Bench, Rejected, ideal
 
 SMALLEST, LARGEST = 6.0, 60.0  # sigmas of a signature: a decade, down to just above the noise

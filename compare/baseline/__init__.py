@@ -1,0 +1,1 @@
+"""``compare baseline``: reaction forces stored to be reviewed, and whatever has moved since."""

@@ -1,0 +1,1 @@
+"""Measured data: what a bench recorded, read, checked and thinned."""

@@ -1,0 +1,270 @@
+"""Measured data: ``measured.toml`` and its CSV files as runs of channels in SI, checked, with the noise of every sensor.
+
+What cannot be used is refused with one sentence (file, line or field, value, remedy); what can be mended is, and recorded as
+a :class:`Fault`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import ValidationError
+
+from analytic.mechanism import Load, Mechanism
+from analytic.mechanism_file import MechanismError, load, shipped_cases
+from compare.diagnose.data.measured_file import Entry, read_file, tolerances
+from compare.diagnose.data.quality import FLOOR, Fault, clipped, gaps, noise, outliers, unwrapped
+from compare.diagnose.data.table import ROWS, Column, MeasuredError, Table, canonical, read_table
+from compare.diagnose.data.thin import frozen, missed, picked
+from compare.diagnose.data.units import dimension, listed
+
+__all__ = ["Channel", "Fault", "Measured", "MeasuredError", "Run", "load_measured"]
+
+Drive = Literal["speed", "measured", "free"]
+ASTRAY = math.radians(20.0)  # an encoder that far from its command throughout is no offset but a wrong drive_angle
+MULTIPLE = 2.0  # of the command, or its inverse: an encoder that turns beyond is not of this run
+SAMPLES = 20_000  # of a run that are kept; more would tell little and take long to simulate
+# Ratios of the measured to the commanded speed that are a slip of units, and whose.
+SLIPS = {
+    -1.0: "negate drive_speed or the column",
+    math.pi / 180: "drive_speed looks like deg/s; give rad/s",
+    180 / math.pi: "the column looks like degrees; put its unit right",
+    math.pi / 30: "drive_speed looks like rpm; give rad/s",
+    2 * math.pi: "drive_speed looks like turns per second; give rad/s",
+    0.5 / math.pi: "the column looks like turns; put its unit right",
+    1e-3: "time looks like ms; put its unit right",
+}
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One sensor in one run: ``values`` (N,) SI, NaN where absent or faulty, angles continued; ``noise`` is one sigma, SI, > 0.
+
+    ``noise_given`` says whether measured.toml gave it (else it is estimated); ``unit`` is the header's, for people.
+    """
+
+    signal: str
+    values: np.ndarray
+    noise: float
+    noise_given: bool
+    unit: str
+
+
+@dataclass(frozen=True)
+class Run:
+    """One recording: ``time`` (N,) s, strictly increasing, and channels by signal.
+
+    ``speed`` (rad/s) and ``angle`` (rad, at time 0) are the command of a ``speed`` run, else None; ``start`` is the state at
+    the first sample of a ``free`` one: what was given, and for the driven body at least an estimate.  ``loads`` replace the
+    mechanism's; None keeps them.
+    """
+
+    name: str
+    time: np.ndarray
+    channels: Mapping[str, Channel]
+    drive: Drive
+    speed: float | None
+    angle: float | None
+    start: Mapping[str, float]
+    loads: tuple[Load, ...] | None
+    from_rest: bool
+    file: str
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A nominal mechanism, the runs measured on it, what may be blamed at most (``tolerance``, by quantity, parameter or
+    effect.parameter, SI), and what was wrong with the data."""
+
+    mechanism: Mechanism
+    runs: tuple[Run, ...]
+    tolerance: Mapping[str, float]
+    faults: tuple[Fault, ...]
+    source: str
+
+
+def load_measured(path: Path) -> Measured:
+    """Read measured.toml, the mechanism and the data files that it names, relative to it.  Raises MeasuredError."""
+    path = Path(path)
+    path = path / "measured.toml" if path.is_dir() else path
+    file = read_file(path)
+    mechanism = _mechanism(path, file.mechanism)
+    names = [entry.name for entry in file.runs]
+    twice = next((n for n in names if names.count(n) > 1), None)
+    if twice is not None:
+        raise MeasuredError(f"{path.name}: run {twice!r} is there {names.count(twice)} times; give each run a name of its own")
+    tolerance = tolerances(path.name, file.tolerance)
+    read = [_run(path, entry, mechanism) for entry in file.runs]
+    return Measured(mechanism, tuple(run for run, _ in read), tolerance, tuple(f for _, faults in read for f in faults), str(path))
+
+
+def _mechanism(path: Path, name: str) -> Mechanism:
+    file = path.parent / name
+    try:
+        return load(file if file.is_file() or name not in shipped_cases() else name)
+    except MechanismError as error:
+        raise MeasuredError(f"{path.name}: mechanism = {name!r}: {error}") from None
+
+
+def _run(path: Path, entry: Entry, mechanism: Mechanism) -> tuple[Run, list[Fault]]:
+    """A run and what was wrong with it."""
+    where = f"{path.name}: run {entry.name!r}"
+    meant = {field: {canonical(k, mechanism): v for k, v in named.items()} for field in ("noise", "start") if (named := getattr(entry, field))}
+    entry = entry.model_copy(update=meant)
+    drive, speed, angle = _command(where, entry, mechanism)
+    _check_fields(where, entry, mechanism, drive)
+    table = read_table(path.parent / entry.file, mechanism)
+    for signal in entry.noise:
+        if signal not in table.values:
+            raise MeasuredError(f"{where}: noise.{signal} is not a column of {entry.file}; the columns are {listed(table.values)}")
+    encoder = f"{mechanism.driven}_angle"
+    if drive == "measured" and encoder not in table.values:
+        raise MeasuredError(f"{where}: drive is measured, but {entry.file} has no column {encoder!r}; add the encoder or give drive_speed")
+    faults = _gap_fault(entry.name, table.time)
+    channels: dict[str, Channel] = {}
+    for column in table.columns:
+        command = angle + speed * table.time if column.signal == encoder and angle is not None and speed is not None else None
+        channel, found = _channel(entry, column, table, command)
+        faults += found
+        if channel is not None:
+            channels[column.signal] = channel
+    if drive == "measured" and encoder not in channels:
+        raise MeasuredError(f"{where}: drive is measured, but {encoder!r} in {entry.file} does not move; check the encoder or give drive_speed")
+    if not set(channels) - ({encoder} if drive == "measured" else set()):
+        told = f" ({faults[-1].text})" if faults else ""
+        raise MeasuredError(f"{where}: {entry.file} has no usable signal{' besides the encoder' * (drive == 'measured')}{told}; add a sensor")
+    if speed is not None and encoder in channels:
+        _check_speed(where, entry.file, table.time, channels[encoder], speed, angle or 0.0)
+    start = _start(entry, mechanism, table.time, channels) if drive == "free" else {}
+    run = Run(entry.name, table.time, channels, drive, speed, angle, start, entry.loads, entry.from_rest, entry.file)
+    return _thinned(where, run, encoder, faults)
+
+
+def _command(where: str, entry: Entry, mechanism: Mechanism) -> tuple[Drive, float | None, float | None]:
+    """Kind of drive, speed (rad/s) and angle at time 0 (rad): the run's, or else the mechanism's own."""
+    if entry.drive is not None and entry.drive_speed is not None:
+        raise MeasuredError(f"{where}: drive = {entry.drive!r} and drive_speed = {entry.drive_speed:g} exclude each other; keep one")
+    if entry.drive_speed == 0:
+        raise MeasuredError(f"{where}: drive_speed = 0; give the commanded speed in rad/s, or drive = 'measured' or 'free'")
+    own = "free" if mechanism.drive is None else mechanism.drive.speed
+    said = entry.drive or (own if entry.drive_speed is None else entry.drive_speed)
+    if said != "free" and mechanism.drive is None:
+        raise MeasuredError(f"{where}: is driven, but {mechanism.name!r} has no [drive]; add one, or say drive = 'free'")
+    if said == "free" or said == "measured":
+        if entry.drive_angle is not None:
+            raise MeasuredError(f"{where}: drive_angle = {entry.drive_angle:g} belongs to a drive_speed, and the drive is {said}; leave it out")
+        return said, None, None
+    return "speed", float(said), mechanism.assembly[mechanism.driven] if entry.drive_angle is None else entry.drive_angle
+
+
+def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) -> None:
+    """Fields that go with the drive, and names that the mechanism has."""
+    if entry.start is not None and drive != "free":
+        raise MeasuredError(f"{where}: start belongs to drive = 'free', and the drive is {drive}; leave it out")
+    if entry.from_rest and drive == "free":
+        raise MeasuredError(f"{where}: from_rest belongs to a driven run, and the drive is free; give start instead")
+    states = [f"{body}_{part}" for body in mechanism.moving for part in ("angle", "angular_velocity")]
+    for name in entry.start or {}:
+        if name not in states:
+            close = difflib.get_close_matches(name, states, n=1)
+            raise MeasuredError(f"{where}: start.{name} is not a state; {f'did you mean {close[0]!r}' if close else f'use {listed(states)}'}")
+    given = entry.start or {}
+    if given and f"{mechanism.driven}_angle" not in given and not set(given) <= {f"{mechanism.driven}_angular_velocity"}:
+        raise MeasuredError(f"{where}: start has {listed(given)}; give {mechanism.driven}_angle, from which the others follow")
+    try:
+        mechanism.replace(loads=entry.loads or ())
+    except ValidationError as error:
+        raise MeasuredError(f"{where}: {'; '.join(fault['msg'].removeprefix('Value error, ') for fault in error.errors())}") from None
+
+
+def _channel(entry: Entry, column: Column, table: Table, command: np.ndarray | None) -> tuple[Channel | None, list[Fault]]:
+    """A column as a channel, without what is faulty in it; None if nothing is left."""
+    run, signal, values = entry.name, column.signal, table.values[column.signal]
+    faults: list[Fault] = []
+
+    def fault(kind: str, samples: int, text: str) -> None:
+        faults.append(Fault(run, signal, kind, samples, f"{signal} of run {run!r} {text}"))
+
+    if dimension(signal) == "angle":
+        values, jumps = unwrapped(values, command)
+        if jumps:
+            fault("wrapped", jumps, f"jumps by a turn {jumps} times; it is continued instead")
+    full, level = clipped(table.time, values)
+    if np.any(full):
+        text = f"is clipped at {level / column.factor:.5g} {column.unit} in {100 * np.mean(full):.2g} % of its samples, which are left out"
+        fault("clipped", int(np.sum(full)), text)
+        values = np.where(full, math.nan, values)
+    given = entry.noise.get(signal)
+    estimate = noise(table.time, values)
+    spikes = outliers(table.time, values, max(estimate, given or 0.0))
+    if spikes.size:
+        first = table.time[spikes[0]]
+        fault("outliers", spikes.size, f"has {spikes.size} isolated spike{'s' * (spikes.size > 1)}, the first at {first:.6g} s, left out")
+        values = values.copy()
+        values[spikes] = math.nan
+        estimate = noise(table.time, values)
+    present = values[np.isfinite(values)]
+    if present.size < ROWS:
+        fault("absent", values.size, f"has {present.size} usable samples, and at least {ROWS} are needed; it is left out")
+        return None, faults
+    if np.ptp(present) == 0:
+        fault("constant", present.size, f"is {present[0] / column.factor:.6g} {column.unit} throughout; a sensor that does not move is left out")
+        return None, faults
+    if given is not None and estimate > 3 * max(given, FLOOR * float(np.ptp(present))):
+        fault("noise", present.size, f"has a noise of {estimate:.3g} (SI) by its own scatter, and {given:.3g} is given; the given one is used")
+    return Channel(signal, frozen(values), given or estimate, given is not None, column.unit), faults
+
+
+def _gap_fault(run: str, time: np.ndarray) -> list[Fault]:
+    count, samples, longest = gaps(time)
+    text = f"run {run!r} has {count} gap{'s' * (count > 1)} in time, the longest {longest:.4g} s; nothing is assumed in between"
+    return [Fault(run, "time", "gap", samples, text)] if count else []
+
+
+def _check_speed(where: str, file: str, time: np.ndarray, encoder: Channel, speed: float, angle: float) -> None:
+    """The encoder does not contradict the command by a clean factor, by a multiple, or by a large angle."""
+    here = np.flatnonzero(np.isfinite(encoder.values))
+    lag = max(1, here.size // 2)  # far apart, so that a coarse encoder has moved
+    found = float(np.median((encoder.values[here[lag:]] - encoder.values[here[:-lag]]) / (time[here[lag:]] - time[here[:-lag]])))
+    away = float(np.median(np.remainder(encoder.values[here] - angle - speed * time[here] + math.pi, 2 * math.pi) - math.pi))
+    if abs(found / speed - 1) < 0.03 and abs(away) > ASTRAY:
+        text = f"{encoder.signal} in {file} is {math.degrees(away):.4g} deg ahead of its command throughout"
+        raise MeasuredError(f"{where}: {text}; check drive_angle = {angle:g} rad, which is the angle at time 0")
+    for ratio, remedy in SLIPS.items():
+        if abs(found / speed / ratio - 1) < 0.03:
+            text = f"drive_speed = {speed:g} rad/s, but {encoder.signal} in {file} turns at {found:.5g} rad/s, {found / speed:.4g} times as fast"
+            raise MeasuredError(f"{where}: {text}; {remedy}")
+    if not 1 / MULTIPLE < found / speed < MULTIPLE:
+        text = f"drive_speed = {speed:g} rad/s, but {encoder.signal} in {file} turns at {found:.5g} rad/s"
+        raise MeasuredError(f"{where}: {text}; put the one right that is wrong")
+
+
+def _start(entry: Entry, mechanism: Mechanism, time: np.ndarray, channels: Mapping[str, Channel]) -> dict[str, float]:
+    """State at the first sample: as given; left out, the driven body's from its first readings, or assembled and at rest without any."""
+    angle, rate = f"{mechanism.driven}_angle", f"{mechanism.driven}_angular_velocity"
+    found = {angle: mechanism.assembly[mechanism.driven], rate: 0.0}
+    if angle in channels:
+        here = np.flatnonzero(np.isfinite(channels[angle].values))[:ROWS]
+        _, found[rate], found[angle] = map(float, np.polyfit(time[here] - time[0], channels[angle].values[here], 2))
+    return found | dict(entry.start or {})
+
+
+def _thinned(where: str, run: Run, encoder: str, faults: list[Fault]) -> tuple[Run, list[Fault]]:
+    """The run with about SAMPLES samples at most, evenly picked; noise and faults were found with all of them."""
+    every = math.ceil(run.time.size / SAMPLES)
+    thin = picked(run, every)
+    if every == 1:
+        return thin, faults
+    if run.drive == "measured" and (error := missed(run, thin, encoder)) > 0:
+        raise MeasuredError(
+            f"{where}: {run.time.size} samples are more than the {SAMPLES} that can be used, and one in {every} does not hold the "
+            f"motion of {encoder} ({error:.2g} rad off); cut the run into shorter ones"
+        )
+    text = f"run {run.name!r} has {run.time.size} samples; one in {every} is used, their noise is estimated from all"
+    return thin, [*faults, Fault(run.name, "time", "thinned", run.time.size - thin.time.size, text)]

@@ -1,0 +1,93 @@
+"""measured.toml as written: its fields, and the keys that ``tolerance`` may have."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from analytic.mechanism import Load
+from analytic.mechanism_file import describe
+from compare.diagnose.data.table import MeasuredError
+from compare.diagnose.data.units import listed
+from compare.diagnose.effects.vocabulary import VOCABULARY
+
+QUANTITIES = (
+    "mass", "length", "inertia", "force", "torque", "angle", "time", "damping", "stiffness", "clearance", "modulus", "gain", "gravity",
+)  # fmt: skip
+
+
+def _as_tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+NotNegative = Annotated[float, Field(ge=0)]
+RunName = Annotated[str, Field(pattern=r"^[^@\s]([^@\n\r\t]*[^@\s])?$")]  # offset@run is how a diagnosis names a value of one run
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Entry(_Part):
+    """A ``[[run]]`` as written."""
+
+    name: RunName
+    file: str
+    drive_speed: float | None = None
+    drive_angle: float | None = None
+    drive: Literal["measured", "free"] | None = None
+    start: Mapping[str, float] | None = None
+    loads: Annotated[tuple[Load, ...] | None, BeforeValidator(_as_tuple), Field(alias="load")] = None
+    noise: Mapping[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
+    from_rest: bool = False
+
+
+class MeasuredFile(_Part):
+    """measured.toml as written."""
+
+    mechanism: str
+    tolerance: Mapping[str, NotNegative | Mapping[str, NotNegative]] = Field(default_factory=dict)
+    runs: Annotated[tuple[Entry, ...], BeforeValidator(_as_tuple), Field(alias="run", min_length=1)]
+
+
+def read_file(path: Path) -> MeasuredFile:
+    """The file's fields, checked one by one.  Raises MeasuredError."""
+    if not path.is_file():
+        raise MeasuredError(f"{path}: no such file; give a measured.toml")
+    fields: dict[str, Any] = {}
+    try:
+        fields = tomllib.loads(path.read_text(encoding="utf-8"))
+        return MeasuredFile.model_validate(fields)
+    except ValidationError as error:
+        raise MeasuredError(f"{path.name}: {'; '.join(describe(error, fields, MeasuredFile))}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise MeasuredError(f"{path.name}: not TOML: {error}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise MeasuredError(f"{path}: cannot be read as UTF-8 text ({error}); give a measured.toml") from None
+
+
+def tolerances(source: str, given: Mapping[str, float | Mapping[str, float]]) -> dict[str, float]:
+    """Tolerances (SI) by quantity, parameter or effect.parameter; ``effect = { parameter = x }`` is ``"effect.parameter" = x``.
+
+    Raises MeasuredError for a key that is none of them.
+    """
+    flat: dict[str, float] = {}
+    for key, value in given.items():
+        flat |= {f"{key}.{k}": v for k, v in value.items()} if isinstance(value, Mapping) else {key: value}
+    parameters = [(effect, p) for effect, e in VOCABULARY.items() for p in e.parameters]
+    quantities = dict.fromkeys([*QUANTITIES, *(p.quantity for _, p in parameters)])
+    known = [*quantities, *(p.name for _, p in parameters), *(f"{effect}.{p.name}" for effect, p in parameters)]
+    for key in flat:
+        if key not in known:
+            close = difflib.get_close_matches(key, known, n=1)
+            remedy = f"did you mean {close[0]!r}" if close else f"use a quantity ({listed(quantities)}), a parameter or effect.parameter"
+            raise MeasuredError(f"{source}: tolerance.{key} is neither a quantity nor a parameter of an effect; {remedy}")
+        meant = [(effect, p) for effect, p in parameters if key in (f"{effect}.{p.name}", p.name, p.quantity)]
+        if flat[key] and meant and not any(VOCABULARY[effect].blames(p.name) for effect, p in meant):
+            raise MeasuredError(f"{source}: tolerance.{key} = {flat[key]:g} bounds nothing; give 0 to rule {meant[0][0]} out, or leave it out")
+    return flat

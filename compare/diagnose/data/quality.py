@@ -1,0 +1,287 @@
+"""What a measured channel is worth: its noise, and the faults of sensors and recordings.
+
+Noise is what is left of a channel when its smooth part is taken out by divided differences, which are exact for any spacing
+of the samples.  A fault is found in one channel by itself; two that only a model can see, swapped columns and a wrong unit,
+are :func:`suspicious_swaps` and :func:`suspicious_units`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from compare.diagnose.data.units import dimension
+
+if TYPE_CHECKING:
+    from compare.diagnose.data.measured import Run
+
+ORDERS = (3, 4, 6, 8, 10)  # of differences, tried for the noise
+FLOOR = 1e-7  # of a channel's range: what a noise-free signal is taken to be good for
+EXACT = 1e-6  # relative, by which the steps of a converter may miss being multiples of the smallest
+SPIKE = 8.0  # sigmas of an outlier
+PLATEAU = 4  # equal extreme samples in a row that a clipped sensor shows
+GAP = 5.0  # median intervals
+TELLING = 5.0  # how much better another column's prediction must fit, and by how many sigmas the own one must fail
+ENOUGH = 50_000  # samples that noise is estimated from
+# Slopes of a channel on its prediction that are conversions, and what the reader may have done.
+CONVERSIONS: dict[str, dict[str, float]] = {
+    "angle": {"in degrees": 180 / math.pi, "converted from degrees twice": math.pi / 180, "in turns": 0.5 / math.pi, "of the other sign": -1.0},
+    "length": {"in millimetres": 1e3, "divided by 1000 twice": 1e-3, "in inches": 1 / 0.0254, "of the other sign": -1.0},
+    "force": {"in millinewtons": 1e3, "in kilonewtons": 1e-3, "in kilogram-force": 1 / 9.80665, "in pound-force": 1 / 4.4482216},
+    "torque": {
+        "in newton millimetres": 1e3, "in kilonewton metres": 1e-3, "in pound-force inches": 1 / 0.1129848, "of the other sign": -1.0,
+    },
+    "angular velocity": {
+        "in degrees per second": 180 / math.pi, "converted from degrees twice": math.pi / 180,
+        "in revolutions per minute": 30 / math.pi, "converted from rpm twice": math.pi / 30,
+        "in revolutions per second": 0.5 / math.pi, "of the other sign": -1.0,
+    },
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something wrong with the data of a run that was handled; ``samples`` are affected and ``text`` says it in a sentence.
+
+    ``kind`` is clipped, outliers, constant, absent, noise, wrapped (one signal), gap, thinned (the run, ``signal`` is
+    ``time``), swapped or unit.
+    """
+
+    run: str
+    signal: str
+    kind: str
+    samples: int
+    text: str
+
+
+def noise(time: np.ndarray, values: np.ndarray) -> float:
+    """Standard deviation of the white noise on a smooth signal (N,) at times (N,) s, increasing; NaN is absent.
+
+    The lowest order of differences that no higher one undercuts by more than chance; never less than the rounding of the
+    values allows, nor than FLOOR of their range (or size, for a constant).
+    """
+    here = np.flatnonzero(np.isfinite(values))
+    if here.size == 0:
+        return FLOOR
+    floor = max(quantum(values) / math.sqrt(12), FLOOR * (np.ptp(values[here]) or np.max(np.abs(values[here])) or 1.0))
+    here = here[_stretches(here.size)]
+    orders = [p for p in ORDERS if here.size > 2 * p + 1] or [1]
+    found = [_scale(differences(time[here], values[here], p)) for p in orders]
+    for k, estimate in enumerate(found):
+        if all(estimate <= other * (1 + chance(q, here.size)) for q, other in zip(orders[k + 1 :], found[k + 1 :], strict=True)):
+            return float(max(estimate, floor))
+    return float(max(found[-1], floor))
+
+
+def chance(order: int, samples: int) -> float:
+    """Relative standard deviation of a noise estimate by differences of this order, which overlap."""
+    correlated = math.comb(4 * order, 2 * order) / math.comb(2 * order, order) ** 2
+    return math.sqrt(correlated / (2 * samples))
+
+
+def differences(time: np.ndarray, values: np.ndarray, order: int) -> np.ndarray:
+    """(N - order,) divided differences of values (N,) at times (N,), scaled so that white noise keeps its size in them."""
+    n = values.size - order
+    step = (time[order:] - time[:n]) / order
+    total, square = np.zeros(n), np.zeros(n)
+    for i in range(order + 1):
+        weight = np.ones(n)
+        for j in range(order + 1):
+            if j != i:
+                weight *= step / (time[i : i + n] - time[j : j + n])
+        total += weight * values[i : i + n]
+        square += weight**2
+    return total / np.sqrt(square)
+
+
+def quantum(values: np.ndarray) -> float:
+    """The step that all values are multiples apart of (a converter's, or of the decimals in a file); 0 if there is none."""
+    present = values[np.isfinite(values)]
+    levels = np.sort(present[_stretches(present.size)])
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 1e-12 * np.max(np.abs(levels), initial=0.0)]
+    if gaps.size == 0:
+        return 0.0
+    multiples = gaps / gaps.min()
+    if multiples.max() < 1.5 and np.unique(present).size == present.size:
+        return 0.0  # an even ramp, such as an encoder's at constant speed: its steps are its speed's
+    return float(gaps.min()) if np.mean(np.abs(multiples - np.round(multiples)) < EXACT * multiples) > 0.9 else 0.0
+
+
+def clipped(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
+    """Samples (N,) bool at a level where the sensor saturates, and the level (NaN where it does not).
+
+    Equal extreme readings in a row are a clipped peak if the noise would have made them differ, or if the signal comes and
+    goes at a slope that carries it further than its rounding; a rest, or a peak of a coarse sensor, is neither.
+    """
+    here = np.flatnonzero(np.isfinite(values))
+    x = values[here]
+    mask, level = np.zeros(values.shape, bool), math.nan
+    if here.size < 2 * PLATEAU or np.ptp(x) == 0:
+        return mask, level
+    plateaus = {extreme: _plateaus(x == extreme) for extreme in (x.max(), x.min())}
+    flat = np.zeros(x.shape, bool)
+    for first, last in (run for runs in plateaus.values() for run in runs):
+        flat[first : last + 1] = True
+    rest = here[~flat]
+    if rest.size < 2 * PLATEAU:
+        return mask, level
+    for extreme, runs in plateaus.items():
+        if not runs:
+            continue
+        sigma, step = noise(time[rest], values[rest]), quantum(values[rest])
+        restless = sigma > max(step, 10 * FLOOR * np.ptp(x))
+        if restless or any(_excess(time[here], x, *run) > max(2 * step, 3 * sigma) for run in runs):
+            level = float(extreme)
+            at = np.flatnonzero(x == extreme)
+            mask[here[np.clip(np.concatenate([at - 1, at, at + 1]), 0, here.size - 1)]] = True
+    return mask, level
+
+
+def _plateaus(equal: np.ndarray) -> list[tuple[int, int]]:
+    """First and last sample of each run of at least PLATEAU true ones."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(np.int8)))
+    return [(first, end - 1) for first, end in edges.reshape(-1, 2).tolist() if end - first >= PLATEAU]
+
+
+def _excess(time: np.ndarray, x: np.ndarray, first: int, last: int) -> float:
+    """How far beyond a plateau a parabola rises that has the signal's slopes at both of its ends; 0 at the end of a record."""
+    m = max(PLATEAU, (last - first) // 2)
+    if first < m or last + m >= x.size:
+        return 0.0
+    slopes = []
+    for side, edge in ((slice(first - m, first), time[first]), (slice(last + 1, last + 1 + m), time[last])):
+        slopes.append(float(np.polyfit(time[side] - edge, x[side] - x[first], 2)[1]))
+    return abs(slopes[0] - slopes[1]) * float(time[last] - time[first]) / 8 if slopes[0] * slopes[1] < 0 else 0.0
+
+
+def outliers(time: np.ndarray, values: np.ndarray, sigma: float) -> np.ndarray:
+    """Indices of isolated spikes (SPIKE sigmas): without such a sample its neighbours are smooth.
+
+    A step, an edge or a steep end stays rough whichever sample is left out; the two samples at either end cannot be judged.
+    """
+    here = np.flatnonzero(np.isfinite(values))
+    t, x = time[here], values[here]
+    if here.size < 3 * PLATEAU:
+        return here[:0]
+    d = np.abs(differences(t, x, 4))
+    limit = SPIKE * np.maximum(sigma, _local_median(d))
+    peak = (d > limit) & (d >= np.concatenate([[0], d[:-1]])) & (d >= np.concatenate([d[1:], [0]]))
+    suspects = np.flatnonzero(peak)
+    suspects = suspects[np.argsort(-d[suspects])][: min(max(10, x.size // 50), 5000)]
+    kept = np.ones(x.size, bool)
+    for window in suspects.tolist():
+        roughness = {}
+        for k in range(max(2, window), min(window + 5, x.size - 2)):
+            near = np.arange(max(0, k - 4), min(x.size, k + 5))
+            near = near[kept[near] & (near != k)]
+            if kept[k] and near.size > 5:
+                roughness[k] = float(np.max(np.abs(differences(t[near], x[near], 4))))
+        best = min(roughness, key=lambda k: roughness[k], default=0)
+        if roughness and roughness[best] < max(SPIKE / 2 * sigma, d[window] / SPIKE):
+            kept[best] = False
+    return here[~kept]
+
+
+def _local_median(d: np.ndarray, block: int = 16) -> np.ndarray:
+    """(N,) the largest median of the whole block that a value is in (the last for a rest) and of the blocks beside it."""
+    count = max(1, d.size // block)
+    level = np.pad(np.median(d[: count * block].reshape(count, -1), axis=1), 1, mode="edge")
+    return np.max([level[:-2], level[1:-1], level[2:]], axis=0)[np.minimum(np.arange(d.size) // block, count - 1)]
+
+
+def unwrapped(angle: np.ndarray, command: np.ndarray | None = None) -> tuple[np.ndarray, int]:
+    """An angle (N,) rad continued where it jumps back by a turn, and the number of jumps; 0 if it was not wrapped.
+
+    ``command`` (N,) rad, if there is one, says which turn a sample belongs to even after a gap.
+    """
+    here = np.flatnonzero(np.isfinite(angle))
+    step = np.diff(angle[here])
+    jump = np.abs(step) > math.pi
+    if not np.any(jump) or np.ptp(angle[here]) > 2 * math.pi * 1.01:  # what turns further than once is continued already
+        return angle, 0
+    turn = jump & (np.abs(np.abs(step) - 2 * math.pi) < max(0.1, 10 * float(np.median(np.abs(step)))))  # another jump is a spike
+    out = angle.copy()
+    if command is None:
+        out[here[1:]] -= 2 * math.pi * np.cumsum(np.where(turn, np.sign(step), 0.0))
+    elif np.any(turn):
+        out += 2 * math.pi * np.round((command - angle) / (2 * math.pi))
+    return out, int(np.sum(turn))
+
+
+def gaps(time: np.ndarray) -> tuple[int, int, float]:
+    """Number of gaps in time (N,) s, samples that are missing in them, and the longest (s)."""
+    step = np.diff(time)
+    usual = float(np.median(step))
+    long = step[step > GAP * usual]
+    return long.size, int(np.sum(np.round(long / usual) - 1)), float(np.max(long, initial=0.0))
+
+
+def suspicious_swaps(run: Run, predicted: Mapping[str, np.ndarray]) -> list[Fault]:
+    """Pairs of channels each of which fits the other's prediction (N,), SI, far better than its own."""
+    faults = []
+    for a, b in combinations([s for s in run.channels if s in predicted], 2):
+        if dimension(a) != dimension(b):
+            continue
+        own = {s: _misfit(run, s, predicted[s]) for s in (a, b)}
+        other = {s: _misfit(run, s, predicted[t]) for s, t in ((a, b), (b, a))}
+        if all(own[s] > TELLING * max(other[s], run.channels[s].noise) for s in (a, b)):
+            samples = int(sum(np.sum(np.isfinite(run.channels[s].values)) for s in (a, b)))
+            text = f"{a} and {b} of run {run.name!r} each fit the other's prediction and not their own: the columns look swapped in {run.file}"
+            faults.append(Fault(run.name, a, "swapped", samples, text))
+    return faults
+
+
+def suspicious_units(run: Run, predicted: Mapping[str, np.ndarray]) -> list[Fault]:
+    """Channels that are their prediction (N,), SI, times a conversion factor.
+
+    A reaction of the other sign is none of them: that is a load cell mounted upside down (sensor_frame).
+    """
+    faults = []
+    for signal, channel in run.channels.items():
+        here = np.flatnonzero(np.isfinite(channel.values) & np.isfinite(predicted.get(signal, np.full(channel.values.shape, math.nan))))
+        if here.size < 3:
+            continue
+        measured, model = channel.values[here], predicted[signal][here]
+        if np.std(model) == 0 or np.std(measured) == 0 or abs(np.corrcoef(model, measured)[0, 1]) < 0.99:
+            continue
+        slope = float(np.polyfit(model, measured, 1)[0])
+        for what, factor in CONVERSIONS.get(dimension(signal), {}).items():
+            if abs(slope / factor - 1) < 0.03:
+                text = f"{signal} of run {run.name!r} is {slope:.4g} times its prediction: it looks {what}, but {run.file} says {channel.unit}"
+                faults.append(Fault(run.name, signal, "unit", here.size, text))
+    return faults
+
+
+def _misfit(run: Run, signal: str, prediction: np.ndarray) -> float:
+    """Root mean square of a channel less a prediction, for angles modulo whole turns."""
+    residual = run.channels[signal].values - prediction
+    residual = residual[np.isfinite(residual)]
+    if residual.size == 0:
+        return 0.0
+    if dimension(signal) == "angle":
+        residual = residual - 2 * math.pi * np.round(np.mean(residual) / (2 * math.pi))
+    return float(np.sqrt(np.mean(residual**2)))
+
+
+def _scale(d: np.ndarray) -> float:
+    """Robust standard deviation about zero: biweight, which loses little to the root mean square on white noise."""
+    middle = 1.4826 * float(np.median(np.abs(d)))
+    if middle == 0:
+        return 0.0
+    u = (d / (9 * middle)) ** 2
+    d, u = d[u < 1], u[u < 1]
+    return math.sqrt(d.size * float(np.sum(d**2 * (1 - u) ** 4))) / abs(float(np.sum((1 - u) * (1 - 5 * u))))
+
+
+def _stretches(n: int) -> np.ndarray:
+    """Indices of all of n samples, or of ENOUGH of them in a hundred stretches."""
+    if n <= ENOUGH:
+        return np.arange(n)
+    length = ENOUGH // 100
+    return (np.linspace(0, n - length, 100).astype(int)[:, None] + np.arange(length)).ravel()

@@ -1,0 +1,213 @@
+"""A data file as a table: header of ``signal [unit]``, numbers in SI, every fault with its line and column.
+
+Blocks of lines go through numpy's reader; a block that it does not take is read again cell by cell, which finds the fault
+or forgives it (blank lines, quotes).  So a long file is read at numpy's speed, and in memory that is bounded by CELLS.
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import io
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from analytic.mechanism import Mechanism
+from compare.diagnose.data.units import UnitError, dimension, factor, listed, readable
+
+CELLS = 10_000_000  # read at most; 80 MB of numbers
+ROWS = 8  # at least
+BLOCK = 1 << 20  # characters read at a time
+HEADER = 100_000  # characters; what has no line end in so many is no table
+DELIMITERS = (",", ";", "\t")
+
+
+class MeasuredError(ValueError):
+    """Measured data cannot be used; the message is one sentence with file, line or field, value and remedy."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column's header: the signal, its unit as written, and the factor to SI."""
+
+    signal: str
+    unit: str
+    factor: float
+
+
+@dataclass(frozen=True)
+class Table:
+    """``time`` (N,) s, strictly increasing, and ``values`` (N,) by signal in SI, NaN in an empty cell."""
+
+    columns: tuple[Column, ...]  # time apart
+    time: np.ndarray
+    values: dict[str, np.ndarray]
+
+
+def read_table(path: Path, mechanism: Mechanism) -> Table:
+    """Read a data file of this mechanism.  Raises MeasuredError."""
+    try:
+        if not path.is_file():
+            raise MeasuredError(f"{path}: no such file; give the path of the CSV file, relative to measured.toml")
+        _check_size(path)
+        with path.open(encoding="utf-8-sig") as file:
+            return _read(path.name, file, mechanism)
+    except UnicodeDecodeError as error:
+        raise MeasuredError(f"{path.name}: is not UTF-8 text (byte 0x{error.object[error.start]:02x}); save it as a CSV file in UTF-8") from None
+    except csv.Error as error:
+        raise MeasuredError(f"{path.name}: is not a CSV file ({error}); give rows of numbers separated by commas") from None
+    except OSError as error:
+        raise MeasuredError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from None
+
+
+def _check_size(path: Path) -> None:
+    """Not empty, not binary, not larger than can be held: known before a number is read."""
+    with path.open("rb") as file:
+        head = file.read(BLOCK)
+        if not head.strip():
+            raise MeasuredError(f"{path.name}: is empty; it needs a header of 'signal [unit]' columns and at least {ROWS} rows")
+        if b"\0" in head:
+            raise MeasuredError(f"{path.name}: is not text but binary (or UTF-16); save it as a CSV file in UTF-8")
+        line = head.split(b"\n", 1)[0]
+        columns = 1 + max(line.count(d.encode()) for d in DELIMITERS)
+        rows = head.count(b"\n") + sum(block.count(b"\n") for block in iter(lambda: file.read(BLOCK), b"")) - 1
+    if path.stat().st_size > HEADER * (rows + 2):
+        raise MeasuredError(f"{path.name}: has lines longer than {HEADER} characters; give a CSV file with a header of 'signal [unit]' columns")
+    if rows * columns > CELLS:
+        keep = math.ceil(rows * columns / CELLS)
+        raise MeasuredError(
+            f"{path.name}: has {rows} rows of {columns} columns, and at most {CELLS // columns} such rows are read; "
+            f"keep one row in {keep}, or cut the run down to the revolutions that matter"
+        )
+
+
+def _read(name: str, file: TextIO, mechanism: Mechanism) -> Table:
+    header = file.readline(HEADER)
+    if len(header) == HEADER:
+        raise MeasuredError(f"{name}: line 1 is longer than {HEADER} characters; give a CSV file with a header of 'signal [unit]' columns")
+    delimiter = max(DELIMITERS, key=header.count)
+    time, columns = _columns(name, header, delimiter, mechanism)
+    names = [f"time [{time.unit}]", *(f"{c.signal} [{c.unit}]" for c in columns)]
+    blocks = [_block(name, lines, first, delimiter, names) for first, lines in _blocks(file)]
+    numbers = np.concatenate([b for b, _ in blocks]) if blocks else np.zeros((0, len(names)))
+    if len(numbers) < ROWS:
+        raise MeasuredError(f"{name}: has {len(numbers)} row{'s' * (len(numbers) != 1)} of numbers; at least {ROWS} are needed")
+    stamps = numbers[:, 0]
+    _check_order(name, stamps, np.concatenate([n for _, n in blocks]), time.unit)
+    return Table(columns, stamps * time.factor, {c.signal: numbers[:, k] * c.factor for k, c in enumerate(columns, 1)})
+
+
+def _columns(name: str, header: str, delimiter: str, mechanism: Mechanism) -> tuple[Column, tuple[Column, ...]]:
+    """The header's columns: time, and the others."""
+    cells = [cell.strip() for cell in next(csv.reader([header], delimiter=delimiter))]
+    if all(_number(cell) is not None for cell in cells):
+        raise MeasuredError(f"{name}: line 1 has numbers where the header should be; begin with a line such as 'time [s],crank_angle [deg]'")
+    columns = [_column(name, k, cell, mechanism) for k, cell in enumerate(cells, 1)]
+    signals = [c.signal for c in columns]
+    if signals[0] != "time":
+        raise MeasuredError(f"{name}: line 1: column 1 is {cells[0]!r}; the first column must be 'time [s]'")
+    twice = next((s for s in signals if signals.count(s) > 1), None)
+    if twice is not None:
+        raise MeasuredError(f"{name}: line 1: {twice!r} is there {signals.count(twice)} times; give each signal one column")
+    if len(columns) == 1:
+        raise MeasuredError(f"{name}: line 1: has no column but time; add the measured signals, separated by commas")
+    return columns[0], tuple(columns[1:])
+
+
+def _column(name: str, k: int, cell: str, mechanism: Mechanism) -> Column:
+    found = re.fullmatch(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?", cell)
+    if found is None or not found[1]:
+        raise MeasuredError(f"{name}: line 1: column {k} is {cell!r}; write 'signal [unit]', such as 'crank_angle [deg]'")
+    signal, unit = canonical(found[1], mechanism), (found[2] or "").strip()
+    if signal != "time" and signal not in readable(mechanism):
+        raise MeasuredError(f"{name}: line 1: column {k}, {signal!r}, is not a signal of {mechanism.name!r}; {suggestion(signal, mechanism)}")
+    try:
+        return Column(signal, unit, factor(unit, dimension(signal)))
+    except UnitError as error:
+        raise MeasuredError(f"{name}: line 1: column {k}, {signal!r}, has {error}") from None
+
+
+def canonical(signal: str, mechanism: Mechanism) -> str:
+    """``crank_angle`` stands for the driven body's angle, ``crank_angular_velocity`` for its rate, unless another body is called crank."""
+    body, _, part = signal.partition("_")
+    return f"{mechanism.driven}_{part}" if body == "crank" and body not in mechanism.moving and part in ("angle", "angular_velocity") else signal
+
+
+def suggestion(signal: str, mechanism: Mechanism) -> str:
+    """What a signal that the mechanism does not have was probably meant to be."""
+    close = difflib.get_close_matches(signal, ["time", *readable(mechanism)], n=1)
+    return f"did you mean {close[0]!r}" if close else f"its signals are {listed(readable(mechanism))}"
+
+
+def _blocks(file: TextIO) -> Iterator[tuple[int, list[str]]]:
+    """Blocks of whole lines after the header, each with the number of its first line."""
+    first = 2
+    while lines := file.readlines(BLOCK):
+        yield first, lines
+        first += len(lines)
+
+
+def _block(name: str, lines: list[str], first: int, delimiter: str, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers (rows, columns) of a block, in the units of the file, and the line number (rows,) of each row."""
+    try:
+        text = "".join(lines)
+        for before, after in ((delimiter, delimiter), (delimiter, "\n")):  # an empty cell is an absent value
+            text = text.replace(before + after, f"{before}nan{after}").replace(before + after, f"{before}nan{after}")
+        numbers = np.loadtxt(io.StringIO(text), delimiter=delimiter, comments=None, ndmin=2) if not text.isspace() else np.zeros((0, 0))
+        if numbers.shape == (len(lines), len(names)) and np.all(np.isfinite(numbers[:, 0])) and not np.any(np.isinf(numbers)):
+            return numbers, np.arange(first, first + len(lines))
+    except ValueError:  # said below, with line and column
+        pass
+    return _cell_by_cell(name, lines, first, delimiter, names)
+
+
+def _cell_by_cell(name: str, lines: list[str], first: int, delimiter: str, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    rows, numbers = [], []
+    for number, line in enumerate(lines, first):
+        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
+        if not any(cells):
+            continue
+        where = f"{name}: line {number}"
+        if len(cells) != len(names):
+            hint = "; a decimal comma must be a decimal point" if delimiter == "," and len(cells) > len(names) else ""
+            raise MeasuredError(f"{where} has {len(cells)} cells and the header {len(names)}; leave an absent cell empty between commas{hint}")
+        rows.append([_value(f"{where}, column {column!r}", cell) for column, cell in zip(names, cells, strict=True)])
+        numbers.append(number)
+        if not math.isfinite(rows[-1][0]):
+            raise MeasuredError(f"{where} has no time; give every row its time or delete the row")
+    return np.array(rows, float).reshape(-1, len(names)), np.array(numbers, int)
+
+
+def _value(where: str, cell: str) -> float:
+    if not cell:
+        return math.nan
+    value = _number(cell)
+    if value is None and re.fullmatch(r"[-+]?\d+,\d+(e[-+]?\d+)?", cell, re.IGNORECASE):
+        raise MeasuredError(f"{where}: {cell!r} has a decimal comma; write a decimal point")
+    if value is None or math.isinf(value):
+        raise MeasuredError(f"{where}: {cell!r} is not a finite number; leave the cell empty where there is no reading")
+    return value
+
+
+def _number(cell: str) -> float | None:
+    try:
+        return None if "_" in cell else float(cell)
+    except ValueError:
+        return None
+
+
+def _check_order(name: str, stamps: np.ndarray, lines: np.ndarray, unit: str) -> None:
+    wrong = np.flatnonzero(np.diff(stamps) <= 0)
+    if wrong.size == 0:
+        return
+    k = int(wrong[0])
+    before, after = f"{stamps[k]:.10g} {unit}", f"{stamps[k + 1]:.10g} {unit}"
+    if stamps[k + 1] == stamps[k]:
+        raise MeasuredError(f"{name}: line {lines[k + 1]} has the time of the row before, {after}; delete the repeated row or give it its own time")
+    raise MeasuredError(f"{name}: line {lines[k + 1]}: time runs back from {before} to {after}; put the rows in order of time, one run in a file")

@@ -1,0 +1,48 @@
+"""Fewer samples of a run, evenly, without losing a sensor or the motion that a drive follows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from compare.diagnose.data.quality import FLOOR
+
+if TYPE_CHECKING:
+    from compare.diagnose.data.measured import Run
+
+
+def picked(run: Run, every: int) -> Run:
+    """A run with one in so many of its samples: the same rows of all sensors, and more where a sensor has few in those."""
+    keep = np.zeros(run.time.size, bool)
+    keep[::every] = True
+    for channel in run.channels.values():
+        here = np.flatnonzero(np.isfinite(channel.values))
+        if np.sum(keep[here]) < here.size / every / 2:
+            keep[here[::every]] = True
+    channels = {s: replace(c, values=frozen(c.values[keep])) for s, c in run.channels.items()}
+    return replace(run, time=frozen(run.time[keep]), channels=channels)
+
+
+def missed(run: Run, thin: Run, encoder: str) -> float:
+    """By how much (rms, rad) a drive that follows the encoder misses its motion with these samples of it; 0 for no more than noise."""
+    from scipy.interpolate import make_smoothing_spline
+
+    sides = []
+    for each in (run, thin):
+        values = each.channels[encoder].values
+        here = np.flatnonzero(np.isfinite(values))
+        sides.append((each.time[here], values[here]))
+    (time, values), knots = sides
+    within = (time >= knots[0][0]) & (time <= knots[0][-1])
+    time, values = time[within], values[within]
+    error = float(np.sqrt(np.mean((make_smoothing_spline(*knots)(time) - values) ** 2)))
+    return error if error > 3 * max(run.channels[encoder].noise, FLOOR * float(np.ptp(values))) else 0.0
+
+
+def frozen(values: np.ndarray) -> np.ndarray:
+    """A copy that cannot be written to."""
+    values = np.array(values, float)
+    values.flags.writeable = False
+    return values

@@ -1,0 +1,1 @@
+"""Effects: what a model may lack, each a name, places and pure functions."""

@@ -1,0 +1,156 @@
+"""Effects on sensors, clocks and the encoder, as pure functions on readings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from compare.diagnose.data.units import unit_of
+from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
+
+
+class EncoderOffset(Effect):
+    """A constant error of the driven body's angle, the motor's encoder; one value, or one for each run (``offset@run``).
+
+    In a run that follows the encoder the motor is at column minus offset, so the offset moves the whole linkage.
+    """
+
+    name = "encoder_offset"
+    parameters = (Parameter("offset", "rad", "angle"),)
+    sensor = True
+    each_run = 1.0  # the variant with a value of its own for each run
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return [rig.encoder] if rig.encoder in rig.signals else []
+
+    def variants(self, rig: Rig, where: str) -> Sequence[float]:
+        return (0.0, self.each_run) if len(rig.runs) > 1 else (0.0,)
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-5,) * (len(rig.runs) if variant == self.each_run else 1)
+
+    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return np.full(len(self.scales(rig, where, variant)), -math.inf)
+
+    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
+        if variant == self.each_run:
+            return {f"offset@{run}": float(v) for run, v in zip(rig.runs, x, strict=True)}
+        return {"offset": float(x[0])}
+
+    def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
+        offset = self.offset(run, values)
+        return {**readings, where: readings[where] + offset} if offset and where in readings else readings
+
+    @staticmethod
+    def offset(run: str, values: Values) -> float:
+        """The offset (rad) in a run."""
+        return values.get("offset", values.get(f"offset@{run}", 0.0))
+
+
+class OnSensor(Effect):
+    """Effects on one sensor."""
+
+    sensor = True
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return [s for s in rig.signals if s != rig.encoder]
+
+
+class SensorBias(OnSensor):
+    """A constant error of a sensor (of the encoder it is called ``encoder_offset``)."""
+
+    name = "sensor_bias"
+    parameters = (Parameter("bias", "", "bias"),)
+
+    def unit(self, rig: Rig, where: str, parameter: str) -> str:
+        return unit_of(where)
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (rig.noise[where],)
+
+    def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
+        return {**readings, where: readings[where] + values["bias"]} if where in readings else readings
+
+
+class SensorGain(OnSensor):
+    """A sensor whose scale is off: reading = (1 + gain_error) value."""
+
+    name = "sensor_gain"
+    parameters = (Parameter("gain_error", "1", "gain"),)
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return rig.signals
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-4,)
+
+    def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
+        return {**readings, where: readings[where] * (1 + values["gain_error"])} if where in readings else readings
+
+
+class SensorDelay(OnSensor):
+    """A sensor that reads the motion of some time ago."""
+
+    name = "sensor_delay"
+    parameters = (Parameter("delay", "s", "time", 0.0),)
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return rig.signals
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-4 / rig.speed,)
+
+    def delay(self, run: str, signal: str, where: str, values: Values) -> float:
+        return values["delay"] if signal == where else 0.0
+
+
+class SensorFrame(Effect):
+    """A load cell mounted turned about z: it reports the components of the force along its own axes."""
+
+    name = "sensor_frame"
+    parameters = (Parameter("rotation", "rad", "angle"),)
+    sensor = True
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return [j.name for j in rig.mechanism.joints if {f"reaction_{j.name}_x", f"reaction_{j.name}_y"} <= set(rig.signals)]
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-4,)
+
+    def variants(self, rig: Rig, where: str) -> Sequence[float]:
+        return (0.0, math.pi / 2, math.pi, -math.pi / 2)
+
+    def middle(self, variant: float) -> float:
+        return variant
+
+    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
+        return {"rotation": float(x[0]) + variant}
+
+    def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
+        x, y = f"reaction_{where}_x", f"reaction_{where}_y"
+        if x not in readings or y not in readings:
+            return readings
+        force = (readings[x] + 1j * readings[y]) * np.exp(-1j * values["rotation"])
+        return {**readings, x: force.real, y: force.imag}
+
+
+class ClockOffset(Effect):
+    """A whole run that is late on its command: it reads the motion that was commanded some time ago."""
+
+    name = "clock_offset"
+    parameters = (Parameter("offset", "s", "time"),)
+    sensor = True
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return [run for run in rig.driven if run not in rig.following]
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-4 / rig.speed,)
+
+    def delay(self, run: str, signal: str, where: str, values: Values) -> float:
+        return values["offset"] if run == where else 0.0
+
+
+SENSOR_EFFECTS: tuple[Effect, ...] = (EncoderOffset(), SensorBias(), SensorGain(), SensorDelay(), SensorFrame(), ClockOffset())

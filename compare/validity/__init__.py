@@ -1,0 +1,1 @@
+"""``compare validity``: over speed and clearance, where the analytic model holds."""

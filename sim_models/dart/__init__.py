@@ -1,0 +1,1 @@
+"""DART: skeletons closed by constraints, with contact laws of ours."""

@@ -1,0 +1,1 @@
+"""Exudyn: driven runs, static equilibria, beams and export of a script."""

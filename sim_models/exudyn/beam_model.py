@@ -1,0 +1,261 @@
+"""A linkage of beams as an Exudyn system whose reference configuration is undeformed, and its static equilibrium."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal
+
+import numpy as np
+
+from analytic.bars import POISSON, division
+from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism
+from sim_models.contact_laws import PIN_RADIUS, STATIC_STIFFNESS
+from sim_models.engine import Unsupported
+from sim_models.exudyn.settings import static_settings
+from sim_models.start import Pose
+
+Element = Literal["euler-bernoulli", "timoshenko"]
+
+SPAN_ELEMENTS = 4  # between two neighbouring points of a link; one is exact already for small displacements
+SHEAR_FACTOR = 5 / 6  # of a rectangular section
+ROUNDING = 3e-16  # m: what a position of this size is rounded to, so that a spring's force wavers by it times its stiffness
+STIFFEST = 1e10  # N/m of a contact, at most: Exudyn differentiates it numerically, and Newton's method fails beyond
+SOFTENING = tuple(10.0**-k for k in range(5, -1, -1))  # of the contact's stiffness, one solution after the other
+BESIDE = 1e-6  # of a link's length: how far a joint may lie beside its axis
+
+Push = tuple[str, str, complex, float]  # body, point, force (N) and torque (N.m)
+
+
+def refuse_what_is_not_modelled(m: Mechanism) -> None:
+    """Raise Unsupported, naming the body or joint, for what :class:`BeamModel` cannot be made of."""
+    for joint in m.joints:
+        bent = [body.name for body in m.bodies if body.name in joint.bodies and is_flexible(body)]
+        if joint.prismatic and bent:
+            raise Unsupported(f"{m.name}: beams are joined by revolute joints only; joint {joint.name!r} of {bent[0]!r} is prismatic")
+    if m.drive is not None and m.drive.stiffness is not None:
+        raise Unsupported(f"{m.name}: the crank of a linkage of beams is held rigidly; leave out drive.stiffness")
+    for body in m.bodies:
+        if not is_flexible(body):
+            continue
+        if min(body.section) <= 0:
+            raise Unsupported(f"{m.name}: body {body.name!r} is elastic but has section {body.section}; give its height and depth in m")
+        for name, (_, arm) in division(body).places.items():
+            if name in body.points and abs(arm) > BESIDE * body.length:
+                raise Unsupported(f"{m.name}: point {name!r} of body {body.name!r} lies {abs(arm):g} m beside its axis; a beam has its joints on it")
+
+
+def is_flexible(body: Body) -> bool:
+    """Whether a body is made of beams: it has a modulus of elasticity, and a length."""
+    return body.youngs_modulus is not None and body.length > 0
+
+
+def pin_stiffness(joint: Joint) -> float:
+    """Stiffness (N/m) of a pin pressed into its bearing: the contact's, else the joint's spring of Eq. 4, at most STIFFEST."""
+    spring = joint.elasticity.translation if joint.elasticity is not None else STATIC_STIFFNESS
+    return min(joint.contact_stiffness or spring, STIFFEST)
+
+
+class BeamModel:
+    """The linkage as an Exudyn system whose reference configuration is undeformed, under ``pushes`` besides nothing else.
+
+    A link is the bars of :func:`analytic.bars.division`: one along a straight link, a star welded at its hub otherwise; a com or
+    marker that is not on a bar is carried by a rigid arm.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, element: Element, clearance: Mapping[str, float], start: Mapping[str, Pose], pushes: Iterable[Push]
+    ) -> None:
+        import exudyn
+        import exudyn.itemInterface as items
+
+        self.exu: Any = exudyn
+        self.items, self.m, self.element, self.clearance, self.start = items, mechanism, element, clearance, start
+        self.container = exudyn.SystemContainer()
+        self.mbs = self.container.AddSystem()
+        self.fixed = self.mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=self.mbs.AddNode(items.NodePointGround()), coordinate=0))
+        self._marker: dict[tuple[str, str], Any] = {}
+        self._arm: dict[tuple[str, str], complex] = {}  # m, ground frame, from a point's marker to the point, undeformed
+        self._rigid: dict[str, Any] = {}
+        self._axial: list[float] = []  # N/m, of the elements
+        self._section: dict[tuple[str, str], tuple[Any, complex]] = {}  # a point's node, and its direction, undeformed
+        ground = self._rigid[GROUND] = self.mbs.AddObject(items.ObjectGround())
+        for name in mechanism.ground.points:
+            self._marker[GROUND, name] = self._on_body(ground, mechanism.ground.point(name))
+        for body in mechanism.bodies:
+            (self._add_beams if is_flexible(body) else self._add_rigid)(body, start[body.name])
+        self._joint = {joint.name: self._add_joint(joint) for joint in mechanism.joints}
+        for push in pushes:
+            self._push(*push)
+        self.mbs.Assemble()
+
+    def _on_body(self, number: Any, place: complex, turn: float = 0.0) -> Any:
+        c, s = math.cos(turn), math.sin(turn)
+        frame = np.array([[c, -s, 0, place.real], [s, c, 0, place.imag], [0, 0, 1, 0], [0, 0, 0, 1]])
+        return self.mbs.AddMarker(self.items.MarkerBodyRigid(bodyNumber=number, localHT=frame))
+
+    def _add_rigid(self, body: Body, pose: Pose) -> None:
+        node = self.mbs.AddNode(self.items.NodeRigidBody2D(initialCoordinates=[pose.origin.real, pose.origin.imag, pose.angle]))
+        number = self.mbs.AddObject(self.items.ObjectRigidBody2D(mass=body.mass, inertia=body.moment_of_inertia or 1.0, nodeNumber=node))
+        for name in _points(body):
+            self._marker[body.name, name] = self._on_body(number, body.point(name))
+            self._section[body.name, name] = node, cmath.exp(1j * pose.angle)
+        self._rigid[body.name] = number
+        if body.name == self.m.driven:
+            self._hold(node, [(2, 1.0)], pose.angle)
+
+    def _add_beams(self, body: Body, pose: Pose) -> None:
+        parts, turn = division(body), cmath.exp(1j * pose.angle)
+        sections: dict[int, list[tuple[Any, complex]]] = {}  # Exudyn's node and its direction, by node of the frame, for each bar that meets there
+        for i, j in parts.bars:
+            length = abs(parts.nodes[j] - parts.nodes[i])
+            direction = (parts.nodes[j] - parts.nodes[i]) / length * turn
+            here = sections.setdefault(i, [])
+            shared = next((node for node, along in here if abs(along - direction) < BESIDE), None)
+            nodes = self._beam(body, pose.origin + parts.nodes[i] * turn, direction, length, shared)
+            if shared is None:
+                here.append((nodes[0], direction))
+            sections.setdefault(j, []).append((nodes[-1], direction))
+        for hub in sections.values():
+            for other in hub[1:]:
+                self._weld(hub[0], other)
+        for name, (k, arm) in parts.places.items():
+            self._section[body.name, name] = sections[k][0]
+            self._marker[body.name, name] = self.mbs.AddMarker(self.items.MarkerNodeRigid(nodeNumber=sections[k][0][0]))
+            self._arm[body.name, name] = arm * turn
+        if body.name == self.m.driven:
+            clamp, direction = self._section[body.name, self.m.drive_joint.name]
+            if self.element == "timoshenko":
+                self._hold(clamp, [(2, 1.0)])
+            else:  # the slope keeps its direction: no displacement of it across the axis
+                self._hold(clamp, [(2, -direction.imag), (3, direction.real)])
+
+    def _beam(self, body: Body, start: complex, direction: complex, length: float, first: Any | None) -> list[Any]:
+        """Nodes of a straight beam, made of equal elements; its first may be another beam's last."""
+        step = 1 if self.element == "euler-bernoulli" else 2  # the exact beam has a node in the middle
+        stations = np.linspace(0, length, SPAN_ELEMENTS * step + 1)
+        nodes = [self._node(start + x * direction, direction) if x or first is None else first for x in stations]
+        for k in range(0, len(nodes) - 1, step):
+            self._element(body, nodes[k : k + step + 1], length / SPAN_ELEMENTS)
+        return nodes
+
+    def _weld(self, *sections: tuple[Any, complex]) -> None:
+        """Join two sections in the same place rigidly, at the angle that they have."""
+        ends = [self.mbs.AddMarker(self.items.MarkerNodeRigid(nodeNumber=node)) for node, _ in sections]
+        z = sections[0][1] / sections[1][1]
+        turn = np.array([[z.real, -z.imag, 0.0], [z.imag, z.real, 0.0], [0.0, 0.0, 1.0]])
+        self.mbs.AddObject(self.items.ObjectJointGeneric(markerNumbers=ends, constrainedAxes=[1, 1, 0, 0, 0, 1], rotationMarker1=turn))
+
+    def _node(self, place: complex, direction: complex) -> Any:
+        if self.element == "timoshenko":
+            return self.mbs.AddNode(self.items.NodeRigidBody2D(referenceCoordinates=[place.real, place.imag, cmath.phase(direction)]))
+        return self.mbs.AddNode(self.items.NodePoint2DSlope1(referenceCoordinates=[place.real, place.imag, direction.real, direction.imag]))
+
+    def _element(self, body: Body, nodes: list[Any], length: float) -> None:
+        height, depth = body.section
+        modulus, area = body.youngs_modulus or 0.0, height * depth
+        shear = body.shear_modulus or modulus / (2 * (1 + POISSON))
+        common = {"nodeNumbers": nodes, "length": length, "massPerLength": body.mass / body.length}
+        self._axial.append(modulus * area / length)
+        common |= {"bendingStiffness": modulus * depth * height**3 / 12, "axialStiffness": modulus * area}
+        if self.element == "euler-bernoulli":
+            self.mbs.AddObject(self.items.ObjectANCFCable2D(**common))
+        else:
+            inertia = body.mass / body.length * height**2 / 12
+            self.mbs.AddObject(
+                self.items.ObjectBeamGeometricallyExact2D(**common, crossSectionInertia=inertia, shearStiffness=SHEAR_FACTOR * shear * area)
+            )
+
+    def _hold(self, node: Any, parts: list[tuple[int, float]], value: float = 0.0) -> None:
+        """Hold a sum of factors times coordinates of a node (one or two of them)."""
+        (_, weight), *_ = parts = sorted(parts, key=lambda part: -abs(part[1]))
+        markers = [self.mbs.AddMarker(self.items.MarkerNodeCoordinate(nodeNumber=node, coordinate=c)) for c, _ in parts]
+        if len(parts) == 1:
+            self.mbs.AddObject(self.items.ObjectConnectorCoordinate(markerNumbers=[self.fixed, markers[0]], offset=value / weight))
+        else:  # first + (second / weight) = 0, written as factor1 * second - first
+            factor = -parts[1][1] / weight
+            self.mbs.AddObject(self.items.ObjectConnectorCoordinate(markerNumbers=markers, factor1=factor, offset=value / weight))
+
+    def _add_joint(self, joint: Joint) -> Any:
+        if joint.prismatic:
+            turns = cmath.phase(joint.direction), cmath.phase(joint.direction) - joint.angle
+            ends = [
+                self._on_body(self._rigid[body], self.m.body(body).point(joint.name), turn) for body, turn in zip(joint.bodies, turns, strict=True)
+            ]
+            return self.mbs.AddObject(self.items.ObjectJointGeneric(markerNumbers=ends, constrainedAxes=[0, 1, 0, 0, 0, 1]))
+        markers = [self._marker[body, joint.name] for body in joint.bodies]
+        if joint.name in self.clearance:
+            radius = joint.pin_radius or PIN_RADIUS
+            data = self.mbs.AddNode(self.items.NodeGenericData(initialCoordinates=[-1e-12, 0.0, 0.0, 0.0], numberOfDataCoordinates=4))
+            return self.mbs.AddObject(
+                self.items.ObjectContactSphereSphere(
+                    markerNumbers=markers, nodeNumber=data, spheresRadii=[radius, radius + joint.clearance],
+                    isHollowSphere1=True, contactStiffness=pin_stiffness(joint),
+                )
+            )  # fmt: skip
+        if joint.elasticity is not None:
+            k = joint.elasticity.translation
+            return self.mbs.AddObject(self.items.ObjectConnectorCartesianSpringDamper(markerNumbers=markers, stiffness=[k, k, 0.0]))
+        return self.mbs.AddObject(self.items.ObjectJointRevolute2D(markerNumbers=markers))
+
+    def _push(self, body: str, point: str, force: complex, torque: float) -> None:
+        """A force (N) at a point and a torque (N.m); on an arm, which hardly turns, the force has a moment besides."""
+        marker = self._marker[body, point]
+        torque += (self._arm.get((body, point), 0j).conjugate() * force).imag
+        if force:
+            self.mbs.AddLoad(self.items.LoadForceVector(markerNumber=marker, loadVector=[force.real, force.imag, 0.0]))
+        if torque:
+            self.mbs.AddLoad(self.items.LoadTorqueVector(markerNumber=marker, loadVector=[0.0, 0.0, torque]))
+
+    def solve(self) -> bool:
+        """Static equilibrium; contacts are soft at first and stiffen by turns, because Newton's method loses a stiff one's curvature."""
+        springs = [j.elasticity.translation for j in self.m.joints if j.elasticity is not None]
+        stiffest = max([*springs, *self._axial], default=0.0)
+        settings = static_settings(1e-8 + ROUNDING * stiffest)
+        try:
+            for softer in SOFTENING if self.clearance else (1.0,):
+                for name in self.clearance:
+                    self.mbs.SetObjectParameter(self._joint[name], "contactStiffness", softer * pin_stiffness(self.m.joint(name)))
+                if not self.mbs.SolveStatic(settings, updateInitialValues=True, storeSolver=False):
+                    return False
+        except self.exu.exudynCPP.SolverError:
+            return False
+        return True
+
+    # ---------------------------------------------------------------- reading
+
+    def place(self, body: str, point: str) -> complex:
+        """Where a body's point is (m)."""
+        x, y, _ = self.mbs.GetMarkerOutput(self._marker[body, point], self.exu.OutputVariableType.Position)
+        arm = self._arm.get((body, point), 0j)
+        return complex(x, y) + (arm * cmath.exp(1j * self.rotation(body, point)) if arm else 0j)
+
+    def rotation(self, body: str, point: str) -> float:
+        """Rotation (rad) of the section that carries a body's point, from the pose in which it started, undeformed."""
+        node, direction = self._section[body, point]
+        moved = self.mbs.GetNodeOutput(node, self.exu.OutputVariableType.Coordinates)
+        if body in self._rigid:
+            return math.remainder(moved[2] - cmath.phase(direction), 2 * math.pi)
+        if self.element == "timoshenko":
+            return float(moved[2])
+        return cmath.phase(1 + complex(moved[2], moved[3]) / direction)
+
+    def force(self, joint: Joint) -> complex:
+        """Force (N) of a joint's first body on its second; of a prismatic joint, what its guide carries."""
+        if joint.prismatic:
+            value = self.mbs.GetObjectOutput(self._joint[joint.name], self.exu.OutputVariableType.ForceLocal)
+            first = joint.bodies[0]
+            turn = cmath.exp(1j * self.rotation(first, joint.name)) * self._section[first, joint.name][1] if first != GROUND else 1.0
+            return 1j * float(value[1]) * joint.direction * turn
+        value = self.mbs.GetObjectOutput(self._joint[joint.name], self.exu.OutputVariableType.Force)
+        sign = 1.0 if joint.name not in self.clearance and joint.elasticity is None else -1.0
+        return sign * complex(value[0], value[1])
+
+    def moment(self, joint: Joint) -> float:
+        """Moment (N.m) of a prismatic joint on its second body, at that body's point."""
+        return -float(self.mbs.GetObjectOutput(self._joint[joint.name], self.exu.OutputVariableType.TorqueLocal)[2])
+
+
+def _points(body: Body) -> tuple[str, ...]:
+    return (*body.points, "com", MASS_CENTRE)

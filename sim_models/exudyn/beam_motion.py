@@ -1,0 +1,89 @@
+"""How the rigid linkage moves, for the loads that beams bear and what is read beside them: from the assembly's poses alone.
+
+Rates and accelerations are differences over five crank angles, as those of :func:`sim_models.start.poses`, so that beams owe
+nothing to the analytic kinematics and kinetostatics that they are compared with.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from analytic.assembly import Assembly
+from analytic.mechanism import GROUND, MASS_CENTRE, Joint
+from sim_models.exudyn.equilibria import Inertia
+from sim_models.start import poses
+
+STENCIL = 2e-3  # rad from one crank angle to the next: a second derivative's rounding and the cut-off fifth order weigh about the same
+FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / (12 * STENCIL)
+SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / (12 * STENCIL**2)
+STANDSTILL = 1e-9  # of the crank's rate (of a slide: times the longest link): the rate of a joint that does not move
+
+
+class RigidMotion:
+    """The ideal rigid linkage at N crank angles ``theta`` (rad), its crank with a rate (rad/s) and acceleration (rad/s^2).
+
+    Arrays are (N,), vectors complex in the ground frame.  Raises AssemblyError where it cannot be assembled; if it moves, two
+    STENCIL around, too.
+    """
+
+    def __init__(self, assembly: Assembly, theta: np.ndarray, rate: np.ndarray | float = 0.0, acceleration: np.ndarray | float = 0.0) -> None:
+        self.m, self.theta = assembly.mechanism, theta
+        self._rate, self._acceleration = (np.broadcast_to(np.asarray(x, float), theta.shape) for x in (rate, acceleration))
+        moves = np.any(self._rate) or np.any(self._acceleration)
+        around = theta + STENCIL * np.arange(-2.0, 3.0)[:, None] * moves
+        places = [[poses(assembly, float(at)) for at in row] for row in around]
+        still = np.zeros(around.shape)
+        self._origin = {b.name: np.array([[pose[b.name].origin for pose in row] for row in places]) for b in self.m.bodies} | {GROUND: still}
+        self._angle = {b.name: np.array([[pose[b.name].angle for pose in row] for row in places]) for b in self.m.bodies} | {GROUND: still}
+
+    def position(self, body: str, point: str) -> np.ndarray:
+        """Position (m) of a body's point."""
+        return self._place(body, point)[2]
+
+    def angle(self, body: str) -> np.ndarray:
+        """Angle (rad) of a body or the ground, continued from the assembly angle."""
+        return self._angle[body][2]
+
+    def angular_velocity(self, body: str) -> np.ndarray:
+        """Angular velocity (rad/s) of a body."""
+        return self._in_time(self._angle[body])[0]
+
+    def inertia(self, k: int) -> Inertia:
+        """Accelerations of the bodies at one instant."""
+        return Inertia({name: complex(a[k]) for name, a in self._linear.items()}, {name: float(a[k]) for name, a in self._turning.items()})
+
+    def law(self, joint: Joint, moving: bool) -> np.ndarray:
+        """Torque (N.m; prismatic: force along the slide, N) on a joint's second body of its spring, friction and, if ``moving``, damper."""
+        travel = self._travel(joint)
+        rate = self._in_time(travel)[0]
+        longest = max(body.length for body in self.m.bodies) if joint.prismatic else 1.0
+        rate = np.where(np.abs(rate) < STANDSTILL * longest * np.abs(self._rate), 0.0, rate)
+        against = joint.coulomb * np.sign(rate) + (joint.damping * rate if moving else 0.0)
+        return -against - joint.stiffness * (travel[2] - joint.rest_angle)
+
+    @cached_property
+    def _linear(self) -> dict[str, np.ndarray]:
+        return {b.name: self._in_time(self._place(b.name, MASS_CENTRE))[1] for b in self.m.bodies}
+
+    @cached_property
+    def _turning(self) -> dict[str, np.ndarray]:
+        return {b.name: self._in_time(self._angle[b.name])[1] for b in self.m.bodies}
+
+    def _place(self, body: str, point: str) -> np.ndarray:
+        """(5, N) places (m) of a point."""
+        return np.asarray(self._origin[body] + self.m.parts[body].point(point) * np.exp(1j * self._angle[body]))
+
+    def _travel(self, joint: Joint) -> np.ndarray:
+        """(5, N) relative angles (rad), or travels (m) of a slide."""
+        first, second = joint.bodies
+        if not joint.prismatic:
+            return self._angle[second] - self._angle[first]
+        apart = self._place(second, joint.name) - self._place(first, joint.name)
+        return np.real(apart * np.conj(joint.direction * np.exp(1j * self._angle[first])))
+
+    def _in_time(self, around: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """First and second derivative (N,) by time of what is (5, N) around the crank angles."""
+        first, second = FIRST @ around, SECOND @ around
+        return first * self._rate, second * self._rate**2 + first * self._acceleration

@@ -1,0 +1,204 @@
+"""A linkage of beams in Exudyn: the elastic displacement of Eqs. 1-7 and the clearance of Eq. 8, both at once.
+
+Links with a modulus of elasticity are large-displacement planar beams, so that reactions follow the deformed, displaced
+linkage; the paper's superposition (Fig. 7c) is its first order.  Elements: ``euler-bernoulli`` is ANCFCable2D (no
+shear, as Eqs. 2-3), ``timoshenko`` the geometrically exact beam with three nodes and shear factor 5/6.  The crank's
+axis is held at the drive, weights and loads act at the com and at named points, and joints are the springs of Eq. 4 (or
+rigid).  A joint with clearance and joint model ``contact`` is a journal in its bearing whose contact is as stiff as the
+joint's spring.
+
+:func:`flexible` is how a harness asks for flexible links: it answers a request, of a mechanism whose flexible bodies have
+``youngs_modulus``, as :meth:`sim_models.engine.Engine.simulate` does one for rigid links.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from analytic.assembly import Assembly
+from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
+from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
+from sim_models.exudyn.beam_model import SOFTENING, BeamModel, Element, Push, pin_stiffness, refuse_what_is_not_modelled
+from sim_models.exudyn.beam_motion import RigidMotion
+from sim_models.exudyn.equilibria import Equilibria
+from sim_models.exudyn.settings import silence
+from sim_models.start import Course, poses, schedule
+
+
+@dataclass(frozen=True)
+class FlexibleLinkage:
+    """A flexible linkage in static equilibrium at one crank angle.  Complex numbers are x + iy in the ground frame."""
+
+    theta: float  # rad
+    displacement: Mapping[tuple[str, str], complex]  # m, by body and point (com included), from the ideal rigid linkage
+    force: Mapping[str, complex]  # N, by joint: of the first body on the second
+    gap: Mapping[str, complex]  # m, by joint: first pin centre minus second
+
+
+def flexible_static(
+    mechanism: Mechanism, theta: float, element: Element = "euler-bernoulli", joint_model: Literal["ideal", "contact"] = "ideal"
+) -> FlexibleLinkage:
+    """Equilibrium of a linkage of beams under its loads and weights, crank held at angle theta (rad).
+
+    With ``contact`` every joint with clearance has it; with ``ideal`` clearances are ignored.  Raises what :func:`flexible` does.
+    """
+    at_rest = _Beams(Request(mechanism, joint_model, "static", np.array([theta])), element)
+    with silence():
+        model = at_rest.solved(0)
+        named = [(b.name, point) for b in mechanism.bodies for point in (*b.points, "com")]
+        moved = {(body, point): model.place(body, point) - at_rest.motion.position(body, point)[0] for body, point in named}
+        force = {joint.name: model.force(joint) for joint in mechanism.joints}
+        gap = {joint.name: model.place(joint.bodies[0], joint.name) - model.place(joint.bodies[1], joint.name) for joint in mechanism.joints}
+    return FlexibleLinkage(theta, {key: complex(value) for key, value in moved.items()}, force, gap)
+
+
+def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
+    """What a request's linkage shows with flexible links: an equilibrium at every crank angle, or instant of a course.
+
+    The motion is quasi-static: the crank is where the motor is, and in ``driven`` motion the links bear the inertia
+    forces, dampers, springs and friction of the ideal rigid linkage, but do not vibrate; angular velocities are the rigid
+    linkage's too.  A link on a ground joint has the angle of its section there, a floating one that of its section at the com.
+    With ``contact`` joints with clearance have it, with ``ideal`` clearances are ignored.
+
+    Raises Unsupported for other joint models, compliant and free drives, prismatic joints of flexible links and links
+    whose joints do not lie on one line; SimulationError where no equilibrium is found, AssemblyError where the linkage
+    cannot be assembled.
+    """
+    beams = _Beams(request, element)
+    with silence():
+        rows = [beams.signals(k) for k in range(beams.motion.theta.size)]
+    signals = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    moving = request.motion == "driven"
+    for body in request.mechanism.bodies:
+        signals[f"{body.name}_angular_velocity"] = beams.motion.angular_velocity(body.name) if moving else np.zeros(len(rows))
+    size = beams.clearance
+    gaps = {name: np.column_stack([signals[f"clearance_{name}_{axis}"] for axis in "xy"]) for name in size}
+    return Trace(
+        simulator="exudyn", version=installed_version("exudyn") or "unknown", joint_model=request.joint_model, motion=request.motion,
+        crank_angle=beams.motion.theta.copy(), time=beams.time, signals=signals, clearance=dict(size), journal=gaps,
+        free_share={name: float(np.mean(np.hypot(*gaps[name].T) <= size[name])) for name in size},
+        settings={"solver": "static Newton", "step": None, "links": f"{element} beams", "inertia": "rigid linkage" if moving else "none"},
+    )  # fmt: skip
+
+
+class _Beams:
+    """A linkage of beams at every instant of a request; ``motion`` is the ideal rigid linkage's."""
+
+    def __init__(self, request: Request, element: Element) -> None:
+        self.request, self.m, self.element = request, request.mechanism, element
+        refuse_what_is_not_modelled(self.m)
+        if request.joint_model not in ("ideal", "contact"):
+            raise Unsupported(f"{self.m.name}: beams are joined by ideal joints or contact, not {request.joint_model}")
+        self.clearance = self.m.clearances if request.joint_model == "contact" else {}
+        self.moving = request.motion == "driven"
+        self.assembly = Assembly(self.m)
+        theta, rate, acceleration, self.time = _crank(request)
+        self.motion = RigidMotion(self.assembly, theta, rate, acceleration)
+        self.law = {j.name: self.motion.law(j, self.moving) for j in self.m.joints}  # N.m (N along a slide) on the second body
+
+    def signals(self, k: int) -> dict[str, float]:
+        """All signals but the angular velocities, at one instant."""
+        model = self.solved(k)
+        out: dict[str, float] = {}
+        for body in self.m.bodies:
+            at = model.place(body.name, "com")
+            ideal = float(self.motion.angle(body.name)[k])
+            turned = model.start[body.name].angle - ideal + model.rotation(body.name, self._read_at(body.name))
+            out |= {f"{body.name}_x": at.real, f"{body.name}_y": at.imag, f"{body.name}_angle": ideal + math.remainder(turned, 2 * math.pi)}
+        force = {j.name: model.force(j) + (self._along(j, k) if j.prismatic else 0.0) for j in self.m.joints}
+        for j in self.m.joints:
+            out |= {f"reaction_{j.name}_x": force[j.name].real, f"reaction_{j.name}_y": force[j.name].imag}
+            if j.prismatic:
+                out[f"reaction_{j.name}_moment"] = model.moment(j)
+            else:
+                gap = model.place(j.bodies[0], j.name) - model.place(j.bodies[1], j.name)
+                out |= {f"clearance_{j.name}_x": gap.real, f"clearance_{j.name}_y": gap.imag}
+        out["drive_torque"] = self._drive_torque(model, k)
+        return out
+
+    def solved(self, k: int) -> BeamModel:
+        """The linkage in equilibrium at one instant."""
+        gaps = self._pressed(k)
+        start = poses(self.assembly, float(self.motion.theta[k]), gaps=lambda _: gaps)
+        model = BeamModel(self.m, self.element, self.clearance, start, self._pushes(k))
+        if not model.solve():
+            raise SimulationError(
+                f"exudyn {self.element} beams ({self.m.name}): no static equilibrium found at crank angle "
+                f"{np.degrees(self.motion.theta[k]):.4g} deg; use a smaller clearance, keep clear of change points, or check "
+                "youngs_modulus, section and the loads"
+            )
+        return model
+
+    def _pressed(self, k: int) -> dict[str, complex]:
+        """Gaps (m) of the rigid linkage, its pins pressed into bearings that are soft at first."""
+        if not self.clearance:
+            return {}
+        rods = Equilibria(Request(self.m, "massless-link", "static"), self.assembly, self.m.speed or 1.0)
+        rate = float(self.motion.angular_velocity(self.m.driven)[k])
+        rigid = rods.at(float(self.motion.theta[k]), self.motion.inertia(k) if self.moving else None, rate)
+        gaps = {}
+        for name, size in self.clearance.items():
+            force = complex(rigid.force[name][0])
+            gaps[name] = (size + abs(force) / (SOFTENING[0] * pin_stiffness(self.m.joint(name)))) * force / abs(force)
+        return gaps
+
+    def _pushes(self, k: int) -> list[Push]:
+        """Weights, loads, joint laws and inertia."""
+        pushes: list[Push] = [(load.body, load.point, complex(*load.force), load.torque) for load in self.m.loads]
+        inertia = self.motion.inertia(k)
+        for b in self.m.bodies:
+            force, torque = b.mass * complex(*self.m.gravity), 0.0
+            if self.moving:
+                force -= b.mass * inertia.linear[b.name]
+                torque = -b.moment_of_inertia * inertia.angular[b.name]
+            pushes.append((b.name, MASS_CENTRE, force, torque))
+        for j in self.m.joints:
+            for body, sign in zip(j.bodies, (-1.0, 1.0), strict=True):
+                if body != GROUND:
+                    along, torque = (self._along(j, k), 0.0) if j.prismatic else (0j, float(self.law[j.name][k]))
+                    pushes.append((body, j.name, sign * along, sign * torque))
+        return pushes
+
+    def _along(self, joint: Joint, k: int) -> complex:
+        """Force (N) of a prismatic joint's spring, damper and friction on its second body."""
+        return complex(self.law[joint.name][k] * joint.direction * np.exp(1j * self.motion.angle(joint.bodies[0])[k]))
+
+    def _drive_torque(self, model: BeamModel, k: int) -> float:
+        """What holds the crank against the moments about the drive of everything else on it, where the forces now act."""
+        crank, hub = self.m.driven, model.place(self.m.driven, self.m.drive_joint.name)
+
+        def moment(force: complex, body: str, point: str) -> float:
+            return float(((model.place(body, point) - hub).conjugate() * force).imag)
+
+        total = sum(moment(force, body, point) + torque for body, point, force, torque in self._pushes(k) if body == crank)
+        for j in self.m.joints:
+            if crank in j.bodies:
+                sign = 1.0 if j.bodies[1] == crank else -1.0
+                total += sign * (moment(model.force(j), j.bodies[1] if j.prismatic else crank, j.name) + (model.moment(j) if j.prismatic else 0.0))
+        return -total
+
+    def _read_at(self, body: str) -> str:
+        """Point at which a link's angle is read: its joint on the ground, or its com."""
+        return next((j.name for j in self.m.joints if body in j.bodies and GROUND in j.bodies), "com")
+
+
+def _crank(request: Request) -> tuple[np.ndarray, np.ndarray | float, np.ndarray | float, np.ndarray | None]:
+    """The crank's angle (rad), rate and acceleration at every instant, and its time (s); at rest, the rate only gives friction its direction."""
+    m = request.mechanism
+    if m.drive is not None and m.drive.speed == "free" and request.motion == "driven":
+        raise Unsupported(f"{m.name}: beams move with their crank; a free drive has no angle to put it at")
+    if request.course is not None:
+        course = Course.of(request).spline
+        time = np.asarray(request.time, float)
+        return course(time), course(time, 1), course(time, 2), time
+    if request.motion == "static":
+        rubs = any(j.coulomb for j in m.joints)
+        return np.asarray(request.crank_angle, float), (m.speed or 1.0) if rubs else 0.0, 0.0, None
+    plan = schedule(request)
+    back = np.argsort(plan.order)
+    return plan.theta[back], plan.speed, 0.0, plan.time[back]

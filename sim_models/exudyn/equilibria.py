@@ -1,0 +1,146 @@
+"""Static equilibria in Exudyn, and the quasi-static ones that a driven run starts from without a transient."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import newton
+
+from analytic.assembly import Assembly
+from analytic.mechanism import GROUND, Joint
+from sim_models.engine import Request, SimulationError
+from sim_models.exudyn.linkage import Linkage
+from sim_models.exudyn.record import Record
+from sim_models.start import Pose, poses
+
+STILL = 1e-12  # rad: last correction of a crank's angle behind a compliant drive
+NO_LOAD = 1e-9  # of the largest reaction: a smaller one has no direction
+
+Loads = tuple[dict[str, complex], dict[str, float], dict[str, float]]  # force at each com (N), torque on each body (N.m), force along each slide (N)
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Accelerations that a quasi-static linkage is loaded with: of each com (m/s^2) and angle (rad/s^2)."""
+
+    linear: Mapping[str, complex]
+    angular: Mapping[str, float]
+
+
+class Equilibria:
+    """Equilibria of a joint model with the crank held, at rest or (d'Alembert) with the inertia forces of a motion.
+
+    Friction and dampers are evaluated on the ideal linkage's motion at the same crank angle, its crank at ``speed`` (rad/s)
+    unless told otherwise; friction fades below ``creep`` (rad/s), as in a run.  From the ideal linkage's reactions rods are
+    placed, from theirs the real joints.
+    """
+
+    def __init__(self, request: Request, assembly: Assembly, speed: float, creep: float = 0.0) -> None:
+        m = request.mechanism
+        self.request, self.m, self.assembly, self.speed, self.creep = request, m, assembly, speed, creep
+        home = poses(assembly, assembly.start)
+        self.ideal = Linkage(m, "ideal", "static", home, held=True)
+        self.clearance = m.clearances if request.joint_model != "ideal" else {}
+        self.rods = self.real = self.ideal
+        if self.clearance:
+            self.rods = Linkage(m, "massless-link", "static", home, held=True)
+            self.real = Linkage(m, request.joint_model, "static", home, held=True, contact_for=request.motion)
+
+    def at(self, theta: float, inertia: Inertia | None = None, speed: float | None = None) -> Record:
+        """Equilibrium at a crank angle (rad), a record of one instant.  Raises SimulationError.
+
+        With ``inertia`` the linkage moves: its inertia forces act, and its dampers.
+        """
+        loads = self._loads(theta, inertia, self.speed if speed is None else speed)
+        ideal = self._solve(self.ideal, theta, {}, loads)
+        if not self.clearance:
+            return ideal
+        rods = self._solve(self.rods, theta, self._taken_up(self.rods, ideal, theta), loads)
+        found = self._solve(self.real, theta, self._taken_up(self.real, rods, theta), loads)
+        for name in self.clearance:
+            if np.real(found.force[name][0] * np.conj(found.gap[name][0])) <= 0:
+                raise self._failure(f"the pin of joint {name} would have to be pushed, not pulled", theta)
+        return found
+
+    def crank(self, theta: float) -> float:
+        """Angle (rad) at which the crank rests with the motor at ``theta``: behind by the torque over the drive's stiffness.
+
+        Raises SimulationError.
+        """
+        drive = self.m.drive
+        if drive is None or drive.stiffness is None:
+            return theta
+        stiffness = drive.stiffness
+        try:
+            return float(newton(lambda angle: angle - theta + self.at(float(angle)).drive_torque[0] / stiffness, theta, tol=STILL))
+        except RuntimeError:
+            raise self._failure(f"a drive of {stiffness:g} N.m/rad holds the crank nowhere near", theta) from None
+
+    def _taken_up(self, linkage: Linkage, near: Record, theta: float) -> dict[str, complex]:
+        """Gaps (m) where the reactions of a neighbouring equilibrium press every pin."""
+        scale = max(abs(force[0]) for force in near.force.values())
+        gaps = {}
+        for name, clearance in self.clearance.items():
+            force = complex(near.force[name][0])
+            if abs(force) <= NO_LOAD * scale or scale == 0:
+                raise self._failure(f"nothing presses the pin of joint {name}, so its equilibrium is undetermined", theta)
+            gaps[name] = (clearance + abs(force) / linkage.stiffness(name)) * force / abs(force)
+        return gaps
+
+    def _solve(self, linkage: Linkage, theta: float, gaps: Mapping[str, complex], loads: Loads) -> Record:
+        linkage.place(poses(self.assembly, theta, gaps=lambda _: gaps))
+        linkage.load_bodies(*loads)
+        if not linkage.solve_static():
+            raise self._failure("Newton's method finds no equilibrium", theta)
+        return linkage.now()
+
+    def _failure(self, why: str, theta: float) -> SimulationError:
+        return SimulationError(
+            f"exudyn {self.request.joint_model} ({self.m.name}): {why} at crank angle {math.degrees(theta):.4g} deg; load the linkage, "
+            "use a smaller clearance, leave the angle out, or run it driven with start 'centred'"
+        )
+
+    def _loads(self, theta: float, inertia: Inertia | None, speed: float) -> Loads:
+        """Weight, inertia, friction and damping: force and torque on every body, force along every slide."""
+        moving = inertia is not None
+        force, torque = {}, {}
+        for b in self.m.bodies:
+            acceleration, turning = (inertia.linear[b.name], inertia.angular[b.name]) if inertia else (0j, 0.0)
+            force[b.name] = b.mass * (complex(*self.m.gravity) - acceleration)
+            torque[b.name] = -b.moment_of_inertia * turning
+        slide = {}
+        rate = self._rates(theta, speed) if any(j.coulomb or (moving and j.damping) for j in self.m.joints) else {}
+        for j in self.m.joints:
+            law = 0.0
+            if rate:
+                law = -j.coulomb * self._direction(j, rate[j.name]) - (j.damping * rate[j.name] if moving else 0.0)
+            if j.prismatic:
+                slide[j.name] = law
+            else:
+                for body, sign in zip(j.bodies, (-1.0, 1.0), strict=True):
+                    if body != GROUND:
+                        torque[body] += sign * law
+        return force, torque, slide
+
+    def _direction(self, joint: Joint, rate: float) -> float:
+        """Sign of a joint's rate, or the part of it that friction has reached."""
+        creep = self.creep * (self.ideal.size if joint.prismatic else 1.0)
+        return float(np.clip(rate / creep, -1.0, 1.0)) if creep else float(np.sign(rate))
+
+    def _rates(self, theta: float, speed: float) -> dict[str, float]:
+        """Relative angular velocity (rad/s), or speed along the slide (m/s), of every joint of the ideal linkage."""
+        moving = poses(self.assembly, theta, speed) | {GROUND: Pose(0j, 0.0)}
+        rates = {}
+        for j in self.m.joints:
+            a, b = (moving[body] for body in j.bodies)
+            rates[j.name] = b.angular_velocity - a.angular_velocity
+            if j.prismatic:
+                along = j.direction * np.exp(1j * a.angle)
+                arms = [self.m.body(body).point(j.name) * np.exp(1j * p.angle) for body, p in zip(j.bodies, (a, b), strict=True)]
+                offset = b.origin + arms[1] - a.origin
+                slip = b.velocity + 1j * b.angular_velocity * arms[1] - a.velocity - 1j * a.angular_velocity * offset
+                rates[j.name] = float((slip * np.conj(along)).real)
+        return {name: 0.0 if abs(rate) < 1e-9 * abs(speed) else rate for name, rate in rates.items()}

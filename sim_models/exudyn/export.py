@@ -1,0 +1,188 @@
+"""A request as files that run in Exudyn without this project: model.json, run.py, and what we got, expected.csv."""
+
+from __future__ import annotations
+
+import cmath
+import importlib.resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analytic.mechanism import MASS_CENTRE, Body, Joint
+from sim_models.engine import Request, Unsupported
+from sim_models.export_files import expected, lines
+from sim_models.exudyn.engine import Run
+from sim_models.exudyn.equilibria import Equilibria
+from sim_models.exudyn.linkage import HALVED, Linkage
+from sim_models.exudyn.motor import Motor
+from sim_models.exudyn.record import Record
+
+CONTACT = (
+    "spheresRadii", "isHollowSphere1", "contactStiffness", "contactDamping", "impactModel", "restitutionCoefficient",
+    "minimumImpactVelocity", "dynamicFriction", "frictionProportionalZone",
+)  # fmt: skip
+PARAMETERS = {  # what closes a joint: the numbers that make it, by Exudyn's names
+    "pin": (),
+    "massless link": ("distance",),
+    "stiff rod": ("referenceLength", "stiffness"),
+    "spring-damper": ("referenceLength", "stiffness", "damping"),
+    "contact": CONTACT,
+}
+
+
+def export(request: Request, folder: Path) -> list[Path]:
+    """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError.
+
+    Raises Unsupported for a course: the script's motor has a constant speed.
+    """
+    if request.course is not None:
+        raise Unsupported(f"{request.mechanism.name}: a course is not exported; ask for crank angles at a constant drive.speed")
+    run = _Remembered(request)
+    trace = run.trace()
+    linkage, motion = _at_rest(run) if request.motion == "static" else _moving(run)
+    model = {
+        "title": f"{request.mechanism.name}, {request.joint_model} joints, {request.motion}",
+        "version": f"{trace.simulator} {trace.version}",
+        "motion": request.motion,
+        "crank": run.m.driven,
+        **_parts(linkage),
+        **motion,
+    }
+    files = {
+        "model.json": lines(model),
+        "expected.csv": expected(trace),
+        "run.py": importlib.resources.files("sim_models.exudyn").joinpath("alone.py").read_text(encoding="utf-8"),
+    }
+    for name, content in files.items():
+        (folder / name).write_text(content, encoding="utf-8", newline="\n")
+    return [folder / name for name in files]
+
+
+class _Remembered(Run):
+    """A run that remembers its linkage, its stages (begin, end, steps, instants recorded), and the rows that it reports."""
+
+    def __init__(self, request: Request) -> None:
+        super().__init__(request)
+        self.stages: list[tuple[float, float, int, int]] = []
+        self.marks = np.zeros(0, int)
+
+    def launch(self, motor: Motor | None) -> tuple[Linkage, float]:
+        self.linkage, longest = super().launch(motor)
+        self.stages.clear()  # those that led to the start
+        return self.linkage, longest
+
+    def advance(self, linkage: Linkage, begin: float, end: float, count: int, onward: bool = False) -> Record:
+        record = super().advance(linkage, begin, end, count, onward)
+        self.stages.append((begin, end, count, record.time.size))
+        return record
+
+    def march(self, linkage: Linkage, times: np.ndarray, longest: float, motor: Motor | None = None) -> tuple[Record, np.ndarray]:
+        history, self.marks = super().march(linkage, times, longest, motor)
+        return history, self.marks
+
+
+def _moving(run: _Remembered) -> tuple[Linkage, dict[str, Any]]:
+    """The linkage of a run in time, its stages, and after which of them it is read (0: at the start)."""
+    plan: dict[str, Any] = {"halved": HALVED, "stages": [stage[:3] for stage in run.stages], "after_stage": None}
+    last = np.cumsum([0, *(size - 1 for *_, size in run.stages[1:])])  # row that ends a stage; of the first, an instant, its start is kept
+    after = np.searchsorted(last, run.marks)
+    return run.linkage, plan | {"after_stage": (after + (after > 0)).tolist()}
+
+
+def _at_rest(run: Run) -> tuple[Linkage, dict[str, Any]]:
+    """The linkage at rest, and where its bodies are put, and loaded with what besides the mechanism's loads, to find each equilibrium."""
+    equilibria = Equilibria(run.request, run.assembly, run.m.speed or 1.0)
+    near = []
+    for motor in run.request.crank_angle.tolist():
+        theta = equilibria.crank(motor)
+        equilibria.at(theta)
+        link, initial = equilibria.real, equilibria.real.exu.ConfigurationType.Initial
+        near.append(
+            {
+                "crank_angle": theta,
+                "bodies": np.array(link.mbs.systemData.GetODE2Coordinates(initial)).tolist(),
+                "remembered": np.array(link.mbs.systemData.GetDataCoordinates(initial)).tolist(),
+                "loads": list(link.body_loads().values()),
+                "slides": {j.name: link.item(f"law {j.name}")["force"] for j in run.m.joints if j.prismatic and _has_law(j)},
+            }
+        )
+    return equilibria.real, {"residual": equilibria.real.residual, "equilibria": near}
+
+
+def _parts(link: Linkage) -> dict[str, Any]:
+    """Everything that becomes an item of Exudyn's, in the order in which it is added."""
+    m = link.m
+    return {
+        "ground": {"points": {name: _pair(m.ground.point(name)) for name in m.ground.points}},
+        "bodies": {body.name: _body(link, body) for body in m.bodies},
+        "loads": [
+            *({"body": b.name, "point": MASS_CENTRE, "force": [b.mass * g for g in m.gravity], "torque": 0.0} for b in m.bodies),
+            *({"body": load.body, "point": load.point, "force": load.force, "torque": load.torque} for load in m.loads),
+        ],
+        "joints": {joint.name: _joint(link, joint) for joint in m.joints},
+        "drive": _drive(link),
+    }
+
+
+def _body(link: Linkage, body: Body) -> dict[str, Any]:
+    node = link.item(f"Coordinates {body.name}")
+    return {
+        "mass": body.mass,
+        "inertia": body.moment_of_inertia,
+        "start": node["initialCoordinates"].tolist(),
+        "rates": node["initialVelocities"].tolist(),
+        "points": {name: _pair(body.point(name) - body.centre) for name in (*body.points, "com", MASS_CENTRE)},
+    }
+
+
+def _joint(link: Linkage, joint: Joint) -> dict[str, Any]:
+    how = _closed_by(link, joint)
+    part: dict[str, Any] = {"bodies": joint.bodies, "closed_by": how}
+    if joint.prismatic:
+        part |= {"direction": cmath.phase(joint.direction), "angle": joint.angle}
+    else:
+        item = link.item(f"force {joint.name}")
+        part["item"] = f"Object{item['objectType']}"
+        part["parameters"] = {name: np.asarray(item[name]).tolist() for name in PARAMETERS[how]}
+        if how == "contact":
+            part["remembered"] = link.mbs.GetNode(item["nodeNumber"])["initialCoordinates"].tolist()
+    if _has_law(joint):
+        moving = link.motion == "driven"  # at rest, friction and damping are loads
+        law = {"stiffness": joint.stiffness, "offset": joint.rest_angle, "damping": joint.damping if moving else 0.0}
+        friction = joint.coulomb if moving else 0.0
+        if joint.prismatic:
+            part |= {"law": law, "friction": friction, "creep": link.creep * max(body.length for body in link.m.bodies)}
+        else:
+            part["law"] = law | {"dynamicFrictionForce": friction, "frictionProportionalZone": link.creep if friction else 0.0}
+    return part
+
+
+def _has_law(joint: Joint) -> bool:
+    return bool(joint.stiffness or joint.damping or joint.coulomb)
+
+
+def _closed_by(link: Linkage, joint: Joint) -> str:
+    if joint.prismatic:
+        return "slide"
+    if joint.name not in link.clearance:
+        return "pin"
+    if link.joint_model == "massless-link":
+        return "massless link" if link.motion == "driven" else "stiff rod"
+    return link.joint_model
+
+
+def _drive(link: Linkage) -> dict[str, Any] | None:
+    """The motor, or None where the linkage is released; its shaft's angle (rad) and speed at the start, if a spring is behind it."""
+    if link.motion == "driven" and link.m.speed is None:
+        return None
+    item = link.item("drive")
+    if not link.compliant:
+        return {"offset": item["offset"]}
+    shaft = link.mbs.GetNode(link.mbs.GetMarker(item["markerNumbers"][1])["nodeNumber"])
+    speed = float(shaft["initialVelocities"][0])
+    return {"offset": speed, "shaft": [float(shaft["initialCoordinates"][0]), speed], "stiffness": item["stiffness"]}
+
+
+def _pair(z: complex) -> list[float]:
+    return [z.real, z.imag]

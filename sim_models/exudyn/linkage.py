@@ -1,0 +1,153 @@
+"""An Exudyn linkage at work: static equilibria, steps in time, and readings.
+
+How Exudyn's outputs become this project's reactions (force of the first body on the second) is written here only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from analytic.mechanism import GROUND, MASS_CENTRE
+from sim_models.exudyn.model import Model, gap_at, point_at
+from sim_models.exudyn.record import Record, locate
+from sim_models.exudyn.settings import quiet_settings, static_settings
+from sim_models.start import Pose
+
+HALVED = 256  # a step that Newton's method only manages when shorter than this part of it has failed
+
+
+class Linkage(Model):
+    """A model that can be placed, loaded, solved, advanced and read."""
+
+    # ---------------------------------------------------------------- statics
+
+    def place(self, start: Mapping[str, Pose]) -> None:
+        """Put the bodies in these poses, the held crank included, as the guess of the next static solution."""
+        coordinates = []
+        for body in self.m.bodies:
+            com = point_at(self.m, start, body.name, MASS_CENTRE)
+            coordinates += [com.real, com.imag, start[body.name].angle]
+        self.mbs.systemData.SetODE2Coordinates(coordinates, self.exu.ConfigurationType.Initial)
+        self.mbs.SetObjectParameter(self._drive, "offset", start[self.m.driven].angle)
+        data = []
+        for name in self._touching:
+            data += [self.clearance[name] - gap_at(self.m, start, name), 0.0, 0.0, 0.0]
+        if data:
+            self.mbs.systemData.SetDataCoordinates(data, self.exu.ConfigurationType.Initial)
+
+    def load_bodies(self, force: Mapping[str, complex], torque: Mapping[str, float], slide: Mapping[str, float]) -> None:
+        """Force (N) at each body's com and torque (N.m) on it, besides the mechanism's loads; force (N) along each slide."""
+        for body in self.m.bodies:
+            total = force[body.name]
+            self.mbs.SetLoadParameter(self._com_force[body.name], "loadVector", [total.real, total.imag, 0.0])
+            self.mbs.SetLoadParameter(self._com_torque[body.name], "loadVector", [0.0, 0.0, torque[body.name]])
+        for name, number in self._slide.items():
+            self.mbs.SetObjectParameter(number, "force", -slide[name])
+
+    def body_loads(self) -> dict[str, list[float]]:
+        """What :meth:`load_bodies` put on each body: force x, y (N) at its com, and torque (N.m)."""
+        acting = {b.name: [self.mbs.GetLoad(load[b.name])["loadVector"] for load in (self._com_force, self._com_torque)] for b in self.m.bodies}
+        return {name: [*map(float, force[:2]), float(torque[2])] for name, (force, torque) in acting.items()}
+
+    @property
+    def residual(self) -> float:
+        """Force (N) that a static solution may leave unbalanced: what rounding of a position leaves on a stiff spring."""
+        return 1e-9 + 1e-15 * max((self.stiffness(name) for name in self.clearance), default=0.0)
+
+    def solve_static(self) -> bool:
+        """Static equilibrium from where the bodies were placed; False if Newton's method does not find one."""
+        try:
+            return bool(self.mbs.SolveStatic(static_settings(self.residual), storeSolver=False))
+        except self.exu.exudynCPP.SolverError:
+            return False
+
+    # ---------------------------------------------------------------- motion
+
+    def advance(self, begin: float, end: float, steps: int, onward: bool = False) -> bool:
+        """Integrate from time ``begin`` to ``end`` (s) and go on from there; False if a step fails.
+
+        Trapezoidal rule with constraints on velocity (index 2): no numerical damping, and a constraint on speed is exact.
+        Steps are equal but for those that Newton's method, stumbling over a contact's kink, only manages when halved.
+        ``onward`` starts with the accelerations of the step before; otherwise Exudyn computes them, for a motor at constant speed.
+        A course's reactions are then off by what Newton's method leaves of the jerk, unless it is told to leave less.
+        """
+        settings = quiet_settings()
+        time = settings.timeIntegration
+        time.generalizedAlpha.computeInitialAccelerations = not onward
+        if onward:
+            time.newton.relativeTolerance, time.newton.absoluteTolerance = 1e-12, self.residual
+        time.adaptiveStep, time.minimumStepSize = True, (end - begin) / steps / HALVED
+        return self._integrate(settings, begin, end, steps)
+
+    def settle(self, begin: float, end: float) -> bool:
+        """One short step to the accelerations that a motor's course asks for, whatever they were; False if it fails.
+
+        With Newmark's gamma of 1 they are the step's change of velocity, and owe nothing to the ones before.
+        """
+        settings = quiet_settings()
+        newmark = settings.timeIntegration.generalizedAlpha
+        newmark.newmarkBeta, newmark.newmarkGamma, newmark.computeInitialAccelerations = 0.5, 1.0, False
+        return self._integrate(settings, begin, end, 1)
+
+    def _integrate(self, settings: Any, begin: float, end: float, steps: int) -> bool:
+        time = settings.timeIntegration
+        time.startTime, time.endTime, time.numberOfSteps = begin, end, steps
+        time.generalizedAlpha.useIndex2Constraints = time.generalizedAlpha.useNewmark = True
+        time.discontinuous.useRecommendedStepSize = False
+        try:
+            return bool(self.mbs.SolveDynamic(settings, updateInitialValues=True, storeSolver=False))
+        except self.exu.exudynCPP.SolverError:
+            return False
+
+    # ---------------------------------------------------------------- reading
+
+    def item(self, sensed: str) -> dict[str, Any]:
+        """Exudyn's own parameters of what a sensor looks at: ``Coordinates <body>``, ``force <joint>``, ``law <joint>``, ``drive``."""
+        sensor = self.mbs.GetSensor(self._sensor[sensed])
+        return self.mbs.GetNode(sensor["nodeNumber"]) if sensor["sensorType"] == "Node" else self.mbs.GetObject(sensor["objectNumber"])
+
+    def now(self) -> Record:
+        """The present state, as a record of one instant."""
+        return self._record({key: np.atleast_2d(np.asarray(self.mbs.GetSensorValues(number))) for key, number in self._sensor.items()}, np.zeros(1))
+
+    def history(self) -> Record:
+        """Every step of the last :meth:`advance`, its first instant included."""
+        stored = {key: np.asarray(self.mbs.GetSensorStoredData(number)) for key, number in self._sensor.items()}
+        return self._record({key: values[:, 1:] for key, values in stored.items()}, next(iter(stored.values()))[:, 0])
+
+    def accelerations(self) -> dict[str, tuple[complex, float]]:
+        """Acceleration (m/s^2) of each body's com and angular acceleration (rad/s^2), now."""
+        values = {body: self.mbs.GetNodeOutput(node, self.exu.OutputVariableType.Coordinates_tt) for body, node in self._node.items()}
+        return {body: (complex(a[0], a[1]), float(a[2])) for body, a in values.items()}
+
+    def _record(self, raw: Mapping[str, np.ndarray], time: np.ndarray) -> Record:
+        com, angle, velocity, turning = {}, {}, {}, {}
+        for body in self._node:
+            q, v = raw[f"Coordinates {body}"], raw[f"Coordinates_t {body}"]
+            com[body], angle[body] = q[:, 0] + 1j * q[:, 1], q[:, 2]
+            velocity[body], turning[body] = v[:, 0] + 1j * v[:, 1], v[:, 2]
+
+        pins = [j for j in self.m.joints if not j.prismatic]
+        ends = {j.name: [locate(self.m, com, angle, body, j.name) for body in j.bodies] for j in pins}
+        gap = {name: first - second for name, (first, second) in ends.items()}
+        multiplier = 1.0 if self.motion == "static" else -1.0  # Exudyn's static and dynamic solvers differ in a multiplier's sign
+        force, moment = {}, {}
+        for joint in self.m.joints:
+            value = raw[f"force {joint.name}"]
+            if joint.prismatic:
+                along = np.exp(1j * angle[joint.bodies[0]]) if joint.bodies[0] != GROUND else 1.0
+                axial = -raw[f"law {joint.name}"][:, 0] if joint.name in self._slide else 0.0
+                force[joint.name] = (axial + 1j * multiplier * value[:, 1]) * joint.direction * along
+                moment[joint.name] = -multiplier * raw[f"moment {joint.name}"][:, 2]
+            elif joint.name not in self.clearance:
+                force[joint.name] = multiplier * (value[:, 0] + 1j * value[:, 1])
+            elif self.joint_model == "massless-link" and self.motion == "driven":
+                force[joint.name] = value[:, 0] * gap[joint.name] / np.abs(gap[joint.name])  # the multiplier is the tension
+            else:
+                force[joint.name] = -(value[:, 0] + 1j * value[:, 1])
+        torque = np.zeros(time.size) if self._drive is None else raw["drive"][:, 0] * (1.0 if self.compliant else multiplier)
+        marker = {body: locate(self.m, com, angle, body, "com") for body in com}
+        return Record(time, com, marker, angle, velocity, turning, gap, force, moment, torque)

@@ -1,0 +1,303 @@
+"""A planar linkage as an Exudyn system: bodies, joints with their laws, loads, drive, and sensors on all of them.
+
+Bodies are ``RigidBody2D`` with their node at the centre of mass and zero reference coordinates, so that a node's
+coordinates *are* the com's x, y (m) and the body's angle (rad) in the ground frame.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
+from sim_models.contact_laws import PIN_RADIUS, KelvinVoigt, contact_parameters, lighter_mass, restitution
+from sim_models.engine import JointModel, Motion
+from sim_models.exudyn.motor import Motor
+from sim_models.start import Pose
+
+ROD_STIFFNESS = 1e10  # N/m of the static massless link: Exudyn's static Newton knows no geometric stiffness of a constraint
+MINIMUM_IMPACT_SPEED = 1e-2  # m/s: slower touches are damped as one of this speed
+CONTACT_CREEP = 1e-3  # m/s, sliding speed below which contact friction falls to zero
+JOINT_CREEP = 1e-3  # of the drive's top speed (a free drive: 1 rad/s), below which a joint's Coulomb friction falls to zero
+
+
+def contact_restitution(mechanism: Mechanism, joint: Joint, law: KelvinVoigt) -> float:
+    """Restitution of a joint's contact: as given, or what its Kelvin-Voigt damping delivers for the lighter link.
+
+    Kept in (0.01, 1], because Exudyn's law divides by it.
+    """
+    if joint.restitution is not None:
+        return max(joint.restitution, 0.01)
+    return max(restitution(law.damping / (2 * math.sqrt(law.stiffness * lighter_mass(mechanism, joint)))), 0.01)
+
+
+def hysteresis(e: float) -> float:
+    """Factor chi of Exudyn's impactModel 2, F = K d (1 + chi d'/v0), for restitution e.
+
+    Carvalho and Martins (2019) for e > 1/3, Gonthier et al. (2004) below.
+    """
+    return 1.5 * (1 - e) * (11 - e) / (1 + 9 * e) if e > 1 / 3 else (1 - e**2) / e
+
+
+class Model:
+    """A mechanism assembled as an Exudyn system, in a given pose; ``static`` and ``driven`` differ in joint laws and drive.
+
+    ``start`` are the bodies' poses and rates; ``motor`` turns the crank, or one end of the spring of a compliant drive whose
+    other end is the crank; without one the linkage is held or free.  Joints with clearance get the joint model, all others
+    are ideal; ``contact_for`` says whose contact parameters an equilibrium uses that a driven run starts from.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        joint_model: JointModel,
+        motion: Motion,
+        start: Mapping[str, Pose],
+        *,
+        held: bool = False,
+        contact_for: Motion | None = None,
+        motor: Motor | None = None,
+    ) -> None:
+        import exudyn
+        import exudyn.itemInterface as items
+
+        self.exu: Any = exudyn
+        self.items = items
+        self.m, self.joint_model, self.motion = mechanism, joint_model, motion
+        self.clearance = mechanism.clearances if joint_model != "ideal" else {}
+        self.laws = {name: contact_parameters(mechanism, mechanism.joint(name), contact_for or motion) for name in self.clearance}
+        self.container = exudyn.SystemContainer()
+        self.mbs = self.container.AddSystem()
+        self._ground = self.mbs.AddObject(items.ObjectGround())
+        self._fixed = self._coordinate(self.mbs.AddNode(items.NodePointGround()), 0)
+        self._node: dict[str, Any] = {}
+        self._body: dict[str, Any] = {}
+        self._sensor: dict[str, Any] = {}
+        self._slide: dict[str, Any] = {}  # the law of each prismatic joint that has one
+        self._touching: list[str] = []  # joints with contact, in the order of their data
+        self._com_force: dict[str, Any] = {}
+        self._com_torque: dict[str, Any] = {}
+        for body in mechanism.bodies:
+            self._add_body(body.name, start[body.name])
+        self.creep = joint_creep(motor)
+        self._add_loads()
+        for joint in mechanism.joints:
+            self._add_joint(joint, start)
+            self._add_joint_law(joint)
+        self._add_drive(held, start, motor)
+        self.mbs.Assemble()
+
+    @property
+    def size(self) -> float:
+        """Length (m) of the longest body."""
+        return max(body.length for body in self.m.bodies)
+
+    def stiffness(self, joint: str) -> float:
+        """Stiffness (N/m) of a joint with clearance once its gap is taken up."""
+        return ROD_STIFFNESS if self.joint_model == "massless-link" else self.laws[joint].stiffness
+
+    # ---------------------------------------------------------------- building
+
+    def _coordinate(self, node: Any, coordinate: int) -> Any:
+        return self.mbs.AddMarker(self.items.MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate))
+
+    def _add_body(self, name: str, pose: Pose) -> None:
+        body = self.m.body(name)
+        arm = body.point(MASS_CENTRE) * cmath.exp(1j * pose.angle)
+        com, velocity = pose.origin + arm, pose.velocity + 1j * pose.angular_velocity * arm
+        node = self.mbs.AddNode(
+            self.items.NodeRigidBody2D(
+                initialCoordinates=[com.real, com.imag, pose.angle],
+                initialVelocities=[velocity.real, velocity.imag, pose.angular_velocity],
+            )
+        )
+        self._node[name] = node
+        self._body[name] = self.mbs.AddObject(
+            self.items.ObjectRigidBody2D(mass=body.mass, inertia=body.moment_of_inertia, nodeNumber=node)  # type: ignore[union-attr]
+        )
+        for kind in ("Coordinates", "Coordinates_t"):
+            self._sense(f"{kind} {name}", self.items.SensorNode, kind, nodeNumber=node)
+
+    def _sense(self, key: str, sensor: Any, variable: str, **where: Any) -> None:
+        variable_type = getattr(self.exu.OutputVariableType, variable)
+        self._sensor[key] = self.mbs.AddSensor(sensor(**where, storeInternal=True, writeToFile=False, outputVariableType=variable_type))
+
+    def _marker(self, body: str, point: str, turn: float = 0.0) -> Any:
+        """Marker at a body's point, its x axis turned by ``turn`` (rad) in the body."""
+        z = self.m.body(body).point(point) - (0 if body == GROUND else self.m.body(body).point(MASS_CENTRE))
+        c, s = math.cos(turn), math.sin(turn)
+        place = np.array([[c, -s, 0, z.real], [s, c, 0, z.imag], [0, 0, 1, 0], [0, 0, 0, 1]])
+        number = self._ground if body == GROUND else self._body[body]
+        return self.mbs.AddMarker(self.items.MarkerBodyRigid(bodyNumber=number, localHT=place))
+
+    def _add_loads(self) -> None:
+        for body in self.m.bodies:
+            com = self._marker(body.name, MASS_CENTRE)
+            weight = [body.mass * g for g in self.m.gravity]
+            self._com_force[body.name] = self.mbs.AddLoad(self.items.LoadForceVector(markerNumber=com, loadVector=[*weight, 0.0]))
+            self._com_torque[body.name] = self.mbs.AddLoad(self.items.LoadTorqueVector(markerNumber=com, loadVector=[0.0, 0.0, 0.0]))
+        for load in self.m.loads:
+            marker = self._marker(load.body, load.point)
+            self.mbs.AddLoad(self.items.LoadForceVector(markerNumber=marker, loadVector=[*load.force, 0.0]))
+            self.mbs.AddLoad(self.items.LoadTorqueVector(markerNumber=marker, loadVector=[0.0, 0.0, load.torque]))
+
+    def _add_joint(self, joint: Joint, start: Mapping[str, Pose]) -> None:
+        if joint.prismatic:
+            turn = cmath.phase(joint.direction)
+            markers = [self._marker(joint.bodies[0], joint.name, turn), self._marker(joint.bodies[1], joint.name, turn - joint.angle)]
+            number = self.mbs.AddObject(self.items.ObjectJointGeneric(markerNumbers=markers, constrainedAxes=[0, 1, 0, 0, 0, 1]))
+            self._sense(f"force {joint.name}", self.items.SensorObject, "ForceLocal", objectNumber=number)
+            self._sense(f"moment {joint.name}", self.items.SensorObject, "TorqueLocal", objectNumber=number)
+            return
+        markers = [self._marker(body, joint.name) for body in joint.bodies]
+        if joint.name not in self.clearance:
+            number = self.mbs.AddObject(self.items.ObjectJointRevolute2D(markerNumbers=markers))
+        elif self.joint_model == "contact":
+            spin = [start[body].angular_velocity if body != GROUND else 0.0 for body in joint.bodies]
+            number = self._add_contact(joint, markers, joint.clearance - gap_at(self.m, start, joint.name), abs(spin[1] - spin[0]))
+        elif self.joint_model == "spring-damper":
+            number = self._add_spring_damper(joint, markers)
+        else:
+            number = self._add_rod(joint, markers)
+        self._sense(f"force {joint.name}", self.items.SensorObject, "Force", objectNumber=number)
+
+    def _add_contact(self, joint: Joint, markers: list[Any], separation: float, spin: float) -> Any:
+        law, radius = self.laws[joint.name], joint.pin_radius or PIN_RADIUS
+        if joint.contact_damping is not None:
+            impact = {"impactModel": 0, "contactDamping": law.damping}
+        else:
+            restitution = contact_restitution(self.m, joint, law)
+            impact = {"impactModel": 2, "restitutionCoefficient": restitution, "minimumImpactVelocity": MINIMUM_IMPACT_SPEED}
+        data = [separation, spin * radius, self._impact_speed(joint, -separation), 0.0]  # gap, sliding speed, impact speed
+        node = self.mbs.AddNode(self.items.NodeGenericData(initialCoordinates=data, numberOfDataCoordinates=4))
+        self._touching.append(joint.name)
+        return self.mbs.AddObject(
+            self.items.ObjectContactSphereSphere(
+                markerNumbers=markers, nodeNumber=node, spheresRadii=[radius, radius + joint.clearance], isHollowSphere1=True,
+                contactStiffness=law.stiffness, **impact, dynamicFriction=joint.friction, frictionProportionalZone=CONTACT_CREEP,
+            )
+        )  # fmt: skip
+
+    def _impact_speed(self, joint: Joint, depth: float) -> float:
+        """Impact speed (m/s) of a pin that starts pressed in by ``depth`` (m): its damping is then the Kelvin-Voigt one."""
+        law = self.laws[joint.name]
+        if depth <= 0 or law.damping == 0:
+            return 0.0
+        return law.stiffness * depth * hysteresis(contact_restitution(self.m, joint, law)) / law.damping
+
+    def _add_spring_damper(self, joint: Joint, markers: list[Any]) -> Any:
+        from exudyn.utilities import CreateSymbolicUserFunction
+
+        law, symbolic = self.laws[joint.name], self.exu.symbolic
+
+        def push_back(mbs: Any, t: Any, item: Any, stretch: Any, rate: Any, k: Any, d: Any, force: Any) -> Any:
+            return symbolic.IfThenElse(stretch > 0.0, symbolic.max(k * stretch + d * rate, 0.0), symbolic.Real(0.0))
+
+        number = self.mbs.AddObject(
+            self.items.ObjectConnectorSpringDamper(
+                markerNumbers=markers, referenceLength=joint.clearance, stiffness=law.stiffness, damping=law.damping,
+                springForceUserFunction=push_back,
+            )
+        )  # fmt: skip
+        compiled = CreateSymbolicUserFunction(self.mbs, push_back, "springForceUserFunction", number)
+        self.mbs.SetObjectParameter(number, "springForceUserFunction", compiled)
+        return number
+
+    def _add_rod(self, joint: Joint, markers: list[Any]) -> Any:
+        if self.motion == "static":
+            return self.mbs.AddObject(
+                self.items.ObjectConnectorSpringDamper(markerNumbers=markers, referenceLength=joint.clearance, stiffness=ROD_STIFFNESS)
+            )
+        return self.mbs.AddObject(self.items.ObjectConnectorDistance(markerNumbers=markers, distance=joint.clearance))
+
+    def _add_joint_law(self, joint: Joint) -> None:
+        """Friction, damping and spring of a joint; in statics friction and damping are loads (:meth:`load_bodies`)."""
+        moving = self.motion == "driven"
+        damping, friction = (joint.damping, joint.coulomb) if moving else (0.0, 0.0)
+        if joint.prismatic:
+            if joint.stiffness or joint.damping or joint.coulomb:
+                self._add_slide_law(joint, damping, friction)
+        elif joint.stiffness or damping or friction:
+            self.mbs.AddObject(
+                self.items.ObjectConnectorCoordinateSpringDamperExt(
+                    markerNumbers=[self._fixed if body == GROUND else self._coordinate(self._node[body], 2) for body in joint.bodies],
+                    stiffness=joint.stiffness, offset=joint.rest_angle, damping=damping,
+                    dynamicFrictionForce=friction, frictionProportionalZone=self.creep if friction else 0.0,
+                )
+            )  # fmt: skip
+
+    def _add_slide_law(self, joint: Joint, damping: float, friction: float) -> None:
+        from exudyn.utilities import CreateSymbolicUserFunction
+
+        symbolic, creep = self.exu.symbolic, self.creep * self.size
+        markers = [self._marker(body, joint.name, cmath.phase(joint.direction) if k == 0 else 0.0) for k, body in enumerate(joint.bodies)]
+        number = self.mbs.AddObject(
+            self.items.ObjectConnectorLinearSpringDamper(
+                markerNumbers=markers, axisMarker0=[1.0, 0.0, 0.0], stiffness=joint.stiffness, offset=joint.rest_angle, damping=damping
+            )
+        )
+        if friction:
+
+            def law(mbs: Any, t: Any, item: Any, travel: Any, rate: Any, k: Any, d: Any, rest: Any) -> Any:
+                return k * (travel - rest) + d * rate + friction * symbolic.max(symbolic.min(rate / creep, 1.0), -1.0)
+
+            self.mbs.SetObjectParameter(number, "springForceUserFunction", law)
+            self.mbs.SetObjectParameter(
+                number, "springForceUserFunction", CreateSymbolicUserFunction(self.mbs, law, "springForceUserFunction", number)
+            )
+        self._slide[joint.name] = number
+        self._sense(f"law {joint.name}", self.items.SensorObject, "ForceLocal", objectNumber=number)
+
+    def _add_drive(self, held: bool, start: Mapping[str, Pose], motor: Motor | None) -> None:
+        self._drive, self.compliant = None, False
+        if not held and motor is None:
+            return
+        connector = self.items.ObjectConnectorCoordinate
+        crank = self._coordinate(self._node[self.m.driven], 2)
+        if motor is None:
+            self._drive = self.mbs.AddObject(connector(markerNumbers=[self._fixed, crank], offset=start[self.m.driven].angle))
+        else:
+            stiffness = self.m.drive.stiffness if self.m.drive is not None else None
+            self.compliant = stiffness is not None
+            turned = self._add_shaft(motor) if self.compliant else crank
+            speed = {"offset": float(motor.rate(0.0))} if motor.steady else {"offsetUserFunction_t": _called(motor)}
+            self._drive = self.mbs.AddObject(connector(markerNumbers=[self._fixed, turned], velocityLevel=True, **speed))
+            if self.compliant:
+                spring = self.items.ObjectConnectorCoordinateSpringDamper
+                self._drive = self.mbs.AddObject(spring(markerNumbers=[crank, turned], stiffness=stiffness))
+        self._sense("drive", self.items.SensorObject, "Force", objectNumber=self._drive)
+
+    def _add_shaft(self, motor: Motor) -> Any:
+        """The motor's shaft, whose inertia its prescribed motion makes immaterial; marker of its angle."""
+        angle, speed = float(motor.angle(0.0)), float(motor.rate(0.0))
+        shaft = self.mbs.AddNode(self.items.Node1D(initialCoordinates=[angle], initialVelocities=[speed]))
+        self.mbs.AddObject(self.items.ObjectRotationalMass1D(physicsInertia=1.0, nodeNumber=shaft))
+        return self._coordinate(shaft, 0)
+
+
+def _called(motor: Motor) -> Callable[[Any, float, int, float], float]:
+    """A motor's speed as Exudyn asks for it."""
+    speed = motor.speed_function()
+    return lambda mbs, t, item, offset: speed(t)
+
+
+def joint_creep(motor: Motor | None) -> float:
+    """Angular velocity (rad/s) of a joint below which its Coulomb friction falls to zero."""
+    return JOINT_CREEP * ((motor.top_speed if motor else 0.0) or 1.0)
+
+
+def point_at(mechanism: Mechanism, start: Mapping[str, Pose], body: str, point: str) -> complex:
+    """A named point of a body in a pose (m, ground frame)."""
+    if body == GROUND:
+        return mechanism.ground.point(point)
+    return start[body].origin + mechanism.body(body).point(point) * cmath.exp(1j * start[body].angle)
+
+
+def gap_at(mechanism: Mechanism, start: Mapping[str, Pose], joint: str) -> float:
+    """Distance (m) between a joint's two pin centres in these poses."""
+    first, second = (point_at(mechanism, start, body, joint) for body in mechanism.joint(joint).bodies)
+    return abs(first - second)

@@ -1,0 +1,177 @@
+"""What an Exudyn run saw, instant by instant, and whether to believe it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from analytic.assembly import Assembly
+from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism
+from sim_models.exudyn.motor import Motor
+from sim_models.start import poses
+
+OPEN_LOOP = 1e-4  # of the largest link: gap at an ideal joint beyond which a run is garbage
+DEEP = 0.1  # of the shorter link at a joint: penetration beyond which a run is garbage
+ENERGY_FROM_NOTHING = 0.05  # of the energy that a run turns over
+FLIPPED = math.radians(45)  # between a body and the ideal linkage: it has left its assembly mode
+
+
+@dataclass(frozen=True)
+class Record:
+    """What the sensors saw at M instants.  Complex numbers are x + iy in the ground frame."""
+
+    time: np.ndarray  # s (M,)
+    com: Mapping[str, np.ndarray]  # m (M,) complex, by body: its centre of mass
+    marker: Mapping[str, np.ndarray]  # m (M,) complex, by body: where its position is read
+    angle: Mapping[str, np.ndarray]  # rad (M,)
+    velocity: Mapping[str, np.ndarray]  # m/s (M,) complex
+    angular_velocity: Mapping[str, np.ndarray]  # rad/s (M,)
+    gap: Mapping[str, np.ndarray]  # m (M,) complex, by revolute joint: first pin centre minus second
+    force: Mapping[str, np.ndarray]  # N (M,) complex, by joint: of the first body on the second
+    moment: Mapping[str, np.ndarray]  # N.m (M,) by prismatic joint: on the second body at its point
+    drive_torque: np.ndarray  # N.m (M,)
+
+    def rows(self, index: slice | np.ndarray) -> Record:
+        """Some of the instants."""
+        return self._each(lambda values: values[index])
+
+    def at(self, time: np.ndarray) -> Record:
+        """Interpolated linearly at times (s)."""
+        return self._each(lambda values: np.interp(time, self.time, values))
+
+    def _each(self, change: Callable[[np.ndarray], np.ndarray]) -> Record:
+        parts: list[Any] = []
+        for f in fields(self):
+            part = getattr(self, f.name)
+            parts.append(change(part) if isinstance(part, np.ndarray) else {name: change(values) for name, values in part.items()})
+        return Record(*parts)
+
+    def signals(self) -> dict[str, np.ndarray]:
+        """Every signal of a Trace, by name."""
+        out = {"drive_torque": self.drive_torque}
+        for body, marker in self.marker.items():
+            out |= {f"{body}_x": marker.real, f"{body}_y": marker.imag}
+            out |= {f"{body}_angle": self.angle[body], f"{body}_angular_velocity": self.angular_velocity[body]}
+        for quantity, vectors in (("reaction", self.force), ("clearance", self.gap)):
+            for joint, vector in vectors.items():
+                out |= {f"{quantity}_{joint}_x": vector.real, f"{quantity}_{joint}_y": vector.imag}
+        out |= {f"reaction_{joint}_moment": moment for joint, moment in self.moment.items()}
+        return {name: np.array(values) for name, values in out.items()}
+
+    def free_share(self, joint: str, clearance: float) -> float:
+        """Share of the time (of the instants, where no time passes) that a pin touched nothing."""
+        free = np.abs(self.gap[joint]) <= clearance
+        if self.time[-1] == self.time[0]:
+            return float(np.mean(free))
+        return float(np.sum(np.diff(self.time) * (free[1:] & free[:-1])) / (self.time[-1] - self.time[0]))
+
+
+def join(records: Sequence[Record]) -> Record:
+    """Records one after the other."""
+    parts: list[Any] = []
+    for f in fields(Record):
+        each = [getattr(record, f.name) for record in records]
+        single = isinstance(each[0], np.ndarray)
+        parts.append(np.concatenate(each) if single else {name: np.concatenate([e[name] for e in each]) for name in each[0]})
+    return Record(*parts)
+
+
+def locate(m: Mechanism, com: Mapping[str, np.ndarray], angle: Mapping[str, np.ndarray], body: str, point: str) -> np.ndarray:
+    """Path (m, (M,) complex) of a body's named point."""
+    if body == GROUND:
+        return np.full_like(next(iter(com.values())), m.ground.point(point))
+    return com[body] + (m.body(body).point(point) - m.body(body).point(MASS_CENTRE)) * np.exp(1j * angle[body])
+
+
+def travel(m: Mechanism, record: Record, joint: Joint) -> np.ndarray:
+    """A revolute joint's second angle minus its first (rad), or a prismatic one's travel (m), (M,)."""
+    still = {GROUND: np.zeros(record.time.size)}
+    first, second = joint.bodies
+    angle = {**still, **record.angle}
+    if not joint.prismatic:
+        return angle[second] - angle[first]
+    apart = locate(m, record.com, record.angle, second, joint.name) - locate(m, record.com, record.angle, first, joint.name)
+    return np.real(apart * np.conj(joint.direction * np.exp(1j * angle[first])))
+
+
+@dataclass(frozen=True)
+class Judge:
+    """The checks that a record must pass; each answers with what is wrong, or None.
+
+    ``stiffness`` (N/m) is that of each compliant contact, ``motor`` turns the crank through a spring.
+    """
+
+    mechanism: Mechanism
+    clearance: Mapping[str, float]
+    stiffness: Mapping[str, float]
+    motor: Motor | None = None
+
+    def finite(self, record: Record) -> str | None:
+        """Divergence."""
+        for values in (*record.force.values(), *record.com.values(), *record.angle.values()):
+            if not np.all(np.isfinite(values)):
+                return f"the run diverged at {self._place(record, int(np.argmin(np.isfinite(values))))}"
+        return None
+
+    def joined(self, record: Record) -> str | None:
+        """Ideal joints that come apart, and pins that sink into their bearings."""
+        size = max(body.length for body in self.mechanism.bodies)
+        for name, gap in record.gap.items():
+            excess, allowed = np.abs(gap), OPEN_LOOP * size
+            if name in self.clearance:
+                links = [self.mechanism.body(body) for body in self.mechanism.joint(name).bodies]
+                shorter = min((link.length for link in links if isinstance(link, Body) and link.length > 0), default=size)
+                excess, allowed = excess - self.clearance[name], DEEP * shorter
+            worst = int(np.argmax(excess))
+            if excess[worst] > allowed:
+                return f"the pins of joint {name} are {excess[worst]:.3g} m too far apart at {self._place(record, worst)}"
+        return None
+
+    def in_assembly_mode(self, record: Record, assembly: Assembly) -> str | None:
+        """A linkage that has flipped over; it stays so, and a dozen instants will show it."""
+        for k in np.linspace(0, record.time.size - 1, 12).astype(int):
+            for name, pose in poses(assembly, float(record.angle[self.mechanism.driven][k])).items():
+                if abs(record.angle[name][k] - pose.angle) > FLIPPED:
+                    return f"body {name} has left its assembly mode at {self._place(record, int(k))}"
+        return None
+
+    def energy(self, record: Record) -> str | None:
+        """Energy may be lost to friction, dampers and contact, but not come from nothing."""
+        kinetic = np.zeros(record.time.size)
+        for b in self.mechanism.bodies:
+            kinetic += b.mass / 2 * np.abs(record.velocity[b.name]) ** 2 + b.moment_of_inertia / 2 * record.angular_velocity[b.name] ** 2
+        stored = self._stored(record)
+        power = record.drive_torque * (record.angular_velocity[self.mechanism.driven] if self.motor is None else self.motor.rate(record.time))
+        supplied = np.concatenate([[0.0], np.cumsum(np.diff(record.time) * (power[1:] + power[:-1]) / 2)])
+        surplus = kinetic + stored - supplied
+        created = surplus - np.minimum.accumulate(surplus)
+        turned_over = max(np.ptp(kinetic), np.ptp(stored), np.ptp(supplied), 1e-12)
+        worst = int(np.argmax(created))
+        if created[worst] > ENERGY_FROM_NOTHING * turned_over:
+            return f"{created[worst]:.3g} J have come from nothing at {self._place(record, worst)}, of {turned_over:.3g} J turned over"
+        return None
+
+    def _stored(self, record: Record) -> np.ndarray:
+        """Potential energy (J) of gravity, loads, springs, contacts and a compliant drive."""
+        m = self.mechanism
+        energy = np.zeros(record.time.size)
+        for b in m.bodies:
+            energy -= b.mass * np.real(record.com[b.name] * np.conj(complex(*m.gravity)))
+        for load in m.loads:
+            at = locate(m, record.com, record.angle, load.body, load.point)
+            energy -= np.real(at * np.conj(complex(*load.force))) + load.torque * record.angle[load.body]
+        for j in m.joints:
+            if j.stiffness:
+                energy += j.stiffness / 2 * (travel(m, record, j) - j.rest_angle) ** 2
+        for name, stiffness in self.stiffness.items():
+            energy += stiffness / 2 * np.maximum(np.abs(record.gap[name]) - self.clearance[name], 0) ** 2
+        if self.motor is not None and m.drive is not None and m.drive.stiffness is not None:
+            energy += record.drive_torque**2 / (2 * m.drive.stiffness)
+        return energy
+
+    def _place(self, record: Record, row: int) -> str:
+        return f"crank angle {math.degrees(record.angle[self.mechanism.driven][row]):.4g} deg (time {record.time[row]:.4g} s)"

@@ -1,0 +1,1 @@
+"""MuJoCo: driven runs, static equilibria and export of its own model."""

@@ -1,0 +1,53 @@
+"""MuJoCo as a referee: its declaration, without the package."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from sim_models.engine import COMMON_EFFECTS, JOINT_MODELS, JointModel, Motion, Request, Trace, check_supported
+
+
+class MujocoEngine:
+    """MuJoCo.  Joints with clearance follow any of the four joint models, in driven and static motion.
+
+    With a drive that yields, the requested crank angles, or the course, are the motor's.  Where these repeat themselves with each
+    revolution, so does the crank of an ideal linkage from the start; else it starts where its motor's motion nearby has it.
+    """
+
+    name = "mujoco"
+    package = "mujoco"
+    supports: frozenset[tuple[JointModel, Motion]] = frozenset((model, motion) for model in JOINT_MODELS for motion in ("driven", "static"))
+    effects = COMMON_EFFECTS | {"drive_compliance"}
+
+    def simulate(self, request: Request) -> Trace:
+        """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""
+        from sim_models.mujoco.runs import Run
+
+        check_supported(self, request)
+        with _quiet():
+            return Run(request).trace()
+
+    def export(self, request: Request, folder: Path) -> list[Path]:
+        """Write a request, and what came of it, as files that run in MuJoCo alone.  Raises what :meth:`simulate` does."""
+        from sim_models.mujoco.export import export
+
+        check_supported(self, request)
+        with _quiet():
+            return export(request, folder)
+
+
+ENGINE = MujocoEngine()
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """MuJoCo would write its warnings to a file; it also counts them, and every run checks the count."""
+    import mujoco
+
+    mujoco.set_mju_user_warning(lambda message: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(None)

@@ -1,0 +1,234 @@
+"""Equilibria of a MuJoCo linkage: at rest, or in a motion without transients.
+
+Both are found by Newton's method on MuJoCo's own equations, row by row, for a *pressed* linkage: its joints with
+clearance touch, whatever the sign of their force.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from analytic.assembly import Assembly
+from sim_models.engine import Request, SimulationError
+from sim_models.mujoco.laws import Contact
+from sim_models.mujoco.model import Linkage
+from sim_models.mujoco.state import contact_rows, gap, joint_forces, signals, touch
+from sim_models.start import poses
+
+NUDGE = 1e-7  # rad or m, of difference quotients
+SETTLED = 1e-9  # rad, or m over the linkage's size: Newton's last step; the error left is its square
+WEAK = 1e-9  # of the largest force: a reaction without direction
+STANDSTILL = 1e-8  # of the crank's speed: a joint that turns no faster has no direction of slip
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Newton's equations at a state: ``load`` (nv,) = ``push``^T f, and rows ``goal`` (k,) = ``softness`` f."""
+
+    load: np.ndarray
+    push: np.ndarray
+    goal: np.ndarray
+    softness: np.ndarray
+    rows: np.ndarray
+
+
+def balance(link: Linkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]) -> Balance:
+    """What joint forces f must satisfy for the linkage to have this position, velocity and acceleration.
+
+    Every joint with clearance counts as pressed; ``slip`` is the sign of its relative angular velocity, against which
+    friction acts, that of the joint's own law as well as that in the contact.
+    """
+    m, d = link.model, link.data
+    d.qpos[:], d.qvel[:] = q, v
+    mujoco.mj_fwdPosition(m, d)
+    if touch(link, always=True):
+        mujoco.mj_makeConstraint(m, d)
+    mujoco.mj_fwdVelocity(m, d)
+    mujoco.mj_fwdActuation(m, d)
+    inertia = np.zeros(m.nv)
+    mujoco.mj_mulM(m, d, inertia, a)
+    load = inertia + d.qfrc_bias - d.qfrc_passive - d.qfrc_actuator
+    for name, form in link.friction_forms.items():
+        load += slip[name] * form
+    jacobian = d.efc_J.reshape(d.nefc, m.nv)
+    push = jacobian.copy()
+    rows = np.ones(d.nefc, bool)
+    for name, row in contact_rows(link).items():
+        friction = link.mechanism.joint(name).friction
+        if friction:
+            push[row] -= slip[name] * friction * jacobian[row + 1]
+            rows[row + 1 : row + 3] = False
+    damping, impedance = d.efc_KBIP[:, 1], d.efc_KBIP[:, 2]
+    rigid = impedance > 0.5  # where velocity across the row can only be an error of v, which need not become one of q
+    goal = d.efc_aref - jacobian @ a + np.where(rigid, damping * d.efc_vel, 0.0)
+    return Balance(load, push[rows], goal[rows], d.efc_R[rows].copy(), np.flatnonzero(rows))
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A state without transients: coordinates (nq,), forces of all constraint rows (nefc,)."""
+
+    q: np.ndarray
+    force: np.ndarray
+
+
+def rest(link: Linkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]) -> Rest | None:
+    """Solve :func:`balance` for coordinates and forces, the motor held; None where Newton's method finds no solution.
+
+    Forces are unknowns of their own: however stiff the rows, a step along the rim of a clearance circle does not
+    spoil them, as it would if they were computed from the penetration.  The data is left at the solution.
+    """
+    q = q.copy()
+    unknown = np.array([i for i in range(q.size) if i != link.motor], int)
+    n = unknown.size
+    reach = min((0.5 * link.mechanism.joint(name).clearance for name in link.contacts), default=np.inf)
+    force = np.zeros(0)
+    for _ in range(60):
+        here = balance(link, q, v, a, slip)
+        if not force.size:
+            force = np.linalg.lstsq(here.push[:, unknown].T, here.load[unknown], rcond=None)[0]
+        matrix = np.zeros((n + force.size, n + force.size))
+        matrix[:n, n:], matrix[n:, n:] = -here.push[:, unknown].T, -np.diag(here.softness)
+        for column, i in enumerate(unknown):
+            beside = q.copy()
+            beside[i] += NUDGE
+            there = balance(link, beside, v, a, slip)
+            matrix[:n, column] = (there.load - here.load - (there.push - here.push).T @ force)[unknown] / NUDGE
+            matrix[n:, column] = (there.goal - here.goal) / NUDGE
+        miss = np.concatenate([(here.load - here.push.T @ force)[unknown], here.goal - here.softness * force])
+        try:
+            move = np.linalg.solve(matrix, -miss)
+        except np.linalg.LinAlgError:
+            return None
+        largest = float(np.abs(move[:n]).max(initial=0.0)) * link.size
+        share = min(1.0, reach / largest) if largest else 1.0
+        q[unknown] += share * move[:n]
+        force = force + share * move[n:]
+        if not np.all(np.isfinite(q)):
+            return None
+        if share == 1 and largest < SETTLED * link.size:
+            here = balance(link, q, v, a, slip)
+            every = np.zeros(link.data.nefc)
+            every[here.rows] = force
+            for name, row in contact_rows(link).items():
+                if link.mechanism.joint(name).friction:
+                    every[row + 1] = -slip[name] * link.mechanism.joint(name).friction * every[row]
+            link.data.qacc[:] = a
+            mujoco.mj_rnePostConstraint(link.model, link.data)
+            return Rest(q, every)
+    return None
+
+
+class Equilibria:
+    """Equilibria of a request's mechanism, near the crank angle theta (rad).
+
+    ``step`` (s) sets how rigid the rigid rows are; ``direction`` (sign of the drive's motion, 0 at rest) that of friction.  ``forces`` are the
+    sizes (N) of the ideal linkage's reactions at the joints with clearance, as last asked for.
+    """
+
+    def __init__(self, request: Request, assembly: Assembly, laws: Mapping[str, Contact], direction: float, theta: float, step: float) -> None:
+        self.request, self.mechanism, self.assembly, self.laws, self.direction = request, request.mechanism, assembly, laws, direction
+        pose = poses(assembly, theta)
+        rows = "spring" if request.joint_model == "spring-damper" else request.joint_model
+        self.ideal = Linkage(self.mechanism, {}, "ideal", pose, step, friction=False)
+        self.pressed = Linkage(self.mechanism, laws, rows, pose, step, friction=False) if laws else self.ideal
+        self.forces: dict[str, float] = {}
+
+    def place(self, link: Linkage, theta: float, gaps: Mapping[str, complex] | None = None) -> np.ndarray:
+        """Coordinates (nq,) of an assembled linkage with these gaps (m)."""
+        return link.vector(link.coordinates(poses(self.assembly, theta, gaps=lambda _: gaps or {})))
+
+    def slip(self, theta: float) -> dict[str, float]:
+        """Sign of each joint's relative velocity, second body less first, as the drive turns the ideal linkage."""
+        if self.direction == 0 or not any(j.coulomb or j.friction for j in self.mechanism.joints):
+            return {j.name: 0.0 for j in self.mechanism.joints}
+        link, h = self.ideal, math.copysign(1e-4, self.direction)
+        back, ahead = (link.vector(link.coordinates(poses(self.assembly, theta + side * h))) for side in (-1, 1))
+        rates = {j.name: float(link.vector(link.across(j)) @ (ahead - back)) / abs(2 * h) for j in self.mechanism.joints}
+        return {name: math.copysign(1.0, w) if abs(w) > STANDSTILL else 0.0 for name, w in rates.items()}
+
+    def signals(self, link: Linkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:
+        """All signals of the equilibrium that was found last."""
+        friction = {j.name: -j.coulomb * slip[j.name] for j in self.mechanism.joints}
+        return signals(link, joint_forces(link, found.force), friction)
+
+    def reactions(self, theta: float, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> dict[str, complex]:
+        """Reactions (N) of the ideal linkage at the joints with clearance, in this state of motion."""
+        slip = self.slip(theta)
+        found = rest(self.ideal, q, v, a, slip)
+        if found is None:
+            raise self.failed("the ideal linkage is not in equilibrium", theta, "check its loads")
+        return self.noted(self.signals(self.ideal, found, slip))
+
+    def noted(self, seen: Mapping[str, float]) -> dict[str, complex]:
+        """Reactions (N) at the joints with clearance from the ideal linkage's signals; zero where there is no direction to them."""
+        forces = {name: complex(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"]) for name in self.laws}
+        largest = max(math.hypot(seen[f"reaction_{j.name}_x"], seen[f"reaction_{j.name}_y"]) for j in self.mechanism.joints)
+        forces = {name: force if abs(force) > WEAK * largest else 0j for name, force in forces.items()}
+        self.forces |= {name: abs(force) for name, force in forces.items()}
+        return forces
+
+    def pressing(self, theta: float, forces: Mapping[str, complex]) -> dict[str, complex]:
+        """Where these reactions press each pin (m): on the rim, and as far beyond as its stiffness lets it."""
+        for name, force in forces.items():
+            if force == 0:
+                raise self.failed(f"nothing presses the pin of joint {name!r}", theta, "give the linkage a load or gravity, or start it centred")
+        return {name: self.rim(name, force) for name, force in forces.items()}
+
+    def rim(self, name: str, force: complex) -> complex:
+        """Gap (m) of a joint that carries this force (N)."""
+        give = 0.0 if self.laws[name].hard or self.request.joint_model == "massless-link" else abs(force) / self.laws[name].stiffness
+        return (self.mechanism.joint(name).clearance + give) * force / abs(force)
+
+    def at_rest(self, theta: float) -> dict[str, float]:
+        """Signals of the equilibrium at one crank angle.  Raises SimulationError if there is none with the pins pressed."""
+        slip = self.slip(theta)
+        still = np.zeros(self.ideal.model.nv)
+        gaps = self.pressing(theta, self.reactions(theta, self.place(self.ideal, theta), still, still))
+        still = np.zeros(self.pressed.model.nv)
+        found = rest(self.pressed, self.place(self.pressed, theta, gaps), still, still, slip)
+        if found is None:
+            raise self.failed("no equilibrium was found", theta, "check the loads, or use a smaller clearance")
+        for name, (force, _) in joint_forces(self.pressed, found.force).items():
+            if name in self.laws and not _pressed(force, gap(self.pressed, name)):
+                raise self.failed(f"the only equilibrium found has the pin of joint {name!r} pulled, not pressed", theta, "check the loads")
+        return self.signals(self.pressed, found, slip)
+
+    def steady(self, angles: np.ndarray, q: np.ndarray, rate: np.ndarray) -> np.ndarray | None:
+        """Coordinates (angles, nq) of a motion without transients: equilibria beside each other give each other's rates."""
+        slips = [self.slip(at) for at in angles]
+        change = np.inf
+        for _ in range(12):
+            found = [self.settled(at, v, a, slip) for at, v, a, slip in zip(q, rate @ q, rate @ rate @ q, slips, strict=True)]
+            ahead = np.array([one for one in found if one is not None])
+            if len(ahead) < len(found):
+                return None
+            before, change = change, float(np.abs(ahead - q).max())
+            if change > 0.3 * before:  # the series has given what it can: rates of rates are noise from here on
+                return q
+            q = ahead
+            if change < 1e-10:
+                break
+        return q
+
+    def settled(self, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]) -> np.ndarray | None:
+        """Coordinates of the equilibrium in this motion, None if there is none with all pins pressed."""
+        found = rest(self.pressed, q, v, a, slip)
+        if found is None:
+            return None
+        forces = joint_forces(self.pressed, found.force)
+        return found.q if all(_pressed(forces[name][0], gap(self.pressed, name)) for name in self.laws) else None
+
+    def failed(self, what: str, theta: float, remedy: str) -> SimulationError:
+        """The error that says what went wrong at which crank angle."""
+        model = f"{self.request.joint_model} joints, {self.request.motion} motion"
+        return SimulationError(f"mujoco: {self.mechanism.name}, {model}: {what} at crank angle {np.degrees(theta):.4g} deg; {remedy}")
+
+
+def _pressed(force: complex, gap: complex) -> bool:
+    return (force * gap.conjugate()).real > 0

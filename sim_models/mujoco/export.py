@@ -1,0 +1,160 @@
+"""A request as files that run in MuJoCo without this project: model.xml, start.json, run.py, and what we got, expected.csv."""
+
+from __future__ import annotations
+
+import importlib.resources
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+
+from analytic.mechanism import Joint
+from sim_models.engine import Request
+from sim_models.export_files import expected, lines
+from sim_models.mujoco.equilibrium import Equilibria, rest
+from sim_models.mujoco.model import Linkage
+from sim_models.mujoco.runs import STATIC_STEP, Run
+from sim_models.mujoco.state import contact_rows
+from sim_models.start import poses
+
+CLOSED_BY = {"massless-link": "massless link", "spring-damper": "spring-damper", "contact": "contact"}
+
+
+def export(request: Request, folder: Path) -> list[Path]:
+    """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError."""
+    run = Run(request)
+    trace = run.trace()
+    link, start = _equilibria(run) if request.motion == "static" else _stages(run)
+    text = model_text(link)
+    start = {
+        "title": f"{request.mechanism.name}, {request.joint_model} joints, {request.motion}",
+        "version": f"{trace.simulator} {trace.version}",
+        "motion": request.motion,
+        "after_compiling": _beyond_mjcf(link.model, mujoco.MjModel.from_xml_string(text)),
+        **_meaning(link),
+        **start,
+    }
+    files = {
+        "model.xml": text,
+        "start.json": lines(start),
+        "expected.csv": expected(trace),
+        "run.py": importlib.resources.files("sim_models.mujoco").joinpath("alone.py").read_text(encoding="utf-8"),
+    }
+    for name, content in files.items():
+        (folder / name).write_text(content, encoding="utf-8", newline="\n")
+    return [folder / name for name in files]
+
+
+def model_text(link: Linkage) -> str:
+    """The linkage as MJCF, with the numbers that it was given after compiling wherever MJCF has an attribute for them."""
+    m = link.model
+    root = ElementTree.fromstring(link.mjcf())
+    for bar in root.iterfind("equality/tendon"):
+        bar.set("polycoef", _numbers(m.eq_data[m.equality(bar.get("name")).id, :5]))
+    for cord in root.iterfind("tendon/spatial[@limited]"):
+        t = m.tendon(cord.get("name")).id
+        cord.set("solreflimit", _numbers(m.tendon_solref_lim[t]))
+        cord.set("solimplimit", _numbers(m.tendon_solimp_lim[t]))
+    for form in root.iterfind("tendon/fixed"):
+        form.set("springlength", _numbers(m.tendon_lengthspring[m.tendon(form.get("name")).id]))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _numbers(values: np.ndarray) -> str:
+    return " ".join(repr(float(v)) for v in values.flat)
+
+
+def _beyond_mjcf(ours: mujoco.MjModel, compiled: mujoco.MjModel) -> dict[str, Any]:
+    """Every array of our model that the MJCF alone does not compile to."""
+    fields = [name for name in dir(ours) if isinstance(getattr(ours, name), np.ndarray)]
+    return {name: getattr(ours, name).tolist() for name in fields if not np.array_equal(getattr(ours, name), getattr(compiled, name))}
+
+
+def _meaning(link: Linkage) -> dict[str, Any]:
+    """What the names in the model stand for."""
+    return {
+        "motor": "drive:motor" if link.compliant else link.mechanism.driven,
+        "driven": link.driven or None,
+        "half_step": link.stepped,
+        "bodies": {
+            b.body.name: {
+                "parent": b.parent,
+                "joint": b.joint.name if b.joint else None,
+                "hinges": list(link.forms[b.body.name]),
+                "twist": link.twist[b.body.name],
+            }
+            for b in link.branches
+        },
+        "joints": {
+            j.name: {
+                "bodies": j.bodies,
+                "slides": j.prismatic,
+                "clearance": link.radii[j.name][0] if j.name in link.radii else 0.0,
+                "closed_by": _closed_by(link, j),
+            }
+            for j in link.mechanism.joints
+        },
+        "contacts": {
+            name: {
+                "clearance": link.radii[name][0],
+                "bearing_radius": link.radii[name][1],
+                "margin": link.contacts[name].margin,
+                "friction": float(con.friction[0]),
+                "solref": con.solref.tolist(),
+                "solimp": con.solimp.tolist(),
+            }
+            for name, con in link.touch.items()
+        },
+    }
+
+
+def _closed_by(link: Linkage, joint: Joint) -> str:
+    if joint.name in link.contacts:
+        return CLOSED_BY[link.rows]
+    return "connect" if joint in link.closing else "tree"
+
+
+def _stages(run: Run) -> tuple[Linkage, dict[str, Any]]:
+    """The model of a run that steps, its start, and its steps."""
+    record = run.record
+    state = {"time": record.time, "qpos": record.q.tolist(), "qvel": record.v.tolist()}
+    spline = None if run.course is None else run.course.spline
+    course = None if spline is None else {"times": spline.x.tolist(), "cubics": spline.c.T.tolist()}
+    return record.link, {**state, "course": course, "stages": record.stages}
+
+
+def _equilibria(run: Run) -> tuple[Linkage, dict[str, Any]]:
+    """The model of a run at rest, and each equilibrium: coordinates, and dry friction as it acts against the drive's direction.
+
+    The model has no dry friction of its own, because a simulation at rest has none; what acts is handed over as forces.
+    """
+    theta = run.request.crank_angle.tolist()
+    near = run.near(theta[0])
+    link = Linkage(run.mechanism, run.laws, run.request.joint_model, poses(run.assembly, theta[0]), STATIC_STEP, friction=False)
+    for con in link.touch.values():
+        con.friction = np.zeros(5)
+    return link, {"course": None, "equilibria": [_state(near, at) for at in theta]}
+
+
+def _state(near: Equilibria, theta: float) -> dict[str, Any]:
+    """Coordinates of one equilibrium, and dry friction: as generalised forces, and as torque or share of the normal force by joint."""
+    near.at_rest(theta)
+    link, slip = near.pressed, near.slip(theta)
+    still = np.zeros(link.model.nv)
+    found = rest(link, link.data.qpos.copy(), still, still, slip)  # once more, from there: forces are taken from the position here
+    if found is None:
+        raise near.failed("the equilibrium cannot be found a second time", theta, "use a smaller clearance")
+    dry = -sum((slip[name] * form for name, form in link.friction_forms.items()), still)
+    sliding = {name: -slip[name] * link.mechanism.joint(name).friction for name in link.touch}
+    for name, row in contact_rows(link).items():
+        if sliding[name]:
+            dry += sliding[name] * found.force[row] * link.data.efc_J.reshape(-1, still.size)[row + 1]
+    return {
+        "qpos": found.q.tolist(),
+        "dry_friction": dry.tolist(),
+        "joint_friction": {j.name: -j.coulomb * slip[j.name] for j in link.mechanism.joints if j.coulomb},
+        "sliding": {name: share for name, share in sliding.items() if share},
+    }

@@ -1,0 +1,47 @@
+"""How far the joints of a MuJoCo run may come apart, and go into each other, before it is no result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from sim_models.engine import Request, SimulationError
+from sim_models.mujoco.laws import Contact
+from sim_models.mujoco.model import Linkage
+
+DEEPEST = 0.1  # of the clearance: penetration that is in order without asking; more must be what the stiffness allows
+LOOSEST = 1e-5  # of the linkage's size, by which its rigid joints may come apart
+STRETCH = 5e-3  # of the clearance, by which a massless link may change its length
+
+
+class CameApart(SimulationError):
+    """Rigid joints came apart: the step was too long."""
+
+
+def room_apart(request: Request, link: Linkage) -> float:
+    """The distance (m) by which rigid joints may come apart."""
+    links = link.contacts if request.joint_model == "massless-link" else ()
+    return min([LOOSEST * link.size, *(STRETCH * request.mechanism.joint(name).clearance for name in links)])
+
+
+def check_together(request: Request, distance: float, room: float, step: float) -> None:
+    """Raise CameApart where rigid joints have come apart by more than is in order."""
+    if distance > room:
+        raise CameApart(
+            f"mujoco: {request.mechanism.name}, {request.joint_model} joints: a rigid joint came apart by {distance:.3g} m, "
+            f"{room:.3g} m is in order (step {step:.3g} s); use a smaller step"
+        )
+
+
+def check_depth(request: Request, laws: Mapping[str, Contact], gaps: Mapping[str, Sequence[complex]], forces: Mapping[str, Sequence[float]]) -> None:
+    """Raise SimulationError where a pin went deeper into its bearing than its law lets it; from samples of gaps (m) and forces (N)."""
+    for name, law in laws.items() if request.joint_model != "massless-link" else ():
+        clearance = request.mechanism.joint(name).clearance
+        deepest = float(np.abs(gaps[name]).max()) - clearance
+        allowed = max(DEEPEST * clearance, 3 * max(forces[name]) / law.stiffness)
+        if deepest > allowed:
+            raise SimulationError(
+                f"mujoco: {request.mechanism.name}, {request.joint_model} joints: the pin of joint {name!r} is {deepest:.3g} m deep in its bearing, "
+                f"{allowed:.3g} m is in order (clearance {clearance:g} m, stiffness {law.stiffness:g} N/m); use a smaller step or a stiffer contact"
+            )

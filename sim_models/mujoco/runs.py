@@ -1,0 +1,318 @@
+"""Driven, released and static runs of a MuJoCo linkage."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from analytic.assembly import Assembly
+from sim_models.engine import Request, SimulationError, Trace, Unsupported
+from sim_models.mujoco.equilibrium import Equilibria
+from sim_models.mujoco.laws import contact_laws, law_settings
+from sim_models.mujoco.limits import CameApart, check_depth, check_together, room_apart
+from sim_models.mujoco.model import Linkage
+from sim_models.mujoco.motor import Motor
+from sim_models.mujoco.state import (
+    apart,
+    check_warnings,
+    friction_torques,
+    gap,
+    joint_forces,
+    look,
+    mobility,
+    on_track,
+    signals,
+    stiffest_law,
+)
+from sim_models.mujoco.steady import STENCIL, Revolution, derivative
+from sim_models.start import Course, poses, schedule, substeps
+
+STATIC_STEP = 2.5e-5  # s; nothing steps in statics, but it makes the rigid rows stiff
+LARGEST_STEP = 5e-4  # s
+TURN_PER_STEP = {"ideal": 2e-3, "massless-link": 3e-4, "spring-damper": 6e-4, "contact": 6e-4}  # rad of the crank
+SAMPLES = 600  # of a run's journal path, or somewhat more
+SAMPLES_AT_REST = 150  # of a static run's
+BOUNCE = 0.4  # of a bounce's period/2 pi, for a step
+FINE_BOUNCE = 0.1  # where the mechanism asks for a restitution
+HALVINGS = 5  # of the step, before a run with rigid joints coming apart is given up
+
+
+@dataclass
+class _Log:
+    """Samples of a run: each clearance joint's gap (m) and force (N)."""
+
+    gaps: dict[str, list[complex]]
+    forces: dict[str, list[float]]
+
+    @classmethod
+    def of(cls, joints: Iterable[str]) -> _Log:
+        """An empty log."""
+        return cls({name: [] for name in joints}, {name: [] for name in joints})
+
+
+@dataclass
+class Record:
+    """What a run stepped: the model, its state at the first ``time`` (s), then (steps, their size in s, whether signals were taken after them)."""
+
+    link: Linkage
+    time: float
+    q: np.ndarray
+    v: np.ndarray
+    stages: list[tuple[int, float, bool]] = field(default_factory=list)
+
+
+RELEASED = Motor(np.zeros(0), np.zeros(0), 0, 0.0, 0.0)  # no motor: nothing but steps
+
+
+class Run:
+    """One request on its way to a trace."""
+
+    def __init__(self, request: Request) -> None:
+        self.request, self.mechanism = request, request.mechanism
+        drive = self.mechanism.drive
+        free = drive is None or drive.speed == "free"
+        self.released = request.motion == "driven" and request.time is not None and request.course is None and free
+        self.course = None if request.course is None or request.motion == "static" else Course.of(request)
+        if request.motion == "driven" and not self.released:
+            self.check_drive(free)
+        if not self.released and self.course is None and request.crank_angle.size == 0:
+            raise Unsupported(f"{self.mechanism.name}: there is no crank angle to report at; give at least one")
+        self.assembly = Assembly(self.mechanism)
+        self.laws = contact_laws(request)
+        self.motor = RELEASED
+        self.direction = 0.0 if self.released else math.copysign(1.0, self.mechanism.speed or 1.0)
+
+    def check_drive(self, free: bool) -> None:
+        """Raise Unsupported where nothing says how the motor moves, or more than one thing does."""
+        drive = self.mechanism.drive
+        has = "no drive" if drive is None else f"drive.speed = {drive.speed!r}"
+        if self.course is not None and (free or self.request.lead_in):
+            has = f"a lead-in of {self.request.lead_in:g} rad" if not free else has
+            raise Unsupported(f"{self.mechanism.name}: a course is a motor's, which follows it from its first time on; this has {has}")
+        if self.course is None and self.mechanism.speed is None:
+            ways = "drives a crank at constant speed or along a course, or releases it with times to report"
+            raise Unsupported(f"{self.mechanism.name}: mujoco {ways}; this has {has}")
+
+    def trace(self) -> Trace:
+        """Run the request."""
+        if self.request.motion == "static":
+            return self.static()
+        return self.free() if self.released else self.driven()
+
+    def near(self, theta: float, step: float = STATIC_STEP) -> Equilibria:
+        """Equilibria near a crank angle, with rows as rigid as at this step."""
+        return Equilibria(self.request, self.assembly, self.laws, self.direction, theta, step)
+
+    def static(self) -> Trace:
+        """Equilibrium at each crank angle, and between them for the journals' paths."""
+        theta = self.request.crank_angle
+        self.assembly.coordinates(theta)  # raises where the ideal linkage does not reach
+        near = self.near(float(theta[0]))
+        found = {at: near.at_rest(at) for at in theta.tolist()}
+        log = _Log.of(self.laws)
+        for at in _filled(theta).tolist() if self.laws else ():
+            try:
+                seen = found[at] if at in found else near.at_rest(at)
+            except SimulationError:
+                continue  # only requested angles must have an equilibrium; where there is none, the path has a gap
+            for name in self.laws:
+                log.gaps[name].append(complex(seen[f"clearance_{name}_x"], seen[f"clearance_{name}_y"]))
+                log.forces[name].append(math.hypot(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"]))
+        rows = [found[at] for at in theta.tolist()]
+        columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        return self.report(theta, None, columns, log, {"step": None, "start": "equilibrium"})
+
+    def begin(self, motor: Motor) -> tuple[np.ndarray, np.ndarray, float, str]:
+        """Coordinates, velocities, step (s) and kind of a driven run's start."""
+        angles, here = motor.angles, motor.here
+        near = self.near(angles[here])
+        rate = derivative(motor.instants)
+        q = np.array([near.place(near.ideal, at) for at in angles])
+        states = zip(angles, q, rate @ q, rate @ rate @ q, strict=True)
+        forces = [near.reactions(at, *state) for at, *state in states] if self.laws else [{}] * angles.size
+        if self.centred:
+            q, how = np.array([near.place(near.pressed, at) for at in angles]), "centred"
+        else:
+            gaps = [near.pressing(at, f) for at, f in zip(angles, forces, strict=True)]
+            q, how = np.array([near.place(near.pressed, at, gap) for at, gap in zip(angles, gaps, strict=True)]), "equilibrium"
+        step = self.longest_step(near, q[here])
+        if how == "equilibrium":
+            settled = self.near(angles[here], step).steady(angles, q, rate)
+            q, how = (q, "pressed where the ideal linkage's reaction points") if settled is None else (settled, how)
+        v = (rate @ q)[here]
+        v[near.pressed.motor] = motor.speed
+        if near.pressed.compliant and not self.laws and motor.period is not None:
+            link = Linkage(self.mechanism, {}, "ideal", poses(self.assembly, angles[here]), step, follows=self.course is not None)
+            revolution = Revolution(link, self.assembly, motor, motor.period)
+            repeated = revolution.steady(q[here], v) if revolution.repeats() else None
+            if repeated is not None:
+                return *repeated, step, "equilibrium, the same a revolution later"
+        return q[here], v, step, how
+
+    @property
+    def centred(self) -> bool:
+        """Whether pins start in the middle of their bearings; a massless link cannot."""
+        return self.request.start == "centred" and bool(self.laws) and self.request.joint_model != "massless-link"
+
+    def longest_step(self, near: Equilibria, q: np.ndarray) -> float:
+        """A step (s) that resolves the crank's turning, each contact's bounce, its pin's swing on the rim, and the joint laws."""
+        link = near.pressed
+        if self.released:  # nothing holds the crank: pins are lighter
+            link = Linkage(self.mechanism, self.laws, self.request.joint_model, poses(self.assembly, self.assembly.start), STATIC_STEP, hold=False)
+        limits = [LARGEST_STEP]
+        if self.motor.fastest:
+            limits.append(TURN_PER_STEP[self.request.joint_model] / self.motor.fastest)
+        for name, law in list(self.laws.items()):
+            ease = mobility(link, q, name)
+            clearance = self.mechanism.joint(name).clearance
+            asked = self.mechanism.joint(name).restitution is not None
+            limits.append(0.6 / math.sqrt(max(near.forces.get(name, 0.0) * ease / clearance, 1e-12)))
+            if law.hard:
+                sag = near.forces.get(name, 0.0) * ease * law.hard[0] ** 2  # under the load that it starts with, were it a spring
+                self.laws[name] = replace(law, margin=min(sag, 0.05 * clearance))
+                limits.append((FINE_BOUNCE if asked else BOUNCE) * law.hard[0])
+            elif self.request.joint_model != "massless-link":
+                limits.append((FINE_BOUNCE if asked else 2 * BOUNCE) / max(math.sqrt(law.stiffness * ease), law.damping * ease))
+        return self.request.step or min(*limits, 0.5 / max(stiffest_law(link, q), 1e-9))
+
+    def driven(self) -> Trace:
+        """The motor at constant speed, or along its course."""
+        if self.course is not None:
+            return self.along(self.course)
+        plan = schedule(self.request)
+        self.assembly.coordinates(plan.theta)  # raises where the ideal linkage does not reach
+        lead = self.request.lead_in / abs(plan.speed)
+        signals, log, settings = self.turned(Motor.at_speed(float(plan.theta[0]) - plan.speed * lead, plan.speed), plan.time, lead)
+        columns = {name: _scatter(values, plan.order) for name, values in signals.items()}
+        return self.report(self.request.crank_angle, _scatter(plan.time, plan.order), columns, log, settings)
+
+    def along(self, course: Course) -> Trace:
+        """The motor along its course; the crank angles reported are the simulated ones."""
+        time = np.asarray(self.request.time, float)
+        order = np.argsort(time, kind="stable")
+        knots = course.spline.x
+        self.assembly.coordinates(course.spline(np.union1d(time, knots[knots <= time.max()])))  # raises where the ideal linkage does not reach
+        signals, log, settings = self.turned(Motor.along(course), time[order], float(time.min() - knots[0]))
+        columns = {name: _scatter(values, order) for name, values in signals.items()}
+        return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
+
+    def turned(self, motor: Motor, marks: np.ndarray, lead: float) -> tuple[dict[str, np.ndarray], _Log, dict[str, Any]]:
+        """A run that a motor turns, reported at the marks (s), the first of them ``lead`` (s) after the start; with its settings."""
+        self.motor, self.direction = motor, motor.direction
+        q, v, step, how = self.begin(motor)
+        signals, log, step = self.run(float(motor.angles[motor.here]), q, v, step, marks, lead)
+        return signals, log, {"step": step, "start": how}
+
+    def free(self) -> Trace:
+        """Released at the assembly angles, at rest or with the request's speed."""
+        time = np.asarray(self.request.time, float)
+        order = np.argsort(time, kind="stable")
+        if time.size == 0 or time[order[0]] < 0:
+            raise Unsupported(f"{self.mechanism.name}: a released linkage needs times to report at, none of them before 0 s")
+        theta = self.assembly.start
+        near = self.near(theta)
+        gaps = self.gaps_at_release(near, theta) if self.laws else {}
+        q = near.place(near.pressed, theta, gaps)
+        step = self.longest_step(near, q)
+        around = np.array([near.place(near.pressed, theta + side, gaps) for side in STENCIL]) if self.request.start_speed else np.tile(q, (5, 1))
+        v = (derivative(STENCIL) @ around)[2] * self.request.start_speed
+        signals, log, step = self.run(theta, q, v, step, time[order], float(time[order[0]]))
+        columns = {name: _scatter(values, order) for name, values in signals.items()}
+        settings = {"step": step, "start": f"released at {self.request.start_speed:g} rad/s"}
+        return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
+
+    def gaps_at_release(self, near: Equilibria, theta: float) -> dict[str, complex]:
+        """Gaps (m) along the ideal linkage's reactions at the instant of release, x where there is none; zero to start centred."""
+        link = Linkage(self.mechanism, {}, "ideal", poses(self.assembly, theta), STATIC_STEP, hold=False)
+        look(link)
+        forces = near.noted(signals(link, joint_forces(link, link.data.efc_force), {}))
+        return {} if self.centred else {name: near.rim(name, force or complex(1e-12)) for name, force in forces.items()}
+
+    def run(
+        self, theta: float, q: np.ndarray, v: np.ndarray, step: float, marks: np.ndarray, lead: float
+    ) -> tuple[dict[str, np.ndarray], _Log, float]:
+        """A run with the engine's own step, halved while rigid joints come apart; or with the request's."""
+        for attempt in range(HALVINGS + 1):
+            place = poses(self.assembly, theta)
+            hold, follows = not self.released, self.course is not None
+            link = Linkage(self.mechanism, self.laws, self.request.joint_model, place, step, hold=hold, follows=follows)
+            try:
+                return *self.march(link, q, v, step, marks, lead), step
+            except CameApart:
+                if self.request.step is not None or attempt == HALVINGS:
+                    raise
+                step /= 2
+        raise AssertionError("unreachable: the last attempt returns or raises")
+
+    def march(self, link: Linkage, q: np.ndarray, v: np.ndarray, step: float, marks: np.ndarray, lead: float) -> tuple[dict[str, np.ndarray], _Log]:
+        """Step from mark to mark (s), after the lead-in (s); signals at the marks, samples of the journals between them."""
+        m, d = link.model, link.data
+        d.qpos[:], d.qvel[:] = q, v
+        log = _Log.of(self.laws)
+        reported: list[dict[str, float]] = []
+        half = 0.5 if link.stepped else 0.0  # the velocities of semi-implicit Euler are half a step older than its positions
+        time = float(marks[0]) - lead
+        self.motor.place(link, time, 0.0)
+        on_track(link)
+        self.record = Record(link, time, d.qpos.copy(), d.qvel.copy())
+        look(link)
+        lag, span, room = 0.0, lead + float(marks[-1] - marks[0]), room_apart(self.request, link)
+        for k, interval in enumerate(np.diff(marks, prepend=time).tolist()):
+            count, m.opt.timestep = substeps(interval, step) if interval > 0 else (0, step)
+            if half:
+                d.qvel[:] += (lag - half * m.opt.timestep) * d.qacc
+                lag = half * m.opt.timestep
+            pieces = min(count, math.ceil(SAMPLES * interval / span)) if count else 1
+            for piece in range(pieces):
+                steps = count * (piece + 1) // pieces - count * piece // pieces
+                self.record.stages.append((steps, m.opt.timestep, piece == pieces - 1))
+                self.motor.turn(link, time, steps)
+                time += steps * m.opt.timestep
+                self.motor.place(link, time, lag)
+                look(link)
+                check_warnings(link, f"{self.mechanism.name}, {self.request.joint_model} joints, t = {time:.4g} s")
+                forces = joint_forces(link, d.efc_force)
+                check_together(self.request, apart(link), room, step)
+                for name in self.laws if k or piece == pieces - 1 else ():
+                    log.gaps[name].append(gap(link, name))
+                    log.forces[name].append(abs(forces[name][0]))
+            reported.append(signals(link, forces, friction_torques(link), d.qvel + lag * d.qacc if half else d.qvel))
+        check_depth(self.request, self.laws, log.gaps, log.forces)
+        values = np.array([list(seen.values()) for seen in reported]).T
+        return dict(zip(reported[0], values.copy(), strict=True)), log
+
+    def report(self, theta: np.ndarray, time: np.ndarray | None, signals: Mapping[str, np.ndarray], log: _Log, settings: Mapping[str, Any]) -> Trace:
+        return Trace(
+            simulator="mujoco",
+            version=mujoco.__version__,
+            joint_model=self.request.joint_model,
+            motion=self.request.motion,
+            crank_angle=theta,
+            time=time,
+            signals=signals,
+            clearance={name: self.mechanism.joint(name).clearance for name in self.laws},
+            journal={name: np.array([[g.real, g.imag] for g in path]) for name, path in log.gaps.items()},
+            free_share={name: float(np.mean(np.array(force) <= 0)) for name, force in log.forces.items()},
+            settings={**law_settings(self.request, self.laws), **settings, "solver": "Newton, elliptic cone"},
+        )
+
+
+def _scatter(values: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """Values in the request's order from values in the order of passing."""
+    out = np.empty_like(values)
+    out[order] = values
+    return out
+
+
+def _filled(theta: np.ndarray) -> np.ndarray:
+    """The angles in order, with others between them: at least SAMPLES_AT_REST over their range."""
+    theta = np.unique(theta)
+    if theta.size < 2:
+        return theta
+    between = np.linspace(theta[0], theta[-1], SAMPLES_AT_REST)
+    return np.unique(np.concatenate([theta, between]))

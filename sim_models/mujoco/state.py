@@ -1,0 +1,257 @@
+"""What a MuJoCo linkage does at one instant: its contacts, the forces in its joints, its signals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+
+from analytic.mechanism import GROUND
+from sim_models.engine import SimulationError
+from sim_models.mujoco.model import CONTACT_ROWS, ROW, Linkage
+
+Applied = tuple[complex, complex]  # force on a joint's second body (N), and the point where it acts (m)
+
+
+def touch(link: Linkage, always: bool = False) -> bool:
+    """Add the contact of each journal that has left its gap (or of every journal); says whether there is one."""
+    x, link.touching = link.data.site_xpos, []
+    for name, con in link.touch.items():
+        first, second = link.sites[name]
+        gx, gy = float(x[first, 0] - x[second, 0]), float(x[first, 1] - x[second, 1])
+        r = math.hypot(gx, gy)
+        clearance, reach = link.radii[name]
+        if r > clearance - link.contacts[name].margin or (always and r > 0):
+            nx, ny = gx / r, gy / r
+            con.dist = clearance - r
+            con.pos = (x[second, 0] + nx * reach, x[second, 1] + ny * reach, 0.0)
+            con.frame = (-nx, -ny, 0.0, ny, -nx, 0.0, 0.0, 0.0, 1.0)
+            if mujoco.mj_addContact(link.model, link.data, con):
+                raise SimulationError(f"mujoco: no room for the contact of joint {name!r}; use fewer joints with clearance")
+            link.touching.append(name)
+    return bool(link.touching)
+
+
+def advance(link: Linkage, count: int) -> None:
+    """Take steps."""
+    m, d = link.model, link.data
+    if not link.touch:
+        mujoco.mj_step(m, d, nstep=count)
+        return
+    for _ in range(count):
+        begin_step(link)
+        mujoco.mj_step2(m, d)
+
+
+def begin_step(link: Linkage) -> None:
+    """First half of a step, contacts included.
+
+    MuJoCo's convex cone drives sliding surfaces apart at friction coefficient times slip; that is taken back here.
+    """
+    m, d = link.model, link.data
+    mujoco.mj_step1(m, d)
+    if not touch(link):
+        return
+    mujoco.mj_makeConstraint(m, d)
+    mujoco.mj_referenceConstraint(m, d)
+    for i, name in enumerate(link.touching):
+        friction = link.mechanism.joint(name).friction
+        if friction:
+            row = d.contact[i].efc_address
+            d.efc_aref[row] -= friction * abs(d.efc_aref[row + 1])
+
+
+def look(link: Linkage) -> None:
+    """Evaluate forces and accelerations at the present state, without a step."""
+    m, d = link.model, link.data
+    begin_step(link)
+    mujoco.mj_fwdActuation(m, d)
+    mujoco.mj_fwdAcceleration(m, d)
+    mujoco.mj_fwdConstraint(m, d)
+    mujoco.mj_rnePostConstraint(m, d)
+
+
+def first_rows(link: Linkage) -> dict[tuple[int, int], int]:
+    """First row of each constraint, by its type and id."""
+    d = link.data
+    found: dict[tuple[int, int], int] = {}
+    for row, key in enumerate(zip(d.efc_type.tolist(), d.efc_id.tolist(), strict=True)):
+        found.setdefault(key, row)
+    return found
+
+
+def contact_rows(link: Linkage) -> dict[str, int]:
+    """First row of each contact, by its joint."""
+    if not link.touching:
+        return {}
+    rows = first_rows(link)
+    return {name: row for i, name in enumerate(link.touching) for kind in CONTACT_ROWS if (row := rows.get((int(kind), i), -1)) >= 0}
+
+
+def gap(link: Linkage, name: str) -> complex:
+    """First pin centre minus second (m)."""
+    first, second = link.sites[name]
+    x = link.data.site_xpos
+    return complex(x[first, 0] - x[second, 0], x[first, 1] - x[second, 1])
+
+
+def pin(link: Linkage, name: str, second: bool = True) -> complex:
+    """Centre of a joint's pin on its second (or first) body (m)."""
+    return complex(*link.data.site_xpos[link.sites[name][second], :2])
+
+
+def joint_forces(link: Linkage, force: np.ndarray) -> dict[str, Applied]:
+    """Force of each closing joint on its second body, from the constraint rows' forces (nefc,)."""
+    m, rows = link.model, first_rows(link)
+    applied: dict[str, Applied] = {}
+    for j in link.closing:
+        row = rows[int(ROW.mjCNSTR_EQUALITY), link.row_id[j.name]]
+        applied[j.name] = complex(force[row], force[row + 1]), pin(link, j.name)
+    touched = contact_rows(link)
+    for name in link.contacts:
+        g = gap(link, name)
+        n = g / abs(g) if g else 0j
+        f, at = 0j, pin(link, name)
+        if link.rows == "contact":
+            if name in touched:
+                row = touched[name]
+                slide = force[row + 1] if link.mechanism.joint(name).friction else 0.0
+                f, at = force[row] * n + slide * 1j * n, at + n * link.radii[name][1]
+        elif link.rows == "spring-damper":
+            row = rows.get((int(ROW.mjCNSTR_LIMIT_TENDON), m.tendon(name).id), -1)
+            f = force[row] * n if row >= 0 else 0j
+        else:
+            f = -force[rows[int(ROW.mjCNSTR_EQUALITY), link.row_id[name]]] * n
+        applied[name] = f, at
+    return applied
+
+
+def friction_torques(link: Linkage) -> dict[str, float]:
+    """Coulomb friction of each joint's law on its second body (N.m or N), from the present rows."""
+    rows = first_rows(link) if link.laws else {}
+    found = {name: rows.get((int(ROW.mjCNSTR_FRICTION_TENDON), t), -1) for name, t in link.laws.items()}
+    return {name: float(link.data.efc_force[row]) if row >= 0 else 0.0 for name, row in found.items()}
+
+
+def law_torque(link: Linkage, name: str, friction: Mapping[str, float]) -> float:
+    """Spring, damper and friction of a joint on its second body (N.m or N)."""
+    if name not in link.laws:
+        return 0.0
+    m, d, t = link.model, link.data, link.laws[name]
+    j = link.mechanism.joint(name)
+    return friction.get(name, 0.0) - j.stiffness * (d.ten_length[t] - m.tendon_lengthspring[t, 0]) - j.damping * d.ten_velocity[t]
+
+
+def _cross(a: complex, b: complex) -> float:
+    return (a.conjugate() * b).imag
+
+
+def signals(link: Linkage, forces: Mapping[str, Applied], friction: Mapping[str, float], velocity: np.ndarray | None = None) -> dict[str, float]:
+    """All signals of the present state; accelerations are those that :func:`look` left in the data, or an equilibrium.
+
+    The closing joints' forces are the constraint rows'; those in the tree follow from them body by body, by Newton's
+    and Euler's equations with MuJoCo's accelerations.  What then turns the crank is the drive.
+    """
+    m, d = link.model, link.data
+    q, velocity = d.qpos, d.qvel if velocity is None else velocity
+    site, centre = d.site_xpos[:, :2].tolist(), d.xipos[:, :2].tolist()
+    out: dict[str, float] = {"drive_torque": 0.0}
+    push_on, turn_on = dict.fromkeys((GROUND, *link.body_id), 0j), dict.fromkeys((GROUND, *link.body_id), 0.0)  # about the ground's origin
+
+    def act(body: str, force: complex, moment: float) -> None:
+        push_on[body] += force
+        turn_on[body] += moment
+
+    for number, load in zip(link.load_sites, link.mechanism.loads, strict=True):
+        act(load.body, complex(*load.force), load.torque + _cross(complex(*site[number]), complex(*load.force)))
+    for name, (force, at) in forces.items():
+        first, second = link.mechanism.joint(name).bodies
+        moment = _cross(at, force) + law_torque(link, name, friction)
+        act(second, force, moment)
+        act(first, -force, -moment)
+        out[f"reaction_{name}_x"], out[f"reaction_{name}_y"] = force.real, force.imag
+    motion = np.zeros(6)
+    for part in link.outward:
+        name, joint = part.name, part.joint
+        mujoco.mj_objectAcceleration(m, d, mujoco.mjtObj.mjOBJ_BODY, part.number, motion, 0)
+        push = part.mass * complex(motion[3], motion[4])  # gravity is in MuJoCo's acceleration
+        force = push - push_on[name]
+        moment = part.inertia * float(motion[2]) + _cross(complex(*centre[part.number]), push) - turn_on[name]
+        out[f"{name}_x"], out[f"{name}_y"] = site[part.marker]
+        out[f"{name}_angle"], out[f"{name}_angular_velocity"] = part.twist + float(part.form @ q), float(part.form @ velocity)
+        beyond = moment  # of what joint forces and laws give the body
+        if joint:
+            act(part.parent, -force, -moment)
+            out[f"reaction_{joint}_x"], out[f"reaction_{joint}_y"] = part.sign * force.real, part.sign * force.imag
+            at_pin = moment - _cross(complex(*site[link.sites[joint][1]]), force)
+            if part.slides:
+                out[f"reaction_{joint}_moment"] = part.sign * at_pin
+            beyond = at_pin - part.sign * law_torque(link, joint, friction)
+        if name == link.driven:
+            out["drive_torque"] = beyond
+    for name in link.pins:
+        g = gap(link, name) if name in link.contacts else 0j
+        out[f"clearance_{name}_x"], out[f"clearance_{name}_y"] = g.real, g.imag
+    return out
+
+
+def on_track(link: Linkage) -> None:
+    """Remove from the data's velocity what would tear rigid rows apart; the motor's speed stays."""
+    m, d = link.model, link.data
+    mujoco.mj_fwdPosition(m, d)
+    rigid = d.efc_type == int(ROW.mjCNSTR_EQUALITY)
+    jacobian = d.efc_J.reshape(d.nefc, m.nv)[rigid]
+    others = np.arange(m.nv) != link.motor
+    if rigid.any():
+        d.qvel[others] -= np.linalg.lstsq(jacobian[:, others], jacobian @ d.qvel, rcond=None)[0]
+
+
+def mobility(link: Linkage, q: np.ndarray, name: str) -> float:
+    """Largest acceleration (1/kg) of a joint's gap by a unit force in it."""
+    m, d = link.model, link.data
+    d.qpos[:] = q
+    mujoco.mj_fwdPosition(m, d)
+    first, second = np.zeros((3, m.nv)), np.zeros((3, m.nv))
+    for jacobian, site in zip((first, second), link.sites[name], strict=True):
+        mujoco.mj_jacSite(m, d, jacobian, None, site)
+    across = (first - second)[:2]
+    eased = np.zeros_like(across)
+    mujoco.mj_solveM(m, d, eased, across)
+    return float(np.linalg.eigvalsh(across @ eased.T).max())
+
+
+def stiffest_law(link: Linkage, q: np.ndarray) -> float:
+    """Highest rate (1/s) of a joint's spring or damper, or of the drive's spring."""
+    m, d = link.model, link.data
+    d.qpos[:] = q
+    mujoco.mj_fwdPosition(m, d)
+    springs = [(link.mechanism.joint(n), link.vector(link.across(link.mechanism.joint(n)))) for n in link.laws]
+    laws = [(j.stiffness, j.damping, form) for j, form in springs]
+    if link.compliant:
+        laws.append((link.stiffness, 0.0, link.form[link.mechanism.driven]))
+    rates = [0.0]
+    for stiffness, damping, form in laws:
+        eased = np.zeros((1, m.nv))
+        mujoco.mj_solveM(m, d, eased, form[None])
+        ease = float(form @ eased[0])
+        rates += [math.sqrt(stiffness * ease), damping * ease]
+    return max(rates)
+
+
+def apart(link: Linkage) -> float:
+    """Largest distance (m) by which the pins of rigid closing joints, or the ends of massless links, miss each other."""
+    misses = [abs(gap(link, j.name)) for j in link.closing]
+    if link.rows == "massless-link":
+        misses += [abs(abs(gap(link, n)) - link.radii[n][0]) for n in link.contacts]
+    return max(misses, default=0.0)
+
+
+def check_warnings(link: Linkage, where: str) -> None:
+    """Raise SimulationError for anything that MuJoCo only warns of, and for a state that is not a number."""
+    d = link.data
+    if not d.warning.number.any() and math.isfinite(float(d.qpos.sum()) + float(d.qvel.sum())):
+        return
+    raised = [mujoco.mjtWarning(i).name.removeprefix("mjWARN_") for i in range(len(d.warning)) if d.warning[i].number]
+    raise SimulationError(f"mujoco: {where}: the run diverged ({', '.join(raised) or 'not a number'}); use a smaller step or a softer contact")

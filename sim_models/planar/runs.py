@@ -1,0 +1,207 @@
+"""Runs of a :class:`~sim_models.planar.bodies.PlanarWorld`: static, driven and released."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
+from sim_models.planar.bodies import PROBE, WARM_UP, PlanarWorld
+from sim_models.planar.courses import Even, Grid, Motor, Path, angles, moving, near
+from sim_models.planar.equilibria import Equilibria
+from sim_models.planar.steps import drive_inertia, longest_step
+from sim_models.start import schedule
+
+JOURNAL_SAMPLES = 4000  # at least, where a run has as many steps
+AT_REST = 1e-9  # rad, of a crank on a spring
+OFF_COURSE = 1e-7  # rad, what a rigidly driven crank may be off its course
+TOO_DEEP = 0.1  # of the shortest link at a joint: a penetration that means divergence
+
+
+def simulate(make: Callable[[Request], PlanarWorld], request: Request, package: str) -> Trace:
+    """Run a request in worlds that ``make`` builds.  Raises SimulationError, Unsupported or AssemblyError."""
+    with silence(), contextlib.ExitStack() as stack:
+        world = stack.enter_context(contextlib.closing(make(request)))
+        ideal = stack.enter_context(contextlib.closing(make(replace(request, joint_model="ideal")))) if world.pins else world
+        run = _static if request.motion == "static" else _moving
+        trace = run(world, Equilibria(world, ideal))
+    return replace(trace, version=installed_version(package) or "unknown")
+
+
+@contextlib.contextmanager
+def silence() -> Iterator[None]:
+    """Keep what an engine's C++ prints off the standard streams."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = [os.dup(1), os.dup(2)]
+    sink = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(sink, 1)
+        os.dup2(sink, 2)
+        yield
+    finally:
+        for target, copy in zip((1, 2), kept, strict=True):
+            os.dup2(copy, target)
+            os.close(copy)
+        os.close(sink)
+
+
+# -------------------------------------------------------------------- runs
+
+
+def _static(world: PlanarWorld, found: Equilibria) -> Trace:
+    asked = world.request.crank_angle
+    rows: list[dict[str, float]] = [{}] * asked.size
+    for k in np.argsort(asked if world.speed >= 0 else -asked, kind="stable"):
+        rows[k] = _rest(world, found, float(asked[k]))
+    trace = _trace(world, rows, asked, None, PROBE)
+    gaps = {n: trace.signals[f"clearance_{n}_x"] + 1j * trace.signals[f"clearance_{n}_y"] for n in world.pins}
+    free = {n: float(np.mean(np.abs(g) < world.pins[n].clearance * (1 - 1e-9))) for n, g in gaps.items()}
+    return replace(trace, free_share=free, journal={n: np.column_stack([g.real, g.imag]) for n, g in gaps.items()})
+
+
+def _rest(world: PlanarWorld, found: Equilibria, motor: float) -> dict[str, float]:
+    """Signals at rest with the motor at an angle (rad), which a crank on a spring lags."""
+    theta = motor
+    for _ in range(50):
+        for each in (world, found.ideal):
+            each.set_sliding(theta)
+        held = Even(theta)
+        world.approach(moving(world.assembly, held, 0.0, near(found.gaps(held, 0.0), 0.0)), PROBE)
+        row = world.observe(PROBE)
+        _check_depth(world, theta)
+        lagging = motor - row["drive_torque"] / world.drive_stiffness if world.drive_stiffness else theta
+        if abs(lagging - theta) < AT_REST:
+            return row
+        theta = lagging
+    raise SimulationError(f"{world.engine}: no rest of the crank on its drive.stiffness was found near crank angle {np.degrees(motor):.6g} deg")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """When a moving run reports, from where it starts, and how its motor moves."""
+
+    times: np.ndarray  # (N,) s in the request's order: from the first report, from release, or of the course
+    begin: float  # s
+    motor: Motor  # of a released linkage: as it starts
+    seen: np.ndarray  # (M,) s at which the motor is known to be on its path
+
+    @classmethod
+    def of(cls, world: PlanarWorld) -> Plan:
+        """Raises Unsupported where a request's angles or times make no run."""
+        request = world.request
+        if world.course is not None:
+            times, knots = np.asarray(request.time, float), world.course.spline.x
+            return cls(times, float(knots[0]), world.course, knots[knots <= times.max()])
+        if not world.speed:
+            times = np.zeros(0) if request.time is None else np.asarray(request.time, float)
+            if times.size == 0 or not np.all(times >= 0):
+                raise Unsupported(f"{world.mechanism.name}: a released linkage needs request.time, from 0 s on; it is {request.time}")
+            return cls(times, 0.0, Even(world.assembly.start, request.start_speed), np.zeros(1))
+        if request.crank_angle.size == 0:
+            raise Unsupported(f"{world.mechanism.name}: a driven run needs crank angles to report at; give at least one")
+        plan = schedule(request)
+        times = np.empty(plan.order.size)
+        times[plan.order] = np.round(plan.time, 12)  # equal angles, at equal times
+        return cls(times, -abs(request.lead_in / plan.speed), Even(float(plan.theta[0]), plan.speed), plan.time)
+
+
+def _moving(world: PlanarWorld, found: Equilibria) -> Trace:
+    """Drive the crank, or release it, and observe on the way."""
+    request, plan = world.request, Plan.of(world)
+    longest = request.step or longest_step(world, plan.motor.angle(plan.begin), found.peaks(plan.motor, plan.seen))
+    grid = world.grid = Grid.of(plan.times, plan.begin, longest, early=world.turned)
+    _start(world, found, plan, grid)
+    tally = Tally(world, max(1, (grid.last - grid.lead) // JOURNAL_SAMPLES))
+    rows = grid.rows(_follow(world, plan, grid, tally))
+    theta = np.array([row[f"{world.mechanism.driven}_angle"] for row in rows])
+    if world.turned and world.held:
+        off = float(np.abs(theta - angles(plan.motor, plan.times)).max())
+        if not off < OFF_COURSE:
+            raise SimulationError(f"{world.engine}: the crank is {off:.3g} rad off its course; use a smaller step")
+    trace = _trace(world, rows, request.crank_angle if request.crank_angle.size else theta, plan.times, grid.step)
+    return replace(trace, free_share=tally.free_share(), journal=tally.journal())
+
+
+def _start(world: PlanarWorld, found: Equilibria, plan: Plan, grid: Grid) -> None:
+    """Bring the linkage to its first poses, a crank that will lag its motor with the speed and acceleration of its steady motion."""
+    begin = grid.begin
+    crank: Path = plan.motor
+    if world.drive_stiffness:
+        crank = found.lagging(plan.motor, begin, world.drive_stiffness, drive_inertia(world, plan.motor.angle(begin)))
+    steady = world.request.start == "steady"
+    bodies = found.steady(crank, begin) if steady else moving(world.assembly, crank, begin)
+    even = isinstance(crank, Even)
+    towards = begin + grid.step * np.arange(1.0 - WARM_UP, 1.0)
+    world.start(bodies, grid.step, crank.acceleration(begin), [None] * WARM_UP if even else angles(crank, towards).tolist())
+    if world.drive_stiffness:
+        world.hold(False)
+
+
+def _follow(world: PlanarWorld, plan: Plan, grid: Grid, tally: Tally) -> dict[int, dict[str, float]]:
+    """Signals at the beginnings of the grid's steps that reports need."""
+    seen: dict[int, dict[str, float]] = {}
+    wanted = set(grid.nodes.ravel().tolist())
+    steers = world.drive_stiffness or world.course is not None
+    ahead = 1 if world.held else 0
+    aims = angles(plan.motor, grid.begin + grid.step * np.arange(ahead, grid.last + 1 + ahead)).tolist() if steers else [None] * (grid.last + 1)
+    for k, world.aim in enumerate(aims):
+        if k in wanted:
+            seen[k] = world.observe(grid.step)
+            _check_depth(world, seen[k][f"{world.mechanism.driven}_angle"])
+        else:
+            world.step(grid.step)
+        if k >= grid.lead:
+            tally.add(grid.step)
+    return seen
+
+
+class Tally:
+    """Adds up the time without contact and samples the pins' paths."""
+
+    def __init__(self, world: PlanarWorld, stride: int) -> None:
+        self.world, self.stride, self.steps, self.time = world, stride, 0, 0.0
+        self.free = dict.fromkeys(world.pins, 0.0)
+        self.paths: dict[str, list[complex]] = {name: [] for name in world.pins}
+
+    def add(self, h: float) -> None:
+        """Take in the step (s) just made."""
+        for name in self.free:
+            self.free[name] += 0.0 if self.world.pin_forces[name] else h
+            if self.steps % self.stride == 0:
+                self.paths[name].append(self.world.gap(name)[0])
+        self.steps += 1
+        self.time += h
+
+    def free_share(self) -> dict[str, float]:
+        """Share of the time that each pin spent without contact."""
+        return {name: float(time / self.time) for name, time in self.free.items()}
+
+    def journal(self) -> dict[str, np.ndarray]:
+        """Path (M, 2) of every pin (m)."""
+        return {name: np.array([(g.real, g.imag) for g in path]) for name, path in self.paths.items()}
+
+
+def _check_depth(world: PlanarWorld, theta: float) -> None:
+    for name, pin in world.pins.items():
+        gap = abs(world.gap(name)[0])
+        shortest = min(b.length for b in world.mechanism.bodies if b.name in pin.joint.bodies and b.length)
+        if not gap < pin.clearance + TOO_DEEP * shortest:
+            raise SimulationError(
+                f"{world.engine} {world.request.joint_model}: the pin at {name} is {gap:.3g} m off its centre (clearance {pin.clearance:g} m) near "
+                f"crank angle {np.degrees(theta):.4g} deg: the run diverged; use a smaller step or softer contact"
+            )
+
+
+def _trace(world: PlanarWorld, rows: list[dict[str, float]], theta: np.ndarray, time: np.ndarray | None, step: float) -> Trace:
+    request = world.request
+    return Trace(
+        simulator=world.engine, version="", joint_model=request.joint_model, motion=request.motion, crank_angle=theta, time=time,
+        signals={name: np.array([row[name] for row in rows]) for name in rows[0]},
+        clearance={name: pin.clearance for name, pin in world.pins.items()}, settings={"step": step} | world.settings(),
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""PyBullet: multibody trees closed by constraints of ours, and export as URDF."""

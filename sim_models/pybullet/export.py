@@ -1,0 +1,226 @@
+"""A request as files that run in PyBullet without this project: a URDF for each part, start.json, run.py, and what we got, expected.csv."""
+
+from __future__ import annotations
+
+import importlib.resources
+from collections.abc import Iterable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from analytic.mechanism import GROUND, Joint
+from sim_models.engine import Request, Trace, Unsupported
+from sim_models.export_files import expected, lines
+from sim_models.planar.bodies import WARM_UP
+from sim_models.planar.runs import simulate
+from sim_models.pybullet.engine import FASTEST, STRENGTH, BulletWorld
+from sim_models.pybullet.parts import flat
+
+FREE = (1.0, -1.0)  # limits that Bullet takes for none
+
+
+class RecordedWorld(BulletWorld):
+    """A world that keeps what it is made of, and the state and the steps that led to each report."""
+
+    def __init__(self, request: Request) -> None:
+        self.grown: dict[int, list[dict[str, Any]]] = {}  # links of each multibody
+        self.runs: list[dict[str, Any]] = []  # those with a report
+        self.run: dict[str, Any] = {}
+        self.observing = False
+        super().__init__(request)
+        self.names = dict(zip(self.freedoms, self._names(), strict=True))
+        numbers = [self.call("getConstraintUniqueId", i) for i in range(self.call("getNumConstraints"))]
+        self.constraints = {number: self.call("getConstraintInfo", number) for number in numbers}
+
+    def _names(self) -> list[str]:
+        """Name of every link, in the order of the freedoms.  What carries a floating body has a dot in it, which no body's name has."""
+        kept = {number: body for body, own in self.own.items() for number in own}
+        kept |= {number: f"{joint}.strut" for joint, strut in self.struts.items() for number in strut.own}
+        owners = [kept[number] for number in range(len(self.freedoms))]
+        between = [".x", ".y", "", ".reach"]
+        return [o + (between[owners[:k].count(o)] if owners.count(o) > 1 else "") for k, o in enumerate(owners)]
+
+    def part(self, number: int) -> str:
+        """Name of a multibody: that of its first body, or the strut's."""
+        return self.names[number, 0].removesuffix(".x")
+
+    def grow(self, links: list[dict[str, Any]]) -> int:
+        number = super().grow(links)
+        self.grown[number] = links
+        return number
+
+    def _reset(self, positions: np.ndarray, velocities: np.ndarray) -> None:
+        super()._reset(positions, velocities)
+        self.run = {"state": list(zip(positions.tolist(), velocities.tolist(), strict=True)), "stages": []}
+
+    def advance(self, h: float) -> None:
+        super().advance(h)
+        stages = self.run["stages"]
+        if self.observing:
+            stages.append([1, h, True])
+        elif stages and stages[-1][1] == h:
+            stages[-1][0] += 1
+        else:
+            stages.append([1, h, False])
+
+    def observe(self, h: float) -> dict[str, float]:
+        if not self.runs or self.runs[-1] is not self.run:
+            self.runs.append(self.run | {"sliding": dict(self.sliding)})
+            self.run = self.runs[-1]
+        self.observing = True
+        try:
+            return super().observe(h)
+        finally:
+            self.observing = False
+
+
+def export(request: Request, folder: Path) -> list[Path]:
+    """Run a request, and write what repeats it into an existing folder.
+
+    Raises what the run raises, Unsupported for a motor that does not turn evenly, and OSError.
+    """
+    drive = request.mechanism.drive
+    if request.course is not None or (drive is not None and drive.stiffness is not None):
+        what = "a course" if request.course is not None else f"drive.stiffness = {drive.stiffness:g} N.m/rad" if drive is not None else ""
+        raise Unsupported(f"pybullet's files drive the crank evenly and rigidly: leave out {what}")
+    worlds: list[RecordedWorld] = []
+
+    def make(asked: Request) -> RecordedWorld:
+        worlds.append(RecordedWorld(asked))
+        return worlds[-1]
+
+    trace = simulate(make, request, "pybullet")
+    world = worlds[0]  # another one only helps to find where the pins rest
+    order = _order(trace, world.speed)
+    files = {f"{world.part(number)}.urdf": urdf(world, number) for number in world.grown}
+    files |= {
+        "start.json": lines(_start(world, trace) | {"reports": _reports(world, order)}),
+        "expected.csv": expected(trace, order),
+        "run.py": importlib.resources.files("sim_models.pybullet").joinpath("alone.py").read_text(encoding="utf-8"),
+    }
+    for name, content in files.items():
+        (folder / name).write_text(content, encoding="utf-8", newline="\n")
+    return [folder / name for name in files]
+
+
+def urdf(world: RecordedWorld, number: int) -> str:
+    """One multibody as URDF.  Every joint's frame is its child's; decimal numbers carry all the digits of a double."""
+    robot = ElementTree.Element("robot", name=world.part(number))
+    _link(robot, GROUND, 0j, 0.0, 0.0)
+    for index, how in enumerate(world.grown[number]):
+        name = world.names[number, index]
+        _link(robot, name, how["com"], how["mass"], how["inertia"])
+        joint = ElementTree.SubElement(robot, "joint", name=name, type="prismatic" if how["slides"] else "continuous")
+        ElementTree.SubElement(joint, "parent", link=world.names.get((number, how["parent"]), GROUND))
+        ElementTree.SubElement(joint, "child", link=name)
+        ElementTree.SubElement(joint, "origin", xyz=_numbers(flat(how["at"])), rpy=_numbers([0.0, 0.0, how["twist"]]))
+        ElementTree.SubElement(joint, "axis", xyz=_numbers(how["axis"]))
+        if how["slides"]:
+            lower, upper = how.get("limits", FREE)
+            ElementTree.SubElement(joint, "limit", lower=repr(float(lower)), upper=repr(float(upper)), effort="0", velocity="0")
+    ElementTree.indent(robot)
+    return ElementTree.tostring(robot, encoding="unicode") + "\n"
+
+
+def _link(robot: ElementTree.Element, name: str, com: complex, mass: float, inertia: float) -> None:
+    inertial = ElementTree.SubElement(ElementTree.SubElement(robot, "link", name=name), "inertial")
+    ElementTree.SubElement(inertial, "origin", xyz=_numbers(flat(com)), rpy="0 0 0")
+    ElementTree.SubElement(inertial, "mass", value=repr(float(mass)))
+    moment = repr(float(inertia))
+    ElementTree.SubElement(inertial, "inertia", ixx=moment, ixy="0", ixz="0", iyy=moment, iyz="0", izz=moment)
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(repr(float(v)) for v in values)
+
+
+def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
+    """What the URDFs do not say."""
+    m = world.mechanism
+    physics = dict(world.physics)
+    solver = physics.pop("constraintSolverType")
+    begin = world.grid.begin - WARM_UP * world.grid.step if world.grid else 0.0  # s
+    names = [name for name in dir(world.p) if name.startswith("CONSTRAINT_SOLVER") and getattr(world.p, name) == solver]
+    return {
+        "title": f"{m.name}, {trace.joint_model} joints, {trace.motion}",
+        "version": f"{trace.simulator} {trace.version}",
+        "motion": trace.motion,
+        "solver": names[0],
+        "physics": physics,
+        "strength": STRENGTH,
+        "fastest": FASTEST,
+        "gravity": m.gravity,
+        "parts": [world.part(number) for number in world.grown],
+        "motor": {"link": m.driven, "speed": world.command, "runs": world.held},
+        "joints": {j.name: _joint(world, j) for j in m.joints},
+        "constraints": _constraints(world),
+        "laws": {j.name: _law(world, j) for j in world.laws},
+        "markers": {name: _from_com(world, name, "com") if name in m.moving else [0.0, 0.0] for name in world.names.values()},
+        "loads": [*_loads(world), *_weights(world)],
+        "spring_dampers": {name: {"clearance": pin.clearance} | asdict(pin.contact) for name, pin in world.pins.items() if world.compliant},
+        "runs": [run | {"time": begin, "state": dict(zip(world.names.values(), run["state"], strict=True))} for run in world.runs],
+    }
+
+
+def _from_com(world: RecordedWorld, body: str, point: str) -> list[float]:
+    return flat(world.points[body, point] - world.links[body].centre)[:2]
+
+
+def _joint(world: RecordedWorld, j: Joint) -> dict[str, Any]:
+    return {
+        "bodies": {body: _from_com(world, body, j.name) for body in j.bodies},
+        "slides": flat(j.direction)[:2] if j.prismatic else None,
+        "carries": next((branch.child for branch in world.branches if branch.joint is j), None),
+    }
+
+
+def _constraints(world: RecordedWorld) -> list[dict[str, Any]]:
+    """Bullet's own account of every point constraint, and the joint whose force it carries, as it is or reversed."""
+    ties = world.ties | {name: strut.tie for name, strut in world.struts.items()}
+    carried = {tie.number: (name, tie.sign) for name, tie in ties.items()}
+    result = []
+    for number, info in world.constraints.items():
+        first, second = (world.names.get(end, GROUND) for end in (info[0:2], info[2:4]))
+        between = {"first": first, "second": second, "pivots": [info[6][:2], info[7][:2]]}
+        result.append({"between": between, "carries": carried.get(number)})
+    return result
+
+
+def _law(world: RecordedWorld, j: Joint) -> dict[str, float]:
+    return {"friction": j.coulomb, "fades_below": world.zone[j.name], "damping": j.damping, "stiffness": j.stiffness, "rest": j.rest_angle}
+
+
+def _loads(world: RecordedWorld) -> list[dict[str, Any]]:
+    return [
+        {"link": load.body, "point": _from_com(world, load.body, load.point), "force": load.force, "torque": load.torque}
+        for load in world.mechanism.loads
+    ]
+
+
+def _weights(world: RecordedWorld) -> list[dict[str, Any]]:
+    """What lifts the struts, which should be weightless."""
+    return [
+        {"link": world.names[strut.number, part], "point": [0.0, 0.0], "force": [-strut.mass * g for g in world.mechanism.gravity], "torque": 0.0}
+        for strut in world.struts.values()
+        for part in range(2, strut.parts)
+        if any(world.mechanism.gravity)
+    ]
+
+
+def _reports(world: RecordedWorld, order: list[int]) -> list[list[tuple[int, float]]]:
+    """What each row of expected.csv is made of: samples, by their number, and their weights."""
+    if world.grid is None:
+        return [[(k, 1.0)] for k in range(len(order))]
+    number = {node: k for k, node in enumerate(sorted(set(world.grid.nodes.ravel().tolist())))}
+    mixed = [zip(world.grid.nodes[k].tolist(), world.grid.weights[k].tolist(), strict=True) for k in order]
+    return [[(number[node], weight) for node, weight in row if weight] for row in mixed]
+
+
+def _order(trace: Trace, speed: float) -> list[int]:
+    """Rows in the order of passing, each instant once."""
+    if trace.time is None:
+        return list(np.argsort(trace.crank_angle if speed >= 0 else -trace.crank_angle, kind="stable").tolist())
+    return list(np.unique(trace.time, return_index=True)[1].tolist())
