@@ -35,13 +35,16 @@ def check(m: Mechanism) -> None:
 
 
 def check_names(m: Mechanism) -> None:
-    """Bodies and joints have names of their own."""
+    """Bodies and joints have names of their own, and so have their signals."""
     for kind, names in (("body", [GROUND, *(b.name for b in m.bodies)]), ("joint", [j.name for j in m.joints])):
         twice = [n for n in names if names.count(n) > 1]
         if twice:
             raise ValueError(f"{kind} {twice[0]!r} is defined twice; give each {kind} its own name ('ground' is taken)")
     if "world" in m.moving:
         raise ValueError("body 'world' has a name that engines give to the ground; call it something else")
+    for name in m.moving:
+        if name.startswith(("reaction_", "clearance_")):  # the position of reaction_B would be called as the force at B is
+            raise ValueError(f"body {name!r}: signals whose names begin with reaction_ or clearance_ are those of joints; call it something else")
 
 
 def check_joint(m: Mechanism, j: Joint) -> None:
