@@ -59,7 +59,8 @@ def harness() -> None:
     """A driven MuJoCo run beside nothing but the steps that it took: same model, same number and sizes of steps."""
     from analytic.mechanism_file import load
     from sim_models.engine import JOINT_MODELS, Request
-    from sim_models.mujoco.runs import Record, Run
+    from sim_models.mujoco.march import Record
+    from sim_models.mujoco.runs import Run
     from sim_models.mujoco.state import advance
 
     def bare(record: Record) -> None:

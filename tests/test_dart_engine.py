@@ -24,7 +24,8 @@ from planar_checks import (
     run,
     vector,
 )
-from sim_models.dart.engine import ENGINE, DartWorld
+from sim_models.dart.engine import ENGINE
+from sim_models.dart.world import DartWorld
 from sim_models.engine import JointModel, Motion, Request, SimulationError, Unsupported
 from sim_models.start import poses
 

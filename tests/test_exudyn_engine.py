@@ -20,7 +20,7 @@ from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocke
 from ode import ClearanceMotion, clearance_four_bar_ode
 from sim_models.engine import JointModel, Motion, Request, SimulationError, Trace, Unsupported
 from sim_models.exudyn.engine import ENGINE
-from sim_models.exudyn.model import hysteresis
+from sim_models.exudyn.laws import hysteresis
 from sim_models.start import poses
 
 if importlib.util.find_spec("exudyn") is None:

@@ -1,1 +1,1 @@
-"""DART: skeletons closed by constraints, with contact laws of ours."""
+"""DART: skeletons closed by its own constraints, journals and bearings for its own contact solver."""

@@ -11,7 +11,7 @@ from sim_models.contact_laws import PIN_RADIUS, lighter_mass, restitution
 from sim_models.planar.parts import Pin
 
 if TYPE_CHECKING:
-    from sim_models.dart.engine import DartWorld
+    from sim_models.dart.world import DartWorld
 
 RIM = 1e-9  # of the clearance: how far inside the rim a pin counts as touching
 HOLD = 1e-2  # of the clearance: a pin pressed to the rim in the last step that is no farther inside has not been lifted off

@@ -31,8 +31,8 @@ from sim_models.engine import (
     installed_version,
 )
 from sim_models.exudyn.equilibria import Equilibria, Inertia
+from sim_models.exudyn.laws import MINIMUM_IMPACT_SPEED, contact_restitution, joint_creep
 from sim_models.exudyn.linkage import Linkage
-from sim_models.exudyn.model import MINIMUM_IMPACT_SPEED, contact_restitution, joint_creep
 from sim_models.exudyn.motor import INSTANT, SETTLING, Motor
 from sim_models.exudyn.record import Judge, Record, join
 from sim_models.exudyn.settings import silence

@@ -14,33 +14,13 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
-from sim_models.contact_laws import PIN_RADIUS, KelvinVoigt, contact_parameters, lighter_mass, restitution
+from sim_models.contact_laws import PIN_RADIUS, contact_parameters
 from sim_models.engine import JointModel, Motion
+from sim_models.exudyn.laws import CONTACT_CREEP, MINIMUM_IMPACT_SPEED, contact_restitution, hysteresis, joint_creep
 from sim_models.exudyn.motor import Motor
 from sim_models.start import Pose
 
 ROD_STIFFNESS = 1e10  # N/m of the static massless link: Exudyn's static Newton knows no geometric stiffness of a constraint
-MINIMUM_IMPACT_SPEED = 1e-2  # m/s: slower touches are damped as one of this speed
-CONTACT_CREEP = 1e-3  # m/s, sliding speed below which contact friction falls to zero
-JOINT_CREEP = 1e-3  # of the drive's top speed (a free drive: 1 rad/s), below which a joint's Coulomb friction falls to zero
-
-
-def contact_restitution(mechanism: Mechanism, joint: Joint, law: KelvinVoigt) -> float:
-    """Restitution of a joint's contact: as given, or what its Kelvin-Voigt damping delivers for the lighter link.
-
-    Kept in (0.01, 1], because Exudyn's law divides by it.
-    """
-    if joint.restitution is not None:
-        return max(joint.restitution, 0.01)
-    return max(restitution(law.damping / (2 * math.sqrt(law.stiffness * lighter_mass(mechanism, joint)))), 0.01)
-
-
-def hysteresis(e: float) -> float:
-    """Factor chi of Exudyn's impactModel 2, F = K d (1 + chi d'/v0), for restitution e.
-
-    Carvalho and Martins (2019) for e > 1/3, Gonthier et al. (2004) below.
-    """
-    return 1.5 * (1 - e) * (11 - e) / (1 + 9 * e) if e > 1 / 3 else (1 - e**2) / e
 
 
 class Model:
@@ -283,11 +263,6 @@ def _called(motor: Motor) -> Callable[[Any, float, int, float], float]:
     """A motor's speed as Exudyn asks for it."""
     speed = motor.speed_function()
     return lambda mbs, t, item, offset: speed(t)
-
-
-def joint_creep(motor: Motor | None) -> float:
-    """Angular velocity (rad/s) of a joint below which its Coulomb friction falls to zero."""
-    return JOINT_CREEP * ((motor.top_speed if motor else 0.0) or 1.0)
 
 
 def point_at(mechanism: Mechanism, start: Mapping[str, Pose], body: str, point: str) -> complex:

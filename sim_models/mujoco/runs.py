@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -14,56 +14,27 @@ from analytic.assembly import Assembly
 from sim_models.engine import Request, SimulationError, Trace, Unsupported
 from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.laws import contact_laws, law_settings
-from sim_models.mujoco.limits import CameApart, check_depth, check_together, room_apart
+from sim_models.mujoco.limits import CameApart
+from sim_models.mujoco.march import Log, march
 from sim_models.mujoco.model import Linkage
 from sim_models.mujoco.motor import Motor
 from sim_models.mujoco.state import (
-    apart,
-    check_warnings,
-    friction_torques,
-    gap,
     joint_forces,
     look,
     mobility,
-    on_track,
     signals,
     stiffest_law,
 )
 from sim_models.mujoco.steady import STENCIL, Revolution, derivative
-from sim_models.start import Course, poses, schedule, substeps
+from sim_models.start import Course, poses, schedule
 
 STATIC_STEP = 2.5e-5  # s; nothing steps in statics, but it makes the rigid rows stiff
 LARGEST_STEP = 5e-4  # s
 TURN_PER_STEP = {"ideal": 2e-3, "massless-link": 3e-4, "spring-damper": 6e-4, "contact": 6e-4}  # rad of the crank
-SAMPLES = 600  # of a run's journal path, or somewhat more
 SAMPLES_AT_REST = 150  # of a static run's
 BOUNCE = 0.4  # of a bounce's period/2 pi, for a step
 FINE_BOUNCE = 0.1  # where the mechanism asks for a restitution
 HALVINGS = 5  # of the step, before a run with rigid joints coming apart is given up
-
-
-@dataclass
-class _Log:
-    """Samples of a run: each clearance joint's gap (m) and force (N)."""
-
-    gaps: dict[str, list[complex]]
-    forces: dict[str, list[float]]
-
-    @classmethod
-    def of(cls, joints: Iterable[str]) -> _Log:
-        """An empty log."""
-        return cls({name: [] for name in joints}, {name: [] for name in joints})
-
-
-@dataclass
-class Record:
-    """What a run stepped: the model, its state at the first ``time`` (s), then (steps, their size in s, whether signals were taken after them)."""
-
-    link: Linkage
-    time: float
-    q: np.ndarray
-    v: np.ndarray
-    stages: list[tuple[int, float, bool]] = field(default_factory=list)
 
 
 RELEASED = Motor(np.zeros(0), np.zeros(0), 0, 0.0, 0.0)  # no motor: nothing but steps
@@ -114,7 +85,7 @@ class Run:
         self.assembly.coordinates(theta)  # raises where the ideal linkage does not reach
         near = self.near(float(theta[0]))
         found = {at: near.at_rest(at) for at in theta.tolist()}
-        log = _Log.of(self.laws)
+        log = Log.of(self.laws)
         for at in _filled(theta).tolist() if self.laws else ():
             try:
                 seen = found[at] if at in found else near.at_rest(at)
@@ -201,7 +172,7 @@ class Run:
         columns = {name: _scatter(values, order) for name, values in signals.items()}
         return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
 
-    def turned(self, motor: Motor, marks: np.ndarray, lead: float) -> tuple[dict[str, np.ndarray], _Log, dict[str, Any]]:
+    def turned(self, motor: Motor, marks: np.ndarray, lead: float) -> tuple[dict[str, np.ndarray], Log, dict[str, Any]]:
         """A run that a motor turns, reported at the marks (s), the first of them ``lead`` (s) after the start; with its settings."""
         self.motor, self.direction = motor, motor.direction
         q, v, step, how = self.begin(motor)
@@ -235,58 +206,22 @@ class Run:
 
     def run(
         self, theta: float, q: np.ndarray, v: np.ndarray, step: float, marks: np.ndarray, lead: float
-    ) -> tuple[dict[str, np.ndarray], _Log, float]:
+    ) -> tuple[dict[str, np.ndarray], Log, float]:
         """A run with the engine's own step, halved while rigid joints come apart; or with the request's."""
         for attempt in range(HALVINGS + 1):
             place = poses(self.assembly, theta)
             hold, follows = not self.released, self.course is not None
             link = Linkage(self.mechanism, self.laws, self.request.joint_model, place, step, hold=hold, follows=follows)
             try:
-                return *self.march(link, q, v, step, marks, lead), step
+                signals, log, self.record = march(self.request, link, self.motor, (q, v), marks, lead)
+                return signals, log, step
             except CameApart:
                 if self.request.step is not None or attempt == HALVINGS:
                     raise
                 step /= 2
         raise AssertionError("unreachable: the last attempt returns or raises")
 
-    def march(self, link: Linkage, q: np.ndarray, v: np.ndarray, step: float, marks: np.ndarray, lead: float) -> tuple[dict[str, np.ndarray], _Log]:
-        """Step from mark to mark (s), after the lead-in (s); signals at the marks, samples of the journals between them."""
-        m, d = link.model, link.data
-        d.qpos[:], d.qvel[:] = q, v
-        log = _Log.of(self.laws)
-        reported: list[dict[str, float]] = []
-        half = 0.5 if link.stepped else 0.0  # the velocities of semi-implicit Euler are half a step older than its positions
-        time = float(marks[0]) - lead
-        self.motor.place(link, time, 0.0)
-        on_track(link)
-        self.record = Record(link, time, d.qpos.copy(), d.qvel.copy())
-        look(link)
-        lag, span, room = 0.0, lead + float(marks[-1] - marks[0]), room_apart(self.request, link)
-        for k, interval in enumerate(np.diff(marks, prepend=time).tolist()):
-            count, m.opt.timestep = substeps(interval, step) if interval > 0 else (0, step)
-            if half:
-                d.qvel[:] += (lag - half * m.opt.timestep) * d.qacc
-                lag = half * m.opt.timestep
-            pieces = min(count, math.ceil(SAMPLES * interval / span)) if count else 1
-            for piece in range(pieces):
-                steps = count * (piece + 1) // pieces - count * piece // pieces
-                self.record.stages.append((steps, m.opt.timestep, piece == pieces - 1))
-                self.motor.turn(link, time, steps)
-                time += steps * m.opt.timestep
-                self.motor.place(link, time, lag)
-                look(link)
-                check_warnings(link, f"{self.mechanism.name}, {self.request.joint_model} joints, t = {time:.4g} s")
-                forces = joint_forces(link, d.efc_force)
-                check_together(self.request, apart(link), room, step)
-                for name in self.laws if k or piece == pieces - 1 else ():
-                    log.gaps[name].append(gap(link, name))
-                    log.forces[name].append(abs(forces[name][0]))
-            reported.append(signals(link, forces, friction_torques(link), d.qvel + lag * d.qacc if half else d.qvel))
-        check_depth(self.request, self.laws, log.gaps, log.forces)
-        values = np.array([list(seen.values()) for seen in reported]).T
-        return dict(zip(reported[0], values.copy(), strict=True)), log
-
-    def report(self, theta: np.ndarray, time: np.ndarray | None, signals: Mapping[str, np.ndarray], log: _Log, settings: Mapping[str, Any]) -> Trace:
+    def report(self, theta: np.ndarray, time: np.ndarray | None, signals: Mapping[str, np.ndarray], log: Log, settings: Mapping[str, Any]) -> Trace:
         return Trace(
             simulator="mujoco",
             version=mujoco.__version__,

@@ -1,1 +1,1 @@
-"""PyBullet: multibody trees closed by constraints of ours, and export as URDF."""
+"""PyBullet: multibody trees closed by its point constraints, static contact by struts, and export as URDF."""

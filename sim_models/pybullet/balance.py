@@ -14,7 +14,7 @@ from analytic.mechanism import GROUND, MASS_CENTRE
 from sim_models.planar.parts import AT_REST, Branch, moving_body
 
 if TYPE_CHECKING:
-    from sim_models.pybullet.engine import BulletWorld
+    from sim_models.pybullet.world import BulletWorld
 
 
 class Balance:

@@ -16,8 +16,8 @@ from sim_models.engine import Request, Trace, Unsupported
 from sim_models.export_files import expected, lines
 from sim_models.planar.bodies import WARM_UP
 from sim_models.planar.runs import simulate
-from sim_models.pybullet.engine import FASTEST, STRENGTH, BulletWorld
 from sim_models.pybullet.parts import flat
+from sim_models.pybullet.world import FASTEST, STRENGTH, BulletWorld
 
 FREE = (1.0, -1.0)  # limits that Bullet takes for none
 

@@ -13,7 +13,7 @@ from sim_models.planar.parts import AT_REST
 from sim_models.start import Pose
 
 if TYPE_CHECKING:
-    from sim_models.pybullet.engine import BulletWorld
+    from sim_models.pybullet.world import BulletWorld
 
 TRIFLE = 1e-9  # kg, kg.m^2: bodies between the joints of a floating one
 RIM = 1e-9  # of the clearance: how far beyond its limit a strut at rest is, lest rounding leave it short of it

@@ -1,0 +1,254 @@
+"""DART (dartpy 6.20): generalised coordinates on a spanning tree, the remaining pins closed by DART's own constraints.
+
+Joints with clearance close nothing: their two pins are free, and a spring-damper or DART's contact solver keeps them
+together.  Prismatic joints and the drive are always in the tree.  Notes on what DART does silently:
+
+* ``getWrenchToChildBodyNode`` and the constraint forces belong to the positions *before* the step, in that child's frame;
+* ``getConstraintForces`` forgets every tree of a skeleton but its first, so each tree is a skeleton of its own;
+* a world puts slow bodies to sleep unless its deactivation options are switched off;
+* contact shapes have a friction coefficient of 1 unless told otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from analytic.mechanism import GROUND, Joint
+from sim_models.dart.contact import Bearing, plane, vector
+from sim_models.dart.reactions import reactions
+from sim_models.engine import Request
+from sim_models.planar.bodies import PlanarWorld
+from sim_models.planar.parts import Branch, moving_body, spanning_tree
+from sim_models.start import Pose, poses
+
+ERROR_REDUCTION = 1.0  # share of a closing pin's drift that DART removes in a step: all, so that no transient lingers
+SETTLING = 3  # steps in which a loop that was closed without drift gets the drift that belongs to its motion
+TRIFLE = 1e-12  # kg, kg.m^2: the body between the drive's two joints where the crank's own pin has clearance
+
+
+def placed(dart: Any, at: complex, angle: float = 0.0) -> Any:
+    """A DART transform: turned by ``angle`` (rad) about z, then moved to ``at`` (m)."""
+    c, s = np.cos(angle), np.sin(angle)
+    frame = dart.math.Isometry3()
+    frame.set_rotation([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    frame.set_translation(vector(at))
+    return frame
+
+
+class DartWorld(PlanarWorld):
+    """A linkage as DART skeletons, one for each tree that stands on the ground."""
+
+    engine = "dart"
+
+    def __init__(self, request: Request) -> None:
+        super().__init__(request)
+        self.settling = SETTLING if request.joint_model == "ideal" else 1
+        import dartpy as dart
+
+        self.dart = dart
+        self.world = dart.simulation.World()
+        sleep = self.world.getDeactivationOptions()
+        sleep.mEnabled = False
+        self.world.setDeactivationOptions(sleep)
+        self.world.setGravity([*self.mechanism.gravity, 0.0])
+        self.skeletons: list[Any] = []
+        self.nodes: dict[str, Any] = {}
+        self.roots: dict[str, Any] = {}  # DART joints by the body they carry
+        self.branches, self.closing = spanning_tree(self.mechanism, [j for j in self.mechanism.joints if j.name not in self.pins])
+        self.branch = {branch.child: branch for branch in self.branches}
+        for branch in self.branches:
+            if branch.joint is not None:
+                self._hang(branch, branch.joint)
+            else:
+                self._float(branch.child)
+        for skeleton in self.skeletons:
+            self.world.addSkeleton(skeleton)
+        self.motor = self.roots[self.mechanism.driven]
+        self.hold(self.held)
+        self.bearings: dict[str, Bearing] = {}
+        self.frames = {j.name: [self._frame(b, j.name) for b in j.bodies] for j in self.mechanism.joints if not j.prismatic}
+        self._close()
+        self.world.setCollisionDetector(dart.collision.DARTCollisionDetector())
+        for skeleton in self.skeletons:
+            skeleton.enableSelfCollisionCheck()
+            skeleton.enableAdjacentBodyCheck()
+        if request.joint_model == "contact":
+            self.bearings = {name: Bearing(self, name, floor) for floor, name in enumerate(self.pins, 1)}
+
+    def settings(self) -> dict[str, Any]:
+        if not self.bearings:
+            return super().settings()
+        return {"contact_law": "rigid, Newton's restitution", "restitution": {name: bearing.restitution for name, bearing in self.bearings.items()}}
+
+    # ---------------------------------------------------------------- building
+
+    def _hang(self, branch: Branch, joint: Joint) -> None:
+        """Hang a body on its parent by a tree joint whose DART coordinate is the child's angle, or the travel."""
+        D, m = self.dart.dynamics, self.mechanism
+        skeleton = self._new_skeleton() if branch.parent == GROUND else self.nodes[branch.parent].getSkeleton()
+        if joint.prismatic:
+            properties, create = D.PrismaticJointProperties(), skeleton.createPrismaticJointAndBodyNodePair
+            properties.mAxis = vector(branch.axis)
+        else:
+            properties, create = D.RevoluteJointProperties(), skeleton.createRevoluteJointAndBodyNodePair
+            properties.mAxis = np.array([0.0, 0.0, 1.0])
+        properties.mT_ParentBodyToJoint = placed(self.dart, m.body(branch.parent).point(joint.name), branch.twist)
+        properties.mT_ChildBodyToJoint = placed(self.dart, m.body(branch.child).point(joint.name))
+        self._keep(branch.child, *create(self.nodes.get(branch.parent), properties))
+
+    def _float(self, body: str) -> None:
+        """Give a body that no ideal joint ties to the ground its three freedoms; the driven one turns by its motor."""
+        D, skeleton = self.dart.dynamics, self._new_skeleton()
+        if body != self.mechanism.driven:
+            self._keep(body, *skeleton.createPlanarJointAndBodyNodePair(None, D.PlanarJointProperties()))
+            return
+        self.carriage, between = skeleton.createTranslationalJoint2DAndBodyNodePair(None, D.TranslationalJoint2DProperties())
+        between.setInertia(D.Inertia(TRIFLE, np.zeros(3), TRIFLE * np.eye(3)))
+        properties = D.RevoluteJointProperties()
+        properties.mAxis = np.array([0.0, 0.0, 1.0])
+        self._keep(body, *skeleton.createRevoluteJointAndBodyNodePair(between, properties))
+
+    def _new_skeleton(self) -> Any:
+        self.skeletons.append(self.dart.dynamics.Skeleton(f"tree {len(self.skeletons)}"))
+        return self.skeletons[-1]
+
+    def _keep(self, name: str, dart_joint: Any, node: Any) -> None:
+        body = moving_body(self.mechanism, name)
+        size = body.moment_of_inertia
+        node.setInertia(self.dart.dynamics.Inertia(body.mass, vector(body.centre), np.diag([size, size, size])))
+        self.nodes[name], self.roots[name] = node, dart_joint
+
+    def stand(self) -> Any:
+        """The ground as a DART body, for contact shapes."""
+        ground = self.dart.dynamics.Skeleton("ground")
+        _, node = ground.createWeldJointAndBodyNodePair()
+        ground.setMobile(False)
+        self.world.addSkeleton(ground)
+        return node
+
+    def _frame(self, body: str, point: str) -> Any:
+        at = placed(self.dart, self.points[body, point])
+        frame = self.nodes[body] if body != GROUND else self.dart.dynamics.Frame.World()
+        return self.dart.dynamics.SimpleFrame(frame, f"{body} at {point}", at)
+
+    def _close(self) -> None:
+        """Tie the remaining pins, with the linkage assembled: DART takes their places from where the bodies are."""
+        constraint = self.dart.constraint
+        self.place(poses(self.assembly, self.assembly.start))
+        for joint in self.closing:
+            at = self.frames[joint.name][0].getTransform().translation()
+            nodes = [self.nodes[name] for name in joint.bodies if name != GROUND]
+            pin = constraint.BallJointConstraint(*nodes, at)
+            pin.setErrorReductionParameter(ERROR_REDUCTION)
+            self.world.getConstraintSolver().addConstraint(pin)
+
+    # ---------------------------------------------------------------- state
+
+    def place(self, bodies: Mapping[str, Pose]) -> None:
+        for branch in self.branches:
+            positions, velocities = self.coordinates(branch, bodies)
+            if len(positions) > self.roots[branch.child].getNumDofs():  # the driven body's two joints
+                self.carriage.setPositions(positions[:2])
+                self.carriage.setVelocities(velocities[:2])
+                positions, velocities = positions[2:], velocities[2:]
+            self.roots[branch.child].setPositions(positions)
+            self.roots[branch.child].setVelocities(velocities)
+        self.command = bodies[self.mechanism.driven].angular_velocity
+        for bearing in self.bearings.values():
+            bearing.arrive()
+
+    def pose(self, body: str) -> Pose:
+        node = self.nodes[body]
+        return Pose(plane(node.getTransform().translation()), self.angle(body), plane(node.getLinearVelocity()), float(node.getAngularVelocity()[2]))
+
+    def angle(self, body: str) -> float:
+        """A body's angle (rad), summed along the tree and so never wrapped."""
+        angle = 0.0
+        while body != GROUND:
+            branch, root = self.branch[body], self.roots[body]
+            angle += branch.twist if branch.joint is not None and branch.joint.prismatic else root.getPosition(root.getNumDofs() - 1)
+            body = branch.parent
+        return angle
+
+    def gap(self, joint: str) -> tuple[complex, complex]:
+        first, second = self.frames[joint]
+        gap = first.getTransform().translation() - second.getTransform().translation()
+        rate = first.getLinearVelocity() - second.getLinearVelocity()
+        return plane(gap), plane(rate)
+
+    def velocities(self) -> np.ndarray:
+        return np.concatenate([skeleton.getVelocities() for skeleton in self.skeletons])
+
+    def set_velocities(self, velocities: np.ndarray) -> None:
+        for skeleton, part in zip(self.skeletons, self._parts(velocities), strict=True):
+            skeleton.setVelocities(part)
+
+    def shift(self, change: np.ndarray) -> None:
+        for skeleton, part in zip(self.skeletons, self._parts(change), strict=True):
+            skeleton.setPositions(skeleton.getPositions() + part)
+
+    def _parts(self, values: np.ndarray) -> list[np.ndarray]:
+        """Values (..., n) of all freedoms, tree by tree."""
+        return np.split(values, np.cumsum([skeleton.getNumDofs() for skeleton in self.skeletons])[:-1], axis=-1)
+
+    # ---------------------------------------------------------------- forces
+
+    def push(self, body: str, point: complex, force: complex) -> None:
+        if body != GROUND:
+            self.nodes[body].addExtForce(vector(force), vector(point), False, True)
+
+    def turn(self, body: str, torque: float) -> None:
+        if body != GROUND:
+            self.nodes[body].addExtTorque([0.0, 0.0, torque], False)
+
+    def hold(self, held: bool) -> None:
+        self.held = held
+        self.motor.setActuatorType(self.dart.dynamics.VELOCITY if held else self.dart.dynamics.FORCE)
+        self.motor.setCommand(0, 0.0)
+
+    def advance(self, h: float) -> None:
+        if h != self.world.getTimeStep():
+            self.world.setTimeStep(h)
+        if self.held:
+            self.motor.setCommand(0, self.command)
+        for bearing in self.bearings.values():
+            bearing.seat()
+        for bearing in self.bearings.values():
+            bearing.face()
+        self.world.step(True)
+        for name, bearing in self.bearings.items():
+            self.pin_forces[name] = bearing.force()
+
+    def before_observing(self) -> None:
+        self.before = {name: self.pose(name) for name in self.nodes}
+
+    def reactions(self) -> tuple[dict[str, complex], dict[str, float], float]:
+        return reactions(self)
+
+    def nudge(self, joint: Joint, change: complex) -> None:
+        """Move the linkage, the crank apart, as little as changes a joint's gap by this much (m)."""
+        turned = {body: Pose(0j, self.angle(body)) for body in joint.bodies if body != GROUND}
+        x, y = -self.pin_jacobian(joint, turned)
+        row = x * change.real + y * change.imag
+        if self.held:
+            self._parts(row)[self.skeletons.index(self.motor.getSkeleton())][self.motor.getIndexInSkeleton(0)] = 0.0
+        self.shift(row * abs(change) ** 2 / (row @ row))
+
+    def pin_jacobian(self, j: Joint, turned: Mapping[str, Pose]) -> np.ndarray:
+        """(2, n): velocity of a joint's second pin minus the first's, by DART's velocities.
+
+        Each body's share is turned from the body to the ground as it was in ``turned``: with poses before the step, the
+        transpose is what a force of that instant does, as DART reckons it after the bodies have carried it along.
+        """
+        total = np.zeros((2, sum(skeleton.getNumDofs() for skeleton in self.skeletons)))
+        for sign, body in zip((-1, 1), j.bodies, strict=True):
+            if body != GROUND:
+                node, at = self.nodes[body], vector(self.points[body, j.name])
+                skeleton = node.getSkeleton()
+                x, y, _ = skeleton.getLinearJacobian(node, at, node)
+                share = sign * (x + 1j * y) * np.exp(1j * turned[body].angle)
+                self._parts(total)[self.skeletons.index(skeleton)][:] += [share.real, share.imag]
+        return total

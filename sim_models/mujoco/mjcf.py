@@ -1,0 +1,209 @@
+"""A linkage as MJCF: what is where in MuJoCo's model of it, and what its coordinates mean.
+
+Bodies hang in a tree of ideal joints, every prismatic one among them; a body that only joints with clearance hold gets
+two slides and a hinge to the world.  What the tree leaves open is closed by constraint rows:
+
+    ideal joint             equality ``connect`` of two sites
+    massless-link           equality on the length of a spatial tendon between the two pin centres: it pulls and pushes
+    spring-damper           upper limit of that tendon, its reference in N/m and N.s/m
+    contact                 one circle inside another through ``mj_addContact``
+
+Joint friction, damping and springs are fixed tendons over the hinges, because a relative angle of any two bodies is a
+linear form of the hinges.  Loads are actuators of constant force, fixed in the world's directions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from analytic.mechanism import GROUND, Joint, Mechanism
+from sim_models.mujoco.tree import Branch, spanning_tree
+from sim_models.start import Pose
+
+MOTOR_INERTIA = 1e9  # kg.m^2 of armature: so much that no reaction changes a motor's speed
+RIGID = "0.9999 0.9999 0.001 0.5 2"  # solimp of a rigid row; 0.9999 is MuJoCo's largest impedance
+SMALLEST_INERTIA = 1e-10  # kg.m^2, for a point mass: MuJoCo accepts no zero
+SETTLING = 4.0  # time constant of rigid rows, in steps
+
+
+def _numbers(*values: float) -> str:
+    return " ".join(repr(float(v)) for v in values)
+
+
+def _xy(z: complex) -> str:
+    return _numbers(z.real, z.imag, 0.0)
+
+
+class Description:
+    """A mechanism in MuJoCo's own words.
+
+    ``contacts`` names the joints that are not ideal; ``rows`` what closes them.  ``pose`` is the reference pose, ``step``
+    (s) the longest step, ``hold`` whether a motor sets the driven body's angle, ``follows`` whether along a course: its last actuator
+    then gives it the acceleration (rad/s^2) that is its activation.  With ``rows="spring"`` the spring-damper also pulls: a
+    smooth stand-in, to find where the real one rests.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        contacts: Collection[str],
+        rows: str,
+        pose: Mapping[str, Pose],
+        step: float,
+        hold: bool = True,
+        friction: bool = True,
+        follows: bool = False,
+    ) -> None:
+        self.mechanism, self.closed_by, self.rows, self.pose = mechanism, tuple(contacts), rows, pose
+        self.branches, self.closing = spanning_tree(mechanism, set(contacts))
+        self.stiffness = (mechanism.drive.stiffness or 0.0) if hold and mechanism.drive is not None and mechanism.drive.speed != "free" else 0.0
+        self.compliant = self.stiffness > 0  # N.m/rad between motor and crank
+        self.hold, self.friction, self.step, self.follows = hold, friction, step, follows
+        self.stepped = rows in ("spring-damper", "contact")  # semi-implicit Euler: what is stiff allows no larger step, and RK4 four times the work
+        self.place = {GROUND: Pose(0j, 0.0), **pose}
+        self.forms, self.twist = self._angles()
+
+    def _angles(self) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
+        """Each body's angle as a sum of hinges, and the constant that prismatic joints add."""
+        forms: dict[str, dict[str, float]] = {GROUND: {}}
+        twist = {GROUND: 0.0}
+        for b in self.branches:
+            name = b.body.name
+            forms[name], twist[name] = dict(forms[b.parent]), twist[b.parent]
+            if b.joint is not None and b.joint.prismatic:
+                twist[name] += b.joint.angle if b.is_second else -b.joint.angle
+            else:
+                forms[name][name] = 1.0
+        return forms, twist
+
+    def mjcf(self) -> str:
+        """The model as MJCF text."""
+        m = self.mechanism
+        solref = _numbers(SETTLING * self.step, 1)
+        integrator = "implicitfast" if self.stepped else "RK4"
+        closed = "".join(f'<connect name="{j.name}" site1="{j.name}:{j.bodies[1]}" site2="{j.name}:{j.bodies[0]}"/>' for j in self.closing)
+        return f"""<mujoco model={quoteattr(m.name)}>
+<compiler angle="radian" inertiafromgeom="false"/>
+<option timestep="{self.step!r}" gravity="{_xy(complex(*m.gravity))}" integrator="{integrator}" cone="elliptic" impratio="100"
+  jacobian="dense" solver="Newton" tolerance="1e-14" iterations="30"><flag autoreset="disable" island="disable"/></option>
+<default><equality solref="{solref}" solimp="{RIGID}"/><tendon solreffriction="{solref}" solimpfriction="{RIGID}"/></default>
+<worldbody>{self._places(GROUND)}{self._children(GROUND)}{self._motor()}</worldbody>
+<tendon>{self._links()}{"".join(self._law(j) for j in m.joints)}{self._drive_spring()}</tendon>
+<equality>{closed}{self._bars()}</equality>
+<actuator>{"".join(self._load(i) for i in range(len(m.loads)))}{self._course()}</actuator>
+</mujoco>"""
+
+    def coordinates(self, pose: Mapping[str, Pose], branches: list[Branch] | None = None) -> dict[str, float]:
+        """Value of each MuJoCo joint (rad, m) in a pose."""
+        at: dict[str, float] = {}
+        everything = {GROUND: Pose(0j, 0.0), **pose}
+
+        def pin(j: Joint, body: str) -> complex:
+            return everything[body].origin + complex(np.exp(1j * everything[body].angle)) * self.mechanism.body(body).point(j.name)
+
+        for b in self.branches if branches is None else branches:
+            name, here = b.body.name, everything[b.body.name]
+            if b.joint is None:
+                at |= {f"{name}:x": here.origin.real, f"{name}:y": here.origin.imag, name: here.angle}
+            elif b.joint.prismatic:
+                first, second = (pin(b.joint, n) for n in b.joint.bodies)
+                axis = b.joint.direction * np.exp(1j * everything[b.joint.bodies[0]].angle)
+                at[f"{name}:slide"] = float(((second - first) * np.conj(axis)).real)
+            else:
+                at[name] = here.angle - everything[b.parent].angle
+        if self.compliant:
+            at["drive:motor"] = everything[self.mechanism.driven].angle
+        return at
+
+    def across(self, j: Joint) -> dict[str, float]:
+        """What a joint lets free, second body less first, as a linear form of coordinates: the angle but for a constant, or the travel."""
+        if j.prismatic:
+            return {f"{next(b.body.name for b in self.branches if b.joint is j)}:slide": 1.0}
+        first, second = (self.forms[b] for b in j.bodies)
+        return {n: second.get(n, 0.0) - first.get(n, 0.0) for n in {**first, **second}}
+
+    def _children(self, parent: str) -> str:
+        return "".join(self._body(b) for b in self.branches if b.parent == parent)
+
+    def _body(self, b: Branch) -> str:
+        here, parent = self.place[b.body.name], self.place[b.parent]
+        turn = np.exp(-1j * parent.angle)
+        half = (here.angle - parent.angle) / 2
+        inertia = max(b.body.moment_of_inertia, SMALLEST_INERTIA)
+        return (
+            f'<body name="{b.body.name}" pos="{_xy((here.origin - parent.origin) * turn)}" quat="{_numbers(np.cos(half), 0, 0, np.sin(half))}">'
+            f'<inertial pos="{_xy(b.body.centre)}" mass="{b.body.mass!r}" diaginertia="{_numbers(inertia, inertia, inertia)}"/>'
+            f"{self._freedom(b)}{self._places(b.body.name)}{self._children(b.body.name)}</body>"
+        )
+
+    def _freedom(self, b: Branch) -> str:
+        name, here, at = b.body.name, self.place[b.body.name], self.coordinates(self.pose, [b])
+        motor = f' armature="{MOTOR_INERTIA!r}"' if self.hold and not self.compliant and name == self.mechanism.driven else ""
+        slides = {}
+        if b.joint is None:
+            slides = {f"{name}:x": np.exp(-1j * here.angle), f"{name}:y": 1j * np.exp(-1j * here.angle)}
+        elif b.joint.prismatic:
+            axis = b.joint.direction * np.exp(1j * (self.place[b.joint.bodies[0]].angle - here.angle))
+            slides = {f"{name}:slide": axis if b.is_second else -axis}
+        text = "".join(f'<joint name="{n}" type="slide" axis="{_xy(axis)}" ref="{at[n]!r}"/>' for n, axis in slides.items())
+        if name not in at:
+            return text
+        pin = 0j if b.joint is None else b.body.point(b.joint.name)
+        return f'{text}<joint name="{name}" type="hinge" axis="0 0 1" pos="{_xy(pin)}" ref="{at[name]!r}"{motor}/>'
+
+    def _places(self, name: str) -> str:
+        """Sites at a body's pins and load points, and a geom at each pin that touches."""
+        body = self.mechanism.body(name)
+        pins = [j for j in self.mechanism.joints if name in j.bodies]
+        text = "".join(f'<site name="{j.name}:{name}" pos="{_xy(body.point(j.name))}"/>' for j in pins)
+        loads = {i: _xy(body.point(load.point)) for i, load in enumerate(self.mechanism.loads) if load.body == name}
+        text += "".join(f'<site name="load{i}" pos="{at}"/>' for i, at in loads.items())
+        text += '<site name="world"/>' if name == GROUND else f'<site name="marker of {name}" pos="{_xy(body.point("com"))}"/>'
+        touching = {j.name: _xy(body.point(j.name)) for j in pins if j.name in self.closed_by and self.rows == "contact"}
+        return text + "".join(f'<geom name="{n}:{name}" size="0.01" pos="{at}" contype="0" conaffinity="0"/>' for n, at in touching.items())
+
+    def _motor(self) -> str:
+        if not self.compliant:
+            return ""
+        at = self.place[self.mechanism.driven].angle
+        hinge = f'<joint name="drive:motor" type="hinge" axis="0 0 1" armature="{MOTOR_INERTIA!r}" ref="{at!r}"/>'
+        return f'<body name="drive:motor"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>{hinge}</body>'
+
+    def _drive_spring(self) -> str:
+        if not self.compliant:
+            return ""
+        crank = f'<joint joint="{self.mechanism.driven}" coef="1"/><joint joint="drive:motor" coef="-1"/>'
+        return f'<fixed name="drive:spring" stiffness="{self.stiffness!r}" springlength="0">{crank}</fixed>'
+
+    def _links(self) -> str:
+        if self.rows == "contact":
+            return ""
+        limited = self.rows == "spring-damper"
+        limit = {n: f' limited="true" range="-1 {self.mechanism.joint(n).clearance!r}"' if limited else "" for n in self.closed_by}
+        ends = {n: "".join(f'<site site="{n}:{b}"/>' for b in self.mechanism.joint(n).bodies) for n in self.closed_by}
+        return "".join(f'<spatial name="{n}"{limit[n]}>{ends[n]}</spatial>' for n in self.closed_by)
+
+    def _bars(self) -> str:
+        if self.rows not in ("massless-link", "spring"):
+            return ""
+        return "".join(f'<tendon name="{n}" tendon1="{n}"/>' for n in self.closed_by)
+
+    def _law(self, j: Joint) -> str:
+        """Fixed tendon of a joint's friction, damping and spring."""
+        if not (j.coulomb or j.damping or j.stiffness):
+            return ""
+        terms = "".join(f'<joint joint="{n}" coef="{c!r}"/>' for n, c in self.across(j).items() if c)
+        loss = f' frictionloss="{j.coulomb!r}"' if self.friction else ""
+        return f'<fixed name="law:{j.name}" stiffness="{j.stiffness!r}" damping="{j.damping!r}"{loss}>{terms}</fixed>'
+
+    def _load(self, i: int) -> str:
+        load = self.mechanism.loads[i]
+        gear = _numbers(*load.force, 0, 0, 0, load.torque)
+        return f'<general name="load{i}" site="load{i}" refsite="world" gear="{gear}" biastype="affine" biasprm="1 0 0"/>'
+
+    def _course(self) -> str:
+        joint = "drive:motor" if self.compliant else self.mechanism.driven
+        return f'<general name="drive:course" joint="{joint}" dyntype="integrator" gainprm="{MOTOR_INERTIA!r}"/>' if self.follows else ""

@@ -1,0 +1,290 @@
+"""PyBullet (3.2.7): every body a multibody of its own joints, every pin between bodies one of Bullet's point constraints.
+
+A body with a joint on the ground has that joint's coordinate; any other floats on two slides and a hinge, so that all
+motion stays in the plane.  Clearance joints are a spring-damper, or in static motion a weightless strut between the
+pins: of the clearance's length (massless link), or free to be shorter (contact).  What PyBullet does silently:
+
+* ``changeDynamics(localInertiaDiagonal=...)`` is dropped when it comes with damping or maxJointVelocity in one call;
+* joints start with a damping and a velocity motor, and speeds are clamped;
+* a force in WORLD_FRAME takes its arm from where the link was a step ago, unless its kinematics are asked for anew;
+* ``getConstraintState`` belongs to the positions *before* the step, and joint force sensors are wrong in longer chains,
+  so forces in the multibodies' own joints follow from each body's balance with Bullet's accelerations.
+"""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from analytic.mechanism import GROUND, MASS_CENTRE
+from sim_models.engine import Request, SimulationError
+from sim_models.planar.bodies import PlanarWorld
+from sim_models.planar.parts import AT_REST, Branch, moving_body, spanning_tree
+from sim_models.pybullet.balance import Balance
+from sim_models.pybullet.parts import HINGE, Link, Strut, Tie, flat, floating
+from sim_models.start import Pose
+
+ITERATIONS = 200  # of the direct solver, at most; a residual of 1e-20 ends them sooner
+SWEEPS = 5000  # of the sequential solver, always: a small residual once ended it, 16 % short of the force
+SOFTNESS = 1e-10  # Bullet's globalCFM: enough to keep its direct solver regular
+ERROR_REDUCTION = 1.0  # share of a pin's drift that Bullet removes in a step where it moves: all, so that no transient lingers
+STRENGTH = 1e12  # N, N.m: what pins and the motor can take
+FASTEST = 1e9  # rad/s, m/s: in place of Bullet's clamp
+SETTLING = 3  # steps in which the direct solver's softness and what it undoes in the next step die away
+
+
+class BulletWorld(PlanarWorld):
+    """A linkage in a PyBullet client of its own."""
+
+    engine = "pybullet"
+
+    def __init__(self, request: Request) -> None:
+        super().__init__(request)
+        import pybullet
+
+        self.p = pybullet
+        self.client = pybullet.connect(pybullet.DIRECT)
+        direct = request.joint_model != "contact"  # Bullet's direct solver fails with three one-sided limits
+        solver = pybullet.CONSTRAINT_SOLVER_LCP_DANTZIG if direct else pybullet.CONSTRAINT_SOLVER_LCP_SI
+        effort = {"numSolverIterations": ITERATIONS if direct else SWEEPS, "solverResidualThreshold": 1e-20 if direct else 0.0}
+        rigidity = {"globalCFM": SOFTNESS, "erp": 0.0 if self.static else ERROR_REDUCTION, "contactERP": 0.0}
+        self.physics = {"numSubSteps": 0, "constraintSolverType": solver, **effort, **rigidity}
+        self.call("setPhysicsEngineParameter", **self.physics)
+        m = self.mechanism
+        self.call("setGravity", *m.gravity, 0.0)
+        ideal = [j for j in m.joints if j.name not in self.pins]
+        trunk = [j for j in ideal if j.prismatic or GROUND in j.bodies]
+        self.branches, rest = spanning_tree(m, trunk)
+        self.branch = {branch.child: branch for branch in self.branches}
+        self.multibodies: list[int] = []
+        self.freedoms: list[tuple[int, int]] = []  # Bullet's joints, body and link
+        self.own: dict[str, list[int]] = {}  # numbers of the freedoms of each body and strut
+        self.links = {GROUND: Link(-1, -1)}
+        self._plant()
+        self.ties = {j.name: self._tie(j.name, *j.bodies) for j in ideal if j in rest or j not in trunk}
+        self.struts = {name: Strut(self, name) for name in self.pins if request.joint_model in ("massless-link", "contact")}
+        self.step_size = 0.0
+        self.commanded = 0.0  # rad/s, what the motor was last told
+        self.settling = 1 if self.compliant else SETTLING
+        self.applied: dict[str, tuple[complex, float]] = {}  # force and moment about the com on each body, for the next step
+        self.was_applied: dict[str, tuple[complex, float]] = {}  # in the last one
+        self.poses: dict[str, Pose] = {}
+        self.state: tuple[list[float], list[float]] | None = None
+
+    def call(self, name: str, *values: Any, **named: Any) -> Any:
+        """Call PyBullet in this world's client."""
+        return getattr(self.p, name)(*values, physicsClientId=self.client, **named)
+
+    def close(self) -> None:
+        self.call("disconnect")
+
+    def settings(self) -> dict[str, Any]:
+        laws = {"contact": "rigid, one-sided limit of a strut", "massless-link": "rigid, a strut of the clearance's length"}
+        return {"contact_law": laws[self.request.joint_model]} if self.struts else super().settings()
+
+    # ---------------------------------------------------------------- building
+
+    def _plant(self) -> None:
+        """One multibody for each tree that stands on the ground."""
+        children: dict[str, list[Branch]] = {}
+        for branch in self.branches:
+            children.setdefault(branch.parent, []).append(branch)
+        for trunk in children[GROUND]:
+            grown, waiting = [], [(trunk, -1)]
+            links: list[dict[str, Any]] = []
+            while waiting:
+                branch, parent = waiting.pop(0)
+                grown.append((branch, len(links)))
+                links += self._links_of(branch, parent)
+                waiting += [(twig, len(links) - 1) for twig in children.get(branch.child, [])]
+            number = self.grow(links)
+            for branch, first in grown:
+                last = first + (2 if branch.joint is None else 0)
+                self.links[branch.child] = Link(number, last, self.points[branch.child, MASS_CENTRE])
+                self.own[branch.child] = [self.freedoms.index((number, k)) for k in range(first, last + 1)]
+
+    def _links_of(self, branch: Branch, parent: int) -> list[dict[str, Any]]:
+        m, joint = self.mechanism, branch.joint
+        body = moving_body(m, branch.child)
+        heavy = {"mass": body.mass, "inertia": body.moment_of_inertia}
+        if joint is None:
+            return floating(parent, 0, body.centre, heavy)
+        at = m.body(branch.parent).point(joint.name)
+        root = self.branch[branch.parent].joint if branch.parent != GROUND else None
+        if root is not None:  # Bullet's frame of the parent sits at the parent's own joint
+            at -= m.body(branch.parent).point(root.name)
+        axis = (branch.axis.real, branch.axis.imag, 0.0) if joint.prismatic else HINGE
+        com = body.centre - body.point(joint.name)
+        return [heavy | {"parent": parent, "at": at, "twist": branch.twist, "com": com, "slides": joint.prismatic, "axis": axis}]
+
+    def grow(self, links: list[dict[str, Any]]) -> int:
+        """Make a multibody on a fixed base; returns its number.  Its joints are appended to the freedoms."""
+        p = self.p
+        number = self.call(
+            "createMultiBody", baseMass=0, linkMasses=[k["mass"] for k in links],
+            linkCollisionShapeIndices=[-1] * len(links), linkVisualShapeIndices=[-1] * len(links),
+            linkPositions=[flat(k["at"]) for k in links], linkOrientations=[p.getQuaternionFromEuler([0, 0, k["twist"]]) for k in links],
+            linkInertialFramePositions=[flat(k["com"]) for k in links], linkInertialFrameOrientations=[[0, 0, 0, 1]] * len(links),
+            linkParentIndices=[k["parent"] + 1 for k in links], linkJointAxis=[k["axis"] for k in links],
+            linkJointTypes=[p.JOINT_PRISMATIC if k["slides"] else p.JOINT_REVOLUTE for k in links],
+        )  # fmt: skip
+        for index, link in enumerate(links):
+            self.call("changeDynamics", number, index, linearDamping=0, angularDamping=0, jointDamping=0)
+            self.call("changeDynamics", number, index, maxJointVelocity=FASTEST)
+            self.call("changeDynamics", number, index, localInertiaDiagonal=[link["inertia"]] * 3)  # alone, or it is dropped
+            self.call("setJointMotorControl2", number, index, p.VELOCITY_CONTROL, force=0)
+            kept = self.call("getDynamicsInfo", number, index)[2][2]
+            if not np.isclose(kept, link["inertia"], rtol=1e-12, atol=0):
+                raise SimulationError(f"pybullet: a link's moment of inertia is {kept:g} kg.m^2 where {link['inertia']:g} was set")
+            self.freedoms.append((number, index))
+        self.multibodies.append(number)
+        return number
+
+    def _tie(self, point: str, first: str, second: str) -> Tie:
+        """Hold a point of two bodies together."""
+        at = [self.points[name, point] for name in (first, second)]
+        return self.tie(self.links[first], at[0], self.links[second], at[1])
+
+    def tie(self, first: Link, p: complex, second: Link, q: complex) -> Tie:
+        """Hold point p of one link and point q of another together."""
+        sign = 1
+        if first.body < 0:
+            first, p, second, q, sign = second, q, first, p, -1
+        p, q = p - first.centre, q - second.centre
+        number = self.call(
+            "createConstraint", first.body, first.index, second.body, second.index, self.p.JOINT_POINT2POINT, [0, 0, 0], flat(p), flat(q)
+        )
+        self.call("changeConstraint", number, maxForce=STRENGTH)
+        return Tie(number, sign)
+
+    # ---------------------------------------------------------------- state
+
+    def place(self, bodies: Mapping[str, Pose]) -> None:
+        positions, velocities = np.zeros(len(self.freedoms)), np.zeros(len(self.freedoms))
+        for branch in self.branches:
+            own = self.own[branch.child]
+            positions[own], velocities[own] = self.coordinates(branch, bodies)
+        for strut in self.struts.values():
+            positions[strut.own], velocities[strut.own] = strut.coordinates(bodies)
+        self._reset(positions, velocities)
+        self.command = bodies[self.mechanism.driven].angular_velocity
+        if self.held:
+            self._run_motor()
+
+    def hold(self, held: bool) -> None:
+        self.held = held
+        self._run_motor()
+
+    def _run_motor(self) -> None:
+        body, index = self.freedoms[self.own[self.mechanism.driven][-1]]
+        self.p.setJointMotorControl2(
+            body, index, self.p.VELOCITY_CONTROL, targetVelocity=self.command, force=STRENGTH if self.held else 0.0, physicsClientId=self.client
+        )
+        self.commanded = self.command
+
+    def _reset(self, positions: np.ndarray, velocities: np.ndarray) -> None:
+        for (body, index), q, v in zip(self.freedoms, positions.tolist(), velocities.tolist(), strict=True):
+            self.p.resetJointState(body, index, q, v, self.client)
+        self.state = None
+
+    def _read(self) -> tuple[list[float], list[float]]:
+        """Positions and velocities of all freedoms."""
+        if self.state is None:
+            states = [self.p.getJointState(body, index, self.client) for body, index in self.freedoms]
+            self.state = [s[0] for s in states], [s[1] for s in states]
+            self.poses = {GROUND: AT_REST}
+        return self.state
+
+    def velocities(self) -> np.ndarray:
+        return np.array(self._read()[1])
+
+    def set_velocities(self, velocities: np.ndarray) -> None:
+        self._reset(np.array(self._read()[0]), velocities)
+
+    def shift(self, change: np.ndarray) -> None:
+        positions, velocities = self._read()
+        self._reset(np.array(positions) + change, np.array(velocities))
+
+    def pose(self, body: str) -> Pose:
+        positions, velocities = self._read()  # first: it forgets poses that are out of date
+        if body not in self.poses:
+            own = self.own[body]
+            self.poses[body] = self._pose(self.branch[body], [positions[i] for i in own], [velocities[i] for i in own])
+        return self.poses[body]
+
+    def _pose(self, branch: Branch, q: list[float], v: list[float]) -> Pose:
+        """A body's pose from its coordinates and its parent's pose."""
+        if branch.joint is None:
+            return Pose(complex(q[0], q[1]), q[2], complex(v[0], v[1]), v[2])
+        base = self.pose(branch.parent)
+        name = branch.joint.name
+        slides = branch.joint.prismatic
+        angle, spin = (base.angle + branch.twist, base.angular_velocity) if slides else (base.angle + q[0], base.angular_velocity + v[0])
+        e = cmath.exp(1j * angle)
+        arm = self.points[branch.parent, name] * cmath.exp(1j * base.angle)
+        along = e * branch.axis if slides else 0j
+        arm += along * q[0]
+        hold = self.points[branch.child, name] * e
+        velocity = base.velocity + 1j * base.angular_velocity * arm + along * v[0] - 1j * spin * hold
+        return Pose(base.origin + arm - hold, angle, velocity, spin)
+
+    def gap(self, joint: str) -> tuple[complex, complex]:
+        ends = []
+        for body in self.mechanism.joint(joint).bodies:
+            pose = self.pose(body)
+            arm = self.points[body, joint] * cmath.exp(1j * pose.angle)
+            ends.append((pose.origin + arm, pose.velocity + 1j * pose.angular_velocity * arm))
+        return ends[0][0] - ends[1][0], ends[0][1] - ends[1][1]
+
+    # ---------------------------------------------------------------- forces
+
+    def push(self, body: str, point: complex, force: complex) -> None:
+        if body == GROUND:
+            return
+        pose, link = self.pose(body), self.links[body]
+        at = pose.origin + point * cmath.exp(1j * pose.angle)
+        self.p.applyExternalForce(link.body, link.index, (force.real, force.imag, 0.0), (at.real, at.imag, 0.0), self.p.WORLD_FRAME, self.client)
+        total, moment = self.applied.get(body, (0j, 0.0))
+        arm = (point - link.centre) * cmath.exp(1j * pose.angle)
+        self.applied[body] = total + force, moment + (arm.conjugate() * force).imag
+
+    def turn(self, body: str, torque: float) -> None:
+        if body == GROUND:
+            return
+        link = self.links[body]
+        self.p.applyExternalTorque(link.body, link.index, (0.0, 0.0, torque), self.p.WORLD_FRAME, self.client)
+        total, moment = self.applied.get(body, (0j, 0.0))
+        self.applied[body] = total, moment + torque
+
+    def advance(self, h: float) -> None:
+        if h != self.step_size:
+            self.call("setTimeStep", h)
+            self.step_size = h
+        if self.held and self.command != self.commanded:
+            self._run_motor()
+        for strut in self.struts.values():
+            strut.bear_up()
+        self.p.stepSimulation(self.client)
+        for number in self.multibodies:
+            self.p.getLinkState(number, 0, False, True, self.client)  # moves the frames that forces are applied in to the new positions
+        self.was_applied, self.applied = self.applied, {}
+        self.state = None
+        for name, strut in self.struts.items():
+            self.pin_forces[name] = self.tension(strut.tie)
+
+    def tension(self, tie: Tie) -> complex:
+        """Force (N) of a tie on its second body in the last step."""
+        x, y, *_ = self.p.getConstraintState(tie.number, self.client)
+        return tie.sign * complex(x, y)
+
+    def before_observing(self) -> None:
+        self.before = {name: self.pose(name) for name in self.own if name in self.branch}
+        self.velocities_before = self.velocities()
+
+    def reactions(self) -> tuple[dict[str, complex], dict[str, float], float]:
+        forces = self.pin_forces | {name: self.tension(tie) for name, tie in self.ties.items()}
+        found = Balance(self).solve(forces)
+        return found[0], found[1], found[2] if self.held else 0.0
