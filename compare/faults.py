@@ -35,7 +35,7 @@ def complaints() -> Iterator[list[str]]:
     from analytic.frame import ComplianceError
     from analytic.mechanism_file import MechanismError
     from analytic.structure import StructureError
-    from compare.diagnose.data.table import MeasuredError
+    from compare.diagnose.data.recording import MeasuredError
     from compare.discrepancy import ToleranceError
     from compare.files import OutputError
     from compare.grid import GridError

@@ -10,7 +10,7 @@ import numpy as np
 
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism_file import load
-from compare.diagnose.data.measured import Channel, Measured, Run
+from compare.diagnose.data.recording import Channel, Measured, Run
 from compare.diagnose.data.units import SI, dimension
 from compare.diagnose.workflow import diagnose
 from compare.scoreboard.hidden import Hidden

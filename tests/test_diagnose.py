@@ -17,8 +17,9 @@ import pytest
 
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism_file import load
-from compare.diagnose.data.measured import Measured, MeasuredError, load_measured
+from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.measured_file import read_file
+from compare.diagnose.data.recording import Measured, MeasuredError
 from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
 from compare.diagnose.fit import Data
 from compare.diagnose.locate import locate

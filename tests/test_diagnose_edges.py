@@ -13,7 +13,8 @@ import pytest
 
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism_file import dumps, load
-from compare.diagnose.data.measured import Measured, MeasuredError, Run, load_measured
+from compare.diagnose.data.measured import load_measured
+from compare.diagnose.data.recording import Measured, MeasuredError, Run
 from compare.diagnose.data.thin import picked
 from compare.diagnose.prepare import thinned
 from compare.report.diagnosis_words import sentence

@@ -16,7 +16,8 @@ from analytic.kinematics import kinematics
 from analytic.kinetostatics import kinetostatics
 from analytic.mechanism_file import dumps, load
 from compare.diagnose.data import measured, quality
-from compare.diagnose.data.measured import Measured, load_measured
+from compare.diagnose.data.measured import load_measured
+from compare.diagnose.data.recording import Measured
 from compare.diagnose.data.table import _cell_by_cell, read_table
 from compare.diagnose.data.units import ACCEPTED, SI, UnitError, factor, readable
 from compare.signals import with_derived

@@ -9,7 +9,8 @@ import pytest
 
 from analytic.mechanism_file import dumps, load
 from compare.diagnose.data import measured, table
-from compare.diagnose.data.measured import MeasuredError, load_measured
+from compare.diagnose.data.measured import load_measured
+from compare.diagnose.data.recording import MeasuredError
 from measured_files import MeasuredRun, write_measured
 
 CRANK_ROCKER = load("crank-rocker")

@@ -12,7 +12,7 @@ import numpy as np
 from analytic.mechanism import Mechanism
 from compare.diagnose import prepare
 from compare.diagnose.confirm import Simulated
-from compare.diagnose.data.measured import Measured, MeasuredError, Run
+from compare.diagnose.data.recording import Measured, MeasuredError, Run
 from compare.diagnose.data.units import unit_of
 from compare.diagnose.effects.effect import Effect, Rig
 from compare.diagnose.explain import CLOSED, Explanation, explain, has_structure, pruned

@@ -14,7 +14,7 @@ import numpy as np
 from analytic.assembly import Assembly, AssemblyError
 from analytic.drive import Motor
 from analytic.mechanism import Mechanism
-from compare.diagnose.data.measured import Run
+from compare.diagnose.data.recording import Run
 from compare.diagnose.effects.effect import Effect, Readings, Rig
 from compare.diagnose.predict import Hypothesis, Term, altered, motor_offset
 from compare.signals import with_derived

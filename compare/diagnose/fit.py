@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from compare.diagnose.data.measured import Measured
+from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.predict import Model, StartOfRun, Term, wrapped
 

@@ -9,7 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
-from compare.diagnose.data.measured import Measured
+from compare.diagnose.data.recording import Measured
 from compare.diagnose.fit import Data
 from compare.diagnose.predict import wrapped
 from compare.diagnose.worth import correlation_time, rms

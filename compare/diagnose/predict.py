@@ -22,7 +22,7 @@ from analytic.freedom import Freedom, swing
 from analytic.kinematics import kinematics
 from analytic.kinetostatics import Reactions, kinetostatics
 from analytic.mechanism import GROUND, Mechanism
-from compare.diagnose.data.measured import Measured, Run
+from compare.diagnose.data.recording import Measured, Run
 from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
 from compare.diagnose.effects.sensors import EncoderOffset
 from compare.grid import turns_fully

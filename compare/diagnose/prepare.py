@@ -12,8 +12,7 @@ import numpy as np
 from analytic.assembly import AssemblyError
 from analytic.drive import Motor
 from analytic.mechanism import Mechanism
-from compare.diagnose.data.measured import Measured, MeasuredError, Run
-from compare.diagnose.data.quality import Fault
+from compare.diagnose.data.recording import Fault, Measured, MeasuredError, Run
 from compare.diagnose.data.thin import missed, picked
 from compare.diagnose.effects.effect import Effect, Parameter, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from compare.diagnose.confirm import Simulated, Task, lacking, simulate
-from compare.diagnose.data.measured import Run
+from compare.diagnose.data.recording import Run
 from compare.diagnose.predict import Hypothesis, Model, Term
 from compare.sweep import spread
 from sim_models.engine import engine

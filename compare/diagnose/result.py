@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compare.diagnose.data.measured import Run
+from compare.diagnose.data.recording import Run
 from compare.diagnose.data.units import unit_of
 from compare.diagnose.explain import Named, left_of
 from compare.diagnose.fit import FOLDS, SEGMENTS, Fit

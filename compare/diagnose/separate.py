@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analytic.mechanism import Load, Mechanism
-from compare.diagnose.data.measured import Channel, Measured, Run
+from compare.diagnose.data.recording import Channel, Measured, Run
 from compare.diagnose.data.units import unit_of
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.fit import Fit, bridged, hypothesis

@@ -10,7 +10,7 @@ from typing import Any
 
 from analytic.mechanism import Mechanism, MechanismWarning
 from compare.diagnose.bench import Bench, Progress
-from compare.diagnose.data.measured import Measured
+from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.explain import Explanation

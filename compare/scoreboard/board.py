@@ -37,7 +37,8 @@ def examine(content: Mapping[str, Any]) -> Result:
 
 def scored(data: Path, seal: Path) -> Result:
     """Diagnose a recorded set without looking at its seal, then open it."""
-    from compare.diagnose.data.measured import MeasuredError, load_measured
+    from compare.diagnose.data.measured import load_measured
+    from compare.diagnose.data.recording import MeasuredError
     from compare.diagnose.workflow import diagnose
     from sim_models.engine import SimulationError, Unsupported
 

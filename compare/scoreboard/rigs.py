@@ -13,7 +13,7 @@ from analytic.assembly import Assembly
 from analytic.drive import Turning
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism_file import load
-from compare.diagnose.data.measured import Channel, Measured, Run
+from compare.diagnose.data.recording import Channel, Measured, Run
 from compare.diagnose.data.units import SI, dimension
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.predict import derived

@@ -9,24 +9,20 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from pydantic import ValidationError
 
-from analytic.mechanism import Load, Mechanism
+from analytic.mechanism import Mechanism
 from analytic.mechanism_file import MechanismError, load, shipped_cases
 from compare.diagnose.data.measured_file import Entry, read_file, tolerances
-from compare.diagnose.data.quality import FLOOR, Fault, clipped, gaps, noise, outliers, unwrapped
-from compare.diagnose.data.table import ROWS, Column, MeasuredError, Table, canonical, read_table
+from compare.diagnose.data.quality import FLOOR, clipped, gaps, noise, outliers, unwrapped
+from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, Run
+from compare.diagnose.data.table import ROWS, Column, Table, canonical, read_table
 from compare.diagnose.data.thin import frozen, missed, picked
 from compare.diagnose.data.units import dimension, listed
 
-__all__ = ["Channel", "Fault", "Measured", "MeasuredError", "Run", "load_measured"]
-
-Drive = Literal["speed", "measured", "free"]
 ASTRAY = math.radians(20.0)  # an encoder that far from its command throughout is no offset but a wrong drive_angle
 MULTIPLE = 2.0  # of the command, or its inverse: an encoder that turns beyond is not of this run
 SAMPLES = 20_000  # of a run that are kept; more would tell little and take long to simulate
@@ -40,53 +36,6 @@ SLIPS = {
     0.5 / math.pi: "the column looks like turns; put its unit right",
     1e-3: "time looks like ms; put its unit right",
 }
-
-
-@dataclass(frozen=True)
-class Channel:
-    """One sensor in one run: ``values`` (N,) SI, NaN where absent or faulty, angles continued; ``noise`` is one sigma, SI, > 0.
-
-    ``noise_given`` says whether measured.toml gave it (else it is estimated); ``unit`` is the header's, for people.
-    """
-
-    signal: str
-    values: np.ndarray
-    noise: float
-    noise_given: bool
-    unit: str
-
-
-@dataclass(frozen=True)
-class Run:
-    """One recording: ``time`` (N,) s, strictly increasing, and channels by signal.
-
-    ``speed`` (rad/s) and ``angle`` (rad, at time 0) are the command of a ``speed`` run, else None; ``start`` is the state at
-    the first sample of a ``free`` one: what was given, and for the driven body at least an estimate.  ``loads`` replace the
-    mechanism's; None keeps them.
-    """
-
-    name: str
-    time: np.ndarray
-    channels: Mapping[str, Channel]
-    drive: Drive
-    speed: float | None
-    angle: float | None
-    start: Mapping[str, float]
-    loads: tuple[Load, ...] | None
-    from_rest: bool
-    file: str
-
-
-@dataclass(frozen=True)
-class Measured:
-    """A nominal mechanism, the runs measured on it, what may be blamed at most (``tolerance``, by quantity, parameter or
-    effect.parameter, SI), and what was wrong with the data."""
-
-    mechanism: Mechanism
-    runs: tuple[Run, ...]
-    tolerance: Mapping[str, float]
-    faults: tuple[Fault, ...]
-    source: str
 
 
 def load_measured(path: Path) -> Measured:

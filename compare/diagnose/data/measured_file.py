@@ -12,7 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from analytic.mechanism import Load
 from analytic.mechanism_file import describe
-from compare.diagnose.data.table import MeasuredError
+from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.data.units import listed
 from compare.diagnose.effects.vocabulary import VOCABULARY
 

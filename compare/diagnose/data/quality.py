@@ -9,16 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from compare.diagnose.data.recording import Fault, Run
 from compare.diagnose.data.units import dimension
-
-if TYPE_CHECKING:
-    from compare.diagnose.data.measured import Run
 
 ORDERS = (3, 4, 6, 8, 10)  # of differences, tried for the noise
 FLOOR = 1e-7  # of a channel's range: what a noise-free signal is taken to be good for
@@ -42,21 +38,6 @@ CONVERSIONS: dict[str, dict[str, float]] = {
         "in revolutions per second": 0.5 / math.pi, "of the other sign": -1.0,
     },
 }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Fault:
-    """Something wrong with the data of a run that was handled; ``samples`` are affected and ``text`` says it in a sentence.
-
-    ``kind`` is clipped, outliers, constant, absent, noise, wrapped (one signal), gap, thinned (the run, ``signal`` is
-    ``time``), swapped or unit.
-    """
-
-    run: str
-    signal: str
-    kind: str
-    samples: int
-    text: str
 
 
 def noise(time: np.ndarray, values: np.ndarray) -> float:

@@ -19,6 +19,7 @@ from typing import TextIO
 import numpy as np
 
 from analytic.mechanism import Mechanism
+from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.data.units import UnitError, dimension, factor, listed, readable
 
 CELLS = 10_000_000  # read at most; 80 MB of numbers
@@ -26,10 +27,6 @@ ROWS = 8  # at least
 BLOCK = 1 << 20  # characters read at a time
 HEADER = 100_000  # characters; what has no line end in so many is no table
 DELIMITERS = (",", ";", "\t")
-
-
-class MeasuredError(ValueError):
-    """Measured data cannot be used; the message is one sentence with file, line or field, value and remedy."""
 
 
 @dataclass(frozen=True)

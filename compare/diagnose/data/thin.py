@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from compare.diagnose.data.quality import FLOOR
-
-if TYPE_CHECKING:
-    from compare.diagnose.data.measured import Run
+from compare.diagnose.data.recording import Run
 
 
 def picked(run: Run, every: int) -> Run:
