@@ -8,40 +8,10 @@ That damping also pulls while the pin leaves, which the spring-damper's does not
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from analytic.assembly import Assembly
-from sim_models.contact_laws import contact_parameters, lighter_mass
-from sim_models.engine import (
-    COMMON_EFFECTS,
-    JOINT_MODELS,
-    JointModel,
-    Motion,
-    Request,
-    SimulationError,
-    Trace,
-    Unsupported,
-    check_supported,
-    installed_version,
-)
-from sim_models.exudyn.equilibria import Equilibria, Inertia
-from sim_models.exudyn.laws import MINIMUM_IMPACT_SPEED, contact_restitution, joint_creep
-from sim_models.exudyn.linkage import Linkage
-from sim_models.exudyn.motor import INSTANT, SETTLING, Motor
-from sim_models.exudyn.record import Judge, Record, join
+from sim_models.engine import COMMON_EFFECTS, JOINT_MODELS, JointModel, Motion, Request, Trace, check_supported
 from sim_models.exudyn.settings import silence
-from sim_models.exudyn.steady import steady_start
-from sim_models.start import Course, poses, schedule, substeps
-
-TURN_PER_STEP = 2e-3  # rad of crank angle in a step, at most
-SWING_PER_STEP = 5e-4  # rad, of a released linkage's time scale: it has no motor to keep its phase
-STEPS_PER_PERIOD = 40  # of the lighter link on a contact's stiffness, or hanging on a massless link
 
 
 class Exudyn:
@@ -60,8 +30,9 @@ class Exudyn:
         by torque / stiffness, and ``steady`` is :func:`sim_models.exudyn.steady.crank_behind`.  Links are rigid: flexible ones
         are asked for from :func:`sim_models.exudyn.beams.flexible`.  Raises SimulationError, Unsupported or AssemblyError.
         """
+        from sim_models.exudyn.runs import Run
+
         check_supported(self, request)
-        _check_request(request)
         with silence():
             return Run(request).trace()
 
@@ -70,206 +41,8 @@ class Exudyn:
         from sim_models.exudyn.export import export
 
         check_supported(self, request)
-        _check_request(request)
         with silence():
             return export(request, folder)
 
 
 ENGINE = Exudyn()
-
-
-def _check_request(request: Request) -> None:
-    m = request.mechanism
-    moving = request.motion == "driven"
-    measured = m.drive is not None and m.drive.speed == "measured"
-    if request.course is not None:
-        if not moving or (m.speed is None and not measured):
-            raise Unsupported(f"{m.name}: a course is for a driven run of a drive that is not free")
-    elif moving and measured:
-        raise Unsupported(f"{m.name}: a measured drive follows a course; give Request.course, or drive.speed in rad/s")
-    elif moving and m.speed is None:
-        if request.time is None or not request.time.size or request.time.min() < 0:
-            raise Unsupported(f"{m.name}: a released linkage is asked for by time (s, from 0 on); give Request.time")
-    elif not request.crank_angle.size:
-        raise Unsupported(f"{m.name}: no crank angle is asked for; give Request.crank_angle")
-    if request.joint_model == "massless-link" and moving and request.start == "centred" and m.clearances:
-        raise Unsupported("exudyn: a massless link is as long as the clearance and cannot start with its pin centred; use start 'steady'")
-    rubbing = [j.name for j in m.joints if j.clearance and j.friction]
-    if rubbing and request.joint_model == "contact" and not moving:
-        raise Unsupported(
-            f"exudyn: contact friction (joint {rubbing[0]}) depends on the sliding speed and vanishes at rest; run it driven, or give friction_torque"
-        )
-
-
-class Run:
-    """One request being run."""
-
-    def __init__(self, request: Request) -> None:
-        self.request, self.m = request, request.mechanism
-        self.assembly = Assembly(self.m)
-        self.clearance = self.m.clearances if request.joint_model != "ideal" else {}
-        compliant = self.clearance if request.joint_model in ("spring-damper", "contact") else {}
-        self.contact = {name: contact_parameters(self.m, self.m.joint(name), request.motion) for name in compliant}
-        self.judge = Judge(self.m, self.clearance, {name: law.stiffness for name, law in self.contact.items()})
-
-    def trace(self) -> Trace:
-        if self.request.motion == "static":
-            return self.static()
-        return self.driven() if self.request.course is not None or self.m.speed is not None else self.released()
-
-    # ---------------------------------------------------------------- motions
-
-    def static(self) -> Trace:
-        equilibria = Equilibria(self.request, self.assembly, self.m.speed or 1.0)
-        order = np.argsort(self.request.crank_angle, kind="stable")
-        found = join([equilibria.at(equilibria.crank(float(theta))) for theta in self.request.crank_angle[order]])
-        self.check(self.judge.finite(found), self.judge.joined(found), self.judge.in_assembly_mode(found, self.assembly))
-        return self.report(found.rows(np.argsort(order)), found)
-
-    def driven(self) -> Trace:
-        motor, passing, time = self.follow() if self.request.course is not None else self.turn()
-        order = np.argsort(passing, kind="stable")
-        if self.m.drive is not None and self.m.drive.stiffness is not None:
-            self.judge = replace(self.judge, motor=motor)
-        linkage, longest = self.launch(motor)
-        history, marks = self.march(linkage, passing[order], longest, motor)
-        self.check(self.judge.energy(history), self.judge.in_assembly_mode(history, self.assembly))
-        return self.report(history.rows(marks[np.argsort(order)]), history.rows(slice(int(marks[0]), None)), time, longest)
-
-    def turn(self) -> tuple[Motor, np.ndarray, np.ndarray]:
-        """A motor of constant speed, when (s) in the run it passes each requested angle, and when after the first of them."""
-        plan = schedule(self.request)
-        start = float(plan.theta[0]) - math.copysign(self.request.lead_in, plan.speed)
-        self.assembly.path(min(start, *plan.theta), max(start, *plan.theta))  # refuses a change point on the way
-        time = plan.time[np.argsort(plan.order)]
-        return Motor.at_speed(start, plan.speed), time + self.request.lead_in / abs(plan.speed), time
-
-    def follow(self) -> tuple[Motor, np.ndarray, np.ndarray]:
-        """A motor on a course, when (s) in the run each report is wanted, and when on the course."""
-        course, time = Course.of(self.request), np.asarray(self.request.time, float)
-        motor = Motor.along(course)
-        self.assembly.path(*motor.range)
-        return motor, time - course.spline.x[0] + motor.begins, time
-
-    def released(self) -> Trace:
-        time = np.asarray(self.request.time, float)
-        order = np.argsort(time, kind="stable")
-        linkage, longest = self.launch(None)
-        history, marks = self.march(linkage, time[order], longest)
-        self.check(self.judge.energy(history))
-        return self.report(history.rows(marks[np.argsort(order)]), history, time, longest)
-
-    # ---------------------------------------------------------------- start
-
-    def launch(self, motor: Motor | None) -> tuple[Linkage, float]:
-        """The linkage ready to go, and its longest step (s)."""
-        r, m = self.request, self.m
-        pressing: dict[str, float] = {}
-        inertia = None if motor else self.release_accelerations()
-        theta = float(motor.angle(0.0)) if motor else self.assembly.start
-        start = poses(self.assembly, theta, float(motor.rate(0.0)) if motor else r.start_speed)
-        stiffness = m.drive.stiffness if m.drive is not None and motor else None
-        if stiffness is not None or (self.clearance and r.start == "steady"):
-            resting = r if r.start == "steady" else Request(m.with_clearances({}), motion="driven")
-            equilibria = Equilibria(resting, self.assembly, 0.0, joint_creep(motor))
-            if motor:
-                start, here = steady_start(equilibria, motor, stiffness)
-            else:
-                here = equilibria.at(theta, inertia)
-                gaps = {name: complex(here.gap[name][0]) for name in self.clearance}
-                start = poses(self.assembly, theta, r.start_speed, lambda _: gaps)
-            pressing = {name: abs(force[0]) for name, force in here.force.items()}
-        linkage = Linkage(m, r.joint_model, "driven", start, motor=motor)
-        return linkage, r.step or self.longest_step(linkage, motor, inertia, pressing)
-
-    def release_accelerations(self) -> Inertia:
-        """Accelerations of the ideal linkage as it is let go at rest."""
-        linkage = Linkage(self.m, "ideal", "driven", poses(self.assembly, self.assembly.start))
-        self.advance(linkage, 0.0, INSTANT, 1)
-        found = linkage.accelerations()
-        return Inertia({name: a for name, (a, _) in found.items()}, {name: w for name, (_, w) in found.items()})
-
-    def longest_step(self, linkage: Linkage, motor: Motor | None, inertia: Inertia | None, pressing: Mapping[str, float]) -> float:
-        if motor is None:
-            assert inertia is not None
-            rate = max(math.sqrt(abs(w)) for w in inertia.angular.values())
-            steps = [SWING_PER_STEP / max(rate, 1.0)]
-        else:
-            steps = [TURN_PER_STEP / max(motor.top_speed, 1.0), motor.longest_step]
-        for name, clearance in linkage.clearance.items():
-            stiffness = linkage.stiffness(name) if self.request.joint_model != "massless-link" else pressing[name] / clearance
-            steps.append(2 * math.pi * math.sqrt(lighter_mass(self.m, self.m.joint(name)) / stiffness) / STEPS_PER_PERIOD)
-        return min(steps)
-
-    # ---------------------------------------------------------------- stepping
-
-    def march(self, linkage: Linkage, times: np.ndarray, longest: float, motor: Motor | None = None) -> tuple[Record, np.ndarray]:
-        """Integrate from 0 through all times (s, sorted): every step, and the row of each time."""
-        parts, clock = [self.advance(linkage, 0.0, INSTANT, 1).rows(slice(0, 1))], INSTANT
-        onward, stops = motor is not None and not motor.steady, np.unique(times)
-        if motor is not None and onward:
-            parts, clock = [self.advance(linkage, clock, motor.begins, 0).rows(slice(1, None))], motor.begins
-            stops = np.union1d(times, motor.knots_between(times, longest))
-        ends, rows = [clock], [0]
-        for end in stops[stops > clock]:
-            if onward and end - clock > 10 * SETTLING:
-                self.advance(linkage, clock, clock + SETTLING, 0)
-                clock += SETTLING
-            count, _ = substeps(end - clock, longest)
-            parts.append(self.advance(linkage, clock, float(end), count, onward).rows(slice(1, None)))
-            clock = float(end)
-            ends.append(clock)
-            rows.append(rows[-1] + parts[-1].time.size)
-        return join(parts), np.array(rows)[np.searchsorted(ends, times)]
-
-    def advance(self, linkage: Linkage, begin: float, end: float, count: int, onward: bool = False) -> Record:
-        """Integrate in ``count`` steps, or settle in one (count 0)."""
-        if not (linkage.advance(begin, end, count, onward) if count else linkage.settle(begin, end)):
-            raise self.failure(f"the integrator gave up between {begin:.6g} and {end:.6g} s (step {(end - begin) / max(count, 1):.3g} s)")
-        record = linkage.history()
-        self.check(self.judge.finite(record), self.judge.joined(record))
-        return record
-
-    # ---------------------------------------------------------------- judging and reporting
-
-    def failure(self, why: str) -> SimulationError:
-        r = self.request
-        return SimulationError(f"exudyn {r.joint_model} {r.motion} ({self.m.name}): {why}; use a smaller step or a softer, more damped contact")
-
-    def check(self, *wrong: str | None) -> None:
-        """Raise SimulationError with the first of the judge's objections."""
-        for why in wrong:
-            if why:
-                raise self.failure(why)
-
-    def report(self, sampled: Record, dense: Record, time: np.ndarray | None = None, step: float | None = None) -> Trace:
-        """The trace: signals at the sampled instants, the pins' paths and free share over the dense record."""
-        r = self.request
-        free = dict.fromkeys(self.clearance, 0.0)
-        if r.joint_model != "massless-link":
-            free = {name: dense.free_share(name, clearance) for name, clearance in self.clearance.items()}
-        return Trace(
-            simulator=ENGINE.name, version=installed_version(ENGINE.package) or "unknown", joint_model=r.joint_model, motion=r.motion,
-            crank_angle=np.array(r.crank_angle, float) if r.crank_angle.size else sampled.angle[self.m.driven].copy(), time=time,
-            signals=sampled.signals(), clearance=dict(self.clearance), free_share=free,
-            journal={name: np.column_stack([dense.gap[name].real, dense.gap[name].imag]) for name in self.clearance},
-            settings=self.settings(step),
-        )  # fmt: skip
-
-    def settings(self, step: float | None) -> dict[str, Any]:
-        r = self.request
-        used: dict[str, Any] = {"solver": "static Newton" if r.motion == "static" else "trapezoidal rule, index 2", "step": step}
-        laws = self.contact
-        if not laws:
-            return used
-        joints = {name: self.m.joint(name) for name in laws}
-        used["contact_stiffness"] = min(law.stiffness for law in laws.values())
-        linear = {name for name, joint in joints.items() if r.joint_model == "spring-damper" or joint.contact_damping is not None}
-        if linear:
-            used["contact_law"] = "max(0, K d + C d')" if r.joint_model == "spring-damper" else "K d + C d'"
-            used["contact_damping"] = {name: laws[name].damping for name in sorted(linear)}
-        else:
-            used["contact_law"] = "K d (1 + chi d'/v0), Carvalho-Martins 2019 (e > 1/3) or Gonthier et al. 2004"
-            used["minimum_impact_speed"] = MINIMUM_IMPACT_SPEED
-        bouncing = {name: contact_restitution(self.m, joints[name], laws[name]) for name in joints if name not in linear}
-        return used | ({"restitution": bouncing} if bouncing else {})

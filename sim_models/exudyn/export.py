@@ -12,11 +12,11 @@ import numpy as np
 from analytic.mechanism import MASS_CENTRE, Body, Joint
 from sim_models.engine import Request, Unsupported
 from sim_models.export_files import expected, lines
-from sim_models.exudyn.engine import Run
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.linkage import HALVED, Linkage
 from sim_models.exudyn.motor import Motor
 from sim_models.exudyn.record import Record
+from sim_models.exudyn.runs import Run
 
 CONTACT = (
     "spheresRadii", "isHollowSphere1", "contactStiffness", "contactDamping", "impactModel", "restitutionCoefficient",
