@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from compare.diagnose.measured_file import Entry, read_file
+from compare.diagnose.data.measured_file import Entry, read_file
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism_file import load
