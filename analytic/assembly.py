@@ -136,7 +136,7 @@ class Assembly:
         for group in self.structure.groups:
             if group in self._branch:
                 margin = solve_dyad(self.structure, group, columns, u, self._branch[group])
-                self._check_passage(theta, margin, group)
+                self._check_passage(theta, margin, group, u)
             else:
                 self._creep(theta, group, columns, u)
             for i in group.coordinates:
@@ -196,27 +196,28 @@ class Assembly:
             columns[:, k], u[:, k], before = one[:, 0], here[:, 0], determinant
             near = here + (here - u[:, k - 1 : k] if k else 0)
 
-    def _check_passage(self, theta: np.ndarray, margin: np.ndarray, group: Group) -> None:
-        """Refuse a walk on which the group's margin sinks to zero, at or between its angles."""
+    def _check_passage(self, theta: np.ndarray, margin: np.ndarray, group: Group, u: np.ndarray) -> None:
+        """Refuse a walk, its coordinates ``u``, on which the group's margin sinks to zero, at or between its angles."""
         self._refuse(theta, margin, group, False)
         beside = np.concatenate([[np.inf], margin, [np.inf]])
         for k in np.flatnonzero((margin <= beside[:-2]) & (margin <= beside[2:]) & (margin < 0.1)).tolist():
             low, high = theta[max(k - 1, 0)], theta[min(k + 1, theta.size - 1)]
             for _ in range(5):
                 zoom = np.linspace(low, high, 41)
-                fine = self._margin(zoom, group)
+                fine = self._margin(zoom, group, u[:, k : k + 1])
                 j = int(np.argmin(fine))
                 low, high = zoom[max(j - 1, 0)], zoom[min(j + 1, 40)]
             if fine[j] < CHANGE_POINT:
                 raise self._change_point(group, zoom[j])
 
-    def _margin(self, theta: np.ndarray, group: Group) -> np.ndarray:
+    def _margin(self, theta: np.ndarray, group: Group, near: np.ndarray) -> np.ndarray:
+        """A dyad's margin at angles within a step of the walk from where the coordinates are ``near``."""
         u, columns = self._driven_to(theta)
         for g in self.structure.groups:
             if g in self._branch:
                 margin = solve_dyad(self.structure, g, columns, u, self._branch[g])
             else:
-                newton(self.structure, g, columns, u, self._walk(np.linspace(self.start, theta[0], 90))[:, -1:], theta)
+                newton(self.structure, g, columns, u, near, theta)
             if g is group:
                 break
         return margin

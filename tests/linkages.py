@@ -120,3 +120,62 @@ crank = 0.3
 def scotch_yoke() -> Mechanism:
     """Two prismatic joints in one dyad: the yoke moves as the cosine of the crank angle."""
     return loads(SCOTCH_YOKE)
+
+
+DYAD_ON_A_TRIAD = """
+name = "dyad on a triad"
+gravity = [0.0, -9.81]
+[ground]
+points = { D = [0.0, 0.0], E = [0.12, 0.0], G = [0.2, 0.06], H = [0.3, 0.15] }
+[[body]]
+name = "crank"
+points = { D = [0.0, 0.0], A = [0.02, 0.0] }
+mass = 0.04
+[[body]]
+name = "link"
+points = { A = [0.0, 0.0], C = [0.1, 0.0] }
+mass = 0.05
+[[body]]
+name = "plate"
+points = { C = [0.0, 0.0], B = [0.05, 0.03], F = [0.06, -0.02] }
+mass = 0.14
+[[body]]
+name = "left"
+points = { E = [0.0, 0.0], B = [0.1, 0.0] }
+mass = 0.08
+[[body]]
+name = "right"
+points = { G = [0.0, 0.0], F = [0.05, 0.0], T = [0.05, 0.03] }
+mass = 0.08
+[[body]]
+name = "connector"
+points = { T = [0.0, 0.0], U = [0.0974, 0.0] }
+mass = 0.05
+[[body]]
+name = "output"
+points = { H = [0.0, 0.0], U = [0.0974, 0.0] }
+mass = 0.05
+""" + "".join(
+    f'[[joint]]\nname = "{name}"\ntype = "revolute"\nbodies = ["{first}", "{second}"]\n'
+    for name, first, second in (
+        ("D", "ground", "crank"), ("A", "crank", "link"), ("C", "plate", "link"), ("B", "plate", "left"), ("E", "left", "ground"),
+        ("F", "right", "plate"), ("G", "ground", "right"), ("T", "right", "connector"), ("U", "connector", "output"), ("H", "ground", "output"),
+    )
+) + """
+[drive]
+joint = "D"
+speed = -6.0
+[assembly]
+crank = 0.3
+link = 0.7156
+plate = -0.1039
+left = 1.293
+right = -2.8453
+connector = 0.9134
+output = -2.5266
+"""  # fmt: skip
+
+
+def dyad_on_a_triad() -> Mechanism:
+    """A group of four bodies that Newton's method solves, and on it a dyad whose bodies come within 17 deg of being in line."""
+    return loads(DYAD_ON_A_TRIAD)

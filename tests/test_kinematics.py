@@ -9,7 +9,7 @@ from analytic.assembly import Assembly, AssemblyError
 from analytic.kinematics import Gap, kinematics
 from analytic.mechanism import Mechanism
 from analytic.mechanism_file import load
-from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
+from linkages import dyad_on_a_triad, inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
 
 FULL_TURN = np.linspace(-4.0, 9.0, 157)
 LINKAGES = {
@@ -20,6 +20,7 @@ LINKAGES = {
     "inverted slider": (inverted_slider(), FULL_TURN),
     "scotch yoke": (scotch_yoke(), FULL_TURN),
     "six-bar driven from the rocker": (six_bar_driven_from_the_rocker(), np.linspace(1.7, 2.8, 23)),
+    "dyad on a triad": (dyad_on_a_triad(), np.linspace(-0.2, 0.75, 20)),
 }
 each_linkage = pytest.mark.parametrize(("mechanism", "theta"), LINKAGES.values(), ids=LINKAGES)
 
