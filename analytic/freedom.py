@@ -2,7 +2,8 @@
 
 The drive torque that a motion needs is  M(theta) alpha + M'(theta)/2 omega^2 + c(theta) omega + f(theta) sign(omega) + g(theta).
 Its five coefficients are read off kinetostatics at six states of each crank angle, once; a free motion is then a small
-ordinary differential equation, which is integrated for all linkages of a batch at the same time.
+ordinary differential equation, which is integrated for all linkages of a batch at the same time.  At rest friction holds whatever
+is no larger than itself: |g| <= f.
 """
 
 from __future__ import annotations
@@ -31,16 +32,16 @@ class Freedom:
     @classmethod
     def of(cls, assembly: Assembly) -> Freedom:
         """The freedom of a linkage whose crank turns fully.  Raises AssemblyError where it does not."""
-        theta = np.arange(POINTS) * 2 * math.pi / POINTS
+        return cls(coefficients(assembly, np.arange(POINTS) * 2 * math.pi / POINTS))
 
-        def torque(omega: float, alpha: float = 0.0) -> np.ndarray:
-            return kinetostatics(kinematics(assembly, theta, omega, alpha)).drive_torque
 
-        g = torque(0.0)
-        ahead, astern = torque(1.0) - g, torque(-1.0) - g
-        twice = (torque(2.0) - torque(-2.0)) / 2
-        once = (ahead - astern) / 2
-        return cls(np.array([torque(0.0, 1.0) - g, (ahead + astern) / 2, twice - once, 2 * once - twice, g]))
+def coefficients(assembly: Assembly, theta: np.ndarray) -> np.ndarray:
+    """M, M'/2, c, f, g (5, N) at crank angles theta (N,) rad.  Raises AssemblyError where the linkage does not reach them."""
+    omega, alpha = np.array([0.0, 0.0, 1.0, -1.0, 2.0, -2.0]), np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    states = np.tile(theta, omega.size), np.repeat(omega, theta.size), np.repeat(alpha, theta.size)
+    g, pushed, ahead, astern, faster, reverse = kinetostatics(kinematics(assembly, *states)).drive_torque.reshape(omega.size, -1)
+    once, twice = (ahead - astern) / 2, (faster - reverse) / 2
+    return np.array([pushed - g, (ahead + astern) / 2 - g, twice - once, 2 * once - twice, g])
 
 
 def swing(freedoms: Sequence[Freedom], start: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

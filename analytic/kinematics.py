@@ -13,6 +13,7 @@ import numpy as np
 
 from analytic.assembly import Assembly, Path
 from analytic.closure import AssemblyError, partials
+from analytic.mechanism import Joint
 from analytic.structure import Group, Structure
 
 BLOCK = 4096  # crank angles worked on at once: their temporary arrays stay in the processor's cache
@@ -82,8 +83,22 @@ class Motion:
 
     def travel(self, joint: str) -> tuple[np.ndarray, np.ndarray]:
         """Travel (m) of a prismatic joint and its rate (m/s)."""
-        i = next(i for i, c in enumerate(self.structure.coordinates) if c.joint == joint and not c.bodies)
+        i = self._slide(joint)
         return self.coordinates[i], self.rates[i]
+
+    def slip(self, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
+        """Rate and acceleration of a joint's second body on its first: rad/s and rad/s^2, or m/s and m/s^2."""
+        if joint.prismatic:
+            i = self._slide(joint.name)
+            return self.rates[i], self.accelerations[i]
+        first, second = joint.bodies
+        return (
+            self.angular_velocity(second) - self.angular_velocity(first),
+            self.angular_acceleration(second) - self.angular_acceleration(first),
+        )
+
+    def _slide(self, joint: str) -> int:
+        return next(i for i, c in enumerate(self.structure.coordinates) if c.joint == joint and not c.bodies)
 
     def _turn(self, values: np.ndarray, body: str) -> np.ndarray:
         column = self.structure.body_column(body)

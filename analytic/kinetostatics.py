@@ -49,11 +49,11 @@ class Reactions:
         return out | {"drive_torque": self.drive_torque}
 
 
-def kinetostatics(motion: Motion, inertia: bool = True) -> Reactions:
+def kinetostatics(motion: Motion, inertia: bool = True, grip: np.ndarray | None = None) -> Reactions:
     """Reactions and drive torque for gravity, loads, joint springs, friction, dampers and, with ``inertia``, motion.
 
     Without ``inertia`` the linkage is in static equilibrium at each angle; the motion's velocities then only give
-    Coulomb friction its direction and dampers do nothing.
+    Coulomb friction its direction and dampers do nothing.  ``grip`` (N,) is the share of it that acts: all, unless the linkage sticks.
     """
     s, n = motion.structure, motion.theta.size
     order = [j.name for j in s.mechanism.joints]
@@ -61,19 +61,22 @@ def kinetostatics(motion: Motion, inertia: bool = True) -> Reactions:
     drive_torque = np.empty(n)
     work = np.empty((s.n_columns, min(n, BLOCK)), complex)  # the same memory for every block
     for block in blocks(n):
-        *parts, drive_torque[block] = _balance(motion.part(block), inertia, work[:, : block.stop - block.start])
+        share = 1.0 if grip is None else grip[block]
+        *parts, drive_torque[block] = _balance(motion.part(block), inertia, share, work[:, : block.stop - block.start])
         for whole, part in zip(found, parts, strict=True):
             for name, values in part.items():
                 whole[name][block] = values
     return Reactions(motion, *found, drive_torque)
 
 
-def _balance(motion: Motion, inertia: bool, work: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
+def _balance(
+    motion: Motion, inertia: bool, grip: np.ndarray | float, work: np.ndarray
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
     """Forces and moments of the joints and the drive torque, as in Reactions; ``work`` (n_columns, N) complex is written over."""
     s = motion.structure
     _work_of_forces(motion, inertia, work)
-    torque = _torques(motion, inertia)
-    travel_force = {j.name: joint_law(j, *motion.travel(j.name), motion.rates[0], moving=inertia) for j in s.mechanism.joints if j.prismatic}
+    torque = _torques(motion, inertia, grip)
+    travel_force = {j.name: joint_law(j, *motion.travel(j.name), motion.rates[0], inertia, grip) for j in s.mechanism.joints if j.prismatic}
     for group in reversed(s.groups):
         generalised = np.array([_generalised(motion, i, work, torque, travel_force) for i in group.coordinates])
         closing = solve_forces(motion.jacobians[group], generalised, s, group)
@@ -110,7 +113,7 @@ def _work_of_forces(motion: Motion, inertia: bool, work: np.ndarray) -> None:
         add(load.body, load.point, complex(*load.force))
 
 
-def _torques(motion: Motion, inertia: bool) -> np.ndarray:
+def _torques(motion: Motion, inertia: bool, grip: np.ndarray | float) -> np.ndarray:
     """(bodies, N) applied and inertia torques (N.m) on each body."""
     s = motion.structure
     torque = np.zeros((len(s.bodies), motion.theta.size))
@@ -127,18 +130,33 @@ def _torques(motion: Motion, inertia: bool) -> np.ndarray:
                 motion.angle(second) - motion.angle(first),
                 motion.angular_velocity(second) - motion.angular_velocity(first),
                 motion.rates[0],
-                moving=inertia,
+                inertia,
+                grip,
             )
             torque[s.body_column(second)] += law
             torque[s.body_column(first)] -= law
     return torque
 
 
-def joint_law(joint: Joint, position: np.ndarray, rate: np.ndarray, crank: np.ndarray, moving: bool) -> np.ndarray:
+def joint_law(joint: Joint, position: np.ndarray, rate: np.ndarray, crank: np.ndarray, moving: bool, grip: np.ndarray | float = 1.0) -> np.ndarray:
     """Torque (N.m; prismatic: force, N) of a joint's friction, damper and spring on its second body; no friction at a dead centre."""
     damping = joint.damping if moving else 0.0
     slip = np.sign(rate) * (np.abs(rate) > DEAD_CENTRE * np.abs(crank))
-    return -joint.coulomb * slip - damping * rate - joint.stiffness * (position - joint.rest_angle)
+    return -joint.coulomb * grip * slip - damping * rate - joint.stiffness * (position - joint.rest_angle)
+
+
+def friction_turns(motion: Motion, within: float = 0.0) -> dict[str, np.ndarray]:
+    """Where (N,) a joint's Coulomb friction has no direction, by joint with friction: its slip reverses within so many rad of crank.
+
+    For a crank that turns evenly.  With 0 it is only at the reversal itself.
+    """
+    found = {}
+    for joint in motion.structure.mechanism.joints:
+        if joint.coulomb:
+            rate, bend = motion.slip(joint)
+            crank = np.abs(motion.rates[0])
+            found[joint.name] = np.abs(rate) * crank <= np.maximum(DEAD_CENTRE * crank**2, within * np.abs(bend))
+    return found
 
 
 def _turning_work(motion: Motion, bodies: tuple[int, ...], riding: tuple[int, ...], work: np.ndarray, torque: np.ndarray) -> np.ndarray:

@@ -12,11 +12,14 @@ from analytic.assembly import Assembly
 from analytic.clearance import Model, displaced
 from analytic.compliance import compliance
 from analytic.kinematics import kinematics
+from analytic.kinetostatics import friction_turns
 from analytic.mechanism import GROUND
 from analytic.released import released
 from compare.discrepancy import ANGULAR, difference
 from compare.signals import UNITS, compared, with_derived
 from sim_models.engine import Motion
+
+REVERSAL = 5e-3  # rad of crank to either side of where a joint's sliding reverses: presliding there, and a simulation's step
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,8 @@ def yardstick(assembly: Assembly, theta: np.ndarray, motion: Motion, model: Mode
         if apart is not None:
             order[name] = {"unit": UNITS[kind], "max": apart.max, "rms": apart.rms, "at_crank_angle": float(theta[apart.at])}
     ideal = {body.name: found.ideal.motion.angle(body.name) for body in mechanism.bodies}
-    return Yardstick(signals[model], ideal, order, found.flags)
+    turning = friction_turns(found.ideal.motion, REVERSAL if motion == "driven" else 0.0)
+    return _without({i: why for i, why in _reversals(turning).items() if i not in found.flags}, Yardstick(signals[model], ideal, order, found.flags))
 
 
 def with_flexible_links(side: Yardstick, assembly: Assembly, theta: np.ndarray) -> Yardstick:
@@ -78,5 +82,31 @@ def _axes(vector: np.ndarray) -> tuple[tuple[str, np.ndarray], tuple[str, np.nda
 def released_yardstick(assembly: Assembly, time: np.ndarray) -> Yardstick:
     """The analytic motion of a linkage released at rest, at times (N,) s."""
     found = released(assembly, time)
-    ideal = {body.name: found.motion.angle(body.name) for body in assembly.mechanism.bodies}
-    return Yardstick(with_derived(found.signals(), assembly.mechanism), ideal, {}, {})
+    mechanism, reactions = assembly.mechanism, found.reactions
+    ideal = {body.name: reactions.motion.angle(body.name) for body in mechanism.bodies}
+    signals = with_derived(reactions.signals(), mechanism)
+    rubbing = [joint.name for joint in mechanism.joints if joint.coulomb]
+    why = f"at rest, where nothing says how friction in {' and '.join(rubbing)} share what they hold"
+    flags = {int(i): why for i in np.flatnonzero(found.held)} if len(rubbing) > 1 else {}
+    flags |= {int(i): "the linkage turns back here, and its friction has no direction" for i in np.flatnonzero(found.turning)}
+    return _without(flags, Yardstick(signals, ideal, {}, {}))
+
+
+def _reversals(turning: Mapping[str, np.ndarray]) -> dict[int, str]:
+    """Why there is no answer where a joint's friction has no direction, by sample."""
+    return {
+        int(i): f"the sliding at {joint} reverses here, and its friction has no direction"
+        for joint, here in turning.items()
+        for i in np.flatnonzero(here)
+    }
+
+
+def _without(flags: Mapping[int, str], side: Yardstick) -> Yardstick:
+    """A side without the samples that are flagged."""
+    if not flags:
+        return side
+    silent = list(flags)
+    signals = {name: np.array(values) for name, values in side.signals.items()}
+    for values in signals.values():
+        values[silent] = np.nan
+    return replace(side, signals=signals, flags={**side.flags, **flags})

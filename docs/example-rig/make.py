@@ -9,10 +9,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from compare.diagnose.data.measured_file import Entry, read_file
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism_file import load
+from compare.diagnose.data.measured_file import Entry, read_file
 from sim_models.engine import Request, engine
 
 HERE = Path(__file__).parent
