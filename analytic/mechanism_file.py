@@ -41,7 +41,7 @@ def load(case: str | Path) -> Mechanism:
         hint = f"; did you mean {close[0]!r}" if close else ""
         raise MechanismError(f"{case}: no such mechanism file or case{hint}; the cases are {', '.join(shipped_cases())}")
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise MechanismError(f"{case}: cannot be read as UTF-8 text ({error}); give a TOML file") from None
     return loads(text, source=str(case))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+import traceback
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -40,7 +42,14 @@ app = typer.Typer(
 def main() -> None:
     """Entry point of the console command."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # our matrices are small: threads cost more than they bring
-    app(prog_name="compare")
+    try:
+        app(prog_name="compare")
+    except Exception as error:  # noqa: BLE001 - Python's own status for it is 1, which means that the two sides disagree
+        traceback.print_exc()
+        typer.echo(
+            f"compare: unforeseen fault ({type(error).__name__}: {error}); it is this program's: please report it with the lines above", err=True
+        )
+        raise SystemExit(Exit.SIMULATOR_FAILED) from None
 
 
 @app.callback(invoke_without_command=True)
@@ -79,7 +88,7 @@ def compare(
         tolerances = load_tolerances(tolerance)
         mechanism = _mechanism(case, clearance)
         job = _job(mechanism, simulator, joint, motion, angles, analytic, tolerances, caught, flexible)
-        folder = _folder(out or Path("reports") / f"{file_name(mechanism.name)}-{simulator}")
+        folder = output_folder(out or Path("reports") / f"{file_name(mechanism.name)}-{simulator}")
         result = _run(job)
         for text in result["warnings"][len(job.warnings) :]:
             typer.echo(text, err=True)
@@ -116,10 +125,6 @@ def _mechanism(case: str, clearance: str | None) -> Mechanism:
     return mechanism if clearance is None else mechanism.with_clearances(metres_by_joint(clearance, "--clearance", mechanism))
 
 
-def _folder(path: Path) -> Path:
-    return output_folder(path)
-
-
 def _job(
     mechanism: Mechanism,
     simulator: str,
@@ -143,6 +148,8 @@ def _job(
     released = mechanism.speed is None and motion is MotionChoice.driven
     if released and angles is not None:
         raise OptionError(f"--angles {angles}: {mechanism.name} swings freely and is compared over time; leave --angles out")
+    if released:
+        _ideal_joints(mechanism, joint)
     theta = parse_angles(angles) if angles else default_angles(assembly)
     assembly.path(theta.min(), theta.max())
     return Job(
@@ -159,6 +166,16 @@ def _job(
         warnings=tuple(caught),
         flexible=flexible,
     )
+
+
+def _ideal_joints(mechanism: Mechanism, joint: JointChoice | None) -> None:
+    """A linkage that swings freely has an analytic side with ideal joints only.  Raises OptionError; warns of clearance left out."""
+    if joint not in (None, JointChoice.ideal):
+        why = "the analytic model has no clearance in a free motion; leave --joint out, or give drive.speed in rad/s"
+        raise OptionError(f"--joint {joint}: {mechanism.name} swings freely and is compared with ideal joints, as {why}")
+    if mechanism.clearances:
+        text = f"{mechanism.name} swings freely and is compared with ideal joints only: clearance in {', '.join(mechanism.clearances)} is left out"
+        warnings.warn(text, stacklevel=2)
 
 
 def _with_beams(simulators: tuple[str, ...], asked: str, mechanism: Mechanism, motion: MotionChoice) -> tuple[str, ...]:

@@ -37,6 +37,10 @@ BAD_INPUT = {
     "a clearance without a number": (["--clearance", "B"], ["--clearance B", "JOINT=metres"]),
     "a negative clearance": (["--clearance", "B=-1e-4"], ["B=-1e-4", "0 or more"]),
     "a clearance larger than a link": (["--clearance", "B=0.5"], ["joint 'B'", "0.5", "not smaller than body"]),
+    "a clearance joint model for a linkage that swings freely": (
+        ["--case", "pendulum", "--clearance", "O=1e-4", "--joint", "contact"],
+        ["--joint contact", "pendulum swings freely", "leave --joint out"],
+    ),
     "a missing tolerance file": (["--tolerance", "none.toml"], ["--tolerance none.toml", "cannot be read"]),
     "angles out of all bounds": (["--joint", "ideal", "--angles", "1e17:1e17:1"], ["--angles 1e17", "1e+06"]),
     "a joint model without a clearance": (["--case", "crank-rocker", "--joint", "contact"], ["contact", "--clearance"]),
@@ -144,6 +148,38 @@ def test_a_released_pendulum_is_compared_over_time(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     run = json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))["runs"][0]
     assert len(run["time"]) == len(run["simulated"]["pendulum_angle"]) == 101
+
+
+def test_clearance_of_a_linkage_that_swings_freely_is_left_out_aloud(tmp_path: Path) -> None:
+    done = compare("--simulator", "mujoco", "--case", "pendulum", "--clearance", "O=1e-4", "--out", "o", cwd=tmp_path)
+    assert done.returncode == 0
+    assert "clearance in O is left out" in done.stderr
+    assert "clearance in O is left out" in (tmp_path / "o" / "report.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+def test_friction_has_no_direction_at_a_dead_centre_and_nothing_is_judged_there(engine: str, tmp_path: Path) -> None:
+    rubbing = load("slider-crank").with_joint("S", friction=20.0)
+    done = compare("--simulator", engine, "--case", saved(tmp_path, dumps(rubbing)), "--joint", "ideal", "--out", "o", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    run = json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))["runs"][0]
+    assert list(run["flags"]) == ["0", "36"]  # 0 and 180 deg
+    assert all("S reverses" in why for why in run["flags"].values())
+    assert run["analytic"]["reaction_B_x"][0] is None
+    assert run["analytic"]["reaction_B_x"][1] is not None
+
+
+def test_a_file_that_begins_as_windows_has_it_is_read(tmp_path: Path) -> None:
+    path = saved(tmp_path, "\ufeff" + PAPER)
+    done = compare("--simulator", "mujoco", "--case", path, "--joint", "ideal", "--angles", "30:60:30", "--out", "o", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+def test_an_unforeseen_fault_is_no_disagreement(tmp_path: Path) -> None:
+    broken = "import compare.cli as cli; cli.app = lambda **_: 1 / 0; cli.main()"
+    done = subprocess.run([sys.executable, "-c", broken], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 3
+    assert "unforeseen fault (ZeroDivisionError: division by zero)" in done.stderr
 
 
 @pytest.mark.parametrize(("field", "value"), [("stiffness", 100.0), ("ripple", Ripple(amplitude=0.01, harmonic=2))])

@@ -61,7 +61,7 @@ def read_file(path: Path) -> MeasuredFile:
         raise MeasuredError(f"{path}: no such file; give a measured.toml")
     fields: dict[str, Any] = {}
     try:
-        fields = tomllib.loads(path.read_text(encoding="utf-8"))
+        fields = tomllib.loads(path.read_text(encoding="utf-8-sig"))
         return MeasuredFile.model_validate(fields)
     except ValidationError as error:
         raise MeasuredError(f"{path.name}: {'; '.join(describe(error, fields, MeasuredFile))}") from None
