@@ -47,8 +47,8 @@ def coefficients(assembly: Assembly, theta: np.ndarray) -> np.ndarray:
 def swing(freedoms: Sequence[Freedom], start: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Angles (P, N) rad, rates (P, N) rad/s and accelerations (P, N) of P linkages released at ``start`` (P, 2), at times (N,) s from 0.
 
-    Runge-Kutta of fourth order, at most 1 ms and one degree a step; friction turns from one sign to the other within the
-    speed that it takes away in one step.  A motion that diverges is NaN from there on.
+    Runge-Kutta of fourth order, at most 1 ms and one degree a step; a step in which the crank comes to rest is parted there,
+    where friction turns with it or holds it.  A motion that diverges is NaN from there on.
     """
     tables = np.stack([f.table for f in freedoms])  # (P, 5, POINTS)
     tables = np.ascontiguousarray(np.concatenate([tables[..., -1:], tables, tables[..., :2]], axis=-1))
@@ -66,7 +66,7 @@ def _integrator() -> Callable[[np.ndarray, np.ndarray, np.ndarray, float, np.nda
 
     per_radian, points, fastest = POINTS / (2 * math.pi), POINTS, FASTEST
 
-    def acceleration(table: np.ndarray, theta: float, omega: float, h: float) -> float:
+    def balance(table: np.ndarray, theta: float) -> np.ndarray:
         at = (theta - 2 * math.pi * math.floor(theta / (2 * math.pi))) * per_radian
         i = min(int(at), points - 1)
         u = at - i
@@ -75,11 +75,53 @@ def _integrator() -> Callable[[np.ndarray, np.ndarray, np.ndarray, float, np.nda
             before, here, after, beyond = table[c, i], table[c, i + 1], table[c, i + 2], table[c, i + 3]
             curve = before - 2.5 * here + 2 * after - beyond / 2 + u * (1.5 * (here - after) + (beyond - before) / 2)
             value[c] = here + u * ((after - before) / 2 + u * curve)
-        m, half, damping, friction, rest = value
-        band = max(abs(friction) / m * h, 1e-12)
-        return -(half * omega**2 + damping * omega + friction * min(1.0, max(-1.0, omega / band)) + rest) / m
+        return value
+
+    balance = njit(balance)
+
+    def direction(table: np.ndarray, theta: float, omega: float) -> float:
+        if omega != 0:
+            return math.copysign(1.0, omega)
+        friction, rest = balance(table, theta)[3:]
+        return 0.0 if abs(rest) <= friction else -math.copysign(1.0, rest)
+
+    direction = njit(direction)
+
+    def acceleration(table: np.ndarray, theta: float, omega: float, way: float) -> float:
+        m, half, damping, friction, rest = balance(table, theta)
+        return -(half * omega**2 + damping * omega + friction * way + rest) / m
 
     acceleration = njit(acceleration)
+
+    def step(table: np.ndarray, theta: float, omega: float, way: float, h: float) -> tuple[float, float]:
+        a1 = acceleration(table, theta, omega, way)
+        w2 = omega + h / 2 * a1
+        a2 = acceleration(table, theta + h / 2 * omega, w2, way)
+        w3 = omega + h / 2 * a2
+        a3 = acceleration(table, theta + h / 2 * w2, w3, way)
+        w4 = omega + h * a3
+        a4 = acceleration(table, theta + h * w3, w4, way)
+        return theta + h / 6 * (omega + 2 * w2 + 2 * w3 + w4), omega + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+
+    step = njit(step)
+
+    def move(table: np.ndarray, theta: float, omega: float, h: float) -> tuple[float, float]:
+        for _ in range(4):  # rests within a step, at most
+            way = direction(table, theta, omega)
+            if way == 0:
+                return theta, 0.0
+            there, speed = step(table, theta, omega, way, h)
+            if speed * way >= 0 or omega == 0:
+                return there, speed
+            part = h * omega / (omega - speed)
+            for _ in range(2):  # secants to where the crank is at rest
+                there, speed = step(table, theta, omega, way, part)
+                part *= omega / (omega - speed)
+            part = min(part, h)
+            theta, omega, h = step(table, theta, omega, way, part)[0], 0.0, h - part
+        return theta, omega
+
+    move = njit(move)
 
     def integrate(tables: np.ndarray, start: np.ndarray, time: np.ndarray, longest: float, out: np.ndarray) -> None:
         for p in range(tables.shape[0]):
@@ -89,19 +131,13 @@ def _integrator() -> Callable[[np.ndarray, np.ndarray, np.ndarray, float, np.nda
                 count = math.ceil((time[k] - now) / longest - 1e-9) if time[k] > now else 0
                 h = (time[k] - now) / count if count else longest
                 for _ in range(count):
-                    a1 = acceleration(table, theta, omega, h)
-                    w2 = omega + h / 2 * a1
-                    a2 = acceleration(table, theta + h / 2 * omega, w2, h)
-                    w3 = omega + h / 2 * a2
-                    a3 = acceleration(table, theta + h / 2 * w2, w3, h)
-                    w4 = omega + h * a3
-                    a4 = acceleration(table, theta + h * w3, w4, h)
-                    theta += h / 6 * (omega + 2 * w2 + 2 * w3 + w4)
-                    omega += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+                    theta, omega = move(table, theta, omega, h)
                 now = time[k]
                 if not abs(omega) < fastest:
                     out[:, p, k:] = np.nan
                     break
-                out[0, p, k], out[1, p, k], out[2, p, k] = theta, omega, acceleration(table, theta, omega, h)
+                way = direction(table, theta, omega)
+                out[0, p, k], out[1, p, k] = theta, omega
+                out[2, p, k] = acceleration(table, theta, omega, way) if way != 0 else 0.0
 
     return njit(integrate)

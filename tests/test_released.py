@@ -7,6 +7,7 @@ import pytest
 from scipy.special import ellipk
 
 from analytic.assembly import Assembly
+from analytic.freedom import Freedom, swing
 from analytic.mechanism import Mechanism
 from analytic.mechanism_file import load
 from analytic.released import released
@@ -97,3 +98,13 @@ def test_a_four_bar_that_several_joints_hold_has_no_answer_from_there_on() -> No
     side = released_yardstick(Assembly(m), time)
     assert {i for i in side.flags if "D and E" in side.flags[i]} == set(np.flatnonzero(held).tolist())
     assert np.isnan(side.signals["reaction_A_x"][held]).all()
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.05, 0.2, 0.36])
+def test_the_tables_of_many_linkages_swing_turn_and_stick_as_the_equation_does(friction: float) -> None:
+    assembly, time = Assembly(rubbing(friction)), np.linspace(0.0, 3.0, 301)
+    theta, omega, alpha = swing([Freedom.of(assembly)], np.array([[assembly.start, 0.0]]), time)
+    found = released(assembly, time)
+    np.testing.assert_allclose(theta[0], found.reactions.motion.theta, atol=1e-8)
+    np.testing.assert_allclose(omega[0], found.reactions.motion.rates[0], atol=1e-7)
+    assert np.all(alpha[0, found.held] == 0)
