@@ -52,8 +52,16 @@ CASES = {
     "slider-crank": (loaded_slider_crank().with_clearances({"B": 2e-4}), TURN),
     "six-bar": (load("six-bar").with_clearances({"B": 1e-4, "F": 1e-4}), TURN),
 }
+# Driven with pins that yield these take seconds each: the others have the same laws and motions, two at a time.
+LONG = {"paper", "gravity", "oblique load", "joint spring", "several clearances", "six-bar"}
+
+
+def marks(model: JointModel, motion: Motion, case: str) -> tuple[pytest.MarkDecorator, ...]:
+    return (pytest.mark.slow,) if motion == "driven" and model in ("spring-damper", "contact") and case in LONG else ()
+
+
 ROWS = [
-    pytest.param(name, model, motion, case, id=f"{name}-{model}-{motion}-{case}")
+    pytest.param(name, model, motion, case, id=f"{name}-{model}-{motion}-{case}", marks=marks(model, motion, case))
     for name in ENGINES
     for motion in ("static", "driven")
     for model in JOINT_MODELS
