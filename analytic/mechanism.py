@@ -24,6 +24,12 @@ def _named(value: Any) -> Any:
     return value
 
 
+def _titled(value: Any) -> Any:
+    if isinstance(value, str) and not (value.strip() and value.isprintable()):
+        raise ValueError("a mechanism is called by one line of text that can be printed")
+    return value
+
+
 MASS_CENTRE = "centre of mass"  # of a body, as a point's name; "com" is its marker, which is elsewhere if the two were parted
 
 Vector = Annotated[tuple[float, float], BeforeValidator(_as_tuple)]
@@ -163,7 +169,7 @@ class Load(_Part):
 class Mechanism(_Part):
     """A planar linkage.  Raises :class:`pydantic.ValidationError` where it contradicts itself."""
 
-    name: str
+    name: Annotated[str, BeforeValidator(_titled)]
     gravity: Vector = (0.0, 0.0)  # m/s^2
     ground: Ground
     bodies: Annotated[tuple[Body, ...], BeforeValidator(_as_tuple), Field(alias="body", min_length=1)]
