@@ -21,7 +21,7 @@ from compare.options import JointChoice, ModelChoice, MotionChoice, cores, engin
 from compare.progress import progress_bar
 from compare.scoreboard.command import scoreboard
 from compare.show import show
-from compare.validation import validation
+from compare.validation.command import validation
 from compare.validity.command import validity
 
 if TYPE_CHECKING:
