@@ -104,7 +104,7 @@ def attribute(judged: Sequence[tuple[Mapping[str, Any], Mapping[str, Rule]]], me
                 apart.append(found)
     odd = odd_one_out(apart)
     differ = any(run["verdict"] == "disagrees" for run in runs)
-    return {"spread": widest, "odd_one_out": odd, "words": _words(odd, apart, differ)}
+    return {"spread": widest, "odd_one_out": odd, "words": _words(odd, apart, differ) if widest else "nothing could be compared"}
 
 
 def _words(odd: str | None, apart: Sequence[Apart], differ: bool) -> str:

@@ -23,7 +23,7 @@ from compare.options import JointChoice, ModelChoice, MotionChoice, cores, engin
 from compare.progress import progress_bar
 from compare.scoreboard.command import scoreboard
 from compare.show import show
-from compare.validation import validation
+from compare.validation.command import validation
 from compare.validity.command import validity
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def compare(
 ) -> None:
     """Cross-check the analytic clearance model of a planar linkage against a multibody simulation.
 
-    Exit status: 0 agrees, 1 disagrees beyond tolerance, 2 bad input, 3 a simulator is missing or failed.
+    Exit status: 0 agrees, 1 disagrees beyond tolerance or cannot be judged, 2 bad input, 3 a simulator is missing or failed.
     """
     if context.invoked_subcommand is not None:
         return
@@ -91,7 +91,7 @@ def compare(
         folder = output_folder(out or Path("reports") / f"{file_name(mechanism.name)}-{simulator}")
         result = _run(job)
         for text in result["warnings"][len(job.warnings) :]:
-            typer.echo(text, err=True)
+            typer.echo(text if text.startswith("left out: ") else f"warning: {text}", err=True)
         _publish(result, folder, json)
         _announce_failures(result)
     raise typer.Exit(Exit.AGREES if result["verdict"] == "agrees" else Exit.DISAGREES)

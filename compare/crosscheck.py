@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,6 +22,7 @@ from compare.yardstick import Yardstick, released_yardstick, with_flexible_links
 from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Trace, Unsupported, engine, installed_version
 
 SCHEMA = 1
+TOO_SOFT = 0.5  # of a clearance: contact that gives more does not show where in it the pin rests
 Progress = Callable[[str, int, int], None]
 Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Yardstick]
 
@@ -80,11 +81,11 @@ def crosscheck(
     result: dict[str, Any] = {
         "schema": SCHEMA,
         "case": job.mechanism.name,
-        "verdict": "agrees" if runs and not failures and all(run["verdict"] == "agrees" for run in runs) else "disagrees",
+        "verdict": _verdict(runs, failures),
         "command": job.command,
         "versions": _versions(runs),
         "mechanism": job.mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json"),
-        "warnings": [*job.warnings, *(f"left out: {why}" for why in left_out)],
+        "warnings": [*job.warnings, *(f"left out: {why}" for why in left_out), *_too_soft(runs)],
         "runs": runs,
         "failures": failures,
     }
@@ -143,20 +144,31 @@ def _run(job: Job, side: Yardstick, trace: Trace) -> tuple[dict[str, Any], dict[
         "analytic": dict(side.signals),
         "simulated": simulated,
         "discrepancies": [_public(d, theta) for d in found],
-        "verdict": "disagrees" if any(d.verdict == "disagrees" for d in found) else "agrees",
+        "verdict": "disagrees" if any(d.verdict == "disagrees" for d in found) else "agrees" if found else "unjudged",
         "order_difference": dict(side.order_difference),
         "journal": {name: {"x": path[:, 0], "y": path[:, 1]} for name, path in trace.journal.items()},
         "free_share": dict(trace.free_share),
     }
     if trace.time is not None:
         run["time"] = trace.time
+    if len(side.flags) == theta.size:
+        first, *others = dict.fromkeys(why for _, why in sorted(side.flags.items()))
+        run["reason"] = f"the analytic model has no answer at any crank angle: {first}" + f", and {len(others)} such reasons more" * bool(others)
     return run, rules
+
+
+def _verdict(runs: list[dict[str, Any]], failures: list[Any]) -> str:
+    """Of the whole result: what is not judged does not agree."""
+    verdicts = {run["verdict"] for run in runs}
+    if failures or not runs or "disagrees" in verdicts:
+        return "disagrees"
+    return "unjudged" if "unjudged" in verdicts else "agrees"
 
 
 def _rules(job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.ndarray]) -> dict[str, Rule]:
     """What each compared signal of a run may differ by."""
     clearances = dict(trace.clearance)
-    give, scales = _give(trace, simulated), Scales.of(side.signals, job.mechanism)
+    give, scales = _give(trace.settings, clearances, simulated), Scales.of(side.signals, job.mechanism)
     rules = {}
     for name, kind in compared(job.mechanism, clearances).items():
         joint = name.removeprefix("clearance_")[:-2]
@@ -172,18 +184,30 @@ def _discrepancies(job: Job, side: Yardstick, trace: Trace, simulated: Mapping[s
     return [one for one in judged if one is not None]
 
 
-def _give(trace: Trace, simulated: Mapping[str, np.ndarray]) -> float:
+def _give(settings: Mapping[str, Any], clearances: Mapping[str, float], simulated: Mapping[str, np.ndarray]) -> float:
     """How far (m) contact of the run's stiffness yields under its peak force."""
-    stiffness = trace.settings.get("contact_stiffness")
-    if not isinstance(stiffness, int | float) or not trace.clearance:
+    stiffness = settings.get("contact_stiffness")
+    if not isinstance(stiffness, int | float) or not clearances:
         return 0.0
-    return max(float(np.nanmax(simulated[f"reaction_{name}_magnitude"])) for name in trace.clearance) / stiffness
+    return max(float(np.nanmax(simulated[f"reaction_{name}_magnitude"], initial=0.0)) for name in clearances) / stiffness
+
+
+def _too_soft(runs: list[dict[str, Any]]) -> Iterator[str]:
+    """A warning for each run whose contact yields so far that what is allowed for it hides the clearance."""
+    for run in runs:
+        give = _give(run["settings"], run["clearance"], run["simulated"])
+        for joint, gap in run["clearance"].items():
+            if give > TOO_SOFT * gap:
+                yield (
+                    f"{run['simulator']['name']}, {run['joint_model']}: the contact gives by {1e3 * give:.2g} mm, {give / gap:.1f} times the "
+                    f"clearance in {joint}, and is allowed to: too soft to see this clearance; raise contact_stiffness in joint {joint}"
+                )
 
 
 def _public(d: Discrepancy, theta: np.ndarray) -> dict[str, Any]:
     return {
         "signal": d.signal, "kind": d.kind, "unit": d.unit, "max": d.max, "rms": d.rms,
-        "at_crank_angle": float(theta[d.at]), "tolerance": d.tolerance, "verdict": d.verdict,
+        "at_crank_angle": float(theta[d.at]) if d.at >= 0 else None, "tolerance": d.tolerance, "verdict": d.verdict,
     } | ({"reason": d.reason} if d.reason else {})  # fmt: skip
 
 

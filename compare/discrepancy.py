@@ -18,6 +18,7 @@ __all__ = [
 ]  # fmt: skip
 
 Verdict = Literal["agrees", "disagrees", "known"]
+UNCOMPARED = "at no angle of the run has the signal a number, or its force a direction, to compare"
 ANGULAR: tuple[Kind, ...] = ("angle", "rotation", "position")  # compared modulo a turn
 
 
@@ -60,6 +61,9 @@ class Difference:
     allowed: float = float("nan")
 
 
+NOTHING = Difference(float("nan"), float("nan"), -1, 0.0)  # there is no such sample
+
+
 @dataclass(frozen=True)
 class Discrepancy:
     """A signal's difference with its tolerance and verdict, all in ``unit``; ``reason`` is empty or why the verdict is not the tolerance's."""
@@ -100,24 +104,27 @@ def difference(
 
 @dataclass(frozen=True)
 class Scales:
-    """What a run's small numbers are small against: its largest reaction (N) and its longest body (m)."""
+    """What a run's small numbers are small against: its largest reaction (N), its longest body (m) and the mass of them all (kg)."""
 
     force: float
     length: float
+    mass: float = 0.0
 
     @classmethod
     def of(cls, analytic: Mapping[str, np.ndarray], mechanism: Mechanism) -> Scales:
         """Scales of a run, from its analytic side."""
         peaks = [np.nanmax(v, initial=0.0) for name, v in analytic.items() if name.endswith("_magnitude")]
-        return cls(max(map(float, peaks), default=0.0), max(body.length for body in mechanism.bodies))
+        bodies = mechanism.bodies
+        return cls(max(map(float, peaks), default=0.0), max(body.length for body in bodies), sum(body.mass for body in bodies))
 
 
 @dataclass(frozen=True)
 class Rule:
     """How far a signal may differ, a line of tolerances.toml: the larger of ``absolute`` and ``relative`` times its peak.
 
-    Nothing is judged below ``noise`` times the run's scales, nor a direction where its force is below ``floor`` of its
-    peak; above that a direction may be off by ``absolute`` times peak over force, the same error in newtons everywhere.
+    Nothing is judged below ``noise`` times the run's scales, or below the force that gives its mass the acceleration
+    ``rest`` (m/s2), nor a direction where its force is below ``floor`` of its peak; above that a direction may be off by
+    ``absolute`` times peak over force, the same error in newtons everywhere.
     ``window`` (rad of crank angle) widens this where the signal is steep.
     """
 
@@ -129,6 +136,7 @@ class Rule:
     scales: Scales
     clearance: float = 0.0  # m, the scale of a displacement
     window: float = 0.0
+    rest: float = 0.0
 
     @classmethod
     def read(
@@ -140,19 +148,20 @@ class Rule:
         the smallest of the run's (every contact yields alike).  Raises ToleranceError if the file has no such line.
         """
         try:
-            line, floor, noise = tolerances[motion][joint_model][kind], float(tolerances["floor"]), float(tolerances["noise"])
+            line = tolerances[motion][joint_model][kind]
+            floor, noise, rest = (float(tolerances[name]) for name in ("floor", "noise", "rest"))
         except KeyError as error:
             raise ToleranceError(f"the tolerance file has no {error.args[0]!r} (looking for {motion}.{joint_model}.{kind}); add it") from None
         yielding = give / clearance if kind in ("displacement", "rotation") and clearance else 0.0
         absolute, relative, window = (float(line.get(name, 0.0)) for name in ("absolute", "relative", "window"))
-        return cls(kind, absolute, relative + yielding, floor, noise, scales, clearance, window)
+        return cls(kind, absolute, relative + yielding, floor, noise, scales, clearance, window, rest)
 
     def tolerance(self, signal: str, analytic: Mapping[str, np.ndarray]) -> np.ndarray:
         """What each sample (N,) may differ by before the window, in the signal's unit; NaN where it means nothing."""
         if self.kind == "angle":
             size = analytic[signal.removesuffix("_angle") + "_magnitude"]
             peak = np.nanmax(size, initial=0.0)
-            meaningful = size > max(self.floor * peak, self.noise * self.scales.force)
+            meaningful = size > max(self.floor * peak, self._no_force)
             return np.where(meaningful, self.absolute * peak / np.where(meaningful, size, 1.0), np.nan)
         return np.full(analytic[signal].shape, max(self.absolute, self.relative * self._peak(analytic[signal]), self._noise))
 
@@ -165,7 +174,12 @@ class Rule:
 
     @property
     def _noise(self) -> float:
-        return self.noise * {"magnitude": self.scales.force, "torque": self.scales.force * self.scales.length}.get(self.kind, 0.0)
+        return self._no_force * {"magnitude": 1.0, "torque": self.scales.length}.get(self.kind, 0.0)
+
+    @property
+    def _no_force(self) -> float:
+        """The force (N) below which a joint carries none."""
+        return max(self.noise * self.scales.force, self.rest * self.scales.mass)
 
 
 def judge(
@@ -179,7 +193,7 @@ def judge(
     """Compare one signal under its rule; None where it has no comparable sample.
 
     ``theta`` (N,) rad is the crank angle, for the rule's window; without it there is no window.  A sample that only one
-    side has disagrees.  A ``known`` difference must be there, and within its bound.
+    side has disagrees.  A ``known`` difference must be there, and within its bound; where nothing can be compared it disagrees.
     """
     tolerance = rule.tolerance(signal, analytic)
     tube = Tube.around(analytic[signal], theta, rule.window)
@@ -189,6 +203,8 @@ def judge(
         rms = found.rms if found else float("nan")
         why = f"{one_sided.size} of {tolerance.size} samples have a number on one side only"
         return _discrepancy(signal, rule.kind, Difference(float("nan"), rms, int(one_sided[0]), np.inf), "disagrees", why)
+    if found is None and known is not None:
+        return _discrepancy(signal, rule.kind, NOTHING, "disagrees", f"known difference cannot be judged: {UNCOMPARED} ({known.reason})")
     if found is None:
         return None
     if known is None:

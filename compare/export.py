@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -49,7 +50,7 @@ def export(
             texts = {path.name: path.read_text(encoding="utf-8") for path in write(request, Path(draft))}
         for name, text in texts.items():
             typer.echo(write_atomically(folder / name, text))
-        typer.echo(f"run it in an environment that has {chosen.package} and numpy: python {folder / 'run.py'}")
+        typer.echo(f"run it in an environment that has {chosen.package} and numpy: python {shlex.quote(str(folder / 'run.py'))}")
 
 
 def request_of(mechanism: Mechanism, joint: JointChoice, motion: MotionChoice, angles: str | None) -> Request:

@@ -16,6 +16,7 @@ from compare.yardstick import Yardstick
 from sim_models.engine import Engine, JointModel, Motion, Request, Trace, Unsupported, check_supported, engine
 
 OF_DISPLACEMENT = 1e-3  # of a body's displacement: what beams of few elements may be off by
+OF_LENGTH = 1e-9  # of the longest body: rounding, all that there is where nothing moves
 
 
 class Beams:
@@ -61,5 +62,6 @@ def softened(rules: Mapping[str, Rule], side: Yardstick, clearances: Mapping[str
             found[name] = replace(rule, absolute=rule.absolute + place**2, relative=rule.relative + place)
         else:
             found[name] = replace(rule, relative=rule.relative + force)
-    of_place = replace(rules["drive_torque"], kind="displacement", absolute=0.0, relative=OF_DISPLACEMENT + place, clearance=moved, window=0.0)
+    rounding = OF_LENGTH * max(body.length for body in mechanism.bodies)
+    of_place = replace(rules["drive_torque"], kind="displacement", absolute=rounding, relative=OF_DISPLACEMENT + place, clearance=moved, window=0.0)
     return found | {f"{body.name}_{axis}": of_place for body in mechanism.bodies for axis in "xy"}

@@ -17,13 +17,14 @@ from analytic.clearance import Model
 from analytic.mechanism import Mechanism
 from analytic.mechanism_file import describe
 from compare.signals import compared
-from sim_models.engine import JointModel, Motion
+from sim_models.engine import ENGINES, JointModel, Motion
 
 NotNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, lt=1)]
 Text = Annotated[str, Field(min_length=1)]
 Several = BeforeValidator(lambda value: (value,) if isinstance(value, str) else tuple(value) if isinstance(value, list) else value)
 MOTIONS = ("static", "driven")
+SCALARS = ("floor", "noise", "rest")
 
 
 class ToleranceError(ValueError):
@@ -87,6 +88,7 @@ class Known(_Part):
 class _File(_Part):
     floor: Share | None = None
     noise: Share | None = None
+    rest: NotNegative | None = None
     static: _Models | None = None
     driven: _Models | None = None
     known: list[Known] = []
@@ -103,18 +105,22 @@ def load_tolerances(path: Path | None = None) -> dict[str, Any]:
 
 def _read(source: Any, name: str) -> dict[str, Any]:
     try:
-        fields = tomllib.loads(source.read_text(encoding="utf-8"))
+        fields = tomllib.loads(source.read_text(encoding="utf-8-sig"))  # Windows editors begin a file with a mark
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ToleranceError(f"{name}: cannot be read ({error}); give a TOML file like compare/tolerances.toml") from None
     try:
         checked = _File.model_validate(fields)
     except ValidationError as error:
         raise ToleranceError(f"{name}: {'; '.join(describe(error, fields, _File))}") from None
+    for i, known in enumerate(checked.known):
+        for simulator in known.simulator:
+            if simulator not in ENGINES:
+                raise ToleranceError(f"{name}: known[{i}].simulator = {simulator!r}: there is no such simulator; they are {', '.join(ENGINES)}")
     return fields | {"known": tuple(checked.known)}
 
 
 def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    out = {**base, **{name: over[name] for name in ("floor", "noise") if name in over}, "known": (*base["known"], *over["known"])}
+    out = {**base, **{name: over[name] for name in SCALARS if name in over}, "known": (*base["known"], *over["known"])}
     for motion in MOTIONS:
         models = {model: {**lines, **over.get(motion, {}).get(model, {})} for model, lines in base[motion].items()}
         out[motion] = models

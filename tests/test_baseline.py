@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
@@ -14,9 +15,10 @@ import numpy as np
 import pytest
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import load, shipped_cases
+from analytic.mechanism_file import dumps, load, shipped_cases
 from compare.baseline.command import check_one, file_of, update_one
-from compare.baseline.file import Baseline, BaselineError, Run, Tolerance, fits, moved, read, write
+from compare.baseline.file import Baseline, BaselineError, Run, Tolerance, read, write
+from compare.baseline.moved import fits, moved
 from compare.baseline.runs import setups
 from planted import Planted, turned
 from sim_models.engine import ENGINES, declared, engine
@@ -102,7 +104,6 @@ DAMAGE = {
     "a size without a number": lambda text: re.sub(r"\d+\.\d+\],", "nan],", text, count=1),
     "a field misspelt": lambda text: text.replace("version", "versoin", 1),
     "no such field": lambda text: text.replace("[tolerance]", "[tolerance]\nangles = 1.0", 1),
-    "another case": lambda text: text.replace('case = "paper"', 'case = "six-bar"', 1),
     "another schema": lambda text: text.replace("schema = 1", "schema = 2", 1),
     "a run less": lambda text: text[: text.rindex("[[run]]")],
     "other crank angles": lambda text: re.sub(r"(?m)^  \[ *30, ", "  [31, ", text),
@@ -201,7 +202,7 @@ def test_a_force_that_grows_is_reported_in_newtons(tmp_path: Path, capsys: pytes
 
 def test_what_an_engine_does_not_support_is_listed_with_the_reason(tmp_path: Path) -> None:
     update(tmp_path, Planted())
-    runs = read(file_of(tmp_path, "paper", "planted"), "paper", "planted").runs
+    runs = read(file_of(tmp_path, "paper", "planted"), "paper", "planted", "").runs
     assert [run.name for run in runs] == ["ideal, driven", "massless-link, static", "spring-damper, static", "contact, static"]
     assert runs[1].skipped == "planted does not simulate massless-link joints in static motion"
     more = Planted(supports=Planted().supports | {("massless-link", "static")})
@@ -247,10 +248,10 @@ def test_a_file_reads_back_as_it_was_written() -> None:
     rows = np.array([[20.0, -135.123449, 12.34567891], [25.0, np.nan, 0.0], [30.0, -0.00001, 1.0]])
     table = Run("contact, static", {"clearance": {"B": 5e-4}, "load": [{"body": "crank", "torque": -2.0}]}, TABLE.columns, rows)
     stored = Baseline('a "case"', "mujoco", "4.0.0", (table, Run("massless-link, static", {}, skipped='no "rubber"')), Tolerance(angle=0.004))
-    text = write(stored)
+    text = write(stored, "compare baseline check")
     assert tomllib.loads(text)["run"][0]["rows"][0] == [20, -135.1234, 12.3457]
     assert "-0.0000" not in text
-    assert text == write(stored)
+    assert text == write(stored, "compare baseline check")
 
 
 def test_a_written_file_is_small_and_has_a_line_for_each_crank_angle(written: str) -> None:
@@ -285,6 +286,59 @@ def test_updating_changes_the_lines_of_what_moved_and_no_others(tmp_path: Path) 
     assert [after[k] for k in changed if k < start] == ['version = "2"']
     assert len([k for k in changed if k > start]) == 29
     assert check(tmp_path, Planted(fault, version="2"))
+
+
+def test_a_tolerance_of_ones_own_is_kept_when_the_runs_are_other_ones(tmp_path: Path) -> None:
+    update(tmp_path, Planted())
+    path = file_of(tmp_path, "paper", "planted")
+    path.write_text(path.read_text(encoding="utf-8").replace("angle = 0.005", "angle = 0.004"), encoding="utf-8")
+    update(tmp_path, Planted(), PAPER.with_clearances({}))
+    assert read(path, "paper", "planted", "").tolerance.angle == 0.004
+
+
+def test_two_names_with_one_file_are_refused_even_where_it_is_damaged(tmp_path: Path) -> None:
+    one, other = PAPER.replace(name="a b"), PAPER.replace(name="a-b")
+    update(tmp_path, Planted(), one)
+    path = file_of(tmp_path, "a b", "planted")
+    text = path.read_text(encoding="utf-8")
+    for kept in (text, text[: len(text) // 2]):
+        path.write_text(kept, encoding="utf-8")
+        with pytest.raises(BaselineError, match=r"is the baseline of 'a b' in planted, not of 'a-b' .*; both would have this file, so rename"):
+            update(tmp_path, Planted(), other)
+        assert path.read_text(encoding="utf-8") == kept
+    update(tmp_path, Planted(), one)
+    with pytest.raises(BaselineError, match="not of 'a-b'"):
+        check(tmp_path, Planted(), other)
+    assert check(tmp_path, Planted(), one)
+
+
+@pytest.mark.parametrize("name", ["two\nlines = 1", "tab\tand bell\x07", "del\x7f", 'quote " and \\', "next\x85line\u2028"])
+def test_a_name_with_any_character_makes_a_file_that_reads_back(name: str, tmp_path: Path) -> None:
+    mechanism = PAPER.replace(name=name)
+    update(tmp_path, Planted(), mechanism)
+    head = file_of(tmp_path, name, "planted").read_text(encoding="utf-8").partition("schema = 1")[0]
+    assert [line[0] for line in head.splitlines()] == ["#"] * 3
+    assert check(tmp_path, Planted(), mechanism)
+
+
+def test_a_joint_with_a_space_in_its_name_is_kept_with_its_clearance() -> None:
+    spaced = Run("contact, static", {"clearance": {"pin 1": 5e-4}}, TABLE.columns, TABLE.rows)
+    text = write(Baseline("paper", "mujoco", "4.0.0", (spaced,)), "compare baseline check")
+    assert tomllib.loads(text)["run"][0]["added"] == {"clearance": {"pin 1": 5e-4}}
+
+
+def test_the_command_that_is_printed_and_stored_is_one_that_works(tmp_path: Path) -> None:
+    (tmp_path / "my linkage.toml").write_text(dumps(PAPER.with_clearances({}).replace(name="mine")), encoding="utf-8")
+    arguments = ["--case", "my linkage.toml", "--simulator", "mujoco", "--baselines", "kept here"]
+    missing = compare("check", *arguments, cwd=tmp_path)
+    assert missing.returncode == 2
+    again = shlex.split(missing.stderr.strip().partition("write it with: ")[2])
+    assert again == ["compare", "baseline", "update", *arguments]
+    done = compare(*again[2:], cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (stored,) = (tmp_path / "kept here").iterdir()
+    named = next(line for line in stored.read_text(encoding="utf-8").splitlines() if line.startswith("# To check them: "))
+    assert shlex.split(named.removeprefix("# To check them: ")) == ["compare", "baseline", "check", *arguments]
 
 
 def test_a_damaged_file_is_replaced_by_an_update(tmp_path: Path) -> None:
@@ -327,7 +381,7 @@ def test_a_linkage_of_ones_own_that_is_called_like_a_shipped_case_is_ones_own() 
 @pytest.mark.parametrize("name", ENGINES)
 @pytest.mark.parametrize("case", shipped_cases())
 def test_every_shipped_case_has_a_baseline_in_every_engine(case: str, name: str) -> None:
-    stored = read(file_of(ROOT / "reports" / "baselines", case, name), case, name)
+    stored = read(file_of(ROOT / "reports" / "baselines", case, name), case, name, "")
     assert [run.name for run in stored.runs] == [setup.name for setup in setups(load(case))]
     for run, setup in zip(stored.runs, setups(load(case)), strict=True):
         assert bool(run.skipped) == ((setup.request.joint_model, setup.request.motion) not in declared(name).supports)

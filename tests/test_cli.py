@@ -210,3 +210,60 @@ def test_a_cross_check_whose_only_simulation_fails_says_so_everywhere(tmp_path: 
     assert 'errors="1"' in junit
     assert "nothing presses the pin" in junit
     assert json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))["runs"] == []
+
+
+NO_ANSWER = ["--case", "slider-crank", "--clearance", "A=1e-4", "--angles", "300:300:5", "--joint", "spring-damper"]
+
+
+def test_a_run_in_which_nothing_could_be_compared_does_not_agree_and_says_why(tmp_path: Path) -> None:
+    done = compare("--simulator", "mujoco", *NO_ANSWER, "--out", "o", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (1, "")
+    page, text, junit = ((tmp_path / "o" / name).read_text(encoding="utf-8") for name in ("report.html", "report.md", "junit.xml"))
+    terminal = " ".join(done.stdout.split())
+    assert "slider-crank: NOT JUDGED. Nothing could be compared in 1 of 1 run; mujoco, spring-damper: " in terminal
+    for said in (terminal, text.replace("\\", ""), page, junit):
+        assert "the analytic model has no answer at any crank angle: the reaction at A turns too fast" in said
+        assert "Without clearance first order and equilibrium are the same" not in said
+    assert text.startswith("# ? Cross-check of slider-crank: not judged")
+    assert 'tests="1" failures="1" errors="0"' in junit
+    result = json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))
+    assert (result["verdict"], result["runs"][0]["verdict"], result["runs"][0]["discrepancies"]) == ("unjudged", "unjudged", [])
+
+
+def test_a_known_difference_that_cannot_be_judged_or_has_vanished_is_said_in_the_last_line_and_in_the_report(tmp_path: Path) -> None:
+    (tmp_path / "known.toml").write_text(
+        "".join(f'[[known]]\ncase = "{case}"\nsignal = "{signal}"\nbound = 0.13\nreason = "once it was so"\n' for case, signal in KNOWN),
+        encoding="utf-8",
+    )
+    unjudged = compare("--simulator", "mujoco", *NO_ANSWER, "--tolerance", "known.toml", "--out", "a", cwd=tmp_path)
+    vanished = compare("--simulator", "mujoco", "--joint", "ideal", "--motion", "static", "--tolerance", "known.toml", "--out", "b", cwd=tmp_path)
+    for done, folder, words in (
+        (unjudged, "a", "reaction angle at A (mujoco, spring-damper): known difference cannot be judged: at no angle of the run"),
+        (vanished, "b", "1 of 12 comparisons in 1 of 1 run disagrees: reaction angle at B (mujoco, ideal): known difference has vanished"),
+    ):
+        assert done.returncode == 1
+        last = " ".join(done.stdout.split()).partition("DISAGREES. ")[2]
+        for said in (last, (tmp_path / folder / "report.md").read_text(encoding="utf-8").splitlines()[2]):
+            assert words in said
+            assert "exceed" not in said
+
+
+KNOWN = (("paper", "reaction_B_angle"), ("slider-crank", "reaction_A_angle"))
+
+
+def test_a_run_that_failed_is_in_the_last_line_beside_the_runs_that_agree(tmp_path: Path) -> None:
+    arguments = ["--case", "crank-rocker", "--clearance", "B=1e-4", "--motion", "static", "--angles", "30:40:5"]
+    done = compare("--simulator", "mujoco", *arguments, "--out", "o", cwd=tmp_path)
+    assert done.returncode == 3
+    assert "crank-rocker: FAILED. 3 of 4 runs failed. All 8 judged comparisons of 1 run are within tolerance." in " ".join(done.stdout.split())
+    text = (tmp_path / "o" / "report.md").read_text(encoding="utf-8")
+    assert text.startswith("# ✗ Cross-check of crank-rocker: failed\n\n3 of 4 runs failed. ")
+
+
+def test_a_contact_too_soft_for_its_clearance_is_warned_of(tmp_path: Path) -> None:
+    arguments = ["--motion", "static", "--joint", "spring-damper", "--angles", "30:30:1"]
+    done = compare("--simulator", "mujoco", *arguments, "--clearance", "B=2e-7", "--out", "soft", cwd=tmp_path)
+    words = "times the clearance in B, and is allowed to: too soft to see this clearance; raise contact_stiffness in joint B"
+    assert words in done.stderr
+    assert words in (tmp_path / "soft" / "report.md").read_text(encoding="utf-8").replace("\\", "")
+    assert compare("--simulator", "mujoco", *arguments, "--clearance", "B=1e-4", "--out", "stiff", cwd=tmp_path).stderr == ""

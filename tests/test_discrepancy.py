@@ -213,6 +213,15 @@ def test_a_known_difference_is_about_the_runs_that_its_selectors_name(tmp_path: 
         assert known_differences(tolerances, **(run | other)) == {}
 
 
+def test_a_known_difference_of_a_signal_without_a_sample_to_compare_does_not_vanish() -> None:
+    blank = {"drive_torque": np.full(51, np.nan)}
+    assert judge("drive_torque", SIDE | blank, SIDE | blank, rule("torque")) is None
+    found = judge("drive_torque", SIDE | blank, SIDE | blank, rule("torque"), known=KNOWN)
+    assert found is not None
+    assert found.verdict == "disagrees"
+    assert "cannot be judged" in found.reason
+
+
 # -------------------------------------------------------------------- tolerance files
 
 
@@ -239,6 +248,8 @@ FAULTY = {
     '[[known]]\ncase = "paper"\nsignal = "drive_torque"\nbound = 1.0': "known[0].reason is missing",
     '[[known]]\ncase = "paper"\nsignal = "drive_torque"\nreason = "r"\nbound = 0.0': "known[0].bound = 0.0: input should be greater than 0",
     '[[known]]\ncase = "p"\nsignal = "s"\nreason = "r"\nbound = 1.0\nmotion = "quick"': "known[0].motion[0] = 'quick': input should be",
+    '[[known]]\ncase = "p"\nsignal = "s"\nreason = "r"\nbound = 1.0\nsimulator = "mujcoo"': "known[0].simulator = 'mujcoo': there is no such",
+    "rest = -1.0": "rest = -1.0: input should be greater than or equal to 0",
 }
 
 
@@ -248,6 +259,10 @@ def test_a_faulty_tolerance_file_is_refused_with_its_field(text: str, tmp_path: 
         overlay(tmp_path, text)
     assert f"--tolerance {tmp_path / 'mine.toml'}: " in str(caught.value)
     assert FAULTY[text] in str(caught.value)
+
+
+def test_a_file_saved_by_a_windows_editor_is_read(tmp_path: Path) -> None:
+    assert overlay(tmp_path, "\ufeffnoise = 1e-6\nrest = 2e-5\n") == TOLERANCES | {"noise": 1e-6, "rest": 2e-5}
 
 
 def test_a_missing_tolerance_file_is_refused(tmp_path: Path) -> None:

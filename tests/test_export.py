@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import csv
 import json
+import shlex
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -165,6 +166,12 @@ def test_command_writes_the_files_and_says_how_to_run_them(tmp_path: Path) -> No
     assert said.splitlines()[-1].endswith(f"python {folder / 'run.py'}")
     assert "paper, contact joints, driven: 3 samples" in bare(folder)
     np.testing.assert_allclose(np.degrees(table(folder / "signals.csv")["crank_angle"]), [30, 35, 40], rtol=1e-9)
+
+
+def test_the_command_that_is_printed_can_be_pasted_where_the_folder_has_a_space(tmp_path: Path) -> None:
+    folder = tmp_path / "two words"
+    _, said, _ = command("--simulator", "mujoco", "--angles", "30:40:5", "--out", str(folder))
+    assert shlex.split(said.splitlines()[-1])[-2:] == ["python", str(folder / "run.py")]
 
 
 @pytest.mark.parametrize(

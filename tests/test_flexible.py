@@ -75,6 +75,12 @@ def test_small_loads_leave_little_to_allow() -> None:
     assert tolerances["coupler_y"] < 2e-8  # m, of 1e-5
 
 
+def test_a_linkage_that_nothing_loads_agrees() -> None:
+    found = checked(joint_model="ideal", mechanism=load("crank-rocker"))
+    assert found["verdict"] == "agrees"
+    assert all(d["tolerance"] > 0 for d in found["runs"][0]["discrepancies"])
+
+
 def compare(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "compare", *arguments, "--out", "out", "--angles", "30:150:60"]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)

@@ -149,3 +149,14 @@ def test_a_known_difference_of_a_signal_that_is_never_compared_is_refused() -> N
     known = Known(case="paper", signal="reaction_Q_angle", bound=0.2, reason="misspelt")
     with pytest.raises(ToleranceError, match=r"'reaction_Q_angle' is not compared in paper; the signals are reaction_D_angle"):
         result("paper", "static", "contact", tolerances=TOLERANCES | {"known": (known,)})
+
+
+@pytest.mark.parametrize(("push", "expected"), [(1e-7, "agrees"), (1e-4, "disagrees")])
+def test_where_nothing_is_loaded_an_engines_rounding_agrees_and_a_force_does_not(push: float, expected: str) -> None:
+    def pushed(signals: Signals) -> Signals:
+        return {name: v + push * (name.startswith("reaction_") or name == "drive_torque") for name, v in signals.items()}
+
+    found = result("crank-rocker", "static", "ideal", pushed)
+    assert found["verdict"] == expected
+    assert all(row["tolerance"] > 0 for row in found["runs"][0]["discrepancies"])
+    assert not any(row["kind"] == "angle" and row["signal"].startswith("reaction_") for row in found["runs"][0]["discrepancies"])

@@ -182,6 +182,20 @@ def test_a_report_without_a_single_run_says_why_and_leaves_the_console_clean(bro
     assert browser.run("document.querySelector('#explorer')") is None
 
 
+def test_a_report_whose_runs_are_not_judged_says_why_and_leaves_the_console_clean(browser: Browser, tmp_path: Path) -> None:
+    result = sample_result()
+    for run in result["runs"]:
+        run |= {"verdict": "unjudged", "reason": "no answer anywhere", "discrepancies": [], "order_difference": {}}
+        run["flags"] = {str(i): "it turns too fast" for i in range(len(run["crank_angle"]))}
+        for side in ("analytic", "simulated"):
+            run[side] = {name: [None] * len(values) for name, values in run[side].items()}
+    write_report(result | {"verdict": "unjudged"}, tmp_path)
+    browser.open(tmp_path / "report.html")
+    said = browser.run("document.body.innerText")
+    assert "Nothing could be compared in 4 of 4 runs; mujoco, ideal: no answer anywhere." in said
+    assert "First order and equilibrium cannot be compared" in said
+
+
 def test_the_arrow_keys_move_the_slider_by_one_step(browser: Browser, page: Path) -> None:
     browser.open(page)
     browser.run("document.querySelector('[data-slider]').focus()")

@@ -39,7 +39,7 @@ def written(case: str, motion: Motion = "driven", clearance: dict[str, float] | 
     if mechanism.speed is None:
         job |= {"time": FREE_TIME}
     else:
-        job |= {"theta": default_angles(Assembly(mechanism))[::4]}
+        job = {"theta": default_angles(Assembly(mechanism))[::4]} | job
     return json.loads(to_json(crosscheck(Job(mechanism, ("mujoco",), TOLERANCES, motion=motion, **job))))
 
 
@@ -72,6 +72,7 @@ CASES: dict[str, Callable[[], Any]] = {
     "first order": lambda: written("paper", "static", model="first_order"),
     "ideal only, a prismatic joint": lambda: written("slider-crank"),
     "flagged angles": lambda: written("crank-rocker", clearance={"B": 1e-4}),
+    "no answer anywhere": lambda: written("slider-crank", clearance={"A": 1e-4}, theta=np.radians([300.0])),
     "a free drive": lambda: written("pendulum"),
 }
 
@@ -85,6 +86,8 @@ def test_what_is_written_is_what_the_schema_says(case: str) -> None:
         assert all(len(values) == count for side in ("analytic", "simulated") for values in run[side].values())
         assert all(int(index) < count for index in run["flags"])
         assert "time" not in run or len(run["time"]) == count
+    if case == "no answer anywhere":
+        assert [run["verdict"] for run in result["runs"]] == ["agrees", *["unjudged"] * 3]
     if case == "flagged angles":
         assert any(run["flags"] for run in result["runs"])
 

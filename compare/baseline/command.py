@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,7 +16,8 @@ from compare.options import engines_named
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
-    from compare.baseline.file import Baseline, Moved, Run
+    from compare.baseline.file import Baseline, Run
+    from compare.baseline.moved import Moved
     from compare.runs import Resolve
 
 baseline = typer.Typer(help="Regression on reaction-force angles: store them, and find what has moved.", no_args_is_help=True)
@@ -31,7 +34,7 @@ def check(case: Case = None, simulator: Simulator = None, folder: Folder = WHERE
 
     Exit status: 0 nothing moved, 1 something moved, 2 a baseline is missing or damaged, 3 a simulator is missing or failed.
     """
-    _each(case, simulator, lambda mechanism, engine: check_one(mechanism, engine, folder))
+    _each(case, simulator, lambda mechanism, engine: check_one(mechanism, engine, folder, typed=case))
 
 
 @baseline.command()
@@ -42,7 +45,7 @@ def update(case: Case = None, simulator: Simulator = None, folder: Folder = WHER
     """
     with complaints():
         _writable(folder)
-    _each(case, simulator, lambda mechanism, engine: update_one(mechanism, engine, folder))
+    _each(case, simulator, lambda mechanism, engine: update_one(mechanism, engine, folder, typed=case))
 
 
 def _each(case: str | None, simulator: str | None, work: Callable[[Mechanism, str], bool]) -> None:
@@ -76,19 +79,26 @@ def file_of(folder: Path, case: str, simulator: str) -> Path:
     return folder / f"{file_name(case)}-{simulator}.toml"
 
 
-def check_one(mechanism: Mechanism, simulator: str, folder: Path, resolve: Resolve | None = None) -> bool:
-    """Whether nothing moved; says what did.  ``resolve`` is where the engine comes from.
+def command(verb: str, typed: str, simulator: str, folder: Path) -> str:
+    """The command line that does this to one baseline, to be pasted into a shell."""
+    elsewhere = [] if folder == WHERE else ["--baselines", str(folder)]
+    return shlex.join(["compare", "baseline", verb, "--case", typed, "--simulator", simulator, *elsewhere])
+
+
+def check_one(mechanism: Mechanism, simulator: str, folder: Path, resolve: Resolve | None = None, typed: str | None = None) -> bool:
+    """Whether nothing moved; says what did.  ``resolve`` is where the engine comes from, ``typed`` what names the case on a command line.
 
     Raises BaselineError, SimulationError, SimulatorMissing, Unsupported.
     """
-    from compare.baseline.file import BaselineError, fits, read
+    from compare.baseline.file import BaselineError, read
+    from compare.baseline.moved import fits
 
     path = file_of(folder, mechanism.name, simulator)
-    stored = read(path, mechanism.name, simulator)
+    again = command("update", typed or mechanism.name, simulator, folder)
+    stored = read(path, mechanism.name, simulator, again)
     version, fresh = _simulated(mechanism, simulator, resolve)
     misfit = fits(stored.runs, fresh)
     if misfit:
-        again = f"compare baseline update --case {mechanism.name} --simulator {simulator}"
         raise BaselineError(f"{path}: {misfit}; if that is meant, write it anew with: {again}")
     found = _moved(stored, fresh)
     engine = f"{simulator} {version}" + ("" if version == stored.version else f" (the baseline was made with {stored.version})")
@@ -98,26 +108,29 @@ def check_one(mechanism: Mechanism, simulator: str, folder: Path, resolve: Resol
     return not found
 
 
-def update_one(mechanism: Mechanism, simulator: str, folder: Path, resolve: Resolve | None = None) -> bool:
-    """Write one baseline if anything in it changed; True.  Raises what check_one does, but a damaged file is replaced."""
-    from compare.baseline.file import Baseline, BaselineError, fits, read, write
+def update_one(mechanism: Mechanism, simulator: str, folder: Path, resolve: Resolve | None = None, typed: str | None = None) -> bool:
+    """Write one baseline if anything in it changed; True.  Raises what check_one does, but a damaged file of the case is replaced."""
+    from compare.baseline.file import Baseline, BaselineError, owned, read, write
+    from compare.baseline.moved import fits
 
     path = file_of(folder, mechanism.name, simulator)
+    owned(path, mechanism.name, simulator)
     version, fresh = _simulated(mechanism, simulator, resolve)
     made = Baseline(mechanism.name, simulator, version, tuple(fresh))
     found: list[Moved] = []
     try:
-        stored = read(path, mechanism.name, simulator)
+        stored = read(path, mechanism.name, simulator, "")
     except BaselineError:
         change = "written"
     else:
+        made = replace(made, tolerance=stored.tolerance)
         change = "rewritten: other runs than before"
         if not fits(stored.runs, fresh):
             found = _moved(stored, fresh)
-            made = Baseline(mechanism.name, simulator, version, tuple(_kept(stored, fresh, found)), stored.tolerance)
+            made = replace(made, runs=tuple(_kept(stored, fresh, found)))
             change = "unchanged" if not found and version == stored.version else f"rewritten: {_words(found, stored)}"
     if change != "unchanged":
-        write_atomically(path, write(made))
+        write_atomically(path, write(made, command("check", typed or mechanism.name, simulator, folder)))
     typer.echo(f"{path}: {change}")
     for each in found:
         typer.echo(f"  {each}")
@@ -132,7 +145,7 @@ def _simulated(mechanism: Mechanism, simulator: str, resolve: Resolve | None) ->
 
 
 def _moved(stored: Baseline, fresh: list[Run]) -> list[Moved]:
-    from compare.baseline.file import moved
+    from compare.baseline.moved import moved
 
     return [each for old, new in zip(stored.runs, fresh, strict=True) for each in moved(old, new, stored.tolerance)]
 

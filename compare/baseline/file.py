@@ -1,9 +1,10 @@
-"""A baseline file, one for each case and engine: TOML to be reviewed line by line, and what has moved against it."""
+"""A baseline file, one for each case and engine: TOML to be reviewed line by line."""
 
 from __future__ import annotations
 
 import json
 import math
+import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,8 +18,6 @@ from analytic.mechanism_file import describe
 from compare.faults import OptionError
 
 PLACES = ("crank_angle [deg]", "time [s]")
-SAME_PLACE = 1e-6  # deg, s
-WEAK = 1e-3  # of the run's largest force: the size of a weaker joint's is held to that
 NO_DIRECTION = 0.02  # of a joint's peak force, below which its direction is left open (nan)
 
 
@@ -86,11 +85,37 @@ class _File(_Part):
     runs: list[_Run] = Field(alias="run", min_length=1)
 
 
-def read(path: Path, case: str, simulator: str) -> Baseline:
-    """The baseline of a case in an engine.  Raises BaselineError."""
-    remedy = f"write it with: compare baseline update --case {case} --simulator {simulator}"
+def owned(path: Path, case: str, simulator: str) -> None:
+    """Refuse a file that says it is another baseline, be the rest of it damaged: its name is also this one's.  Raises BaselineError."""
     try:
-        fields = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError):
+        return
+    said = tuple(_said(text, name) for name in ("case", "simulator"))
+    for mine, other in zip((case, simulator), said, strict=True):
+        if other not in (mine, None):
+            raise BaselineError(f"{path}: {_another(said[0] or case, said[1] or simulator, case, simulator)}")
+
+
+def _said(text: str, name: str) -> str | None:
+    """What a file's line gives as this name."""
+    line = re.search(rf"(?m)^{name} *=.*$", text)
+    try:
+        return str(tomllib.loads(line[0])[name]) if line else None
+    except tomllib.TOMLDecodeError:
+        return None
+
+
+def _another(its_case: str, its_simulator: str, case: str, simulator: str) -> str:
+    remedy = "both would have this file, so rename one of them, or keep this one in another folder with --baselines"
+    return f"is the baseline of {its_case!r} in {its_simulator}, not of {case!r} in {simulator}; {remedy}"
+
+
+def read(path: Path, case: str, simulator: str, again: str) -> Baseline:
+    """The baseline of a case in an engine; ``again`` is the command that writes it anew.  Raises BaselineError."""
+    remedy = f"write it with: {again}"
+    try:
+        fields = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise BaselineError(f"{path}: there is no such baseline; {remedy}") from None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
@@ -100,7 +125,7 @@ def read(path: Path, case: str, simulator: str) -> Baseline:
     except ValidationError as error:
         raise BaselineError(f"{path}: {'; '.join(describe(error, fields, _File))}; restore it, or {remedy}") from None
     if (file.case, file.simulator) != (case, simulator):
-        raise BaselineError(f"{path}: is the baseline of {file.case} in {file.simulator}, not of {case} in {simulator}; restore it, or {remedy}")
+        raise BaselineError(f"{path}: {_another(file.case, file.simulator, case, simulator)}")
     faults = [f"run {run.name!r} {fault}" for run in file.runs for fault in _faults(run)]
     if faults:
         raise BaselineError(f"{path}: {faults[0]}; restore it, or {remedy}")
@@ -120,12 +145,12 @@ def _faults(run: _Run) -> Iterator[str]:
                 yield f"has {name} = {value} in row {k}, which is no number"
 
 
-def write(baseline: Baseline) -> str:
-    """The text of a baseline file: a line for each crank angle, in aligned columns."""
+def write(baseline: Baseline, check: str) -> str:
+    """The text of a baseline file: a line for each crank angle, in aligned columns; ``check`` is the command that checks it."""
     t = baseline.tolerance
     lines = [
-        f"# Reaction forces of {baseline.case} in {baseline.simulator}.",
-        f"# To check them: compare baseline check --case {baseline.case} --simulator {baseline.simulator}",
+        f"# Reaction forces of {_printable(baseline.case)} in {baseline.simulator}.",
+        f"# To check them: {_printable(check)}",
         "# Written by `compare baseline update`.  A number that changes here is a force that moved: the change wants a reason.",
         "schema = 1",
         f"case = {_string(baseline.case)}",
@@ -141,8 +166,8 @@ def write(baseline: Baseline) -> str:
     for run in baseline.runs:
         lines += ["", "[[run]]", f"name = {_string(run.name)}"]
         if run.added:
-            lines.append(f"added = {_inline(run.added)}  # to the case, SI units")
-        lines += [f"skipped = {_string(run.skipped)}"] if run.skipped else [f"columns = {_inline(run.columns)}", "rows = [", *_rows(run), "]"]
+            lines.append(f"added = {inline(run.added)}  # to the case, SI units")
+        lines += [f"skipped = {_string(run.skipped)}"] if run.skipped else [f"columns = {inline(run.columns)}", "rows = [", *_rows(run), "]"]
     return "\n".join(lines) + "\n"
 
 
@@ -167,97 +192,22 @@ def _number(value: float, digits: int) -> str:
 
 
 def _string(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)  # a JSON string is a TOML basic string
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # but for this a JSON string is a TOML basic string
 
 
-def _inline(value: Any) -> str:
+def _printable(text: str) -> str:
+    """Text that stays in its line of comment."""
+    return "".join(c if c.isprintable() else _string(c)[1:-1] if c < " " else " " for c in text)
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _string(name)
+
+
+def inline(value: Any) -> str:
+    """A value as TOML, in one line."""
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_inline(item)}" for key, item in value.items()) + " }"
+        return "{ " + ", ".join(f"{_key(key)} = {inline(item)}" for key, item in value.items()) + " }"
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return "[" + ", ".join(map(_inline, value)) + "]"
+        return "[" + ", ".join(map(inline, value)) + "]"
     return _string(value) if isinstance(value, str) else repr(value)
-
-
-# -------------------------------------------------------------------- what has moved
-
-
-@dataclass(frozen=True)
-class Moved:
-    """A column that moved: by how much (signed, now minus baseline) where that is most of the tolerance, and where else."""
-
-    run: str
-    signal: str
-    unit: str
-    by: float
-    was: float
-    tolerance: float
-    at: str
-    count: int
-    of: int
-
-    def __str__(self) -> str:
-        where = f" at {self.at}; moved at {self.count} of {self.of}" if self.at else " over the run"
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        if not math.isfinite(self.by):
-            return f"{self.run}: {self.signal} has a direction on one side only{where}"
-        return f"{self.run}: {self.signal} moved by {self.by:+.4g}{unit} from {self.was:.6g}{unit}{where} (tolerance {self.tolerance:.3g}{unit})"
-
-
-def fits(stored: Sequence[Run], fresh: Sequence[Run]) -> str:
-    """Why two sets of runs cannot be compared, or nothing."""
-    if [run.name for run in stored] != [run.name for run in fresh]:
-        return f"it has the runs {_listed(stored)}; the case now has {_listed(fresh)}"
-    for old, new in zip(stored, fresh, strict=True):
-        if json.loads(json.dumps(old.added)) != json.loads(json.dumps(new.added)):
-            return f"run {old.name!r} was made with {_inline(old.added)}, and is now made with {_inline(new.added)}"
-        if bool(old.skipped) != bool(new.skipped):
-            return f"run {old.name!r} " + (f"was skipped ({old.skipped}) and now runs" if old.skipped else f"is skipped now: {new.skipped}")
-        if old.columns != new.columns or old.rows.shape != new.rows.shape:
-            return f"run {old.name!r} has other columns or another number of crank angles"
-        if old.places is not None and new.places is not None and not np.allclose(old.places, new.places, rtol=0, atol=0.5e-4 + SAME_PLACE):
-            return f"run {old.name!r} is at other crank angles"
-    return ""
-
-
-def _listed(runs: Sequence[Run]) -> str:
-    return ", ".join(repr(run.name) for run in runs) or "none"
-
-
-def moved(old: Run, new: Run, tolerance: Tolerance) -> list[Moved]:
-    """Every column of a run that moved; the runs must fit."""
-    largest = max((float(np.nanmax(old.rows[:, j])) for j, name in enumerate(old.columns) if name.endswith("_magnitude [N]")), default=0.0)
-    found = []
-    for j, column in enumerate(old.columns):
-        if column in PLACES:
-            continue
-        signal, _, unit = column.removesuffix("]").partition(" [")
-        by = new.rows[:, j] - old.rows[:, j]
-        if unit == "deg":
-            by = (by + 180) % 360 - 180
-            by[_turned_up_or_lost(old.rows[:, j], new.rows[:, j], old.rows[:, j + 1])] = np.inf
-        allowed = _allowed(signal, unit, old.rows[:, j], largest, tolerance)
-        gone = np.flatnonzero(np.abs(by) > allowed)
-        if gone.size:
-            k = int(gone[np.argmax(np.abs(by[gone]))])
-            found.append(Moved(old.name, signal, unit, float(by[k]), float(old.rows[k, j]), allowed, _place(old, k), gone.size, by.size))
-    return found
-
-
-def _turned_up_or_lost(old: np.ndarray, new: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Where (N,) only one side has a direction, though the stored force is not just at the limit of having one."""
-    limit = NO_DIRECTION * size.max()
-    return (np.isnan(old) != np.isnan(new)) & (np.abs(size - limit) > 0.01 * limit)
-
-
-def _allowed(signal: str, unit: str, values: np.ndarray, largest: float, tolerance: Tolerance) -> float:
-    if unit == "deg":
-        return tolerance.angle
-    if signal.endswith("_magnitude"):
-        return tolerance.magnitude * max(float(values.max()), WEAK * largest)
-    return tolerance.rms * float(values.max()) if signal.endswith("_rms") else tolerance.free_share
-
-
-def _place(run: Run, k: int) -> str:
-    if run.places is None:
-        return ""
-    return f"{run.places[k]:.6g} {'deg' if run.columns[0] == PLACES[0] else 's'}"

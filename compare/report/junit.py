@@ -9,7 +9,7 @@ from compare.report.svg import NOT_XML
 
 
 def junit(summary: Summary) -> str:
-    """JUnit XML: a disagreement is a failure with its numbers, a known difference passes and says so."""
+    """JUnit XML: a disagreement is a failure with its numbers, and so is a run that is not judged; a known difference passes and says so."""
     suites = [_suite(summary.case, run) for run in summary.runs] + [_failed(summary)] * bool(summary.failures)
     root = ElementTree.Element("testsuites", _clean({"name": f"cross-check of {summary.case}", **_totals(suites)}))
     root.extend(suites)
@@ -18,8 +18,8 @@ def junit(summary: Summary) -> str:
 
 
 def _suite(case: str, run: Run) -> ElementTree.Element:
-    cases = [_case(case, run, row) for row in run.rows]
-    failures = sum(row.verdict == "disagrees" for row in run.rows)
+    cases = [_case(case, run, row) for row in run.rows] + [_unjudged(case, run)] * (run.verdict == "unjudged")
+    failures = sum(each.find("failure") is not None for each in cases)
     counts = {"tests": str(len(cases)), "failures": str(failures), "errors": "0"}
     suite = ElementTree.Element("testsuite", _clean({"name": f"{run.title}, {run.motion}", **counts}))
     suite.extend(cases)
@@ -36,9 +36,19 @@ def _failed(summary: Summary) -> ElementTree.Element:
     return suite
 
 
+def _unjudged(case: str, run: Run) -> ElementTree.Element:
+    """The one case of a run in which nothing could be compared."""
+    element = ElementTree.Element("testcase", _clean({"classname": _place(case, run), "name": "anything to compare"}))
+    ElementTree.SubElement(element, "failure", _clean({"message": run.reason, "type": "not judged"}))
+    return element
+
+
+def _place(case: str, run: Run) -> str:
+    return f"{case}.{run.simulator}.{run.joint_model}.{run.motion}"
+
+
 def _case(case: str, run: Run, row: Row) -> ElementTree.Element:
-    place = f"{case}.{run.simulator}.{run.joint_model}.{run.motion}"
-    element = ElementTree.Element("testcase", _clean({"classname": place, "name": row.quantity.signal}))
+    element = ElementTree.Element("testcase", _clean({"classname": _place(case, run), "name": row.quantity.signal}))
     if row.verdict == "disagrees":
         message = _clean({"message": row.sentence, "type": "disagreement"})
         ElementTree.SubElement(element, "failure", message).text = message["message"]

@@ -17,7 +17,7 @@ from compare.report.linkage import explorer
 from compare.report.quantities import number, setting
 from compare.report.summary import MODELS, WORDS, Run, Summary
 
-SIGNS = {"agrees": "✓", "disagrees": "✗", "known": "≈"}
+SIGNS = {"agrees": "✓", "disagrees": "✗", "known": "≈", "unjudged": "?", "failed": "✗"}
 
 
 def render(
@@ -46,6 +46,7 @@ def render(
         "by_engine": [(name, _worst_first(run for run in runs if run.simulator == name)) for name in _once(run.simulator for run in runs)],
         "first_run": _worst_first(sorted(runs, key=lambda run: run.clearance == "none"))[0].index if runs else None,
         "runs_with_order": _first_per_clearance(summary),
+        "same_order": _same_order(runs),
         "free": any(run.free for run in runs),
         "flagged": any(run.flags for run in runs),
         "setting_names": _once(name for run in runs for name in run.settings),
@@ -116,6 +117,13 @@ def _worst_first(runs: Iterable[Run]) -> list[Run]:
 
 def _once(values: Any) -> list[str]:
     return list(dict.fromkeys(values))
+
+
+def _same_order(runs: Iterable[Run]) -> str:
+    """What is said where no run has a difference between first order and equilibrium."""
+    if any(run.clearance != "none" for run in runs):
+        return "First order and equilibrium cannot be compared: the analytic model has no answer at any crank angle."
+    return "Without clearance first order and equilibrium are the same."
 
 
 def _first_per_clearance(summary: Summary) -> list[Run]:

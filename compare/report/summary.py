@@ -6,14 +6,14 @@ Page, Markdown, JUnit file and terminal all show this summary; none of them look
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from compare.report.quantities import Quantity, key_signals, number, plain, quantities, shown
 
 Result = Mapping[str, Any]
-WORDS = {"agrees": "agrees", "disagrees": "disagrees", "known": "known difference"}
+WORDS = {"agrees": "agrees", "disagrees": "disagrees", "known": "known difference", "unjudged": "not judged", "failed": "failed"}
 MODELS = {"first_order": "first order (Eq. 8: ideal reaction directions)", "equilibrium": "equilibrium (displaced linkage, self-consistent)"}
 
 
@@ -69,6 +69,7 @@ class Run:
     free: tuple[tuple[str, float], ...]  # joint, per cent of the time without contact
     order: tuple[Order, ...]
     settings: Mapping[str, Any]
+    reason: str = ""  # why nothing could be compared
 
     @property
     def title(self) -> str:
@@ -82,7 +83,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Summary:
-    """A whole result."""
+    """A whole result; its verdict is ``failed`` where no run that came to its end speaks against the model."""
 
     case: str
     verdict: str
@@ -117,7 +118,9 @@ def summarise(result: Result) -> Summary:
         if name in signals
     )
     failures = tuple(failure["why"] for failure in result.get("failures", ()))
-    return Summary(result["case"], result["verdict"], headline(runs), runs, signals, tuple(joints), spread, result.get("words", ""), failures)
+    verdict = "failed" if failures and all(run.verdict == "agrees" for run in runs) else result["verdict"]
+    said = headline(runs, len(failures))
+    return Summary(result["case"], verdict, said, runs, signals, tuple(joints), spread, result.get("words", ""), failures)
 
 
 def released(run: Mapping[str, Any], mechanism: Mapping[str, Any]) -> bool:
@@ -155,6 +158,7 @@ def _run(index: int, run: Mapping[str, Any], mechanism: Mapping[str, Any], signa
         free=tuple((joint, 100 * share) for joint, share in (run.get("free_share") or {}).items()),
         order=tuple(sorted(order, key=place)),
         settings=run.get("settings") or {},
+        reason=run.get("reason") or "",
     )
 
 
@@ -187,22 +191,51 @@ def _where(fields: Mapping[str, Any], run: Mapping[str, Any], mechanism: Mapping
     return f"{plain(math.degrees(at), 4)} deg"
 
 
-def headline(runs: tuple[Run, ...], say: Callable[..., str] = number) -> str:
-    """The verdict in a sentence or two: how many comparisons failed, and the one that is worst (or closest) by its tolerance."""
+def headline(runs: tuple[Run, ...], failures: int = 0, say: Callable[..., str] = number) -> str:
+    """The verdict in a few sentences: runs that failed or are not judged, comparisons that disagree, and the worst (or closest) by its tolerance."""
+    return " ".join(_sentences(runs, failures, say)) if runs else "No simulation came to its end: nothing was compared."
+
+
+def _sentences(runs: tuple[Run, ...], failures: int, say: Callable[..., str]) -> Iterator[str]:
     rows = [(run, row) for run in runs for row in run.rows]
     wrong = [(run, row) for run, row in rows if row.verdict == "disagrees"]
-    known = sum(row.verdict == "known" for _, row in rows)
-    judged = wrong or [(run, row) for run, row in rows if row.verdict == "agrees"]
-    aside = f" {known} {'differs' if known == 1 else 'differ'} as known." if known else ""
-    if not runs:
-        return "No simulation came to its end: nothing was compared."
-    if not judged:
-        return f"{len(rows)} comparisons in {len(runs)} runs.{aside}"
-    run, row = max(judged, key=lambda pair: pair[1].share or 0.0)
+    exceeding = [(run, row) for run, row in wrong if not row.reason]
+    otherwise = [(run, row) for run, row in wrong if row.reason]
+    agreeing = [(run, row) for run, row in rows if row.verdict == "agrees"]
+    known = len(rows) - len(wrong) - len(agreeing)
+    silent = [run for run in runs if run.reason or not run.rows]
+    if failures:
+        yield f"{failures} of {_counted(failures + len(runs), 'run')} failed."
+    if silent:
+        why = f"; {silent[0].title}: {silent[0].reason}" if silent[0].reason else ""
+        yield f"Nothing could be compared in {len(silent)} of {_counted(len(runs), 'run')}{why}."
+    if exceeding:
+        yield f"{_share(exceeding, rows, runs)} {'exceeds its' if len(exceeding) == 1 else 'exceed their'} tolerance."
+    elif agreeing and not wrong:
+        compared = len({run.index for run, _ in rows})
+        yield f"All {len(agreeing)} judged comparisons of {_counted(compared, 'run')} are within tolerance."
+    if known:
+        yield f"{known} of {_counted(len(rows), 'comparison')} {'differs' if known == 1 else 'differ'} as known."
+    if exceeding:
+        yield f"Worst: {_most(exceeding, say)}."
+    elif agreeing and not wrong:
+        yield f"Closest to it: {_most(agreeing, say)}."
+    if otherwise:
+        run, row = otherwise[0]
+        first = "disagrees:" if len(otherwise) == 1 else "disagree, the first being"
+        yield f"{_share(otherwise, rows, runs)} {first} {row.quantity.label} ({run.title}): {row.reason}."
+
+
+def _share(some: Sequence[tuple[Run, Row]], rows: Sequence[tuple[Run, Row]], runs: tuple[Run, ...]) -> str:
+    return f"{len(some)} of {_counted(len(rows), 'comparison')} in {len({run.index for run, _ in some})} of {_counted(len(runs), 'run')}"
+
+
+def _most(rows: Sequence[tuple[Run, Row]], say: Callable[..., str]) -> str:
+    """The row that uses up most of its tolerance, in words."""
+    run, row = max(rows, key=lambda pair: pair[1].share or 0.0)
     unit = row.quantity.unit
-    numbers = f"{say(row.maximum, 3, True)} {unit} at {row.at}, tolerance {say(row.tolerance)} {unit}"
-    which = f"{row.quantity.label} ({run.title}), {numbers}."
-    if wrong:
-        bad = len({run.index for run, _ in wrong})
-        return f"{len(wrong)} of {len(rows)} comparisons in {bad} of {len(runs)} runs exceed their tolerance.{aside} Worst: {which}"
-    return f"All {len(judged)} judged comparisons of {len(runs)} runs are within tolerance.{aside} Closest to it: {which}"
+    return f"{row.quantity.label} ({run.title}), {say(row.maximum, 3, True)} {unit} at {row.at}, tolerance {say(row.tolerance)} {unit}"
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}" + "s" * (count != 1)

@@ -13,7 +13,8 @@ from rich.text import Text
 from compare.report.quantities import plain
 from compare.report.summary import WORDS, Run, headline, summarise
 
-COLOUR = {"agrees": "green", "disagrees": "bold red", "known": "yellow"}
+LOUD = ("disagrees", "unjudged", "failed")
+COLOUR = {"agrees": "green", "known": "yellow", **dict.fromkeys(LOUD, "bold red")}
 
 
 def print_table(result: Mapping[str, Any], console: Console) -> None:
@@ -37,19 +38,21 @@ def print_table(result: Mapping[str, Any], console: Console) -> None:
         console.print(escape(f"between engines: {summary.between}"))
     for why in summary.failures:
         console.print(escape(f"failed: {why}"))
-    console.print(Text.assemble((f"{summary.case}: ", "bold"), _word(summary.verdict), f". {headline(summary.runs, plain)}".replace("·", ".")))
+    said = headline(summary.runs, len(summary.failures), plain).replace("·", ".")
+    console.print(Text.assemble((f"{summary.case}: ", "bold"), _word(summary.verdict), f". {said}"))
 
 
 def _word(verdict: str) -> Text:
-    return Text(WORDS[verdict].upper() if verdict == "disagrees" else WORDS[verdict], style=COLOUR[verdict])
+    return Text(WORDS[verdict].upper() if verdict in LOUD else WORDS[verdict], style=COLOUR[verdict])
 
 
 def _notes(runs: tuple[Run, ...]) -> list[str]:
-    """Which analytic model was compared, flags, and time without contact."""
+    """Which analytic model was compared, why a verdict is not the tolerance's, flags, and time without contact."""
     if not runs:
         return []
     models = ", ".join(dict.fromkeys(run.analytic_model.replace("_", " ") for run in runs))
     notes = [f"analytic model: {models}; differences are simulated minus analytic"]
+    notes += [f"{run.title}: {row.quantity.label}: {row.reason}" for run in runs for row in run.rows if row.reason]
     notes += [f"{run.title}: {len(run.flags)} positions flagged, first {run.flags[0][0]}: {run.flags[0][1]}" for run in runs if run.flags]
     notes += [f"{run.title}: {joint} without contact {plain(share, 2)} % of the run" for run in runs for joint, share in run.free if share]
     return notes

@@ -129,7 +129,8 @@ class Cell:
     @cached_property
     def give(self) -> float:
         """How far (m) the contact yields under the simulation's peak force."""
-        return max(float(np.nanmax(self.run["simulated"][f"reaction_{name}_magnitude"])) for name in self.run["clearance"]) / self.stiffness
+        forces = [self.run["simulated"][f"reaction_{name}_magnitude"] for name in self.run["clearance"]]
+        return float(np.nanmax(forces, initial=0.0)) / self.stiffness
 
     # ---------------------------------------------------------------- the model against itself
 

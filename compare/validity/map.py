@@ -15,6 +15,7 @@ from analytic.assembly import Assembly
 from analytic.mechanism import GROUND, Mechanism
 from compare.faults import OptionError
 from compare.grid import default_angles, turns_fully
+from compare.tolerances import SCALARS
 from compare.validity.cell import ASSUMPTIONS
 from sim_models.contact_laws import contact_parameters
 from sim_models.engine import JointModel, declared, installed_version
@@ -85,7 +86,7 @@ def cells(grid: Grid) -> list[dict[str, Any]]:
     """The runs of a map, engine by engine: everything that a cell's result depends on, as plain data."""
     assembly = Assembly(grid.mechanism)
     theta, skip = _angles(assembly)
-    lines = {name: grid.tolerances[name] for name in ("floor", "noise")} | {"driven": {grid.joint_model: grid.tolerances["driven"][grid.joint_model]}}
+    lines = {name: grid.tolerances[name] for name in SCALARS} | {"driven": {grid.joint_model: grid.tolerances["driven"][grid.joint_model]}}
     linkages = {(w, c): _plain(grid.linkage(w, c)) for w in grid.speeds for c in grid.clearances}
     return [
         {

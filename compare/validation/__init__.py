@@ -1,0 +1,1 @@
+"""``compare validation``: every shipped case in every engine, stored as a report, and whether it still holds."""

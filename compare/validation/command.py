@@ -1,0 +1,64 @@
+"""``compare validation update`` and ``check``: the project's own validation report, every shipped case in every engine.
+
+``reports/README.md`` is written from ``reports/validation.json``, which keeps each run's verdict and how near it is to its
+tolerance; ``check`` makes all runs again and compares them (that no force moves is what the baselines are for).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from compare.faults import Exit, complaints
+from compare.options import engines_named
+
+validation = typer.Typer(help="The validation report of the project itself: every shipped case in every engine.", no_args_is_help=True)
+
+Folder = Annotated[Path, typer.Option("--reports", metavar="DIR", help="Folder of the report.")]
+WHERE = Path("reports")
+
+
+@validation.command()
+def update(folder: Folder = WHERE) -> None:
+    """Run everything and write README.md, validation.json and figures."""
+    with complaints():
+        from compare.files import output_folder, to_json, write_atomically
+        from compare.validation.page import page
+        from compare.validation.runs import run_all
+
+        output_folder(folder / "figures")
+        found = run_all(engines_named("all"))
+        for name, drawing in found.pop("figures").items():
+            write_atomically(folder / "figures" / name, drawing)
+        write_atomically(folder / "validation.json", to_json(found, indent=1) + "\n")
+        write_atomically(folder / "README.md", page(found))
+        typer.echo(f"{len(found['runs'])} runs: {folder / 'README.md'}")
+
+
+@validation.command()
+def check(
+    folder: Folder = WHERE,
+    simulator: Annotated[str | None, typer.Option(help="Engine whose runs are made again; left out (or all), those of every one.")] = None,
+) -> None:
+    """Run everything again and say what is not as in the committed report: verdicts, shares of tolerances, tables, the page itself.
+
+    Exit status: 0 all as it was, 1 something differs, 2 the report is damaged, 3 a simulator of the report is missing.
+    """
+    with complaints():
+        from compare.validation.runs import run_all
+        from compare.validation.stored import differences, looked_at, other_versions, read, stale_page
+
+        stored = read(folder / "validation.json")
+        found = run_all(engines_named(simulator or "all"))
+        changed = [*stale_page(folder / "README.md", stored), *differences(stored, found)]
+        for line in [*changed, *other_versions(stored, found)]:
+            typer.echo(line)
+        done, left_out = looked_at(stored, found)
+        typer.echo(f"{done}; {len(changed)} {'differs' if len(changed) == 1 else 'differ'} from {folder / 'validation.json'}")
+        if left_out:
+            typer.echo(f"not looked at: {left_out}", err=True)
+    if changed:
+        raise typer.Exit(Exit.DISAGREES)
+    raise typer.Exit(Exit.SIMULATOR_FAILED if left_out and simulator in (None, "all") else Exit.AGREES)

@@ -1,0 +1,62 @@
+"""The validation report as a page, of validation.json and nothing else."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+
+def page(found: Mapping[str, Any]) -> str:
+    """The report as Markdown."""
+    agree = sum(run["verdict"] == "agrees" for run in found["runs"])
+    cases = list(dict.fromkeys(run["case"] for run in found["runs"]))
+    lines = [
+        "# Validation report",
+        "",
+        f"{agree} of {len(found['runs'])} runs agree with the analytic `equilibrium` within `compare/tolerances.toml`. Engines: "
+        + ", ".join(f"{name} {version}" for name, version in found["versions"].items())
+        + ". Written by `compare validation update`; CI makes every run again with `compare validation check`, and holds each reaction force "
+        "to `reports/baselines/` with `compare baseline check`.",
+        "",
+        "Each run has its engine's verdict and the largest share of a tolerance that any of its signals uses up. Ideal joints are",
+        "driven; joints with clearance rest in equilibrium under load (`compare/baseline/runs.py` says which clearance and load).",
+    ]
+    for case in cases:
+        lines += ["", f"## {case}", "", *_table([run for run in found["runs"] if run["case"] == case])]
+        lines += [
+            "",
+            f"![{case}: ideal and displaced by clearance](figures/{case}-linkage.svg)",
+            f"![{case}: directions of the reaction](figures/{case}-gamma.svg)",
+        ]
+    lines += ["", "## How far the paper's Eq. 8 is off", "", "| clearance in B of the paper's case | direction | size |", "|---|--:|--:|"]
+    lines += [f"| {1000 * r['clearance']:g} mm | {r['angle']:.2g} deg | {100 * r['magnitude']:.2g} % |" for r in found["first_order"]]
+    if found["superposition"]:
+        lines += ["", "## How good superposition is (Fig. 7c)", "", *_superposed(found["superposition"])]
+    return "\n".join(lines) + "\n"
+
+
+def _superposed(rows: list[dict[str, float]]) -> Iterator[str]:
+    yield "Clearance and compliance added up, against Exudyn's Euler-Bernoulli beams with a real journal in its bearing, at 50 N: largest"
+    yield "error of a pin's or the coupler's middle's displacement over the largest displacement, with `equilibrium` / with `first_order`"
+    yield "(Eq. 8). Without clearance what is left is geometric nonlinearity: at 0.5 N it is a hundred times smaller."
+    yield ""
+    angles = [math.degrees(angle) for angle in dict.fromkeys(row["crank_angle"] for row in rows)]
+    yield "| clearance in B | " + " | ".join(f"{angle:g} deg" for angle in angles) + " |"
+    yield "|---|" + "---|" * len(angles)
+    for gap in dict.fromkeys(row["clearance"] for row in rows):
+        cells = [f"{100 * r['equilibrium']:.2f} / {100 * r['first_order']:.2f} %" for r in rows if r["clearance"] == gap]
+        yield f"| {1000 * gap:g} mm | " + " | ".join(cells) + " |"
+
+
+def _table(runs: list[dict[str, Any]]) -> Iterator[str]:
+    engines = list(dict.fromkeys(run["simulator"] for run in runs))
+    yield "| run | " + " | ".join(engines) + " |"
+    yield "|---|" + "---|" * len(engines)
+    for name in dict.fromkeys(run["run"] for run in runs):
+        cells = {run["simulator"]: _cell(run) for run in runs if run["run"] == name}
+        yield f"| {name} | " + " | ".join(cells.get(engine, "not supported") for engine in engines) + " |"
+
+
+def _cell(run: dict[str, Any]) -> str:
+    return f"{run['verdict']}, at most {100 * run['share']:g} % ({run['closest']})" if "share" in run else run["verdict"]

@@ -1,0 +1,134 @@
+"""The committed validation report: whatever in it is no longer so is said, and so is what was not looked at."""
+
+from __future__ import annotations
+
+import copy
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from compare.faults import OptionError
+from compare.validation.page import page
+from compare.validation.runs import first_order
+from compare.validation.stored import differences, looked_at, other_versions, read, stale_page
+
+REPORTS = Path(__file__).parents[1] / "reports"
+STORED = read(REPORTS / "validation.json")
+
+
+def changed(*path: Any, value: Any) -> dict[str, Any]:
+    """The committed report with one value of another."""
+    out = copy.deepcopy(STORED)
+    here: Any = out
+    for step in path[:-1]:
+        here = here[step]
+    here[path[-1]] = value
+    return out
+
+
+def only(*engines: str) -> dict[str, Any]:
+    """What is found where these engines are installed and no other."""
+    runs = [run for run in STORED["runs"] if run["simulator"] in engines]
+    beams = STORED["superposition"] if "exudyn" in engines else []
+    return STORED | {"runs": runs, "versions": {name: STORED["versions"][name] for name in engines}, "superposition": beams}
+
+
+def test_the_committed_page_and_first_order_table_are_those_of_the_committed_numbers(tmp_path: Path) -> None:
+    assert list(stale_page(REPORTS / "README.md", STORED)) == []
+    assert list(differences(STORED, STORED | {"first_order": first_order()})) == []
+    edited = tmp_path / "README.md"
+    edited.write_text(page(STORED).replace("7.1 deg", "6.1 deg"), encoding="utf-8")
+    (line,) = stale_page(edited, STORED)
+    assert line.startswith(f"{edited}: line {page(STORED).splitlines().index('| 10 mm | 7.1 deg | 31 % |') + 1} ")
+    assert len(list(stale_page(tmp_path / "none.md", STORED))) == 1
+
+
+TAMPERED: dict[str, tuple[tuple[Any, ...], Any, str]] = {
+    "a verdict": (("runs", 0, "verdict"), "disagrees", "crank-rocker, ideal, driven, mujoco: verdict was disagrees, is agrees"),
+    "a count": (("runs", 0, "signals"), 11, "signals was 11, is 12"),
+    "a share that is absurd": (("runs", 0, "share"), 1e9, "was 1e+11 % (reaction_D_angle), is 20 %"),
+    "a share that is too good": (("runs", 7, "share"), 0.1, "was 10 %"),
+    "another signal": (("runs", 0, "closest"), "crank_angle", "was 20 % (crank_angle), is 20 % (reaction_D_angle)"),
+    "a first-order angle": (("first_order", 0, "angle"), 99.0, "first_order, clearance 0.01: angle was 99, is 7.05585"),
+    "its last printed digit": (("first_order", 2, "magnitude"), 0.00578, "magnitude was 0.00578, is 0.00572865"),
+    "a clearance": (("first_order", 0, "clearance"), 0.02, "first_order, clearance 0.02: row is no longer there"),
+    "superposition": (("superposition", 0, "equilibrium"), 0.0034, "equilibrium was 0.0034, is 0.00331615"),
+}
+
+
+@pytest.mark.parametrize("case", TAMPERED)
+def test_a_number_that_is_not_found_again_is_named(case: str) -> None:
+    path, value, words = TAMPERED[case]
+    said = list(differences(changed(*path, value=value), STORED))
+    assert len(said) == (2 if case == "a clearance" else 1)
+    assert any(words in line for line in said)
+
+
+def test_what_is_rounding_may_differ() -> None:
+    (k,) = (k for k, run in enumerate(STORED["runs"]) if (run["case"], run["run"], run["simulator"]) == ("paper", "ideal, driven", "dart"))
+    assert STORED["runs"][k]["share"] < 1e-5
+    rounded = changed("runs", k, "share", value=2e-6)
+    rounded["runs"][k]["closest"] = "crank_angle"
+    rounded["superposition"][0]["equilibrium"] += 1e-7
+    assert list(differences(STORED, rounded)) == []
+    assert list(differences(changed("runs", 1, "share", value=0.03), STORED)) == []
+
+
+def test_an_engine_that_is_not_here_is_said_to_be_left_out() -> None:
+    assert looked_at(STORED, STORED) == ("75 of 75 runs, first_order and superposition made again", "")
+    done, left_out = looked_at(STORED, only("mujoco"))
+    assert done == "20 of 75 runs, first_order made again"
+    assert left_out == "20 runs of exudyn; 20 runs of pybullet; 15 runs of dart; superposition, which takes exudyn"
+    assert list(differences(STORED, only("mujoco"))) == []
+    newer = only("mujoco") | {"versions": {"mujoco": "5.0"}}
+    assert list(other_versions(STORED, newer)) == ["mujoco is 5.0 here, and the report was made with 4.0.0"]
+
+
+DAMAGE: dict[str, tuple[Callable[[str], str], str]] = {
+    "cut off": (lambda text: text[: len(text) // 2], "cannot be read as JSON"),
+    "a list": (lambda text: "[]", "holds a list"),
+    "another schema": (lambda text: text.replace('"schema": 1', '"schema": 2'), "schema = 2"),
+    "a share in words": (lambda text: text.replace('"share": 0.2', '"share": "much"', 1), "'much'"),
+    "no runs": (lambda text: json.dumps(json.loads(text) | {"runs": []}), "runs = []"),
+    "a row without its number": (lambda text: text.replace('"angle"', '"angel"', 1), "first_order[0].angle is missing"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_damaged_report_is_refused_in_one_sentence(damage: str, tmp_path: Path) -> None:
+    spoil, words = DAMAGE[damage]
+    path = tmp_path / "validation.json"
+    path.write_text(spoil((REPORTS / "validation.json").read_text(encoding="utf-8")), encoding="utf-8")
+    with pytest.raises(OptionError) as caught:
+        read(path)
+    assert words in str(caught.value)
+    assert "compare validation update" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_command_makes_the_runs_of_the_engines_that_are_here_and_does_not_pass_for_those_that_are_not(tmp_path: Path) -> None:
+    for name in ("README.md", "validation.json"):
+        (tmp_path / name).write_text((REPORTS / name).read_text(encoding="utf-8"), encoding="utf-8")
+    hide = (
+        "import sys, importlib.util as u; f = u.find_spec; u.find_spec = lambda n, p=None: None if n in ('exudyn', 'pybullet', 'dartpy') else f(n, p)"
+    )
+    run = f"{hide}; sys.argv = ['compare', 'validation', 'check', '--reports', '.']; from compare.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", run], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 3, done.stdout + done.stderr
+    assert done.stdout == "20 of 75 runs, first_order made again; 0 differ from validation.json\n"
+    assert "not looked at: 20 runs of exudyn; 20 runs of pybullet; 15 runs of dart" in done.stderr
+    tampered = changed("runs", 0, "share", value=1e9) | {"first_order": changed("first_order", 0, "angle", value=99.0)["first_order"]}
+    (tmp_path / "validation.json").write_text(json.dumps(tampered), encoding="utf-8")
+    command = [sys.executable, "-m", "compare", "validation", "check", "--reports", ".", "--simulator", "mujoco"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 1, done.stdout + done.stderr
+    page_line, run_line, table_line, summary = done.stdout.splitlines()
+    assert page_line.startswith("README.md: line ")
+    assert run_line.startswith("crank-rocker, ideal, driven, mujoco: largest share")
+    assert table_line.startswith("first_order, clearance 0.01: angle was 99")
+    assert summary.endswith("; 3 differ from validation.json")
