@@ -267,6 +267,15 @@ def test_a_pin_that_nothing_presses_has_no_static_place() -> None:
         ENGINE.simulate(Request(PAPER.replace(loads=()), "contact", "static", RANGE))
 
 
+def test_a_slow_crank_is_not_moved_aside_by_reactions_in_minutes() -> None:
+    """Two minutes under 50 N; the motor's armature of 1e9 kg.m^2 alone would gain 3e-5 rad in them."""
+    theta = np.radians([20.0, 90.0, 160.0])
+    trace = ENGINE.simulate(Request(at_speed(PAPER, speed=0.02), "ideal", "driven", theta))
+    np.testing.assert_allclose(trace.signals["crank_angle"], theta, rtol=0, atol=3e-7)
+    truth = expected(at_speed(PAPER, speed=0.02), "ideal", "driven", theta)
+    assert error(trace, truth, "reaction") < 1e-4
+
+
 @pytest.mark.parametrize("joint_model", ["ideal", "contact"])
 def test_a_mass_below_mujocos_least_is_refused_in_a_sentence(joint_model: JointModel) -> None:
     m = load("paper").with_body("crank", mass=1e-30).with_clearances({"B": 1e-3})
