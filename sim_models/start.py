@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 
 from analytic.assembly import Assembly
-from sim_models.engine import Request, Unsupported
+from sim_models.engine import Request, SimulationError, Unsupported
+
+MOST_STEPS = 10_000_000  # of a run, which is then a matter of minutes, and of gigabytes where every step is kept
 
 Gaps = Callable[[float], Mapping[str, complex]]  # gap (m) of each joint, first pin minus second, at a crank angle
 
@@ -112,3 +114,13 @@ def substeps(interval: float, longest: float) -> tuple[int, float]:
     """Number and size (s) of equal steps, none longer than ``longest``, that make up an interval."""
     count = max(1, int(np.ceil(interval / longest - 1e-9)))
     return count, interval / count
+
+
+def check_steps(who: str, time: float, longest: float) -> None:
+    """Raise SimulationError if a run of a time (s) in steps no longer than ``longest`` (s) has no end in sight.  ``who`` runs what."""
+    count = time / longest
+    if not count <= MOST_STEPS:
+        raise SimulationError(
+            f"{who}: {time:.3g} s would take {count:.2g} steps of {longest:.2g} s, and {MOST_STEPS:g} are the most; raise drive.speed, "
+            "use a larger clearance or a softer contact, ask for less, or use --motion static"
+        )

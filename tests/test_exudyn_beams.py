@@ -17,7 +17,7 @@ from analytic.kinetostatics import joint_law, kinetostatics
 from analytic.mechanism import MASS_CENTRE, Drive, Load, Mechanism
 from analytic.mechanism_file import load
 from linkages import inverted_slider
-from sim_models.engine import Motion, Request, Unsupported
+from sim_models.engine import Motion, Request, SimulationError, Unsupported, engine
 from sim_models.exudyn.beam_model import Element
 from sim_models.exudyn.beam_motion import RigidMotion
 from sim_models.exudyn.beams import FlexibleLinkage, flexible, flexible_static
@@ -309,3 +309,32 @@ def test_what_beams_do_not_do_is_refused_in_words() -> None:
         flexible_static(load("paper").replace(drive=Drive(joint="D", speed=1.0, stiffness=100.0)), 0.5)
     with pytest.raises(Unsupported, match="section"):
         flexible_static(load("paper").with_body("crank", section=(0.0, 0.0)), 0.5)
+
+
+# ---------------------------------------------------------------- several clearances
+
+
+def loaded(case: str) -> Mechanism:
+    """A shipped case under gravity, its follower pushed."""
+    return load(case).replace(gravity=(0.0, -9.81), loads=(Load(body="follower", point="B", force=(20.0, -30.0), torque=1.0),))
+
+
+@pytest.mark.parametrize("case", ["crank-rocker", "six-bar"])
+@pytest.mark.parametrize("joints", ["DB", "AB", "DA", "DABE"])
+def test_stiff_beams_with_several_gaps_are_where_rigid_links_are(case: str, joints: str) -> None:
+    m = loaded(case).with_clearances(dict.fromkeys(joints, 1e-4))
+    theta = np.radians(np.arange(7.0, 367.0, 30.0))
+    bent, rigid = (run(Request(m, "contact", "static", theta)).signals for run in (flexible, engine("exudyn").simulate))
+    for name, values in rigid.items():
+        if name.endswith("_angle"):
+            np.testing.assert_allclose(bent[name], values, atol=3e-4, err_msg=name)
+        elif name.startswith("reaction"):
+            np.testing.assert_allclose(bent[name], values, atol=3e-3 * 50, err_msg=name)
+
+
+@pytest.mark.parametrize("degrees", [7.0, 307.0])
+def test_a_linkage_that_has_turned_over_is_no_result(degrees: float) -> None:
+    """Under a load that its soft links cannot bear, Newton's method ends with the follower on the other side."""
+    m = loaded("crank-rocker").replace(loads=(Load(body="follower", point="B", force=(200.0, -300.0), torque=10.0),))
+    with pytest.raises(SimulationError, match="assembly mode"):
+        flexible(Request(flexible_links(m, 3e8, (0.01, 0.01)), "ideal", "static", np.radians([degrees])))

@@ -87,6 +87,16 @@ def test_clearance_in_several_joints_at_once_the_drive_joint_among_them(joint_mo
     assert all(path.shape == (12, 2) for path in trace.journal.values())
 
 
+def test_a_light_linkage_presses_its_pins_less_deep_than_exudyn_differentiates() -> None:
+    """Under its weight alone, 0.3 N; Exudyn's own step of 1e-8 m makes Newton's method go to and fro."""
+    m = load("crank-rocker").replace(gravity=(0.0, -9.81)).with_clearances({"A": 1e-4, "B": 1e-4})
+    trace = run(m, "contact", "static", np.arange(0.0, 360.0, 8.0))
+    for joint in "DABE":
+        degrees, percent = reaction_errors(trace, m, joint)
+        assert degrees < 0.01
+        assert percent < 0.01
+
+
 def test_static_friction_and_springs_of_revolute_and_prismatic_joints() -> None:
     m = inverted_slider()
     degrees = np.arange(0.0, 360.0, 20.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Mapping
 
 import numpy as np
@@ -13,7 +14,7 @@ from analytic.mechanism import Load, Mechanism
 from analytic.mechanism_file import load
 from analytic.released import released
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
-from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, SimulationError, Trace, Unsupported
+from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, SimulationError, Trace, Unsupported, declared, engine
 from sim_models.mujoco.engine import ENGINE
 
 pytest.importorskip("mujoco")
@@ -264,6 +265,42 @@ def test_a_drive_without_speed_or_angles_is_refused() -> None:
 def test_a_pin_that_nothing_presses_has_no_static_place() -> None:
     with pytest.raises(SimulationError, match=r"nothing presses the pin of joint 'B' at crank angle 20 deg"):
         ENGINE.simulate(Request(PAPER.replace(loads=()), "contact", "static", RANGE))
+
+
+def test_a_slow_crank_is_not_moved_aside_by_reactions_in_minutes() -> None:
+    """Two minutes under 50 N; the motor's armature of 1e9 kg.m^2 alone would gain 3e-5 rad in them."""
+    theta = np.radians([20.0, 90.0, 160.0])
+    trace = ENGINE.simulate(Request(at_speed(PAPER, speed=0.02), "ideal", "driven", theta))
+    np.testing.assert_allclose(trace.signals["crank_angle"], theta, rtol=0, atol=3e-7)
+    truth = expected(at_speed(PAPER, speed=0.02), "ideal", "driven", theta)
+    assert error(trace, truth, "reaction") < 1e-4
+
+
+@pytest.mark.parametrize("joint_model", ["ideal", "contact"])
+def test_a_mass_below_mujocos_least_is_refused_in_a_sentence(joint_model: JointModel) -> None:
+    m = load("paper").with_body("crank", mass=1e-30).with_clearances({"B": 1e-3})
+    with pytest.raises(Unsupported, match=r"body 'crank' has mass = 1e-30 kg, .* more than 1e-15"):
+        ENGINE.simulate(Request(m, joint_model, "static", np.radians([40.0])))
+
+
+@pytest.mark.parametrize(
+    ("name", "joint_model", "speed", "clearance"),
+    [
+        ("mujoco", "ideal", 1e-9, 1e-3),
+        ("mujoco", "ideal", 1e-4, 1e-3),
+        ("mujoco", "contact", 1.5, 1e-13),
+        ("exudyn", "ideal", 1e-4, 1e-3),
+        ("exudyn", "massless-link", 1.5, 1e-15),
+        ("pybullet", "spring-damper", 1.5, 1e-13),
+        ("dart", "contact", 1.5, 1e-13),
+    ],
+)
+def test_a_run_without_end_is_refused_before_it_begins(name: str, joint_model: JointModel, speed: float, clearance: float) -> None:
+    if importlib.util.find_spec(declared(name).package) is None:
+        pytest.skip(f"{name} is not installed")
+    m = at_speed(load("paper"), speed=speed).with_clearances({"B": clearance})
+    with pytest.raises(SimulationError, match=r"would take .* steps of .* s, and 1e\+07 are the most; raise drive\.speed"):
+        engine(name).simulate(Request(m, joint_model, "driven", np.radians([20.0, 160.0])))
 
 
 def test_too_long_a_step_is_an_error_not_a_number() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from analytic.assembly import Assembly
-from analytic.mechanism import Drive
+from analytic.mechanism import Drive, Load
 from analytic.mechanism_file import load
 from analytic.released import released
 from linkages import inverted_slider
@@ -68,6 +68,17 @@ def test_clearance_in_several_joints_at_once_the_drive_joint_among_them(joint_mo
         assert angle < 0.005, joint
         assert size < 0.01, joint
     assert set(trace.journal) == set(SEVERAL)
+
+
+def test_four_struts_in_a_chain_are_where_the_rods_are_at_every_angle() -> None:
+    """Bullet's sequential solver lets such struts grow at some of these angles, and balances other forces there."""
+    m = load("crank-rocker").replace(gravity=(0.0, -9.81), loads=(Load(body="follower", point="B", force=(20.0, -30.0), torque=1.0),))
+    m = m.with_clearances({"D": 1e-4, "A": 2e-4, "B": 1e-4, "E": 1e-4})
+    trace = run(ENGINE, m, "contact", "static", np.arange(0.0, 360.0, 15.0))
+    for joint in "DABE":
+        angle, size = reaction_errors(trace, m, joint)
+        assert angle < 0.02, joint
+        assert size < 0.05, joint
 
 
 def test_static_friction_and_springs_of_revolute_and_prismatic_joints() -> None:

@@ -177,11 +177,20 @@ class Linkage:
                 self.mbs.SetLoadParameter(turn, "loadVector", [0.0, 0.0, torque])
             for name, force in near["slides"].items():
                 self.mbs.SetObjectParameter(self.law[name], "force", force)
-            if not self.mbs.SolveStatic(self.settings(), storeSolver=False):
+            if not any(self.at_rest(difference) for difference in (1e-7, 1e-8, 1e-9, 1e-10)):
                 sys.exit(f"Exudyn finds no equilibrium at crank angle {near['crank_angle']} rad")
             now = {name: np.atleast_2d(np.asarray(self.mbs.GetSensorValues(number))) for name, number in self.sensor.items()}
             parts.append(self.signals(now, np.zeros(1)))
         return joined(parts)
+
+    def at_rest(self, difference: float) -> bool:
+        """Newton's method, contacts differentiated by steps of that size (of a coordinate), which have to be smaller than they are deep."""
+        s = self.settings()
+        s.staticSolver.newton.numericalDifferentiation.relativeEpsilon = difference
+        try:
+            return bool(self.mbs.SolveStatic(s, storeSolver=False))
+        except exu.exudynCPP.SolverError:
+            return False
 
     def signals(self, seen: Mapping[str, np.ndarray], time: np.ndarray) -> Signals:
         """All signals, from the sensors.  A constraint's force has one sign in Exudyn's static solver, the other in its dynamic one."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -22,7 +22,9 @@ SPAN_ELEMENTS = 4  # between two neighbouring points of a link; one is exact alr
 SHEAR_FACTOR = 5 / 6  # of a rectangular section
 ROUNDING = 3e-16  # m: what a position of this size is rounded to, so that a spring's force wavers by it times its stiffness
 STIFFEST = 1e10  # N/m of a contact, at most: Exudyn differentiates it numerically, and Newton's method fails beyond
-SOFTENING = tuple(10.0**-k for k in range(5, -1, -1))  # of the contact's stiffness, one solution after the other
+SOFT_DEPTH = 0.1  # of the clearance, to which a pin is pressed into a bearing that is soft at first
+STIFFENING = 0.25  # of the way from soft to stiff bearings, one solution after the other; halved where there is none
+SMALLEST_STIFFENING = 1 / 64
 BESIDE = 1e-6  # of a link's length: how far a joint may lie beside its axis
 
 Push = tuple[str, str, complex, float]  # body, point, force (N) and torque (N.m)
@@ -57,6 +59,11 @@ def pin_stiffness(joint: Joint) -> float:
     return min(joint.contact_stiffness or spring, STIFFEST)
 
 
+def soft_stiffness(joint: Joint, force: float) -> float:
+    """Stiffness (N/m) of a bearing that this force (N) makes yield by a part of its clearance: Newton's method finds its way on its rim."""
+    return min(pin_stiffness(joint), force / (SOFT_DEPTH * joint.clearance))
+
+
 class BeamModel:
     """The linkage as an Exudyn system whose reference configuration is undeformed, under ``pushes`` besides nothing else.
 
@@ -72,6 +79,7 @@ class BeamModel:
 
         self.exu: Any = exudyn
         self.items, self.m, self.element, self.clearance, self.start = items, mechanism, element, clearance, start
+        self._initial = exudyn.ConfigurationType.Initial
         self.container = exudyn.SystemContainer()
         self.mbs = self.container.AddSystem()
         self.fixed = self.mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=self.mbs.AddNode(items.NodePointGround()), coordinate=0))
@@ -208,19 +216,37 @@ class BeamModel:
         if torque:
             self.mbs.AddLoad(self.items.LoadTorqueVector(markerNumber=marker, loadVector=[0.0, 0.0, torque]))
 
-    def solve(self) -> bool:
-        """Static equilibrium; contacts are soft at first and stiffen by turns, because Newton's method loses a stiff one's curvature."""
+    def solve(self, soft: Mapping[str, float], upright: Callable[[], bool]) -> bool:
+        """Static equilibrium; False if there is none that is ``upright``.
+
+        Contacts stiffen from ``soft`` (N/m, by joint) on, because Newton's method loses a stiff one's curvature.
+        """
         springs = [j.elasticity.translation for j in self.m.joints if j.elasticity is not None]
-        stiffest = max([*springs, *self._axial], default=0.0)
-        settings = static_settings(1e-8 + ROUNDING * stiffest)
-        try:
-            for softer in SOFTENING if self.clearance else (1.0,):
-                for name in self.clearance:
-                    self.mbs.SetObjectParameter(self._joint[name], "contactStiffness", softer * pin_stiffness(self.m.joint(name)))
-                if not self.mbs.SolveStatic(settings, updateInitialValues=True, storeSolver=False):
-                    return False
-        except self.exu.exudynCPP.SolverError:
+        settings = static_settings(1e-8 + ROUNDING * max([*springs, *self._axial], default=0.0))
+        stiff = {name: pin_stiffness(self.m.joint(name)) for name in self.clearance}
+
+        def solved(share: float) -> bool:
+            for name, number in stiff.items():
+                self.mbs.SetObjectParameter(self._joint[name], "contactStiffness", soft[name] * (number / soft[name]) ** share)
+            try:
+                return bool(self.mbs.SolveStatic(settings, updateInitialValues=True, storeSolver=False)) and upright()
+            except self.exu.exudynCPP.SolverError:
+                return False
+
+        if all(soft[name] == number for name, number in stiff.items()):
+            return solved(1.0)
+        share, step, state = 0.0, STIFFENING, self.mbs.systemData
+        if not solved(share):
             return False
+        while share < 1.0:
+            kept = state.GetSystemState(self._initial)
+            if solved(min(share + step, 1.0)):
+                share += step
+            elif step > SMALLEST_STIFFENING:
+                state.SetSystemState(kept, self._initial)
+                step /= 2
+            else:
+                return False
         return True
 
     # ---------------------------------------------------------------- reading

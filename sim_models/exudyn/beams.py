@@ -16,16 +16,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from analytic.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
-from sim_models.exudyn.beam_model import SOFTENING, BeamModel, Element, Push, pin_stiffness, refuse_what_is_not_modelled
+from sim_models.exudyn.beam_model import BeamModel, Element, Push, pin_stiffness, refuse_what_is_not_modelled, soft_stiffness
 from sim_models.exudyn.beam_motion import RigidMotion
 from sim_models.exudyn.equilibria import Equilibria
+from sim_models.exudyn.record import FLIPPED
 from sim_models.exudyn.settings import silence
 from sim_models.start import Course, poses, schedule
 
@@ -78,11 +79,14 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
         signals[f"{body.name}_angular_velocity"] = beams.motion.angular_velocity(body.name) if moving else np.zeros(len(rows))
     size = beams.clearance
     gaps = {name: np.column_stack([signals[f"clearance_{name}_{axis}"] for axis in "xy"]) for name in size}
+    used: dict[str, Any] = {"solver": "static Newton", "step": None, "links": f"{element} beams", "inertia": "rigid linkage" if moving else "none"}
+    if size:
+        used["contact_stiffness"] = min(pin_stiffness(request.mechanism.joint(name)) for name in size)
     return Trace(
         simulator="exudyn", version=installed_version("exudyn") or "unknown", joint_model=request.joint_model, motion=request.motion,
         crank_angle=beams.motion.theta.copy(), time=beams.time, signals=signals, clearance=dict(size), journal=gaps,
         free_share={name: float(np.mean(np.hypot(*gaps[name].T) <= size[name])) for name in size},
-        settings={"solver": "static Newton", "step": None, "links": f"{element} beams", "inertia": "rigid linkage" if moving else "none"},
+        settings=used,
     )  # fmt: skip
 
 
@@ -107,9 +111,8 @@ class _Beams:
         out: dict[str, float] = {}
         for body in self.m.bodies:
             at = model.place(body.name, "com")
-            ideal = float(self.motion.angle(body.name)[k])
-            turned = model.start[body.name].angle - ideal + model.rotation(body.name, self._read_at(body.name))
-            out |= {f"{body.name}_x": at.real, f"{body.name}_y": at.imag, f"{body.name}_angle": ideal + math.remainder(turned, 2 * math.pi)}
+            angle = float(self.motion.angle(body.name)[k]) + self._turned(model, body.name, k)
+            out |= {f"{body.name}_x": at.real, f"{body.name}_y": at.imag, f"{body.name}_angle": angle}
         force = {j.name: model.force(j) + (self._along(j, k) if j.prismatic else 0.0) for j in self.m.joints}
         for j in self.m.joints:
             out |= {f"reaction_{j.name}_x": force[j.name].real, f"reaction_{j.name}_y": force[j.name].imag}
@@ -122,30 +125,32 @@ class _Beams:
         return out
 
     def solved(self, k: int) -> BeamModel:
-        """The linkage in equilibrium at one instant."""
-        gaps = self._pressed(k)
+        """The linkage in equilibrium at one instant, in its assembly mode."""
+        pressing = self._pressing(k)
+        soft = {name: soft_stiffness(self.m.joint(name), abs(force)) for name, force in pressing.items()}
+        gaps = {name: (self.clearance[name] + abs(force) / soft[name]) * force / abs(force) for name, force in pressing.items()}
         start = poses(self.assembly, float(self.motion.theta[k]), gaps=lambda _: gaps)
         model = BeamModel(self.m, self.element, self.clearance, start, self._pushes(k))
-        if not model.solve():
+        if not model.solve(soft, lambda: not any(abs(self._turned(model, body.name, k)) > FLIPPED for body in self.m.bodies)):
             raise SimulationError(
-                f"exudyn {self.element} beams ({self.m.name}): no static equilibrium found at crank angle "
+                f"exudyn {self.element} beams ({self.m.name}): no static equilibrium in the assembly mode found at crank angle "
                 f"{np.degrees(self.motion.theta[k]):.4g} deg; use a smaller clearance, keep clear of change points, or check "
                 "youngs_modulus, section and the loads"
             )
         return model
 
-    def _pressed(self, k: int) -> dict[str, complex]:
-        """Gaps (m) of the rigid linkage, its pins pressed into bearings that are soft at first."""
+    def _turned(self, model: BeamModel, body: str, k: int) -> float:
+        """Angle (rad) of a link where it is read, from the ideal rigid one's."""
+        return math.remainder(model.start[body].angle - self.motion.angle(body)[k] + model.rotation(body, self._read_at(body)), 2 * math.pi)
+
+    def _pressing(self, k: int) -> dict[str, complex]:
+        """Forces (N) of the rigid linkage that press its pins into their bearings."""
         if not self.clearance:
             return {}
         rods = Equilibria(Request(self.m, "massless-link", "static"), self.assembly, self.m.speed or 1.0)
         rate = float(self.motion.angular_velocity(self.m.driven)[k])
         rigid = rods.at(float(self.motion.theta[k]), self.motion.inertia(k) if self.moving else None, rate)
-        gaps = {}
-        for name, size in self.clearance.items():
-            force = complex(rigid.force[name][0])
-            gaps[name] = (size + abs(force) / (SOFTENING[0] * pin_stiffness(self.m.joint(name)))) * force / abs(force)
-        return gaps
+        return {name: complex(rigid.force[name][0]) for name in self.clearance}
 
     def _pushes(self, k: int) -> list[Push]:
         """Weights, loads, joint laws and inertia."""

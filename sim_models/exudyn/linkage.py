@@ -18,6 +18,9 @@ from sim_models.start import Pose
 
 HALVED = 256  # a step that Newton's method only manages when shorter than this part of it has failed
 
+# Of a coordinate: steps by which Exudyn differentiates a contact.  One that is as large as the contact's depth misses how its force turns.
+DIFFERENCES = (1e-7, 1e-8, 1e-9, 1e-10)
+
 
 class Linkage(Model):
     """A model that can be placed, loaded, solved, advanced and read."""
@@ -59,8 +62,11 @@ class Linkage(Model):
 
     def solve_static(self) -> bool:
         """Static equilibrium from where the bodies were placed; False if Newton's method does not find one."""
+        return any(self._solve_static(difference) for difference in DIFFERENCES)
+
+    def _solve_static(self, difference: float) -> bool:
         try:
-            return bool(self.mbs.SolveStatic(static_settings(self.residual), storeSolver=False))
+            return bool(self.mbs.SolveStatic(static_settings(self.residual, difference), storeSolver=False))
         except self.exu.exudynCPP.SolverError:
             return False
 

@@ -24,7 +24,7 @@ from sim_models.exudyn.linkage import Linkage
 from sim_models.exudyn.motor import INSTANT, SETTLING, Motor
 from sim_models.exudyn.record import Judge, Record, join
 from sim_models.exudyn.steady import steady_start
-from sim_models.start import Course, poses, schedule, substeps
+from sim_models.start import Course, check_steps, poses, schedule, substeps
 
 TURN_PER_STEP = 2e-3  # rad of crank angle in a step, at most
 SWING_PER_STEP = 5e-4  # rad, of a released linkage's time scale: it has no motor to keep its phase
@@ -159,6 +159,7 @@ class Run:
 
     def march(self, linkage: Linkage, times: np.ndarray, longest: float, motor: Motor | None = None) -> tuple[Record, np.ndarray]:
         """Integrate from 0 through all times (s, sorted): every step, and the row of each time."""
+        check_steps(f"exudyn {self.request.joint_model} {self.request.motion} ({self.m.name})", float(times[-1]), longest)
         parts, clock = [self.advance(linkage, 0.0, INSTANT, 1).rows(slice(0, 1))], INSTANT
         onward, stops = motor is not None and not motor.steady, np.unique(times)
         if motor is not None and onward:

@@ -20,14 +20,18 @@ def silence() -> Iterator[None]:
         exudyn.config.printToConsole, exudyn.config.suppressWarnings = before
 
 
-def static_settings(tolerance: float) -> Any:
-    """Exudyn's settings for a static solution in one go, to a residual of ``tolerance`` (N)."""
+def static_settings(tolerance: float, difference: float = 1e-7) -> Any:
+    """Exudyn's settings for a static solution in one go, to a residual of ``tolerance`` (N).
+
+    ``difference`` is the step, of a coordinate, by which Exudyn differentiates what it has no derivative of.
+    """
     settings = quiet_settings()
     solver = settings.staticSolver
     solver.useLoadFactor = solver.adaptiveStep = False
     solver.newton.maxIterations = 100
     solver.newton.relativeTolerance = 1e-12
     solver.newton.absoluteTolerance = tolerance
+    solver.newton.numericalDifferentiation.relativeEpsilon = difference
     solver.discontinuous.maxIterations = 20
     solver.discontinuous.ignoreMaxIterations = False
     return settings

@@ -193,7 +193,13 @@ class Linkage:
         return np.polyval(cubic, time - knots[piece])
 
     def place(self, time: float, lag: float) -> None:
-        """Put a motor that follows a course where it belongs, its velocity being ``lag`` older."""
+        """Put a motor where it belongs on its course, its velocity being ``lag`` older; at constant speed, if reactions have moved it."""
+        start = self.start
+        if start["driven"] and not self.course:
+            speed = start["qvel"][self.motor]
+            angle = start["qpos"][self.motor] + speed * (time - start["time"])
+            if abs(self.data.qpos[self.motor] - angle) > 1e-7:
+                self.data.qpos[self.motor], self.data.qvel[self.motor] = angle, speed
         if self.course:
             self.data.qpos[self.motor], self.data.act[0], self.data.ctrl[-1] = self.along(time), self.along(time, 2), 0.0
             self.data.qvel[self.motor] = self.along(time, 1) - lag * self.along(time, 2)

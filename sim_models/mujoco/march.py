@@ -13,7 +13,7 @@ from sim_models.mujoco.limits import check_depth, check_together, room_apart
 from sim_models.mujoco.model import Linkage
 from sim_models.mujoco.motor import Motor
 from sim_models.mujoco.state import apart, check_warnings, friction_torques, gap, joint_forces, look, on_track, signals
-from sim_models.start import substeps
+from sim_models.start import check_steps, substeps
 
 SAMPLES = 600  # of a run's journal path, or somewhat more
 
@@ -47,8 +47,9 @@ def march(
 ) -> tuple[dict[str, np.ndarray], Log, Record]:
     """Step from mark to mark (s), after the lead-in (s), from a state (nq,), (nv,): signals at the marks, samples of the journals between them.
 
-    No step is longer than the linkage's.  Raises SimulationError: the run diverged, came apart or went too deep.
+    No step is longer than the linkage's.  Raises SimulationError: the run diverged, came apart, went too deep, or would take too long.
     """
+    check_steps(f"mujoco: {link.mechanism.name}, {request.joint_model} joints", lead + float(marks[-1] - marks[0]), link.step)
     m, d = link.model, link.data
     d.qpos[:], d.qvel[:] = state
     log = Log.of(link.contacts)

@@ -11,6 +11,7 @@ import numpy as np
 
 from analytic.mechanism import Body, Mechanism
 from sim_models.contact_laws import PIN_RADIUS
+from sim_models.engine import Unsupported
 from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.mjcf import RIGID, Description
 from sim_models.mujoco.tree import Branch
@@ -58,6 +59,10 @@ class Linkage(Description):
         follows: bool = False,
     ) -> None:
         super().__init__(mechanism, contacts, rows, pose, step, hold, friction, follows)
+        light = [b for b in mechanism.bodies if b.mass <= mujoco.mjMINVAL]
+        if light:
+            what = f"body {light[0].name!r} has mass = {light[0].mass:g} kg, of which MuJoCo wants more than {mujoco.mjMINVAL:g}"
+            raise Unsupported(f"mujoco: {what}; give it a mass that matters, or use another simulator")
         self.contacts = contacts
         self.model = m = mujoco.MjModel.from_xml_string(self.mjcf())
         self.data = mujoco.MjData(m)

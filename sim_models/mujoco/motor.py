@@ -1,7 +1,8 @@
 """The motor of a driven run in MuJoCo: at constant speed, or along a course that it follows exactly.
 
-At constant speed an armature that no reaction slows is enough.  On a course an actuator pushes that armature with its own
-inertia times an acceleration, which is an activation of the actuator: a constant, or linear in time over a step.
+At constant speed an armature that no reaction slows is enough, if over minutes it is put back now and then.  On a course an
+actuator pushes that armature with its own inertia times an acceleration, which is an activation of the actuator: a constant, or
+linear in time over a step.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ STRAIGHT = 1e-6  # of BESIDE: a turn by acceleration that is nothing but roundin
 AS_BEFORE = 1e-5  # of its largest rate: a course that repeats itself, but for the ends of its spline
 SAMPLES = 100  # of a course that may repeat itself
 ROUNDING = 1e-9  # of a course's time
+ASIDE = 1e-7  # rad: how far reactions may move a motor's armature at constant speed, in minutes, before it is put back
 STANDSTILL = 1e-9  # of a course's largest rate or acceleration: nothing
 
 
@@ -44,9 +46,9 @@ class Motor:
     course: Course | None = None
 
     @classmethod
-    def at_speed(cls, theta: float, speed: float) -> Motor:
-        """Constant speed (rad/s), beginning at the angle theta (rad)."""
-        return cls(theta + AROUND * BESIDE, AROUND * BESIDE / speed, 2, math.copysign(1.0, speed), abs(speed))
+    def at_speed(cls, theta: float, speed: float, begin: float = 0.0) -> Motor:
+        """Constant speed (rad/s), beginning at the angle theta (rad) and a time (s)."""
+        return cls(theta + AROUND * BESIDE, AROUND * BESIDE / speed, 2, math.copysign(1.0, speed), abs(speed), begin)
 
     @classmethod
     def along(cls, course: Course) -> Motor:
@@ -108,8 +110,11 @@ class Motor:
             advance(link, 1)
 
     def place(self, link: Linkage, time: float, lag: float) -> None:
-        """Put the motor where its course has it at this time (s), its velocity being ``lag`` (s) older; nothing to do at constant speed."""
+        """Put the motor where it should be at this time (s), its velocity being ``lag`` (s) older; at constant speed, if it is ASIDE."""
         if self.course is None:
+            angle = float(self.angles[self.here]) + self.speed * (time - self.begin) if self.fastest else 0.0
+            if self.fastest and abs(link.data.qpos[link.motor] - angle) > ASIDE:
+                link.data.qpos[link.motor], link.data.qvel[link.motor] = angle, self.speed
             return
         d, acceleration = link.data, self.course.acceleration(time)
         d.qpos[link.motor], d.act[0], d.ctrl[-1] = self.course.angle(time), acceleration, 0.0

@@ -158,7 +158,8 @@ class Run:
         plan = schedule(self.request)
         self.assembly.coordinates(plan.theta)  # raises where the ideal linkage does not reach
         lead = self.request.lead_in / abs(plan.speed)
-        signals, log, settings = self.turned(Motor.at_speed(float(plan.theta[0]) - plan.speed * lead, plan.speed), plan.time, lead)
+        motor = Motor.at_speed(float(plan.theta[0]) - plan.speed * lead, plan.speed, float(plan.time[0]) - lead)
+        signals, log, settings = self.turned(motor, plan.time, lead)
         columns = {name: _scatter(values, plan.order) for name, values in signals.items()}
         return self.report(self.request.crank_angle, _scatter(plan.time, plan.order), columns, log, settings)
 

@@ -16,7 +16,7 @@ from analytic.assembly import Assembly, AssemblyError
 from sim_models.mujoco.model import Linkage
 from sim_models.mujoco.motor import Motor
 from sim_models.mujoco.state import on_track, stiffest_law
-from sim_models.start import poses, substeps
+from sim_models.start import check_steps, poses, substeps
 
 RETURNED = 5e-8  # rad: where it was, a revolution later
 NUDGE = 1e-5  # rad
@@ -42,6 +42,7 @@ class Revolution:
     def __init__(self, link: Linkage, assembly: Assembly, motor: Motor, period: float) -> None:
         self.link, self.assembly, self.motor = link, assembly, motor
         self.theta = float(motor.angles[motor.here])
+        check_steps(f"mujoco: {link.mechanism.name}, a revolution on its drive.stiffness", period, link.step)
         self.count, self.step = substeps(period, link.step)
         self.sway = stiffest_law(link, link.vector(link.coordinates(poses(assembly, self.theta))))
 

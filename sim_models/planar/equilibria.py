@@ -54,7 +54,7 @@ class Equilibria:
         names = list(world.pins)
         loose = [name for name in names if abs(forces[name]) <= max(NO_FORCE, NO_LOAD * max(abs(f) for f in forces.values()))]
         if loose:
-            raise self._failed(f"nothing presses the pin of joint {loose[0]!r}", theta, "give the linkage a load or gravity, or start it centred")
+            raise self.failed(f"nothing presses the pin of joint {loose[0]!r}", theta, "give the linkage a load or gravity, or start it centred")
         begin = np.array([self._guess(name, forces[name]) for name in names])
         n = len(names)
 
@@ -95,9 +95,10 @@ class Equilibria:
             previous = relative
         self.last.clear()
         what = f"no equilibrium of the pins at {', '.join(self.world.pins)} was found"
-        raise self._failed(what, theta, "forces may lift them off there: choose other angles, or start the run centred")
+        raise self.failed(what, theta, "use a smaller clearance, leave the angle out, or run it driven with start 'centred'")
 
-    def _failed(self, what: str, theta: float, remedy: str) -> SimulationError:
+    def failed(self, what: str, theta: float, remedy: str) -> SimulationError:
+        """The error that says what went wrong at which crank angle."""
         return SimulationError(f"{self.world.engine} {self.world.request.joint_model}: {what} at crank angle {np.degrees(theta):.6g} deg; {remedy}")
 
     def ideal_forces(self, path: Path, time: float) -> tuple[dict[str, complex], float]:
@@ -141,7 +142,7 @@ class Equilibria:
                 break
             last = here
         why = f"no steady motion of the crank on a drive.stiffness of {stiffness:g} N.m/rad was found"
-        raise self._failed(why, motor.angle(time), "it is near a resonance: give a stiffer drive or a slower one")
+        raise self.failed(why, motor.angle(time), "it is near a resonance: give a stiffer drive or a slower one")
 
     def _with_gaps(self, crank: Behind, time: float, stiffness: float) -> Behind:
         """The same crank with a lag (rad) that holds what the pins' gaps add to the drive torque at a time (s)."""

@@ -5,21 +5,22 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
 from sim_models.planar.bodies import PROBE, WARM_UP, PlanarWorld
-from sim_models.planar.courses import Even, Grid, Motor, Path, angles, moving, near
+from sim_models.planar.courses import Changes, Even, Grid, Motor, Path, angles, moving, near
 from sim_models.planar.equilibria import Equilibria
 from sim_models.planar.steps import drive_inertia, longest_step
-from sim_models.start import schedule
+from sim_models.start import check_steps, schedule
 
 JOURNAL_SAMPLES = 4000  # at least, where a run has as many steps
 AT_REST = 1e-9  # rad, of a crank on a spring
 OFF_COURSE = 1e-7  # rad, what a rigidly driven crank may be off its course
+HELD = 1e-3  # of the largest reaction: what one-sided pins and rods may differ by where both hold the same equilibrium
 TOO_DEEP = 0.1  # of the shortest link at a joint: a penetration that means divergence
 
 
@@ -28,8 +29,10 @@ def simulate(make: Callable[[Request], PlanarWorld], request: Request, package: 
     with silence(), contextlib.ExitStack() as stack:
         world = stack.enter_context(contextlib.closing(make(request)))
         ideal = stack.enter_context(contextlib.closing(make(replace(request, joint_model="ideal")))) if world.pins else world
-        run = _static if request.motion == "static" else _moving
-        trace = run(world, Equilibria(world, ideal))
+        found, rods = Equilibria(world, ideal), None
+        if world.one_sided:
+            rods = Equilibria(stack.enter_context(contextlib.closing(make(replace(request, joint_model="massless-link")))), ideal)
+        trace = _static(world, found, rods) if request.motion == "static" else _moving(world, found)
     return replace(trace, version=installed_version(package) or "unknown")
 
 
@@ -54,32 +57,55 @@ def silence() -> Iterator[None]:
 # -------------------------------------------------------------------- runs
 
 
-def _static(world: PlanarWorld, found: Equilibria) -> Trace:
+def _static(world: PlanarWorld, found: Equilibria, rods: Equilibria | None) -> Trace:
     asked = world.request.crank_angle
     rows: list[dict[str, float]] = [{}] * asked.size
     for k in np.argsort(asked if world.speed >= 0 else -asked, kind="stable"):
-        rows[k] = _rest(world, found, float(asked[k]))
+        rows[k] = _rest(world, found, rods, float(asked[k]))
     trace = _trace(world, rows, asked, None, PROBE)
     gaps = {n: trace.signals[f"clearance_{n}_x"] + 1j * trace.signals[f"clearance_{n}_y"] for n in world.pins}
     free = {n: float(np.mean(np.abs(g) < world.pins[n].clearance * (1 - 1e-9))) for n, g in gaps.items()}
     return replace(trace, free_share=free, journal={n: np.column_stack([g.real, g.imag]) for n, g in gaps.items()})
 
 
-def _rest(world: PlanarWorld, found: Equilibria, motor: float) -> dict[str, float]:
+def _rest(world: PlanarWorld, found: Equilibria, rods: Equilibria | None, motor: float) -> dict[str, float]:
     """Signals at rest with the motor at an angle (rad), which a crank on a spring lags."""
     theta = motor
     for _ in range(50):
-        for each in (world, found.ideal):
+        for each in (world, found.ideal, *([rods.world] if rods else [])):
             each.set_sliding(theta)
-        held = Even(theta)
-        world.approach(moving(world.assembly, held, 0.0, near(found.gaps(held, 0.0), 0.0)), PROBE)
-        row = world.observe(PROBE)
+        row = _one_sided(found, rods, theta) if rods else _still(world, theta, found.gaps(Even(theta), 0.0))
         _check_depth(world, theta)
         lagging = motor - row["drive_torque"] / world.drive_stiffness if world.drive_stiffness else theta
         if abs(lagging - theta) < AT_REST:
             return row
         theta = lagging
     raise SimulationError(f"{world.engine}: no rest of the crank on its drive.stiffness was found near crank angle {np.degrees(motor):.6g} deg")
+
+
+def _still(world: PlanarWorld, theta: float, gaps: Changes) -> dict[str, float]:
+    """Signals with the crank at rest at an angle (rad), and the pins off centre by these gaps (m)."""
+    world.approach(moving(world.assembly, Even(theta), 0.0, near(gaps, 0.0)), PROBE)
+    return world.observe(PROBE)
+
+
+def _one_sided(found: Equilibria, rods: Equilibria, theta: float) -> dict[str, float]:
+    """Signals of pins that may leave their rims: their own, or, where the engine does not hold them there, those of rods, all of which pull."""
+    gaps = rods.gaps(Even(theta), 0.0)
+    sure, found.last = _still(rods.world, theta, gaps), dict(rods.last)
+    forces = _reactions(sure, gaps)
+    lifted = [name for name, gap in gaps.items() if (forces[name] * gap.conjugate()).real <= 0]
+    if lifted:
+        raise found.failed(f"the only equilibrium found has the pin of joint {lifted[0]!r} pulled off its rim", theta, "check the loads")
+    with contextlib.suppress(SimulationError):
+        gaps = found.gaps(Even(theta), 0.0)
+    row = _still(found.world, theta, gaps)
+    apart = max(abs(force - forces[name]) for name, force in _reactions(row, gaps).items())
+    return row if apart < HELD * max(map(abs, forces.values())) else sure
+
+
+def _reactions(row: Mapping[str, float], joints: Iterable[str]) -> dict[str, complex]:
+    return {name: complex(row[f"reaction_{name}_x"], row[f"reaction_{name}_y"]) for name in joints}
 
 
 @dataclass(frozen=True)
@@ -115,6 +141,7 @@ def _moving(world: PlanarWorld, found: Equilibria) -> Trace:
     """Drive the crank, or release it, and observe on the way."""
     request, plan = world.request, Plan.of(world)
     longest = request.step or longest_step(world, plan.motor.angle(plan.begin), found.peaks(plan.motor, plan.seen))
+    check_steps(f"{world.engine} {request.joint_model} ({world.mechanism.name})", float(plan.times.max()) - plan.begin, longest)
     grid = world.grid = Grid.of(plan.times, plan.begin, longest, early=world.turned)
     _start(world, found, plan, grid)
     tally = Tally(world, max(1, (grid.last - grid.lead) // JOURNAL_SAMPLES))

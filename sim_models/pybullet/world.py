@@ -2,7 +2,8 @@
 
 A body with a joint on the ground has that joint's coordinate; any other floats on two slides and a hinge, so that all
 motion stays in the plane.  Clearance joints are a spring-damper, or in static motion a weightless strut between the
-pins: of the clearance's length (massless link), or free to be shorter (contact).  What PyBullet does silently:
+pins: of the clearance's length (massless link), or free to be shorter (contact).  Contact's pins rest where those rods do, if
+all of them pull; and where Bullet does not hold the one-sided struts there, it is the rods that are read.  What PyBullet does silently:
 
 * ``changeDynamics(localInertiaDiagonal=...)`` is dropped when it comes with damping or maxJointVelocity in one call;
 * joints start with a damping and a velocity motor, and speeds are clamped;
@@ -47,7 +48,8 @@ class BulletWorld(PlanarWorld):
 
         self.p = pybullet
         self.client = pybullet.connect(pybullet.DIRECT)
-        direct = request.joint_model != "contact"  # Bullet's direct solver fails with three one-sided limits
+        self.one_sided = request.joint_model == "contact" and bool(self.pins)
+        direct = request.joint_model != "contact"  # Bullet's direct solver fails with three one-sided limits, the sequential one with some four
         solver = pybullet.CONSTRAINT_SOLVER_LCP_DANTZIG if direct else pybullet.CONSTRAINT_SOLVER_LCP_SI
         effort = {"numSolverIterations": ITERATIONS if direct else SWEEPS, "solverResidualThreshold": 1e-20 if direct else 0.0}
         rigidity = {"globalCFM": SOFTNESS, "erp": 0.0 if self.static else ERROR_REDUCTION, "contactERP": 0.0}
