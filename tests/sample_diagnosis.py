@@ -111,7 +111,7 @@ def swinging_diagnosis() -> dict[str, Any]:
     time = np.linspace(0.0, 2.0, 401)
 
     def model(mechanism: Mechanism) -> list[Signals]:
-        return [released(Assembly(mechanism), time).signals()]
+        return [released(Assembly(mechanism), time).reactions.signals()]
 
     damped = Candidate("viscous_friction", "O", 1e-3, lambda m, size: m.with_joint("O", damping=size))
     heavier = Candidate("gravity", "linkage", 0.1, lambda m, size: m.replace(gravity=(0.0, -9.81 - size)))

@@ -34,6 +34,7 @@ class PlanarWorld(ABC):
     engine: str
     branch: Mapping[str, Branch]  # of every moving body
     one_sided = False  # whether its pins rest on rigid rims that they may leave
+    by_rods = False  # whether what was last seen of such pins is that of rods of the clearance's length in their place
     settling = 1  # steps after which the engine's constraints exert what they should
 
     def __init__(self, request: Request) -> None:

@@ -60,9 +60,13 @@ def silence() -> Iterator[None]:
 def _static(world: PlanarWorld, found: Equilibria, rods: Equilibria | None) -> Trace:
     asked = world.request.crank_angle
     rows: list[dict[str, float]] = [{}] * asked.size
+    by_rods = 0
     for k in np.argsort(asked if world.speed >= 0 else -asked, kind="stable"):
         rows[k] = _rest(world, found, rods, float(asked[k]))
+        by_rods += world.by_rods
     trace = _trace(world, rows, asked, None, PROBE)
+    if by_rods:
+        trace = replace(trace, settings={**trace.settings, "read_from_rods": f"{by_rods} of {asked.size} angles"})
     gaps = {n: trace.signals[f"clearance_{n}_x"] + 1j * trace.signals[f"clearance_{n}_y"] for n in world.pins}
     free = {n: float(np.mean(np.abs(g) < world.pins[n].clearance * (1 - 1e-9))) for n, g in gaps.items()}
     return replace(trace, free_share=free, journal={n: np.column_stack([g.real, g.imag]) for n, g in gaps.items()})
@@ -101,7 +105,8 @@ def _one_sided(found: Equilibria, rods: Equilibria, theta: float) -> dict[str, f
         gaps = found.gaps(Even(theta), 0.0)
     row = _still(found.world, theta, gaps)
     apart = max(abs(force - forces[name]) for name, force in _reactions(row, gaps).items())
-    return row if apart < HELD * max(map(abs, forces.values())) else sure
+    found.world.by_rods = not apart < HELD * max(map(abs, forces.values()))
+    return sure if found.world.by_rods else row
 
 
 def _reactions(row: Mapping[str, float], joints: Iterable[str]) -> dict[str, complex]:
