@@ -185,9 +185,11 @@ def test_released_pendulum_with_friction_and_damping() -> None:
     m = load("pendulum").with_joint("O", friction_torque=0.02, damping=0.001)
     time = np.linspace(0, 1.5, 31)
     trace = ENGINE.simulate(Request(m, "ideal", "driven", time=time))
-    expected = released(Assembly(m), time).reactions.signals()
+    found = released(Assembly(m), time)
+    expected, moving = found.reactions.signals(), ~found.turning
+    assert moving.sum() >= time.size - 3
     np.testing.assert_allclose(trace.signals["pendulum_angle"], expected["pendulum_angle"], atol=3e-4)
-    np.testing.assert_allclose(trace.signals["reaction_O_y"], expected["reaction_O_y"], atol=2e-3)
+    np.testing.assert_allclose(trace.signals["reaction_O_y"][moving], expected["reaction_O_y"][moving], atol=2e-3)
     assert not trace.signals["drive_torque"].any()
 
 
