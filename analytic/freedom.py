@@ -66,29 +66,27 @@ def _integrator() -> Callable[[np.ndarray, np.ndarray, np.ndarray, float, np.nda
 
     per_radian, points, fastest = POINTS / (2 * math.pi), POINTS, FASTEST
 
-    def balance(table: np.ndarray, theta: float) -> np.ndarray:
+    def between(table: np.ndarray, c: int, theta: float) -> float:
         at = (theta - 2 * math.pi * math.floor(theta / (2 * math.pi))) * per_radian
         i = min(int(at), points - 1)
         u = at - i
-        value = np.empty(5)
-        for c in range(5):  # cubic through four neighbours
-            before, here, after, beyond = table[c, i], table[c, i + 1], table[c, i + 2], table[c, i + 3]
-            curve = before - 2.5 * here + 2 * after - beyond / 2 + u * (1.5 * (here - after) + (beyond - before) / 2)
-            value[c] = here + u * ((after - before) / 2 + u * curve)
-        return value
+        before, here, after, beyond = table[c, i], table[c, i + 1], table[c, i + 2], table[c, i + 3]  # cubic through four neighbours
+        curve = before - 2.5 * here + 2 * after - beyond / 2 + u * (1.5 * (here - after) + (beyond - before) / 2)
+        return here + u * ((after - before) / 2 + u * curve)
 
-    balance = njit(balance)
+    between = njit(between)
 
     def direction(table: np.ndarray, theta: float, omega: float) -> float:
         if omega != 0:
             return math.copysign(1.0, omega)
-        friction, rest = balance(table, theta)[3:]
+        friction, rest = between(table, 3, theta), between(table, 4, theta)
         return 0.0 if abs(rest) <= friction else -math.copysign(1.0, rest)
 
     direction = njit(direction)
 
     def acceleration(table: np.ndarray, theta: float, omega: float, way: float) -> float:
-        m, half, damping, friction, rest = balance(table, theta)
+        m, half, damping = between(table, 0, theta), between(table, 1, theta), between(table, 2, theta)
+        friction, rest = between(table, 3, theta), between(table, 4, theta)
         return -(half * omega**2 + damping * omega + friction * way + rest) / m
 
     acceleration = njit(acceleration)
