@@ -163,7 +163,7 @@ def test_command_writes_the_files_and_says_how_to_run_them(tmp_path: Path) -> No
     status, said, _ = command("--simulator", "mujoco", "--joint", "contact", "--angles", "30:40:5", "--clearance", "B=1e-3", "--out", str(folder))
     assert status == 0
     assert {path.name for path in folder.iterdir()} == FILES
-    assert said.splitlines()[-1].endswith(f"python {folder / 'run.py'}")
+    assert said.splitlines()[-1].endswith(f"python {shlex.quote(str(folder / 'run.py'))}")
     assert "paper, contact joints, driven: 3 samples" in bare(folder)
     np.testing.assert_allclose(np.degrees(table(folder / "signals.csv")["crank_angle"]), [30, 35, 40], rtol=1e-9)
 

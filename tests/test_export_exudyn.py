@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import json
+import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -129,7 +130,7 @@ def test_command_writes_the_files_and_says_how_to_run_them(tmp_path: Path) -> No
     status, said, _ = command("--simulator", "exudyn", *arguments, "--out", str(folder))
     assert status == 0
     assert {path.name for path in folder.iterdir()} == FILES
-    assert said.splitlines()[-1].endswith(f"python {folder / 'run.py'}")
+    assert said.splitlines()[-1].endswith(f"python {shlex.quote(str(folder / 'run.py'))}")
     assert "exudyn" in said.splitlines()[-1]
     assert "crank-rocker, contact joints, driven: 3 samples" in bare(folder)
     assert difference(table(folder / "signals.csv"), table(folder / "expected.csv")) < TOLERANCE

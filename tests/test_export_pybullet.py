@@ -6,6 +6,7 @@ import ast
 import csv
 import importlib.util
 import json
+import shlex
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -203,7 +204,7 @@ def test_command_writes_the_files_and_says_how_to_run_them(tmp_path: Path) -> No
     status, said, _ = command("--simulator", "pybullet", "--angles", "30:32:1", "--out", str(folder))
     assert status == 0
     assert {path.name for path in folder.iterdir()} == {"crank.urdf", "follower.urdf", "coupler.urdf", "start.json", "expected.csv", "run.py"}
-    assert said.splitlines()[-1].endswith(f"python {folder / 'run.py'}")
+    assert said.splitlines()[-1].endswith(f"python {shlex.quote(str(folder / 'run.py'))}")
     assert "paper, ideal joints, driven: 3 samples" in bare(folder)
     assert json.loads((folder / "start.json").read_text(encoding="utf-8"))["solver"] == "CONSTRAINT_SOLVER_LCP_DANTZIG"
 

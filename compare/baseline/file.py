@@ -149,7 +149,7 @@ def write(baseline: Baseline, check: str) -> str:
     """The text of a baseline file: a line for each crank angle, in aligned columns; ``check`` is the command that checks it."""
     t = baseline.tolerance
     lines = [
-        f"# Reaction forces of {_printable(baseline.case)} in {baseline.simulator}.",
+        f"# Reaction forces of {baseline.case} in {baseline.simulator}.",
         f"# To check them: {_printable(check)}",
         "# Written by `compare baseline update`.  A number that changes here is a force that moved: the change wants a reason.",
         "schema = 1",
@@ -200,14 +200,10 @@ def _printable(text: str) -> str:
     return "".join(c if c.isprintable() else _string(c)[1:-1] if c < " " else " " for c in text)
 
 
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _string(name)
-
-
 def inline(value: Any) -> str:
     """A value as TOML, in one line."""
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(key)} = {inline(item)}" for key, item in value.items()) + " }"
+        return "{ " + ", ".join(f"{key} = {inline(item)}" for key, item in value.items()) + " }"
     if isinstance(value, Sequence) and not isinstance(value, str):
         return "[" + ", ".join(map(inline, value)) + "]"
     return _string(value) if isinstance(value, str) else repr(value)
