@@ -347,7 +347,8 @@ def test_friction_of_a_free_pendulum_whose_start_is_not_known(name: str, field: 
 )
 def test_friction_of_a_free_crank_rocker(name: str, joint: str, field: str, value: float) -> None:
     believed = four_bar(loads=())
-    data = released(believed, believed.with_joint(joint, **{field: value}), ROCKER_NOISE, ROCKER_STARTS, ROCKER_TIME)
+    time = np.linspace(0.0, 0.17, 100)  # s: until friction holds the second run, where Exudyn creeps by as much as the data would tell
+    data = released(believed, believed.with_joint(joint, **{field: value}), ROCKER_NOISE, ROCKER_STARTS, time)
     assert_recovered(diagnosed(data), wrong(name, joint, **{field: value}))
 
 
