@@ -70,6 +70,7 @@ class Request:
     start_speed: float = 0.0
     step: float | None = None
     course: tuple[np.ndarray, np.ndarray] | None = None
+    assumed: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from sim_models.common.units import in_own_units
 from sim_models.dart.world import DartWorld
 from sim_models.engine import COMMON_EFFECTS, JointModel, Motion, Request, Trace, check_supported
 from sim_models.planar.runs import simulate
@@ -21,7 +22,7 @@ class DartEngine:
     def simulate(self, request: Request) -> Trace:
         """Run one request; see the protocol."""
         check_supported(self, request)
-        return simulate(DartWorld, request, self.package)
+        return in_own_units(lambda r: simulate(DartWorld, r, self.package), request)
 
 
 ENGINE = DartEngine()

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from sim_models.common.units import in_own_units
 from sim_models.engine import COMMON_EFFECTS, JOINT_MODELS, JointModel, Motion, Request, Trace, check_supported
 from sim_models.exudyn.settings import silence
 
@@ -34,7 +35,7 @@ class Exudyn:
 
         check_supported(self, request)
         with silence():
-            return Run(request).trace()
+            return in_own_units(lambda r: Run(r).trace(), request)
 
     def export(self, request: Request, folder: Path) -> list[Path]:
         """Write a request, and what came of it, as files that run in Exudyn alone.  Raises what :meth:`simulate` does."""

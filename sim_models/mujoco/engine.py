@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from sim_models.common.units import in_own_units
 from sim_models.engine import COMMON_EFFECTS, JOINT_MODELS, JointModel, Motion, Request, Trace, check_supported
 
 
@@ -27,7 +28,7 @@ class MujocoEngine:
 
         check_supported(self, request)
         with _quiet():
-            return Run(request).trace()
+            return in_own_units(lambda r: Run(r).trace(), request)
 
     def export(self, request: Request, folder: Path) -> list[Path]:
         """Write a request, and what came of it, as files that run in MuJoCo alone.  Raises what :meth:`simulate` does."""

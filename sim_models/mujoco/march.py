@@ -13,9 +13,15 @@ from sim_models.mujoco.limits import check_depth, check_together, room_apart
 from sim_models.mujoco.model import Linkage
 from sim_models.mujoco.motor import Motor
 from sim_models.mujoco.state import apart, check_warnings, friction_torques, gap, joint_forces, look, on_track, signals
-from sim_models.start import check_steps, substeps
+from sim_models.start import MOST_STEPS, check_steps, substeps
 
+MOST_STEPS_ALONE = 5_000_000  # of a run that MuJoCo steps by itself: half a minute
 SAMPLES = 600  # of a run's journal path, or somewhat more
+
+
+def most_steps(link: Linkage) -> int:
+    """Steps that a run may take; a contact passes through Python in each of them."""
+    return MOST_STEPS if link.touch else MOST_STEPS_ALONE
 
 
 @dataclass
@@ -49,7 +55,7 @@ def march(
 
     No step is longer than the linkage's.  Raises SimulationError: the run diverged, came apart, went too deep, or would take too long.
     """
-    check_steps(f"mujoco: {link.mechanism.name}, {request.joint_model} joints", lead + float(marks[-1] - marks[0]), link.step)
+    check_steps(f"mujoco: {link.mechanism.name}, {request.joint_model} joints", lead + float(marks[-1] - marks[0]), link.step, most_steps(link))
     m, d = link.model, link.data
     d.qpos[:], d.qvel[:] = state
     log = Log.of(link.contacts)

@@ -195,7 +195,7 @@ class Run:
         v = (derivative(STENCIL) @ around)[2] * self.request.start_speed
         signals, log, step = self.run(theta, q, v, step, time[order], float(time[order[0]]))
         columns = {name: _scatter(values, order) for name, values in signals.items()}
-        settings = {"step": step, "start": f"released at {self.request.start_speed:g} rad/s"}
+        settings = {"step": step, "start": "released", "start_speed": self.request.start_speed}
         return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
 
     def gaps_at_release(self, near: Equilibria, theta: float) -> dict[str, complex]:
