@@ -275,6 +275,18 @@ def test_residuals_are_measured_minus_simulated_in_a_unit_that_fits(explained: d
     np.testing.assert_array_equal(shaded, held == 1)
 
 
+def test_an_angle_that_is_simulated_a_turn_further_has_the_same_residual_and_map(explained: dict[str, Any]) -> None:
+    signal = copy.deepcopy(explained["runs"][0]["signals"]["follower_angle"])
+    before = [v + 2 * math.tau * (i > 20) for i, v in enumerate(signal["before"])]
+    further = changed(explained, "runs", 0, "signals", "follower_angle", "before", value=before)
+    assert panels(further)[0].unit == panels(explained)[0].unit
+    for shifted, panel in zip(panels(further), panels(explained), strict=True):
+        np.testing.assert_allclose(np.array(shifted.before, float), np.array(panel.before, float), rtol=1e-3)
+    cells, as_is = ([s.before for m in maps(result) for s in m.strips] for result in (further, explained))
+    for a, b in zip(cells, as_is, strict=True):
+        np.testing.assert_allclose(np.array(a, float), np.array(b, float), rtol=1e-2)
+
+
 def test_a_drawing_keeps_the_peaks_of_a_long_run_and_few_of_its_samples(swinging: dict[str, Any]) -> None:
     result = copy.deepcopy(swinging)
     run = result["runs"][0]

@@ -20,7 +20,7 @@ from analytic.kinematics import kinematics
 from analytic.mechanism_file import load
 from compare.files import OutputError
 from compare.report import write_report
-from compare.report.figures import Axis, Figure, Series, beside, figures, thinned
+from compare.report.figures import Axis, Figure, Series, beside, figures, same_turn, thinned
 from compare.report.linkage import exaggeration, linkage_figure, parts
 from compare.report.pages import escape_markdown, script_json
 from compare.report.quantities import number, quantities
@@ -302,6 +302,18 @@ def test_the_same_difference_is_drawn_that_is_judged(disagreeing: dict[str, Any]
 def test_directions_are_drawn_in_the_same_turn_piece_by_piece() -> None:
     assert beside((-205.0, -210.0, None, -545.0), (155.0, 150.0, 160.0, 170.0)) == (155.0, 150.0, None, 175.0)
     assert beside((1.0, 2.0), ()) == (1.0, 2.0)
+
+
+def test_marks_lie_in_the_turn_of_the_line_at_every_sample() -> None:
+    assert same_turn((-205.0, 150.0 + 720.0, None, 10.0), (155.0, 150.0, 160.0, None)) == (155.0, 150.0, None, 10.0)
+    result = sample_result()
+    for run in result["runs"]:
+        gamma = run["simulated"]["reaction_B_angle"]
+        run["simulated"]["reaction_B_angle"] = [v - 2 * math.tau * (i > 9) for i, v in enumerate(gamma)]
+    line, *marks = next(f for f in figures(result, summarise(result)) if f.name == "gamma_B").series
+    loose = next(s for s in (line, *marks) if s.name == "analytic, equilibrium")
+    contact = next(s for s in marks if s.role == "contact")
+    assert contact.y == pytest.approx(loose.y, abs=1.0)
 
 
 def test_thinning_a_path_keeps_its_shape() -> None:

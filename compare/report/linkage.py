@@ -14,8 +14,8 @@ from typing import Any
 from analytic.assembly import Assembly, AssemblyError
 from analytic.kinematics import kinematics
 from analytic.mechanism import Mechanism
-from compare.report.figures import Axis, Figure, Numbers, Series, scaled
-from compare.report.quantities import number
+from compare.report.figures import Axis, Figure, Numbers, Series, difference, same_turn, scaled
+from compare.report.quantities import Quantity, number
 from compare.report.summary import Summary, abscissa, released
 
 FACTORS = [m * 10**e for e in range(6) for m in (1, 2, 5)]
@@ -86,16 +86,8 @@ def _poses(mechanism: Mapping[str, Any], signals: Mapping[str, Any]) -> Poses | 
 def _explored(result: Result, summary: Summary, index: int) -> dict[str, Any]:
     run, told = result["runs"][index], summary.runs[index]
     label, unit, factor, x = abscissa(run, result["mechanism"])
-    readout = [
-        {
-            "label": quantity.title,
-            "unit": quantity.unit,
-            "analytic": scaled(run["analytic"][quantity.signal], quantity.factor),
-            "simulated": scaled(run["simulated"][quantity.signal], quantity.factor),
-        }
-        for quantity in summary.keys(False, result["mechanism"])
-        if quantity.signal in run["analytic"] and quantity.signal in run["simulated"]
-    ]
+    shown = [q for q in summary.keys(False, result["mechanism"]) if q.signal in run["analytic"] and q.signal in run["simulated"]]
+    ideal = ideal_poses(result, run)
     return {
         "title": told.title,
         "role": told.joint_model,
@@ -105,13 +97,32 @@ def _explored(result: Result, summary: Summary, index: int) -> dict[str, Any]:
         "flags": run.get("flags") or {},
         "clearance": {joint: size for joint, size in run["clearance"].items() if size},
         "factor": exaggeration(result["mechanism"], run),
-        "ideal": ideal_poses(result, run),
-        "analytic": _poses(result["mechanism"], run["analytic"]),
+        "ideal": ideal,
+        "analytic": _beside(_poses(result["mechanism"], run["analytic"]), ideal),
         "analytic_model": told.analytic_model.replace("_", " "),
-        "simulated": _poses(result["mechanism"], run["simulated"]),
+        "simulated": _beside(_poses(result["mechanism"], run["simulated"]), ideal),
         "gaps": {joint: _gap(run, joint) for joint, size in run["clearance"].items() if size},
-        "readout": readout,
+        "readout": [_read(quantity, run) for quantity in shown],
     }
+
+
+def _read(quantity: Quantity, run: Mapping[str, Any]) -> dict[str, Any]:
+    """Both sides of a signal as the page lists them, angles in one turn: every run is continued from a turn of its own."""
+    analytic, simulated = (tuple(run[side][quantity.signal]) for side in ("analytic", "simulated"))
+    return {
+        "label": quantity.title,
+        "unit": quantity.unit,
+        "analytic": scaled(analytic, quantity.factor),
+        "simulated": scaled(same_turn(simulated, analytic, math.tau) if quantity.angular else simulated, quantity.factor),
+        "difference": difference(run, quantity),
+    }
+
+
+def _beside(poses: Poses | None, ideal: Poses | None) -> Poses | None:
+    """Poses whose angles are in the turn of the ideal linkage's, as a drawing multiplies their difference."""
+    if not poses or not ideal:
+        return poses
+    return {body: {**values, "angle": same_turn(values["angle"], ideal[body]["angle"], math.tau)} for body, values in poses.items()}
 
 
 def _gap(run: Mapping[str, Any], joint: str) -> dict[str, list[Numbers]]:
@@ -125,7 +136,8 @@ def linkage_figure(result: Result, summary: Summary) -> Figure | None:
         return None
     run = next((run for run in result["runs"] if any(run["clearance"].values())), result["runs"][0])
     label, unit, factor, x = abscissa(run, result["mechanism"])
-    ideal, displaced = ideal_poses(result, run), _poses(result["mechanism"], run["analytic"])
+    ideal = ideal_poses(result, run)
+    displaced = _beside(_poses(result["mechanism"], run["analytic"]), ideal)
     if displaced is None:
         return None
     usable = [k for k in range(len(x)) if _pose(displaced, k) and (ideal is None or _pose(ideal, k))]

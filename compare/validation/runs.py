@@ -56,13 +56,16 @@ def row(case: str, name: str, run: dict[str, Any]) -> dict[str, Any]:
 def drawn(result: dict[str, Any]) -> dict[str, str]:
     """SVG drawings of a result: the linkage, and the reaction directions at its first joint with clearance."""
     from compare.files import to_json
-    from compare.report.figures import figures
+    from compare.report.figures import reaction_directions
+    from compare.report.linkage import linkage_figure
     from compare.report.summary import summarise
     from compare.report.svg import draw
 
     plain = json.loads(to_json(result))
-    found = {figure.name.split("_")[0]: draw(figure) for figure in reversed(figures(plain, summarise(plain)))}
-    return {name: drawing for name, drawing in found.items() if name in ("linkage", "gamma")}
+    summary = summarise(plain)
+    linkage = linkage_figure(plain, summary)
+    found = {"gamma": draw(reaction_directions(plain, summary, summary.joints[0]))}
+    return found | ({"linkage": draw(linkage)} if linkage else {})
 
 
 def first_order() -> list[dict[str, float]]:

@@ -189,10 +189,7 @@ class Explorer {
   }
 
   read(i) {
-    this.run.readout.forEach((r, k) => {
-      const [a, s] = [r.analytic[i], r.simulated[i]];
-      [a, s, known(a) && known(s) ? s - a : null].forEach((v, c) => (this.cells[k][c].textContent = number(v, c === 2 ? 3 : 5)));
-    });
+    this.run.readout.forEach((r, k) => [r.analytic[i], r.simulated[i], r.difference[i]].forEach((v, c) => (this.cells[k][c].textContent = number(v, c === 2 ? 3 : 5))));
   }
 }
 
