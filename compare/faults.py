@@ -27,7 +27,7 @@ def complaints() -> Iterator[list[str]]:
 
     def note(message: Warning | str, *_: Any, **__: Any) -> None:
         caught.append(str(message))
-        typer.echo(f"warning: {message}", err=True)
+        typer.echo(f"warning: {printable(str(message))}", err=True)
 
     from pydantic import ValidationError
 
@@ -61,7 +61,12 @@ class OptionError(ValueError):
     """A command-line option cannot be used; the message says what is accepted."""
 
 
+def printable(text: str) -> str:
+    """Text in which a line break or a control character of somebody's file is spelled out, so that it cannot move a terminal's cursor."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 def stop(error: object, status: Exit) -> typer.Exit:
-    """Say why on standard error; raise what this returns."""
-    typer.echo(f"compare: {error}", err=True)
+    """Say why on standard error, in one line; raise what this returns."""
+    typer.echo(f"compare: {printable(str(error))}", err=True)
     return typer.Exit(status)
