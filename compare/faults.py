@@ -52,13 +52,22 @@ def complaints() -> Iterator[list[str]]:
     except bad_input as error:
         raise stop(error, Exit.BAD_INPUT) from None
     except ValidationError as error:
-        raise stop("; ".join(fault["msg"].removeprefix("Value error, ") for fault in error.errors()), Exit.BAD_INPUT) from None
+        raise stop(reason(error), Exit.BAD_INPUT) from None
     except (SimulatorMissing, SimulationError) as error:
         raise stop(error, Exit.SIMULATOR_FAILED) from None
 
 
 class OptionError(ValueError):
     """A command-line option cannot be used; the message says what is accepted."""
+
+
+def reason(error: ValueError) -> str:
+    """What an error says, without pydantic's frame around it."""
+    from pydantic import ValidationError
+
+    if isinstance(error, ValidationError):
+        return "; ".join(fault["msg"].removeprefix("Value error, ") for fault in error.errors())
+    return str(error)
 
 
 def printable(text: str) -> str:
