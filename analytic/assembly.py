@@ -94,9 +94,9 @@ class Assembly:
         for group in self.structure.groups:
             if group in self._branch:
                 margin = solve_dyad(self.structure, group, columns, u, self._branch[group])
-                self._refuse(theta, margin, group, displaced)
             else:
-                newton(self.structure, group, columns, u, near, theta)
+                margin = newton(self.structure, group, columns, u, near, theta) ** 2
+            self._refuse(theta, margin, group, displaced)
         turns = [i for i, c in enumerate(self.structure.coordinates) if c.bodies and i]
         u[turns] += 2 * np.pi * np.rint((near[turns] - u[turns]) / (2 * np.pi))
 
@@ -169,7 +169,7 @@ class Assembly:
                 _, self._branch[group], u = candidates[0]
                 solve_dyad(s, group, columns, u, self._branch[group])
             else:
-                newton(s, group, columns, u, guess[:, None], at)
+                self._refuse(at, newton(s, group, columns, u, guess[:, None], at) ** 2, group, False)
             for i in angles:
                 home[i] = guess[i] + _wrapped(u[i, 0] - guess[i])
                 if abs(home[i] - guess[i]) > ASSEMBLY_SLACK:
@@ -185,15 +185,15 @@ class Assembly:
     # ---------------------------------------------------------------- change points
 
     def _creep(self, theta: np.ndarray, group: Group, columns: np.ndarray, u: np.ndarray) -> None:
-        """Newton from one angle of the path to the next, watching the determinant."""
+        """Newton from one angle of the path to the next, watching how far the group is from singular."""
         near = self._home[:, None].copy()
         before = None
         for k in range(theta.size):
             one, here = columns[:, k : k + 1], u[:, k : k + 1]
-            determinant = newton(self.structure, group, one, here, near, theta[k : k + 1])[0]
-            if before is not None and (determinant * before <= 0 or abs(determinant) < np.sqrt(CHANGE_POINT)):
+            regular = newton(self.structure, group, one, here, near, theta[k : k + 1])[0]
+            if regular**2 < CHANGE_POINT or (before is not None and regular * before < 0):
                 raise self._change_point(group, theta[k])
-            columns[:, k], u[:, k], before = one[:, 0], here[:, 0], determinant
+            columns[:, k], u[:, k], before = one[:, 0], here[:, 0], regular
             near = here + (here - u[:, k - 1 : k] if k else 0)
 
     def _check_passage(self, theta: np.ndarray, margin: np.ndarray, group: Group, u: np.ndarray) -> None:
@@ -226,7 +226,7 @@ class Assembly:
         if np.all(margin > CHANGE_POINT):
             return
         k = int(np.argmin(margin))
-        if margin[k] > -CHANGE_POINT:
+        if not margin[k] <= -CHANGE_POINT:  # a margin that is no number is that of a side without length
             raise self._change_point(group, theta[k])
         bad = np.flatnonzero(~(margin > CHANGE_POINT))
         with_gap = " with its joints' clearance taken up" if displaced else ""
@@ -236,9 +236,10 @@ class Assembly:
         )
 
     def _change_point(self, group: Group, theta: float) -> AssemblyError:
+        fall = f"{' and '.join(group.bodies)} fall in line" if len(group.coordinates) == 2 else f"the loops through {', '.join(group.bodies)} lock"
         return AssemblyError(
-            f"{self.mechanism.name}: change point at crank angle {np.degrees(theta):.6g} deg, where {' and '.join(group.bodies)} fall in line and "
-            f"the assembly mode is lost; keep the range from the assembly angle ({np.degrees(self.start):.6g} deg) on clear of it"
+            f"{self.mechanism.name}: change point at crank angle {np.degrees(theta):.6g} deg, where {fall} and the assembly mode is lost; "
+            f"keep the range from the assembly angle ({np.degrees(self.start):.6g} deg) on clear of it"
         )
 
 

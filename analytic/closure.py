@@ -91,7 +91,8 @@ def _angle_and_travel(
         along *= np.exp(1j * s.twist[body])
         unit = along / abs(along)
         t, h, d2 = (arm / unit).real, (arm / unit).imag, np.abs(target) ** 2
-        margin = 1 - h**2 / d2
+        reach = np.abs(row[: len(s.bodies)]).sum()  # m: where the slide is at its pivot, h may be zero as well and any angle closes the loop
+        margin = np.minimum(1 - h**2 / d2, (d2 - h**2) / reach**2)
         u[j] = (-t + branch * np.sqrt(np.abs(d2 - h**2))) / abs(along)
         phasor = target / (arm + along * u[j])
         _turn(s, i, columns, u, phasor / np.abs(phasor))
@@ -119,8 +120,7 @@ def _two_travels(s: Structure, row: np.ndarray, i: int, j: int, target: np.ndarr
 def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near: np.ndarray, theta: np.ndarray) -> np.ndarray:
     """Close a larger group's loops by Newton's method from ``near`` (n, N); fills columns and u in place.
 
-    Returns the normalised determinant (N,) of the loops by the group's coordinates.  Raises AssemblyError where it
-    does not converge.
+    Returns how far (N,) the loops are from singular: see :func:`_regularity`.  Raises AssemblyError where it does not converge.
     """
     rows = s.loops[list(group.loops)]
     unknown = list(group.coordinates)
@@ -140,8 +140,7 @@ def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near:
         jacobian = np.stack([partials(s, i, rows, columns) for i in unknown], axis=-1)  # (loops, N, unknowns)
         matrix = np.concatenate([jacobian.real, jacobian.imag]).transpose(1, 0, 2)
         if np.abs(residual).max() < 1e-14 * size:
-            scale = np.prod(np.linalg.norm(matrix, axis=1), axis=1)
-            return np.linalg.det(matrix) / scale
+            return _regularity(s, rows, matrix)
         right = np.concatenate([residual.real, residual.imag]).T
         try:
             u[unknown] -= np.linalg.solve(matrix, right[..., None])[..., 0].T
@@ -152,3 +151,13 @@ def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near:
         f"{s.mechanism.name}: crank angle {np.degrees(theta[worst]):.6g} deg cannot be reached: the loops through "
         f"{', '.join(group.bodies)} do not close; choose crank angles that they reach"
     )
+
+
+def _regularity(s: Structure, rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Smallest singular value (N,) of a group's Jacobian (N, n, n) in its own scales, with the determinant's sign; zero at a change point.
+
+    Each coordinate's column is held against its own size, but no less than a thousandth of the loops': an arm that vanishes counts.
+    """
+    loops = np.abs(rows[:, : len(s.bodies)]).sum(axis=1).max()
+    scaled = matrix / np.maximum(np.linalg.norm(matrix, axis=1), 1e-3 * loops)[:, None, :]
+    return np.sign(np.linalg.det(scaled)) * np.linalg.svd(scaled, compute_uv=False)[:, -1]

@@ -6,7 +6,8 @@ Every fault of a file is raised as :class:`MechanismError` with one sentence: fi
 from __future__ import annotations
 
 import difflib
-import tomllib
+import os
+import reprlib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -15,6 +16,13 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from analytic.mechanism import Mechanism
+from analytic.reading import ReadingError, parse_toml, read_toml
+
+
+FAULTS = 5  # of a file that are told
+LONGEST = 100  # characters of a name or a value that are told
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = LONGEST
 
 
 class MechanismError(ValueError):
@@ -33,26 +41,28 @@ def load(case: str | Path) -> Mechanism:
     found when it is assembled (:mod:`analytic.assembly`).
     """
     if str(case) in shipped_cases():
-        text = resources.files("analytic").joinpath("mechanisms", f"{case}.toml").read_text(encoding="utf-8")
-        return loads(text, source=str(case))
-    path = Path(case)
-    if not path.is_file():
+        return loads(resources.files("analytic").joinpath("mechanisms", f"{case}.toml").read_text(encoding="utf-8"), source=str(case))
+    if not os.path.lexists(case):
         close = difflib.get_close_matches(str(case), shipped_cases(), n=1)
         hint = f"; did you mean {close[0]!r}" if close else ""
-        raise MechanismError(f"{case}: no such mechanism file or case{hint}; the cases are {', '.join(shipped_cases())}")
+        raise MechanismError(f"{brief(case)}: no such mechanism file or case{hint}; the cases are {', '.join(shipped_cases())}")
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise MechanismError(f"{case}: cannot be read as UTF-8 text ({error}); give a TOML file") from None
-    return loads(text, source=str(case))
+        fields = read_toml(Path(case))
+    except ReadingError as error:
+        raise MechanismError(f"{case}: {error}; give a mechanism file") from None
+    return _checked(fields, str(case))
 
 
 def loads(text: str, source: str = "mechanism") -> Mechanism:
     """Mechanism from TOML text; ``source`` is how errors call it."""
     try:
-        fields = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise MechanismError(f"{source}: not TOML: {error}") from None
+        fields = parse_toml(text)
+    except ReadingError as error:
+        raise MechanismError(f"{source}: {error}") from None
+    return _checked(fields, source)
+
+
+def _checked(fields: Mapping[str, Any], source: str) -> Mechanism:
     try:
         return Mechanism.model_validate(fields)
     except ValidationError as error:
@@ -68,8 +78,23 @@ def dumps(mechanism: Mechanism) -> str:
 
 
 def describe(error: ValidationError, fields: Mapping[str, Any], model: type[BaseModel]) -> list[str]:
-    """One sentence for each fault that pydantic found: field, value, and what is accepted."""
-    return [_sentence(fault, fields, model) for fault in error.errors()]
+    """One sentence for each of the first faults that pydantic found: field, value, and what is accepted."""
+    found = [_sentence(fault, fields, model) for fault in error.errors()[:FAULTS]]
+    more = error.error_count() - FAULTS
+    return [*found, f"and {more} fault{'s' * (more > 1)} more"] if more > 0 else found
+
+
+def brief(name: object) -> str:
+    """A name as it was given, of which only the beginning is said where it is long."""
+    text = str(name)
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
+
+def _value(value: object) -> str:
+    try:
+        return brief(_SHORT.repr(value))
+    except ValueError:  # Python writes no number of more than 4300 digits
+        return "a number of too many digits"
 
 
 def _sentence(fault: Any, fields: Mapping[str, Any], model: type[BaseModel]) -> str:
@@ -84,7 +109,7 @@ def _sentence(fault: Any, fields: Mapping[str, Any], model: type[BaseModel]) -> 
         return f"{where} is missing; add it"
     if fault["type"] == "value_error" and not fault["loc"]:
         return message
-    return f"{where} = {fault['input']!r}: {message[0].lower()}{message[1:]}"
+    return f"{where} = {_value(fault['input'])}: {message[0].lower()}{message[1:]}"
 
 
 def _where(location: tuple[int | str, ...], fields: Mapping[str, Any]) -> str:
@@ -97,9 +122,9 @@ def _where(location: tuple[int | str, ...], fields: Mapping[str, Any]) -> str:
             here = {}
         if isinstance(step, int):
             name = here.get("name", step) if isinstance(here, Mapping) else step
-            text += f"[{name}]"
+            text += f"[{brief(name)}]"
         else:
-            text += f".{step}" if text else step
+            text += f".{brief(step)}" if text else brief(step)
     return text
 
 

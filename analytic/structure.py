@@ -16,12 +16,15 @@ no formula for the four-bar or any other linkage.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
 from analytic.mechanism import GROUND, Joint, Mechanism
+
+
+NAMED = 8  # bodies in an error; a linkage may have hundreds
 
 
 class StructureError(ValueError):
@@ -93,6 +96,21 @@ def structure(mechanism: Mechanism) -> Structure:
     return _Builder(mechanism).build()
 
 
+def reached(start: str, along: Mapping[str, set[str]]) -> set[str]:
+    """All that is met on the ways from ``start``, which is one of them."""
+    found, queue = {start}, [start]
+    for here in queue:
+        new = along[here] - found
+        found |= new
+        queue += new
+    return found
+
+
+def _names(order: tuple[str, ...], chosen: set[str]) -> str:
+    names = [b for b in order if b in chosen]
+    return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
+
+
 class _Builder:
     def __init__(self, mechanism: Mechanism) -> None:
         self.m = mechanism
@@ -111,12 +129,9 @@ class _Builder:
 
     def build(self) -> Structure:
         self.place(self.m.driven, self.m.drive_joint)
+        needs = self.needs()
         while len(self.head) < len(self.bodies):
-            self.add_group(self.next_group())
-        if self.unused:
-            raise StructureError(
-                f"{self.m.name}: joint {self.unused[0].name!r} closes a loop that is rigid already (mobility {self.mobility()}); remove it"
-            )
+            self.add_group(self.next_group(needs))
         return Structure(
             mechanism=self.m, bodies=self.bodies, slides=self.slides, pins=self.pins, origins=self.origins,
             loops=np.array(self.loops).reshape(len(self.loops), self.origins.shape[1]), twist=self.twist,
@@ -129,17 +144,66 @@ class _Builder:
     def mobility(self) -> int:
         return 3 * len(self.m.bodies) - 2 * len(self.m.joints)
 
-    def next_group(self) -> tuple[str, ...]:
-        """The smallest set of unplaced bodies with as many equations as unknowns: 3 bodies = 2 joints."""
-        waiting = [b for b in self.bodies if b not in self.head]
-        for size in range(2, len(waiting) + 1, 2):
-            for chosen in combinations(waiting, size):
-                if 3 * size == 2 * len(self.joints_of(chosen)):
-                    return chosen
-        raise StructureError(
-            f"{self.m.name}: the drive at {self.m.drive_joint.name!r} does not determine {', '.join(waiting)} "
-            f"(mobility {self.mobility()}, one drive needs 1); check the joints' bodies"
-        )
+    def needs(self) -> dict[str, set[str]]:
+        """For each unplaced body the bodies that must be known, or found with it, for it to be found.
+
+        Every joint has two equations, and each is spent on one of the three unknowns of a body that it joins; a body then
+        needs those at the other ends of the joints that are spent on it.  Raises StructureError where an equation finds no
+        unknown (the joint is one too many), or an unknown no equation.
+        """
+        spent: dict[str, list[Joint]] = {b: [] for b in self.bodies if b not in self.head}
+
+        def ends(joint: Joint) -> list[str]:
+            return [b for b in joint.bodies if b in spent]
+
+        def spend(joint: Joint, tried: set[str]) -> bool:
+            """Spend an equation on a body, whose own move on to others where it has three already."""
+            route: dict[str, tuple[str, Joint]] = {}  # body -> the one before it, and the joint that may move from that to it
+            queue = ends(joint)
+            tried |= set(queue)
+            for body in queue:
+                if len(spent[body]) < 3:
+                    while body in route:
+                        before, moving = route[body]
+                        spent[before].remove(moving)
+                        spent[body].append(moving)
+                        body = before
+                    spent[body].append(joint)
+                    return True
+                for moving in spent[body]:
+                    for other in ends(moving):
+                        if other not in tried:
+                            tried.add(other)
+                            route[other] = body, moving
+                            queue.append(other)
+            return False
+
+        for joint in self.unused:
+            rigid: set[str] = set()
+            if not (spend(joint, rigid) and spend(joint, rigid := set())):
+                raise StructureError(
+                    f"{self.m.name}: joint {joint.name!r} closes a loop that is rigid already, through {_names(self.bodies, rigid) or GROUND} "
+                    f"(mobility {self.mobility()}, one drive needs 1); remove it"
+                )
+        needs = {b: {other for joint in joints for other in ends(joint)} - {b} for b, joints in spent.items()}
+        loose = {b for b in spent if any(len(spent[other]) < 3 for other in reached(b, needs))}
+        if loose:
+            raise StructureError(
+                f"{self.m.name}: the drive at {self.m.drive_joint.name!r} does not determine {_names(self.bodies, loose)} "
+                f"(mobility {self.mobility()}, one drive needs 1); check the joints' bodies"
+            )
+        return needs
+
+    def next_group(self, needs: Mapping[str, set[str]]) -> tuple[str, ...]:
+        """The smallest set of unplaced bodies that need none but placed bodies and each other: 3 bodies = 2 joints."""
+        waiting = {b: needs[b] - set(self.head) for b in self.bodies if b not in self.head}
+        smallest = set(waiting)
+        for body in waiting:
+            found = reached(body, waiting)
+            smallest = min(found, smallest, key=len)  # of two that are as small, the one that the file names first
+            if len(smallest) == 2:
+                break
+        return tuple(b for b in waiting if b in smallest)
 
     def joints_of(self, group: tuple[str, ...]) -> list[Joint]:
         """Joints between the group's bodies, and from them to what is placed already."""

@@ -13,7 +13,7 @@ import typer
 
 from compare.faults import OptionError, complaints
 from compare.files import file_name, output_folder, to_json, write_atomically
-from compare.options import MotionChoice, metres_by_joint
+from compare.options import MotionChoice, listed_once, load_case, metres_by_joint
 
 if TYPE_CHECKING:
     import numpy as np
@@ -51,17 +51,14 @@ def accuracy(
     """
     with complaints() as caught:
         from analytic.assembly import Assembly
-        from analytic.mechanism_file import load
-        from compare.grid import default_angles, parse_angles
+        from compare.grid import chosen_angles
 
-        mechanism = load(case)
-        if clearance is not None:
-            mechanism = mechanism.with_clearances(metres_by_joint(clearance, "--clearance", mechanism))
+        mechanism = load_case(case, clearance)
         tolerances = metres_by_joint(clearance_tolerance, "--clearance-tolerance", mechanism) if clearance_tolerance else {}
         assembly = Assembly(mechanism)
         result = analyse(
             assembly,
-            parse_angles(angles) if angles else default_angles(assembly),
+            chosen_angles(assembly, angles),
             named_outputs(output, mechanism),
             tolerances=tolerances,
             inertia=_inertia(motion, mechanism),
@@ -89,7 +86,7 @@ def named_outputs(names: Sequence[str] | None, mechanism: Mechanism) -> list[Out
     """
     bodies = mechanism.moving
     found: dict[Output, None] = {}
-    for name in [part for given in names for part in given.split(",")] if names else list(bodies):
+    for name in listed_once(",".join(names), "--output") if names else list(bodies):
         body, _, point = name.partition(".")
         owners = [b for b in bodies if name in bodies[b].points]
         if body not in bodies and len(owners) == 1:

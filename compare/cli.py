@@ -19,7 +19,7 @@ from compare.export import export
 from compare.faults import Exit, OptionError, complaints
 from compare.files import file_name, output_folder, to_json, write_atomically
 from compare.listing import cases, simulators
-from compare.options import JointChoice, ModelChoice, MotionChoice, cores, engines_named, metres_by_joint, rigidly_and_evenly_driven
+from compare.options import JointChoice, ModelChoice, MotionChoice, cores, engines_named, load_case, rigidly_and_evenly_driven
 from compare.progress import progress_bar
 from compare.scoreboard.command import scoreboard
 from compare.show import show
@@ -86,7 +86,7 @@ def compare(
         from compare.discrepancy import load_tolerances
 
         tolerances = load_tolerances(tolerance)
-        mechanism = _mechanism(case, clearance)
+        mechanism = load_case(case, clearance)
         job = _job(mechanism, simulator, joint, motion, angles, analytic, tolerances, caught, flexible)
         folder = output_folder(out or Path("reports") / f"{file_name(mechanism.name)}-{simulator}")
         result = _run(job)
@@ -118,13 +118,6 @@ app.add_typer(scoreboard, name="scoreboard")
 app.add_typer(validation, name="validation")
 
 
-def _mechanism(case: str, clearance: str | None) -> Mechanism:
-    from analytic.mechanism_file import load
-
-    mechanism = load(case)
-    return mechanism if clearance is None else mechanism.with_clearances(metres_by_joint(clearance, "--clearance", mechanism))
-
-
 def _job(
     mechanism: Mechanism,
     simulator: str,
@@ -138,7 +131,7 @@ def _job(
 ) -> Job:
     from analytic.assembly import Assembly
     from compare.crosscheck import Job
-    from compare.grid import FREE_TIME, default_angles, parse_angles
+    from compare.grid import FREE_TIME, chosen_angles
 
     simulators = engines_named(simulator)
     if flexible:
@@ -150,8 +143,7 @@ def _job(
         raise OptionError(f"--angles {angles}: {mechanism.name} swings freely and is compared over time; leave --angles out")
     if released:
         _ideal_joints(mechanism, joint)
-    theta = parse_angles(angles) if angles else default_angles(assembly)
-    assembly.path(theta.min(), theta.max())
+    theta = chosen_angles(assembly, angles)
     return Job(
         mechanism=mechanism,
         simulators=simulators,

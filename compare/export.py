@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from compare.faults import OptionError, complaints
-from compare.options import JointChoice, MotionChoice, metres_by_joint, rigidly_and_evenly_driven
+from compare.options import JointChoice, MotionChoice, load_case, rigidly_and_evenly_driven
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
@@ -32,13 +32,10 @@ def export(
     Exit status: 0 written, 2 bad input, 3 the simulator is missing or failed.
     """
     with complaints():
-        from analytic.mechanism_file import load
         from compare.files import output_folder, write_atomically
         from sim_models.engine import ENGINES, declared, engine
 
-        mechanism = load(case)
-        if clearance is not None:
-            mechanism = mechanism.with_clearances(metres_by_joint(clearance, "--clearance", mechanism))
+        mechanism = load_case(case, clearance)
         chosen = engine(simulator)
         write = getattr(chosen, "export", None)
         if write is None:
@@ -58,7 +55,7 @@ def request_of(mechanism: Mechanism, joint: JointChoice, motion: MotionChoice, a
     from math import tau
 
     from analytic.assembly import Assembly
-    from compare.grid import FREE_TIME, default_angles, parse_angles, turns_fully
+    from compare.grid import FREE_TIME, chosen_angles, turns_fully
     from sim_models.engine import Request
 
     if joint is not JointChoice.ideal and not mechanism.clearances:
@@ -68,7 +65,6 @@ def request_of(mechanism: Mechanism, joint: JointChoice, motion: MotionChoice, a
         if angles is not None:
             raise OptionError(f"--angles {angles}: {mechanism.name} swings freely and is reported over time; leave --angles out")
         return Request(mechanism, joint.value, time=FREE_TIME)
-    theta = parse_angles(angles) if angles else default_angles(assembly)
-    assembly.path(theta.min(), theta.max())
+    theta = chosen_angles(assembly, angles)
     settles = motion is MotionChoice.driven and joint is not JointChoice.ideal and turns_fully(assembly)
     return Request(mechanism, joint.value, motion.value, theta, lead_in=tau if settles else 0.0)

@@ -27,7 +27,7 @@ def complaints() -> Iterator[list[str]]:
 
     def note(message: Warning | str, *_: Any, **__: Any) -> None:
         caught.append(str(message))
-        typer.echo(f"warning: {message}", err=True)
+        typer.echo(f"warning: {printable(str(message))}", err=True)
 
     from pydantic import ValidationError
 
@@ -52,7 +52,7 @@ def complaints() -> Iterator[list[str]]:
     except bad_input as error:
         raise stop(error, Exit.BAD_INPUT) from None
     except ValidationError as error:
-        raise stop("; ".join(fault["msg"].removeprefix("Value error, ") for fault in error.errors()), Exit.BAD_INPUT) from None
+        raise stop(reason(error), Exit.BAD_INPUT) from None
     except (SimulatorMissing, SimulationError) as error:
         raise stop(error, Exit.SIMULATOR_FAILED) from None
 
@@ -61,7 +61,21 @@ class OptionError(ValueError):
     """A command-line option cannot be used; the message says what is accepted."""
 
 
+def reason(error: ValueError) -> str:
+    """What an error says, without pydantic's frame around it."""
+    from pydantic import ValidationError
+
+    if isinstance(error, ValidationError):
+        return "; ".join(fault["msg"].removeprefix("Value error, ") for fault in error.errors())
+    return str(error)
+
+
+def printable(text: str) -> str:
+    """Text in which a line break or a control character of somebody's file is spelled out, so that it cannot move a terminal's cursor."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 def stop(error: object, status: Exit) -> typer.Exit:
-    """Say why on standard error; raise what this returns."""
-    typer.echo(f"compare: {error}", err=True)
+    """Say why on standard error, in one line; raise what this returns."""
+    typer.echo(f"compare: {printable(str(error))}", err=True)
     return typer.Exit(status)

@@ -31,6 +31,20 @@ def parse_angles(text: str) -> np.ndarray:
     return np.radians(start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1))
 
 
+def chosen_angles(assembly: Assembly, text: str | None) -> np.ndarray:
+    """Crank angles (rad) of ``--angles``, or the default ones; the linkage reaches them.  Raises GridError, or AssemblyError by default."""
+    if text is None:
+        theta = default_angles(assembly)
+        assembly.path(theta.min(), theta.max())
+        return theta
+    theta = parse_angles(text)
+    try:
+        assembly.path(theta.min(), theta.max())
+    except AssemblyError as error:
+        raise GridError(f"--angles {text}: {error}") from None
+    return theta
+
+
 def turns_fully(assembly: Assembly) -> bool:
     """Whether the crank can make a whole revolution without meeting a change point."""
     try:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from compare.faults import OptionError
+from compare.faults import OptionError, reason
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
@@ -44,6 +44,8 @@ def metres_by_joint(text: str, option: str, mechanism: Mechanism) -> dict[str, f
     found: dict[str, float] = {}
     for part in text.split(","):
         name, _, value = part.partition("=")
+        if name in found:
+            raise OptionError(f"{option} {text}: joint {name} is there twice; give each joint once")
         try:
             size = float(value)
         except ValueError:
@@ -54,6 +56,38 @@ def metres_by_joint(text: str, option: str, mechanism: Mechanism) -> dict[str, f
             raise OptionError(f"{option} {part}: give metres, 0 or more")
         found[name] = size
     return found
+
+
+def listed_once(text: str, option: str) -> list[str]:
+    """The items of a list separated by commas.  Raises OptionError where one is there twice."""
+    parts = [part.strip() for part in text.split(",")]
+    twice = next((part for i, part in enumerate(parts) if part in parts[:i]), None)
+    if twice is not None:
+        raise OptionError(f"{option} {text}: {twice} is there twice; give each once")
+    return parts
+
+
+def load_case(case: str, clearance: str | None = None) -> Mechanism:
+    """The mechanism that a command line names, with the radial clearances of its option --clearance in place of its own.
+
+    It is proven here that it can be assembled, where the file is known that says it.  Raises MechanismError or OptionError.
+    """
+    from analytic.assembly import Assembly, AssemblyError
+    from analytic.mechanism_file import MechanismError, load
+    from analytic.structure import StructureError
+
+    mechanism = load(case)
+    try:
+        Assembly(mechanism)
+    except (AssemblyError, StructureError) as error:
+        raise MechanismError(f"{case}: {error}") from None
+    if clearance is None:
+        return mechanism
+    given = metres_by_joint(clearance, "--clearance", mechanism)
+    try:
+        return mechanism.with_clearances(given)
+    except ValueError as error:  # pydantic's is one
+        raise OptionError(f"--clearance {clearance}: {reason(error)}") from None
 
 
 def engines_named(name: str) -> tuple[str, ...]:

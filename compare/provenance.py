@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
@@ -13,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism_file import describe
+from analytic.reading import ReadingError, read_json
 from compare.faults import OptionError
 from compare.report.quantities import Quantity, apart, quantities, shown
 
@@ -89,11 +89,9 @@ class Result(_Part):
 def read_result(path: Path) -> Result:
     """A result.json.  Raises OptionError with file, field and value."""
     try:
-        fields = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise OptionError(f"{path}: cannot be read as JSON ({error}); give the result.json of a cross-check") from None
-    if not isinstance(fields, dict):
-        raise OptionError(f"{path}: holds a {type(fields).__name__}; give the result.json of a cross-check")
+        fields = read_json(path)
+    except ReadingError as error:
+        raise OptionError(f"{path}: {error}; give the result.json of a cross-check") from None
     try:
         return Result.model_validate(fields)
     except ValidationError as error:

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -16,6 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from analytic.clearance import Model
 from analytic.mechanism import Mechanism
 from analytic.mechanism_file import describe
+from analytic.reading import ReadingError, read_toml
 from compare.signals import compared
 from sim_models.engine import ENGINES, JointModel, Motion
 
@@ -99,15 +99,16 @@ def load_tolerances(path: Path | None = None) -> dict[str, Any]:
 
     A line that the file gives replaces the shipped line whole, and its known differences come after the shipped ones.
     """
-    shipped = _read(resources.files("compare").joinpath("tolerances.toml"), "compare/tolerances.toml")
+    with resources.as_file(resources.files("compare").joinpath("tolerances.toml")) as own:
+        shipped = _read(own, "compare/tolerances.toml")
     return shipped if path is None else _overlaid(shipped, _read(path, f"--tolerance {path}"))
 
 
-def _read(source: Any, name: str) -> dict[str, Any]:
+def _read(path: Path, name: str) -> dict[str, Any]:
     try:
-        fields = tomllib.loads(source.read_text(encoding="utf-8-sig"))  # Windows editors begin a file with a mark
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ToleranceError(f"{name}: cannot be read ({error}); give a TOML file like compare/tolerances.toml") from None
+        fields = read_toml(path)
+    except ReadingError as error:
+        raise ToleranceError(f"{name}: {error}; give a TOML file like compare/tolerances.toml") from None
     try:
         checked = _File.model_validate(fields)
     except ValidationError as error:

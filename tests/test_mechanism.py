@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from analytic.assembly import Assembly, AssemblyError
-from analytic.mechanism import MechanismWarning
+from analytic.mechanism import Mechanism, MechanismWarning
 from analytic.mechanism_file import MechanismError, dumps, load, loads, shipped_cases
 from analytic.structure import StructureError, structure
 from linkages import INVERTED_SLIDER, inverted_slider, scotch_yoke
 
 PAPER = dumps(load("paper"))
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.mark.parametrize("case", shipped_cases())
@@ -142,3 +151,96 @@ def test_prismatic_joints_hold_bodies_parallel() -> None:
     assert len(s.groups) == 1
     assert all(not s.coordinates[i].bodies for i in s.groups[0].coordinates)
     assert structure(inverted_slider()).groups[0].bodies == ("block", "arm")
+
+
+def chain(links: int, closed: bool) -> str:
+    """A mechanism file: so many links in a row, the first on the ground and driven, the last on the ground as well if ``closed``."""
+    names = [f"b{i}" for i in range(links)]
+    bodies = "".join(f'[[body]]\nname = "{b}"\npoints = {{ J{i} = [0.0, 0.0], J{i + 1} = [0.1, 0.0] }}\nmass = 0.1\n' for i, b in enumerate(names))
+    ends = zip(["ground", *names], [*names, "ground"] if closed else names, strict=False)
+    joints = "".join(f'[[joint]]\nname = "J{i}"\ntype = "revolute"\nbodies = ["{a}", "{b}"]\n' for i, (a, b) in enumerate(ends))
+    ground = "[ground]\npoints = { J0 = [0.0, 0.0]" + (f", J{links} = [0.5, 0.0]" if closed else "") + " }\n"
+    return f'name = "chain"\n{ground}{bodies}{joints}[drive]\njoint = "J0"\nspeed = 1.0\n[assembly]\n' + "".join(f"{b} = 0.1\n" for b in names)
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_chain_of_many_links_that_one_drive_does_not_determine_is_refused_at_once(closed: bool, tmp_path: Path) -> None:
+    """Trying all sets of 24 bodies took a minute and more, and each two bodies more took four times as long; here are 200."""
+    (tmp_path / "chain.toml").write_text(chain(200, closed), encoding="utf-8")
+    program = "from analytic.mechanism_file import load\nfrom analytic.structure import structure\nstructure(load('chain.toml'))"
+    run = [sys.executable, "-c", program]
+    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=100, check=False, env={**os.environ, "PYTHONPATH": str(ROOT)})
+    assert "StructureError: chain: the drive at 'J0' does not determine b1, b2, b3, b4, b5, b6, b7, b8 and 191 more" in done.stderr
+
+
+def random_linkage(rng: np.random.Generator) -> Mechanism:
+    """A crank, and on it Assur groups of two and four bodies, in any order of the file; some have a joint too few or too many."""
+    pairs, count = [("ground", "b0")], 1
+    for _ in range(int(rng.integers(1, 4))):
+        old, new = ["ground", *(f"b{i}" for i in range(count))], [f"b{count + i}" for i in range(4)]
+        hold = [old[i] for i in rng.integers(0, len(old), 3)]
+        if rng.random() < 0.6:
+            pairs += [(hold[0], new[0]), (new[0], new[1]), (new[1], hold[1])]
+            count += 2
+        else:
+            pairs += [(hold[0], new[0]), (hold[1], new[1]), (hold[2], new[2]), (new[0], new[3]), (new[1], new[3]), (new[2], new[3])]
+            count += 4
+    slip = rng.random()
+    if slip < 0.15:
+        pairs.pop(int(rng.integers(1, len(pairs))))
+    elif slip < 0.3:
+        pairs.append(("ground", f"b{count - 1}"))
+    joints = [{"name": f"J{i}", "type": "revolute", "bodies": (a, b)} for i, (a, b) in enumerate(pairs)]
+    points = {b: {j["name"]: tuple(rng.random(2)) for j in joints if b in j["bodies"]} for b in ["ground", *(f"b{i}" for i in range(count))]}
+    order = rng.permutation(count)
+    bodies = [{"name": f"b{i}", "points": points[f"b{i}"] or {"free": (0.0, 0.0)}, "mass": 1.0} for i in order]
+    fields = {"name": "random", "ground": {"points": points["ground"]}, "body": bodies, "joint": [joints[0], *rng.permutation(joints[1:])]}
+    return Mechanism.model_validate({**fields, "drive": {"joint": "J0", "speed": 1.0}, "assembly": {f"b{i}": 0.0 for i in range(count)}})
+
+
+def groups_by_trying(mechanism: Mechanism) -> list[tuple[str, ...]] | None:
+    """Assur groups by trying all sets of bodies, the smallest first; None where there is no such set, or a joint is left over."""
+    known, waiting, groups, used = {"ground", mechanism.driven}, [b.name for b in mechanism.bodies], [], {mechanism.drive_joint.name}
+    waiting.remove(mechanism.driven)
+    while waiting:
+        for chosen in (c for size in range(2, len(waiting) + 1, 2) for c in combinations(waiting, size)):
+            held = [j.name for j in mechanism.joints if set(j.bodies) <= {*known, *chosen} and set(j.bodies) & set(chosen)]
+            if 3 * len(chosen) == 2 * len(held):
+                break
+        else:
+            return None
+        known, used, groups = known | set(chosen), used | set(held), [*groups, chosen]
+        waiting = [b for b in waiting if b not in chosen]
+    return groups if len(used) == len(mechanism.joints) else None
+
+
+def test_the_groups_of_random_linkages_are_those_that_trying_all_sets_finds() -> None:
+    rng, refused = np.random.default_rng(11), 0
+    for _ in range(150):
+        try:
+            mechanism = random_linkage(rng)
+        except ValidationError:  # a body that lost its only joint
+            continue
+        wanted = groups_by_trying(mechanism)
+        try:
+            found = [g.bodies for g in structure(mechanism).groups]
+        except StructureError:
+            refused += 1
+            assert wanted is None
+        else:
+            assert found == wanted
+    assert 10 < refused < 80
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_parallelogram_with_a_second_coupler_is_refused_in_clear_words(first: bool) -> None:
+    """It moves, but its bodies are held once too often, so that their forces are not determined."""
+    m = load("paper").with_clearances({})
+    sides = {name: m.moving[name].model_copy(update={"points": {**m.moving[name].points, name[0]: (0.1, 0.0)}}) for name in ("crank", "follower")}
+    second = m.moving["coupler"].model_copy(update={"name": "second", "points": {"c": (0.0, 0.0), "f": (0.4, 0.0)}})
+    pins = [m.joint("A").model_copy(update={"name": n, "bodies": b}) for n, b in (("c", ("crank", "second")), ("f", ("second", "follower")))]
+    twice = m.replace(
+        bodies=(sides["crank"], m.moving["coupler"], sides["follower"], second), joints=(*pins, *m.joints) if first else (*m.joints, *pins)
+    )
+    with pytest.raises(StructureError, match=r"joint '[EAf]' closes a loop that is rigid already, through coupler, follower, second \(mobility 0"):
+        structure(twice)

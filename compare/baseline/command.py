@@ -12,7 +12,7 @@ import typer
 
 from compare.faults import Exit, OptionError, complaints
 from compare.files import OutputError, file_name, output_folder, write_atomically
-from compare.options import engines_named
+from compare.options import engines_named, load_case
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
@@ -51,9 +51,9 @@ def update(case: Case = None, simulator: Simulator = None, folder: Folder = WHER
 def _each(case: str | None, simulator: str | None, work: Callable[[Mechanism, str], bool]) -> None:
     """Work on every pair of case and engine, whatever becomes of the others; leave with the gravest status."""
     with complaints():
-        from analytic.mechanism_file import load, shipped_cases
+        from analytic.mechanism_file import shipped_cases
 
-        mechanisms = [load(name) for name in ([case] if case is not None else shipped_cases())]
+        mechanisms = [load_case(name) for name in ([case] if case is not None else shipped_cases())]
         engines = engines_named(simulator or "all")
     worst = Exit.AGREES
     for mechanism in mechanisms:

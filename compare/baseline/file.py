@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from analytic.mechanism_file import describe
+from analytic.reading import ReadingError, parse_toml, read_text, read_toml
 from compare.faults import OptionError
 
 PLACES = ("crank_angle [deg]", "time [s]")
@@ -88,8 +88,8 @@ class _File(_Part):
 def owned(path: Path, case: str, simulator: str) -> None:
     """Refuse a file that says it is another baseline, be the rest of it damaged: its name is also this one's.  Raises BaselineError."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError):
+        text = read_text(path)
+    except ReadingError:
         return
     said = tuple(_said(text, name) for name in ("case", "simulator"))
     for mine, other in zip((case, simulator), said, strict=True):
@@ -101,8 +101,8 @@ def _said(text: str, name: str) -> str | None:
     """What a file's line gives as this name."""
     line = re.search(rf"(?m)^{name} *=.*$", text)
     try:
-        return str(tomllib.loads(line[0])[name]) if line else None
-    except tomllib.TOMLDecodeError:
+        return str(parse_toml(line[0])[name]) if line else None
+    except ReadingError:
         return None
 
 
@@ -114,12 +114,12 @@ def _another(its_case: str, its_simulator: str, case: str, simulator: str) -> st
 def read(path: Path, case: str, simulator: str, again: str) -> Baseline:
     """The baseline of a case in an engine; ``again`` is the command that writes it anew.  Raises BaselineError."""
     remedy = f"write it with: {again}"
+    if not path.exists():
+        raise BaselineError(f"{path}: there is no such baseline; {remedy}")
     try:
-        fields = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise BaselineError(f"{path}: there is no such baseline; {remedy}") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BaselineError(f"{path}: cannot be read as TOML ({error}); restore it, or {remedy}") from None
+        fields = read_toml(path)
+    except ReadingError as error:
+        raise BaselineError(f"{path}: {error}; restore it, or {remedy}") from None
     try:
         file = _File.model_validate(fields)
     except ValidationError as error:

@@ -107,10 +107,12 @@ def publish(results: list[dict[str, Any]], folder: Path) -> dict[str, Any]:
 
 def read(path: Path) -> dict[str, Any]:
     """A stored board.  Raises OptionError where there is none, or it is damaged."""
+    from analytic.reading import read_json
+
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = read_json(path)
         if found["schema"] != 1 or not all({"seed", "outcome", "good"} <= set(r) for r in found["results"]):
             raise ValueError("not a scoreboard of schema 1")
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise OptionError(f"--reports: {path} cannot be used ({error}); write it with compare scoreboard update") from None
     return dict(found)

@@ -6,7 +6,6 @@ comes out the same to its one digit, but for shares that are rounding and nothin
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -16,6 +15,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from analytic.mechanism_file import describe
+from analytic.reading import ReadingError, read_json
 from compare.faults import OptionError
 from compare.validation.page import page
 
@@ -68,11 +68,9 @@ def read(path: Path) -> dict[str, Any]:
     """A stored report.  Raises OptionError where there is none, or it is damaged."""
     remedy = "restore it, or write it with compare validation update"
     try:
-        fields = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise OptionError(f"--reports: {path} cannot be read as JSON ({error}); {remedy}") from None
-    if not isinstance(fields, dict):
-        raise OptionError(f"--reports: {path} holds a {type(fields).__name__} and no report; {remedy}")
+        fields = read_json(path)
+    except ReadingError as error:
+        raise OptionError(f"--reports: {path} {error}; {remedy}") from None
     try:
         _File.model_validate(fields)
     except ValidationError as error:

@@ -14,7 +14,7 @@ import typer
 
 from compare.faults import Exit, OptionError, complaints, stop
 from compare.files import file_name, output_folder, to_json, write_atomically
-from compare.options import JointChoice, cores, rigidly_and_evenly_driven
+from compare.options import JointChoice, cores, listed_once, load_case, rigidly_and_evenly_driven
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
@@ -41,11 +41,10 @@ def validity(
     An interrupted map goes on where it stopped.  Exit status: 0 computed, 2 bad input, 3 a simulator is missing or fails in every cell.
     """
     with complaints() as caught:
-        from analytic.mechanism_file import load
         from compare.discrepancy import load_tolerances
         from compare.validity.map import RPM, Grid, cells, clearance_joints, summarised
 
-        mechanism = rigidly_and_evenly_driven(load(case))
+        mechanism = rigidly_and_evenly_driven(load_case(case))
         if mechanism.speed is None:
             raise OptionError(f"--case {case}: {mechanism.name} has no drive of constant speed; a map is over its speeds, so give it one")
         joints, chosen = clearance_joints(mechanism, at)
@@ -70,13 +69,15 @@ def validity(
 def positive(text: str, option: str, unit: str) -> tuple[float, ...]:
     """``60,600`` as increasing numbers above zero.  Raises OptionError."""
     found = set()
-    for part in text.split(","):
+    for part in listed_once(text, option):
         try:
             value = float(part)
         except ValueError:
             raise OptionError(f"{option} {text}: {part!r} is not a number; give {unit}, separated by commas") from None
         if not 0 < value < math.inf:
-            raise OptionError(f"{option} {text}: {part.strip()} cannot be used; give {unit} above 0, separated by commas")
+            raise OptionError(f"{option} {text}: {part} cannot be used; give {unit} above 0, separated by commas")
+        if value in found:
+            raise OptionError(f"{option} {text}: {value:g} is there twice; give each once")
         found.add(value)
     return tuple(sorted(found))
 
@@ -91,7 +92,7 @@ def simulators(names: str, joint_model: JointModel, mechanism: Mechanism) -> tup
     if joint_model == "ideal":
         raise OptionError("--joint ideal: ideal joints have no clearance; give massless-link, spring-damper or contact")
     found = []
-    for name in ENGINES if names == "all" else dict.fromkeys(names.split(",")):
+    for name in ENGINES if names == "all" else listed_once(names, "--simulator"):
         try:
             check_supported(engine(name), Request(mechanism, joint_model))
         except (SimulatorMissing, Unsupported) as why:

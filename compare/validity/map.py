@@ -15,6 +15,7 @@ from analytic.assembly import Assembly
 from analytic.mechanism import GROUND, Mechanism
 from compare.faults import OptionError
 from compare.grid import default_angles, turns_fully
+from compare.options import listed_once
 from compare.tolerances import SCALARS
 from compare.validity.cell import ASSUMPTIONS
 from sim_models.contact_laws import contact_parameters
@@ -60,10 +61,11 @@ def clearance_joints(mechanism: Mechanism, at: str | None) -> tuple[tuple[str, .
     """The joints that carry the clearance, and why these.  Raises OptionError."""
     pins = [joint.name for joint in mechanism.joints if not joint.prismatic]
     if at is not None:
-        for name in at.split(","):
+        joints = listed_once(at, "--at")
+        for name in joints:
             if name not in pins:
                 raise OptionError(f"--at {at}: {name!r} is not a revolute joint of {mechanism.name}; they are {', '.join(pins)}")
-        return tuple(dict.fromkeys(at.split(","))), "as asked"
+        return tuple(joints), "as asked"
     if mechanism.clearances:
         return tuple(mechanism.clearances), "the case's own"
     away = _distances(mechanism)

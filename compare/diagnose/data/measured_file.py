@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -12,6 +11,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from analytic.mechanism import Load
 from analytic.mechanism_file import describe
+from analytic.reading import ReadingError, read_toml
 from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.data.units import listed
 from compare.diagnose.effects.vocabulary import VOCABULARY
@@ -57,18 +57,14 @@ class MeasuredFile(_Part):
 
 def read_file(path: Path) -> MeasuredFile:
     """The file's fields, checked one by one.  Raises MeasuredError."""
-    if not path.is_file():
-        raise MeasuredError(f"{path}: no such file; give a measured.toml")
     fields: dict[str, Any] = {}
     try:
-        fields = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        fields = read_toml(path)
         return MeasuredFile.model_validate(fields)
     except ValidationError as error:
         raise MeasuredError(f"{path.name}: {'; '.join(describe(error, fields, MeasuredFile))}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise MeasuredError(f"{path.name}: not TOML: {error}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise MeasuredError(f"{path}: cannot be read as UTF-8 text ({error}); give a measured.toml") from None
+    except ReadingError as error:
+        raise MeasuredError(f"{path}: {error}; give a measured.toml") from None
 
 
 def tolerances(source: str, given: Mapping[str, float | Mapping[str, float]]) -> dict[str, float]:
