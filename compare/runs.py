@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from compare.sweep import Died, spread
-from sim_models.engine import Engine, Request, SimulationError, Trace, Unsupported, engine
+from sim_models.engine import Engine, Request, SimulationError, SimulatorMissing, Trace, Unsupported, engine
 
 Resolve = Callable[[str], Engine]
 Numbered = tuple[int, str, Request]
@@ -24,11 +24,13 @@ class Failure:
 
 
 def simulate(simulator: str, request: Request, resolve: Resolve = engine) -> Trace | Failure:
-    """Run one request; a SimulationError or Unsupported becomes a Failure."""
+    """Run one request; SimulationError, SimulatorMissing, Unsupported, and what part of an engine cannot be imported become a Failure."""
     try:
         return resolve(simulator).simulate(request)
-    except SimulationError as error:
+    except (SimulationError, SimulatorMissing) as error:
         return Failure(simulator, request.joint_model, str(error))
+    except ImportError as error:
+        return Failure(simulator, request.joint_model, f"{simulator}: its installation is broken ({error}); install it anew")
     except Unsupported as error:
         return Failure(simulator, request.joint_model, str(error), unsupported=True)
 

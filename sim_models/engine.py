@@ -6,6 +6,7 @@ imports its package only inside methods, so that looking up what is supported co
 
 from __future__ import annotations
 
+import functools
 import importlib
 import importlib.metadata
 import importlib.util
@@ -16,6 +17,7 @@ from typing import Any, Literal, Protocol, cast, get_args
 import numpy as np
 
 from analytic.mechanism import Mechanism
+from sim_models.silence import silence
 
 JointModel = Literal["ideal", "massless-link", "spring-damper", "contact"]
 Motion = Literal["driven", "static"]
@@ -37,7 +39,7 @@ class SimulationError(RuntimeError):
 
 
 class SimulatorMissing(RuntimeError):
-    """The engine's package is not installed; the message says how to install it."""
+    """The engine's package is not installed, or its installation is broken; the message says which, and what to do."""
 
 
 class Unsupported(ValueError):
@@ -130,7 +132,10 @@ class Engine(Protocol):
 
 
 def engine(name: str) -> Engine:
-    """The engine of that name.  Raises Unsupported for an unknown name, SimulatorMissing if it is not installed."""
+    """The engine of that name, its package imported.
+
+    Raises Unsupported for an unknown name, SimulatorMissing if it is not installed or cannot be imported.
+    """
     if name not in ENGINES:
         raise Unsupported(f"simulator {name!r} is unknown; the simulators are {', '.join(ENGINES)}")
     found = declared(name)
@@ -138,7 +143,24 @@ def engine(name: str) -> Engine:
         raise SimulatorMissing(
             f"simulator {name!r} is not installed; run: pip install 'linkage-crosscheck[{name}]' (in a clone: pip install '.[{name}]')"
         )
+    fault = broken(found.package)
+    if fault:
+        raise SimulatorMissing(
+            f"simulator {name!r} is installed but cannot be imported ({fault}); mend that, or install it anew: "
+            f"pip install --force-reinstall 'linkage-crosscheck[{name}]'"
+        )
     return found
+
+
+@functools.cache
+def broken(package: str) -> str:
+    """Why an installed package cannot be imported, in its own words; empty if it can."""
+    try:
+        with silence():
+            importlib.import_module(package)
+    except Exception as error:  # noqa: BLE001 - a broken installation raises whatever it likes, and the other engines are to go on
+        return " ".join(f"{type(error).__name__}: {error}".split())
+    return ""
 
 
 def declared(name: str) -> Engine:

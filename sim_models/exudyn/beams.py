@@ -28,6 +28,7 @@ from sim_models.exudyn.beam_motion import RigidMotion
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.record import FLIPPED
 from sim_models.exudyn.settings import silence
+from sim_models.failed_starts import own_start
 from sim_models.start import Course, poses, schedule
 
 
@@ -71,7 +72,7 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
     cannot be assembled.
     """
     beams = _Beams(request, element)
-    with silence():
+    with silence(), own_start("exudyn", request, beams.assembly):
         rows = [beams.signals(k) for k in range(beams.motion.theta.size)]
     signals = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     moving = request.motion == "driven"

@@ -24,6 +24,7 @@ from sim_models.exudyn.linkage import Linkage
 from sim_models.exudyn.motor import INSTANT, SETTLING, Motor
 from sim_models.exudyn.record import Judge, Record, join
 from sim_models.exudyn.steady import steady_start
+from sim_models.failed_starts import own_start
 from sim_models.start import Course, check_steps, poses, schedule, substeps
 
 TURN_PER_STEP = 2e-3  # rad of crank angle in a step, at most
@@ -67,9 +68,10 @@ class Run:
         self.judge = Judge(self.m, self.clearance, {name: law.stiffness for name, law in self.contact.items()})
 
     def trace(self) -> Trace:
-        if self.request.motion == "static":
-            return self.static()
-        return self.driven() if self.request.course is not None or self.m.speed is not None else self.released()
+        with own_start("exudyn", self.request, self.assembly):
+            if self.request.motion == "static":
+                return self.static()
+            return self.driven() if self.request.course is not None or self.m.speed is not None else self.released()
 
     # ---------------------------------------------------------------- motions
 
@@ -94,7 +96,6 @@ class Run:
         """A motor of constant speed, when (s) in the run it passes each requested angle, and when after the first of them."""
         plan = schedule(self.request)
         start = float(plan.theta[0]) - math.copysign(self.request.lead_in, plan.speed)
-        self.assembly.path(min(start, *plan.theta), max(start, *plan.theta))  # refuses a change point on the way
         time = plan.time[np.argsort(plan.order)]
         return Motor.at_speed(start, plan.speed), time + self.request.lead_in / abs(plan.speed), time
 

@@ -10,8 +10,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from analytic.assembly import Assembly
+from analytic.assembly import Assembly, AssemblyError
 from sim_models.engine import Request, SimulationError, Trace, Unsupported
+from sim_models.failed_starts import own_start
 from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.laws import contact_laws, law_settings
 from sim_models.mujoco.limits import CameApart
@@ -71,9 +72,10 @@ class Run:
 
     def trace(self) -> Trace:
         """Run the request."""
-        if self.request.motion == "static":
-            return self.static()
-        return self.free() if self.released else self.driven()
+        with own_start("mujoco", self.request, self.assembly):
+            if self.request.motion == "static":
+                return self.static()
+            return self.free() if self.released else self.driven()
 
     def near(self, theta: float, step: float = STATIC_STEP) -> Equilibria:
         """Equilibria near a crank angle, with rows as rigid as at this step."""
@@ -82,14 +84,13 @@ class Run:
     def static(self) -> Trace:
         """Equilibrium at each crank angle, and between them for the journals' paths."""
         theta = self.request.crank_angle
-        self.assembly.coordinates(theta)  # raises where the ideal linkage does not reach
         near = self.near(float(theta[0]))
         found = {at: near.at_rest(at) for at in theta.tolist()}
         log = Log.of(self.laws)
         for at in _filled(theta).tolist() if self.laws else ():
             try:
                 seen = found[at] if at in found else near.at_rest(at)
-            except SimulationError:
+            except (SimulationError, AssemblyError):
                 continue  # only requested angles must have an equilibrium; where there is none, the path has a gap
             for name in self.laws:
                 log.gaps[name].append(complex(seen[f"clearance_{name}_x"], seen[f"clearance_{name}_y"]))
@@ -156,7 +157,6 @@ class Run:
         if self.course is not None:
             return self.along(self.course)
         plan = schedule(self.request)
-        self.assembly.coordinates(plan.theta)  # raises where the ideal linkage does not reach
         lead = self.request.lead_in / abs(plan.speed)
         motor = Motor.at_speed(float(plan.theta[0]) - plan.speed * lead, plan.speed, float(plan.time[0]) - lead)
         signals, log, settings = self.turned(motor, plan.time, lead)
@@ -168,7 +168,6 @@ class Run:
         time = np.asarray(self.request.time, float)
         order = np.argsort(time, kind="stable")
         knots = course.spline.x
-        self.assembly.coordinates(course.spline(np.union1d(time, knots[knots <= time.max()])))  # raises where the ideal linkage does not reach
         signals, log, settings = self.turned(Motor.along(course), time[order], float(time.min() - knots[0]))
         columns = {name: _scatter(values, order) for name, values in signals.items()}
         return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
+from sim_models.failed_starts import own_start
 from sim_models.planar.bodies import PROBE, WARM_UP, PlanarWorld
 from sim_models.planar.courses import Changes, Even, Grid, Motor, Path, angles, moving, near
 from sim_models.planar.equilibria import Equilibria
 from sim_models.planar.steps import drive_inertia, longest_step
+from sim_models.silence import silence
 from sim_models.start import check_steps, schedule
 
 JOURNAL_SAMPLES = 4000  # at least, where a run has as many steps
@@ -32,26 +32,9 @@ def simulate(make: Callable[[Request], PlanarWorld], request: Request, package: 
         found, rods = Equilibria(world, ideal), None
         if world.one_sided:
             rods = Equilibria(stack.enter_context(contextlib.closing(make(replace(request, joint_model="massless-link")))), ideal)
-        trace = _static(world, found, rods) if request.motion == "static" else _moving(world, found)
+        with own_start(world.engine, request, world.assembly):
+            trace = _static(world, found, rods) if request.motion == "static" else _moving(world, found)
     return replace(trace, version=installed_version(package) or "unknown")
-
-
-@contextlib.contextmanager
-def silence() -> Iterator[None]:
-    """Keep what an engine's C++ prints off the standard streams."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    kept = [os.dup(1), os.dup(2)]
-    sink = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(sink, 1)
-        os.dup2(sink, 2)
-        yield
-    finally:
-        for target, copy in zip((1, 2), kept, strict=True):
-            os.dup2(copy, target)
-            os.close(copy)
-        os.close(sink)
 
 
 # -------------------------------------------------------------------- runs
