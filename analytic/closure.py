@@ -126,7 +126,7 @@ def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near:
     unknown = list(group.coordinates)
     for i in unknown:
         u[i] = near[i]
-    size = float(np.abs(rows).sum(axis=1).max())
+    arms = np.abs(rows[:, : len(s.bodies)]).sum(axis=1)  # m; the other columns' factors are none, and 1 at every scale
     for _ in range(30):
         for i in unknown:
             c = s.coordinates[i]
@@ -139,7 +139,8 @@ def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near:
         residual = rows[:, : len(columns)] @ columns
         jacobian = np.stack([partials(s, i, rows, columns) for i in unknown], axis=-1)  # (loops, N, unknowns)
         matrix = np.concatenate([jacobian.real, jacobian.imag]).transpose(1, 0, 2)
-        if np.abs(residual).max() < 1e-14 * size:
+        travels = np.abs(columns[len(s.bodies) : len(s.bodies) + len(s.slides)]).sum(axis=0)
+        if np.all(np.abs(residual) <= 1e-14 * (arms.max() + travels)):
             return _regularity(s, rows, matrix)
         right = np.concatenate([residual.real, residual.imag]).T
         try:
