@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from sim_models.common.health import check
 from sim_models.engine import COMMON_EFFECTS, JOINT_MODELS, JointModel, Motion, Request, Trace, check_supported
 from sim_models.exudyn.settings import silence
 
@@ -34,7 +35,9 @@ class Exudyn:
 
         check_supported(self, request)
         with silence():
-            return Run(request).trace()
+            trace = Run(request).trace()
+        check(request, trace)
+        return trace
 
     def export(self, request: Request, folder: Path) -> list[Path]:
         """Write a request, and what came of it, as files that run in Exudyn alone.  Raises what :meth:`simulate` does."""

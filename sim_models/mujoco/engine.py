@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from sim_models.common.health import check
 from sim_models.engine import COMMON_EFFECTS, JOINT_MODELS, JointModel, Motion, Request, Trace, check_supported
 
 
@@ -27,7 +28,9 @@ class MujocoEngine:
 
         check_supported(self, request)
         with _quiet():
-            return Run(request).trace()
+            trace = Run(request).trace()
+        check(request, trace)
+        return trace
 
     def export(self, request: Request, folder: Path) -> list[Path]:
         """Write a request, and what came of it, as files that run in MuJoCo alone.  Raises what :meth:`simulate` does."""

@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sim_models.common.health import check
+from sim_models.common.rates import part_rates
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
 from sim_models.planar.bodies import PROBE, WARM_UP, PlanarWorld
 from sim_models.planar.courses import Changes, Even, Grid, Motor, Path, angles, moving, near
@@ -33,6 +35,7 @@ def simulate(make: Callable[[Request], PlanarWorld], request: Request, package: 
         if world.one_sided:
             rods = Equilibria(stack.enter_context(contextlib.closing(make(replace(request, joint_model="massless-link")))), ideal)
         trace = _static(world, found, rods) if request.motion == "static" else _moving(world, found)
+    check(request, trace)
     return replace(trace, version=installed_version(package) or "unknown")
 
 
@@ -232,8 +235,9 @@ def _check_depth(world: PlanarWorld, theta: float) -> None:
 
 def _trace(world: PlanarWorld, rows: list[dict[str, float]], theta: np.ndarray, time: np.ndarray | None, step: float) -> Trace:
     request = world.request
+    signals, rates = part_rates({name: np.array([row[name] for row in rows]) for name in rows[0]})
     return Trace(
         simulator=world.engine, version="", joint_model=request.joint_model, motion=request.motion, crank_angle=theta, time=time,
-        signals={name: np.array([row[name] for row in rows]) for name in rows[0]},
-        clearance={name: pin.clearance for name, pin in world.pins.items()}, settings={"step": step} | world.settings(),
+        signals=signals, clearance={name: pin.clearance for name, pin in world.pins.items()}, settings={"step": step} | world.settings(),
+        rates=rates,
     )  # fmt: skip

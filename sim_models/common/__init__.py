@@ -1,0 +1,1 @@
+"""What engines share without weakening each other."""
