@@ -76,6 +76,19 @@ class Request:
 
 
 @dataclass(frozen=True)
+class Rates:
+    """How a body moves at the instants of a trace, ground frame.
+
+    ``velocity`` (m/s) and ``acceleration`` (m/s^2) are (N,) complex, x + iy, of its centre of mass (not of its marker);
+    ``angular_acceleration`` (N,) rad/s^2.  Zero in static runs.
+    """
+
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    angular_acceleration: np.ndarray
+
+
+@dataclass(frozen=True)
 class Trace:
     """What a simulation saw, at the requested crank angles (or times) and in their order.
 
@@ -83,7 +96,8 @@ class Trace:
     ``<body>_angle`` (continued, not wrapped), ``<body>_angular_velocity``, ``reaction_<joint>_x``/``_y`` (N, force of
     the joint's first body on its second) and, for a prismatic joint, ``reaction_<joint>_moment`` (N.m, on the second
     body at its point), ``drive_torque`` (N.m, motor on crank), ``clearance_<joint>_x``/``_y`` (m, first pin centre
-    minus second).  All belong to the same instant.
+    minus second).  All belong to the same instant, and so do ``rates``, which every moving body has in a run of an engine's own;
+    recorded data have none.
 
     ``journal`` maps each joint with clearance to its densely sampled path (M, 2) in m; ``free_share`` to the share of
     time (driven) or of angles (static) that its pin spent without contact.  ``settings`` are the numbers used.
@@ -100,6 +114,7 @@ class Trace:
     journal: Mapping[str, np.ndarray] = field(default_factory=dict)
     free_share: Mapping[str, float] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
+    rates: Mapping[str, Rates] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, values in self.signals.items():

@@ -15,7 +15,10 @@ import pytest
 from sim_models.engine import declared
 
 FAULTS = {
-    "a library that is not there": ("ImportError('libGL.so.1: cannot open shared object file: No such file or directory')", "ImportError: libGL.so.1"),
+    "a library that is not there": (
+        "ImportError('libGL.so.1: cannot open shared object file: No such file or directory')",
+        "ImportError: libGL.so.1",
+    ),
     "a library of another build": ("OSError('undefined symbol: _ZN3foo')", "OSError: undefined symbol: _ZN3foo"),
     "another numpy": ("RuntimeError('module compiled against ABI version 0x1000009\\nbut this is 0x2000000')", "version 0x1000009 but this is"),
 }
@@ -43,7 +46,9 @@ def test_the_engine_that_is_named_is_missing_in_one_sentence(what: str, tmp_path
     break_engine(tmp_path, "exudyn", fault)
     done = compare(tmp_path, "--simulator", "exudyn", "--out", "out")
     assert done.returncode == 3
-    assert done.stderr.startswith(f"compare: simulator 'exudyn' is installed but cannot be imported ({said.split(':')[0]}" if ":" in said else "compare: ")
+    assert done.stderr.startswith(
+        f"compare: simulator 'exudyn' is installed but cannot be imported ({said.split(':')[0]}" if ":" in said else "compare: "
+    )
     assert said in done.stderr
     assert done.stderr.count("\n") == 1
     assert done.stdout == ""
@@ -83,7 +88,11 @@ def test_the_list_of_simulators_says_that_it_is_broken(tmp_path: Path) -> None:
 
 COMMANDS = {
     "baseline": (["baseline", "update", "--case", "pendulum", "--baselines", "out"], "left out: simulator 'exudyn'", 0),
-    "baseline of that engine": (["baseline", "update", "--case", "pendulum", "--simulator", "exudyn", "--baselines", "out"], "compare: simulator 'exudyn'", 3),
+    "baseline of that engine": (
+        ["baseline", "update", "--case", "pendulum", "--simulator", "exudyn", "--baselines", "out"],
+        "compare: simulator 'exudyn'",
+        3,
+    ),
     "validity": (["validity", "--speeds", "60", "--clearances", "1e-4", "--simulator", "exudyn", "--out", "out"], "compare: simulator 'exudyn'", 3),
     "export": (["export", "--simulator", "exudyn", "--out", "out"], "compare: simulator 'exudyn'", 3),
     "flexible": (["--flexible", "--motion", "static", "--simulator", "exudyn", "--out", "out"], "compare: simulator 'exudyn'", 3),

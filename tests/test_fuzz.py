@@ -5,10 +5,6 @@ More of them: ``FUZZ_LINKAGES=10000 pytest tests/test_fuzz.py -m slow`` (``FUZZ_
 
 from __future__ import annotations
 
-import os
-import warnings
-from collections import Counter
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, event, given, settings
@@ -17,11 +13,11 @@ from analytic.assembly import Assembly
 from analytic.clearance import displaced
 from analytic.kinematics import kinematics
 from analytic.kinetostatics import kinetostatics
-from analytic.mechanism import Mechanism, MechanismWarning
+from analytic.mechanism import Mechanism
 from analytic.mechanism_file import load
 from linkages import dyad_on_a_triad, inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
 from multiplier_oracle import JUMP, TINY, WORST_CONDITION, LeftOut, Oracle, Solved
-from random_linkages import linkages, seeded
+from random_linkages import linkages
 
 pytestmark = pytest.mark.filterwarnings("ignore::analytic.mechanism.MechanismWarning")
 
@@ -48,7 +44,9 @@ def test_the_oracle_finds_the_papers_numbers() -> None:
         np.testing.assert_allclose([found.forces["B"][k].real, found.forces["B"][k].imag, found.torque[k]], [x, y, torque], atol=6e-5)
 
 
-@pytest.mark.parametrize("mechanism", [dyad_on_a_triad(), scotch_yoke(), six_bar_driven_from_the_rocker(), load("slider-crank")], ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    "mechanism", [dyad_on_a_triad(), scotch_yoke(), six_bar_driven_from_the_rocker(), load("slider-crank")], ids=lambda m: m.name
+)
 def test_the_oracles_drive_does_the_work_that_its_energies_gain(mechanism: Mechanism) -> None:
     """Torque against the derivative of kinetic and potential energy by the crank angle."""
     frictionless = mechanism.replace(gravity=(1.0, -9.81))

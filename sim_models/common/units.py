@@ -18,7 +18,7 @@ import numpy as np
 from analytic.mechanism import Joint, Mechanism
 from sim_models.common.weights import with_equal_masses
 from sim_models.contact_laws import default_stiffness, heaviest, longest, power_of_two, turning_rate
-from sim_models.engine import Request, SimulationError, Trace
+from sim_models.engine import Rates, Request, SimulationError, Trace
 
 # What an engine is at home with, in SI: where a linkage lies within, its units are SI's; else it is brought to the middle.
 LENGTHS = (2.0**-6, 2.0**2)  # m, longest distance between two points of a body
@@ -32,6 +32,7 @@ TIME: Dimension = (0, 0, 1)
 SPEED: Dimension = (1, 0, -1)
 ACCELERATION: Dimension = (1, 0, -2)
 RATE: Dimension = (0, 0, -1)
+TURNING: Dimension = (0, 0, -2)
 FORCE: Dimension = (1, 1, -2)
 TORQUE: Dimension = (2, 1, -2)
 PRESSURE: Dimension = (-1, 1, -2)
@@ -130,10 +131,15 @@ class Units:
             t,
             time=None if t.time is None else t.time * self.time,
             signals={name: values * self.size(dimension(name)) for name, values in t.signals.items()},
+            rates={body: self._rates(rates) for body, rates in t.rates.items()},
             clearance={name: c * self.length for name, c in t.clearance.items()},
             journal={name: path * self.length for name, path in t.journal.items()},
             settings={name: self._setting(name, value) for name, value in t.settings.items()} | {"units": own},
         )
+
+    def _rates(self, r: Rates) -> Rates:
+        speed, acceleration, turning = (self.size(d) for d in (SPEED, ACCELERATION, TURNING))
+        return Rates(r.velocity * speed, r.acceleration * acceleration, r.angular_acceleration * turning)
 
     def _setting(self, name: str, value: Any) -> Any:
         if isinstance(value, Mapping):

@@ -209,7 +209,7 @@ class Run:
             crank_angle=np.array(r.crank_angle, float) if r.crank_angle.size else sampled.angle[self.m.driven].copy(), time=time,
             signals=sampled.signals(), clearance=dict(self.clearance), free_share=free,
             journal={name: np.column_stack([dense.gap[name].real, dense.gap[name].imag]) for name in self.clearance},
-            settings=self.settings(step),
+            settings=self.settings(step), rates=sampled.rates(),
         )  # fmt: skip
 
     def settings(self, step: float | None) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from analytic.assembly import Assembly, AssemblyError
+from sim_models.common.rates import part_rates
 from sim_models.engine import Request, SimulationError, Trace, Unsupported
 from sim_models.failed_starts import own_start
 from sim_models.mujoco.equilibrium import Equilibria
@@ -222,6 +223,7 @@ class Run:
         raise AssertionError("unreachable: the last attempt returns or raises")
 
     def report(self, theta: np.ndarray, time: np.ndarray | None, signals: Mapping[str, np.ndarray], log: Log, settings: Mapping[str, Any]) -> Trace:
+        signals, rates = part_rates(signals)
         return Trace(
             simulator="mujoco",
             version=mujoco.__version__,
@@ -234,6 +236,7 @@ class Run:
             journal={name: np.array([[g.real, g.imag] for g in path]) for name, path in log.gaps.items()},
             free_share={name: float(np.mean(np.array(force) <= 0)) for name, force in log.forces.items()},
             settings={**law_settings(self.request, self.laws), **settings, "solver": "Newton, elliptic cone"},
+            rates=rates,
         )
 
 

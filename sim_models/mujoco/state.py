@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from analytic.mechanism import GROUND
+from sim_models.common.rates import rate_columns
 from sim_models.engine import SimulationError
 from sim_models.mujoco.model import CONTACT_ROWS, ROW, Linkage
 
@@ -149,7 +150,7 @@ def _cross(a: complex, b: complex) -> float:
 
 
 def signals(link: Linkage, forces: Mapping[str, Applied], friction: Mapping[str, float], velocity: np.ndarray | None = None) -> dict[str, float]:
-    """All signals of the present state; accelerations are those that :func:`look` left in the data, or an equilibrium.
+    """All signals of the present state, and its rates; accelerations are those that :func:`look` left in the data, or an equilibrium.
 
     The closing joints' forces are the constraint rows'; those in the tree follow from them body by body, by Newton's
     and Euler's equations with MuJoCo's accelerations.  What then turns the crank is the drive.
@@ -172,7 +173,7 @@ def signals(link: Linkage, forces: Mapping[str, Applied], friction: Mapping[str,
         act(second, force, moment)
         act(first, -force, -moment)
         out[f"reaction_{name}_x"], out[f"reaction_{name}_y"] = force.real, force.imag
-    motion = np.zeros(6)
+    motion, carry, gravity = np.zeros(6), np.zeros((3, m.nv)), complex(*link.mechanism.gravity)
     for part in link.outward:
         name, joint = part.name, part.joint
         mujoco.mj_objectAcceleration(m, d, mujoco.mjtObj.mjOBJ_BODY, part.number, motion, 0)
@@ -181,6 +182,9 @@ def signals(link: Linkage, forces: Mapping[str, Applied], friction: Mapping[str,
         moment = part.inertia * float(motion[2]) + _cross(complex(*centre[part.number]), push) - turn_on[name]
         out[f"{name}_x"], out[f"{name}_y"] = site[part.marker]
         out[f"{name}_angle"], out[f"{name}_angular_velocity"] = part.twist + float(part.form @ q), float(part.form @ velocity)
+        mujoco.mj_jacBodyCom(m, d, carry, None, part.number)
+        speed = carry[:2] @ velocity
+        out |= rate_columns(name, complex(speed[0], speed[1]), push / part.mass + gravity, float(motion[2]))
         beyond = moment  # of what joint forces and laws give the body
         if joint:
             act(part.parent, -force, -moment)

@@ -20,6 +20,7 @@ from sim_models.contact_laws import contact_parameters
 from sim_models.engine import Request, Unsupported
 from sim_models.planar.courses import Even, Grid, course_of, pace
 from sim_models.planar.parts import AT_REST, Branch, Pin, moving_body, travel_of
+from sim_models.planar.rates import centre_rates
 from sim_models.start import Pose, poses
 
 PROBE = 1e-5  # s, the step from which accelerations are read
@@ -220,7 +221,7 @@ class PlanarWorld(ABC):
         return AT_REST if body == GROUND else self.pose(body)
 
     def observe(self, h: float) -> dict[str, float]:
-        """Advance by h (s) and return every signal at the instant from which the step started."""
+        """Advance by h (s) and return every signal, and every body's rates, at the instant from which the step started."""
         names = [b.name for b in self.mechanism.bodies]
         here = {name: self.pose(name) for name in names}
         gaps = {j.name: self.gap(j.name)[0] for j in self.mechanism.joints if not j.prismatic}
@@ -239,7 +240,7 @@ class PlanarWorld(ABC):
             force += self.slide_forces.get(name, 0j)  # a slide's reaction holds its friction, damper and spring too
             out |= {f"reaction_{name}_x": force.real, f"reaction_{name}_y": force.imag}
         out |= {f"reaction_{name}_moment": moment for name, moment in moments.items()}
-        return out
+        return out | centre_rates(self, here, h)
 
     def start(self, bodies: Mapping[str, Pose], h: float, spin_up: float = 0.0, aims: Sequence[float | None] = (None,) * WARM_UP) -> None:
         """Place the bodies and take their velocities half a step (s) back, as a leapfrog wants them.

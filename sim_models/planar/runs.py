@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sim_models.common.rates import part_rates
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
 from sim_models.failed_starts import own_start
 from sim_models.planar.bodies import PROBE, WARM_UP, PlanarWorld
@@ -24,7 +25,7 @@ HELD = 1e-3  # of the largest reaction: what one-sided pins and rods may differ 
 TOO_DEEP = 0.1  # of the shortest link at a joint: a penetration that means divergence
 
 
-def simulate(make: Callable[[Request], PlanarWorld], request: Request, package: str) -> Trace:
+def run(make: Callable[[Request], PlanarWorld], request: Request, package: str) -> Trace:
     """Run a request in worlds that ``make`` builds.  Raises SimulationError, Unsupported or AssemblyError."""
     with silence(), contextlib.ExitStack() as stack:
         world = stack.enter_context(contextlib.closing(make(request)))
@@ -215,8 +216,9 @@ def _check_depth(world: PlanarWorld, theta: float) -> None:
 
 def _trace(world: PlanarWorld, rows: list[dict[str, float]], theta: np.ndarray, time: np.ndarray | None, step: float) -> Trace:
     request = world.request
+    signals, rates = part_rates({name: np.array([row[name] for row in rows]) for name in rows[0]})
     return Trace(
         simulator=world.engine, version="", joint_model=request.joint_model, motion=request.motion, crank_angle=theta, time=time,
-        signals={name: np.array([row[name] for row in rows]) for name in rows[0]},
-        clearance={name: pin.clearance for name, pin in world.pins.items()}, settings={"step": step} | world.settings(),
+        signals=signals, clearance={name: pin.clearance for name, pin in world.pins.items()}, settings={"step": step} | world.settings(),
+        rates=rates,
     )  # fmt: skip

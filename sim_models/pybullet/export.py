@@ -15,7 +15,7 @@ from analytic.mechanism import GROUND, Joint
 from sim_models.engine import Request, Trace, Unsupported
 from sim_models.export_files import expected, lines
 from sim_models.planar.bodies import WARM_UP
-from sim_models.planar.runs import simulate
+from sim_models.planar.runs import run
 from sim_models.pybullet.parts import flat
 from sim_models.pybullet.world import FASTEST, STRENGTH, BulletWorld
 
