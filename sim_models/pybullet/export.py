@@ -92,7 +92,7 @@ def export(request: Request, folder: Path) -> list[Path]:
         worlds.append(RecordedWorld(asked))
         return worlds[-1]
 
-    trace = simulate(make, request, "pybullet")
+    trace = run(make, request, "pybullet")
     world = worlds[0]  # another one only helps to find where the pins rest
     order = _order(trace, world.speed)
     files = {f"{world.part(number)}.urdf": urdf(world, number) for number in world.grown}
