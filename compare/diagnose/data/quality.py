@@ -18,6 +18,7 @@ from compare.diagnose.data.units import dimension
 
 ORDERS = (3, 4, 6, 8, 10)  # of differences, tried for the noise
 FLOOR = 1e-7  # of a channel's range: what a noise-free signal is taken to be good for
+SHARES = 12  # parts of the smallest difference between two values that may be the step of a converter: no value need be one step from another
 EXACT = 1e-6  # relative, by which the steps of a converter may miss being multiples of the smallest
 SPIKE = 8.0  # sigmas of an outlier
 PLATEAU = 4  # equal extreme samples in a row that a clipped sensor shows
@@ -81,17 +82,36 @@ def differences(time: np.ndarray, values: np.ndarray, order: int) -> np.ndarray:
 
 
 def quantum(values: np.ndarray) -> float:
-    """The step that all values are multiples apart of (a converter's, or of the decimals in a file); 0 if there is none."""
+    """The step that all values are multiples apart of (a converter's, an encoder's counts, or the decimals in a file); 0 if there is none."""
     present = values[np.isfinite(values)]
-    levels = np.sort(present[_stretches(present.size)])
+    present = present[_stretches(present.size)]
+    levels = np.sort(present)
     gaps = np.diff(levels)
     gaps = gaps[gaps > 1e-12 * np.max(np.abs(levels), initial=0.0)]
     if gaps.size == 0:
         return 0.0
-    multiples = gaps / gaps.min()
-    if multiples.max() < 1.5 and np.unique(present).size == present.size:
+    step = 0.0
+    for share in range(1, SHARES + 1):
+        multiples = gaps * share / gaps.min()
+        if np.mean(np.abs(multiples - np.round(multiples)) < EXACT * multiples) > 0.9:
+            step = float(gaps.min()) / share
+            break
+    if gaps.max() < 1.5 * step and np.unique(present).size == present.size:
         return 0.0  # an even ramp, such as an encoder's at constant speed: its steps are its speed's
-    return float(gaps.min()) if np.mean(np.abs(multiples - np.round(multiples)) < EXACT * multiples) > 0.9 else 0.0
+    return max(step, _stair(present, step))
+
+
+def _stair(present: np.ndarray, step: float) -> float:
+    """The height of the stairs that a slow signal climbs one by one, even if decimals (of ``step``, or 0) blur it; 0 if it climbs none."""
+    climbed = np.abs(np.diff(present))
+    climbs = climbed > step / 2
+    edge = np.concatenate([[False], climbs, [False]])
+    alone = climbs & ~edge[:-2] & ~edge[2:]
+    heights = climbed[alone]
+    if heights.size < PLATEAU or np.sum(alone) < 0.9 * np.sum(climbs):
+        return 0.0
+    height = float(np.median(heights))
+    return height if np.mean(np.abs(heights - height) < 0.1 * height) > 0.9 else 0.0
 
 
 def clipped(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:

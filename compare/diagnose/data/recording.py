@@ -21,7 +21,7 @@ class MeasuredError(ValueError):
 class Fault:
     """Something wrong with the data of a run that was handled; ``samples`` are affected and ``text`` says it in a sentence.
 
-    ``kind`` is clipped, outliers, constant, absent, noise, wrapped (one signal), gap, thinned (the run, ``signal`` is
+    ``kind`` is clipped, outliers, constant, absent, noise, wrapped, course (one signal), gap, thinned (the run, ``signal`` is
     ``time``), swapped or unit.
     """
 

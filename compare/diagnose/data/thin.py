@@ -8,6 +8,7 @@ import numpy as np
 
 from compare.diagnose.data.quality import FLOOR
 from compare.diagnose.data.recording import Run
+from compare.diagnose.data.smooth import Smoother
 
 
 def picked(run: Run, every: int) -> Run:
@@ -24,8 +25,6 @@ def picked(run: Run, every: int) -> Run:
 
 def missed(run: Run, thin: Run, encoder: str) -> float:
     """By how much (rms, rad) a drive that follows the encoder misses its motion with these samples of it; 0 for no more than noise."""
-    from scipy.interpolate import make_smoothing_spline
-
     sides = []
     for each in (run, thin):
         values = each.channels[encoder].values
@@ -34,7 +33,7 @@ def missed(run: Run, thin: Run, encoder: str) -> float:
     (time, values), knots = sides
     within = (time >= knots[0][0]) & (time <= knots[0][-1])
     time, values = time[within], values[within]
-    error = float(np.sqrt(np.mean((make_smoothing_spline(*knots)(time) - values) ** 2)))
+    error = float(np.sqrt(np.mean((Smoother(knots[0]).spline(knots[1])(time) - values) ** 2)))
     return error if error > 3 * max(run.channels[encoder].noise, FLOOR * float(np.ptp(values))) else 0.0
 
 
