@@ -27,9 +27,10 @@ def update(folder: Folder = WHERE) -> None:
         from compare.files import output_folder, to_json, write_atomically
         from compare.validation.page import page
         from compare.validation.runs import run_all
+        from compare.validation.scales import scales
 
         output_folder(folder / "figures")
-        found = run_all(engines_named("all"))
+        found = run_all(engines_named("all"), scales())
         for name, drawing in found.pop("figures").items():
             write_atomically(folder / "figures" / name, drawing)
         write_atomically(folder / "validation.json", to_json(found, indent=1) + "\n")
@@ -48,10 +49,11 @@ def check(
     """
     with complaints():
         from compare.validation.runs import run_all
+        from compare.validation.scales import checked
         from compare.validation.stored import differences, looked_at, other_versions, read, stale_page
 
         stored = read(folder / "validation.json")
-        found = run_all(engines_named(simulator or "all"))
+        found = run_all(engines_named(simulator or "all"), checked())
         changed = [*stale_page(folder / "README.md", stored), *differences(stored, found)]
         for line in [*changed, *other_versions(stored, found)]:
             typer.echo(line)
