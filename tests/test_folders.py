@@ -53,7 +53,7 @@ NAMES = {
     "compare --simulator mujoco --angles=-20:160:5 --joint contact --flexible": "paper-mujoco-contact-angles=-20_160_5-flexible",
     "compare --simulator mujoco --tolerance ../my/tol.toml": "paper-mujoco-tolerance=.._my_tol.toml",
     "compare accuracy --samples 20000": "paper-accuracy",
-    "compare accuracy --clearance D=1e-4 --seed 7 --nonlinear --output B --output coupler.angle": "paper-accuracy-D=1e-4-output=B,coupler.angle-seed=7-nonlinear",
+    "compare accuracy --clearance D=1e-4 --seed 7 --output B --output coupler.angle": "paper-accuracy-D=1e-4-output=B,coupler.angle-seed=7",
     "compare validity --speeds 60,600 --clearances 1e-4 --workers 2": "paper-validity-speeds=60,600-clearances=1e-4",
     "compare diagnose a.toml": "paper-diagnosis",
     "compare diagnose a.toml --only gravity --only payload@coupler --simulator exudyn": "paper-diagnosis-exudyn-only=gravity,payload@coupler",
@@ -138,7 +138,9 @@ def test_a_file_that_does_not_say_what_made_it_is_not_replaced(text: str, tmp_pa
         folder(QUICK, "paper", out=tmp_path)
 
 
-@pytest.mark.parametrize("made_by", ["", "compare 'open", "rm -rf /", "compare --help", "compare \x1b[2J --simulator mujoco", "compare baseline check"])
+@pytest.mark.parametrize(
+    "made_by", ["", "compare 'open", "rm -rf /", "compare --help", "compare \x1b[2J --simulator mujoco", "compare baseline check"]
+)
 def test_whatever_a_file_says_that_made_it_is_only_compared(made_by: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "result.json").write_text(json.dumps({"command": made_by}), encoding="utf-8")
     with pytest.raises(OutputError, match="is of another command") as caught:
