@@ -16,7 +16,10 @@ import pytest
 KILLS = 10
 OUTPUT = {".json", ".html", ".md", ".xml", ".svg", ".toml"}
 COMMANDS = {
-    "report": (["--simulator", "mujoco", "--out", "out"], ["--simulator", "mujoco", "--motion", "static", "--joint", "contact", "--out", "out"]),
+    "report": (
+        ["--simulator", "mujoco", "--out", "out", "--overwrite"],
+        ["--simulator", "mujoco", "--motion", "static", "--joint", "contact", "--out", "out"],
+    ),
     "baseline": (["baseline", "update", "--case", "paper", "--simulator", "mujoco", "--baselines", "out"], []),
 }
 

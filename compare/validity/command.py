@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from compare.faults import Exit, OptionError, complaints, stop
-from compare.files import file_name, output_folder, to_json, write_atomically
+from compare.files import output_folder, to_json, write_atomically
+from compare.folders import Overwrite, result_folder
 from compare.options import JointChoice, cores, listed_once, load_case, rigidly_and_evenly_driven
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 
 def validity(
+    context: typer.Context,
     speeds: Annotated[str, typer.Option(metavar="RPM,...", help="Speeds of the crank (rpm).")],
     clearances: Annotated[str, typer.Option(metavar="M,...", help="Radial clearances (m).")],
     case: Annotated[str, typer.Option(help="Shipped case (see: compare cases) or a mechanism file.")] = "paper",
@@ -33,7 +35,8 @@ def validity(
     tolerance: Annotated[Path | None, typer.Option(help="Tolerance file laid over the shipped one.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes [one a core].")] = None,
     dask: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster that is to do the runs.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of validity.json [reports/<case>-validity].")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of validity.json [reports/<case>-validity, then the options].")] = None,
+    overwrite: Overwrite = False,
     json: Annotated[bool, typer.Option("--json", help="Print validity.json to standard output, and nothing else there.")] = False,
 ) -> None:
     """Say at which speeds and clearances the analytic model holds, where contact is lost, and which assumption fails.
@@ -58,7 +61,7 @@ def validity(
             load_tolerances(tolerance),
         )
         runs = cells(grid)
-        folder = output_folder(out or Path("reports") / f"{file_name(mechanism.name)}-validity")
+        folder = output_folder(result_folder(context, f"{mechanism.name}-validity", "validity.json", out, overwrite))
         found = swept(runs, folder, workers or cores(), dask)
         result = summarised(grid, chosen, runs, found) | {"command": shlex.join(["compare", *sys.argv[1:]]), "warnings": caught}
         publish(result, folder, json)
