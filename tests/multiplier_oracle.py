@@ -19,7 +19,7 @@ import numpy as np
 from analytic.mechanism import GROUND, MASS_CENTRE, Mechanism
 
 WORST_CONDITION = 1000.0
-STEP = np.radians(1.0)  # of the walk along the crank's range
+STEP = np.radians(2.0)  # of the walk along the crank's range
 JUMP = 0.05  # rad or span; a larger correction of a step is not trusted to be on the same branch
 TINY = 1e-30  # the complex step
 
@@ -40,12 +40,11 @@ class Solved:
     moments: Mapping[str, np.ndarray]  # N.m on the second body at its point, of prismatic joints
     torque: np.ndarray  # N.m
     slips: Mapping[str, np.ndarray]  # rate of each joint with friction over the crank's (rad; prismatic: spans)
-    kinetic: np.ndarray  # J
     largest: float  # N, of all reactions, loads, weights and inertia forces
 
 
 class Oracle:
-    """A mechanism assembled at its assembly angles.  Raises LeftOut where that posture is singular or has none near it."""
+    """A mechanism assembled at its assembly angles, of every body and with whole turns as they are.  Raises LeftOut where that posture is singular or has none near it."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         m = self.mechanism = mechanism
@@ -63,6 +62,7 @@ class Oracle:
         self.driven = self.names.index(m.driven)
         if 2 * len(m.joints) + 1 != 3 * len(m.bodies):
             raise ValueError(f"{m.name}: {len(m.joints)} joints do not leave {len(m.bodies)} bodies one freedom")
+        self.masses = np.array([[0.0, 0.0, 0.0], *([b.mass, b.mass, b.moment_of_inertia / self.span**2] for b in m.bodies)])
         self.start = m.assembly[m.driven]
         self.home = self._assembled()
 
@@ -192,8 +192,7 @@ class Oracle:
         rate = self.rates(q, theta, gaps)
         second = self.bends(q, rate, theta, gaps) + alpha * rate
         applied, slips = self._applied(q, rate, omega, inertia)
-        masses = np.array([[0.0, 0.0, 0.0], *([b.mass, b.mass, b.moment_of_inertia / self.span**2] for b in m.bodies)])
-        pushed = applied - (masses * second * self.span * omega**2 if inertia else 0.0)
+        pushed = applied - (self.masses * second * self.span * omega**2 if inertia else 0.0)
         matrix = self.constraints(q, theta, gaps)[1]
         on_bodies = np.linalg.solve(matrix.transpose(0, 2, 1), -pushed[:, 1:].reshape(n, -1)[..., None])[..., 0]  # N; moments over the span
         forces, moments = {}, {}
@@ -205,14 +204,13 @@ class Oracle:
             along = -1j * (normal[:, k, 0] + 1j * normal[:, k, 1])
             forces[j.name] = 1j * along * across + along * self._law(j, q, rate, omega, inertia)[0]
             moments[j.name] = hold * self.span  # the force across passes through the second's point
-        kinetic = np.sum(masses * (rate * self.span * omega) ** 2, axis=(1, 2)) / 2
         reactions = [np.abs(f).max() for f in forces.values()]
-        parts = applied[:, 1:], (masses * second * self.span * omega**2 * inertia)[:, 1:]
+        parts = applied[:, 1:], (self.masses * second * self.span * omega**2 * inertia)[:, 1:]
         largest = max([np.abs(on_bodies).max(), *reactions, *(np.abs(p).max() for p in parts)])
         turns = {b: rate[:, i, 2] * omega for i, b in enumerate(self.names)}
         places = {b: self._complex(_point(q[:, i], np.array(self._arm(b, "com")))[0]) for i, b in enumerate(self.names) if i}
         angles = {b: q[:, i, 2] for i, b in enumerate(self.names)}
-        return Solved(theta, places, angles, turns, forces, moments, on_bodies[:, -1] * self.span, slips, kinetic, float(largest))
+        return Solved(theta, places, angles, turns, forces, moments, on_bodies[:, -1] * self.span, slips, float(largest))
 
     def _complex(self, z: np.ndarray) -> np.ndarray:
         return (z[..., 0] + 1j * z[..., 1]) * self.span
@@ -261,6 +259,10 @@ class Oracle:
                 out[:, i, :2] += force
                 out[:, i, 2] += arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]
         return out, slips
+
+    def kinetic(self, rate: np.ndarray) -> np.ndarray:
+        """Kinetic energy (N,) J at the drive's speed, from the poses' derivatives by the crank angle."""
+        return np.sum(self.masses * (rate * self.span * (self.mechanism.speed or 1.0)) ** 2, axis=(1, 2)) / 2
 
     def energy(self, q: np.ndarray) -> np.ndarray:
         """Potential energy (N,) J of weights, dead loads and joint springs, from the poses alone (complex poses allowed)."""

@@ -58,14 +58,14 @@ class Ranges:
     gravity: tuple[float, float, float] = (-3.0, 0.0, 2.0)  # m/s^2
     load: tuple[float, float, float] = (-2.0, 0.0, 2.0)  # over weight and inertia force
     clearance: tuple[float, float, float] = (-6.0, -3.0, -1.5)  # over the crank's length
-    groups: int = 3
+    groups: tuple[int, int] = (0, 3)
     friction: bool = True
 
 
 WIDE = Ranges()
 HUMAN = Ranges(
     length=(-1.3, -1.0, -0.7), speed=(0.0, 1.0, 1.5), mass=(-1.0, 0.0, 0.5), spread=0.5, gravity=(0.0, 0.99, 1.0),
-    load=(-1.0, 0.0, 0.7), clearance=(-3.0, -2.5, -2.0), groups=2, friction=False,
+    load=(-1.0, 0.0, 0.7), clearance=(-3.0, -2.5, -2.0), groups=(1, 2), friction=False,
 )  # fmt: skip
 
 
@@ -84,7 +84,7 @@ def linkage(choice: Choice, ranges: Ranges = WIDE, name: str = "random linkage")
     """A random linkage that is assembled at its assembly angles, up to a little by which those are off."""
     frame = _Skeleton(choice)
     frame.crank()
-    for _ in range(choice.whole(0, ranges.groups)):
+    for _ in range(choice.whole(*ranges.groups)):
         (frame.dyad, frame.dyad, frame.dyad, frame.dyad, frame.three_legs, frame.square)[choice.whole(0, 5)]()
     return Mechanism.model_validate({"name": name} | _Flesh(choice, ranges, frame).fields())
 

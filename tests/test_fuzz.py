@@ -1,9 +1,13 @@
 """Random linkages at every scale: the analytic model against multipliers, and clearance equilibria against the energy of their poses.
 
-More of them: ``FUZZ_LINKAGES=10000 pytest tests/test_fuzz.py -m slow`` (``FUZZ_FIRST`` is the first seed).
+More of them: ``FUZZ_LINKAGES=10000 pytest tests/test_fuzz.py -m slow -rP`` (``FUZZ_FIRST`` is the first seed); it prints what became of them.
 """
 
 from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -15,12 +19,13 @@ from analytic.kinematics import kinematics
 from analytic.kinetostatics import kinetostatics
 from analytic.mechanism import Mechanism
 from analytic.mechanism_file import load
-from linkages import dyad_on_a_triad, inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
+from linkages import dyad_on_a_triad
 from multiplier_oracle import JUMP, TINY, WORST_CONDITION, LeftOut, Oracle, Solved
-from random_linkages import linkages
+from random_linkages import linkages, seeded
 
 pytestmark = pytest.mark.filterwarnings("ignore::analytic.mechanism.MechanismWarning")
 
+FIRST, LINKAGES, CHUNK = int(os.environ.get("FUZZ_FIRST", "0")), int(os.environ.get("FUZZ_LINKAGES", "200")), 100
 ACCURACY = 1e-9  # of the linkage's largest force, its span, a turn
 RANGE = np.radians(40.0)  # of crank to either side of the assembly angle
 SAMPLES = 5
@@ -44,34 +49,27 @@ def test_the_oracle_finds_the_papers_numbers() -> None:
         np.testing.assert_allclose([found.forces["B"][k].real, found.forces["B"][k].imag, found.torque[k]], [x, y, torque], atol=6e-5)
 
 
-@pytest.mark.parametrize(
-    "mechanism", [dyad_on_a_triad(), scotch_yoke(), six_bar_driven_from_the_rocker(), load("slider-crank")], ids=lambda m: m.name
-)
-def test_the_oracles_drive_does_the_work_that_its_energies_gain(mechanism: Mechanism) -> None:
-    """Torque against the derivative of kinetic and potential energy by the crank angle."""
-    frictionless = mechanism.replace(gravity=(1.0, -9.81))
-    oracle = Oracle(frictionless)
-    theta, q = oracle.walk(np.radians(1.5))
-    h = 1e-3
-
-    def energy(angle: np.ndarray) -> np.ndarray:
-        poses = oracle.closed(q, angle)
-        return oracle.solve(angle, poses, inertia=True).kinetic + oracle.energy(poses)
-
-    gained = (8 * (energy(theta + h) - energy(theta - h)) - (energy(theta + 2 * h) - energy(theta - 2 * h))) / (12 * h)
-    torque = oracle.solve(theta, q, inertia=True).torque
-    np.testing.assert_allclose(torque, gained, rtol=1e-7, atol=1e-8 * np.abs(torque).max())
+@pytest.mark.parametrize("seed", range(8))
+def test_the_oracles_drive_does_the_work_that_its_energies_gain(seed: int) -> None:
+    """Torque against the derivative of kinetic and potential energy by the crank angle: no equilibrium of forces is in it."""
+    m = seeded(seed)
+    oracle = Oracle(m.replace(joints=tuple(j.model_copy(update={"friction_torque": 0.0, "damping": 0.0}) for j in m.joints)))
+    nudged = np.array([oracle.start + 1j * TINY])
+    poses = oracle.closed(oracle.home, nudged)
+    gained = (oracle.kinetic(oracle.rates(poses, nudged)) + oracle.energy(poses)).imag / TINY
+    found = oracle.solve(nudged.real, oracle.home, inertia=True)
+    np.testing.assert_allclose(found.torque, gained, rtol=0, atol=ACCURACY * found.largest * oracle.span)
 
 
 def test_a_disagreement_would_be_seen() -> None:
     """The comparison fails for a body that is a millionth heavier, and for a joint a billionth of a metre away."""
-    m = inverted_slider()
+    m = dyad_on_a_triad()
     theta, q, oracle = posture(m)
     right = oracle.solve(theta, q, inertia=True)
     assert worst(m, theta, right, oracle.span, inertia=True) < ACCURACY
-    heavier = m.with_body("arm", mass=m.moving["arm"].mass * (1 + 1e-6))
+    heavier = m.with_body("plate", mass=m.moving["plate"].mass * (1 + 1e-6))
     assert worst(heavier, theta, right, oracle.span, inertia=True) > ACCURACY
-    moved = m.with_body("crank", points={"O": (0.0, 0.0), "A": (0.06 + 1e-9, 0.0)})
+    moved = m.with_body("crank", points={"D": (0.0, 0.0), "A": (0.02 + 1e-9, 0.0)})
     assert worst(moved, theta, right, oracle.span, inertia=True) > ACCURACY
 
 
@@ -131,7 +129,7 @@ def test_random_linkages_move_and_push_as_multipliers_say(m: Mechanism) -> None:
 def displaced_to(oracle: Oracle, theta: np.ndarray, q: np.ndarray, gaps: np.ndarray) -> np.ndarray | None:
     """The poses with gaps opened little by little; None where they do not close, or close near a singular posture."""
     try:
-        for share in np.linspace(0.1, 1.0, 10):
+        for share in np.linspace(0.2, 1.0, 5):
             here = oracle.closed(q, theta, share * gaps)
             if np.abs(here - q).max() > JUMP or np.any(oracle.condition(here, theta) > WORST_CONDITION):
                 return None
@@ -145,7 +143,8 @@ def assert_the_equilibrium_is_a_minimum_of_energy(m: Mechanism) -> str:
     """Where the analytic model rests its pins, by the energy of the oracle's poses; says in a word what became of it."""
     m = m.replace(joints=tuple(j.model_copy(update={"friction_torque": 0.0}) for j in m.joints))
     if not m.clearances:
-        return "no clearance"
+        last = [j.name for j in m.joints if not j.prismatic][-1]
+        m = m.with_joint(last, clearance=1e-3 * max(b.length for b in m.bodies))
     try:
         theta, q, oracle = posture(m)
     except LeftOut as why:
@@ -204,3 +203,22 @@ def assert_the_equilibrium_is_a_minimum_of_energy(m: Mechanism) -> str:
 @given(linkages())
 def test_random_clearances_are_taken_up_to_a_minimum_of_energy(m: Mechanism) -> None:
     event(assert_the_equilibrium_is_a_minimum_of_energy(m))
+
+
+# ---------------------------------------------------------------- in bulk
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(FIRST, FIRST + LINKAGES, CHUNK))
+@pytest.mark.parametrize("judge", [assert_the_same_motion_and_forces, assert_the_equilibrium_is_a_minimum_of_energy], ids=["forces", "clearance"])
+def test_a_hundred_linkages(judge: Callable[[Mechanism], str], first: int) -> None:
+    """Every failing seed is listed; less than a quarter of the linkages may be left out."""
+    became, failed = Counter[str](), []
+    for seed in range(first, min(first + CHUNK, FIRST + LINKAGES)):
+        try:
+            became[judge(seeded(seed))] += 1
+        except Exception as error:  # noqa: BLE001 - whatever goes wrong is listed with its seed
+            failed.append(f"seed {seed}: {type(error).__name__}: {error}")
+    print("; ".join(f"{count} {what}" for what, count in became.most_common()))
+    assert not failed, "\n".join(failed)
+    assert sum(count for what, count in became.items() if what.startswith("left out")) < CHUNK / 4
