@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from analytic.assembly import Assembly
 from analytic.kinematics import kinematics
@@ -281,6 +282,56 @@ def test_rest_and_coarse_peaks_are_not_clipped() -> None:
     for values in (rest, coarse, np.sin(3 * time)):
         assert not np.any(quality.clipped(time, values)[0])
     assert np.any(quality.clipped(time, np.minimum(coarse, 0.7))[0])
+
+
+@pytest.fixture(scope="module")
+def swings() -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Pendulums of 2 m, released where they turn near the top, near the horizontal and exactly there: they stand still for a while."""
+    time, found = np.arange(500) / 100, {}
+    for release in (0.0, 0.93, 1.2):
+        motion = solve_ivp(lambda t, y: [y[1], -9.81 / 2 * math.cos(y[0])], (0, 5), [release, 0.0], t_eval=time, rtol=1e-11, atol=1e-12)
+        angle, rate = motion.y
+        found |= {f"angle {release}": angle, f"rate {release}": rate, f"x {release}": 2 * np.cos(angle), f"y {release}": 2 * np.sin(angle)}
+    return time, found
+
+
+@pytest.mark.parametrize("form", [".12g", ".6g", ".4g", ".3g", ".5f", ".3f", ".2f"])
+def test_a_pendulum_at_its_turning_point_is_not_clipped(swings: tuple[np.ndarray, dict[str, np.ndarray]], form: str) -> None:
+    time, found = swings
+    for name, values in found.items():
+        read = np.array([float(format(v, form)) for v in values])
+        assert not np.any(quality.clipped(time, read)[0]), name
+
+
+@pytest.mark.parametrize("counts", [100, 360, 1000, 4096])
+def test_a_position_reckoned_from_counts_is_not_clipped_where_it_turns(swings: tuple[np.ndarray, dict[str, np.ndarray]], counts: int) -> None:
+    time, found = swings
+    step = 2 * math.pi / counts
+    for release in (0.93, 1.2):
+        angle = np.round(found[f"angle {release}"] / step) * step
+        for values in (angle, 2 * np.cos(angle), 2 * np.sin(angle)):
+            assert not np.any(quality.clipped(time, values)[0])
+
+
+def test_what_comes_hard_against_a_stop_and_rests_there_is_not_clipped() -> None:
+    time = np.linspace(0, 3, 600)
+    falls = 1 - np.minimum(time, 1) ** 2  # lands at 1 s
+    rises = np.maximum(time - 2, 0) ** 2  # is lifted off from 2 s
+    assert not np.any(quality.clipped(time, falls + rises)[0])
+
+
+@pytest.mark.parametrize("share", [0.6, 0.8, 0.9, 0.95])
+@pytest.mark.parametrize("form", [".12g", ".6g", ".4g"])
+def test_a_sensor_that_is_clipped_a_little_is_found(swings: tuple[np.ndarray, dict[str, np.ndarray]], share: float, form: str) -> None:
+    time, found = swings
+    rng = np.random.default_rng(8)
+    for noise in (0.0, 1e-4, 1e-3):
+        values = found["rate 0.93"] + noise * rng.standard_normal(time.size)
+        level = share * values.max()
+        read = np.array([float(format(v, form)) for v in np.minimum(values, level)])
+        full, said = quality.clipped(time, read)
+        assert said == pytest.approx(level, rel=1e-3)
+        assert np.all(full[values > level])
 
 
 @pytest.mark.parametrize("unit", ["deg", "rad"])
