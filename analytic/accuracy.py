@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.assembly import Assembly, Path
-from analytic.clearance import NO_DIRECTION, Displaced, Model, displaced
+from analytic.clearance import Displaced, Model, displaced
 from analytic.compliance import Compliance, compliance
 from analytic.envelope import Output, SideChange, condition, displacement, farthest, side_changes, unit_reactions, worst_case
 from analytic.kinematics import kinematics
@@ -135,7 +135,8 @@ def accuracy(
     total = total_displacement(assembly, theta, omega, model="equilibrium", inertia=inertia, clearances=clearances)
     sweep = _closely(theta)
     path = assembly.path(sweep[0], sweep[-1])
-    changes = side_changes(kinetostatics(kinematics(assembly, sweep, omega, path=path), inertia), clearances, _whole_turn(theta))
+    moved = total.clearance
+    changes = side_changes(kinetostatics(kinematics(assembly, sweep, omega, path=path), inertia), clearances, moved.faint, _whole_turn(theta))
     pins = assembly.structure.pins
     sizes = np.array([clearances.get(pin, 0.0) for pin in pins])
     crossings = np.array([change.crank_angle for change in changes])
@@ -146,19 +147,19 @@ def accuracy(
         pins=pins,
         clearances=sizes,
         unit_reactions=unit_reactions(assembly, theta, outputs, path),
-        directions=_directions(np.array([total.clearance.ideal.forces[pin] for pin in pins]), sizes > 0),
-        condition=condition(total.clearance.ideal.motion),
+        directions=np.array([_directions(moved.ideal.forces[pin], moved.faint[pin]) if pin in moved.gaps else np.zeros(theta.size) for pin in pins]),
+        condition=condition(moved.ideal.motion),
         side_changes=changes,
         jumps=_jumps(changes, unit_reactions(assembly, crossings, outputs) if changes else {}, pins),
-        flags=total.clearance.flags,
+        flags=moved.flags,
     )
 
 
-def _directions(forces: np.ndarray, loose: np.ndarray) -> np.ndarray:
-    """Unit vectors (pins, N) of reactions; NaN where near zero, and plain 0 for pins without clearance, which ask for none."""
-    size = np.abs(forces)
-    clear = size > NO_DIRECTION * size.max(axis=1, keepdims=True)
-    return np.where(clear, forces / np.where(clear, size, 1.0), np.where(loose[:, None], np.nan, 0.0))
+def _directions(force: np.ndarray, faint: float) -> np.ndarray:
+    """Unit vectors (N,) of a joint's reactions; NaN where near zero."""
+    size = np.abs(force)
+    clear = size > faint
+    return np.where(clear, force / np.where(clear, size, 1.0), np.nan)
 
 
 def _jumps(changes: Sequence[SideChange], at_changes: Mapping[Output, np.ndarray], pins: Sequence[str]) -> dict[Output, np.ndarray]:

@@ -197,10 +197,10 @@ class Assembly:
             near = here + (here - u[:, k - 1 : k] if k else 0)
 
     def _check_passage(self, theta: np.ndarray, margin: np.ndarray, group: Group, u: np.ndarray) -> None:
-        """Refuse a walk, its coordinates ``u``, on which the group's margin sinks to zero, at or between its angles."""
-        self._refuse(theta, margin, group, False)
+        """Refuse a walk, its coordinates ``u``, on which the group's margin sinks to zero, at or between its angles: where it first does."""
         beside = np.concatenate([[np.inf], margin, [np.inf]])
-        for k in np.flatnonzero((margin <= beside[:-2]) & (margin <= beside[2:]) & (margin < 0.1)).tolist():
+        sound = np.logical_and.accumulate(margin > CHANGE_POINT)
+        for k in np.flatnonzero(sound & (margin <= beside[:-2]) & (margin <= beside[2:]) & (margin < 0.1)).tolist():
             low, high = theta[max(k - 1, 0)], theta[min(k + 1, theta.size - 1)]
             for _ in range(5):
                 zoom = np.linspace(low, high, 41)
@@ -209,6 +209,7 @@ class Assembly:
                 low, high = zoom[max(j - 1, 0)], zoom[min(j + 1, 40)]
             if fine[j] < CHANGE_POINT:
                 raise self._change_point(group, zoom[j])
+        self._refuse(theta, margin, group, False)
 
     def _margin(self, theta: np.ndarray, group: Group, near: np.ndarray) -> np.ndarray:
         """A dyad's margin at angles within a step of the walk from where the coordinates are ``near``."""
@@ -223,23 +224,25 @@ class Assembly:
         return margin
 
     def _refuse(self, theta: np.ndarray, margin: np.ndarray, group: Group, displaced: bool) -> None:
-        if np.all(margin > CHANGE_POINT):
-            return
-        k = int(np.argmin(margin))
-        if not margin[k] <= -CHANGE_POINT:  # a margin that is no number is that of a side without length
-            raise self._change_point(group, theta[k])
         bad = np.flatnonzero(~(margin > CHANGE_POINT))
+        if not bad.size:
+            return
+        first = bad[0]
+        if not margin[first] <= -CHANGE_POINT:  # a margin that is no number is that of a side without length
+            raise self._change_point(group, theta[first])
         with_gap = " with its joints' clearance taken up" if displaced else ""
         raise AssemblyError(
-            f"{self.mechanism.name}: crank angle {np.degrees(theta[bad[0]]):.6g} deg cannot be reached{with_gap}: "
-            f"the loop through {', '.join(group.bodies)} does not close; choose crank angles that it reaches"
+            f"{self.mechanism.name}: crank angle {np.degrees(theta[first]):.6g} deg cannot be reached{with_gap}: "
+            f"the loop through {', '.join(group.bodies)} does not close; choose crank angles that it reaches",
+            float(theta[first]),
         )
 
     def _change_point(self, group: Group, theta: float) -> AssemblyError:
         fall = f"{' and '.join(group.bodies)} fall in line" if len(group.coordinates) == 2 else f"the loops through {', '.join(group.bodies)} lock"
         return AssemblyError(
             f"{self.mechanism.name}: change point at crank angle {np.degrees(theta):.6g} deg, where {fall} and the assembly mode is lost; "
-            f"keep the range from the assembly angle ({np.degrees(self.start):.6g} deg) on clear of it"
+            f"keep the range from the assembly angle ({np.degrees(self.start):.6g} deg) on clear of it",
+            float(theta),
         )
 
 

@@ -6,7 +6,8 @@ pin on the rim of its clearance circle and close the linkage again with those ga
 ``first_order``   the paper's: the rim in the direction of the *ideal* linkage's reaction (Eq. 8);
 ``equilibrium``   the rim in the direction of the reaction of the *displaced* linkage itself.
 
-Both presume contact at all times.  Where a reaction passes near zero it has no direction: such angles are flagged.
+Both presume contact at all times.  Where a reaction passes near zero it has no direction: such angles are flagged.  "Near" is
+by the joint's largest reaction at the linkage's usual crank angles, so that an angle is flagged or not whatever others are asked for.
 """
 
 from __future__ import annotations
@@ -20,10 +21,12 @@ import numpy as np
 from analytic.assembly import Assembly
 from analytic.kinematics import Gap, kinematics
 from analytic.kinetostatics import Reactions, kinetostatics
+from analytic.reach import usual_angles
 
 Model = Literal["first_order", "equilibrium"]
 MODELS: tuple[Model, ...] = get_args(Model)
 NO_DIRECTION = 0.01  # of a joint's peak reaction, below which it is flagged
+ROUNDING = 1e-12  # of the linkage's largest reaction: all that is left of one that is none
 STENCIL = 2e-3  # rad of crank angle, to either neighbour of the two that give the gaps' rates
 UNSTEADY = 0.02  # rad by which a gap's own motion may turn it
 SETTLED = 1e-12  # rad
@@ -45,6 +48,7 @@ class Displaced:
     configuration: Reactions
     ideal: Reactions
     flags: Mapping[int, str]
+    faint: Mapping[str, float]  # N, of every revolute joint: a reaction no larger has no direction
 
     def signals(self) -> dict[str, np.ndarray]:
         """Contract signals, ``<body>_rotation`` (rad, psi) included; NaN at flagged angles."""
@@ -84,9 +88,10 @@ def displaced(
         return kinetostatics(kinematics(assembly, theta, omega, alpha, gaps, path), inertia)
 
     ideal = solve(drive)
-    flags = _without_direction(ideal, sizes)
     if not sizes:
-        return Displaced(model, {}, ideal, ideal, ideal, flags)
+        return Displaced(model, {}, ideal, ideal, ideal, {}, {})
+    faint = faint_reactions(assembly, drive[1], drive[2], inertia)
+    flags = _without_direction(ideal, sizes, faint)
     pins = _Pins(sizes, solve, model)
     toward = pins.directions(ideal)
     rates = None
@@ -100,7 +105,19 @@ def displaced(
     reactions = ideal if model == "first_order" else configuration
     if model == "equilibrium":
         flags |= {i: why for i, why in _unsettled(configuration, gaps).items() if i not in flags}
-    return Displaced(model, {name: g.value for name, g in gaps.items()}, reactions, configuration, ideal, flags)
+    return Displaced(model, {name: g.value for name, g in gaps.items()}, reactions, configuration, ideal, flags, faint)
+
+
+def faint_reactions(assembly: Assembly, omega: np.ndarray, alpha: np.ndarray, inertia: bool) -> dict[str, float]:
+    """By revolute joint the reaction (N) up to which it has no direction, at the fastest of these speeds (rad/s) and accelerations (rad/s^2).
+
+    It is a share of the joint's largest at the linkage's usual crank angles.
+    """
+    fastest, hardest = (float(x[np.argmax(np.abs(x))]) for x in (omega, alpha))
+    found = kinetostatics(kinematics(assembly, usual_angles(assembly), fastest, hardest), inertia)
+    peaks = {name: float(np.abs(force).max()) for name, force in found.forces.items()}
+    largest = max(peaks.values())
+    return {name: max(NO_DIRECTION * peaks[name], ROUNDING * largest) for name in assembly.structure.pins}
 
 
 @dataclass(frozen=True)
@@ -174,15 +191,13 @@ def _rates(pins: _Pins, drive: np.ndarray, phi: np.ndarray, toward: np.ndarray, 
     return np.array([(after - before) / (2 * moment[:, None]), (after - 2 * c * np.exp(1j * phi) + before) / moment[:, None] ** 2])
 
 
-def _without_direction(ideal: Reactions, sizes: Mapping[str, float]) -> dict[int, str]:
+def _without_direction(ideal: Reactions, sizes: Mapping[str, float], faint: Mapping[str, float]) -> dict[int, str]:
     flags: dict[int, str] = {}
     for name in sizes:
         size = np.abs(ideal.forces[name])
-        peak = size.max()
-        for i in np.flatnonzero(size <= NO_DIRECTION * peak):
-            flags.setdefault(
-                int(i), f"the reaction at {name} passes near zero ({size[i]:.3g} N, peak {peak:.3g} N): no direction, contact may be lost"
-            )
+        for i in np.flatnonzero(size <= faint[name]):
+            why = f"({size[i]:.3g} N, peak {faint[name] / NO_DIRECTION:.3g} N): no direction, contact may be lost"
+            flags.setdefault(int(i), f"the reaction at {name} passes near zero {why}")
     return flags
 
 

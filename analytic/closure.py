@@ -12,7 +12,11 @@ from analytic.structure import Group, Structure
 
 
 class AssemblyError(ValueError):
-    """The linkage cannot be assembled at some crank angle; the message says which and why."""
+    """The linkage cannot be assembled at some crank angle; the message says which and why, and ``at`` (rad) which if it is one."""
+
+    def __init__(self, message: str, at: float = float("nan")) -> None:
+        super().__init__(message)
+        self.at = at
 
 
 def set_coordinate(s: Structure, i: int, columns: np.ndarray, value: np.ndarray, phasor: np.ndarray | None = None) -> None:
@@ -150,7 +154,8 @@ def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near:
     worst = int(np.argmax(np.nan_to_num(np.abs(residual).max(axis=0), nan=np.inf)))
     raise AssemblyError(
         f"{s.mechanism.name}: crank angle {np.degrees(theta[worst]):.6g} deg cannot be reached: the loops through "
-        f"{', '.join(group.bodies)} do not close; choose crank angles that they reach"
+        f"{', '.join(group.bodies)} do not close; choose crank angles that they reach",
+        float(theta[worst]),
     )
 
 

@@ -19,7 +19,6 @@ from typing import Literal
 import numpy as np
 
 from analytic.assembly import Assembly, Path
-from analytic.clearance import NO_DIRECTION
 from analytic.compliance import Compliance
 from analytic.kinematics import Gap, Motion, kinematics
 from analytic.kinetostatics import Reactions
@@ -149,10 +148,10 @@ class SideChange:
     jump: complex  # m, what its gap changes by
 
 
-def side_changes(sweep: Reactions, clearances: Mapping[str, float], whole_turn: bool = False) -> list[SideChange]:
+def side_changes(sweep: Reactions, clearances: Mapping[str, float], faint: Mapping[str, float], whole_turn: bool = False) -> list[SideChange]:
     """Changes of side along a sweep of closely spaced, increasing crank angles, in their order.
 
-    Each is a stretch on which the reaction passes near zero (1 % of its peak), or a step on which it turns more than a right
+    Each is a stretch on which the reaction passes near zero (is ``faint``, N), or a step on which it turns more than a right
     angle.  The stretch after the last angle ends at the first one if the sweep is a ``whole_turn`` (less its closing angle).
     """
     found = []
@@ -161,7 +160,7 @@ def side_changes(sweep: Reactions, clearances: Mapping[str, float], whole_turn: 
     for joint in (name for name, size in clearances.items() if size > 0):
         force = np.tile(sweep.forces[joint], 2)
         strength = np.abs(force[:n])
-        clear = np.flatnonzero(strength > NO_DIRECTION * strength.max())
+        clear = np.flatnonzero(strength > faint[joint])
         if whole_turn and clear.size:
             clear = np.append(clear, clear[0] + n)
         contact = force[clear] / np.abs(force[clear])

@@ -14,28 +14,34 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 from analytic.mechanism_checks import GROUND, MechanismWarning, check
 
 
+LONGEST = 100  # characters of a name: it is part of files' names, which may have 255 bytes
+
+
 def _as_tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
 def _named(value: Any) -> Any:
-    if isinstance(value, str) and not value.replace("-", "_").isidentifier():
-        raise ValueError("a name is made of letters, digits, '_' and '-', and starts with a letter")
+    if isinstance(value, str) and not (value.replace("-", "_").isidentifier() and len(value) <= LONGEST):
+        raise ValueError(f"a name is made of letters, digits, '_' and '-', starts with a letter, and has at most {LONGEST} characters")
     return value
 
 
 def _titled(value: Any) -> Any:
-    if isinstance(value, str) and not (value.strip() and value.isprintable()):
-        raise ValueError("a mechanism is called by one line of text that can be printed")
+    if isinstance(value, str) and not (value.strip() and value.isprintable() and len(value) <= LONGEST):
+        raise ValueError(f"a mechanism is called by one line of text that can be printed, of at most {LONGEST} characters")
     return value
 
 
+LARGEST = 1e40  # in any SI unit: beyond all linkages, and still a number when it is squared and multiplied
+FARTHEST = 1e4  # rad, of an assembly angle: 1600 turns
 MASS_CENTRE = "centre of mass"  # of a body, as a point's name; "com" is its marker, which is elsewhere if the two were parted
 
-Vector = Annotated[tuple[float, float], BeforeValidator(_as_tuple)]
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Vector = Annotated[tuple[Number, Number], BeforeValidator(_as_tuple)]
 Name = Annotated[str, BeforeValidator(_named)]
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST)]
+NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 
 
 class _Part(BaseModel):
@@ -110,7 +116,7 @@ class Joint(_Part):
     type: Literal["revolute", "prismatic"]
     bodies: Annotated[tuple[Name, Name], BeforeValidator(_as_tuple)]
     axis: Vector | None = None  # prismatic: direction of sliding in the first body's frame
-    angle: float = 0.0  # rad, prismatic: the second body's angle minus the first's
+    angle: Number = 0.0  # rad, prismatic: the second body's angle minus the first's
     clearance: NotNegative = 0.0  # m, radial
     pin_radius: Positive | None = None  # m
     friction: NotNegative = 0.0  # revolute: Coulomb coefficient in contact; prismatic: N, as friction_torque
@@ -120,7 +126,7 @@ class Joint(_Part):
     friction_torque: NotNegative = 0.0  # N.m (prismatic: N), constant Coulomb
     damping: NotNegative = 0.0  # N.m.s/rad (prismatic: N.s/m)
     stiffness: NotNegative = 0.0  # N.m/rad (prismatic: N/m)
-    rest_angle: float = 0.0  # rad (prismatic: m)
+    rest_angle: Number = 0.0  # rad (prismatic: m)
     elasticity: Elasticity | None = None
 
     @property
@@ -143,16 +149,16 @@ class Joint(_Part):
 class Ripple(_Part):
     """Unevenness of a motor: its angle is the command plus amplitude (rad) times sin(harmonic * command + phase)."""
 
-    amplitude: float
+    amplitude: Number
     harmonic: Annotated[int, Field(ge=1)]
-    phase: float = 0.0  # rad
+    phase: Number = 0.0  # rad
 
 
 class Drive(_Part):
     """The motor: a constant speed (rad/s), ``"free"`` (released) or ``"measured"`` (follows data)."""
 
     joint: Name
-    speed: float | Literal["free", "measured"]
+    speed: Number | Literal["free", "measured"]
     ripple: Ripple | None = None
     stiffness: Positive | None = None  # N.m/rad between motor and crank; left out: rigid
 
@@ -163,7 +169,7 @@ class Load(_Part):
     body: Name
     point: Name = "com"
     force: Vector = (0.0, 0.0)
-    torque: float = 0.0
+    torque: Number = 0.0
 
 
 class Mechanism(_Part):
@@ -176,7 +182,7 @@ class Mechanism(_Part):
     joints: Annotated[tuple[Joint, ...], BeforeValidator(_as_tuple), Field(alias="joint", min_length=1)]
     drive: Drive | None = None
     loads: Annotated[tuple[Load, ...], BeforeValidator(_as_tuple), Field(alias="load")] = ()
-    assembly: Mapping[Name, float] = Field(default_factory=dict)  # rad
+    assembly: Mapping[Name, Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]] = Field(default_factory=dict)  # rad
 
     def body(self, name: str) -> Body | Ground:
         """The body, or the ground, of that name (KeyError if there is none)."""

@@ -78,8 +78,11 @@ def dumps(mechanism: Mechanism) -> str:
 
 def describe(error: ValidationError, fields: Mapping[str, Any], model: type[BaseModel]) -> list[str]:
     """One sentence for each of the first faults that pydantic found: field, value, and what is accepted."""
-    found = [_sentence(fault, fields, model) for fault in error.errors()[:FAULTS]]
-    more = error.error_count() - FAULTS
+    told: dict[str, list[Any]] = {}
+    for fault in error.errors():
+        told.setdefault(_where(fault["loc"], fields), []).append(fault)
+    found = [_sentence(where, faults, model) for where, faults in list(told.items())[:FAULTS]]
+    more = len(told) - FAULTS
     return [*found, f"and {more} fault{'s' * (more > 1)} more"] if more > 0 else found
 
 
@@ -96,9 +99,10 @@ def _value(value: object) -> str:
         return "a number of too many digits"
 
 
-def _sentence(fault: Any, fields: Mapping[str, Any], model: type[BaseModel]) -> str:
-    where = _where(fault["loc"], fields)
-    message = fault["msg"].removeprefix("Value error, ")
+def _sentence(where: str, faults: list[Any], model: type[BaseModel]) -> str:
+    """What is wrong in one place; several faults are what each of the kinds of value that it may have asks for."""
+    fault = faults[0]
+    message = " or ".join(dict.fromkeys(_asked(each) for each in faults))
     if fault["type"] == "extra_forbidden":
         accepted = _accepted(fault["loc"][:-1], model)
         close = difflib.get_close_matches(str(fault["loc"][-1]), accepted, n=1)
@@ -111,10 +115,20 @@ def _sentence(fault: Any, fields: Mapping[str, Any], model: type[BaseModel]) -> 
     return f"{where} = {_value(fault['input'])}: {message[0].lower()}{message[1:]}"
 
 
+def _asked(fault: Any) -> str:
+    limits = {"less_than_equal": ("le", "less"), "greater_than_equal": ("ge", "greater")}
+    if fault["type"] in limits:
+        key, words = limits[fault["type"]]
+        return f"Input should be {words} than or equal to {fault['ctx'][key]:g}"
+    return str(fault["msg"].removeprefix("Value error, "))
+
+
 def _where(location: tuple[int | str, ...], fields: Mapping[str, Any]) -> str:
-    """``body[coupler].mass`` for ("body", 1, "mass")."""
+    """``body[coupler].mass`` for ("body", 1, "mass"); pydantic's name of a kind of value that a field may have is left out."""
     text, here = "", fields
     for step in location:
+        if isinstance(step, str) and not isinstance(here, Mapping):
+            break
         try:
             here = here[step]  # type: ignore[index]
         except (KeyError, IndexError, TypeError):

@@ -70,4 +70,4 @@ def _parsed(parse: Callable[[str], Any], text: str, language: str) -> Any:
         raise ReadingError(f"cannot be read as {language}: its values are nested too deep") from None
     except ValueError as error:  # the languages' own errors, and Python's for a number of more than 4300 digits
         why = "a number has too many digits" if "integer string conversion" in str(error) else error
-        raise ReadingError(f"is not {language}: {why}") from None
+        raise ReadingError(f"cannot be read as {language}: {why}") from None

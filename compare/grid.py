@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from analytic.assembly import Assembly, AssemblyError
+from analytic.reach import turns_fully
+from analytic.reach import usual_angles as default_angles
 
-STEP = np.radians(5.0)
-CLEAR = np.radians(20.0)  # how far the default range keeps from a change point or the end of the crank's reach
 FARTHEST = 1e6  # deg: the crank is followed there from where it is assembled
 FREE_TIME = np.linspace(0.0, 2.0, 101)  # s, for a released linkage
 
@@ -45,33 +45,4 @@ def chosen_angles(assembly: Assembly, text: str | None) -> np.ndarray:
     return theta
 
 
-def turns_fully(assembly: Assembly) -> bool:
-    """Whether the crank can make a whole revolution without meeting a change point."""
-    try:
-        assembly.path(assembly.start, assembly.start + 2 * np.pi)
-    except AssemblyError:
-        return False
-    return True
-
-
-def default_angles(assembly: Assembly) -> np.ndarray:
-    """0 to 355 deg in steps of 5 where the crank turns fully, else its reach less 20 deg at either end (paper: 20 to 160)."""
-    if turns_fully(assembly):
-        return np.arange(72) * STEP
-    ends = [_reach(assembly, sign) for sign in (-1.0, 1.0)]
-    clear = min(CLEAR, (ends[1] - ends[0]) / 4)
-    low, high = np.ceil((ends[0] + clear) / STEP - 0.01), np.floor((ends[1] - clear) / STEP + 0.01)
-    return np.arange(low, high + 1) * STEP if high >= low else np.array([assembly.start])
-
-
-def _reach(assembly: Assembly, sign: float) -> float:
-    """Crank angle (rad) that can be reached in one direction from the assembly angle, by bisection."""
-    near, far = 0.0, 2 * np.pi
-    while far - near > 1e-4:
-        middle = (near + far) / 2
-        try:
-            assembly.path(assembly.start, assembly.start + sign * middle)
-            near = middle
-        except AssemblyError:
-            far = middle
-    return float(assembly.start + sign * near)
+__all__ = ["FARTHEST", "FREE_TIME", "GridError", "chosen_angles", "default_angles", "parse_angles", "turns_fully"]

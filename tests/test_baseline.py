@@ -130,7 +130,7 @@ def test_a_damaged_file_is_status_2_without_a_traceback(written: str, tmp_path: 
     done = compare("check", "--case", "paper", "--simulator", "mujoco", cwd=tmp_path)
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
-    assert "paper-mujoco.toml: is not TOML" in line
+    assert "paper-mujoco.toml: cannot be read as TOML" in line
 
 
 def test_a_missing_file_is_status_2_and_the_other_cases_are_still_checked(written: str, tmp_path: Path) -> None:

@@ -124,3 +124,26 @@ def test_without_clearance_the_answer_is_the_ideal_linkage() -> None:
     found = displaced(Assembly(load("crank-rocker")), SWEEP, 3.0)
     assert found.gaps == {}
     assert np.array_equal(found.reactions.drive_torque, found.ideal.drive_torque)
+
+
+@pytest.mark.parametrize("case", ["paper", "crank-rocker", "slider-crank"])
+def test_an_angle_is_flagged_or_not_whatever_other_angles_are_asked_for(case: str) -> None:
+    m = load(case)
+    if case == "paper":  # the follower's own load, which B carries less and less of up to 90 deg, and then from the other side
+        m = m.replace(loads=[{"body": "follower", "force": (0.0, 50.0)}])
+    assembly, sizes = Assembly(m), {"B": 1e-4}
+    theta = np.radians([20.0, 60.0, 70.0, 89.0, 89.8, 90.0, 90.2, 91.0, 120.0, 160.0])
+    found = displaced(assembly, theta, m.speed or 1.0, inertia=case != "paper", clearances=sizes)
+    assert {i for i, why in found.flags.items() if "near zero" in why} == ({3, 4, 5, 6, 7} if case == "paper" else set())
+    for i in range(theta.size):
+        for some in (theta[i : i + 1], theta[max(i - 1, 0) : i + 1], theta[i:]):
+            flags = displaced(assembly, some, m.speed or 1.0, inertia=case != "paper", clearances=sizes).flags
+            assert flags.get(int(np.flatnonzero(some == theta[i])[0])) == found.flags.get(i)
+
+
+def test_a_joint_that_carries_nothing_has_no_direction_though_rounding_gives_it_one() -> None:
+    nothing = [{"body": "coupler", "force": (0.0, force)} for force in (0.1, 0.2, -0.3)]  # 5.6e-17 N
+    m = load("six-bar").replace(loads=[*nothing, {"body": "crank", "force": (30.0, 50.0)}], gravity=(0.0, 0.0))
+    found = displaced(Assembly(m), np.radians([40.0, 90.0]), 1.0, inertia=False, clearances={"B": 1e-4})
+    assert 0 < abs(found.ideal.forces["B"][0]) < 1e-15
+    assert set(found.flags) == {0, 1}

@@ -196,7 +196,7 @@ def test_fields_of_a_run(tmp_path: Path, fields: dict[str, object], says: list[s
         ('mechanism = "nominal.toml"', "", ["mechanism is missing"]),
         ("run = [", "runs = [", ["runs is not a field", "did you mean 'run'"]),
         ('name = "slow"', 'name = "a@b"', ["run[a@b].name"]),
-        ("run = [", "run = [[", ["measured.toml", "not TOML"]),
+        ("run = [", "run = [[", ["measured.toml", "cannot be read as TOML"]),
         ('mechanism = "nominal.toml"', 'mechanism = "nominal.toml"\ntolerance = { lenght = 1e-3 }', ["tolerance.lenght", "did you mean 'length'"]),
         ('mechanism = "nominal.toml"', 'mechanism = "nominal.toml"\ntolerance = { qqq = 1e-3 }', ["tolerance.qqq", "use a quantity (mass"]),
         ('mechanism = "nominal.toml"', 'mechanism = "nominal.toml"\ntolerance = { payload = { torque = 1e-3 } }', ["tolerance.payload.torque"]),

@@ -80,7 +80,7 @@ def edited(old: str, new: str) -> str:
         (PAPER.replace('"coupler"', '"reaction_B"').replace("coupler =", "reaction_B ="), ["body 'reaction_B'", "joints", "call it something else"]),
         (PAPER.replace('name = "paper"', 'name = ""'), ["name = ''", "one line of text"]),
         (PAPER.replace('name = "paper"', 'name = "pa\\u0007per"'), ["name = ", "can be printed"]),
-        (PAPER + "\n[[joint", ["not TOML"]),
+        (PAPER + "\n[[joint", ["cannot be read as TOML"]),
         (INVERTED_SLIDER.replace("axis = [3.0, 1.0]", "axis = [0.0, 0.0]"), ["joint 'S'", "axis"]),
         (INVERTED_SLIDER.replace("axis = [3.0, 1.0]", "axis = [1.0, 0.0]\nclearance = 1e-4"), ["joint 'S'", "clearance"]),
     ],

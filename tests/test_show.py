@@ -186,7 +186,7 @@ def test_what_the_result_does_not_have_is_refused_with_what_it_has(arguments: di
 
 FILES = {
     "no file": (None, "there is no such file"),
-    "no JSON": ("{", "is not JSON"),
+    "no JSON": ("{", "cannot be read as JSON"),
     "a list": ("[]", "holds a list"),
     "another JSON": ("{}", "schema is missing"),
     "another schema": ('{"schema": 2}', "schema = 2"),

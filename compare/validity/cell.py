@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from analytic.assembly import Assembly, AssemblyError
-from analytic.clearance import NO_DIRECTION, STENCIL, Displaced, Model, displaced
+from analytic.clearance import STENCIL, Displaced, Model, displaced
 from analytic.kinematics import Gap, kinematics
 from analytic.kinetostatics import Reactions, kinetostatics
 from analytic.mechanism import Mechanism, MechanismWarning
@@ -117,8 +117,8 @@ class Cell:
     @cached_property
     def unloaded(self) -> np.ndarray:
         """Angles (N,) at which a joint's reaction passes so near zero that it has no direction."""
-        sizes = [np.abs(self.equilibrium.ideal.forces[name]) for name in self.run["clearance"]]
-        return np.any([size <= NO_DIRECTION * size.max() for size in sizes], axis=0)
+        moved = self.equilibrium
+        return np.any([np.abs(moved.ideal.forces[name]) <= moved.faint[name] for name in self.run["clearance"]], axis=0)
 
     @cached_property
     def stiffness(self) -> float:
