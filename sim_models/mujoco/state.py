@@ -138,10 +138,10 @@ def friction_torques(link: Linkage) -> dict[str, float]:
 
 def law_torque(link: Linkage, name: str, friction: Mapping[str, float]) -> float:
     """Spring, damper and friction of a joint on its second body (N.m or N)."""
-    if name not in link.laws:
-        return 0.0
-    m, d, t = link.model, link.data, link.laws[name]
     j = link.mechanism.joint(name)
+    if name not in link.laws:  # nothing, or a spring that slides keep from turning
+        return 0.0 if j.prismatic else -j.stiffness * (link.twist[j.bodies[1]] - link.twist[j.bodies[0]] - j.rest_angle)
+    m, d, t = link.model, link.data, link.laws[name]
     return friction.get(name, 0.0) - j.stiffness * (d.ten_length[t] - m.tendon_lengthspring[t, 0]) - j.damping * d.ten_velocity[t]
 
 
