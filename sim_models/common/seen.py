@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +13,39 @@ from sim_models.contact_laws import PIN_RADIUS, contact_parameters
 from sim_models.engine import Request, Trace
 
 FADING = 1e-2  # of the largest angular speed: slower joints may have let their Coulomb friction fade
+REST = 1e-5  # m/s^2: forces that give the whole linkage's mass no more are nothing
+TINY = 1e-300  # in place of a length of zero
+
+
+def cross(a: np.ndarray, b: np.ndarray | complex) -> np.ndarray:
+    """Moment of b at an arm a, (N,)."""
+    return np.asarray((np.conj(a) * b).imag)
+
+
+def dot(a: np.ndarray, b: np.ndarray | complex) -> np.ndarray:
+    """Inner product of vectors a and b, (N,)."""
+    return np.asarray((np.conj(a) * b).real)
+
+
+@dataclass(frozen=True)
+class Miss:
+    """By how much (N,) a run misses what must be true of it: ``what`` in words, ``scale`` is what that is a share of.
+
+    What is below ``floor`` is nothing.  An entry beyond the trace's instants is of a pin's path between them.
+    """
+
+    check: str
+    what: str
+    size: np.ndarray
+    scale: float
+    unit: str
+    floor: float = 0.0
+
+    @property
+    def share(self) -> float:
+        """The largest miss as a share of its scale; none where it is nothing."""
+        worst = float(self.size.max(initial=0.0))
+        return 0.0 if worst <= self.floor else worst / self.scale if self.scale > 0 else np.inf
 
 
 class Seen:
@@ -66,6 +100,16 @@ class Seen:
         """Whether nothing moves."""
         return self.trace.motion == "static"
 
+    @property
+    def moves(self) -> bool:
+        """Whether the bodies move, and the trace has their rates."""
+        return bool(self.trace.rates) and not self.still
+
+    @property
+    def held(self) -> bool:
+        """Whether a motor says where the crank is."""
+        return self.still or self.request.course is not None or self.m.speed is not None
+
     @cached_property
     def size(self) -> float:
         """Length (m) of the longest body."""
@@ -82,6 +126,11 @@ class Seen:
         first, second = joint.bodies
         return self.place(first, joint.name) - self.place(second, joint.name)
 
+    def turned(self, joint: Joint) -> np.ndarray:
+        """Angle (N,) rad by which a prismatic joint's bodies have turned against each other."""
+        first, second = joint.bodies
+        return np.asarray(np.angle(np.exp(1j * (self.angle(second) - self.angle(first) - joint.angle))))
+
     def acts_at(self, joint: Joint, body: str) -> np.ndarray:
         """Where a joint's reaction acts on one of its bodies (N,) m: at its own pin, a slide's at the second's
         point, friction's where the pin touches.
@@ -91,7 +140,7 @@ class Seen:
             return second
         if self.rubs(joint):
             gap = self.gap(joint)
-            return second + gap / np.maximum(np.abs(gap), 1e-300) * ((joint.pin_radius or PIN_RADIUS) + joint.clearance)
+            return second + gap / np.maximum(np.abs(gap), TINY) * ((joint.pin_radius or PIN_RADIUS) + joint.clearance)
         return self.place(body, joint.name)
 
     def rubs(self, joint: Joint) -> bool:
@@ -104,18 +153,21 @@ class Seen:
         There an engine may have solved the step with the one, and report the other.
         """
         step = self.trace.settings.get("step")
-        if joint.name not in self.trace.clearance or self.still or not step:
+        if joint.name not in self.trace.clearance or self.trace.joint_model == "massless-link" or self.still or not step:
             return np.zeros(self.count)
         gap = self.gap(joint)
-        moved = step * np.abs(self.slip(joint))
+        inwards = step * np.abs(dot(gap, self.slip(joint))) / np.maximum(np.abs(gap), TINY)
         stiffness = contact_parameters(self.m, joint, self.request.motion).stiffness
-        return np.where(np.abs(np.abs(gap) - joint.clearance) <= moved, stiffness * moved, 0.0)
+        return np.where(np.abs(np.abs(gap) - joint.clearance) <= inwards, stiffness * inwards, 0.0)
 
-    def law(self, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
-        """Torque (N,) N.m of a revolute joint's spring, damper and friction on its second body, and what of it (N,) is not known.
+    def turning(self, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
+        """Torque (N,) N.m of a joint on its second body beside its force's, and what of it (N,) is not known.
 
-        Friction is not known at rest, or near a reversal of the joint, where engines let it fade or stick.
+        A slide's moment; a pin's spring, damper and friction.  That is not known at rest, or near a reversal, where engines let
+        it fade or stick.
         """
+        if joint.prismatic:
+            return self.signal(f"reaction_{joint.name}_moment"), np.zeros(self.count)
         first, second = joint.bodies
         rate = self.spin(second) - self.spin(first)
         torque = -joint.stiffness * (self.angle(second) - self.angle(first) - joint.rest_angle) - joint.damping * rate
@@ -127,10 +179,23 @@ class Seen:
         """The largest angular speed (rad/s) in the run; infinite at rest."""
         return np.inf if self.still else max(float(np.abs(self.spin(b.name)).max(initial=0.0)) for b in self.m.bodies)
 
+    @property
+    def placed(self) -> bool:
+        """Whether the trace says where every body is."""
+        return all(f"{b.name}_{each}" in self.trace.signals for b in self.m.bodies for each in ("x", "y", "angle"))
+
+    @property
+    def nothing(self) -> float:
+        """The force (N) that gives the whole linkage's mass an acceleration of REST: as good as none."""
+        return REST * sum(b.mass for b in self.m.bodies)
+
     @cached_property
-    def drive_torque(self) -> np.ndarray:
-        """Torque (N,) N.m of the motor on the driven body."""
-        return self.signal("drive_torque")
+    def fastest(self) -> tuple[float, float]:
+        """The largest speed (m/s) and acceleration (m/s^2) of anything in the linkage, or thereabouts."""
+        rates = [(self.trace.rates[b.name], self.spin(b.name)) for b in self.m.bodies]
+        speed = max(float((np.abs(r.velocity) + self.size * np.abs(spin)).max(initial=0.0)) for r, spin in rates)
+        turned = [np.abs(r.acceleration) + self.size * (np.abs(r.angular_acceleration) + spin**2) for r, spin in rates]
+        return speed, max(float(each.max(initial=0.0)) for each in turned)
 
     def slip(self, joint: Joint, rate: Callable[[str, np.ndarray], np.ndarray] | None = None) -> np.ndarray:
         """Velocity (or another ``rate``) (N,) of a joint's second body less its first, where its reaction acts on them."""

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sim_models.engine import Request
-from sim_models.mujoco.limits import check_depth, check_together, room_apart
+from sim_models.mujoco.limits import check_closed, check_depth, check_together, room_apart
 from sim_models.mujoco.model import Linkage
 from sim_models.mujoco.motor import Motor
-from sim_models.mujoco.state import apart, check_warnings, friction_torques, gap, joint_forces, look, on_track, signals
+from sim_models.mujoco.state import apart, check_warnings, friction_torques, gap, joint_forces, look, misclosure, on_track, signals
 from sim_models.start import MOST_STEPS, check_steps, substeps
 
 MOST_STEPS_ALONE = 5_000_000  # of a run that MuJoCo steps by itself: half a minute
@@ -86,6 +86,7 @@ def march(
             for name in link.contacts if k or piece == pieces - 1 else ():
                 log.gaps[name].append(gap(link, name))
                 log.forces[name].append(abs(forces[name][0]))
+        check_closed(request, misclosure(link), link.step)
         reported.append(signals(link, forces, friction_torques(link), d.qvel + lag * d.qacc if half else d.qvel))
     check_depth(request, link.contacts, log.gaps, log.forces)
     values = np.array([list(seen.values()) for seen in reported]).T

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -38,6 +38,8 @@ BOUNCE = 0.4  # of a bounce's period/2 pi, for a step
 FINE_BOUNCE = 0.1  # where the mechanism asks for a restitution
 HALVINGS = 5  # of the step, before a run with rigid joints coming apart is given up
 
+
+State = tuple[np.ndarray, np.ndarray]  # coordinates (nq,) and velocities (nv,)
 
 RELEASED = Motor(np.zeros(0), np.zeros(0), 0, 0.0, 0.0)  # no motor: nothing but steps
 
@@ -100,8 +102,8 @@ class Run:
         columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
         return self.report(theta, None, columns, log, {"step": None, "start": "equilibrium"})
 
-    def begin(self, motor: Motor) -> tuple[np.ndarray, np.ndarray, float, str]:
-        """Coordinates, velocities, step (s) and kind of a driven run's start."""
+    def begin(self, motor: Motor, step: float | None = None) -> tuple[np.ndarray, np.ndarray, float, str]:
+        """Coordinates, velocities, step (s; the longest that is in order, where none is given) and kind of a driven run's start."""
         angles, here = motor.angles, motor.here
         near = self.near(angles[here])
         rate = derivative(motor.instants)
@@ -113,7 +115,7 @@ class Run:
         else:
             gaps = [near.pressing(at, f) for at, f in zip(angles, forces, strict=True)]
             q, how = np.array([near.place(near.pressed, at, gap) for at, gap in zip(angles, gaps, strict=True)]), "equilibrium"
-        step = self.longest_step(near, q[here])
+        step = self.longest_step(near, q[here]) if step is None else step
         if how == "equilibrium":
             settled = self.near(angles[here], step).steady(angles, q, rate)
             q, how = (q, "pressed where the ideal linkage's reaction points") if settled is None else (settled, how)
@@ -177,7 +179,11 @@ class Run:
         """A run that a motor turns, reported at the marks (s), the first of them ``lead`` (s) after the start; with its settings."""
         self.motor, self.direction = motor, motor.direction
         q, v, step, how = self.begin(motor)
-        signals, log, step = self.run(float(motor.angles[motor.here]), q, v, step, marks, lead)
+
+        def begin(step: float) -> tuple[np.ndarray, np.ndarray]:
+            return self.begin(motor, step)[:2]  # where its rows give as they do in such steps
+
+        signals, log, step = self.run(float(motor.angles[motor.here]), (q, v), begin, step, marks, lead)
         return signals, log, {"step": step, "start": how}
 
     def free(self) -> Trace:
@@ -193,7 +199,7 @@ class Run:
         step = self.longest_step(near, q)
         around = np.array([near.place(near.pressed, theta + side, gaps) for side in STENCIL]) if self.request.start_speed else np.tile(q, (5, 1))
         v = (derivative(STENCIL) @ around)[2] * self.request.start_speed
-        signals, log, step = self.run(theta, q, v, step, time[order], float(time[order[0]]))
+        signals, log, step = self.run(theta, (q, v), lambda step: (q, v), step, time[order], float(time[order[0]]))
         columns = {name: _scatter(values, order) for name, values in signals.items()}
         settings = {"step": step, "start": "released", "start_speed": self.request.start_speed}
         return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
@@ -206,20 +212,21 @@ class Run:
         return {} if self.centred else {name: near.rim(name, force or complex(1e-12)) for name, force in forces.items()}
 
     def run(
-        self, theta: float, q: np.ndarray, v: np.ndarray, step: float, marks: np.ndarray, lead: float
+        self, theta: float, state: State, begin: Callable[[float], State], step: float, marks: np.ndarray, lead: float
     ) -> tuple[dict[str, np.ndarray], Log, float]:
-        """A run with the engine's own step, halved while rigid joints come apart; or with the request's."""
+        """A run with the engine's own step, halved while rigid joints come apart, each time begun anew; or with the request's."""
         for attempt in range(HALVINGS + 1):
             place = poses(self.assembly, theta)
             hold, follows = not self.released, self.course is not None
             link = Linkage(self.mechanism, self.laws, self.request.joint_model, place, step, hold=hold, follows=follows)
             try:
-                signals, log, self.record = march(self.request, link, self.motor, (q, v), marks, lead)
+                signals, log, self.record = march(self.request, link, self.motor, state, marks, lead)
                 return signals, log, step
             except CameApart:
                 if self.request.step is not None or attempt == HALVINGS:
                     raise
                 step /= 2
+                state = begin(step)
         raise AssertionError("unreachable: the last attempt returns or raises")
 
     def report(self, theta: np.ndarray, time: np.ndarray | None, signals: Mapping[str, np.ndarray], log: Log, settings: Mapping[str, Any]) -> Trace:

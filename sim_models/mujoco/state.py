@@ -13,6 +13,7 @@ from sim_models.common.rates import rate_columns
 from sim_models.engine import SimulationError
 from sim_models.mujoco.model import CONTACT_ROWS, ROW, Linkage
 
+SINGULAR = 1e-9  # of the largest: a singular value of closing joints that says nothing
 Applied = tuple[complex, complex]  # force on a joint's second body (N), and the point where it acts (m)
 
 
@@ -250,6 +251,18 @@ def apart(link: Linkage) -> float:
     if link.rows == "massless-link":
         misses += [abs(abs(gap(link, n)) - link.radii[n][0]) for n in link.contacts]
     return max(misses, default=0.0)
+
+
+def misclosure(link: Linkage) -> float:
+    """Largest angle (rad) by which a body would have to turn, the motor held, for the pins of rigid closing joints to meet."""
+    if not link.closing:
+        return 0.0
+    m, d, rows = link.model, link.data, first_rows(link)
+    closed = [rows[int(ROW.mjCNSTR_EQUALITY), link.row_id[j.name]] + k for j in link.closing for k in (0, 1)]
+    others = np.arange(m.nv) != link.motor
+    turn = np.zeros(m.nv)
+    turn[others] = np.linalg.lstsq(d.efc_J.reshape(d.nefc, m.nv)[closed][:, others], d.efc_pos[closed], rcond=SINGULAR)[0]
+    return max(abs(float(form @ turn)) for form in link.form.values())
 
 
 def check_warnings(link: Linkage, where: str) -> None:
