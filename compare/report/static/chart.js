@@ -207,13 +207,13 @@ class Chart {
 
   drawSeries(s, parent, x, y) {
     const group = svg("g", {class: `series ${s.mark}`, style: `--colour: var(--${s.role}, var(--analytic))`}, parent);
+    const label = () => (s.labels ?? []).forEach((name, i) => svg("text", {x: x(s.x[i]) - 11, y: y(s.y[i]) - 10, "text-anchor": "end", class: "label"}, group, name));
     if (["marker", "joint", "pivot"].includes(s.mark)) {
       const glyph = {joint: "circle", pivot: "pivot"}[s.mark] ?? SHAPES[s.role] ?? "circle";
       const r = {joint: 5, pivot: 11}[s.mark] ?? (SIZES[glyph] ?? 4.5) + 1.5 * s.level;
       const points = s.x.map((a, i) => (known(a) && known(s.y[i]) ? `M${x(a).toFixed(2)} ${y(s.y[i]).toFixed(2)}${GLYPHS[glyph](r)}` : ""));
       svg("path", {d: points.join("")}, group);
-      (s.labels ?? []).forEach((name, i) => svg("text", {x: x(s.x[i]) - 11, y: y(s.y[i]) - 10, "text-anchor": "end", class: "label"}, group, name));
-      return;
+      return label();
     }
     let pen = "M", d = "";
     s.x.forEach((a, i) => {
@@ -223,6 +223,7 @@ class Chart {
     });
     const line = svg("path", {d}, group);
     if (s.mark !== "dashed" && DASHES[s.level % 4]) line.setAttribute("stroke-dasharray", DASHES[s.level % 4]);
+    label();
   }
 
   // ------------------------------------------------------------------ reading and zooming
