@@ -179,6 +179,7 @@ class Chart {
     this.markLine = svg("path", {class: "mark"}, area);
     if (this.marked !== null) this.mark(this.marked);
     for (const s of this.shown()) this.drawSeries(s, area, x, y);
+    for (const s of this.shown()) (s.labels ?? []).forEach((name, i) => svg("text", {x: x(s.x[i]) - 11, y: y(s.y[i]) - 10, "text-anchor": "end", class: "label"}, area, name));
     this.over = svg("g", {}, this.svg);
     this.listen();
     if (active) this.svg.focus({preventScroll: true});
@@ -207,13 +208,12 @@ class Chart {
 
   drawSeries(s, parent, x, y) {
     const group = svg("g", {class: `series ${s.mark}`, style: `--colour: var(--${s.role}, var(--analytic))`}, parent);
-    const label = () => (s.labels ?? []).forEach((name, i) => svg("text", {x: x(s.x[i]) - 11, y: y(s.y[i]) - 10, "text-anchor": "end", class: "label"}, group, name));
     if (["marker", "joint", "pivot"].includes(s.mark)) {
       const glyph = {joint: "circle", pivot: "pivot"}[s.mark] ?? SHAPES[s.role] ?? "circle";
       const r = {joint: 5, pivot: 11}[s.mark] ?? (SIZES[glyph] ?? 4.5) + 1.5 * s.level;
       const points = s.x.map((a, i) => (known(a) && known(s.y[i]) ? `M${x(a).toFixed(2)} ${y(s.y[i]).toFixed(2)}${GLYPHS[glyph](r)}` : ""));
       svg("path", {d: points.join("")}, group);
-      return label();
+      return;
     }
     let pen = "M", d = "";
     s.x.forEach((a, i) => {
@@ -223,7 +223,6 @@ class Chart {
     });
     const line = svg("path", {d}, group);
     if (s.mark !== "dashed" && DASHES[s.level % 4]) line.setAttribute("stroke-dasharray", DASHES[s.level % 4]);
-    label();
   }
 
   // ------------------------------------------------------------------ reading and zooming
