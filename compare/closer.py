@@ -54,7 +54,10 @@ def settle(
     simulate: Callable[[Mapping[int, Request]], Mapping[int, Trace | Failure]],
     judge: Callable[[Trace], Judged],
 ) -> dict[int, Judged | Failure]:
-    """The runs, those that disagree by little made again until they agree, stay as they are, or have failed; ``requests`` are of those that may be."""
+    """The runs, those that disagree by little made again until they agree, stay as they are, or have failed.
+
+    ``requests`` are those of the runs that may be made again.
+    """
     settled: dict[int, Judged | Failure] = dict(judged)
     looking = {i: one for i, one in judged.items() if 0 < one.share <= NEAR}
     asked = dict(requests)

@@ -55,8 +55,8 @@ def _superposed(rows: list[dict[str, float]]) -> Iterator[str]:
 
 def _scales(rows: list[dict[str, Any]]) -> Iterator[str]:
     """A table for each engine: its joint models over the scales; below it, what it said where it refused."""
-    yield f"The crank-rocker of steel at every size, lifting its weight and a torque that presses its pins, with a radial clearance in B of {CLEARANCE:g}"
-    yield "times its coupler. Scales are the coupler's length, the crank's speed, and the coupler's mass relative to a steel bar's. A cell says, for"
+    yield f"The crank-rocker of steel at every size, lifting its weight and a torque that presses its pins; radial clearance in B is {CLEARANCE:g}"
+    yield "of its coupler. Scales are the coupler's length, the crank's speed, and the coupler's mass relative to a steel bar's. A cell says, for"
     yield "driven / static motion, whether the run agrees, or by a letter why it was refused. `compare validation check` makes every"
     yield f"{EVERY}th scale again."
     for engine in dict.fromkeys(row["simulator"] for row in rows):
