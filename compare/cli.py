@@ -17,7 +17,7 @@ from compare.baseline.command import baseline
 from compare.diagnose.command import diagnose, effects
 from compare.export import export
 from compare.faults import Exit, OptionError, complaints
-from compare.files import file_name, output_folder, to_json, write_atomically
+from compare.files import alone_in, file_name, output_folder, to_json, write_together
 from compare.listing import cases, simulators
 from compare.options import JointChoice, ModelChoice, MotionChoice, cores, engines_named, metres_by_joint, rigidly_and_evenly_driven
 from compare.progress import progress_bar
@@ -208,11 +208,12 @@ def _run(job: Job) -> dict[str, Any]:
 
 
 def _publish(result: dict[str, Any], folder: Path, json: bool) -> None:
-    from compare.report import write_report
+    from compare.report import report_files
 
     text = to_json(result)
-    write_atomically(folder / "result.json", text)
-    write_report(result, folder)
+    files = {"result.json": text} | report_files(result)
+    with alone_in(folder):
+        write_together(folder, files)
     if json:
         typer.echo(text)
         return

@@ -33,7 +33,7 @@ def export(
     """
     with complaints():
         from analytic.mechanism_file import load
-        from compare.files import output_folder, write_atomically
+        from compare.files import output_folder, write_together
         from sim_models.engine import ENGINES, declared, engine
 
         mechanism = load(case)
@@ -48,8 +48,8 @@ def export(
         folder = output_folder(out)
         with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place
             texts = {path.name: path.read_text(encoding="utf-8") for path in write(request, Path(draft))}
-        for name, text in texts.items():
-            typer.echo(write_atomically(folder / name, text))
+        for path in write_together(folder, texts):
+            typer.echo(path)
         typer.echo(f"run it in an environment that has {chosen.package} and numpy: python {shlex.quote(str(folder / 'run.py'))}")
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from compare.faults import Exit, OptionError, complaints, stop
-from compare.files import file_name, output_folder, to_json, write_atomically
+from compare.files import alone_in, file_name, output_folder, to_json, write_together
 from compare.options import JointChoice, cores, rigidly_and_evenly_driven
 
 if TYPE_CHECKING:
@@ -60,9 +60,10 @@ def validity(
         )
         runs = cells(grid)
         folder = output_folder(out or Path("reports") / f"{file_name(mechanism.name)}-validity")
-        found = swept(runs, folder, workers or cores(), dask)
-        result = summarised(grid, chosen, runs, found) | {"command": shlex.join(["compare", *sys.argv[1:]]), "warnings": caught}
-        publish(result, folder, json)
+        with alone_in(folder, patience=0.0):  # two maps would take each other's records away
+            found = swept(runs, folder, workers or cores(), dask)
+            result = summarised(grid, chosen, runs, found) | {"command": shlex.join(["compare", *sys.argv[1:]]), "warnings": caught}
+            publish(result, folder, json)
         if all("failure" in one for one in found):
             raise stop(f"every cell failed, the first because {found[0]['failure']}", Exit.SIMULATOR_FAILED)
 
@@ -129,8 +130,7 @@ def publish(result: Mapping[str, Any], folder: Path, json: bool) -> None:
     from compare.report.validity_text import markdown, print_table
 
     text = to_json(result, indent=1)
-    for name, content in {"validity.svg": draw(result), "validity.md": markdown(result), "validity.json": text}.items():
-        write_atomically(folder / name, content)
+    write_together(folder, {"validity.svg": draw(result), "validity.md": markdown(result), "validity.json": text})
     if json:
         typer.echo(text)
         return
