@@ -135,7 +135,12 @@ class Oracle:
             raise LeftOut("assembled elsewhere")
         if not self.condition(home, theta)[0] < WORST_CONDITION:
             raise LeftOut("assembled near a singular posture")
+        self.branch = self._side(home, theta)
         return home
+
+    def _side(self, q: np.ndarray, theta: np.ndarray) -> float:
+        """Sign of the constraints' determinant, which changes only at a change point."""
+        return float(np.linalg.slogdet(self.constraints(q, theta)[1])[0][0])
 
     def condition(self, q: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Condition (N,) of the constraints' derivative, its rows normalised."""
@@ -156,7 +161,7 @@ class Oracle:
                     here = self.closed(guess, theta)
                 except LeftOut:
                     break
-                if np.abs(here - guess).max() > JUMP or not self.condition(here, theta)[0] < WORST_CONDITION:
+                if np.abs(here - guess).max() > JUMP or not self.condition(here, theta)[0] < WORST_CONDITION or self._side(here, theta) != self.branch:
                     break
                 thetas.append(float(theta[0]))
                 poses.append(here)
