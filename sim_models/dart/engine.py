@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from sim_models.common.health import check
 from sim_models.dart.world import DartWorld
 from sim_models.engine import COMMON_EFFECTS, JointModel, Motion, Request, Trace, check_supported
 from sim_models.planar.runs import simulate
@@ -21,7 +22,9 @@ class DartEngine:
     def simulate(self, request: Request) -> Trace:
         """Run one request; see the protocol."""
         check_supported(self, request)
-        return simulate(DartWorld, request, self.package)
+        trace = simulate(DartWorld, request, self.package)
+        check(request, trace)
+        return trace
 
 
 ENGINE = DartEngine()
