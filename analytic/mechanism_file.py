@@ -18,7 +18,6 @@ from pydantic import BaseModel, ValidationError
 from analytic.mechanism import Mechanism
 from analytic.reading import ReadingError, parse_toml, read_toml
 
-
 FAULTS = 5  # of a file that are told
 LONGEST = 100  # characters of a name or a value that are told
 _SHORT = reprlib.Repr()

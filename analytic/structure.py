@@ -23,7 +23,6 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Joint, Mechanism
 
-
 NAMED = 8  # bodies in an error; a linkage may have hundreds
 
 

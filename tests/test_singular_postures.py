@@ -38,8 +38,6 @@ def crank_rocker(away: float, stretched: bool = True) -> Mechanism:
     return linkage.replace(loads=[{"body": "coupler", "force": (3.0, 10.0)}])
 
 
-
-
 def slider_crank(away: float) -> Mechanism:
     """A slider-crank whose slide is so high that the rod stands on it at a right angle when the crank points down; ``away`` (rad) of it."""
     m = load("slider-crank")
