@@ -181,7 +181,7 @@ def _verdict(runs: list[dict[str, Any]], failures: list[Any]) -> str:
 def _rules(job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.ndarray]) -> dict[str, Rule]:
     """What each compared signal of a run may differ by."""
     clearances = dict(trace.clearance)
-    give, scales = _give(trace.settings, clearances, simulated), Scales.of(side.signals, job.mechanism)
+    give, scales = _give(trace.settings, clearances, simulated), Scales.of(side.signals, job.mechanism, side.peaks)
     rules = {}
     for name, kind in compared(job.mechanism, clearances).items():
         joint = name.removeprefix("clearance_")[:-2]

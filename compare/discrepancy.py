@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -104,24 +104,36 @@ def difference(
 
 @dataclass(frozen=True)
 class Scales:
-    """What a run's small numbers are small against: its largest reaction (N), its longest body (m) and the mass of them all (kg)."""
+    """What a run's small numbers are small against: its largest reaction (N), its longest body (m) and the mass of them all (kg).
+
+    ``peaks`` are the largest sizes of its signals where they are the linkage's own, whatever part of its cycle the run looks at.
+    """
 
     force: float
     length: float
     mass: float = 0.0
+    peaks: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, analytic: Mapping[str, np.ndarray], mechanism: Mechanism) -> Scales:
-        """Scales of a run, from its analytic side."""
-        peaks = [np.nanmax(v, initial=0.0) for name, v in analytic.items() if name.endswith("_magnitude")]
+    def of(cls, analytic: Mapping[str, np.ndarray], mechanism: Mechanism, peaks: Mapping[str, float] | None = None) -> Scales:
+        """Scales of a run: the linkage's own ``peaks`` where they are known, else those of the run's analytic side."""
+        known = largest(analytic) | (dict(peaks) if peaks else {})
+        force = max((peak for name, peak in known.items() if name.endswith("_magnitude")), default=0.0)
         bodies = mechanism.bodies
-        return cls(max(map(float, peaks), default=0.0), max(body.length for body in bodies), sum(body.mass for body in bodies))
+        return cls(force, max(body.length for body in bodies), sum(body.mass for body in bodies), dict(peaks or {}))
+
+
+def largest(signals: Mapping[str, np.ndarray]) -> dict[str, float]:
+    """The largest size of each signal, in its unit; 0 where it has no number."""
+    return {name: float(np.nanmax(np.abs(values), initial=0.0)) for name, values in signals.items()}
 
 
 @dataclass(frozen=True)
 class Rule:
     """How far a signal may differ, a line of tolerances.toml: the larger of ``absolute`` and ``relative`` times its peak.
 
+    A peak is the linkage's own at its usual crank angles, or a sample's beyond it, so that what is allowed at one angle does not
+    depend on which others are looked at; a run that has none, as over time, has its own.
     Nothing is judged below ``noise`` times the run's scales, or below the force that gives its mass the acceleration
     ``rest`` (m/s2), nor a direction where its force is below ``floor`` of its peak; above that a direction may be off by
     ``absolute`` times peak over force, the same error in newtons everywhere.
@@ -159,18 +171,23 @@ class Rule:
     def tolerance(self, signal: str, analytic: Mapping[str, np.ndarray]) -> np.ndarray:
         """What each sample (N,) may differ by before the window, in the signal's unit; NaN where it means nothing."""
         if self.kind == "angle":
-            size = analytic[signal.removesuffix("_angle") + "_magnitude"]
-            peak = np.nanmax(size, initial=0.0)
-            meaningful = size > max(self.floor * peak, self._no_force)
+            force = signal.removesuffix("_angle") + "_magnitude"
+            size, peak = analytic[force], self._largest(force, analytic[force])
+            meaningful = size > np.maximum(self.floor * peak, self._no_force)
             return np.where(meaningful, self.absolute * peak / np.where(meaningful, size, 1.0), np.nan)
-        return np.full(analytic[signal].shape, max(self.absolute, self.relative * self._peak(analytic[signal]), self._noise))
+        return np.maximum(max(self.absolute, self._noise), self.relative * self._peak(signal, analytic[signal]))
 
-    def _peak(self, values: np.ndarray) -> float:
-        """What ``relative`` refers to; a body that clearance hardly turns is measured by what it does to the longest."""
+    def _peak(self, signal: str, values: np.ndarray) -> np.ndarray:
+        """What ``relative`` refers to (N,); a body that clearance hardly turns is measured by what it does to the longest."""
         if self.kind == "displacement":
-            return self.clearance
-        peak = float(np.nanmax(np.abs(values), initial=0.0))
-        return max(peak, self.clearance / self.scales.length) if self.kind == "rotation" else peak
+            return np.full(values.shape, self.clearance)
+        peak = self._largest(signal, values)
+        return np.maximum(peak, self.clearance / self.scales.length) if self.kind == "rotation" else peak
+
+    def _largest(self, signal: str, values: np.ndarray) -> np.ndarray:
+        """The linkage's own peak of a signal, or a sample's (N,) that is larger; the run's where there is no such peak."""
+        own = self.scales.peaks.get(signal)
+        return np.full(values.shape, np.nanmax(np.abs(values), initial=0.0)) if own is None else np.fmax(own, np.abs(values))
 
     @property
     def _noise(self) -> float:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from analytic.assembly import Assembly
-from analytic.clearance import Model, displaced
+from analytic.assembly import Assembly, AssemblyError
+from analytic.clearance import Displaced, Model, displaced
 from analytic.compliance import compliance
 from analytic.kinematics import kinematics
 from analytic.kinetostatics import friction_turns
 from analytic.mechanism import GROUND
+from analytic.reach import usual_angles
 from analytic.released import released
-from compare.discrepancy import ANGULAR, difference
+from compare.discrepancy import ANGULAR, difference, largest
 from compare.signals import UNITS, compared, with_derived
 from sim_models.engine import Motion
 
@@ -27,7 +29,8 @@ class Yardstick:
     """Analytic signals (N,), NaN where flagged; ``ideal_angles`` (rad) are the bodies' without clearance.
 
     ``order_difference`` says for each compared signal how far the paper's first order is from the equilibrium, ``elastic`` (m) how
-    far flexible links let any of their points move at most; 0 if they are rigid.
+    far flexible links let any of their points move at most; 0 if they are rigid.  ``peaks`` are the signals' largest sizes at the
+    linkage's usual crank angles; what is missing there is measured by the run itself.
     """
 
     signals: Mapping[str, np.ndarray]
@@ -35,15 +38,19 @@ class Yardstick:
     order_difference: Mapping[str, Any]
     flags: Mapping[int, str]
     elastic: float = 0.0
+    peaks: Mapping[str, float] = field(default_factory=dict)
 
 
 def yardstick(assembly: Assembly, theta: np.ndarray, motion: Motion, model: Model, clearances: Mapping[str, float]) -> Yardstick:
     """The analytic model at crank angles theta (N,) rad with these clearances (m; none for ideal joints)."""
     mechanism = assembly.mechanism
     speed = mechanism.speed or 1.0  # without a speed only statics is left, where its sign is all that matters
-    sides = {}
-    for each in ("equilibrium", "first_order") if clearances else (model,):
-        sides[each] = displaced(assembly, theta, speed, model=each, inertia=motion == "driven", clearances=clearances)
+
+    def at(angles: np.ndarray, model: Model) -> Displaced:
+        return displaced(assembly, angles, speed, model=model, inertia=motion == "driven", clearances=clearances)
+
+    models: tuple[Model, ...] = ("equilibrium", "first_order") if clearances else (model,)
+    sides = {each: at(theta, each) for each in models}
     found = sides[model]
     signals = {each: with_derived(side.signals(), mechanism) for each, side in sides.items()}
     order: dict[str, Any] = {}
@@ -53,13 +60,21 @@ def yardstick(assembly: Assembly, theta: np.ndarray, motion: Motion, model: Mode
             order[name] = {"unit": UNITS[kind], "max": apart.max, "rms": apart.rms, "at_crank_angle": float(theta[apart.at])}
     ideal = {body.name: found.ideal.motion.angle(body.name) for body in mechanism.bodies}
     turning = friction_turns(found.ideal.motion, REVERSAL if motion == "driven" else 0.0)
-    return _without({i: why for i, why in _reversals(turning).items() if i not in found.flags}, Yardstick(signals[model], ideal, order, found.flags))
+    usual = usual_angles(assembly)
+    peaks = {}
+    if np.array_equal(usual, theta):
+        peaks = largest(signals[model])
+    else:
+        with suppress(AssemblyError):  # the displaced linkage does not reach all of them
+            peaks = largest(with_derived(at(usual, model).signals(), mechanism))
+    side = Yardstick(signals[model], ideal, order, found.flags, peaks=peaks)
+    return _without({i: why for i, why in _reversals(turning).items() if i not in found.flags}, side)
 
 
 def with_flexible_links(side: Yardstick, assembly: Assembly, theta: np.ndarray) -> Yardstick:
     """The paper's superposition (Fig. 7c): a side at rest with the elastic displacement of the ideal linkage (Eqs. 1-7) on top.
 
-    Reactions stay, as they change in second order only.  A link on a ground joint has its angle read there, another at its com.
+    Reactions stay, as they change in second order only, and have the peaks that they had.  A link on a ground joint has its angle read there, another at its com.
     """
     m = assembly.mechanism
     found = compliance(kinematics(assembly, theta, m.speed or 1.0))
@@ -72,7 +87,8 @@ def with_flexible_links(side: Yardstick, assembly: Assembly, theta: np.ndarray) 
     for joint in assembly.structure.pins:  # the joints' own springs yield too
         first, second = (found.displacement(body, joint) for body in m.joint(joint).bodies)
         signals |= {f"clearance_{joint}_{axis}": signals[f"clearance_{joint}_{axis}"] + part for axis, part in _axes(first - second)}
-    return replace(side, signals=signals, elastic=max(float(np.abs(found.displacement(*place)).max()) for place in found.motions))
+    peaks = {name: peak for name, peak in side.peaks.items() if name.startswith(("reaction_", "drive_"))}
+    return replace(side, signals=signals, peaks=peaks, elastic=max(float(np.abs(found.displacement(*place)).max()) for place in found.motions))
 
 
 def _axes(vector: np.ndarray) -> tuple[tuple[str, np.ndarray], tuple[str, np.ndarray]]:

@@ -8,8 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analytic.assembly import Assembly
+from analytic.mechanism_file import load
 from compare.discrepancy import Discrepancy, Rule, Scales, ToleranceError, Tube, difference, judge, known_differences, load_tolerances
+from compare.grid import default_angles
+from compare.signals import compared
 from compare.tolerances import Known
+from compare.yardstick import yardstick
 
 THETA = np.linspace(0.3, 2.8, 51)
 ANGLE, SIZE = THETA.copy(), 50.0 + 20 * np.cos(THETA)
@@ -289,3 +294,31 @@ def test_rounding_around_zero_is_no_disagreement() -> None:
     found = judge("drive_torque", {"drive_torque": np.full(51, 1e-13)}, nothing, rule("torque"))
     assert found is not None
     assert found.verdict == "agrees"
+
+
+@pytest.mark.parametrize(("case", "clearance"), [("paper", {"B": 1e-3}), ("crank-rocker", {}), ("slider-crank", {"B": 1e-4})])
+def test_what_is_allowed_at_an_angle_does_not_depend_on_which_others_are_asked_for(case: str, clearance: dict[str, float]) -> None:
+    mechanism = load(case)
+    assembly = Assembly(mechanism)
+    theta = np.radians([25.0, 63.0, 97.0, 140.0])
+
+    def allowed(angles: np.ndarray) -> dict[str, np.ndarray]:
+        side = yardstick(assembly, angles, "static", "equilibrium", clearance)
+        scales = Scales.of(side.signals, mechanism, side.peaks)
+        kinds = compared(mechanism, clearance)
+        joint_model = "contact" if clearance else "ideal"
+        return {n: Rule.read(TOLERANCES, "static", joint_model, k, scales, 0.0, 1e-4).tolerance(n, side.signals) for n, k in kinds.items()}
+
+    together = allowed(theta)
+    for i in range(theta.size):
+        for name, tolerance in allowed(theta[i : i + 1]).items():
+            np.testing.assert_allclose(tolerance, together[name][i : i + 1], rtol=1e-9, err_msg=name)
+
+
+def test_at_the_usual_angles_the_peaks_are_the_runs() -> None:
+    mechanism = load("crank-rocker")
+    assembly = Assembly(mechanism)
+    theta = default_angles(assembly)
+    side = yardstick(assembly, theta, "driven", "equilibrium", {})
+    assert Scales.of(side.signals, mechanism, side.peaks).force == Scales.of(side.signals, mechanism).force
+    assert side.peaks["reaction_B_magnitude"] == side.signals["reaction_B_magnitude"].max()

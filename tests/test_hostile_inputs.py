@@ -128,7 +128,9 @@ MECHANISM_FIELDS = dict(fields_of_numbers()) | {
     "a list as a mass": mine(with_field(("body", 1, "mass"), [0.3]), "body[coupler].mass = [0.3]", "valid number"),
     "-inf as a point": mine(with_field(("body", 1, "points", "B", 0), float("-inf")), "body[coupler].points.B[0] = -inf", "finite"),
     "a point of one number": mine(with_field(("body", 1, "points", "B"), [0.4]), "body[coupler].points.B[1] is missing"),
-    "a point of three numbers": mine(with_field(("body", 1, "points", "B"), [0.4, 0.0, 0.0]), "body[coupler].points.B = (0.4, 0.0, 0.0)", "at most 2"),
+    "a point of three numbers": mine(
+        with_field(("body", 1, "points", "B"), [0.4, 0.0, 0.0]), "body[coupler].points.B = (0.4, 0.0, 0.0)", "at most 2"
+    ),
     "points as a list": mine(with_field(("body", 1, "points"), [[0.0, 0.0]]), "body[coupler].points = [[0.0, 0.0]]"),
     "a number as a name": mine(with_field(("name",), 7), "name = 7", "string"),
     "bodies as a table": mine(with_field(("body",), {"name": "crank"}), "body = {'name': 'crank'}"),
@@ -136,7 +138,9 @@ MECHANISM_FIELDS = dict(fields_of_numbers()) | {
     "a speed in words": mine(with_field(("drive", "speed"), "fast"), "drive.speed = 'fast'", "valid number or Input should be 'free' or 'measured'"),
     "a harmonic that is none": mine(with_field(("drive", "ripple"), {"amplitude": 0.1, "harmonic": 0}), "drive.ripple.harmonic = 0"),
     "a harmonic between two": mine(with_field(("drive", "ripple"), {"amplitude": 0.1, "harmonic": 1.5}), "drive.ripple.harmonic = 1.5"),
-    "an assembly angle of a million turns": mine(with_field(("assembly", "crank"), 6.3e6), "assembly.crank = 6300000.0", "less than or equal to 10000"),
+    "an assembly angle of a million turns": mine(
+        with_field(("assembly", "crank"), 6.3e6), "assembly.crank = 6300000.0", "less than or equal to 10000"
+    ),
     "a restitution above one": mine(with_field(("joint", 2, "restitution"), 1.1), "joint[B].restitution = 1.1", "less than or equal to 1"),
     "a kind of joint that there is not": mine(with_field(("joint", 2, "type"), "spherical"), "joint[B].type = 'spherical'", "revolute"),
     "an unknown field of a body": mine(with_field(("body", 1, "weight"), 3.0), "body[coupler].weight is not a field", "mass"),
@@ -232,7 +236,9 @@ TEXTS = {
     "a number of 5001 digits": mine(f"x = {DIGITS}\n{TEXT}", "too many digits"),
     "a mass of 5001 digits": mine(TEXT.replace("mass = 0.314", f"mass = {DIGITS}"), "too many digits"),
     "a mass of 400 digits": mine(TEXT.replace("mass = 0.314", f"mass = {'9' * 400}"), "body[coupler].mass = 999"),
-    "a mass of 5001 hexadecimal digits": mine(TEXT.replace("mass = 0.314", "mass = 0x" + "f" * 5001), "body[coupler].mass = a number of too many digits"),
+    "a mass of 5001 hexadecimal digits": mine(
+        TEXT.replace("mass = 0.314", "mass = 0x" + "f" * 5001), "body[coupler].mass = a number of too many digits"
+    ),
     "a mass of 1e400": mine(TEXT.replace("mass = 0.314", "mass = 1e400"), "body[coupler].mass = inf"),
     "a key without end": mine("a" * 100_000 + " = 1\n" + TEXT, "aaa... is not a field"),
     "a value without end": mine(TEXT.replace("mass = 0.314", f'mass = "{"a" * 100_000}"'), "body[coupler].mass = 'aaa"),
@@ -284,7 +290,9 @@ PLACES = {
     "an endless result": Row(["show", "r", "--signal", "x", "--at", "1"], ["r: cannot be read: it is a pipe"], {"r": link("/dev/zero")}),
     "a result of 8 GB": Row(["show", "r", "--signal", "x", "--at", "1"], ["r: cannot be read: it is larger than 256 MB"], {"r": sparse}),
     "no measured data": Row(["diagnose", "m.toml", "--out", "out"], ["m.toml: cannot be read: there is no such file"]),
-    "a folder for measured data": Row(["diagnose", "m.toml", "--out", "out"], ["m.toml/measured.toml: cannot be read: there is no such file"], {"m.toml": Path.mkdir}),
+    "a folder for measured data": Row(
+        ["diagnose", "m.toml", "--out", "out"], ["m.toml/measured.toml: cannot be read: there is no such file"], {"m.toml": Path.mkdir}
+    ),
     "a pipe for measured data": Row(["diagnose", "m.toml", "--out", "out"], ["m.toml: cannot be read: it is a pipe"], {"m.toml": os.mkfifo}),
     "measured data nested too deep": Row(["diagnose", "m.toml", "--out", "out"], ["m.toml: cannot be read as TOML"], {"m.toml": f"x = {DEEP}"}),
     "measured data of 5001 digits": Row(["diagnose", "m.toml", "--out", "out"], ["m.toml: cannot be read as TOML"], {"m.toml": f"x = {DIGITS}"}),
@@ -323,7 +331,9 @@ TOLERANCES = {
     "a known difference in an engine that there is not": tolerances(KNOWN + 'simulator = "adams"', "known[0].simulator = 'adams'", "mujoco"),
     "a known difference in a joint model that there is not": tolerances(KNOWN + 'joint_model = "rubber"', "known[0].joint_model[0] = 'rubber'"),
     "a known difference of nothing": Row(
-        [*CHECK, "--tolerance", "mine.toml"], ["known.signal = 'force_B'", "not compared"], {"mine.toml": KNOWN.replace("reaction_B_angle", "force_B")}
+        [*CHECK, "--tolerance", "mine.toml"],
+        ["known.signal = 'force_B'", "not compared"],
+        {"mine.toml": KNOWN.replace("reaction_B_angle", "force_B")},
     ),
 }
 
@@ -346,7 +356,9 @@ def baseline(text: str | bytes | Callable[[Path], object], *words: str) -> Row:
 
 
 BASELINES = {
-    "none": Row(["baseline", "check", "--case", "paper", "--simulator", "mujoco", "--baselines", "."], ["no such baseline", "compare baseline update"]),
+    "none": Row(
+        ["baseline", "check", "--case", "paper", "--simulator", "mujoco", "--baselines", "."], ["no such baseline", "compare baseline update"]
+    ),
     "a folder": baseline(Path.mkdir, "it is a folder"),
     "a pipe": baseline(os.mkfifo, "it is a pipe"),
     "no TOML": baseline(BASELINE.rpartition(",")[0], "cannot be read as TOML"),
@@ -446,20 +458,44 @@ ARGUMENTS = {
     **{
         f"--angles {text!r}": option("--angles", text, words=[f"--angles {text}", *words])
         for text, words in {
-            "": ["start:stop:step"], "20": ["start:stop:step"], "20:160": ["start:stop:step"], "20:160:5:5": ["start:stop:step"],
-            "a:b:c": ["start:stop:step"], "20-160": ["start:stop:step"], "20:160:0": ["step must be positive"], "20:160:-5": ["step must be positive"],
-            "160:20:5": ["stop must not be below start"], "nan:160:5": ["stop must not"], "20:nan:5": ["stop must not"], "20:160:nan": ["stop must not"],
-            "20:inf:5": ["stop must not"], "20:160:1e-9": ["a million"], "20:160:5e-324": ["a million"], "1e300:1e300:1": ["1e+06"],
-            "0x10:20:1": ["start:stop:step"], "20:200:5": ["change point at crank angle 180 deg"], "-20:20:5": ["change point at crank angle"],
+            "": ["start:stop:step"],
+            "20": ["start:stop:step"],
+            "20:160": ["start:stop:step"],
+            "20:160:5:5": ["start:stop:step"],
+            "a:b:c": ["start:stop:step"],
+            "20-160": ["start:stop:step"],
+            "20:160:0": ["step must be positive"],
+            "20:160:-5": ["step must be positive"],
+            "160:20:5": ["stop must not be below start"],
+            "nan:160:5": ["stop must not"],
+            "20:nan:5": ["stop must not"],
+            "20:160:nan": ["stop must not"],
+            "20:inf:5": ["stop must not"],
+            "20:160:1e-9": ["a million"],
+            "20:160:5e-324": ["a million"],
+            "1e300:1e300:1": ["1e+06"],
+            "0x10:20:1": ["start:stop:step"],
+            "20:200:5": ["change point at crank angle 180 deg"],
+            "-20:20:5": ["change point at crank angle"],
             "180:180:1": ["change point at crank angle 180 deg"],
         }.items()
     },
     **{
         f"--clearance {text!r}": option("--clearance", text, words=[f"--clearance {text}"[:60].rstrip(), *words])
         for text, words in {
-            "": ["JOINT=metres"], "B": ["JOINT=metres"], "B=": ["JOINT=metres"], "=1e-4": ["not a revolute joint"], "B=x": ["JOINT=metres"],
-            "B=nan": ["0 or more"], "B=inf": ["0 or more"], "B=-1e-4": ["0 or more"], "B=1e400": ["0 or more"], "Q=1e-4": ["D, A, B, E"],
-            "B=1e-4,B=2e-4": ["B is there twice"], "B=1e-4,A=1e-4,B=1e-4": ["B is there twice"], "B=0.5": ["joint 'B'", "not smaller than body"],
+            "": ["JOINT=metres"],
+            "B": ["JOINT=metres"],
+            "B=": ["JOINT=metres"],
+            "=1e-4": ["not a revolute joint"],
+            "B=x": ["JOINT=metres"],
+            "B=nan": ["0 or more"],
+            "B=inf": ["0 or more"],
+            "B=-1e-4": ["0 or more"],
+            "B=1e400": ["0 or more"],
+            "Q=1e-4": ["D, A, B, E"],
+            "B=1e-4,B=2e-4": ["B is there twice"],
+            "B=1e-4,A=1e-4,B=1e-4": ["B is there twice"],
+            "B=0.5": ["joint 'B'", "not smaller than body"],
             "B=1e-4;A=1e-4": ["JOINT=metres"],
         }.items()
     },
@@ -484,13 +520,26 @@ ARGUMENTS = {
     **{
         f"validity --speeds {text!r}": Row([*VALIDITY, "--speeds", text, "--clearances", "1e-4"], [f"--speeds {text}".rstrip(), *words])
         for text, words in {
-            "": ["not a number"], "fast": ["not a number"], "60,": ["not a number"], "0": ["above 0"], "-60": ["above 0"], "nan": ["above 0"],
-            "inf": ["above 0"], "60,60": ["60 is there twice"], "60,60.0": ["60 is there twice"], "60,600,60": ["60 is there twice"],
+            "": ["not a number"],
+            "fast": ["not a number"],
+            "60,": ["not a number"],
+            "0": ["above 0"],
+            "-60": ["above 0"],
+            "nan": ["above 0"],
+            "inf": ["above 0"],
+            "60,60": ["60 is there twice"],
+            "60,60.0": ["60 is there twice"],
+            "60,600,60": ["60 is there twice"],
         }.items()
     },
     **{
         f"validity --clearances {text!r}": Row([*VALIDITY, "--speeds", "60", "--clearances", text], [f"--clearances {text}", *words])
-        for text, words in {"0": ["above 0"], "1e-4,1e-4": ["is there twice"], "1e-4,0.0001": ["is there twice"], "1e-4 2e-4": ["not a number"]}.items()
+        for text, words in {
+            "0": ["above 0"],
+            "1e-4,1e-4": ["is there twice"],
+            "1e-4,0.0001": ["is there twice"],
+            "1e-4 2e-4": ["not a number"],
+        }.items()
     },
     "validity --simulator twice": Row(
         [*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--simulator", "mujoco,mujoco"], ["--simulator mujoco,mujoco: mujoco is there twice"]
@@ -499,15 +548,22 @@ ARGUMENTS = {
     "validity --at twice": Row([*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--at", "B,B"], ["--at B,B: B is there twice"]),
     "validity --at unknown": Row([*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--at", "Q"], ["--at Q", "D, A, B, E"]),
     "validity --joint ideal": Row([*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--joint", "ideal"], ["--joint ideal", "contact"]),
-    "validity --workers 0": Row([*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--workers", "0"], ["'--workers'", "greater than or equal to 1"]),
-    "validity of a pendulum": Row(["validity", "--case", "pendulum", "--speeds", "60", "--clearances", "1e-4"], ["--case pendulum", "constant speed"]),
+    "validity --workers 0": Row(
+        [*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--workers", "0"], ["'--workers'", "greater than or equal to 1"]
+    ),
+    "validity of a pendulum": Row(
+        ["validity", "--case", "pendulum", "--speeds", "60", "--clearances", "1e-4"], ["--case pendulum", "constant speed"]
+    ),
     "validity of a loop that does not close": Row(
         ["validity", "--case", "mine.toml", "--speeds", "60", "--clearances", "1e-4"], ["mine.toml: ", "reached"], {"mine.toml": tomli_w.dumps(SHORT)}
     ),
-    "accuracy of a loop that does not close": Row([*ACCURACY, "--case", "mine.toml"], ["mine.toml: ", "reached"], {"mine.toml": tomli_w.dumps(SHORT)}),
+    "accuracy of a loop that does not close": Row(
+        [*ACCURACY, "--case", "mine.toml"], ["mine.toml: ", "reached"], {"mine.toml": tomli_w.dumps(SHORT)}
+    ),
     "accuracy --clearance twice": Row([*ACCURACY, "--clearance", "B=1e-4,B=1e-4"], ["--clearance B=1e-4,B=1e-4: joint B is there twice"]),
     "accuracy --clearance-tolerance twice": Row(
-        [*ACCURACY, "--clearance", "B=1e-4", "--clearance-tolerance", "B=1e-5,B=1e-5"], ["--clearance-tolerance B=1e-5,B=1e-5: joint B is there twice"]
+        [*ACCURACY, "--clearance", "B=1e-4", "--clearance-tolerance", "B=1e-5,B=1e-5"],
+        ["--clearance-tolerance B=1e-5,B=1e-5: joint B is there twice"],
     ),
     "accuracy --clearance-tolerance too large": Row(
         [*ACCURACY, "--clearance", "B=1e-4", "--clearance-tolerance", "B=2e-4"], ["--clearance-tolerance B=0.0002", "more than"]
@@ -519,7 +575,8 @@ ARGUMENTS = {
     "accuracy --seed -1": Row([*ACCURACY, "--seed", "-1"], ["'--seed'", "greater than or equal to 0"]),
     "accuracy out of reach": Row([*ACCURACY, "--angles", "20:200:5"], ["--angles 20:200:5", "change point at crank angle 180 deg"]),
     "export of contact without clearance": Row(
-        ["export", "--simulator", "mujoco", "--case", "crank-rocker", "--joint", "contact", "--out", "out"], ["--joint contact", "--clearance JOINT=m"]
+        ["export", "--simulator", "mujoco", "--case", "crank-rocker", "--joint", "contact", "--out", "out"],
+        ["--joint contact", "--clearance JOINT=m"],
     ),
     "export to nowhere": Row(["export", "--simulator", "mujoco"], ["'--out'"]),
     "export out of reach": Row(["export", "--simulator", "mujoco", "--angles", "0:90:5", "--out", "out"], ["--angles 0:90:5", "change point"]),
