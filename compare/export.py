@@ -34,7 +34,7 @@ def export(
     Exit status: 0 written, 2 bad input, 3 the simulator is missing or failed.
     """
     with complaints():
-        from compare.files import output_folder, write_together
+        from compare.files import OutputError, output_folder, write_together
         from sim_models.engine import ENGINES, declared, engine
 
         mechanism = load_case(case, clearance)
@@ -45,8 +45,12 @@ def export(
             raise OptionError(f"--simulator {simulator}: its model cannot be exported; that of {can} can")
         request = request_of(rigidly_and_evenly_driven(mechanism), joint, motion, angles)
         folder = output_folder(out)
-        with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place
-            texts = {path.name: path.read_text(encoding="utf-8") for path in write(request, Path(draft))}
+        try:
+            with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place
+                texts = {path.name: path.read_text(encoding="utf-8") for path in write(request, Path(draft))}
+        except OSError as error:
+            where = f"{tempfile.gettempdir()}, where the files for {folder} are drafted"
+            raise OutputError(f"{where}: cannot be written ({error.strerror}); free space there, or give TMPDIR another folder") from None
         refuse_others(folder, texts, overwrite)
         for path in write_together(folder, texts):
             typer.echo(path)
