@@ -53,7 +53,7 @@ def solve_dyad(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, b
         known[[len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in c.bodies or len(s.bodies) + k == c.column]] = False
     use = np.flatnonzero((known & (row != 0))[: len(columns)])
     target = -(row[use] @ columns[use])
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         if s.coordinates[i].bodies and s.coordinates[j].bodies:
             return _two_angles(s, row, i, j, target, columns, u, branch)
         if s.coordinates[i].bodies or s.coordinates[j].bodies:

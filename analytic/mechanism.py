@@ -13,7 +13,6 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from analytic.mechanism_checks import GROUND, MechanismWarning, check
 
-
 LONGEST = 100  # characters of a name: it is part of files' names, which may have 255 bytes
 
 

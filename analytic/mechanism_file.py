@@ -78,10 +78,10 @@ def dumps(mechanism: Mechanism) -> str:
 
 def describe(error: ValidationError, fields: Mapping[str, Any], model: type[BaseModel]) -> list[str]:
     """One sentence for each of the first faults that pydantic found: field, value, and what is accepted."""
-    told: dict[str, list[Any]] = {}
+    told: dict[tuple[int | str, ...], list[Any]] = {}
     for fault in error.errors():
-        told.setdefault(_where(fault["loc"], fields), []).append(fault)
-    found = [_sentence(where, faults, model) for where, faults in list(told.items())[:FAULTS]]
+        told.setdefault(_place(fault["loc"], fields), []).append(fault)
+    found = [_sentence(_where(place, fields), faults, model) for place, faults in list(told.items())[:FAULTS]]
     more = len(told) - FAULTS
     return [*found, f"and {more} fault{'s' * (more > 1)} more"] if more > 0 else found
 
@@ -123,12 +123,23 @@ def _asked(fault: Any) -> str:
     return str(fault["msg"].removeprefix("Value error, "))
 
 
+def _place(location: tuple[int | str, ...], fields: Mapping[str, Any]) -> tuple[int | str, ...]:
+    """A fault's location without pydantic's name of the kind of value, of several that a field may have, that it holds the value to."""
+    here: Any = fields
+    for k, step in enumerate(location):
+        if isinstance(step, str) and not isinstance(here, Mapping):
+            return location[:k]
+        try:
+            here = here[step]
+        except (KeyError, IndexError, TypeError):
+            here = {}
+    return location
+
+
 def _where(location: tuple[int | str, ...], fields: Mapping[str, Any]) -> str:
-    """``body[coupler].mass`` for ("body", 1, "mass"); pydantic's name of a kind of value that a field may have is left out."""
+    """``body[coupler].mass`` for ("body", 1, "mass")."""
     text, here = "", fields
     for step in location:
-        if isinstance(step, str) and not isinstance(here, Mapping):
-            break
         try:
             here = here[step]  # type: ignore[index]
         except (KeyError, IndexError, TypeError):

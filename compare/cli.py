@@ -17,8 +17,12 @@ from compare.baseline.command import baseline
 from compare.diagnose.command import diagnose, effects
 from compare.export import export
 from compare.faults import Exit, OptionError, complaints
+<<<<<<< HEAD
 from compare.files import output_folder, to_json, write_atomically
 from compare.folders import Overwrite, result_folder
+=======
+from compare.files import alone_in, file_name, output_folder, to_json, write_together
+>>>>>>> front
 from compare.listing import cases, simulators
 from compare.options import JointChoice, ModelChoice, MotionChoice, cores, engines_named, load_case, rigidly_and_evenly_driven
 from compare.progress import progress_bar
@@ -202,11 +206,12 @@ def _run(job: Job) -> dict[str, Any]:
 
 
 def _publish(result: dict[str, Any], folder: Path, json: bool) -> None:
-    from compare.report import write_report
+    from compare.report import report_files
 
     text = to_json(result)
-    write_atomically(folder / "result.json", text)
-    write_report(result, folder)
+    files = {"result.json": text} | report_files(result)
+    with alone_in(folder):
+        write_together(folder, files)
     if json:
         typer.echo(text)
         return

@@ -13,6 +13,7 @@ from analytic.assembly import Assembly
 from analytic.clearance import Model
 from analytic.mechanism import Mechanism
 from compare.attribution import attribute
+from compare.closer import Judged, settle
 from compare.discrepancy import Discrepancy, Rule, Scales, check_known, judge, known_differences
 from compare.flexible import Beams, softened
 from compare.grid import turns_fully
@@ -75,7 +76,19 @@ def crosscheck(
     left_out = [f.why for f in traces if isinstance(f, Failure) and f.unsupported]
     if len(left_out) == len(tasks) or (left_out and len(job.simulators) == 1):
         raise Unsupported(left_out[0])
-    judged = [_run(job, sides[t.joint_model == "ideal"], t) for t in traces if isinstance(t, Trace)]
+
+    def judge(t: Trace) -> Judged:
+        return Judged(t, *_run(job, sides[t.joint_model == "ideal"], t))
+
+    def simulate_again(requests: Mapping[int, Request]) -> dict[int, Trace | Failure]:
+        order = list(requests)
+        found = simulate_all([(tasks[i][0], requests[i]) for i in order], job.workers, resolve)
+        return {order[k]: _whole(outcome, job.mechanism) for k, outcome in found}
+
+    first = {i: judge(t) for i, t in enumerate(traces) if isinstance(t, Trace)}
+    settled = settle(first, {} if job.flexible else dict(enumerate(r for _, r in tasks)), simulate_again, judge)
+    failed += [one for one in settled.values() if isinstance(one, Failure)]
+    judged = [(one.run, one.rules) for one in settled.values() if isinstance(one, Judged)]
     runs = [run for run, _ in judged]
     failures = [{"simulator": f.simulator, "joint_model": f.joint_model, "why": f.why} for f in failed]
     result: dict[str, Any] = {

@@ -11,6 +11,9 @@ from typing import Any
 import typer
 
 
+LONGEST = 1000  # characters of a sentence; what is longer repeats somebody's file
+
+
 class Exit(IntEnum):
     """Exit statuses of every command."""
 
@@ -79,5 +82,7 @@ def printable(text: str) -> str:
 
 def stop(error: object, status: Exit) -> typer.Exit:
     """Say why on standard error, in one line; raise what this returns."""
-    typer.echo(f"compare: {printable(str(error))}", err=True)
+    text = printable(str(error))
+    middle = " ... " if len(text) > LONGEST else ""  # the file and the remedy are at the ends
+    typer.echo(f"compare: {text[: LONGEST // 2] + middle + text[-LONGEST // 2 :] if middle else text}", err=True)
     return typer.Exit(status)

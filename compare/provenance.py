@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism_file import describe
@@ -42,7 +42,7 @@ class Row(_Part):
     """The verdict on a signal over a run."""
 
     signal: str
-    unit: str
+    unit: Literal["rad", "N", "m", "N.m"]
     max: float | None
     at_crank_angle: float | None
     tolerance: float | None
@@ -62,12 +62,21 @@ class Run(_Part):
     clearance: dict[str, float]
     analytic_model: str
     settings: dict[str, Any]
-    crank_angle: list[float]
-    time: list[float] | None = None
+    crank_angle: list[FiniteFloat]
+    time: list[FiniteFloat] | None = None
     flags: dict[str, str]
     analytic: Samples
     simulated: Samples
     discrepancies: list[Row]
+
+    @model_validator(mode="after")
+    def _whole(self) -> Run:
+        """Each list has a value for each sample."""
+        lists = {f"{side}.{signal}": values for side in ("analytic", "simulated") for signal, values in getattr(self, side).items()}
+        for name, values in {**lists, "time": self.time}.items():
+            if values is not None and len(values) != len(self.crank_angle):
+                raise ValueError(f"{name} has {len(values)} values for {len(self.crank_angle)} samples")
+        return self
 
 
 class Result(_Part):

@@ -17,7 +17,7 @@ from typing import Any, Literal, Protocol, cast, get_args
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from sim_models.silence import silence
+from sim_models.silence import silence, uninterrupted
 
 JointModel = Literal["ideal", "massless-link", "spring-damper", "contact"]
 Motion = Literal["driven", "static"]
@@ -171,7 +171,7 @@ def engine(name: str) -> Engine:
 def broken(package: str) -> str:
     """Why an installed package cannot be imported, in its own words; empty if it can."""
     try:
-        with silence():
+        with silence(), uninterrupted():
             importlib.import_module(package)
     except Exception as error:  # noqa: BLE001 - a broken installation raises whatever it likes, and the other engines are to go on
         return " ".join(f"{type(error).__name__}: {error}".split())

@@ -1,9 +1,11 @@
-"""Engines kept quiet: what their C++ prints does not reach the standard streams."""
+"""Engines kept from the terminal: what their C++ prints does not reach it, and an interrupt from it waits while they are imported."""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -24,3 +26,19 @@ def silence() -> Iterator[None]:
             os.dup2(copy, target)
             os.close(copy)
         os.close(sink)
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Let an interrupt wait until this is over: a package that catches it while it is imported would go on, half imported."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    waiting: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: waiting.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    for number in waiting[:1]:
+        signal.raise_signal(number)

@@ -178,6 +178,9 @@ def test_places_are_told_within_a_turn_where_the_crank_makes_one(explained: dict
     place = {"run": "slow-reverse", "crank_angle_from": math.radians(-110), "crank_angle_to": math.radians(-40)}
     assert wrapped(explained)
     assert span(explained, place) == "between 250 and 320 deg"
+    backward = place | {"crank_angle_from": -1e-4, "crank_angle_to": -2.0 * math.pi + 2.0}
+    assert span(explained, backward) == "between 114.6 and 360 deg"
+    assert span(explained, backward | {"crank_angle_from": -4.0, "crank_angle_to": -math.tau - 1e-4}) == "between 0 and 130.8 deg"
     assert not wrapped(swinging)
     assert span(swinging, place | {"run": "released"}) == f"between {MINUS}110 and {MINUS}40 deg"
 

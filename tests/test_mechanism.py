@@ -16,7 +16,7 @@ from analytic.assembly import Assembly, AssemblyError
 from analytic.mechanism import Mechanism, MechanismWarning
 from analytic.mechanism_file import MechanismError, dumps, load, loads, shipped_cases
 from analytic.structure import StructureError, structure
-from linkages import INVERTED_SLIDER, inverted_slider, scotch_yoke
+from linkages import INVERTED_SLIDER, chain, inverted_slider, scotch_yoke
 
 PAPER = dumps(load("paper"))
 ROOT = Path(__file__).parents[1]
@@ -151,16 +151,6 @@ def test_prismatic_joints_hold_bodies_parallel() -> None:
     assert len(s.groups) == 1
     assert all(not s.coordinates[i].bodies for i in s.groups[0].coordinates)
     assert structure(inverted_slider()).groups[0].bodies == ("block", "arm")
-
-
-def chain(links: int, closed: bool) -> str:
-    """A mechanism file: so many links in a row, the first on the ground and driven, the last on the ground as well if ``closed``."""
-    names = [f"b{i}" for i in range(links)]
-    bodies = "".join(f'[[body]]\nname = "{b}"\npoints = {{ J{i} = [0.0, 0.0], J{i + 1} = [0.1, 0.0] }}\nmass = 0.1\n' for i, b in enumerate(names))
-    ends = zip(["ground", *names], [*names, "ground"] if closed else names, strict=False)
-    joints = "".join(f'[[joint]]\nname = "J{i}"\ntype = "revolute"\nbodies = ["{a}", "{b}"]\n' for i, (a, b) in enumerate(ends))
-    ground = "[ground]\npoints = { J0 = [0.0, 0.0]" + (f", J{links} = [0.5, 0.0]" if closed else "") + " }\n"
-    return f'name = "chain"\n{ground}{bodies}{joints}[drive]\njoint = "J0"\nspeed = 1.0\n[assembly]\n' + "".join(f"{b} = 0.1\n" for b in names)
 
 
 @pytest.mark.parametrize("closed", [True, False])

@@ -183,7 +183,9 @@ def test_a_free_drive_is_shown_over_time(tmp_path: Path) -> None:
     assert {f.x.title for f in figures(result, summary)} == {"time (s)"}
     assert exaggeration(result["mechanism"], result["runs"][0]) == 1
     write_report(result, tmp_path)
-    assert "pendulum" in (tmp_path / "report.md").read_text(encoding="utf-8")
+    text = (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert "pendulum" in text
+    assert "motion: swings freely" in text
 
 
 def test_a_signal_with_nothing_to_compare_is_a_dash_and_not_a_zero(tmp_path: Path) -> None:
@@ -339,6 +341,14 @@ def test_ticks_are_round_and_inside(low: float, high: float, degrees: bool, expe
 
 def test_small_axes_name_their_power_of_ten() -> None:
     assert [exponent(v) for v in (0.0, 5.0, 2e-4, 9e-7, 3e6)] == [0, 0, -6, -9, 6]
+
+
+@pytest.mark.parametrize("case", ["slider-crank", "paper"])
+def test_every_joint_has_its_name_in_the_drawing(case: str) -> None:
+    result = sample_result(case)
+    figure = linkage_figure(result, summarise(result))
+    assert figure is not None
+    assert sorted(name for series in figure.series for name in series.labels) == sorted(j["name"] for j in result["mechanism"]["joint"])
 
 
 def test_a_body_is_drawn_from_its_marker_where_its_position_is_measured() -> None:

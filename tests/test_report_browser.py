@@ -251,6 +251,35 @@ def test_whole_turns_between_the_two_sides_change_neither_the_values_nor_the_dra
     assert max(apart for *_, apart in gamma) == pytest.approx(math.degrees(0.01), rel=0.1)
 
 
+def test_a_journal_that_a_soft_contact_lets_out_of_its_circle_stays_in_the_picture(browser: Browser, tmp_path: Path) -> None:
+    result = sample_result()
+    for run in result["runs"][1:]:
+        for axis in "xy":
+            run["simulated"][f"clearance_B_{axis}"] = [1.9 * v for v in run["simulated"][f"clearance_B_{axis}"]]
+    write_report(result, tmp_path)
+    browser.open(tmp_path / "report.html")
+    inside = """(() => { const [svg, pin] = ['.rim svg', '.rim .journal.simulated'].map(s => document.querySelector(s).getBoundingClientRect());
+      return pin.left >= svg.left && pin.right <= svg.right && pin.top >= svg.top && pin.bottom <= svg.bottom; })()"""
+    for angle in (20, 90, 160):
+        browser.run(f"({MOVE})({angle})")
+        assert browser.run(inside), angle
+
+
+def test_the_panel_and_the_figure_have_a_direction_in_the_same_turn_and_no_rounding_as_a_value(browser: Browser, tmp_path: Path) -> None:
+    result = sample_result()
+    for run in result["runs"][1:]:
+        for side in ("analytic", "simulated"):
+            run[side]["reaction_B_angle"] = [v - math.tau for v in run[side]["reaction_B_angle"]]
+            run[side]["clearance_B_y"][2] = 1e-17
+    write_report(result, tmp_path)
+    browser.open(tmp_path / "report.html")
+    rows = browser.run("[...document.querySelectorAll('[data-readout] tr')].map(r => [...r.cells].map(c => c.innerText))")
+    assert rows[0][0].startswith("Reaction angle")
+    assert rows[0][1:3] == ["34.676", "34.676"]
+    assert next(row for row in rows if row[0].startswith("Displacement y"))[1:] == ["0", "0", "0"]
+    assert browser.run("data.figures[0].series.map(s => Math.abs(s.y[2] - 34.676) < 5)") == [True] * 6
+
+
 def test_the_selector_and_the_exaggeration_change_the_drawing(browser: Browser, page: Path) -> None:
     browser.open(page)
     drawing = "document.querySelector('#explorer svg.chart').innerHTML"

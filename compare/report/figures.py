@@ -125,20 +125,20 @@ def _analytic(run: Mapping[str, Any], summary: Summary) -> tuple[str, str, Liter
     return "analytic", "analytic", "line"
 
 
-def beside(degrees: Numbers, reference: Numbers) -> Numbers:
+def beside(angles: Numbers, reference: Numbers, turn: float = 360.0) -> Numbers:
     """Directions shifted by whole turns, each unbroken piece on its own, so that they lie next to the reference's.
 
     Angles are continued along a run, but every run starts in a turn of its own, and so does each piece after a gap.
     """
-    if len(reference) != len(degrees):
-        return degrees
+    if len(reference) != len(angles):
+        return angles
     out: list[float | None] = []
     turns: float | None = None
-    for value, other in zip(degrees, reference, strict=True):
+    for value, other in zip(angles, reference, strict=True):
         if value is None:
             turns = None
         elif turns is None and other is not None:
-            turns = 360.0 * round((other - value) / 360.0)
+            turns = turn * round((other - value) / turn)
         out.append(None if value is None else value + (turns or 0.0))
     return tuple(out)
 

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from analytic.assembly import Assembly, AssemblyError
 from analytic.kinematics import kinematics
 from analytic.mechanism import Mechanism
-from compare.report.figures import Axis, Figure, Numbers, Series, difference, same_turn, scaled
+from compare.report.figures import Axis, Figure, Numbers, Series, beside, difference, same_turn, scaled
 from compare.report.quantities import Quantity, number
 from compare.report.summary import Summary, abscissa, released
 
 FACTORS = [m * 10**e for e in range(6) for m in (1, 2, 5)]
 VISIBLE = 0.12  # of a typical link's length: how large an exaggerated gap is drawn
+ROUNDING = 1e-9  # of a signal's peak: smaller is read as 0
 PREFERRED = math.radians(30.0)  # crank angle of the printed figure, the paper's own
 Result = Mapping[str, Any]
 Poses = dict[str, dict[str, Numbers]]  # body -> x, y (m, marker) and angle (rad) of every sample
@@ -102,18 +103,26 @@ def _explored(result: Result, summary: Summary, index: int) -> dict[str, Any]:
         "analytic_model": told.analytic_model.replace("_", " "),
         "simulated": _beside(_poses(result["mechanism"], run["simulated"]), ideal),
         "gaps": {joint: _gap(run, joint) for joint, size in run["clearance"].items() if size},
-        "readout": [_read(quantity, run) for quantity in shown],
+        "readout": [_read(quantity, run, result["runs"][0]["analytic"].get(quantity.signal, ())) for quantity in shown],
     }
 
 
-def _read(quantity: Quantity, run: Mapping[str, Any]) -> dict[str, Any]:
-    """Both sides of a signal as the page lists them, angles in one turn: every run is continued from a turn of its own."""
+def _read(quantity: Quantity, run: Mapping[str, Any], first: Sequence[float | None]) -> dict[str, Any]:
+    """Both sides of a signal as the page lists them; angles in the turn that the figures have them in, which is that of the first run."""
     analytic, simulated = (tuple(run[side][quantity.signal]) for side in ("analytic", "simulated"))
+    if quantity.angular:
+        analytic = beside(analytic, tuple(first), math.tau)
+        simulated = same_turn(simulated, analytic, math.tau)
+    nothing = ROUNDING * max((abs(v) for v in (*analytic, *simulated) if v is not None), default=0.0)
+
+    def listed(values: Numbers) -> Numbers:
+        return scaled((0.0 if v is not None and abs(v) < nothing else v for v in values), quantity.factor)
+
     return {
         "label": quantity.title,
         "unit": quantity.unit,
-        "analytic": scaled(analytic, quantity.factor),
-        "simulated": scaled(same_turn(simulated, analytic, math.tau) if quantity.angular else simulated, quantity.factor),
+        "analytic": listed(analytic),
+        "simulated": listed(simulated),
         "difference": difference(run, quantity),
     }
 
@@ -200,7 +209,8 @@ def _drawn(what: Mapping[str, Any], pose: Pose, name: str, role: str, gaps: Mapp
         along *= 0.2 * what["size"] / abs(along)
         centre = place(second, joint["name"])
         block = [centre + along * corner for corner in (1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j, 1 + 0.6j)]
-        series += [_series("", [centre - 4 * along, centre + 4 * along], "frame", "dashed"), _series("", block, role)]
+        named = (joint["name"],) if role != "ideal-line" else ()
+        series += [_series("", [centre - 4 * along, centre + 4 * along], "frame", "dashed"), _series("", block, role, labels=named)]
     for joint_name, gap in (gaps or {}).items():
         bearing = next(j["bodies"][1] for j in what["joints"] if j["name"] == joint_name)
         rim = [place(bearing, joint_name) + cmath.rect(gap, 2 * math.pi * i / 60) for i in range(61)]

@@ -55,9 +55,10 @@ def _superposed(rows: list[dict[str, float]]) -> Iterator[str]:
 
 def _scales(rows: list[dict[str, Any]]) -> Iterator[str]:
     """A table for each engine: its joint models over the scales; below it, what it said where it refused."""
-    yield f"The crank-rocker of steel at every size, lifting its weight and a torque that presses its pins, with a radial clearance in B of {1000 * CLEARANCE:g}"
-    yield "thousandths of its coupler. Scales are the coupler's length, the crank's speed, and the coupler's mass relative to a steel bar's. A cell says for"
-    yield f"driven / static motion whether the run agrees, or a letter for why it was refused; `compare validation check` makes every {EVERY}th scale again."
+    yield f"The crank-rocker of steel at every size, lifting its weight and a torque that presses its pins; radial clearance in B is {CLEARANCE:g}"
+    yield "of its coupler. Scales are the coupler's length, the crank's speed, and the coupler's mass relative to a steel bar's. A cell says, for"
+    yield "driven / static motion, whether the run agrees, or by a letter why it was refused. `compare validation check` makes every"
+    yield f"{EVERY}th scale again."
     for engine in dict.fromkeys(row["simulator"] for row in rows):
         mine = [row for row in rows if row["simulator"] == engine]
         reasons = {why: chr(ord("a") + k) for k, why in enumerate(sorted({reason(row) for row in mine} - {""}))}

@@ -15,7 +15,7 @@ BEAM_ANGLES = (20.0, 30.0, 60.0, 90.0, 120.0, 160.0)  # deg
 
 
 def run_all(names: tuple[str, ...], which: Sequence[Scale]) -> dict[str, Any]:
-    """Every shipped case's runs, as the baselines set them up, in these engines; one linkage at these scales; how far Eq. 8 and superposition are off."""
+    """Every shipped case in these engines, as the baselines set it up; one linkage at these scales; how far Eq. 8 and superposition are off."""
     from analytic.mechanism_file import load, shipped_cases
     from compare.baseline.runs import setups
     from compare.crosscheck import Job, crosscheck

@@ -142,7 +142,8 @@ def _at_scales(stored: Report, found: Report) -> Iterator[str]:
     again = {key[:4] for key in after}
     for key in sorted(key for key in before.keys() | after.keys() if key[:4] in again):
         if before.get(key) != after.get(key):
-            yield f"at {key[0]:g} m, {key[1]:g} rad/s, mass ratio {key[2]:g}, {key[3]}, {key[4]}: was {before.get(key, 'not there')}, is {after.get(key, 'not there')}"
+            where = f"at {key[0]:g} m, {key[1]:g} rad/s, mass ratio {key[2]:g}, {key[3]}, {key[4]}"
+            yield f"{where}: was {before.get(key, 'not there')}, is {after.get(key, 'not there')}"
 
 
 def _moved(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:

@@ -21,10 +21,8 @@ FLOOR = 1e-7  # of a channel's range: what a noise-free signal is taken to be go
 SHARES = 12  # parts of the smallest difference between two values that may be the step of a converter: no value need be one step from another
 EXACT = 1e-6  # relative, by which the steps of a converter may miss being multiples of the smallest
 SPIKE = 8.0  # sigmas of an outlier
-PLATEAU = 4  # equal extreme samples in a row that a clipped sensor shows
-STAYS = 0.25  # of the samples beside it that read as the one before: they climb stairs, and a plateau is one of them
-DEGREE = 4  # of the polynomial that says how a signal would have gone on
-BESIDE = 24  # samples on either side of a plateau that tell whether it is clipped
+JUDGED = 12  # samples, at least, among which a spike is told
+CLIMBS = 4  # stairs, at least, by which their height is known
 GAP = 5.0  # median intervals
 TELLING = 5.0  # how much better another column's prediction must fit, and by how many sigmas the own one must fail
 ENOUGH = 50_000  # samples that noise is estimated from
@@ -111,78 +109,10 @@ def _stair(present: np.ndarray, step: float) -> float:
     edge = np.concatenate([[False], climbs, [False]])
     alone = climbs & ~edge[:-2] & ~edge[2:]
     heights = climbed[alone]
-    if heights.size < PLATEAU or np.sum(alone) < 0.9 * np.sum(climbs):
+    if heights.size < CLIMBS or np.sum(alone) < 0.9 * np.sum(climbs):
         return 0.0
     height = float(np.median(heights))
     return height if np.mean(np.abs(heights - height) < 0.1 * height) > 0.9 else 0.0
-
-
-def clipped(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
-    """Samples (N,) bool at a level where the sensor saturates, and the level (NaN where it does not).
-
-    Equal extreme readings in a row are a clipped peak if the noise beside them would have made them differ, or if the signal comes
-    and goes at a slope that carries it further than its rounding there; a rest, a turning point, or a peak of a coarse sensor, is none.
-    """
-    here = np.flatnonzero(np.isfinite(values))
-    x = values[here]
-    mask, level = np.zeros(values.shape, bool), math.nan
-    if here.size < 2 * PLATEAU or np.ptp(x) == 0:
-        return mask, level
-    plateaus = {extreme: _plateaus(x == extreme) for extreme in (x.max(), x.min())}
-    flat = np.zeros(x.shape, bool)
-    for first, last in (run for runs in plateaus.values() for run in runs):
-        flat[first : last + 1] = True
-    if np.sum(~flat) < 2 * PLATEAU:
-        return mask, level
-    for extreme, runs in plateaus.items():
-        if any(_saturates(time[here], x, flat, *run) for run in runs):
-            level = float(extreme)
-            at = np.flatnonzero(x == extreme)
-            mask[here[np.clip(np.concatenate([at - 1, at, at + 1]), 0, here.size - 1)]] = True
-    return mask, level
-
-
-def _saturates(time: np.ndarray, x: np.ndarray, flat: np.ndarray, first: int, last: int) -> bool:
-    """Whether a plateau of x (N,) is no turning point, by the noise and the rounding of the samples beside it."""
-    sides = [side[~flat[side]] for side in (np.arange(max(0, first - BESIDE), first), np.arange(last + 1, min(x.size, last + 1 + BESIDE)))]
-    sides = [side for side in sides if side.size >= 2 * PLATEAU] or [np.flatnonzero(~flat)]
-    sigma = min(noise(time[side], x[side]) for side in sides)
-    near = np.unique(np.append(x[np.concatenate(sides)], x[first]))
-    near = near[np.argsort(np.abs(near - x[first]))][: 2 * PLATEAU]
-    step = max(quantum(near), float(np.min(np.abs(np.diff(near)))))  # a file of six digits is coarser at a high reading than at a low one
-    stays = np.mean(np.concatenate([np.diff(x[side]) == 0 for side in sides]))  # as what is reckoned from counts does, unevenly
-    if sigma > max(step, 10 * FLOOR * np.ptp(x)) and stays < STAYS:
-        return True
-    beyond, weight = _beyond(time, x, first, last)
-    return beyond > max(2 * step, 3 * sigma) * max(1.0, weight)
-
-
-def _plateaus(equal: np.ndarray) -> list[tuple[int, int]]:
-    """First and last sample of each run of at least PLATEAU true ones."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(np.int8)))
-    return [(first, end - 1) for first, end in edges.reshape(-1, 2).tolist() if end - first >= PLATEAU]
-
-
-def _beyond(time: np.ndarray, x: np.ndarray, first: int, last: int) -> tuple[float, float]:
-    """How far a signal would have gone beyond a plateau, and how many sigmas of the samples beside it one of that is.
-
-    It is the less of two: a parabola with the slopes at both edges (0 for what comes hard and rests, as at a stop), and a
-    polynomial of degree 4 through both sides, as flat as a pendulum turns at the top; 0 at the end of a record.
-    """
-    m = min(max(PLATEAU, (last - first) // 2), first, x.size - 1 - last)
-    if m < PLATEAU:
-        return 0.0, 1.0
-    before, after, inside = np.arange(first - m, first), np.arange(last + 1, last + 1 + m), np.arange(first, last + 1)
-    around = np.concatenate([before, after])
-    middle, half = (time[after[-1]] + time[before[0]]) / 2, (time[after[-1]] - time[before[0]]) / 2
-    s, y = (time - middle) / half, (x - x[first]) * np.sign(x[first] - np.mean(x[around]))
-    come, go = (float(np.polyfit(s[side] - s[edge], y[side], 2)[1]) for side, edge in ((before, first), (after, last)))
-    weights = np.vander(s[inside], DEGREE + 1) @ np.linalg.pinv(np.vander(s[around], DEGREE + 1))
-    over = weights @ y[around]
-    k = int(np.argmax(over))
-    if come < 0 or go > 0:
-        return 0.0, 1.0
-    return min(float(over[k]), (come - go) * float(s[last] - s[first]) / 8), float(np.linalg.norm(weights[k]))
 
 
 def outliers(time: np.ndarray, values: np.ndarray, sigma: float) -> np.ndarray:
@@ -192,7 +122,7 @@ def outliers(time: np.ndarray, values: np.ndarray, sigma: float) -> np.ndarray:
     """
     here = np.flatnonzero(np.isfinite(values))
     t, x = time[here], values[here]
-    if here.size < 3 * PLATEAU:
+    if here.size < JUDGED:
         return here[:0]
     d = np.abs(differences(t, x, 4))
     limit = SPIKE * np.maximum(sigma, _local_median(d))

@@ -10,11 +10,18 @@ import numpy as np
 
 from analytic.mechanism import Load, Mechanism
 
+LARGEST = 1e30  # SI, of any number that is read; nothing on a bench is as large, and its square is still a number
+SHOWN = 80  # characters of what a file has, in a message
 Drive = Literal["speed", "measured", "free"]
 
 
 class MeasuredError(ValueError):
     """Measured data cannot be used; the message is one sentence with file, line or field, value and remedy."""
+
+
+def shown(text: str) -> str:
+    """What a file has, quoted for a message: one printable line, not longer than can be read."""
+    return repr(text if len(text) <= SHOWN else f"{text[:SHOWN]}...")
 
 
 @dataclass(frozen=True)

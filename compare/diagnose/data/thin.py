@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from compare.diagnose.data.quality import FLOOR
+from compare.diagnose.data.quality import FLOOR, GAP
 from compare.diagnose.data.recording import Run
 from compare.diagnose.data.smooth import Smoother
 
@@ -21,6 +21,17 @@ def picked(run: Run, every: int) -> Run:
             keep[here[::every]] = True
     channels = {s: replace(c, values=frozen(c.values[keep])) for s, c in run.channels.items()}
     return replace(run, time=frozen(run.time[keep]), channels=channels)
+
+
+def held(time: np.ndarray, encoder: np.ndarray) -> np.ndarray:
+    """Samples (N,) bool at which a drive that follows the encoder (N,), NaN where absent, is held by it: not before, after, or in a gap."""
+    known = np.flatnonzero(np.isfinite(encoder))
+    if known.size < 2:
+        return np.isfinite(encoder)
+    step = np.diff(time[known])
+    after = np.searchsorted(known, np.arange(time.size))  # the reading at or after a sample
+    long = np.concatenate([[True], step > GAP * np.median(step), [True]])
+    return np.isfinite(encoder) | ~long[after]
 
 
 def missed(run: Run, thin: Run, encoder: str) -> float:
