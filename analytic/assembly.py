@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.closure import AssemblyError, newton, set_coordinate, solve_dyad
+from analytic.closure import AssemblyError, newton, set_coordinate, solve_dyad, with_travels
 from analytic.mechanism import Mechanism
 from analytic.structure import Coordinate, Group, Structure, structure
 
@@ -169,7 +169,8 @@ class Assembly:
                 _, self._branch[group], u = candidates[0]
                 solve_dyad(s, group, columns, u, self._branch[group])
             else:
-                self._refuse(at, newton(s, group, columns, u, guess[:, None], at) ** 2, group, False)
+                near = with_travels(s, group, columns, guess[:, None])
+                self._refuse(at, newton(s, group, columns, u, near, at) ** 2, group, False)
             for i in angles:
                 home[i] = guess[i] + _wrapped(u[i, 0] - guess[i])
                 if abs(home[i] - guess[i]) > ASSEMBLY_SLACK:
