@@ -44,7 +44,10 @@ class Solved:
 
 
 class Oracle:
-    """A mechanism assembled at its assembly angles, of every body and with whole turns as they are.  Raises LeftOut where that posture is singular or has none near it."""
+    """A mechanism assembled at its assembly angles, which every body has, whole turns included.
+
+    Raises LeftOut where that posture is singular or has none near it.
+    """
 
     def __init__(self, mechanism: Mechanism) -> None:
         m = self.mechanism = mechanism

@@ -8,12 +8,13 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, event, given, settings
 
-from analytic.assembly import Assembly
+from analytic.assembly import Assembly, AssemblyError
 from analytic.clearance import displaced
 from analytic.kinematics import kinematics
 from analytic.kinetostatics import kinetostatics
@@ -21,7 +22,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism_file import load
 from linkages import dyad_on_a_triad
 from multiplier_oracle import JUMP, TINY, WORST_CONDITION, LeftOut, Oracle, Solved
-from random_linkages import linkages, seeded
+from random_linkages import WIDE, linkages, seeded
 
 pytestmark = pytest.mark.filterwarnings("ignore::analytic.mechanism.MechanismWarning")
 
@@ -29,6 +30,7 @@ FIRST, LINKAGES, CHUNK = int(os.environ.get("FUZZ_FIRST", "0")), int(os.environ.
 ACCURACY = 1e-9  # of the linkage's largest force, its span, a turn
 RANGE = np.radians(40.0)  # of crank to either side of the assembly angle
 SAMPLES = 5
+REFUSED = 200.0  # condition above which the analytic search may run into postures that do not close
 STATIONARY = 1e-9  # of clearance times the largest force
 STILL = (1e-12, 1e-9)  # a joint's slip over the crank's: below is none, between is too little to have a direction in double precision
 QUICK = settings(max_examples=50, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -175,7 +177,12 @@ def assert_the_equilibrium_is_a_minimum_of_energy(m: Mechanism) -> str:
     theta, q = theta[roomy], q[roomy]
     if not theta.size:
         return "left out: the loops do not close with the pins along their reactions"
-    found = displaced(Assembly(m), theta, m.speed or 1.0, inertia=False)
+    try:
+        found = displaced(Assembly(m), theta, m.speed or 1.0, inertia=False)
+    except AssemblyError:  # the search for the equilibrium tries directions of its own
+        if oracle.condition(q, theta).max() < REFUSED:
+            raise
+        return "refused: a direction on the way does not close"
     live = np.setdiff1d(np.arange(theta.size), list(found.flags))
     if not live.size:
         return f"flagged: {found.flags[0].partition(' at ')[0]}"
@@ -212,7 +219,7 @@ def assert_the_equilibrium_is_a_minimum_of_energy(m: Mechanism) -> str:
 
 
 @QUICK
-@given(linkages())
+@given(linkages(replace(WIDE, groups=(1, 2))))
 def test_random_clearances_are_taken_up_to_a_minimum_of_energy(m: Mechanism) -> None:
     event(assert_the_equilibrium_is_a_minimum_of_energy(m))
 
