@@ -17,12 +17,8 @@ from compare.baseline.command import baseline
 from compare.diagnose.command import diagnose, effects
 from compare.export import export
 from compare.faults import Exit, OptionError, complaints
-<<<<<<< HEAD
-from compare.files import output_folder, to_json, write_atomically
+from compare.files import alone_in, output_folder, to_json, write_together
 from compare.folders import Overwrite, result_folder
-=======
-from compare.files import alone_in, file_name, output_folder, to_json, write_together
->>>>>>> front
 from compare.listing import cases, simulators
 from compare.options import JointChoice, ModelChoice, MotionChoice, cores, engines_named, load_case, rigidly_and_evenly_driven
 from compare.progress import progress_bar

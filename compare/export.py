@@ -34,12 +34,7 @@ def export(
     Exit status: 0 written, 2 bad input, 3 the simulator is missing or failed.
     """
     with complaints():
-<<<<<<< HEAD
-        from compare.files import output_folder, write_atomically
-=======
-        from analytic.mechanism_file import load
         from compare.files import output_folder, write_together
->>>>>>> front
         from sim_models.engine import ENGINES, declared, engine
 
         mechanism = load_case(case, clearance)
@@ -52,14 +47,9 @@ def export(
         folder = output_folder(out)
         with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place
             texts = {path.name: path.read_text(encoding="utf-8") for path in write(request, Path(draft))}
-<<<<<<< HEAD
         refuse_others(folder, texts, overwrite)
-        for name, text in texts.items():
-            typer.echo(write_atomically(folder / name, text))
-=======
         for path in write_together(folder, texts):
             typer.echo(path)
->>>>>>> front
         typer.echo(f"run it in an environment that has {chosen.package} and numpy: python {shlex.quote(str(folder / 'run.py'))}")
 
 

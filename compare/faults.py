@@ -10,7 +10,6 @@ from typing import Any
 
 import typer
 
-
 LONGEST = 1000  # characters of a sentence; what is longer repeats somebody's file
 
 

@@ -10,15 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-<<<<<<< HEAD
-from compare.faults import Exit, OptionError, complaints
-from compare.files import OutputError, file_name, output_folder, write_atomically
-from compare.options import engines_named, load_case
-=======
 from compare.faults import Exit, complaints
 from compare.files import file_name, output_folder, write_atomically
-from compare.options import engines_named
->>>>>>> front
+from compare.options import engines_named, load_case
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism

@@ -29,19 +29,10 @@ def update(folder: Folder = WHERE) -> None:
         from compare.validation.runs import run_all
         from compare.validation.scales import scales
 
-<<<<<<< HEAD
-        output_folder(folder / "figures")
-        found = run_all(engines_named("all"), scales())
-        for name, drawing in found.pop("figures").items():
-            write_atomically(folder / "figures" / name, drawing)
-        write_atomically(folder / "validation.json", to_json(found, indent=1) + "\n")
-        write_atomically(folder / "README.md", page(found))
-=======
         output_folder(folder / "figures", "--reports")
-        found = run_all(engines_named("all"))
+        found = run_all(engines_named("all"), scales())
         drawings = {f"figures/{name}": drawing for name, drawing in found.pop("figures").items()}
         write_together(folder, drawings | {"validation.json": to_json(found, indent=1) + "\n", "README.md": page(found)})
->>>>>>> front
         typer.echo(f"{len(found['runs'])} runs: {folder / 'README.md'}")
 
 

@@ -13,14 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from compare.faults import Exit, OptionError, complaints, stop
-<<<<<<< HEAD
-from compare.files import output_folder, to_json, write_atomically
+from compare.files import alone_in, output_folder, to_json, write_together
 from compare.folders import Overwrite, result_folder
 from compare.options import JointChoice, cores, listed_once, load_case, rigidly_and_evenly_driven
-=======
-from compare.files import alone_in, file_name, output_folder, to_json, write_together
-from compare.options import JointChoice, cores, rigidly_and_evenly_driven
->>>>>>> front
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
@@ -66,18 +61,11 @@ def validity(
             load_tolerances(tolerance),
         )
         runs = cells(grid)
-<<<<<<< HEAD
         folder = output_folder(result_folder(context, f"{mechanism.name}-validity", "validity.json", out, overwrite))
-        found = swept(runs, folder, workers or cores(), dask)
-        result = summarised(grid, chosen, runs, found) | {"command": shlex.join(["compare", *sys.argv[1:]]), "warnings": caught}
-        publish(result, folder, json)
-=======
-        folder = output_folder(out or Path("reports") / f"{file_name(mechanism.name)}-validity")
         with alone_in(folder, patience=0.0):  # two maps would take each other's records away
             found = swept(runs, folder, workers or cores(), dask)
             result = summarised(grid, chosen, runs, found) | {"command": shlex.join(["compare", *sys.argv[1:]]), "warnings": caught}
             publish(result, folder, json)
->>>>>>> front
         if all("failure" in one for one in found):
             raise stop(f"every cell failed, the first because {found[0]['failure']}", Exit.SIMULATOR_FAILED)
 

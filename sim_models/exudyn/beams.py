@@ -22,6 +22,7 @@ import numpy as np
 
 from analytic.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
+from sim_models.common.journal import free_share
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
 from sim_models.exudyn.beam_model import BeamModel, Element, Push, pin_stiffness, refuse_what_is_not_modelled, soft_stiffness
 from sim_models.exudyn.beam_motion import RigidMotion
@@ -86,7 +87,7 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
     return Trace(
         simulator="exudyn", version=installed_version("exudyn") or "unknown", joint_model=request.joint_model, motion=request.motion,
         crank_angle=beams.motion.theta.copy(), time=beams.time, signals=signals, clearance=dict(size), journal=gaps,
-        free_share={name: float(np.mean(np.hypot(*gaps[name].T) <= size[name])) for name in size},
+        free_share={name: free_share(np.hypot(*gaps[name].T), size[name]) for name in size},
         settings=used,
     )  # fmt: skip
 

@@ -69,13 +69,6 @@ class Record:
         """Rates of every body, for a Trace."""
         return {body: Rates(v.copy(), self.acceleration[body].copy(), self.angular_acceleration[body].copy()) for body, v in self.velocity.items()}
 
-    def free_share(self, joint: str, clearance: float) -> float:
-        """Share of the time (of the instants, where no time passes) that a pin touched nothing."""
-        free = np.abs(self.gap[joint]) <= clearance
-        if self.time[-1] == self.time[0]:
-            return float(np.mean(free))
-        return float(np.sum(np.diff(self.time) * (free[1:] & free[:-1])) / (self.time[-1] - self.time[0]))
-
 
 def join(records: Sequence[Record]) -> Record:
     """Records one after the other."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from analytic.assembly import Assembly
+from sim_models.common.journal import free_share
 from sim_models.contact_laws import contact_parameters, lighter_mass
 from sim_models.engine import (
     Request,
@@ -201,9 +202,7 @@ class Run:
     def report(self, sampled: Record, dense: Record, time: np.ndarray | None = None, step: float | None = None) -> Trace:
         """The trace: signals at the sampled instants, the pins' paths and free share over the dense record."""
         r = self.request
-        free = dict.fromkeys(self.clearance, 0.0)
-        if r.joint_model != "massless-link":
-            free = {name: dense.free_share(name, clearance) for name, clearance in self.clearance.items()}
+        free = {name: free_share(dense.gap[name], clearance, dense.time) for name, clearance in self.clearance.items()}
         return Trace(
             simulator="exudyn", version=installed_version("exudyn") or "unknown", joint_model=r.joint_model, motion=r.motion,
             crank_angle=np.array(r.crank_angle, float) if r.crank_angle.size else sampled.angle[self.m.driven].copy(), time=time,

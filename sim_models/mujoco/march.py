@@ -26,10 +26,11 @@ def most_steps(link: Linkage) -> int:
 
 @dataclass
 class Log:
-    """Samples of a run: each clearance joint's gap (m) and force (N)."""
+    """Samples of a run: each clearance joint's gap (m) and force (N), and when they were taken (s; none at rest)."""
 
     gaps: dict[str, list[complex]]
     forces: dict[str, list[float]]
+    times: list[float] = field(default_factory=list)
 
     @classmethod
     def of(cls, joints: Iterable[str]) -> Log:
@@ -83,7 +84,10 @@ def march(
             check_warnings(link, f"{link.mechanism.name}, {request.joint_model} joints, t = {time:.4g} s")
             forces = joint_forces(link, d.efc_force)
             check_together(request, apart(link), room, link.step)
-            for name in link.contacts if k or piece == pieces - 1 else ():
+            if not k and piece < pieces - 1:
+                continue  # the lead-in
+            log.times.append(time)
+            for name in link.contacts:
                 log.gaps[name].append(gap(link, name))
                 log.forces[name].append(abs(forces[name][0]))
         check_closed(request, misclosure(link), link.step)

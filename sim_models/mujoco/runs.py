@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from analytic.assembly import Assembly, AssemblyError
+from sim_models.common.journal import free_share
 from sim_models.common.rates import part_rates
 from sim_models.engine import Request, SimulationError, Trace, Unsupported
 from sim_models.failed_starts import own_start
@@ -231,6 +232,7 @@ class Run:
 
     def report(self, theta: np.ndarray, time: np.ndarray | None, signals: Mapping[str, np.ndarray], log: Log, settings: Mapping[str, Any]) -> Trace:
         signals, rates = part_rates(signals)
+        times = np.array(log.times) if log.times else None
         return Trace(
             simulator="mujoco",
             version=mujoco.__version__,
@@ -241,7 +243,7 @@ class Run:
             signals=signals,
             clearance={name: self.mechanism.joint(name).clearance for name in self.laws},
             journal={name: np.array([[g.real, g.imag] for g in path]) for name, path in log.gaps.items()},
-            free_share={name: float(np.mean(np.array(force) <= 0)) for name, force in log.forces.items()},
+            free_share={name: free_share(np.array(gaps), self.mechanism.joint(name).clearance, times) for name, gaps in log.gaps.items()},
             settings={**law_settings(self.request, self.laws), **settings, "solver": "Newton, elliptic cone"},
             rates=rates,
         )

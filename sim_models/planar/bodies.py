@@ -39,11 +39,9 @@ class PlanarWorld(ABC):
     settling = 1  # steps after which the engine's constraints exert what they should
 
     def __init__(self, request: Request) -> None:
-        m = request.mechanism
+        m = self.mechanism = request.mechanism
         self.request = request
-        self.mechanism = m
-        self.static = request.motion == "static"
-        self.speed = m.speed or 0.0
+        self.static, self.speed = request.motion == "static", m.speed or 0.0
         self.course = course_of(request)
         self.pace = pace(self.course or Even(0.0, self.speed))  # rad/s, of the crank at its fastest
         self.turned = not self.static and (m.speed is not None or self.course is not None)  # by a motor
@@ -70,6 +68,7 @@ class PlanarWorld(ABC):
         self.aim: float | None = None  # rad: the crank's angle at the next step's end, or the angle now of a motor that it lags
         self.motor_torque = 0.0  # N.m, of a drive that yields
         self.pin_forces: dict[str, complex] = {}
+        self.pin_gaps: dict[str, complex] = {}  # m, of the driven pins as the last step began
         self.slide_forces: dict[str, complex] = {}  # of the prismatic joints' laws, on their second bodies
         self.sliding: dict[str, float] = {}  # direction of each joint's sliding where nothing moves
         zone = SLIDING_ZONE * (self.pace or FREE_SPEED)
@@ -175,7 +174,8 @@ class PlanarWorld(ABC):
             self._apply_law(joint)
         if self.request.joint_model == "spring-damper":
             for name, pin in self.pins.items():
-                force = self.pin_forces[name] = pin.spring_damper(*self.gap(name))
+                self.pin_gaps[name], rate = self.gap(name)
+                force = self.pin_forces[name] = pin.spring_damper(self.pin_gaps[name], rate)
                 if force:
                     self.pull(pin.joint, force)
         self._steer(h)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sim_models.common.journal import free_share
 from sim_models.common.rates import part_rates
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
 from sim_models.failed_starts import own_start
@@ -52,7 +53,7 @@ def _static(world: PlanarWorld, found: Equilibria, rods: Equilibria | None) -> T
     if by_rods:
         trace = replace(trace, settings={**trace.settings, "read_from_rods": f"{by_rods} of {asked.size} angles"})
     gaps = {n: trace.signals[f"clearance_{n}_x"] + 1j * trace.signals[f"clearance_{n}_y"] for n in world.pins}
-    free = {n: float(np.mean(np.abs(g) < world.pins[n].clearance * (1 - 1e-9))) for n, g in gaps.items()}
+    free = {n: free_share(g, world.pins[n].clearance) for n, g in gaps.items()}
     return replace(trace, free_share=free, journal={n: np.column_stack([g.real, g.imag]) for n, g in gaps.items()})
 
 
@@ -173,34 +174,29 @@ def _follow(world: PlanarWorld, plan: Plan, grid: Grid, tally: Tally) -> dict[in
         else:
             world.step(grid.step)
         if k >= grid.lead:
-            tally.add(grid.step)
+            tally.add()
     return seen
 
 
 class Tally:
-    """Adds up the time without contact and samples the pins' paths."""
+    """Samples the pins' paths, and every step of them for the time without contact."""
 
     def __init__(self, world: PlanarWorld, stride: int) -> None:
-        self.world, self.stride, self.steps, self.time = world, stride, 0, 0.0
-        self.free = dict.fromkeys(world.pins, 0.0)
+        self.world, self.stride = world, stride
         self.paths: dict[str, list[complex]] = {name: [] for name in world.pins}
 
-    def add(self, h: float) -> None:
-        """Take in the step (s) just made."""
-        for name in self.free:
-            self.free[name] += 0.0 if self.world.pin_forces[name] else h
-            if self.steps % self.stride == 0:
-                self.paths[name].append(self.world.gap(name)[0])
-        self.steps += 1
-        self.time += h
+    def add(self) -> None:
+        """Take in where the pins were as the step that was just made began."""
+        for name, path in self.paths.items():
+            path.append(self.world.pin_gaps[name])
 
     def free_share(self) -> dict[str, float]:
         """Share of the time that each pin spent without contact."""
-        return {name: float(time / self.time) for name, time in self.free.items()}
+        return {name: free_share(np.array(path), self.world.pins[name].clearance) for name, path in self.paths.items()}
 
     def journal(self) -> dict[str, np.ndarray]:
         """Path (M, 2) of every pin (m)."""
-        return {name: np.array([(g.real, g.imag) for g in path]) for name, path in self.paths.items()}
+        return {name: np.array([(g.real, g.imag) for g in path[:: self.stride]]) for name, path in self.paths.items()}
 
 
 def _check_depth(world: PlanarWorld, theta: float) -> None:

@@ -50,8 +50,22 @@ def _saturates(time: np.ndarray, x: np.ndarray, flat: np.ndarray, first: int, la
     stays = np.mean(np.concatenate([np.diff(x[side]) == 0 for side in sides]))  # as what is reckoned from counts does, unevenly
     if sigma > max(step, 10 * FLOOR * np.ptp(x)) and stays < STAYS:
         return True
+    limit = max(2 * step, 3 * sigma)
+    if min(first, x.size - 1 - last) < PLATEAU:  # at an end of the record a rest looks the same, but for the noise that a sensor at rest has
+        noisy = sigma > 10 * max(quantum(x[~flat]), FLOOR * float(np.ptp(x)))
+        return bool(noisy and stays < STAYS and _leaves(time, x, first, last) > limit)
     beyond, weight = _beyond(time, x, first, last)
-    return beyond > max(2 * step, 3 * sigma) * max(1.0, weight)
+    return beyond > limit * max(1.0, weight)
+
+
+def _leaves(time: np.ndarray, x: np.ndarray, first: int, last: int) -> float:
+    """How far a signal that goes on at the slope at the one edge of a plateau is beyond it in its middle."""
+    after = np.arange(last + 1, min(x.size, last + 1 + 2 * PLATEAU)) if first < PLATEAU else np.arange(max(0, first - 2 * PLATEAU), first)
+    if after.size < PLATEAU:
+        return 0.0
+    edge = last if first < PLATEAU else first
+    slope = np.polyfit((time[after] - time[edge]) / (time[last] - time[first]), x[after] - x[edge], 2)[1]
+    return abs(float(slope)) / 2
 
 
 def _plateaus(equal: np.ndarray) -> list[tuple[int, int]]:
@@ -64,11 +78,9 @@ def _beyond(time: np.ndarray, x: np.ndarray, first: int, last: int) -> tuple[flo
     """How far a signal would have gone beyond a plateau, and how many sigmas of the samples beside it one of that is.
 
     It is the less of two: a parabola with the slopes at both edges (0 for what comes hard and rests, as at a stop), and a
-    polynomial of degree 4 through both sides, as flat as a pendulum turns at the top; 0 at the end of a record.
+    polynomial of degree 4 through both sides, as flat as a pendulum turns at the top.
     """
     m = min(max(PLATEAU, (last - first) // 2), first, x.size - 1 - last)
-    if m < PLATEAU:
-        return 0.0, 1.0
     before, after, inside = np.arange(first - m, first), np.arange(last + 1, last + 1 + m), np.arange(first, last + 1)
     around = np.concatenate([before, after])
     middle, half = (time[after[-1]] + time[before[0]]) / 2, (time[after[-1]] - time[before[0]]) / 2

@@ -11,17 +11,13 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from analytic.mechanism import Load
 from analytic.mechanism_file import describe
-<<<<<<< HEAD
 from analytic.reading import ReadingError, read_toml
-from compare.diagnose.data.recording import MeasuredError
-=======
 from compare.diagnose.data.recording import LARGEST, MeasuredError
->>>>>>> data
 from compare.diagnose.data.units import listed
 from compare.diagnose.effects.vocabulary import VOCABULARY
 
 LINE = 500  # characters of a message
-DIGITS = "has a whole number of more than 4300 digits, which cannot be read; write it as a decimal"
+DIGITS = "has a whole number of too many digits, which cannot be read; write it as a decimal"
 QUANTITIES = (
     "mass", "length", "inertia", "force", "torque", "angle", "time", "damping", "stiffness", "clearance", "modulus", "gain", "gravity",
 )  # fmt: skip
@@ -72,31 +68,19 @@ def read_file(path: Path) -> MeasuredFile:
         fields = read_toml(path)
         return MeasuredFile.model_validate(fields)
     except ValidationError as error:
-<<<<<<< HEAD
-        raise MeasuredError(f"{path.name}: {'; '.join(describe(error, fields, MeasuredFile))}") from None
+        raise MeasuredError(f"{path.name}: {_described(error, fields)}") from None
     except ReadingError as error:
         raise MeasuredError(f"{path}: {error}; give a measured.toml") from None
-=======
-        raise MeasuredError(f"{path.name}: {_described(error, fields)}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise MeasuredError(f"{path.name}: not TOML: {error}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise MeasuredError(f"{path}: cannot be read as UTF-8 text ({error}); give a measured.toml") from None
-    except RecursionError:
-        raise MeasuredError(f"{path.name}: lists or tables within each other are too deep to be read; give a measured.toml") from None
-    except ValueError:  # Python's limit on digits
-        raise MeasuredError(f"{path.name}: {DIGITS}") from None
 
 
 def _described(error: ValidationError, fields: dict[str, Any]) -> str:
     """Its faults in a line of a length that can be read."""
     try:
         text = "; ".join(describe(error, fields, MeasuredFile))
-    except ValueError:
+    except ValueError:  # Python's limit on the digits that it prints
         return DIGITS
     text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     return text if len(text) <= LINE else f"{text[: LINE // 2]} ... {text[-LINE // 2 :]}"
->>>>>>> data
 
 
 def tolerances(source: str, given: Mapping[str, float | Mapping[str, float]]) -> dict[str, float]:
