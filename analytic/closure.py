@@ -159,6 +159,20 @@ def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near:
     )
 
 
+def with_travels(s: Structure, group: Group, columns: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Coordinates ``near`` (n, 1) with a group's travels (m) such that its loops are least open at these angles: they enter linearly."""
+    slides = [i for i in group.coordinates if not s.coordinates[i].bodies]
+    if not slides:
+        return near
+    near, columns, rows = near.copy(), columns.copy(), s.loops[list(group.loops)]
+    near[slides] = 0.0
+    for i in sorted(group.coordinates, key=slides.__contains__):  # a travel is along a body
+        set_coordinate(s, i, columns, near[i])
+    open_by, along = rows[:, : len(columns)] @ columns, np.stack([partials(s, i, rows, columns) for i in slides], axis=-1)[:, 0]
+    near[slides] = -np.linalg.lstsq(np.concatenate([along.real, along.imag]), np.concatenate([open_by.real, open_by.imag]), rcond=None)[0]
+    return near
+
+
 def _regularity(s: Structure, rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Smallest singular value (N,) of a group's Jacobian (N, n, n) in its own scales, with the determinant's sign; zero at a change point.
 

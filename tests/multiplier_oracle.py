@@ -44,7 +44,10 @@ class Solved:
 
 
 class Oracle:
-    """A mechanism assembled at its assembly angles, of every body and with whole turns as they are.  Raises LeftOut where that posture is singular or has none near it."""
+    """A mechanism assembled at its assembly angles, which every body has, whole turns included.
+
+    Raises LeftOut where that posture is singular or has none near it.
+    """
 
     def __init__(self, mechanism: Mechanism) -> None:
         m = self.mechanism = mechanism
@@ -114,13 +117,11 @@ class Oracle:
                 residual, matrix = self.constraints(q, theta, gaps)
                 step = np.linalg.solve(matrix, residual[..., None])[..., 0]
                 q[:, 1:] -= step.reshape(len(q), -1, 3)
-                if np.abs(step).max() < 1e-15:
-                    break
+                if np.abs(step).max() < 1e-9:  # the next would be its square
+                    return q
         except np.linalg.LinAlgError:
             raise LeftOut("singular") from None
-        if not np.abs(self.constraints(q, theta, gaps)[0]).max() < 1e-12:
-            raise LeftOut("not closed")
-        return q
+        raise LeftOut("not closed")
 
     def _assembled(self) -> np.ndarray:
         """The assembly posture: with the angles given, positions follow from linear equations; then Newton's method."""
@@ -133,20 +134,19 @@ class Oracle:
         home = self.closed(q, theta, passes=20)
         if np.abs(home - q)[..., 2].max() > 0.5:
             raise LeftOut("assembled elsewhere")
-        if not self.condition(home, theta)[0] < WORST_CONDITION:
+        condition, self.branch = self._judged(home, theta)
+        if not condition < WORST_CONDITION:
             raise LeftOut("assembled near a singular posture")
-        self.branch = self._side(home, theta)
         return home
-
-    def _side(self, q: np.ndarray, theta: np.ndarray) -> float:
-        """Sign of the constraints' determinant, which changes only at a change point."""
-        return float(np.linalg.slogdet(self.constraints(q, theta)[1])[0][0])
 
     def condition(self, q: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Condition (N,) of the constraints' derivative, its rows normalised."""
+        return _condition(self.constraints(q, theta)[1])
+
+    def _judged(self, q: np.ndarray, theta: np.ndarray) -> tuple[float, float]:
+        """A posture's condition, and the sign of its determinant, which changes only at a change point."""
         matrix = self.constraints(q, theta)[1]
-        with np.errstate(divide="ignore"):
-            return np.linalg.cond(matrix / np.linalg.norm(matrix, axis=2, keepdims=True))
+        return float(_condition(matrix)[0]), float(np.linalg.slogdet(matrix)[0][0])
 
     def walk(self, far: float) -> tuple[np.ndarray, np.ndarray]:
         """Crank angles (M,) and poses from up to ``far`` rad below the assembly angle to above it, as long as they are well conditioned."""
@@ -161,7 +161,8 @@ class Oracle:
                     here = self.closed(guess, theta)
                 except LeftOut:
                     break
-                if np.abs(here - guess).max() > JUMP or not self.condition(here, theta)[0] < WORST_CONDITION or self._side(here, theta) != self.branch:
+                condition, branch = self._judged(here, theta)
+                if np.abs(here - guess).max() > JUMP or not condition < WORST_CONDITION or branch != self.branch:
                     break
                 thetas.append(float(theta[0]))
                 poses.append(here)
@@ -284,12 +285,20 @@ class Oracle:
         return out
 
 
+def _condition(matrix: np.ndarray) -> np.ndarray:
+    with np.errstate(divide="ignore"):
+        return np.linalg.cond(matrix / np.linalg.norm(matrix, axis=2, keepdims=True))
+
+
 def _turned(angle: np.ndarray, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Body vectors (..., 2) at angles (N, ...) in the ground frame, and their derivative by the angle."""
     c, s = np.cos(angle), np.sin(angle)
     x, y = vector[..., 0], vector[..., 1]
-    turned = np.stack([c * x - s * y, s * x + c * y], axis=-1)
-    return turned, np.stack([-turned[..., 1], turned[..., 0]], axis=-1)
+    turned = np.empty((*np.broadcast_shapes(c.shape, x.shape), 2), c.dtype)
+    turned[..., 0], turned[..., 1] = c * x - s * y, s * x + c * y
+    across = np.empty_like(turned)
+    across[..., 0], across[..., 1] = -turned[..., 1], turned[..., 0]
+    return turned, across
 
 
 def _point(pose: np.ndarray, arm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

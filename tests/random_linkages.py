@@ -223,7 +223,7 @@ class _Flesh:
         self.speed = speed
         drive = self.drive(speed)
         driven = next(b for j in s.joints if j["name"] == drive["joint"] for b in j["bodies"] if b != "ground")
-        fields = {
+        return {
             "gravity": pair(gravity),
             "ground": {"points": self.points("ground")},
             "body": [self.body(b) for b in s.poses if b != "ground"],
@@ -232,7 +232,6 @@ class _Flesh:
             "load": [self.load() for _ in range(c.whole(0, 3))],
             "assembly": {b: float(np.angle(x)) + (b != driven) * real(c, -0.01, 0.0, 0.01) for b, (_, x) in s.poses.items() if b != "ground"},
         }
-        return fields
 
     def points(self, body: str) -> dict[str, list[float]]:
         origin, x = self.skeleton.poses[body]

@@ -8,12 +8,13 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, event, given, settings
 
-from analytic.assembly import Assembly
+from analytic.assembly import Assembly, AssemblyError
 from analytic.clearance import displaced
 from analytic.kinematics import kinematics
 from analytic.kinetostatics import kinetostatics
@@ -21,7 +22,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism_file import load
 from linkages import dyad_on_a_triad
 from multiplier_oracle import JUMP, TINY, WORST_CONDITION, LeftOut, Oracle, Solved
-from random_linkages import linkages, seeded
+from random_linkages import WIDE, linkages, seeded
 
 pytestmark = pytest.mark.filterwarnings("ignore::analytic.mechanism.MechanismWarning")
 
@@ -29,6 +30,7 @@ FIRST, LINKAGES, CHUNK = int(os.environ.get("FUZZ_FIRST", "0")), int(os.environ.
 ACCURACY = 1e-9  # of the linkage's largest force, its span, a turn
 RANGE = np.radians(40.0)  # of crank to either side of the assembly angle
 SAMPLES = 5
+REFUSED = 200.0  # condition above which the analytic search may run into postures that do not close
 STATIONARY = 1e-9  # of clearance times the largest force
 STILL = (1e-12, 1e-9)  # a joint's slip over the crank's: below is none, between is too little to have a direction in double precision
 QUICK = settings(max_examples=50, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -117,6 +119,18 @@ def assert_the_same_motion_and_forces(m: Mechanism) -> str:
     return "compared"
 
 
+@pytest.mark.parametrize(
+    "seed",
+    [
+        pytest.param(174, id="10 um: loops of four bodies close to their own size, not to 1e-14 m"),
+        pytest.param(2654, id="slides: a group's travels at the assembly angles are not nil, from where another assembly mode was found"),
+        pytest.param(2051, id="slides: nor from where none was found near the assembly angles"),
+    ],
+)
+def test_what_random_linkages_have_found_stays_mended(seed: int) -> None:
+    assert assert_the_same_motion_and_forces(seeded(seed)) == "compared"
+
+
 @QUICK
 @given(linkages())
 def test_random_linkages_move_and_push_as_multipliers_say(m: Mechanism) -> None:
@@ -163,7 +177,12 @@ def assert_the_equilibrium_is_a_minimum_of_energy(m: Mechanism) -> str:
     theta, q = theta[roomy], q[roomy]
     if not theta.size:
         return "left out: the loops do not close with the pins along their reactions"
-    found = displaced(Assembly(m), theta, m.speed or 1.0, inertia=False)
+    try:
+        found = displaced(Assembly(m), theta, m.speed or 1.0, inertia=False)
+    except AssemblyError:  # the search for the equilibrium tries directions of its own
+        if oracle.condition(q, theta).max() < REFUSED:
+            raise
+        return "refused: a direction on the way does not close"
     live = np.setdiff1d(np.arange(theta.size), list(found.flags))
     if not live.size:
         return f"flagged: {found.flags[0].partition(' at ')[0]}"
@@ -200,7 +219,7 @@ def assert_the_equilibrium_is_a_minimum_of_energy(m: Mechanism) -> str:
 
 
 @QUICK
-@given(linkages())
+@given(linkages(replace(WIDE, groups=(1, 2))))
 def test_random_clearances_are_taken_up_to_a_minimum_of_energy(m: Mechanism) -> None:
     event(assert_the_equilibrium_is_a_minimum_of_energy(m))
 
