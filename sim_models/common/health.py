@@ -35,7 +35,7 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Body, Joint
 from sim_models.common.balances import balances
-from sim_models.common.seen import TINY, Miss, Seen, cross, dot
+from sim_models.common.seen import REST, TINY, Miss, Seen, cross, dot
 from sim_models.engine import Request, SimulationError, Trace
 
 FREE = 0.1  # of the clearance, inside of the rim: a pin farther inside touches nothing in any engine
@@ -65,11 +65,11 @@ LIMITS = {
     "turned": Limit(1e-6, 1e-6, 1e-6),
     "signal": Limit(1e-6, 1e-6, 1e-6),
     "crank": Limit(1e-6, 1e-6, 1e-6),
-    "speed": Limit(1e-6, 1e-6, 1e-6),
+    "speed": Limit(1e-5, 1e-5, 1e-5),
     "evenness": Limit(1e-5, 1e-5, 1e-5),
     "parting": Limit(1e-5, 1e-5, 1e-4),
-    "jolt": Limit(1e-3, 1e-3, 5e-3),
-    "rod": Limit(1e-3, 5e-3, 5e-3),
+    "jolt": Limit(1e-3, 1e-3, 2e-2),
+    "rod": Limit(1e-3, 1e-2, 1e-2),
     "bearing": Limit(0.1, 0.1, 0.1),
     "line": Limit(1e-5, 3e-4, 3e-4),
     "loose": Limit(1e-5, 3e-4, 3e-4),
@@ -117,8 +117,8 @@ def pins(seen: Seen) -> Iterator[Miss]:
         yield Miss("pins", f"{what} come apart", np.abs(gap), seen.size, "m")
         if seen.moves:
             speed, acceleration = seen.fastest
-            yield Miss("parting", f"{what} move apart", np.abs(seen.slip(joint)), speed, "m/s")
-            yield Miss("jolt", f"{what} accelerate apart", np.abs(seen.slip(joint, seen.acceleration)), acceleration, "m/s^2")
+            yield Miss("parting", f"{what} move apart", np.abs(seen.slip(joint)), speed, "m/s", seen.rounding)
+            yield Miss("jolt", f"{what} accelerate apart", np.abs(seen.slip(joint, seen.acceleration)), acceleration, "m/s^2", REST)
 
 
 def slides(seen: Seen) -> Iterator[Miss]:
@@ -132,9 +132,9 @@ def slides(seen: Seen) -> Iterator[Miss]:
         yield Miss("pins", f"the block of {what} leaves its line", np.abs(cross(along, seen.gap(joint))), seen.size, "m")
         if seen.moves:
             slip, spin, (speed, acceleration) = seen.slip(joint), seen.spin(first), seen.fastest
-            yield Miss("parting", f"the block of {what} moves off its line", np.abs(cross(along, slip)), speed, "m/s")
+            yield Miss("parting", f"the block of {what} moves off its line", np.abs(cross(along, slip)), speed, "m/s", seen.rounding)
             off = cross(along, seen.slip(joint, seen.acceleration)) - 2 * spin * dot(along, slip)
-            yield Miss("jolt", f"the block of {what} accelerates off its line", np.abs(off), acceleration, "m/s^2")
+            yield Miss("jolt", f"the block of {what} accelerates off its line", np.abs(off), acceleration, "m/s^2", REST)
 
 
 def closure(seen: Seen) -> Iterator[Miss]:
@@ -169,6 +169,8 @@ def closure(seen: Seen) -> Iterator[Miss]:
             row(-dot(gap, axis), **{first: (-axis, -cross(a, axis)), second: (axis, cross(b, axis))})
     if seen.held:
         row(0.0, **{seen.m.driven: (0j, 1.0)})
+    if not rows:
+        return
     turn = np.linalg.pinv(np.stack(rows, axis=1), rcond=SINGULAR) @ np.stack(missed, axis=1)[..., None]
     for body in seen.m.bodies:
         what = f"body {body.name!r} would have to turn for the joints to close"
@@ -187,7 +189,7 @@ def crank(seen: Seen) -> Iterator[Miss]:
     if not stiffness and not seen.still and m.speed:
         yield Miss("speed", f"the crank {name!r} does not turn as its motor", np.abs(seen.spin(name) - m.speed), abs(m.speed), "rad/s")
         if seen.moves:
-            yield Miss("evenness", f"the crank {name!r} does not turn evenly", np.abs(seen.spin_up(name)), m.speed**2, "rad/s^2")
+            yield Miss("evenness", f"the crank {name!r} does not turn evenly", np.abs(seen.spin_up(name)), m.speed**2, "rad/s^2", REST / seen.size)
 
 
 def bearings(seen: Seen) -> Iterator[Miss]:

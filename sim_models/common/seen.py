@@ -14,6 +14,7 @@ from sim_models.engine import Request, Trace
 
 FADING = 1e-2  # of the largest angular speed: slower joints may have let their Coulomb friction fade
 REST = 1e-5  # m/s^2: forces that give the whole linkage's mass no more are nothing
+ROUNDING = 1e-12
 TINY = 1e-300  # in place of a length of zero
 
 
@@ -191,11 +192,23 @@ class Seen:
 
     @cached_property
     def fastest(self) -> tuple[float, float]:
-        """The largest speed (m/s) and acceleration (m/s^2) of anything in the linkage, or thereabouts."""
+        """The largest speed (m/s) and acceleration (m/s^2) in the linkage, or thereabouts; where it is pressed, of its mass by its largest force."""
         rates = [(self.trace.rates[b.name], self.spin(b.name)) for b in self.m.bodies]
         speed = max(float((np.abs(r.velocity) + self.size * np.abs(spin)).max(initial=0.0)) for r, spin in rates)
         turned = [np.abs(r.acceleration) + self.size * (np.abs(r.angular_acceleration) + spin**2) for r, spin in rates]
-        return speed, max(float(each.max(initial=0.0)) for each in turned)
+        pressed = self.largest / sum(b.mass for b in self.m.bodies)
+        return speed, max(pressed, *(float(each.max(initial=0.0)) for each in turned))
+
+    @cached_property
+    def largest(self) -> float:
+        """The largest reaction (N)."""
+        return max(float(np.abs(self.reaction(joint)).max(initial=0.0)) for joint in self.m.joints)
+
+    @property
+    def rounding(self) -> float:
+        """A speed (m/s) that is as good as none: rounding of the linkage's size in a step."""
+        step = self.trace.settings.get("step")
+        return ROUNDING * self.size / step if step else 0.0
 
     def slip(self, joint: Joint, rate: Callable[[str, np.ndarray], np.ndarray] | None = None) -> np.ndarray:
         """Velocity (or another ``rate``) (N,) of a joint's second body less its first, where its reaction acts on them."""
