@@ -18,7 +18,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from analytic.assembly import Assembly
+from analytic.assembly import Assembly, AssemblyError
 from analytic.kinematics import Gap, kinematics
 from analytic.kinetostatics import Reactions, kinetostatics
 from analytic.reach import usual_angles
@@ -31,6 +31,7 @@ STENCIL = 2e-3  # rad of crank angle, to either neighbour of the two that give t
 UNSTEADY = 0.02  # rad by which a gap's own motion may turn it
 SETTLED = 1e-12  # rad
 PASSES = 40
+SHORTER = 6  # times that a step of the search is halved
 
 
 @dataclass(frozen=True)
@@ -160,13 +161,24 @@ class _Pins:
             todo, step, before, size = todo[far], step[far], miss[far], size[far]
             if not todo.size:
                 break
-            miss = self.miss(drive[:, todo], phi[todo], None if rates is None else rates[:, todo])
+            phi[todo] -= step
+            miss, step = self.onward(drive[:, todo], phi[todo], step, None if rates is None else rates[:, todo])
+            phi[todo] += step
             gain = np.minimum(1.0, np.abs(miss).max(axis=1) / size)
             known = inverse[todo]
             seen = np.einsum("nij,nj->ni", known, miss - before)
             weight = np.einsum("ni,nij->nj", step, known) / np.sum(step * seen, axis=1, keepdims=True)
             inverse[todo] -= (step + seen)[..., None] * weight[:, None]
         return phi, inverse
+
+    def onward(self, drive: np.ndarray, phi: np.ndarray, step: np.ndarray, rates: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        """The miss (N, K) rad at phi + step, and the step: a shorter one where the linkage does not close with its pins so far on."""
+        for _ in range(SHORTER):
+            try:
+                return self.miss(drive, phi + step, rates), step
+            except AssemblyError:
+                step = step / 2
+        return self.miss(drive, phi + step, rates), step
 
     def miss(self, drive: np.ndarray, phi: np.ndarray, rates: np.ndarray | None) -> np.ndarray:
         """Angles (N, K) rad from the pins' directions to their reactions'."""
