@@ -88,7 +88,8 @@ def with_flexible_links(side: Yardstick, assembly: Assembly, theta: np.ndarray) 
         first, second = (found.displacement(body, joint) for body in m.joint(joint).bodies)
         signals |= {f"clearance_{joint}_{axis}": signals[f"clearance_{joint}_{axis}"] + part for axis, part in _axes(first - second)}
     peaks = {name: peak for name, peak in side.peaks.items() if name.startswith(("reaction_", "drive_"))}
-    return replace(side, signals=signals, peaks=peaks, elastic=max(float(np.abs(found.displacement(*place)).max()) for place in found.motions))
+    elastic = max(float(np.abs(found.displacement(*place)).max()) for place in found.motions)
+    return replace(side, signals=signals, peaks=peaks, elastic=elastic)
 
 
 def _axes(vector: np.ndarray) -> tuple[tuple[str, np.ndarray], tuple[str, np.ndarray]]:
