@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from linkages import inverted_slider, jansen_leg
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism_file import load, shipped_cases
 from compare.baseline.runs import setups
 from compare.crosscheck import Job, crosscheck
 from compare.discrepancy import load_tolerances
+from linkages import inverted_slider, jansen_leg
 from sim_models.common.health import LIMITS, Implausible, check, misses
 from sim_models.common.journal import free_share
 from sim_models.engine import ENGINES, Request, Trace, declared, engine
