@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.closure import AssemblyError, newton, set_coordinate, solve_dyad
+from analytic.closure import AssemblyError, newton, set_coordinate, solve_dyad, with_travels
 from analytic.mechanism import Mechanism
 from analytic.structure import Coordinate, Group, Structure, structure
 
@@ -55,8 +55,7 @@ class Assembly:
                         f"{mechanism.name}: assembly.{s.bodies[c.bodies[0]]} is missing; give its approximate angle (rad) to pick the assembly mode"
                     )
                 guess[i] = mechanism.assembly[s.bodies[named[0]]] - s.twist[named[0]]
-        self._home = self._assemble(guess)
-        self._path = Path(np.array([self.start]), self._home[:, None])  # as far as it has been walked
+        self._path = Path(np.array([self.start]), self._assemble(guess)[:, None])  # as far as it has been walked
 
     def form(self, body: str, point: str = "com") -> np.ndarray:
         """The structure's form of a body's point, made once."""
@@ -123,25 +122,25 @@ class Assembly:
         """The ideal linkage's path over at least [low, high] rad and the assembly angle.  Raises AssemblyError on the way."""
         low, high, known = min(low, high), max(low, high), self._path.theta
         if not (known[0] <= low and high <= known[-1]):  # walked once: what is known has no change point
-            low, high = min(low, known[0]), max(high, known[-1])
-            below = np.linspace(self.start, low, int(np.ceil((self.start - low) / PATH_STEP)) + 1)
-            above = np.linspace(self.start, high, int(np.ceil((high - self.start) / PATH_STEP)) + 1)
-            u = np.hstack([self._walk(below)[:, :0:-1], self._walk(above)])
-            self._path = Path(np.concatenate([below[:0:-1], above]), u)
+            low, high, u = min(low, known[0]), max(high, known[-1]), self._path.coordinates
+            below = np.linspace(known[0], low, int(np.ceil((known[0] - low) / PATH_STEP)) + 1)
+            above = np.linspace(known[-1], high, int(np.ceil((high - known[-1]) / PATH_STEP)) + 1)
+            u = np.hstack([self._walk(below, u[:, 0])[:, :0:-1], u, self._walk(above, u[:, -1])[:, 1:]])
+            self._path = Path(np.concatenate([below[:0:-1], known, above[1:]]), u)
         return self._path
 
-    def _walk(self, theta: np.ndarray) -> np.ndarray:
-        """Continue from the assembly angle along theta (monotone, its first is the assembly angle)."""
+    def _walk(self, theta: np.ndarray, home: np.ndarray) -> np.ndarray:
+        """Continue along theta (monotone) from the coordinates ``home`` (n,) at its first."""
         u, columns = self._driven_to(theta)
         for group in self.structure.groups:
             if group in self._branch:
                 margin = solve_dyad(self.structure, group, columns, u, self._branch[group])
                 self._check_passage(theta, margin, group, u)
             else:
-                self._creep(theta, group, columns, u)
+                self._creep(theta, group, columns, u, home)
             for i in group.coordinates:
                 if self.structure.coordinates[i].bodies:
-                    u[i] = np.unwrap(np.concatenate([[self._home[i]], u[i]]))[1:]
+                    u[i] = np.unwrap(np.concatenate([[home[i]], u[i]]))[1:]
         return u
 
     def _driven_to(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -169,7 +168,8 @@ class Assembly:
                 _, self._branch[group], u = candidates[0]
                 solve_dyad(s, group, columns, u, self._branch[group])
             else:
-                self._refuse(at, newton(s, group, columns, u, guess[:, None], at) ** 2, group, False)
+                near = with_travels(s, group, columns, guess[:, None])
+                self._refuse(at, newton(s, group, columns, u, near, at) ** 2, group, False)
             for i in angles:
                 home[i] = guess[i] + _wrapped(u[i, 0] - guess[i])
                 if abs(home[i] - guess[i]) > ASSEMBLY_SLACK:
@@ -184,9 +184,9 @@ class Assembly:
 
     # ---------------------------------------------------------------- change points
 
-    def _creep(self, theta: np.ndarray, group: Group, columns: np.ndarray, u: np.ndarray) -> None:
+    def _creep(self, theta: np.ndarray, group: Group, columns: np.ndarray, u: np.ndarray, home: np.ndarray) -> None:
         """Newton from one angle of the path to the next, watching how far the group is from singular."""
-        near = self._home[:, None].copy()
+        near = home[:, None].copy()
         before = None
         for k in range(theta.size):
             one, here = columns[:, k : k + 1], u[:, k : k + 1]

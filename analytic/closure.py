@@ -130,7 +130,7 @@ def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near:
     unknown = list(group.coordinates)
     for i in unknown:
         u[i] = near[i]
-    size = float(np.abs(rows).sum(axis=1).max())
+    arms = np.abs(rows[:, : len(s.bodies)]).sum(axis=1)  # m; the other columns' factors are none, and 1 at every scale
     for _ in range(30):
         for i in unknown:
             c = s.coordinates[i]
@@ -143,7 +143,8 @@ def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near:
         residual = rows[:, : len(columns)] @ columns
         jacobian = np.stack([partials(s, i, rows, columns) for i in unknown], axis=-1)  # (loops, N, unknowns)
         matrix = np.concatenate([jacobian.real, jacobian.imag]).transpose(1, 0, 2)
-        if np.abs(residual).max() < 1e-14 * size:
+        travels = np.abs(columns[len(s.bodies) : len(s.bodies) + len(s.slides)]).sum(axis=0)
+        if np.all(np.abs(residual) <= 1e-14 * (arms.max() + travels)):
             return _regularity(s, rows, matrix)
         right = np.concatenate([residual.real, residual.imag]).T
         try:
@@ -156,6 +157,20 @@ def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near:
         f"{', '.join(group.bodies)} do not close; choose crank angles that they reach",
         float(theta[worst]),
     )
+
+
+def with_travels(s: Structure, group: Group, columns: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Coordinates ``near`` (n, 1) with a group's travels (m) such that its loops are least open at these angles: they enter linearly."""
+    slides = [i for i in group.coordinates if not s.coordinates[i].bodies]
+    if not slides:
+        return near
+    near, columns, rows = near.copy(), columns.copy(), s.loops[list(group.loops)]
+    near[slides] = 0.0
+    for i in sorted(group.coordinates, key=slides.__contains__):  # a travel is along a body
+        set_coordinate(s, i, columns, near[i])
+    open_by, along = rows[:, : len(columns)] @ columns, np.stack([partials(s, i, rows, columns) for i in slides], axis=-1)[:, 0]
+    near[slides] = -np.linalg.lstsq(np.concatenate([along.real, along.imag]), np.concatenate([open_by.real, open_by.imag]), rcond=None)[0]
+    return near
 
 
 def _regularity(s: Structure, rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from compare.faults import OptionError, complaints
-from compare.files import file_name, output_folder, to_json, write_atomically
+from compare.files import output_folder, to_json, write_atomically
+from compare.folders import Overwrite, result_folder
 from compare.options import MotionChoice, listed_once, load_case, metres_by_joint
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ ROUNDING = 1e-12  # m or rad, below which the table shows nothing
 
 
 def accuracy(
+    context: typer.Context,
     case: Annotated[str, typer.Option(help="Shipped case (see: compare cases) or a mechanism file.")] = "paper",
     clearance: Annotated[str | None, typer.Option(metavar="JOINT=M,...", help="Radial clearances (m) in place of the case's own.")] = None,
     clearance_tolerance: Annotated[
@@ -42,7 +44,8 @@ def accuracy(
     samples: Annotated[int, typer.Option(min=2, max=1_000_000, help="Linkages in the Monte Carlo.")] = 20_000,
     seed: Annotated[int, typer.Option(min=0, help="Of the Monte Carlo's random numbers.")] = 0,
     nonlinear: Annotated[bool, typer.Option("--nonlinear", help="Close the linkage again for every sample.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder of accuracy.json [reports/<case>-accuracy].")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of accuracy.json [reports/<case>-accuracy, then the options].")] = None,
+    overwrite: Overwrite = False,
     json: Annotated[bool, typer.Option("--json", help="Print accuracy.json to standard output, and nothing else there.")] = False,
 ) -> None:
     """Say how accurate a linkage with clearance can be: nominal, worst case, by joint, Monte Carlo, compliance.
@@ -54,6 +57,7 @@ def accuracy(
         from compare.grid import chosen_angles
 
         mechanism = load_case(case, clearance)
+        folder = result_folder(context, f"{mechanism.name}-accuracy", "accuracy.json", out, overwrite)
         tolerances = metres_by_joint(clearance_tolerance, "--clearance-tolerance", mechanism) if clearance_tolerance else {}
         assembly = Assembly(mechanism)
         result = analyse(
@@ -68,7 +72,7 @@ def accuracy(
         )
         result |= {"command": shlex.join(["compare", *sys.argv[1:]]), "warnings": caught}
         text = to_json(result)
-        path = write_atomically(output_folder(out or Path("reports") / f"{file_name(mechanism.name)}-accuracy") / "accuracy.json", text)
+        path = write_atomically(output_folder(folder) / "accuracy.json", text)
         if json:
             typer.echo(text)
             return

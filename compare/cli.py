@@ -17,7 +17,8 @@ from compare.baseline.command import baseline
 from compare.diagnose.command import diagnose, effects
 from compare.export import export
 from compare.faults import Exit, OptionError, complaints
-from compare.files import file_name, output_folder, to_json, write_atomically
+from compare.files import alone_in, output_folder, to_json, write_together
+from compare.folders import Overwrite, result_folder
 from compare.listing import cases, simulators
 from compare.options import JointChoice, ModelChoice, MotionChoice, cores, engines_named, load_case, rigidly_and_evenly_driven
 from compare.progress import progress_bar
@@ -64,7 +65,8 @@ def compare(
     analytic: Annotated[ModelChoice, typer.Option(help="Analytic model to hold the simulation to.")] = ModelChoice.equilibrium,
     flexible: Annotated[bool, typer.Option("--flexible", help="Let bodies with youngs_modulus bend; with --motion static.")] = False,
     tolerance: Annotated[Path | None, typer.Option(help="Tolerance file laid over the shipped one.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of the report [reports/<case>-<simulator>].")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the report [reports/<case>-<simulator>, then the options].")] = None,
+    overwrite: Overwrite = False,
     json: Annotated[bool, typer.Option("--json", help="Print result.json to standard output, and nothing else there.")] = False,
     version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
 ) -> None:
@@ -88,7 +90,7 @@ def compare(
         tolerances = load_tolerances(tolerance)
         mechanism = load_case(case, clearance)
         job = _job(mechanism, simulator, joint, motion, angles, analytic, tolerances, caught, flexible)
-        folder = output_folder(out or Path("reports") / f"{file_name(mechanism.name)}-{simulator}")
+        folder = output_folder(result_folder(context, mechanism.name, "result.json", out, overwrite))
         result = _run(job)
         for text in result["warnings"][len(job.warnings) :]:
             typer.echo(text if text.startswith("left out: ") else f"warning: {text}", err=True)
@@ -200,11 +202,12 @@ def _run(job: Job) -> dict[str, Any]:
 
 
 def _publish(result: dict[str, Any], folder: Path, json: bool) -> None:
-    from compare.report import write_report
+    from compare.report import report_files
 
     text = to_json(result)
-    write_atomically(folder / "result.json", text)
-    write_report(result, folder)
+    files = {"result.json": text} | report_files(result)
+    with alone_in(folder):
+        write_together(folder, files)
     if json:
         typer.echo(text)
         return

@@ -13,6 +13,7 @@ from analytic.assembly import Assembly
 from analytic.clearance import Model
 from analytic.mechanism import Mechanism
 from compare.attribution import attribute
+from compare.closer import Judged, settle
 from compare.discrepancy import Discrepancy, Rule, Scales, check_known, judge, known_differences
 from compare.flexible import Beams, softened
 from compare.grid import turns_fully
@@ -22,7 +23,7 @@ from compare.yardstick import Yardstick, released_yardstick, with_flexible_links
 from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Trace, Unsupported, engine, installed_version
 
 SCHEMA = 1
-TOO_SOFT = 0.5  # of a clearance: contact that gives more does not show where in it the pin rests
+TOO_SOFT = 0.5  # of a clearance: a pin that is seen farther beyond its rim does not show where in it it rests
 Progress = Callable[[str, int, int], None]
 Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Yardstick]
 
@@ -75,7 +76,19 @@ def crosscheck(
     left_out = [f.why for f in traces if isinstance(f, Failure) and f.unsupported]
     if len(left_out) == len(tasks) or (left_out and len(job.simulators) == 1):
         raise Unsupported(left_out[0])
-    judged = [_run(job, sides[t.joint_model == "ideal"], t) for t in traces if isinstance(t, Trace)]
+
+    def judge(t: Trace) -> Judged:
+        return Judged(t, *_run(job, sides[t.joint_model == "ideal"], t))
+
+    def simulate_again(requests: Mapping[int, Request]) -> dict[int, Trace | Failure]:
+        order = list(requests)
+        found = simulate_all([(tasks[i][0], requests[i]) for i in order], job.workers, resolve)
+        return {order[k]: _whole(outcome, job.mechanism) for k, outcome in found}
+
+    first = {i: judge(t) for i, t in enumerate(traces) if isinstance(t, Trace)}
+    settled = settle(first, {} if job.flexible else dict(enumerate(r for _, r in tasks)), simulate_again, judge)
+    failed += [one for one in settled.values() if isinstance(one, Failure)]
+    judged = [(one.run, one.rules) for one in settled.values() if isinstance(one, Judged)]
     runs = [run for run, _ in judged]
     failures = [{"simulator": f.simulator, "joint_model": f.joint_model, "why": f.why} for f in failed]
     result: dict[str, Any] = {
@@ -193,14 +206,16 @@ def _give(settings: Mapping[str, Any], clearances: Mapping[str, float], simulate
 
 
 def _too_soft(runs: list[dict[str, Any]]) -> Iterator[str]:
-    """A warning for each run whose contact yields so far that what is allowed for it hides the clearance."""
+    """A warning for each pin whose path was seen to go so far beyond its clearance that this is hidden, whatever its contact is made of."""
     for run in runs:
-        give = _give(run["settings"], run["clearance"], run["simulated"])
-        for joint, gap in run["clearance"].items():
-            if give > TOO_SOFT * gap:
+        for joint, clearance in run["clearance"].items():
+            path = [np.hypot(run["simulated"][f"clearance_{joint}_x"], run["simulated"][f"clearance_{joint}_y"])]
+            path += [np.hypot(seen["x"], seen["y"]) for name, seen in run["journal"].items() if name == joint]
+            depth = float(np.nanmax(np.concatenate(path), initial=0.0)) - clearance
+            if depth > TOO_SOFT * clearance:
                 yield (
-                    f"{run['simulator']['name']}, {run['joint_model']}: the contact gives by {1e3 * give:.2g} mm, {give / gap:.1f} times the "
-                    f"clearance in {joint}, and is allowed to: too soft to see this clearance; raise contact_stiffness in joint {joint}"
+                    f"{run['simulator']['name']}, {run['joint_model']}: the pin of joint {joint} is seen {1e3 * depth:.2g} mm beyond its rim, "
+                    f"{depth / clearance:.1f} times its clearance: too soft to see this clearance; give joint {joint} a higher contact_stiffness"
                 )
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from compare.faults import OptionError, complaints
+from compare.folders import Overwrite, refuse_others
 from compare.options import JointChoice, MotionChoice, load_case, rigidly_and_evenly_driven
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ def export(
     motion: Annotated[MotionChoice, typer.Option(help="Run the crank at its speed, or equilibrium at each angle.")] = MotionChoice.driven,
     clearance: Annotated[str | None, typer.Option(metavar="JOINT=M,...", help="Radial clearances (m) in place of the case's own.")] = None,
     angles: Annotated[str | None, typer.Option(metavar="START:STOP:STEP", help="Crank angles (deg).")] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write the engine's own model and a script that runs it without this project, to be checked by anyone.
 
@@ -32,7 +34,7 @@ def export(
     Exit status: 0 written, 2 bad input, 3 the simulator is missing or failed.
     """
     with complaints():
-        from compare.files import output_folder, write_atomically
+        from compare.files import OutputError, output_folder, write_together
         from sim_models.engine import ENGINES, declared, engine
 
         mechanism = load_case(case, clearance)
@@ -43,10 +45,15 @@ def export(
             raise OptionError(f"--simulator {simulator}: its model cannot be exported; that of {can} can")
         request = request_of(rigidly_and_evenly_driven(mechanism), joint, motion, angles)
         folder = output_folder(out)
-        with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place
-            texts = {path.name: path.read_text(encoding="utf-8") for path in write(request, Path(draft))}
-        for name, text in texts.items():
-            typer.echo(write_atomically(folder / name, text))
+        try:
+            with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place
+                texts = {path.name: path.read_text(encoding="utf-8") for path in write(request, Path(draft))}
+        except OSError as error:
+            where = f"{tempfile.gettempdir()}, where the files for {folder} are drafted"
+            raise OutputError(f"{where}: cannot be written ({error.strerror}); free space there, or give TMPDIR another folder") from None
+        refuse_others(folder, texts, overwrite)
+        for path in write_together(folder, texts):
+            typer.echo(path)
         typer.echo(f"run it in an environment that has {chosen.package} and numpy: python {shlex.quote(str(folder / 'run.py'))}")
 
 

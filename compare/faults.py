@@ -27,7 +27,9 @@ def complaints() -> Iterator[list[str]]:
     """Turn every foreseen fault into one sentence on standard error and its exit status; collect warnings."""
     caught: list[str] = []
 
-    def note(message: Warning | str, *_: Any, **__: Any) -> None:
+    def note(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+        if issubclass(category, RuntimeWarning):
+            return  # numpy's remark on a number that is none: the result that it belongs to has failed, and says so
         caught.append(str(message))
         typer.echo(f"warning: {printable(str(message))}", err=True)
 

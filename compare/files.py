@@ -6,9 +6,18 @@ import json
 import math
 import os
 import tempfile
-from collections.abc import Mapping
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+PATIENCE = 10.0  # s to wait for another process that is writing the same files
 
 
 class OutputError(ValueError):
@@ -20,32 +29,75 @@ def file_name(name: str) -> str:
     return "".join(c if c.isalnum() or c in "-_" else "-" for c in name)
 
 
-def output_folder(path: Path) -> Path:
-    """The folder, made if need be and proven writable.  Raises OutputError."""
+def output_folder(path: Path, option: str = "--out") -> Path:
+    """The folder that an option names, made if need be and proven writable.  Raises OutputError."""
     try:
         path.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path):
             pass
     except OSError as error:
-        raise OutputError(f"--out {path}: cannot write there ({error.strerror}); choose another folder with --out") from None
+        raise OutputError(f"{option} {path}: cannot write there ({error.strerror}); choose another folder with {option}") from None
     return path
+
+
+@contextmanager
+def alone_in(folder: Path, patience: float = PATIENCE) -> Iterator[None]:
+    """Hold a folder, of those processes that ask for it like this, for this one; a process that ends lets it go.
+
+    Raises OutputError where another one holds it for longer than ``patience`` (s).  Does nothing where the system has no such locks.
+    """
+    if fcntl is None:
+        yield
+        return
+    handle, until = os.open(folder, os.O_RDONLY), time.monotonic() + patience
+    try:
+        while not _locked(handle):
+            if time.monotonic() > until:
+                raise OutputError(f"--out {folder}: another run is writing there; wait for it, or choose another folder with --out")
+            time.sleep(0.05)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _locked(handle: int) -> bool:
+    """Lock a folder, unless another process has; one on a file system without locks counts as locked."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        return not isinstance(error, BlockingIOError)
+    return True
 
 
 def write_atomically(path: Path, text: str) -> Path:
     """Write text to a temporary neighbour and rename it, so that nobody ever sees half a file.  Raises OutputError."""
+    return write_together(path.parent, {path.name: text})[0]
+
+
+def write_together(folder: Path, texts: Mapping[str, str]) -> list[Path]:
+    """Write files into a folder by their names: all of them, or none where one cannot be written, and never half of one.
+
+    Each is written to a temporary neighbour; when all are, they are renamed.  Raises OutputError.
+    """
+    drafts: dict[Path, str] = {}
+    path = folder
     try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        for name, text in texts.items():
+            path = folder / name
+            handle, drafts[path] = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+                file.write(text)
+            os.chmod(drafts[path], 0o644)
+        for path in list(drafts):
+            os.replace(drafts[path], path)
+            del drafts[path]
     except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror}); choose another folder with --out") from None
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except OSError as error:
-        os.unlink(name)
-        raise OutputError(f"{path}: cannot be written ({error.strerror}); free space or choose another folder with --out") from None
-    return path
+        raise OutputError(f"{path}: cannot be written ({error.strerror}); free space there, or choose another folder") from None
+    finally:
+        for draft in drafts.values():
+            with suppress(OSError):
+                os.unlink(draft)
+    return [folder / name for name in texts]
 
 
 def to_json(value: Any, indent: int | None = None) -> str:

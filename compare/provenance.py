@@ -14,7 +14,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism_file import describe
 from analytic.reading import ReadingError, read_json
 from compare.faults import OptionError
-from compare.report.quantities import Quantity, quantities, shown
+from compare.report.quantities import Quantity, apart, quantities, shown
 
 SETTING_UNITS = {"contact_stiffness": "N/m", "contact_damping": "N.s/m", "step": "s"}
 FORCE = "Eqs. 9-14, inertia forces and force balance of the {} linkage; analytic/kinetostatics.py"
@@ -170,10 +170,8 @@ def _explained(result: Result, run: Run, quantity: Quantity, at: float) -> Itera
     yield f"                sim_models/{run.simulator.name}/{'beams' if _bends(run) else 'engine'}.py; {_settings(run)}"
     yield from _components(run.simulated, quantity, k)
     if analytic is not None and simulated is not None:
-        apart = simulated - analytic
-        if quantity.unit == "deg":
-            apart = (apart + math.pi) % (2 * math.pi) - math.pi
-        yield f"  difference    {_both(apart, unit, '+')}, simulated minus analytic"
+        less = ", less whole turns" if quantity.angular and abs(simulated - analytic) > math.pi else ""
+        yield f"  difference    {_both(apart(simulated, analytic, quantity.angular), unit, '+')}, simulated minus analytic{less}"
     yield from _verdict(row, run, result.swings and run.motion == "driven")
 
 

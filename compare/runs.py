@@ -6,8 +6,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+import numpy as np
+
 from compare.sweep import Died, spread
-from sim_models.engine import Engine, Request, SimulationError, Trace, Unsupported, engine
+from sim_models.engine import Engine, Request, SimulationError, SimulatorMissing, Trace, Unsupported, engine
 
 Resolve = Callable[[str], Engine]
 Numbered = tuple[int, str, Request]
@@ -24,11 +26,16 @@ class Failure:
 
 
 def simulate(simulator: str, request: Request, resolve: Resolve = engine) -> Trace | Failure:
-    """Run one request; a SimulationError or Unsupported becomes a Failure."""
+    """Run one request; what an engine fails with becomes a Failure: its own errors, a broken installation, numbers that overflow."""
     try:
         return resolve(simulator).simulate(request)
-    except SimulationError as error:
+    except (SimulationError, SimulatorMissing) as error:
         return Failure(simulator, request.joint_model, str(error))
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        why = f"{simulator} {request.joint_model} {request.motion} ({request.mechanism.name}): numbers beyond what can be reckoned with ({error})"
+        return Failure(simulator, request.joint_model, f"{why}; check masses, lengths, loads and drive.speed")
+    except ImportError as error:
+        return Failure(simulator, request.joint_model, f"{simulator}: its installation is broken ({error}); install it anew")
     except Unsupported as error:
         return Failure(simulator, request.joint_model, str(error), unsupported=True)
 

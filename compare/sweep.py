@@ -22,9 +22,7 @@ from typing import Any, Generic, TypeVar
 from compare.faults import OptionError
 from compare.files import to_json, write_atomically
 
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1")
 AHEAD = 2  # runs under way for each worker: one that it does, one that waits for it
-IDLE = 10  # s after which a process without work ends; so do those that a killed parent leaves behind
 CONNECT = 10.0  # s to wait for a cluster's scheduler
 PATIENCE = 60.0  # s to wait for its workers
 TURN = threading.Lock()  # engines are not made for threads: the runs of one process take turns
@@ -191,13 +189,10 @@ def _pool(workers: int, dask: str | None) -> Iterator[Pool]:
 
 @contextmanager
 def _processes(workers: int) -> Iterator[Pool]:
-    from joblib.externals.loky import ProcessPoolExecutor
+    from compare.workers import processes
 
-    executor = ProcessPoolExecutor(workers, timeout=IDLE, env=ONE_THREAD)
-    try:
+    with processes(workers) as executor:
         yield executor, lambda: AHEAD * workers
-    finally:
-        executor.shutdown(kill_workers=True)
 
 
 @contextmanager

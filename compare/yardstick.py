@@ -74,8 +74,8 @@ def yardstick(assembly: Assembly, theta: np.ndarray, motion: Motion, model: Mode
 def with_flexible_links(side: Yardstick, assembly: Assembly, theta: np.ndarray) -> Yardstick:
     """The paper's superposition (Fig. 7c): a side at rest with the elastic displacement of the ideal linkage (Eqs. 1-7) on top.
 
-    Reactions stay, as they change in second order only, and have the peaks that they had.  A link on a ground joint has its angle read
-    there, another at its com.
+    Reactions stay, as they change in second order only, and have the peaks that they had.  A link on a ground joint has its angle
+    read there, another at its com.
     """
     m = assembly.mechanism
     found = compliance(kinematics(assembly, theta, m.speed or 1.0))
@@ -89,8 +89,7 @@ def with_flexible_links(side: Yardstick, assembly: Assembly, theta: np.ndarray) 
         first, second = (found.displacement(body, joint) for body in m.joint(joint).bodies)
         signals |= {f"clearance_{joint}_{axis}": signals[f"clearance_{joint}_{axis}"] + part for axis, part in _axes(first - second)}
     peaks = {name: peak for name, peak in side.peaks.items() if name.startswith(("reaction_", "drive_"))}
-    elastic = max(float(np.abs(found.displacement(*place)).max()) for place in found.motions)
-    return replace(side, signals=signals, peaks=peaks, elastic=elastic)
+    return replace(side, signals=signals, peaks=peaks, elastic=max(float(np.abs(found.displacement(*place)).max()) for place in found.motions))
 
 
 def _axes(vector: np.ndarray) -> tuple[tuple[str, np.ndarray], tuple[str, np.ndarray]]:

@@ -13,6 +13,7 @@ from sim_models.engine import Motion
 
 STATIC_STIFFNESS = 1e8  # N/m, where the mechanism gives none and nothing moves
 DRIVEN_STIFFNESS = 1e7  # N/m, where the mechanism gives none and the crank turns
+SUITED = (2.0**0, 2.0**14)  # N/m, of force over length of the linkages that these suit; for others they are harder or softer in proportion
 DAMPING_RATIO = 0.5  # of the lighter link on that stiffness, where the mechanism gives neither damping nor restitution
 PIN_RADIUS = 0.01  # m, where the mechanism gives none; matters only with friction
 
@@ -31,11 +32,47 @@ def contact_parameters(mechanism: Mechanism, joint: Joint, motion: Motion) -> Ke
     Damping comes from ``contact_damping``, else from ``restitution`` (delivered, for the lighter of the two links
     bouncing alone), else from DAMPING_RATIO.
     """
-    stiffness = joint.contact_stiffness or (STATIC_STIFFNESS if motion == "static" else DRIVEN_STIFFNESS)
+    stiffness = joint.contact_stiffness or default_stiffness(mechanism, motion)
     if joint.contact_damping is not None:
         return KelvinVoigt(stiffness, joint.contact_damping)
     ratio = DAMPING_RATIO if joint.restitution is None else damping_ratio(joint.restitution)
     return KelvinVoigt(stiffness, 2 * ratio * math.sqrt(stiffness * lighter_mass(mechanism, joint)))
+
+
+def default_stiffness(mechanism: Mechanism, motion: Motion) -> float:
+    """Contact stiffness (N/m) of a joint that gives none.
+
+    A linkage whose forces over its length lie outside SUITED has it multiplied by the power of two that brings them into the middle.
+    """
+    ordinary = STATIC_STIFFNESS if motion == "static" else DRIVEN_STIFFNESS
+    return ordinary * power_of_two(sum(b.mass for b in mechanism.bodies) * turning_rate(mechanism, motion) ** 2, SUITED)
+
+
+def turning_rate(mechanism: Mechanism, motion: Motion) -> float:
+    """Rate (rad/s) of a linkage's motion: its drive's, or that at which gravity and loads would turn it where that is faster, or it rests."""
+    mass, length = sum(b.mass for b in mechanism.bodies), longest(mechanism)
+    force = sum(math.hypot(*load.force) + abs(load.torque) / length for load in mechanism.loads)
+    driven = abs(mechanism.speed or 0.0) if motion == "driven" else 0.0
+    return max(driven, math.sqrt((math.hypot(*mechanism.gravity) + force / mass) / length))
+
+
+def longest(mechanism: Mechanism) -> float:
+    """Length (m) of the longest body, or between the ground's points where no body has one."""
+    points = [complex(*p) for p in mechanism.ground.points.values()]
+    return max(b.length for b in mechanism.bodies) or max(abs(p - q) for p in points for q in points) or 1.0
+
+
+def heaviest(mechanism: Mechanism) -> float:
+    """Mass (kg) of the heaviest body."""
+    return max(b.mass for b in mechanism.bodies)
+
+
+def power_of_two(value: float, within: tuple[float, float]) -> float:
+    """The power of two by which a value must be divided to lie in the middle of a range; 1 where it lies within, or is 0."""
+    low, high = within
+    if low <= value <= high or value == 0:
+        return 1.0
+    return 2.0 ** round(math.log2(value / math.sqrt(low * high)))
 
 
 def lighter_mass(mechanism: Mechanism, joint: Joint) -> float:

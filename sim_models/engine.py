@@ -6,6 +6,7 @@ imports its package only inside methods, so that looking up what is supported co
 
 from __future__ import annotations
 
+import functools
 import importlib
 import importlib.metadata
 import importlib.util
@@ -16,6 +17,7 @@ from typing import Any, Literal, Protocol, cast, get_args
 import numpy as np
 
 from analytic.mechanism import Mechanism
+from sim_models.silence import silence, uninterrupted
 
 JointModel = Literal["ideal", "massless-link", "spring-damper", "contact"]
 Motion = Literal["driven", "static"]
@@ -37,7 +39,7 @@ class SimulationError(RuntimeError):
 
 
 class SimulatorMissing(RuntimeError):
-    """The engine's package is not installed; the message says how to install it."""
+    """The engine's package is not installed, or its installation is broken; the message says which, and what to do."""
 
 
 class Unsupported(ValueError):
@@ -70,6 +72,20 @@ class Request:
     start_speed: float = 0.0
     step: float | None = None
     course: tuple[np.ndarray, np.ndarray] | None = None
+    assumed: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
+class Rates:
+    """How a body moves at the instants of a trace, ground frame.
+
+    ``velocity`` (m/s) and ``acceleration`` (m/s^2) are (N,) complex, x + iy, of its centre of mass (not of its marker);
+    ``angular_acceleration`` (N,) rad/s^2.  Zero in static runs.
+    """
+
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    angular_acceleration: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -80,7 +96,8 @@ class Trace:
     ``<body>_angle`` (continued, not wrapped), ``<body>_angular_velocity``, ``reaction_<joint>_x``/``_y`` (N, force of
     the joint's first body on its second) and, for a prismatic joint, ``reaction_<joint>_moment`` (N.m, on the second
     body at its point), ``drive_torque`` (N.m, motor on crank), ``clearance_<joint>_x``/``_y`` (m, first pin centre
-    minus second).  All belong to the same instant.
+    minus second).  All belong to the same instant, and so do ``rates``, which every moving body has in a run of an engine's own;
+    recorded data have none.
 
     ``journal`` maps each joint with clearance to its densely sampled path (M, 2) in m; ``free_share`` to the share of
     time (driven) or of angles (static) that its pin spent without contact.  ``settings`` are the numbers used.
@@ -97,6 +114,7 @@ class Trace:
     journal: Mapping[str, np.ndarray] = field(default_factory=dict)
     free_share: Mapping[str, float] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
+    rates: Mapping[str, Rates] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, values in self.signals.items():
@@ -129,7 +147,10 @@ class Engine(Protocol):
 
 
 def engine(name: str) -> Engine:
-    """The engine of that name.  Raises Unsupported for an unknown name, SimulatorMissing if it is not installed."""
+    """The engine of that name, its package imported.
+
+    Raises Unsupported for an unknown name, SimulatorMissing if it is not installed or cannot be imported.
+    """
     if name not in ENGINES:
         raise Unsupported(f"simulator {name!r} is unknown; the simulators are {', '.join(ENGINES)}")
     found = declared(name)
@@ -137,7 +158,24 @@ def engine(name: str) -> Engine:
         raise SimulatorMissing(
             f"simulator {name!r} is not installed; run: pip install 'linkage-crosscheck[{name}]' (in a clone: pip install '.[{name}]')"
         )
+    fault = broken(found.package)
+    if fault:
+        raise SimulatorMissing(
+            f"simulator {name!r} is installed but cannot be imported ({fault}); mend that, or install it anew: "
+            f"pip install --force-reinstall 'linkage-crosscheck[{name}]'"
+        )
     return found
+
+
+@functools.cache
+def broken(package: str) -> str:
+    """Why an installed package cannot be imported, in its own words; empty if it can."""
+    try:
+        with silence(), uninterrupted():
+            importlib.import_module(package)
+    except Exception as error:  # noqa: BLE001 - a broken installation raises whatever it likes, and the other engines are to go on
+        return " ".join(f"{type(error).__name__}: {error}".split())
+    return ""
 
 
 def declared(name: str) -> Engine:

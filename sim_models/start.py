@@ -14,7 +14,7 @@ import numpy as np
 from analytic.assembly import Assembly
 from sim_models.engine import Request, SimulationError, Unsupported
 
-MOST_STEPS = 10_000_000  # of a run, which is then a matter of minutes, and of gigabytes where every step is kept
+MOST_STEPS = 500_000  # of a run whose steps pass through Python or are all kept: half a minute or so
 
 Gaps = Callable[[float], Mapping[str, complex]]  # gap (m) of each joint, first pin minus second, at a crank angle
 
@@ -116,11 +116,11 @@ def substeps(interval: float, longest: float) -> tuple[int, float]:
     return count, interval / count
 
 
-def check_steps(who: str, time: float, longest: float) -> None:
-    """Raise SimulationError if a run of a time (s) in steps no longer than ``longest`` (s) has no end in sight.  ``who`` runs what."""
+def check_steps(who: str, time: float, longest: float, most: int = MOST_STEPS) -> None:
+    """Raise SimulationError if a run of a time (s) in steps no longer than ``longest`` (s) would take too many.  ``who`` runs what."""
     count = time / longest
-    if not count <= MOST_STEPS:
+    if not count <= most:
         raise SimulationError(
-            f"{who}: {time:.3g} s would take {count:.2g} steps of {longest:.2g} s, and {MOST_STEPS:g} are the most; raise drive.speed, "
+            f"{who}: {time:.3g} s would take {count:.2g} steps of {longest:.2g} s, and {most:g} are the most; raise drive.speed, "
             "use a larger clearance or a softer contact, ask for less, or use --motion static"
         )

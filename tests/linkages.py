@@ -189,3 +189,63 @@ def chain(links: int, closed: bool) -> str:
     joints = "".join(f'[[joint]]\nname = "J{i}"\ntype = "revolute"\nbodies = ["{a}", "{b}"]\n' for i, (a, b) in enumerate(ends))
     ground = "[ground]\npoints = { J0 = [0.0, 0.0]" + (f", J{links} = [0.5, 0.0]" if closed else "") + " }\n"
     return f'name = "chain"\n{ground}{bodies}{joints}[drive]\njoint = "J0"\nspeed = 1.0\n[assembly]\n' + "".join(f"{b} = 0.1\n" for b in names)
+
+
+JANSEN = """
+name = "Jansen's leg"
+gravity = [0.0, -9.81]
+[ground]
+points = { O = [0.0, 0.0], B = [-0.038, -0.0078], E = [-0.038, -0.0078] }
+[[body]]
+name = "crank"
+points = { O = [0.0, 0.0], Z = [0.015, 0.0], Y = [0.015, 0.0] }
+mass = 0.075
+[[body]]
+name = "upper"
+points = { Z = [0.0, 0.0], U = [0.05, 0.0] }
+mass = 0.25
+[[body]]
+name = "lower"
+points = { Y = [0.0, 0.0], L = [0.0619, 0.0] }
+mass = 0.31
+[[body]]
+name = "rocker"
+points = { B = [0.0, 0.0], U = [0.0415, 0.0], V = [0.0026098795, 0.0400149788] }
+mass = 0.69
+[[body]]
+name = "swing"
+points = { E = [0.0, 0.0], L = [0.0393, 0.0], K = [0.0393, 0.0] }
+mass = 0.2
+[[body]]
+name = "strut"
+points = { V = [0.0, 0.0], W = [0.0394, 0.0] }
+mass = 0.2
+[[body]]
+name = "foot"
+points = { K = [0.0, 0.0], W = [0.0367, 0.0], X = [-0.007746594, 0.0483837812] }
+mass = 0.76
+""" + "".join(
+    f'[[joint]]\nname = "{name}"\ntype = "revolute"\nbodies = ["{first}", "{second}"]\n'
+    for name, first, second in (
+        ("O", "ground", "crank"), ("Z", "crank", "upper"), ("Y", "crank", "lower"), ("U", "upper", "rocker"), ("B", "ground", "rocker"),
+        ("E", "ground", "swing"), ("L", "lower", "swing"), ("V", "rocker", "strut"), ("W", "strut", "foot"), ("K", "swing", "foot"),
+    )
+) + """
+[drive]
+joint = "O"
+speed = 3.0
+[assembly]
+crank = 0.3
+upper = 2.5511
+lower = -2.2324
+rocker = 1.3076
+swing = -1.1984
+strut = -1.0763
+foot = 2.7248
+"""  # fmt: skip
+
+
+def jansen_leg(push: float = 0.0) -> Mechanism:
+    """Theo Jansen's leg with his eleven numbers in mm, and a push (N) upwards on the foot; its transmission is poor at 190 deg."""
+    m = loads(JANSEN)
+    return m.replace(loads=[{"body": "foot", "point": "X", "force": (0.0, push)}]) if push else m

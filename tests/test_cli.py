@@ -263,7 +263,7 @@ def test_a_run_that_failed_is_in_the_last_line_beside_the_runs_that_agree(tmp_pa
 def test_a_contact_too_soft_for_its_clearance_is_warned_of(tmp_path: Path) -> None:
     arguments = ["--motion", "static", "--joint", "spring-damper", "--angles", "30:30:1"]
     done = compare("--simulator", "mujoco", *arguments, "--clearance", "B=2e-7", "--out", "soft", cwd=tmp_path)
-    words = "times the clearance in B, and is allowed to: too soft to see this clearance; raise contact_stiffness in joint B"
+    words = "times its clearance: too soft to see this clearance; give joint B a higher contact_stiffness"
     assert words in done.stderr
     assert words in (tmp_path / "soft" / "report.md").read_text(encoding="utf-8").replace("\\", "")
     assert compare("--simulator", "mujoco", *arguments, "--clearance", "B=1e-4", "--out", "stiff", cwd=tmp_path).stderr == ""

@@ -139,7 +139,7 @@ def test_a_long_run_is_drawn_thin_with_its_peaks_and_tabulated_whole(browser: Br
     run |= {"time": np.linspace(0.0, 2.0, count), "crank_angle": np.repeat(run["crank_angle"], 50), "held_out": None}
     for signal in run["signals"].values():
         signal |= {key: np.repeat(signal[key], 50) for key in ("measured", "before", "after")}
-    run["signals"]["pendulum_angle"]["measured"][10_011] += 6.0  # rad, one sample
+    run["signals"]["pendulum_angle"]["measured"][10_011] += 3.0  # rad, one sample
     page = written(result, tmp_path)
     browser.open(page)
     path = browser.run("document.querySelector('#plot-0 .frame .series path').getAttribute('d')")

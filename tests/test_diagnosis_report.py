@@ -178,6 +178,9 @@ def test_places_are_told_within_a_turn_where_the_crank_makes_one(explained: dict
     place = {"run": "slow-reverse", "crank_angle_from": math.radians(-110), "crank_angle_to": math.radians(-40)}
     assert wrapped(explained)
     assert span(explained, place) == "between 250 and 320 deg"
+    backward = place | {"crank_angle_from": -1e-4, "crank_angle_to": -2.0 * math.pi + 2.0}
+    assert span(explained, backward) == "between 114.6 and 360 deg"
+    assert span(explained, backward | {"crank_angle_from": -4.0, "crank_angle_to": -math.tau - 1e-4}) == "between 0 and 130.8 deg"
     assert not wrapped(swinging)
     assert span(swinging, place | {"run": "released"}) == f"between {MINUS}110 and {MINUS}40 deg"
 
@@ -273,6 +276,18 @@ def test_residuals_are_measured_minus_simulated_in_a_unit_that_fits(explained: d
     over = np.array(panel.over)
     shaded = np.any([(over >= a) & (over <= b) for a, b in panel.held_out], axis=0)
     np.testing.assert_array_equal(shaded, held == 1)
+
+
+def test_an_angle_that_is_simulated_a_turn_further_has_the_same_residual_and_map(explained: dict[str, Any]) -> None:
+    signal = copy.deepcopy(explained["runs"][0]["signals"]["follower_angle"])
+    before = [v + 2 * math.tau * (i > 20) for i, v in enumerate(signal["before"])]
+    further = changed(explained, "runs", 0, "signals", "follower_angle", "before", value=before)
+    assert panels(further)[0].unit == panels(explained)[0].unit
+    for shifted, panel in zip(panels(further), panels(explained), strict=True):
+        np.testing.assert_allclose(np.array(shifted.before, float), np.array(panel.before, float), rtol=1e-3)
+    cells, as_is = ([s.before for m in maps(result) for s in m.strips] for result in (further, explained))
+    for a, b in zip(cells, as_is, strict=True):
+        np.testing.assert_allclose(np.array(a, float), np.array(b, float), rtol=1e-2)
 
 
 def test_a_drawing_keeps_the_peaks_of_a_long_run_and_few_of_its_samples(swinging: dict[str, Any]) -> None:

@@ -102,6 +102,89 @@ def test_rows(tmp_path: Path, line: int, text: str, says: list[str]) -> None:
         assert word in message
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("line", "text", "says"),
+    [
+        (5, "0.015,0.4,1e300", ["line 5", "follower_x [m]", "1e+300 is no reading"]),
+        (5, "0.015,-1e308,1", ["line 5", "crank_angle [rad]", "-1e+308 is no reading"]),
+        (41, "1e300,0.4,1", ["line 41", "time [s]", "1e+300 is no reading"]),
+        (3, "1e-320,0.4,1", ["line 3", "1e-320 s after the row before", "unit of time"]),
+        (5, f"0.015,{'9' * 5001},1", ["line 5", "crank_angle [rad]", "999...", "is not a finite number"]),
+        (1, f"time [s],crank_angle [rad],follower_x [{'(' * 5000}m]", ["column 3", "((...", "cannot be read"]),
+        (1, "time [s],crank_angle [rad],follower_x [nan]", ["column 3", "'nan' is unknown"]),
+        (1, "time [s],crank_angle [rad],follower_x [dB]", ["column 3", "'dB'", "another dimension"]),
+        (1, f"time [s],crank_angle [rad],{'x' * 9000} [m]", ["column 3", "xxx...", "its signals are"]),
+    ],
+)
+def test_what_no_bench_has_is_refused_shortly_and_not_reckoned_with(tmp_path: Path, line: int, text: str, says: list[str]) -> None:
+    message = refused(rig(tmp_path, edited(line, text)))
+    assert len(message) < 800
+    for word in ["slow.csv", *says]:
+        assert word in message
+
+
+HEAD, RUN = 'mechanism = "nominal.toml"\n', '[[run]]\nname = "slow"\nfile = "slow.csv"\n'
+NINES = "9" * 5001
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (f"a = {'[' * 5000}{']' * 5000}", "too deep"),
+        (f"{HEAD}tolerance = {'[' * 50000}{']' * 50000}\n{RUN}", "too deep"),
+        (f"a = {'{a=' * 3000}1{'}' * 3000}", "too deep"),
+        (f"{HEAD}{RUN}drive_speed = {NINES}", "too many digits"),
+        (f"mechanism = {NINES}", "too many digits"),
+        (f"{HEAD}tolerance = {{ mass = 0x{'f' * 5001} }}\n{RUN}", "too many digits"),
+        (f"{HEAD}{RUN}drive_speed = {'9' * 4000}", "run[slow].drive_speed"),
+        (f"{HEAD}{RUN}drive_speed = 1e300", "run[slow].drive_speed"),
+        (f"{HEAD}{RUN}drive_speed = nan", "run[slow].drive_speed"),
+        (f"{HEAD}{RUN}drive = 'free'\nstart = {{ crank_angle = 1e300 }}", "start.crank_angle"),
+        (f"{HEAD}{RUN}drive_speed = 3.0\nnoise = {{ follower_x = 1e300 }}", "noise.follower_x"),
+        (f"{HEAD}{RUN}drive_speed = 3.0\nload = [{{ body = 'coupler', force = [1e308, 0.0] }}]", "force[0] = 1e+308"),
+        (f"mechanism = '{'a' * 900}'\n{RUN}", "cannot be read"),
+        (f"mechanism = '{'a' * 5000}'\n{RUN}", "mechanism"),
+        (f'mechanism = "a\\u0000b"\n{RUN}', "mechanism"),
+        (f'{HEAD}[[run]]\nname = "slow"\nfile = "slow\\u0000.csv"', "file"),
+        (f'{HEAD}[[run]]\nname = "\\u001b[31mred"\nfile = "slow.csv"', "name"),
+        (f'{HEAD}[[run]]\nname = "{"a" * 100000}"\nfile = "slow.csv"', "at most 200 characters"),
+        ("", "mechanism is missing"),
+        ("\x00", "cannot be read as TOML"),
+    ],
+)
+def test_a_measured_toml_that_nobody_wrote_by_hand(tmp_path: Path, text: str, says: str) -> None:
+    path = rig(tmp_path)
+    path.write_text(text)
+    message = refused(path)
+    assert "measured.toml" in message
+    assert says in message
+    assert message.isprintable()
+    assert len(message) < 1200
+
+
+@pytest.mark.parametrize("data", [GOOD.encode("utf-16"), bytes(range(256)) * 20, "mechanism = 'ä'".encode("latin-1")])
+def test_a_measured_toml_that_is_no_text(tmp_path: Path, data: bytes) -> None:
+    path = rig(tmp_path)
+    path.write_bytes(data)
+    assert "UTF-8" in refused(path)
+
+
+def test_rows_without_the_encoder_that_a_run_follows_are_left_out_and_said(tmp_path: Path) -> None:
+    """Where the drive was then is nobody's to guess; a sensor that is read more often than the encoder is kept."""
+    fields = {"drive": "measured"}
+    columns = {"crank_angle [rad]": ANGLE.copy(), "follower_x [m]": np.sin(3 * TIME)}
+    columns["crank_angle [rad]"][[0, 1, 2, *range(15, 25), 38, 39]] = np.nan
+    found = load_measured(write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, columns, fields)]))
+    assert found.runs[0].time.tolist() == pytest.approx([t for k, t in enumerate(TIME) if 3 <= k < 15 or 25 <= k < 38])
+    (fault,) = [f for f in found.faults if f.kind == "absent"]
+    assert (fault.signal, fault.samples) == ("crank_angle", 15)
+    assert "follows crank_angle, which is absent for a while from 0 s; 15 rows" in fault.text
+    columns["crank_angle [rad]"] = np.where(np.arange(40) % 3 == 0, ANGLE, np.nan)
+    kept = load_measured(write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, columns, fields)]))
+    assert kept.runs[0].time.size == 40
+
+
 def test_line_numbers_count_blank_lines(tmp_path: Path) -> None:
     message = refused(rig(tmp_path, GOOD.replace("\n0.01,", "\n\n\n0.01,").replace("\n0.02,", "\n0.012,")))
     assert "line 8: time runs back" in message

@@ -27,9 +27,9 @@ from planar_checks import (
     vector,
 )
 from sim_models.engine import JointModel, Motion, Request, SimulationError, Unsupported
-from sim_models.planar.runs import silence
 from sim_models.pybullet.engine import ENGINE
 from sim_models.pybullet.world import BulletWorld
+from sim_models.silence import silence
 from sim_models.start import poses
 
 if importlib.util.find_spec("pybullet") is None:

@@ -12,12 +12,13 @@ from typing import Any
 import pytest
 
 from compare.diagnose.data.measured import load_measured
+from compare.diagnose.prepare import followed
 from diagnosis_rigs import diagnosed
 
 FOLDER = os.environ.get("MEASURED_DATA", "")
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(not FOLDER, reason="MEASURED_DATA is not set: it names the folder with pendulum and tx40-axis1, real measured data"),
+    pytest.mark.skipif(not FOLDER, reason="MEASURED_DATA is not set: the folder with pendulum, tx40-axis1, adams-pendulum, adams-fourbar"),
 ]
 
 
@@ -45,3 +46,21 @@ def test_a_real_robot_axis_lacks_friction_and_more() -> None:
     found = {e["name"]: e["parameters"] for e in result["effects"]}
     assert 7 < found["viscous_friction"]["damping"]["value"] < 12
     assert result["gap"]["after"] < 0.5 * result["gap"]["before"]
+
+
+def test_a_released_pendulum_of_a_commercial_program_has_no_gap_and_no_sensor_is_clipped() -> None:
+    """Its arm_x rests near -2 m because that is where the pendulum turns."""
+    result = real("adams-pendulum")
+    assert (result["verdict"], result["effects"], result["faults"]) == ("no gap", [], []), result["statement"]
+
+
+@pytest.mark.parametrize("case", ["adams-pendulum", "adams-fourbar", "pendulum", "tx40-axis1"])
+def test_no_real_sensor_is_called_clipped(case: str) -> None:
+    faults = load_measured(Path(FOLDER) / case / "measured.toml").faults
+    assert [f.text for f in faults if f.kind == "clipped"] == []
+
+
+@pytest.mark.parametrize("case", ["adams-fourbar", "tx40-axis1"])
+def test_a_real_motion_is_followed_within_its_noise(case: str) -> None:
+    _, measured = followed(load_measured(Path(FOLDER) / case / "measured.toml"))
+    assert [f.text for f in measured.faults if f.kind == "course"] == []

@@ -20,7 +20,7 @@ from analytic.kinematics import kinematics
 from analytic.mechanism_file import load
 from compare.files import OutputError
 from compare.report import write_report
-from compare.report.figures import Axis, Figure, Series, beside, figures, thinned
+from compare.report.figures import Axis, Figure, Series, beside, figures, same_turn, thinned
 from compare.report.linkage import exaggeration, linkage_figure, parts
 from compare.report.pages import escape_markdown, script_json
 from compare.report.quantities import number, quantities
@@ -183,7 +183,9 @@ def test_a_free_drive_is_shown_over_time(tmp_path: Path) -> None:
     assert {f.x.title for f in figures(result, summary)} == {"time (s)"}
     assert exaggeration(result["mechanism"], result["runs"][0]) == 1
     write_report(result, tmp_path)
-    assert "pendulum" in (tmp_path / "report.md").read_text(encoding="utf-8")
+    text = (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert "pendulum" in text
+    assert "motion: swings freely" in text
 
 
 def test_a_signal_with_nothing_to_compare_is_a_dash_and_not_a_zero(tmp_path: Path) -> None:
@@ -304,6 +306,18 @@ def test_directions_are_drawn_in_the_same_turn_piece_by_piece() -> None:
     assert beside((1.0, 2.0), ()) == (1.0, 2.0)
 
 
+def test_marks_lie_in_the_turn_of_the_line_at_every_sample() -> None:
+    assert same_turn((-205.0, 150.0 + 720.0, None, 10.0), (155.0, 150.0, 160.0, None)) == (155.0, 150.0, None, 10.0)
+    result = sample_result()
+    for run in result["runs"]:
+        gamma = run["simulated"]["reaction_B_angle"]
+        run["simulated"]["reaction_B_angle"] = [v - 2 * math.tau * (i > 9) for i, v in enumerate(gamma)]
+    line, *marks = next(f for f in figures(result, summarise(result)) if f.name == "gamma_B").series
+    loose = next(s for s in (line, *marks) if s.name == "analytic, equilibrium")
+    contact = next(s for s in marks if s.role == "contact")
+    assert contact.y == pytest.approx(loose.y, abs=1.0)
+
+
 def test_thinning_a_path_keeps_its_shape() -> None:
     angle = np.linspace(0.0, math.tau, 20_001)
     x, y = 1e-3 * np.cos(angle), 1e-3 * np.sin(angle)
@@ -327,6 +341,14 @@ def test_ticks_are_round_and_inside(low: float, high: float, degrees: bool, expe
 
 def test_small_axes_name_their_power_of_ten() -> None:
     assert [exponent(v) for v in (0.0, 5.0, 2e-4, 9e-7, 3e6)] == [0, 0, -6, -9, 6]
+
+
+@pytest.mark.parametrize("case", ["slider-crank", "paper"])
+def test_every_joint_has_its_name_in_the_drawing(case: str) -> None:
+    result = sample_result(case)
+    figure = linkage_figure(result, summarise(result))
+    assert figure is not None
+    assert sorted(name for series in figure.series for name in series.labels) == sorted(j["name"] for j in result["mechanism"]["joint"])
 
 
 def test_a_body_is_drawn_from_its_marker_where_its_position_is_measured() -> None:

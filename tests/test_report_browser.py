@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import os
 import select
 import shutil
@@ -207,6 +208,76 @@ def test_the_table_shows_the_numbers_of_the_result(browser: Browser, page: Path)
     browser.open(page)
     row = browser.run("[...document.querySelectorAll('[data-readout] tr')].map(r => r.innerText).find(t => t.includes('Reaction angle'))")
     assert "34.676" in row  # deg at 30 deg, the follower 0.21 m long: the equilibrium direction of the printed case
+
+
+def turned(result: dict[str, Any]) -> dict[str, Any]:
+    """The same result as an engine may well report it: the same directions, continued from other turns and round the other way."""
+    for run in result["runs"]:
+        angles = {name: values for name, values in run["simulated"].items() if name.endswith("_angle")}
+        for name, values in angles.items():
+            turns = [-2 * (i > 9) if name.startswith("reaction_") else 1 for i in range(len(values))]
+            run["simulated"][name] = [v + k * math.tau for v, k in zip(values, turns, strict=True)]
+    return result
+
+
+def explored(browser: Browser, result: dict[str, Any], folder: Path) -> list[tuple[list[list[str]], list[float]]]:
+    """The rows and the drawing's coordinates that the linkage panel of the contact run shows at each angle, gaps drawn 1.3 times as large."""
+    folder.mkdir()
+    write_report(result, folder)
+    browser.open(folder / "report.html")
+    set_value = "(e, v, kind) => { e.step = 'any'; e.value = v; e.dispatchEvent(new Event(kind)); }"
+    browser.run(f"({set_value})(document.querySelector('[data-model]'), 3, 'change')")
+    browser.run(f"({set_value})(document.querySelector('[data-factor]'), Math.log10(1.3), 'input')")
+    assert browser.run("document.querySelector('[data-magnified]').textContent").endswith(" 1.3")
+    rows = "[...document.querySelectorAll('[data-readout] tr')].map(r => [...r.cells].map(c => c.innerText.replace('\u2212', '-')))"
+    paths = "[...document.querySelectorAll('#explorer .series path')].flatMap(p => p.getAttribute('d').match(/[-.0-9]+/g).map(Number))"
+    found = []
+    for angle in range(20, 165, 5):
+        browser.run(f"({MOVE})({angle})")
+        found.append((browser.run(rows), browser.run(paths)))
+    return found
+
+
+def test_whole_turns_between_the_two_sides_change_neither_the_values_nor_the_drawing(browser: Browser, tmp_path: Path) -> None:
+    as_is = explored(browser, sample_result(wrong="reaction_B_angle"), tmp_path / "as-is")
+    shifted = explored(browser, turned(sample_result(wrong="reaction_B_angle")), tmp_path / "turned")
+    gamma = []
+    for (rows, drawing), (rows_shifted, drawing_shifted) in zip(as_is, shifted, strict=True):
+        assert rows_shifted == rows
+        assert drawing_shifted == pytest.approx(drawing, abs=0.02)  # px
+        assert rows[0][0].startswith("Reaction angle")
+        gamma.append([float(cell) for cell in rows[0][1:]])
+    assert all(simulated - analytic == pytest.approx(apart, abs=0.01) for analytic, simulated, apart in gamma)
+    assert max(apart for *_, apart in gamma) == pytest.approx(math.degrees(0.01), rel=0.1)
+
+
+def test_a_journal_that_a_soft_contact_lets_out_of_its_circle_stays_in_the_picture(browser: Browser, tmp_path: Path) -> None:
+    result = sample_result()
+    for run in result["runs"][1:]:
+        for axis in "xy":
+            run["simulated"][f"clearance_B_{axis}"] = [1.9 * v for v in run["simulated"][f"clearance_B_{axis}"]]
+    write_report(result, tmp_path)
+    browser.open(tmp_path / "report.html")
+    inside = """(() => { const [svg, pin] = ['.rim svg', '.rim .journal.simulated'].map(s => document.querySelector(s).getBoundingClientRect());
+      return pin.left >= svg.left && pin.right <= svg.right && pin.top >= svg.top && pin.bottom <= svg.bottom; })()"""
+    for angle in (20, 90, 160):
+        browser.run(f"({MOVE})({angle})")
+        assert browser.run(inside), angle
+
+
+def test_the_panel_and_the_figure_have_a_direction_in_the_same_turn_and_no_rounding_as_a_value(browser: Browser, tmp_path: Path) -> None:
+    result = sample_result()
+    for run in result["runs"][1:]:
+        for side in ("analytic", "simulated"):
+            run[side]["reaction_B_angle"] = [v - math.tau for v in run[side]["reaction_B_angle"]]
+            run[side]["clearance_B_y"][2] = 1e-17
+    write_report(result, tmp_path)
+    browser.open(tmp_path / "report.html")
+    rows = browser.run("[...document.querySelectorAll('[data-readout] tr')].map(r => [...r.cells].map(c => c.innerText))")
+    assert rows[0][0].startswith("Reaction angle")
+    assert rows[0][1:3] == ["34.676", "34.676"]
+    assert next(row for row in rows if row[0].startswith("Displacement y"))[1:] == ["0", "0", "0"]
+    assert browser.run("data.figures[0].series.map(s => Math.abs(s.y[2] - 34.676) < 5)") == [True] * 6
 
 
 def test_the_selector_and_the_exaggeration_change_the_drawing(browser: Browser, page: Path) -> None:

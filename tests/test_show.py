@@ -94,6 +94,17 @@ def test_an_angle_between_two_samples_gives_the_nearer_and_says_so() -> None:
     assert "nearest" not in shown("reaction_B_angle", 30, joint="contact")
 
 
+def test_the_difference_of_angles_is_less_whole_turns_and_says_so() -> None:
+    raw = sample_result()
+    for run in raw["runs"]:
+        run["simulated"]["reaction_B_angle"] = [v + 2 * math.tau for v in run["simulated"]["reaction_B_angle"]]
+    difference = re.compile(r"(?m)^  difference +(\S+) deg .*simulated minus analytic(.*)$")
+    as_is, turned = (difference.findall(shown("reaction_B_angle", 30, each)) for each in (PAPER, raw))
+    assert [float(a) for a, _ in turned] == pytest.approx([float(a) for a, _ in as_is], abs=1e-6)
+    assert {words for _, words in as_is} == {""}
+    assert {words for _, words in turned} == {", less whole turns"}
+
+
 def test_a_crank_angle_may_be_a_turn_further() -> None:
     assert "crank angle 30 deg, sample 3" in shown("reaction_B_angle", 390, joint="contact")
     assert "crank angle 0 deg, sample 1" in shown("reaction_B_angle", 359, sample_result("crank-rocker"), joint="ideal")

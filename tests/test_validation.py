@@ -14,8 +14,9 @@ import pytest
 
 from compare.faults import OptionError
 from compare.validation.page import page
-from compare.validation.runs import first_order
+from compare.validation.runs import drawn, first_order
 from compare.validation.stored import differences, looked_at, other_versions, read, stale_page
+from sample_result import sample_result
 
 REPORTS = Path(__file__).parents[1] / "reports"
 STORED = read(REPORTS / "validation.json")
@@ -46,6 +47,11 @@ def test_the_committed_page_and_first_order_table_are_those_of_the_committed_num
     (line,) = stale_page(edited, STORED)
     assert line.startswith(f"{edited}: line {page(STORED).splitlines().index('| 10 mm | 7.1 deg | 31 % |') + 1} ")
     assert len(list(stale_page(tmp_path / "none.md", STORED))) == 1
+
+
+def test_every_picture_that_the_page_shows_is_drawn() -> None:
+    drawings = {f"figures/paper-{name}.svg" for name in drawn(sample_result("paper"))}
+    assert drawings == {line.split("](")[1].rstrip(")") for line in page(STORED).splitlines() if "](figures/paper-" in line}
 
 
 TAMPERED: dict[str, tuple[tuple[Any, ...], Any, str]] = {

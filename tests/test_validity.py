@@ -229,7 +229,7 @@ def test_shares_are_never_rounded_to_none_or_all() -> None:
 def test_the_command_writes_a_map_that_meets_its_schema(tmp_path: Path) -> None:
     done = validity("--case", "paper", "--speeds", "600,15", "--clearances", "1e-2,1e-4", "--workers", "2", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    folder = tmp_path / "reports" / "paper-validity"
+    folder = tmp_path / "reports" / "paper-validity-speeds=600,15-clearances=1e-2,1e-4"
     assert sorted(path.name for path in folder.iterdir()) == ["validity.json", "validity.md", "validity.svg"]
     result = json.loads((folder / "validity.json").read_text(encoding="utf-8"))
     Draft202012Validator.check_schema(SCHEMA)
@@ -252,7 +252,9 @@ def test_every_linkage_has_a_map(case: str, rpm: str, joint: str, tmp_path: Path
     Draft202012Validator(SCHEMA).validate(result)
     assert result["joints"] == [joint]
     assert "verdict" in result["cells"][0]
-    assert result == json.loads((tmp_path / "reports" / f"{case}-validity" / "validity.json").read_text(encoding="utf-8"))
+    assert result == json.loads(
+        (tmp_path / "reports" / f"{case}-validity-speeds={rpm}-clearances=1e-4" / "validity.json").read_text(encoding="utf-8")
+    )
 
 
 @POSIX
@@ -318,7 +320,7 @@ def test_a_map_without_a_single_cell_is_status_3(tmp_path: Path) -> None:
     assert done.returncode == 3
     assert "every cell failed" in done.stderr
     assert "cannot be reached" in done.stderr
-    result = json.loads((tmp_path / "reports" / "crank-rocker-validity" / "validity.json").read_text(encoding="utf-8"))
+    result = json.loads((tmp_path / "reports" / "crank-rocker-validity-speeds=60-clearances=0.099" / "validity.json").read_text(encoding="utf-8"))
     Draft202012Validator(SCHEMA).validate(result)
 
 

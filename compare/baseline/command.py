@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from compare.faults import Exit, OptionError, complaints
-from compare.files import OutputError, file_name, output_folder, write_atomically
+from compare.faults import Exit, complaints
+from compare.files import file_name, output_folder, write_atomically
 from compare.options import engines_named, load_case
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def update(case: Case = None, simulator: Simulator = None, folder: Folder = WHER
     Exit status: 0 written, 2 bad input, 3 a simulator is missing or failed.
     """
     with complaints():
-        _writable(folder)
+        output_folder(folder, "--baselines")
     _each(case, simulator, lambda mechanism, engine: update_one(mechanism, engine, folder, typed=case))
 
 
@@ -65,13 +65,6 @@ def _each(case: str | None, simulator: str | None, work: Callable[[Mechanism, st
                 status = Exit(stopped.exit_code)
             worst = max(worst, status)
     raise typer.Exit(worst)
-
-
-def _writable(folder: Path) -> None:
-    try:
-        output_folder(folder)
-    except OutputError as error:
-        raise OptionError(str(error).replace("--out", "--baselines")) from None
 
 
 def file_of(folder: Path, case: str, simulator: str) -> Path:

@@ -96,7 +96,7 @@ class Bench:
                     skipped[name] = str(error)
         measured = prepare.thinned(measured)
         notes: list[str] = []
-        courses = {run.name: prepare.course(run, f"{measured.mechanism.driven}_angle") for run in measured.runs if run.drive == "measured"}
+        courses, measured = prepare.followed(measured)
         noise = {(run.name, s): c.noise for run in measured.runs for s, c in run.channels.items()}
         rig, model = prepare.nominal(measured, mechanism, courses)
         measured = prepare.unturned(measured, model, prepare.starts(measured))

@@ -10,18 +10,21 @@ from typing import Annotated, Any
 import typer
 
 from compare.faults import Exit, complaints
-from compare.files import file_name, output_folder, to_json, write_atomically
+from compare.files import output_folder, to_json, write_atomically
+from compare.folders import Overwrite, result_folder
 from compare.progress import progress_bar
 
 SETTLED = ("no gap", "explained")
 
 
 def diagnose(
+    context: typer.Context,
     measured: Annotated[Path, typer.Argument(metavar="MEASURED.TOML", help="Runs, their data files and the nominal mechanism.")],
     simulator: Annotated[str, typer.Option(help="Engine that simulates before and after (see: compare simulators).")] = "mujoco",
     only: Annotated[list[str] | None, typer.Option(metavar="EFFECT[@WHERE]", help="Consider nothing else; may be repeated.")] = None,
     exclude: Annotated[list[str] | None, typer.Option(metavar="EFFECT[@WHERE]", help="Rule an effect out; may be repeated.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of the report [reports/<mechanism>-diagnosis].")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the report [reports/<mechanism>-diagnosis, then the options].")] = None,
+    overwrite: Overwrite = False,
     json: Annotated[bool, typer.Option("--json", help="Print diagnosis.json to standard output, and nothing else there.")] = False,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes for the simulations [2, or the cores that there are].")] = None,
 ) -> None:
@@ -34,12 +37,12 @@ def diagnose(
         from compare.diagnose.workflow import diagnose as run
 
         data = load_measured(measured)
+        folder = result_folder(context, f"{data.mechanism.name}-diagnosis", "diagnosis.json", out, overwrite)
         with progress_bar() as progress:
             found = run(
                 data, simulator, only=only or (), exclude=exclude or (), workers=workers,
                 command=shlex.join(["compare", *sys.argv[1:]]), progress=progress,
             )  # fmt: skip
-        folder = out or Path("reports") / f"{file_name(data.mechanism.name)}-diagnosis"
         publish(found.result, found.explained, folder, json)
     raise typer.Exit(Exit.AGREES if found.result["verdict"] in SETTLED else Exit.DISAGREES)
 

@@ -8,11 +8,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from analytic.assembly import AssemblyError
 from analytic.drive import Motor
 from analytic.mechanism import Mechanism
+from compare.diagnose.data.quality import noise
 from compare.diagnose.data.recording import Fault, Measured, MeasuredError, Run
+from compare.diagnose.data.smooth import Smoother
 from compare.diagnose.data.thin import missed, picked
 from compare.diagnose.effects.effect import Effect, Parameter, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
@@ -21,6 +24,8 @@ from compare.diagnose.predict import Model, StartOfRun, Term
 
 SAMPLES = 60_000  # of all sensors together; more are thinned, evenly, for the search and the pages
 REDRAWN = 32  # courses of runs that follow a noisy encoder
+TOGETHER = 8  # samples over which a course may not miss its encoder
+STRAY = 3.0  # sigmas (rms) by which it misses it then
 
 
 def thinned(measured: Measured) -> Measured:
@@ -41,37 +46,68 @@ def thinned(measured: Measured) -> Measured:
     return replace(measured, runs=tuple(runs), faults=tuple(faults))
 
 
-def course(run: Run, encoder: str) -> Motor:
-    """The motor of a run that follows its encoder: a smoothing spline by generalised cross-validation."""
-    from scipy.interpolate import CubicSpline, make_smoothing_spline
+def followed(measured: Measured) -> tuple[dict[str, Motor], Measured]:
+    """The motors of the runs that follow their encoder, by run, and the measurement with what they do not follow among its faults."""
+    encoder = f"{measured.mechanism.driven}_angle"
+    courses = {run.name: course(run, encoder) for run in measured.runs if run.drive == "measured"}
+    strays = [strayed(run, encoder, courses[run.name]) for run in measured.runs if run.name in courses]
+    return courses, replace(measured, faults=(*measured.faults, *(fault for fault in strays if fault is not None)))
 
+
+def course(run: Run, encoder: str) -> Motor:
+    """The motor of a run that follows its encoder: a smoothing spline through the readings that there are."""
     values = run.channels[encoder].values
     known = np.isfinite(values)
-    smooth = make_smoothing_spline(run.time[known], values[known])
-    return Motor(course=CubicSpline(run.time, smooth(run.time)))
+    return _through(run.time, Smoother(run.time[known]).spline(values[known]))
 
 
-def shared(measured: Measured, noise: Mapping[tuple[str, str], float], model: Model) -> np.ndarray:
+def _through(time: np.ndarray, smooth: CubicSpline) -> Motor:
+    return Motor(course=CubicSpline(time, smooth(time)))
+
+
+def strayed(run: Run, encoder: str, motor: Motor) -> Fault | None:
+    """Where a course misses the encoder that it should follow by more than the encoder's noise and counts; None if it does nowhere."""
+    channel = run.channels[encoder]
+    known = np.flatnonzero(np.isfinite(channel.values))
+    time, values = run.time[known], channel.values[known]
+    off = motor.at(time).theta - values
+    near = np.sqrt(np.convolve(off**2, np.full(TOGETHER, 1 / TOGETHER), "valid"))
+    sigma = max(channel.noise, noise(time, values))
+    if near.max() <= STRAY * sigma:
+        return None
+    first = int(np.argmax(near))
+    worst = first + int(np.argmax(np.abs(off[first : first + TOGETHER])))
+    text = (
+        f"the course that run {run.name!r} replays misses {encoder} by up to {math.degrees(abs(off[worst])):.3g} deg, near {time[worst]:.6g} s, and "
+        f"its noise and counts are {math.degrees(sigma):.2g} deg: it moves too abruptly there to be followed; do not trust what is found there, "
+        f"sample faster, or leave that part out"
+    )
+    return Fault(run.name, encoder, "course", int(np.sum(np.abs(off) > STRAY * sigma)), text)
+
+
+def shared(measured: Measured, floor: Mapping[tuple[str, str], float], model: Model) -> np.ndarray:
     """Errors (size, k) that all sensors of a run share because the course it follows is smoothed from a noisy encoder.
 
     Each column is what one redraw of the encoder's noise does to the residual, over sqrt(k).
     """
     following = [run for run in measured.runs if run.drive == "measured"]
     encoder = model.rig.encoder
-    plain = Data(measured, noise, encoder)
+    plain = Data(measured, floor, encoder)
     if not following:
         return np.zeros((plain.size, 0))
     draw = np.random.default_rng(0)
+    smoothed = []
+    for run in following:
+        known = np.isfinite(run.channels[encoder].values)
+        smoother = Smoother(run.time[known])
+        smoothed.append((run, known, smoother, smoother.lam(run.channels[encoder].values[known])))
     columns = []
     origin = model([[]])[0]
     for _ in range(REDRAWN):
         courses = dict(model.courses)
-        for run in following:
-            channel = run.channels[encoder]
-            smooth = courses[run.name].at(run.time).theta
-            known = np.isfinite(channel.values)
-            again = np.where(known, smooth + channel.noise * draw.standard_normal(run.time.size), np.nan)
-            courses[run.name] = course(replace(run, channels={**run.channels, encoder: replace(channel, values=again)}), encoder)
+        for run, known, smoother, lam in smoothed:
+            again = courses[run.name].at(run.time[known]).theta + run.channels[encoder].noise * draw.standard_normal(smoother.time.size)
+            courses[run.name] = _through(run.time, smoother.spline(again, lam))
         found = Model(measured, model.rig, model.mechanism, courses)([[]])[0]
         if found is not None and origin is not None:
             columns.append((plain.residual(found) - plain.residual(origin)) / math.sqrt(REDRAWN))
@@ -111,7 +147,7 @@ def _explain_impossible(measured: Measured, mechanism: Mechanism, model: Model) 
 def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor]) -> Rig:
     """Sizes of the rig, from its nominal motion."""
     signals = tuple(dict.fromkeys(s for run in measured.runs for s in run.channels))
-    noise = {s: min(run.channels[s].noise for run in measured.runs if s in run.channels) for s in signals}
+    least = {s: min(run.channels[s].noise for run in measured.runs if s in run.channels) for s in signals}
     speeds = [abs(run.speed) for run in measured.runs if run.speed]
     speeds += [float(np.abs(course.at(run.time).omega).max()) for run in measured.runs if (course := courses.get(run.name))]
     encoder = f"{mechanism.driven}_angle"
@@ -125,7 +161,7 @@ def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor])
     inertia = max(b.mass for b in mechanism.bodies) * length * speed**2
     return Rig(
         mechanism, signals, tuple(r.name for r in measured.runs), tuple(r.name for r in measured.runs if r.drive != "free"),
-        tuple(r.name for r in measured.runs if r.drive == "measured"), length, max(weight, inertia, *loads, 1e-9), speed, noise,
+        tuple(r.name for r in measured.runs if r.drive == "measured"), length, max(weight, inertia, *loads, 1e-9), speed, least,
     )  # fmt: skip
 
 

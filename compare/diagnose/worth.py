@@ -34,6 +34,8 @@ def correlation_time(r: np.ndarray) -> float:
         return 1.0
     spectrum = np.abs(np.fft.rfft(r, 2 * n)) ** 2
     correlation = np.fft.irfft(spectrum)[:n]
+    if correlation[0] == 0:  # nothing is left at all
+        return 1.0
     correlation = correlation / correlation[0]
     below = np.flatnonzero(correlation <= 0)
     return float(max(1.0, 1 + 2 * correlation[1 : int(below[0]) if below.size else n].sum()))

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from compare.files import to_json, write_atomically
+from compare.files import to_json, write_together
 from compare.report.figures import figures
 from compare.report.junit import junit
 from compare.report.linkage import linkage_figure
@@ -16,13 +16,17 @@ from compare.report.pages import render
 from compare.report.summary import summarise
 from compare.report.svg import draw
 
-__all__ = ["write_report"]
+__all__ = ["report_files", "write_report"]
 
 
 def write_report(result: Mapping[str, Any], out: Path) -> list[Path]:
-    """Write the report over a result (the content of result.json) into the folder ``out`` and return the files.
+    """Write the report over a result (the content of result.json) into the folder ``out`` and return the files."""
+    return write_together(out, report_files(result))
 
-    Everything is made before anything is written, so that a result that cannot be shown leaves no files behind.
+
+def report_files(result: Mapping[str, Any]) -> dict[str, str]:
+    """The report over a result (the content of result.json): text by file name.
+
     A discrepancy may say why it is known as ``reason``.
     """
     result = json.loads(to_json(result))  # what result.json says: no arrays, and null for what is not finite
@@ -33,5 +37,4 @@ def write_report(result: Mapping[str, Any], out: Path) -> list[Path]:
     files = {name: f"{re.sub(r'[^A-Za-z0-9_-]', '_', name)}.svg" for name in drawings}
     html, markdown = render(result, summary, shown, linkage, drawings, files)
     texts = {"report.html": html, "report.md": markdown, "junit.xml": junit(summary)}
-    texts |= {files[name]: drawing for name, drawing in drawings.items()}
-    return [write_atomically(out / name, text) for name, text in texts.items()]
+    return texts | {files[name]: drawing for name, drawing in drawings.items()}

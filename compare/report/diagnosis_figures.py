@@ -15,7 +15,7 @@ import numpy as np
 
 from compare.report.diagnosis_words import SIGMA, Result, amount, fitting, over_time, quantity, spoken, wrapped
 from compare.report.figures import Axis, Figure, Numbers, Series, scaled
-from compare.report.quantities import MINUS, Quantity, number
+from compare.report.quantities import MINUS, Quantity, apart, number
 from compare.report.svg import ticks
 
 COLUMNS = 72  # of the map: 5 degrees where the crank turns fully
@@ -90,7 +90,7 @@ def panels(result: Result) -> list[Panel]:
         held = _blocks(run["held_out"], over)
         for name, signal in run["signals"].items():
             what = quantity(result, name)
-            residuals = {side: _apart(signal["measured"], signal[side]) for side in ("before", "after")}
+            residuals = {side: _residual(name, signal, side) for side in ("before", "after")}
             unit, factor = fitting(signal["unit"], signal["noise"], *residuals["before"], *residuals["after"])
             before, after = (_short(side, factor) for side in residuals.values())
             words = spoken(result, name)
@@ -108,8 +108,10 @@ def _abscissa(run: Mapping[str, Any]) -> tuple[Axis, Numbers]:
     return Axis("crank angle", "deg"), scaled(run["crank_angle"], math.degrees(1.0))
 
 
-def _apart(measured: Sequence[float | None], simulated: Sequence[float | None]) -> list[float | None]:
-    return [None if m is None or s is None else m - s for m, s in zip(measured, simulated, strict=True)]
+def _residual(name: str, signal: Mapping[str, Any], side: str) -> list[float | None]:
+    """Measured minus simulated, ``before`` or ``after``; angles modulo a turn, as the gap takes them."""
+    pairs = zip(signal["measured"], signal[side], strict=True)
+    return [None if m is None or s is None else apart(m, s, name.endswith("_angle")) for m, s in pairs]
 
 
 def _short(values: Sequence[float | None], factor: float) -> Numbers:
@@ -150,7 +152,7 @@ def _map(result: Result, group: Sequence[tuple[int, Mapping[str, Any]]]) -> Map:
         columns = np.clip(np.floor((x - low) / wide * COLUMNS), 0, COLUMNS - 1).astype(int)
         for k, (name, signal) in enumerate(run["signals"].items()):
             words = spoken(result, name)
-            before, after = (_cells(_apart(signal["measured"], signal[side]), signal["noise"], columns) for side in ("before", "after"))
+            before, after = (_cells(_residual(name, signal, side), signal["noise"], columns) for side in ("before", "after"))
             strips.append(Strip(offset + k, run["name"], words, before, after, signal["gap_before"], signal["gap_after"]))
     return Map(axis, low, low + wide, tuple(strips))
 

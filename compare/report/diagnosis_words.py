@@ -141,7 +141,7 @@ def span(result: Result, place: Mapping[str, Any]) -> str:
         return "over the whole turn"
     run = _run(result, place["run"])
     if wrapped(result) and (run is None or not over_time(run)):
-        shift = TURN * math.floor(low / TURN + 1e-9)
+        shift = TURN * math.floor(low / TURN + 1e-3)  # what is printed as 360 deg is the next turn's 0
         low, high = low - shift, high - shift
     first, last = (number(float(f"{math.degrees(angle):.1f}") + 0.0, 4) for angle in (low, high))
     return f"between {first} and {last} deg"

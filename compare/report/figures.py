@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal
 
-from compare.report.quantities import GAMMA, MINUS, Quantity, number
+from compare.report.quantities import GAMMA, MINUS, Quantity, apart, number
 from compare.report.summary import Summary, abscissa
 
 JOURNAL_POINTS = 3000  # about as many points as a drawn journal path keeps
@@ -98,6 +98,10 @@ def reaction_directions(result: Mapping[str, Any], summary: Summary, joint: str)
         first = next(iter(lines.values()), None)
         return beside(scaled(values, quantity.factor), first.y if first else ())
 
+    def marked(values: Sequence[float | None]) -> Numbers:
+        first = next(iter(lines.values()), None)
+        return same_turn(direction(values), first.y if first else ())
+
     for run in result["runs"]:
         _, _, factor, x = abscissa(run, result["mechanism"])
         over = scaled(x, factor)
@@ -105,7 +109,7 @@ def reaction_directions(result: Mapping[str, Any], summary: Summary, joint: str)
             name, role, mark = _analytic(run, summary)
             lines.setdefault(name, Series(name, over, direction(run["analytic"][quantity.signal]), role, mark))
         if quantity.signal in run["simulated"]:
-            marks.append(Series(**_simulated(result, run), x=over, y=direction(run["simulated"][quantity.signal]), mark="marker"))
+            marks.append(Series(**_simulated(result, run), x=over, y=marked(run["simulated"][quantity.signal]), mark="marker"))
     spans = [f"{s.name} {_span(s.y, quantity)}" for s in [*lines.values(), *marks]]
     title = f"Direction of the reaction at {joint}"
     text = f"{title} over {axis}. {'; '.join(spans)}."
@@ -121,22 +125,33 @@ def _analytic(run: Mapping[str, Any], summary: Summary) -> tuple[str, str, Liter
     return "analytic", "analytic", "line"
 
 
-def beside(degrees: Numbers, reference: Numbers) -> Numbers:
+def beside(angles: Numbers, reference: Numbers, turn: float = 360.0) -> Numbers:
     """Directions shifted by whole turns, each unbroken piece on its own, so that they lie next to the reference's.
 
     Angles are continued along a run, but every run starts in a turn of its own, and so does each piece after a gap.
     """
-    if len(reference) != len(degrees):
-        return degrees
+    if len(reference) != len(angles):
+        return angles
     out: list[float | None] = []
     turns: float | None = None
-    for value, other in zip(degrees, reference, strict=True):
+    for value, other in zip(angles, reference, strict=True):
         if value is None:
             turns = None
         elif turns is None and other is not None:
-            turns = 360.0 * round((other - value) / 360.0)
+            turns = turn * round((other - value) / turn)
         out.append(None if value is None else value + (turns or 0.0))
     return tuple(out)
+
+
+def same_turn(angles: Numbers, reference: Numbers, turn: float = 360.0) -> Numbers:
+    """Angles each shifted by whole turns to within half a turn of the reference's at its sample, so that their difference is the one judged.
+
+    Where only one of the two is known, or the reference is of other samples, an angle stays.
+    """
+    if len(reference) != len(angles):
+        return angles
+    pairs = zip(angles, reference, strict=True)
+    return tuple(a if a is None or r is None else a - turn * round((a - r) / turn) for a, r in pairs)
 
 
 def _span(values: Numbers, quantity: Quantity) -> str:
@@ -186,9 +201,10 @@ def thinned(x: Sequence[float], y: Sequence[float], step: float) -> tuple[list[f
     return [p[0] for p in kept], [p[1] for p in kept]
 
 
-def apart(simulated: float, analytic: float, angular: bool) -> float:
-    """Simulated minus analytic; angles (rad) modulo a turn, as they are judged."""
-    return (simulated - analytic + math.pi) % math.tau - math.pi if angular else simulated - analytic
+def difference(run: Mapping[str, Any], quantity: Quantity) -> Numbers:
+    """Simulated minus analytic of one signal of a run, as it is judged, in the quantity's unit."""
+    pairs = zip(run["simulated"][quantity.signal], run["analytic"][quantity.signal], strict=True)
+    return scaled((None if s is None or a is None else apart(s, a, quantity.angular) for s, a in pairs), quantity.factor)
 
 
 def differences(result: Mapping[str, Any], summary: Summary, quantity: Quantity) -> Figure:
@@ -199,10 +215,8 @@ def differences(result: Mapping[str, Any], summary: Summary, quantity: Quantity)
         if quantity.signal not in run["analytic"] or quantity.signal not in run["simulated"]:
             continue
         row = told.row(quantity.signal)
-        pairs = zip(run["simulated"][quantity.signal], run["analytic"][quantity.signal], strict=True)
-        gap = scaled((None if s is None or a is None else apart(s, a, quantity.unit == "deg") for s, a in pairs), quantity.factor)
         _, _, factor, x = abscissa(run, result["mechanism"])
-        lines.append(Series(**_simulated(result, run), x=scaled(x, factor), y=gap))
+        lines.append(Series(**_simulated(result, run), x=scaled(x, factor), y=difference(run, quantity)))
         limits |= {row.tolerance} if row and row.tolerance and row.quantity.unit == quantity.unit else set()
     worst = [f"{line.name} up to {number(max((abs(v) for v in line.y if v is not None), default=None))} {quantity.unit}" for line in lines]
     note = f"Tolerance: {', '.join(f'±{number(t)}' for t in sorted(limits))} {quantity.unit}" if limits else ""

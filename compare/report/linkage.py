@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from analytic.assembly import Assembly, AssemblyError
 from analytic.kinematics import kinematics
 from analytic.mechanism import Mechanism
-from compare.report.figures import Axis, Figure, Numbers, Series, scaled
-from compare.report.quantities import number
+from compare.report.figures import Axis, Figure, Numbers, Series, beside, difference, same_turn, scaled
+from compare.report.quantities import Quantity, number
 from compare.report.summary import Summary, abscissa, released
 
 FACTORS = [m * 10**e for e in range(6) for m in (1, 2, 5)]
 VISIBLE = 0.12  # of a typical link's length: how large an exaggerated gap is drawn
+ROUNDING = 1e-9  # of a signal's peak: smaller is read as 0
 PREFERRED = math.radians(30.0)  # crank angle of the printed figure, the paper's own
 Result = Mapping[str, Any]
 Poses = dict[str, dict[str, Numbers]]  # body -> x, y (m, marker) and angle (rad) of every sample
@@ -86,16 +87,8 @@ def _poses(mechanism: Mapping[str, Any], signals: Mapping[str, Any]) -> Poses | 
 def _explored(result: Result, summary: Summary, index: int) -> dict[str, Any]:
     run, told = result["runs"][index], summary.runs[index]
     label, unit, factor, x = abscissa(run, result["mechanism"])
-    readout = [
-        {
-            "label": quantity.title,
-            "unit": quantity.unit,
-            "analytic": scaled(run["analytic"][quantity.signal], quantity.factor),
-            "simulated": scaled(run["simulated"][quantity.signal], quantity.factor),
-        }
-        for quantity in summary.keys(False, result["mechanism"])
-        if quantity.signal in run["analytic"] and quantity.signal in run["simulated"]
-    ]
+    shown = [q for q in summary.keys(False, result["mechanism"]) if q.signal in run["analytic"] and q.signal in run["simulated"]]
+    ideal = ideal_poses(result, run)
     return {
         "title": told.title,
         "role": told.joint_model,
@@ -105,13 +98,40 @@ def _explored(result: Result, summary: Summary, index: int) -> dict[str, Any]:
         "flags": run.get("flags") or {},
         "clearance": {joint: size for joint, size in run["clearance"].items() if size},
         "factor": exaggeration(result["mechanism"], run),
-        "ideal": ideal_poses(result, run),
-        "analytic": _poses(result["mechanism"], run["analytic"]),
+        "ideal": ideal,
+        "analytic": _beside(_poses(result["mechanism"], run["analytic"]), ideal),
         "analytic_model": told.analytic_model.replace("_", " "),
-        "simulated": _poses(result["mechanism"], run["simulated"]),
+        "simulated": _beside(_poses(result["mechanism"], run["simulated"]), ideal),
         "gaps": {joint: _gap(run, joint) for joint, size in run["clearance"].items() if size},
-        "readout": readout,
+        "readout": [_read(quantity, run, result["runs"][0]["analytic"].get(quantity.signal, ())) for quantity in shown],
     }
+
+
+def _read(quantity: Quantity, run: Mapping[str, Any], first: Sequence[float | None]) -> dict[str, Any]:
+    """Both sides of a signal as the page lists them; angles in the turn that the figures have them in, which is that of the first run."""
+    analytic, simulated = (tuple(run[side][quantity.signal]) for side in ("analytic", "simulated"))
+    if quantity.angular:
+        analytic = beside(analytic, tuple(first), math.tau)
+        simulated = same_turn(simulated, analytic, math.tau)
+    nothing = ROUNDING * max((abs(v) for v in (*analytic, *simulated) if v is not None), default=0.0)
+
+    def listed(values: Numbers) -> Numbers:
+        return scaled((0.0 if v is not None and abs(v) < nothing else v for v in values), quantity.factor)
+
+    return {
+        "label": quantity.title,
+        "unit": quantity.unit,
+        "analytic": listed(analytic),
+        "simulated": listed(simulated),
+        "difference": difference(run, quantity),
+    }
+
+
+def _beside(poses: Poses | None, ideal: Poses | None) -> Poses | None:
+    """Poses whose angles are in the turn of the ideal linkage's, as a drawing multiplies their difference."""
+    if not poses or not ideal:
+        return poses
+    return {body: {**values, "angle": same_turn(values["angle"], ideal[body]["angle"], math.tau)} for body, values in poses.items()}
 
 
 def _gap(run: Mapping[str, Any], joint: str) -> dict[str, list[Numbers]]:
@@ -125,7 +145,8 @@ def linkage_figure(result: Result, summary: Summary) -> Figure | None:
         return None
     run = next((run for run in result["runs"] if any(run["clearance"].values())), result["runs"][0])
     label, unit, factor, x = abscissa(run, result["mechanism"])
-    ideal, displaced = ideal_poses(result, run), _poses(result["mechanism"], run["analytic"])
+    ideal = ideal_poses(result, run)
+    displaced = _beside(_poses(result["mechanism"], run["analytic"]), ideal)
     if displaced is None:
         return None
     usable = [k for k in range(len(x)) if _pose(displaced, k) and (ideal is None or _pose(ideal, k))]
@@ -188,7 +209,8 @@ def _drawn(what: Mapping[str, Any], pose: Pose, name: str, role: str, gaps: Mapp
         along *= 0.2 * what["size"] / abs(along)
         centre = place(second, joint["name"])
         block = [centre + along * corner for corner in (1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j, 1 + 0.6j)]
-        series += [_series("", [centre - 4 * along, centre + 4 * along], "frame", "dashed"), _series("", block, role)]
+        named = (joint["name"],) if role != "ideal-line" else ()
+        series += [_series("", [centre - 4 * along, centre + 4 * along], "frame", "dashed"), _series("", block, role, labels=named)]
     for joint_name, gap in (gaps or {}).items():
         bearing = next(j["bodies"][1] for j in what["joints"] if j["name"] == joint_name)
         rim = [place(bearing, joint_name) + cmath.rect(gap, 2 * math.pi * i / 60) for i in range(61)]

@@ -15,7 +15,7 @@ from markupsafe import Markup
 from compare.report.figures import Figure
 from compare.report.linkage import explorer
 from compare.report.quantities import number, setting
-from compare.report.summary import MODELS, WORDS, Run, Summary
+from compare.report.summary import MODELS, WORDS, Run, Summary, released
 
 SIGNS = {"agrees": "✓", "disagrees": "✗", "known": "≈", "unjudged": "?", "failed": "✗"}
 
@@ -40,7 +40,7 @@ def render(
         "signs": SIGNS,
         "engines": _once(f"{run.simulator} {run.version}" for run in runs),
         "joint_models": _once(run.joint_model for run in runs),
-        "motions": _once(run.motion for run in runs),
+        "motions": _once("swings freely" if released(run, result["mechanism"]) else run["motion"] for run in result["runs"]),
         "models": [MODELS.get(name, name) for name in _once(run.analytic_model for run in runs if run.clearance != "none")] or ["ideal linkage"],
         "clearance": "; ".join(_once(run.clearance for run in runs if run.clearance != "none")) or "none",
         "by_engine": [(name, _worst_first(run for run in runs if run.simulator == name)) for name in _once(run.simulator for run in runs)],

@@ -29,6 +29,11 @@ class Quantity:
         return f"{self.name} {self.place}".strip()
 
     @property
+    def angular(self) -> bool:
+        """Whether it is an angle, so that differences of it are modulo a turn."""
+        return self.unit == "deg"
+
+    @property
     def title(self) -> str:
         """Name with the paper's symbol, such as ``Reaction force |F| at B``."""
         words = " ".join(part for part in (self.name, self.symbol, self.place) if part)
@@ -38,6 +43,11 @@ class Quantity:
 def shown(unit: str) -> tuple[str, float]:
     """The unit that a person reads for an SI unit, and the factor to it; units without one stay as they are."""
     return SHOWN.get(unit, (unit.replace("N.m", "N·m"), 1.0))
+
+
+def apart(one: float, other: float, angular: bool) -> float:
+    """One value minus another; angles (rad) modulo a turn, as they are judged: in [-pi, pi)."""
+    return (one - other + math.pi) % math.tau - math.pi if angular else one - other
 
 
 def quantities(mechanism: Mapping[str, Any]) -> dict[str, Quantity]:

@@ -198,5 +198,5 @@ def _labels(figure: Figure, x: Scale, y: Scale) -> list[str]:
     for s in figure.series:
         for name, a, b in zip(s.labels, s.x, s.y, strict=False):
             if a is not None and b is not None:
-                out.append(_text(name, x(a) - 12, y(b) - 11, "end", 14, "600"))
+                out.append(_text(name, x(a) - 12, y(b) - 11, "end", 14, "600", ' paint-order="stroke" stroke="#fff" stroke-width="3"'))
     return out

@@ -98,11 +98,11 @@ def _cell(cell: Mapping[str, Any], x: float, y: float) -> list[str]:
         return [*out, _text("failed", middle, y + 28, "middle")]
     out.append(_text(f"{percent(cell['agreeing_share'])} %", middle, y + 15, "middle", weight="600", fill=ink))
     if lost(cell):
-        out.append(_text(f"free {percent(lost(cell))} %", middle, y + 29, "middle", size=10, fill=ink))
+        out.append(_text(f"free {percent(lost(cell))} %", middle, y + 28, "middle", size=10, fill=ink))
     if cell["fails"]:
         style = f'text-anchor="middle" font-size="10" fill="{ink}"'
         initials = "".join(f'<tspan font-weight="800">{x}</tspan>' if x == LETTERS.get(cell["cause"] or "") else x for x in letters(cell))
-        out.append(f'<text x="{middle:.1f}" y="{y + 42:.1f}" {style}>{initials}</text>')
+        out.append(f'<text x="{middle:.1f}" y="{y + 40:.1f}" {style}>{initials}</text>')
     return out
 
 

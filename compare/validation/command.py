@@ -24,16 +24,15 @@ WHERE = Path("reports")
 def update(folder: Folder = WHERE) -> None:
     """Run everything and write README.md, validation.json and figures."""
     with complaints():
-        from compare.files import output_folder, to_json, write_atomically
+        from compare.files import output_folder, to_json, write_together
         from compare.validation.page import page
         from compare.validation.runs import run_all
+        from compare.validation.scales import scales
 
-        output_folder(folder / "figures")
-        found = run_all(engines_named("all"))
-        for name, drawing in found.pop("figures").items():
-            write_atomically(folder / "figures" / name, drawing)
-        write_atomically(folder / "validation.json", to_json(found, indent=1) + "\n")
-        write_atomically(folder / "README.md", page(found))
+        output_folder(folder / "figures", "--reports")
+        found = run_all(engines_named("all"), scales())
+        drawings = {f"figures/{name}": drawing for name, drawing in found.pop("figures").items()}
+        write_together(folder, drawings | {"validation.json": to_json(found, indent=1) + "\n", "README.md": page(found)})
         typer.echo(f"{len(found['runs'])} runs: {folder / 'README.md'}")
 
 
@@ -48,10 +47,11 @@ def check(
     """
     with complaints():
         from compare.validation.runs import run_all
+        from compare.validation.scales import checked
         from compare.validation.stored import differences, looked_at, other_versions, read, stale_page
 
         stored = read(folder / "validation.json")
-        found = run_all(engines_named(simulator or "all"))
+        found = run_all(engines_named(simulator or "all"), checked())
         changed = [*stale_page(folder / "README.md", stored), *differences(stored, found)]
         for line in [*changed, *other_versions(stored, found)]:
             typer.echo(line)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
+
+from compare.validation.scales import CLEARANCE, EVERY
 
 
 def page(found: Mapping[str, Any]) -> str:
@@ -29,6 +32,7 @@ def page(found: Mapping[str, Any]) -> str:
             f"![{case}: ideal and displaced by clearance](figures/{case}-linkage.svg)",
             f"![{case}: directions of the reaction](figures/{case}-gamma.svg)",
         ]
+    lines += ["", "## At every scale", "", *_scales(found["scales"])]
     lines += ["", "## How far the paper's Eq. 8 is off", "", "| clearance in B of the paper's case | direction | size |", "|---|--:|--:|"]
     lines += [f"| {1000 * r['clearance']:g} mm | {r['angle']:.2g} deg | {100 * r['magnitude']:.2g} % |" for r in found["first_order"]]
     if found["superposition"]:
@@ -47,6 +51,32 @@ def _superposed(rows: list[dict[str, float]]) -> Iterator[str]:
     for gap in dict.fromkeys(row["clearance"] for row in rows):
         cells = [f"{100 * r['equilibrium']:.2f} / {100 * r['first_order']:.2f} %" for r in rows if r["clearance"] == gap]
         yield f"| {1000 * gap:g} mm | " + " | ".join(cells) + " |"
+
+
+def _scales(rows: list[dict[str, Any]]) -> Iterator[str]:
+    """A table for each engine: its joint models over the scales; below it, what it said where it refused."""
+    yield f"The crank-rocker of steel at every size, lifting its weight and a torque that presses its pins; radial clearance in B is {CLEARANCE:g}"
+    yield "of its coupler. Scales are the coupler's length, the crank's speed, and the coupler's mass relative to a steel bar's. A cell says, for"
+    yield "driven / static motion, whether the run agrees, or by a letter why it was refused. `compare validation check` makes every"
+    yield f"{EVERY}th scale again."
+    for engine in dict.fromkeys(row["simulator"] for row in rows):
+        mine = [row for row in rows if row["simulator"] == engine]
+        reasons = {why: chr(ord("a") + k) for k, why in enumerate(sorted({reason(row) for row in mine} - {""}))}
+        models = list(dict.fromkeys(row["run"].split(", ")[0] for row in mine))
+        yield ""
+        yield f"| {engine} | " + " | ".join(models) + " |"
+        yield "|---|" + "---|" * len(models)
+        for key in dict.fromkeys((row["length"], row["speed"], row["mass_ratio"]) for row in mine):
+            said = {row["run"]: reasons.get(reason(row), row["verdict"]) for row in mine if (row["length"], row["speed"], row["mass_ratio"]) == key}
+            cells = (" / ".join(said.get(f"{model}, {motion}", "-") for motion in ("driven", "static")) for model in models)
+            yield f"| {key[0]:g} m, {key[1]:g} rad/s, {key[2]:g} | " + " | ".join(cells) + " |"
+        yield ""
+        yield from (f"- {letter}: {why}" for why, letter in reasons.items())
+
+
+def reason(row: Mapping[str, Any]) -> str:
+    """Why a run at a scale was refused, without its numbers; empty where it was not."""
+    return re.sub(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?", "...", row["why"].split(": ", 1)[-1].split("; ")[0]) if row["verdict"] == "refused" else ""
 
 
 def _table(runs: list[dict[str, Any]]) -> Iterator[str]:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 from compare.options import cores
+from compare.validation.scales import Scale, scale_rows
 
 GAPS = (1e-2, 1e-3, 1e-4)  # m, of the paper's case
 PINS = (("crank", "A"), ("coupler", "com"), ("coupler", "B"), ("follower", "B"))
 BEAM_ANGLES = (20.0, 30.0, 60.0, 90.0, 120.0, 160.0)  # deg
 
 
-def run_all(names: tuple[str, ...]) -> dict[str, Any]:
-    """Every shipped case's runs, as the baselines set them up, in these engines; and how far Eq. 8 and superposition are off."""
+def run_all(names: tuple[str, ...], which: Sequence[Scale]) -> dict[str, Any]:
+    """Every shipped case in these engines, as the baselines set it up; one linkage at these scales; how far Eq. 8 and superposition are off."""
     from analytic.mechanism_file import load, shipped_cases
     from compare.baseline.runs import setups
     from compare.crosscheck import Job, crosscheck
@@ -38,7 +40,9 @@ def run_all(names: tuple[str, ...]) -> dict[str, Any]:
                 drawings |= {f"{case}-{name}.svg": drawing for name, drawing in drawn(result).items()}
     versions = {name: installed_version(declared(name).package) for name in names}
     beams = superposition() if "exudyn" in names else []
-    return {"schema": 1, "versions": versions, "runs": rows, "first_order": first_order(), "superposition": beams, "figures": drawings}
+    sized = scale_rows(names, which, cores())
+    approximations = {"first_order": first_order(), "superposition": beams}
+    return {"schema": 1, "versions": versions, "runs": rows, "scales": sized, **approximations, "figures": drawings}
 
 
 def row(case: str, name: str, run: dict[str, Any]) -> dict[str, Any]:
@@ -56,13 +60,16 @@ def row(case: str, name: str, run: dict[str, Any]) -> dict[str, Any]:
 def drawn(result: dict[str, Any]) -> dict[str, str]:
     """SVG drawings of a result: the linkage, and the reaction directions at its first joint with clearance."""
     from compare.files import to_json
-    from compare.report.figures import figures
+    from compare.report.figures import reaction_directions
+    from compare.report.linkage import linkage_figure
     from compare.report.summary import summarise
     from compare.report.svg import draw
 
     plain = json.loads(to_json(result))
-    found = {figure.name.split("_")[0]: draw(figure) for figure in reversed(figures(plain, summarise(plain)))}
-    return {name: drawing for name, drawing in found.items() if name in ("linkage", "gamma")}
+    summary = summarise(plain)
+    linkage = linkage_figure(plain, summary)
+    found = {"gamma": draw(reaction_directions(plain, summary, summary.joints[0]))}
+    return found | ({"linkage": draw(linkage)} if linkage else {})
 
 
 def first_order() -> list[dict[str, float]]:

@@ -43,6 +43,16 @@ class _Run(_Part):
     share: Share = 0.0
 
 
+class _AtScale(_Part):
+    length: Share
+    speed: Share
+    mass_ratio: Share
+    simulator: str
+    run: str
+    verdict: Literal["agrees", "disagrees", "refused", "unjudged"]
+    why: str = ""
+
+
 class _FirstOrder(_Part):
     clearance: Share
     angle: Share
@@ -60,6 +70,7 @@ class _File(_Part):
     format: Literal[1] = Field(alias="schema")
     versions: dict[str, str | None]
     runs: list[_Run] = Field(min_length=1)
+    scales: list[_AtScale]
     first_order: list[_FirstOrder]
     superposition: list[_Superposed]
 
@@ -100,7 +111,8 @@ def looked_at(stored: Report, found: Report) -> tuple[str, str]:
         left_out.append("superposition, which takes exudyn")
     total = len(stored["runs"])
     tables = "first_order and superposition" if found["superposition"] else "first_order"
-    return f"{total - sum(count[name] for name in absent)} of {total} runs, {tables} made again", "; ".join(left_out)
+    sized = f"{len(found['scales'])} of {len(stored['scales'])} at scales"
+    return f"{total - sum(count[name] for name in absent)} of {total} runs, {sized}, {tables} made again", "; ".join(left_out)
 
 
 def other_versions(stored: Report, found: Report) -> Iterator[str]:
@@ -116,9 +128,22 @@ def differences(stored: Report, found: Report) -> Iterator[str]:
     for key in sorted(before.keys() | after.keys()):
         if key[2] in found["versions"]:
             yield from (f"{', '.join(key)}: {what}" for what in _moved(before.get(key, {}), after.get(key, {})))
+    yield from _at_scales(stored, found)
     yield from _table("first_order", stored, found, ("clearance",), ANALYTIC, 0.0)
     if found["superposition"]:
         yield from _table("superposition", stored, found, ("clearance", "crank_angle"), 0.0, BEAMS)
+
+
+def _at_scales(stored: Report, found: Report) -> Iterator[str]:
+    """Verdicts at the scales that were made again, where they are not as they were."""
+    before, after = (
+        {(r["length"], r["speed"], r["mass_ratio"], r["simulator"], r["run"]): r["verdict"] for r in report["scales"]} for report in (stored, found)
+    )
+    again = {key[:4] for key in after}
+    for key in sorted(key for key in before.keys() | after.keys() if key[:4] in again):
+        if before.get(key) != after.get(key):
+            where = f"at {key[0]:g} m, {key[1]:g} rad/s, mass ratio {key[2]:g}, {key[3]}, {key[4]}"
+            yield f"{where}: was {before.get(key, 'not there')}, is {after.get(key, 'not there')}"
 
 
 def _moved(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:

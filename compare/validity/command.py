@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from compare.faults import Exit, OptionError, complaints, stop
-from compare.files import file_name, output_folder, to_json, write_atomically
+from compare.files import alone_in, output_folder, to_json, write_together
+from compare.folders import Overwrite, result_folder
 from compare.options import JointChoice, cores, listed_once, load_case, rigidly_and_evenly_driven
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 
 def validity(
+    context: typer.Context,
     speeds: Annotated[str, typer.Option(metavar="RPM,...", help="Speeds of the crank (rpm).")],
     clearances: Annotated[str, typer.Option(metavar="M,...", help="Radial clearances (m).")],
     case: Annotated[str, typer.Option(help="Shipped case (see: compare cases) or a mechanism file.")] = "paper",
@@ -33,7 +35,8 @@ def validity(
     tolerance: Annotated[Path | None, typer.Option(help="Tolerance file laid over the shipped one.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes [one a core].")] = None,
     dask: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster that is to do the runs.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of validity.json [reports/<case>-validity].")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of validity.json [reports/<case>-validity, then the options].")] = None,
+    overwrite: Overwrite = False,
     json: Annotated[bool, typer.Option("--json", help="Print validity.json to standard output, and nothing else there.")] = False,
 ) -> None:
     """Say at which speeds and clearances the analytic model holds, where contact is lost, and which assumption fails.
@@ -58,10 +61,11 @@ def validity(
             load_tolerances(tolerance),
         )
         runs = cells(grid)
-        folder = output_folder(out or Path("reports") / f"{file_name(mechanism.name)}-validity")
-        found = swept(runs, folder, workers or cores(), dask)
-        result = summarised(grid, chosen, runs, found) | {"command": shlex.join(["compare", *sys.argv[1:]]), "warnings": caught}
-        publish(result, folder, json)
+        folder = output_folder(result_folder(context, f"{mechanism.name}-validity", "validity.json", out, overwrite))
+        with alone_in(folder, patience=0.0):  # two maps would take each other's records away
+            found = swept(runs, folder, workers or cores(), dask)
+            result = summarised(grid, chosen, runs, found) | {"command": shlex.join(["compare", *sys.argv[1:]]), "warnings": caught}
+            publish(result, folder, json)
         if all("failure" in one for one in found):
             raise stop(f"every cell failed, the first because {found[0]['failure']}", Exit.SIMULATOR_FAILED)
 
@@ -130,8 +134,7 @@ def publish(result: Mapping[str, Any], folder: Path, json: bool) -> None:
     from compare.report.validity_text import markdown, print_table
 
     text = to_json(result, indent=1)
-    for name, content in {"validity.svg": draw(result), "validity.md": markdown(result), "validity.json": text}.items():
-        write_atomically(folder / name, content)
+    write_together(folder, {"validity.svg": draw(result), "validity.md": markdown(result), "validity.json": text})
     if json:
         typer.echo(text)
         return

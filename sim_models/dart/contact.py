@@ -71,7 +71,7 @@ class Bearing:
 
     def face(self) -> None:
         """Put the anvil where the journal meets its circle, or out of the way where it does not."""
-        gap = self.world.gap(self.pin.joint.name)[0]
+        gap = self.world.pin_gaps[self.pin.joint.name] = self.world.gap(self.pin.joint.name)[0]
         depth = abs(gap) - self.pin.clearance
         touching = depth > -self.pin.clearance * (HOLD if self.held else RIM)
         outwards = gap + gap / abs(gap) * (self.reach - max(depth, TOUCH)) if touching else 2 * self.reach + 0j

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from sim_models.common.simulate import simulate
 from sim_models.dart.world import DartWorld
-from sim_models.engine import COMMON_EFFECTS, JointModel, Motion, Request, Trace, check_supported
-from sim_models.planar.runs import simulate
+from sim_models.engine import COMMON_EFFECTS, JointModel, Motion, Request, Trace
+from sim_models.planar.runs import run
 
 MODELS: tuple[JointModel, ...] = ("ideal", "spring-damper", "contact")
 MOTIONS: tuple[Motion, ...] = ("driven", "static")
@@ -20,8 +21,7 @@ class DartEngine:
 
     def simulate(self, request: Request) -> Trace:
         """Run one request; see the protocol."""
-        check_supported(self, request)
-        return simulate(DartWorld, request, self.package)
+        return simulate(self, request, lambda r: run(DartWorld, r, self.package))
 
 
 ENGINE = DartEngine()

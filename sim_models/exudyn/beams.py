@@ -22,12 +22,14 @@ import numpy as np
 
 from analytic.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
+from sim_models.common.journal import free_share
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
 from sim_models.exudyn.beam_model import BeamModel, Element, Push, pin_stiffness, refuse_what_is_not_modelled, soft_stiffness
 from sim_models.exudyn.beam_motion import RigidMotion
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.record import FLIPPED
 from sim_models.exudyn.settings import silence
+from sim_models.failed_starts import own_start
 from sim_models.start import Course, poses, schedule
 
 
@@ -71,7 +73,7 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
     cannot be assembled.
     """
     beams = _Beams(request, element)
-    with silence():
+    with silence(), own_start("exudyn", request, beams.assembly):
         rows = [beams.signals(k) for k in range(beams.motion.theta.size)]
     signals = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     moving = request.motion == "driven"
@@ -85,7 +87,7 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
     return Trace(
         simulator="exudyn", version=installed_version("exudyn") or "unknown", joint_model=request.joint_model, motion=request.motion,
         crank_angle=beams.motion.theta.copy(), time=beams.time, signals=signals, clearance=dict(size), journal=gaps,
-        free_share={name: float(np.mean(np.hypot(*gaps[name].T) <= size[name])) for name in size},
+        free_share={name: free_share(np.hypot(*gaps[name].T), size[name]) for name in size},
         settings=used,
     )  # fmt: skip
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from sim_models.common.simulate import simulate
 from sim_models.engine import COMMON_EFFECTS, JOINT_MODELS, JointModel, Motion, Request, Trace, check_supported
 from sim_models.exudyn.settings import silence
 
@@ -32,9 +33,8 @@ class Exudyn:
         """
         from sim_models.exudyn.runs import Run
 
-        check_supported(self, request)
         with silence():
-            return Run(request).trace()
+            return simulate(self, request, lambda r: Run(r).trace())
 
     def export(self, request: Request, folder: Path) -> list[Path]:
         """Write a request, and what came of it, as files that run in Exudyn alone.  Raises what :meth:`simulate` does."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -14,6 +13,7 @@ from analytic.mechanism import GROUND, Joint
 from sim_models.engine import Request, SimulationError
 from sim_models.exudyn.linkage import Linkage
 from sim_models.exudyn.record import Record
+from sim_models.failed_starts import check_stiff_enough, where, who, why_no_equilibrium
 from sim_models.start import Pose, poses
 
 STILL = 1e-12  # rad: last correction of a crank's angle behind a compliant drive
@@ -58,8 +58,13 @@ class Equilibria:
         ideal = self._solve(self.ideal, theta, {}, loads)
         if not self.clearance:
             return ideal
+        springs = {} if self.request.joint_model == "massless-link" else {name: abs(ideal.force[name][0]) for name in self.clearance}
+        check_stiff_enough("exudyn", self.request, theta, springs)
         rods = self._solve(self.rods, theta, self._taken_up(self.rods, ideal, theta), loads)
-        found = self._solve(self.real, theta, self._taken_up(self.real, rods, theta), loads)
+        try:
+            found = self._solve(self.real, theta, self._taken_up(self.real, rods, theta), loads)
+        except SimulationError as error:
+            raise why_no_equilibrium("exudyn", self.request, theta, springs) or error from None
         for name in self.clearance:
             if np.real(found.force[name][0] * np.conj(found.gap[name][0])) <= 0:
                 raise self._failure(f"the pin of joint {name} would have to be pushed, not pulled", theta)
@@ -99,7 +104,7 @@ class Equilibria:
 
     def _failure(self, why: str, theta: float) -> SimulationError:
         return SimulationError(
-            f"exudyn {self.request.joint_model} ({self.m.name}): {why} at crank angle {math.degrees(theta):.4g} deg; load the linkage, "
+            f"{who('exudyn', self.request)}: {why} {where(self.request, theta)}; load the linkage, "
             "use a smaller clearance, leave the angle out, or run it driven with start 'centred'"
         )
 

@@ -130,9 +130,10 @@ class Linkage(Model):
         return {body: (complex(a[0], a[1]), float(a[2])) for body, a in values.items()}
 
     def _record(self, raw: Mapping[str, np.ndarray], time: np.ndarray) -> Record:
-        com, angle, velocity, turning = {}, {}, {}, {}
+        com, angle, velocity, turning, acceleration, spin_up = {}, {}, {}, {}, {}, {}
         for body in self._node:
-            q, v = raw[f"Coordinates {body}"], raw[f"Coordinates_t {body}"]
+            q, v, a = (raw[f"{kind} {body}"] for kind in ("Coordinates", "Coordinates_t", "Coordinates_tt"))
+            acceleration[body], spin_up[body] = a[:, 0] + 1j * a[:, 1], a[:, 2]
             com[body], angle[body] = q[:, 0] + 1j * q[:, 1], q[:, 2]
             velocity[body], turning[body] = v[:, 0] + 1j * v[:, 1], v[:, 2]
 
@@ -156,4 +157,4 @@ class Linkage(Model):
                 force[joint.name] = -(value[:, 0] + 1j * value[:, 1])
         torque = np.zeros(time.size) if self._drive is None else raw["drive"][:, 0] * (1.0 if self.compliant else multiplier)
         marker = {body: locate(self.m, com, angle, body, "com") for body in com}
-        return Record(time, com, marker, angle, velocity, turning, gap, force, moment, torque)
+        return Record(time, com, marker, angle, velocity, turning, acceleration, spin_up, gap, force, moment, torque)

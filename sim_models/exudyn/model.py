@@ -99,7 +99,7 @@ class Model:
         self._body[name] = self.mbs.AddObject(
             self.items.ObjectRigidBody2D(mass=body.mass, inertia=body.moment_of_inertia, nodeNumber=node)  # type: ignore[union-attr]
         )
-        for kind in ("Coordinates", "Coordinates_t"):
+        for kind in ("Coordinates", "Coordinates_t", "Coordinates_tt"):
             self._sense(f"{kind} {name}", self.items.SensorNode, kind, nodeNumber=node)
 
     def _sense(self, key: str, sensor: Any, variable: str, **where: Any) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from analytic.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism
+from sim_models.engine import Rates
 from sim_models.exudyn.motor import Motor
 from sim_models.start import poses
 
@@ -30,6 +31,8 @@ class Record:
     angle: Mapping[str, np.ndarray]  # rad (M,)
     velocity: Mapping[str, np.ndarray]  # m/s (M,) complex
     angular_velocity: Mapping[str, np.ndarray]  # rad/s (M,)
+    acceleration: Mapping[str, np.ndarray]  # m/s^2 (M,) complex
+    angular_acceleration: Mapping[str, np.ndarray]  # rad/s^2 (M,)
     gap: Mapping[str, np.ndarray]  # m (M,) complex, by revolute joint: first pin centre minus second
     force: Mapping[str, np.ndarray]  # N (M,) complex, by joint: of the first body on the second
     moment: Mapping[str, np.ndarray]  # N.m (M,) by prismatic joint: on the second body at its point
@@ -62,12 +65,9 @@ class Record:
         out |= {f"reaction_{joint}_moment": moment for joint, moment in self.moment.items()}
         return {name: np.array(values) for name, values in out.items()}
 
-    def free_share(self, joint: str, clearance: float) -> float:
-        """Share of the time (of the instants, where no time passes) that a pin touched nothing."""
-        free = np.abs(self.gap[joint]) <= clearance
-        if self.time[-1] == self.time[0]:
-            return float(np.mean(free))
-        return float(np.sum(np.diff(self.time) * (free[1:] & free[:-1])) / (self.time[-1] - self.time[0]))
+    def rates(self) -> dict[str, Rates]:
+        """Rates of every body, for a Trace."""
+        return {body: Rates(v.copy(), self.acceleration[body].copy(), self.angular_acceleration[body].copy()) for body, v in self.velocity.items()}
 
 
 def join(records: Sequence[Record]) -> Record:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from analytic.assembly import Assembly
+from sim_models.common.journal import free_share
 from sim_models.contact_laws import contact_parameters, lighter_mass
 from sim_models.engine import (
     Request,
@@ -24,6 +25,7 @@ from sim_models.exudyn.linkage import Linkage
 from sim_models.exudyn.motor import INSTANT, SETTLING, Motor
 from sim_models.exudyn.record import Judge, Record, join
 from sim_models.exudyn.steady import steady_start
+from sim_models.failed_starts import own_start
 from sim_models.start import Course, check_steps, poses, schedule, substeps
 
 TURN_PER_STEP = 2e-3  # rad of crank angle in a step, at most
@@ -67,9 +69,10 @@ class Run:
         self.judge = Judge(self.m, self.clearance, {name: law.stiffness for name, law in self.contact.items()})
 
     def trace(self) -> Trace:
-        if self.request.motion == "static":
-            return self.static()
-        return self.driven() if self.request.course is not None or self.m.speed is not None else self.released()
+        with own_start("exudyn", self.request, self.assembly):
+            if self.request.motion == "static":
+                return self.static()
+            return self.driven() if self.request.course is not None or self.m.speed is not None else self.released()
 
     # ---------------------------------------------------------------- motions
 
@@ -94,7 +97,6 @@ class Run:
         """A motor of constant speed, when (s) in the run it passes each requested angle, and when after the first of them."""
         plan = schedule(self.request)
         start = float(plan.theta[0]) - math.copysign(self.request.lead_in, plan.speed)
-        self.assembly.path(min(start, *plan.theta), max(start, *plan.theta))  # refuses a change point on the way
         time = plan.time[np.argsort(plan.order)]
         return Motor.at_speed(start, plan.speed), time + self.request.lead_in / abs(plan.speed), time
 
@@ -200,15 +202,13 @@ class Run:
     def report(self, sampled: Record, dense: Record, time: np.ndarray | None = None, step: float | None = None) -> Trace:
         """The trace: signals at the sampled instants, the pins' paths and free share over the dense record."""
         r = self.request
-        free = dict.fromkeys(self.clearance, 0.0)
-        if r.joint_model != "massless-link":
-            free = {name: dense.free_share(name, clearance) for name, clearance in self.clearance.items()}
+        free = {name: free_share(dense.gap[name], clearance, dense.time) for name, clearance in self.clearance.items()}
         return Trace(
             simulator="exudyn", version=installed_version("exudyn") or "unknown", joint_model=r.joint_model, motion=r.motion,
             crank_angle=np.array(r.crank_angle, float) if r.crank_angle.size else sampled.angle[self.m.driven].copy(), time=time,
             signals=sampled.signals(), clearance=dict(self.clearance), free_share=free,
             journal={name: np.column_stack([dense.gap[name].real, dense.gap[name].imag]) for name in self.clearance},
-            settings=self.settings(step),
+            settings=self.settings(step), rates=sampled.rates(),
         )  # fmt: skip
 
     def settings(self, step: float | None) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from sim_models.common.simulate import simulate
 from sim_models.engine import COMMON_EFFECTS, JOINT_MODELS, JointModel, Motion, Request, Trace, check_supported
 
 
@@ -25,9 +26,8 @@ class MujocoEngine:
         """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""
         from sim_models.mujoco.runs import Run
 
-        check_supported(self, request)
         with _quiet():
-            return Run(request).trace()
+            return simulate(self, request, lambda r: Run(r).trace())
 
     def export(self, request: Request, folder: Path) -> list[Path]:
         """Write a request, and what came of it, as files that run in MuJoCo alone.  Raises what :meth:`simulate` does."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from analytic.assembly import Assembly
 from sim_models.engine import Request, SimulationError
+from sim_models.failed_starts import check_stiff_enough, where, who, why_no_equilibrium
 from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.model import Linkage
 from sim_models.mujoco.state import contact_rows, gap, joint_forces, signals, touch
@@ -178,22 +179,30 @@ class Equilibria:
         for name, force in forces.items():
             if force == 0:
                 raise self.failed(f"nothing presses the pin of joint {name!r}", theta, "give the linkage a load or gravity, or start it centred")
+        check_stiff_enough("mujoco", self.request, theta, self.on_springs(forces))
         return {name: self.rim(name, force) for name, force in forces.items()}
+
+    def on_springs(self, forces: Mapping[str, complex]) -> dict[str, float]:
+        """Sizes (N) of the forces that press a pin into a bearing that gives."""
+        giving = () if self.request.joint_model == "massless-link" else (name for name in forces if not self.laws[name].hard)
+        return {name: abs(forces[name]) for name in giving}
 
     def rim(self, name: str, force: complex) -> complex:
         """Gap (m) of a joint that carries this force (N)."""
-        give = 0.0 if self.laws[name].hard or self.request.joint_model == "massless-link" else abs(force) / self.laws[name].stiffness
+        give = self.on_springs({name: force}).get(name, 0.0) / self.laws[name].stiffness
         return (self.mechanism.joint(name).clearance + give) * force / abs(force)
 
     def at_rest(self, theta: float) -> dict[str, float]:
         """Signals of the equilibrium at one crank angle.  Raises SimulationError if there is none with the pins pressed."""
         slip = self.slip(theta)
         still = np.zeros(self.ideal.model.nv)
-        gaps = self.pressing(theta, self.reactions(theta, self.place(self.ideal, theta), still, still))
+        forces = self.reactions(theta, self.place(self.ideal, theta), still, still)
+        gaps = self.pressing(theta, forces)
         still = np.zeros(self.pressed.model.nv)
         found = rest(self.pressed, self.place(self.pressed, theta, gaps), still, still, slip)
         if found is None:
-            raise self.failed("no equilibrium was found", theta, "check the loads, or use a smaller clearance")
+            soft = why_no_equilibrium("mujoco", self.request, theta, self.on_springs(forces))
+            raise soft or self.failed("no equilibrium was found", theta, "check the loads, or use a smaller clearance")
         for name, (force, _) in joint_forces(self.pressed, found.force).items():
             if name in self.laws and not _pressed(force, gap(self.pressed, name)):
                 raise self.failed(f"the only equilibrium found has the pin of joint {name!r} pulled, not pressed", theta, "check the loads")
@@ -226,8 +235,7 @@ class Equilibria:
 
     def failed(self, what: str, theta: float, remedy: str) -> SimulationError:
         """The error that says what went wrong at which crank angle."""
-        model = f"{self.request.joint_model} joints, {self.request.motion} motion"
-        return SimulationError(f"mujoco: {self.mechanism.name}, {model}: {what} at crank angle {np.degrees(theta):.4g} deg; {remedy}")
+        return SimulationError(f"{who('mujoco', self.request)}: {what} {where(self.request, theta)}; {remedy}")
 
 
 def _pressed(force: complex, gap: complex) -> bool:

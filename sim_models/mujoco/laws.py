@@ -28,7 +28,7 @@ class Contact:
         """The law in words."""
         if self.hard is None:
             return "max(0, K d + C d') outside the gap"
-        return f"hard, bounces in {math.pi * self.hard[0]:.3g} s at damping ratio {self.hard[1]:.3g}"
+        return f"hard, bounces at damping ratio {self.hard[1]:.3g}"
 
 
 def contact_laws(request: Request) -> dict[str, Contact]:
@@ -42,7 +42,8 @@ def contact_laws(request: Request) -> dict[str, Contact]:
         joint = request.mechanism.joint(name)
         law = contact_parameters(request.mechanism, joint, request.motion)
         hard = None
-        if request.joint_model == "contact" and request.motion == "driven" and joint.contact_stiffness is None and joint.contact_damping is None:
+        stated = joint.contact_damping is not None or (joint.contact_stiffness is not None and name not in request.assumed)
+        if request.joint_model == "contact" and request.motion == "driven" and not stated:
             ratio = DAMPING_RATIO if joint.restitution is None else damping_ratio(joint.restitution)
             hard = math.sqrt(lighter_mass(request.mechanism, joint) / law.stiffness), ratio
         laws[name] = Contact(law.stiffness, law.damping, hard)
@@ -50,12 +51,15 @@ def contact_laws(request: Request) -> dict[str, Contact]:
 
 
 def law_settings(request: Request, laws: Mapping[str, Contact]) -> dict[str, Any]:
-    """What the joints with clearance were made of: the softest stiffness, each joint's damping, the law in words."""
+    """What the joints with clearance were made of: the law in words, the softest stiffness, each joint's damping, a hard one's longest bounce (s)."""
     if not laws or request.joint_model == "massless-link":
         return {"contact_law": "massless link of fixed length, pulls and pushes"} if laws else {}
     soft = [law for law in laws.values() if not law.hard]
     words = {law.words for law in laws.values()}
     settings: dict[str, Any] = {"contact_law": "; ".join(sorted(words))}
+    bounces = [math.pi * law.hard[0] for law in laws.values() if law.hard]
+    if bounces:
+        settings["bounce_time"] = max(bounces)
     if soft:
         settings["contact_stiffness"] = min(law.stiffness for law in soft)
         damping = {name: law.damping for name, law in laws.items()}

@@ -12,7 +12,8 @@ from sim_models.mujoco.model import Linkage
 
 DEEPEST = 0.1  # of the clearance: penetration that is in order without asking; more must be what the stiffness allows
 LOOSEST = 1e-5  # of the linkage's size, by which its rigid joints may come apart
-STRETCH = 5e-3  # of the clearance, by which a massless link may change its length
+TURNED = 2e-6  # rad, by which that may turn any body: soft rows give by the square of the step, and poor transmission angles magnify it
+STRETCH = 1e-3  # of the clearance, by which a massless link may change its length
 
 
 class CameApart(SimulationError):
@@ -31,6 +32,15 @@ def check_together(request: Request, distance: float, room: float, step: float) 
         raise CameApart(
             f"mujoco: {request.mechanism.name}, {request.joint_model} joints: a rigid joint came apart by {distance:.3g} m, "
             f"{room:.3g} m is in order (step {step:.3g} s); use a smaller step"
+        )
+
+
+def check_closed(request: Request, turn: float, step: float) -> None:
+    """Raise CameApart where rigid joints have given so far that a body would have to turn by more than is in order (rad) to close them."""
+    if turn > TURNED:
+        raise CameApart(
+            f"mujoco: {request.mechanism.name}, {request.joint_model} joints: the rigid joints have given so far that a body is {turn:.3g} rad off, "
+            f"{TURNED:.3g} rad is in order (step {step:.3g} s); use a smaller step, or smaller loads"
         )
 
 

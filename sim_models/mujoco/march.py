@@ -9,21 +9,28 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sim_models.engine import Request
-from sim_models.mujoco.limits import check_depth, check_together, room_apart
+from sim_models.mujoco.limits import check_closed, check_depth, check_together, room_apart
 from sim_models.mujoco.model import Linkage
 from sim_models.mujoco.motor import Motor
-from sim_models.mujoco.state import apart, check_warnings, friction_torques, gap, joint_forces, look, on_track, signals
-from sim_models.start import check_steps, substeps
+from sim_models.mujoco.state import apart, check_warnings, friction_torques, gap, joint_forces, look, misclosure, on_track, signals
+from sim_models.start import MOST_STEPS, check_steps, substeps
 
+MOST_STEPS_ALONE = 5_000_000  # of a run that MuJoCo steps by itself: half a minute
 SAMPLES = 600  # of a run's journal path, or somewhat more
+
+
+def most_steps(link: Linkage) -> int:
+    """Steps that a run may take; a contact passes through Python in each of them."""
+    return MOST_STEPS if link.touch else MOST_STEPS_ALONE
 
 
 @dataclass
 class Log:
-    """Samples of a run: each clearance joint's gap (m) and force (N)."""
+    """Samples of a run: each clearance joint's gap (m) and force (N), and when they were taken (s; none at rest)."""
 
     gaps: dict[str, list[complex]]
     forces: dict[str, list[float]]
+    times: list[float] = field(default_factory=list)
 
     @classmethod
     def of(cls, joints: Iterable[str]) -> Log:
@@ -49,7 +56,7 @@ def march(
 
     No step is longer than the linkage's.  Raises SimulationError: the run diverged, came apart, went too deep, or would take too long.
     """
-    check_steps(f"mujoco: {link.mechanism.name}, {request.joint_model} joints", lead + float(marks[-1] - marks[0]), link.step)
+    check_steps(f"mujoco: {link.mechanism.name}, {request.joint_model} joints", lead + float(marks[-1] - marks[0]), link.step, most_steps(link))
     m, d = link.model, link.data
     d.qpos[:], d.qvel[:] = state
     log = Log.of(link.contacts)
@@ -77,9 +84,13 @@ def march(
             check_warnings(link, f"{link.mechanism.name}, {request.joint_model} joints, t = {time:.4g} s")
             forces = joint_forces(link, d.efc_force)
             check_together(request, apart(link), room, link.step)
-            for name in link.contacts if k or piece == pieces - 1 else ():
+            if not k and piece < pieces - 1:
+                continue  # the lead-in
+            log.times.append(time)
+            for name in link.contacts:
                 log.gaps[name].append(gap(link, name))
                 log.forces[name].append(abs(forces[name][0]))
+        check_closed(request, misclosure(link), link.step)
         reported.append(signals(link, forces, friction_torques(link), d.qvel + lag * d.qacc if half else d.qvel))
     check_depth(request, link.contacts, log.gaps, log.forces)
     values = np.array([list(seen.values()) for seen in reported]).T

@@ -79,7 +79,7 @@ class Linkage(Description):
         self.motor = self.index["drive:motor" if self.compliant else self.mechanism.driven] if self.hold else -1
         self.pins = [j.name for j in joints if not j.prismatic]
         self.form = {b: self.vector(form) for b, form in self.forms.items()}
-        self.laws = {j.name: m.tendon(f"law:{j.name}").id for j in joints if j.coulomb or j.damping or j.stiffness}
+        self.laws = {j.name: m.tendon(f"law:{j.name}").id for j in joints if self.gives(j)}
 
         bars = self.contacts if self.rows in ("massless-link", "spring") else ()
         self.row_id = {name: m.equality(name).id for name in (*(j.name for j in self.closing), *bars)}  # of equalities

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from analytic.assembly import Assembly
+from analytic.assembly import Assembly, AssemblyError
+from sim_models.common.journal import free_share
+from sim_models.common.rates import part_rates
 from sim_models.engine import Request, SimulationError, Trace, Unsupported
+from sim_models.failed_starts import own_start
 from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.laws import contact_laws, law_settings
 from sim_models.mujoco.limits import CameApart
@@ -36,6 +39,8 @@ BOUNCE = 0.4  # of a bounce's period/2 pi, for a step
 FINE_BOUNCE = 0.1  # where the mechanism asks for a restitution
 HALVINGS = 5  # of the step, before a run with rigid joints coming apart is given up
 
+
+State = tuple[np.ndarray, np.ndarray]  # coordinates (nq,) and velocities (nv,)
 
 RELEASED = Motor(np.zeros(0), np.zeros(0), 0, 0.0, 0.0)  # no motor: nothing but steps
 
@@ -71,9 +76,10 @@ class Run:
 
     def trace(self) -> Trace:
         """Run the request."""
-        if self.request.motion == "static":
-            return self.static()
-        return self.free() if self.released else self.driven()
+        with own_start("mujoco", self.request, self.assembly):
+            if self.request.motion == "static":
+                return self.static()
+            return self.free() if self.released else self.driven()
 
     def near(self, theta: float, step: float = STATIC_STEP) -> Equilibria:
         """Equilibria near a crank angle, with rows as rigid as at this step."""
@@ -82,14 +88,13 @@ class Run:
     def static(self) -> Trace:
         """Equilibrium at each crank angle, and between them for the journals' paths."""
         theta = self.request.crank_angle
-        self.assembly.coordinates(theta)  # raises where the ideal linkage does not reach
         near = self.near(float(theta[0]))
         found = {at: near.at_rest(at) for at in theta.tolist()}
         log = Log.of(self.laws)
         for at in _filled(theta).tolist() if self.laws else ():
             try:
                 seen = found[at] if at in found else near.at_rest(at)
-            except SimulationError:
+            except (SimulationError, AssemblyError):
                 continue  # only requested angles must have an equilibrium; where there is none, the path has a gap
             for name in self.laws:
                 log.gaps[name].append(complex(seen[f"clearance_{name}_x"], seen[f"clearance_{name}_y"]))
@@ -98,8 +103,8 @@ class Run:
         columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
         return self.report(theta, None, columns, log, {"step": None, "start": "equilibrium"})
 
-    def begin(self, motor: Motor) -> tuple[np.ndarray, np.ndarray, float, str]:
-        """Coordinates, velocities, step (s) and kind of a driven run's start."""
+    def begin(self, motor: Motor, step: float | None = None) -> tuple[np.ndarray, np.ndarray, float, str]:
+        """Coordinates, velocities, step (s; the longest that is in order, where none is given) and kind of a driven run's start."""
         angles, here = motor.angles, motor.here
         near = self.near(angles[here])
         rate = derivative(motor.instants)
@@ -111,7 +116,7 @@ class Run:
         else:
             gaps = [near.pressing(at, f) for at, f in zip(angles, forces, strict=True)]
             q, how = np.array([near.place(near.pressed, at, gap) for at, gap in zip(angles, gaps, strict=True)]), "equilibrium"
-        step = self.longest_step(near, q[here])
+        step = self.longest_step(near, q[here]) if step is None else step
         if how == "equilibrium":
             settled = self.near(angles[here], step).steady(angles, q, rate)
             q, how = (q, "pressed where the ideal linkage's reaction points") if settled is None else (settled, how)
@@ -156,7 +161,6 @@ class Run:
         if self.course is not None:
             return self.along(self.course)
         plan = schedule(self.request)
-        self.assembly.coordinates(plan.theta)  # raises where the ideal linkage does not reach
         lead = self.request.lead_in / abs(plan.speed)
         motor = Motor.at_speed(float(plan.theta[0]) - plan.speed * lead, plan.speed, float(plan.time[0]) - lead)
         signals, log, settings = self.turned(motor, plan.time, lead)
@@ -168,7 +172,6 @@ class Run:
         time = np.asarray(self.request.time, float)
         order = np.argsort(time, kind="stable")
         knots = course.spline.x
-        self.assembly.coordinates(course.spline(np.union1d(time, knots[knots <= time.max()])))  # raises where the ideal linkage does not reach
         signals, log, settings = self.turned(Motor.along(course), time[order], float(time.min() - knots[0]))
         columns = {name: _scatter(values, order) for name, values in signals.items()}
         return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
@@ -177,7 +180,11 @@ class Run:
         """A run that a motor turns, reported at the marks (s), the first of them ``lead`` (s) after the start; with its settings."""
         self.motor, self.direction = motor, motor.direction
         q, v, step, how = self.begin(motor)
-        signals, log, step = self.run(float(motor.angles[motor.here]), q, v, step, marks, lead)
+
+        def begin(step: float) -> tuple[np.ndarray, np.ndarray]:
+            return self.begin(motor, step)[:2]  # where its rows give as they do in such steps
+
+        signals, log, step = self.run(float(motor.angles[motor.here]), (q, v), begin, step, marks, lead)
         return signals, log, {"step": step, "start": how}
 
     def free(self) -> Trace:
@@ -193,9 +200,9 @@ class Run:
         step = self.longest_step(near, q)
         around = np.array([near.place(near.pressed, theta + side, gaps) for side in STENCIL]) if self.request.start_speed else np.tile(q, (5, 1))
         v = (derivative(STENCIL) @ around)[2] * self.request.start_speed
-        signals, log, step = self.run(theta, q, v, step, time[order], float(time[order[0]]))
+        signals, log, step = self.run(theta, (q, v), lambda step: (q, v), step, time[order], float(time[order[0]]))
         columns = {name: _scatter(values, order) for name, values in signals.items()}
-        settings = {"step": step, "start": f"released at {self.request.start_speed:g} rad/s"}
+        settings = {"step": step, "start": "released", "start_speed": self.request.start_speed}
         return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
 
     def gaps_at_release(self, near: Equilibria, theta: float) -> dict[str, complex]:
@@ -206,23 +213,26 @@ class Run:
         return {} if self.centred else {name: near.rim(name, force or complex(1e-12)) for name, force in forces.items()}
 
     def run(
-        self, theta: float, q: np.ndarray, v: np.ndarray, step: float, marks: np.ndarray, lead: float
+        self, theta: float, state: State, begin: Callable[[float], State], step: float, marks: np.ndarray, lead: float
     ) -> tuple[dict[str, np.ndarray], Log, float]:
-        """A run with the engine's own step, halved while rigid joints come apart; or with the request's."""
+        """A run with the engine's own step, halved while rigid joints come apart, each time begun anew; or with the request's."""
         for attempt in range(HALVINGS + 1):
             place = poses(self.assembly, theta)
             hold, follows = not self.released, self.course is not None
             link = Linkage(self.mechanism, self.laws, self.request.joint_model, place, step, hold=hold, follows=follows)
             try:
-                signals, log, self.record = march(self.request, link, self.motor, (q, v), marks, lead)
+                signals, log, self.record = march(self.request, link, self.motor, state, marks, lead)
                 return signals, log, step
             except CameApart:
                 if self.request.step is not None or attempt == HALVINGS:
                     raise
                 step /= 2
+                state = begin(step)
         raise AssertionError("unreachable: the last attempt returns or raises")
 
     def report(self, theta: np.ndarray, time: np.ndarray | None, signals: Mapping[str, np.ndarray], log: Log, settings: Mapping[str, Any]) -> Trace:
+        signals, rates = part_rates(signals)
+        times = np.array(log.times) if log.times else None
         return Trace(
             simulator="mujoco",
             version=mujoco.__version__,
@@ -233,8 +243,9 @@ class Run:
             signals=signals,
             clearance={name: self.mechanism.joint(name).clearance for name in self.laws},
             journal={name: np.array([[g.real, g.imag] for g in path]) for name, path in log.gaps.items()},
-            free_share={name: float(np.mean(np.array(force) <= 0)) for name, force in log.forces.items()},
+            free_share={name: free_share(np.array(gaps), self.mechanism.joint(name).clearance, times) for name, gaps in log.gaps.items()},
             settings={**law_settings(self.request, self.laws), **settings, "solver": "Newton, elliptic cone"},
+            rates=rates,
         )
 
 

@@ -9,9 +9,11 @@ import mujoco
 import numpy as np
 
 from analytic.mechanism import GROUND
+from sim_models.common.rates import rate_columns
 from sim_models.engine import SimulationError
 from sim_models.mujoco.model import CONTACT_ROWS, ROW, Linkage
 
+SINGULAR = 1e-9  # of the largest: a singular value of closing joints that says nothing
 Applied = tuple[complex, complex]  # force on a joint's second body (N), and the point where it acts (m)
 
 
@@ -137,10 +139,10 @@ def friction_torques(link: Linkage) -> dict[str, float]:
 
 def law_torque(link: Linkage, name: str, friction: Mapping[str, float]) -> float:
     """Spring, damper and friction of a joint on its second body (N.m or N)."""
-    if name not in link.laws:
-        return 0.0
-    m, d, t = link.model, link.data, link.laws[name]
     j = link.mechanism.joint(name)
+    if name not in link.laws:  # nothing, or a spring that slides keep from turning
+        return 0.0 if j.prismatic else -j.stiffness * (link.twist[j.bodies[1]] - link.twist[j.bodies[0]] - j.rest_angle)
+    m, d, t = link.model, link.data, link.laws[name]
     return friction.get(name, 0.0) - j.stiffness * (d.ten_length[t] - m.tendon_lengthspring[t, 0]) - j.damping * d.ten_velocity[t]
 
 
@@ -149,7 +151,7 @@ def _cross(a: complex, b: complex) -> float:
 
 
 def signals(link: Linkage, forces: Mapping[str, Applied], friction: Mapping[str, float], velocity: np.ndarray | None = None) -> dict[str, float]:
-    """All signals of the present state; accelerations are those that :func:`look` left in the data, or an equilibrium.
+    """All signals of the present state, and its rates; accelerations are those that :func:`look` left in the data, or an equilibrium.
 
     The closing joints' forces are the constraint rows'; those in the tree follow from them body by body, by Newton's
     and Euler's equations with MuJoCo's accelerations.  What then turns the crank is the drive.
@@ -172,7 +174,7 @@ def signals(link: Linkage, forces: Mapping[str, Applied], friction: Mapping[str,
         act(second, force, moment)
         act(first, -force, -moment)
         out[f"reaction_{name}_x"], out[f"reaction_{name}_y"] = force.real, force.imag
-    motion = np.zeros(6)
+    motion, carry, gravity = np.zeros(6), np.zeros((3, m.nv)), complex(*link.mechanism.gravity)
     for part in link.outward:
         name, joint = part.name, part.joint
         mujoco.mj_objectAcceleration(m, d, mujoco.mjtObj.mjOBJ_BODY, part.number, motion, 0)
@@ -181,6 +183,9 @@ def signals(link: Linkage, forces: Mapping[str, Applied], friction: Mapping[str,
         moment = part.inertia * float(motion[2]) + _cross(complex(*centre[part.number]), push) - turn_on[name]
         out[f"{name}_x"], out[f"{name}_y"] = site[part.marker]
         out[f"{name}_angle"], out[f"{name}_angular_velocity"] = part.twist + float(part.form @ q), float(part.form @ velocity)
+        mujoco.mj_jacBodyCom(m, d, carry, None, part.number)
+        speed = carry[:2] @ velocity
+        out |= rate_columns(name, complex(speed[0], speed[1]), push / part.mass + gravity, float(motion[2]))
         beyond = moment  # of what joint forces and laws give the body
         if joint:
             act(part.parent, -force, -moment)
@@ -246,6 +251,18 @@ def apart(link: Linkage) -> float:
     if link.rows == "massless-link":
         misses += [abs(abs(gap(link, n)) - link.radii[n][0]) for n in link.contacts]
     return max(misses, default=0.0)
+
+
+def misclosure(link: Linkage) -> float:
+    """Largest angle (rad) by which a body would have to turn, the motor held, for the pins of rigid closing joints to meet."""
+    if not link.closing:
+        return 0.0
+    m, d, rows = link.model, link.data, first_rows(link)
+    closed = [rows[int(ROW.mjCNSTR_EQUALITY), link.row_id[j.name]] + k for j in link.closing for k in (0, 1)]
+    others = np.arange(m.nv) != link.motor
+    turn = np.zeros(m.nv)
+    turn[others] = np.linalg.lstsq(d.efc_J.reshape(d.nefc, m.nv)[closed][:, others], d.efc_pos[closed], rcond=SINGULAR)[0]
+    return max(abs(float(form @ turn)) for form in link.form.values())
 
 
 def check_warnings(link: Linkage, where: str) -> None:

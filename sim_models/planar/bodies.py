@@ -20,6 +20,7 @@ from sim_models.contact_laws import contact_parameters
 from sim_models.engine import Request, Unsupported
 from sim_models.planar.courses import Even, Grid, course_of, pace
 from sim_models.planar.parts import AT_REST, Branch, Pin, moving_body, travel_of
+from sim_models.planar.rates import centre_rates
 from sim_models.start import Pose, poses
 
 PROBE = 1e-5  # s, the step from which accelerations are read
@@ -38,11 +39,9 @@ class PlanarWorld(ABC):
     settling = 1  # steps after which the engine's constraints exert what they should
 
     def __init__(self, request: Request) -> None:
-        m = request.mechanism
+        m = self.mechanism = request.mechanism
         self.request = request
-        self.mechanism = m
-        self.static = request.motion == "static"
-        self.speed = m.speed or 0.0
+        self.static, self.speed = request.motion == "static", m.speed or 0.0
         self.course = course_of(request)
         self.pace = pace(self.course or Even(0.0, self.speed))  # rad/s, of the crank at its fastest
         self.turned = not self.static and (m.speed is not None or self.course is not None)  # by a motor
@@ -69,6 +68,7 @@ class PlanarWorld(ABC):
         self.aim: float | None = None  # rad: the crank's angle at the next step's end, or the angle now of a motor that it lags
         self.motor_torque = 0.0  # N.m, of a drive that yields
         self.pin_forces: dict[str, complex] = {}
+        self.pin_gaps: dict[str, complex] = {}  # m, of the driven pins as the last step began
         self.slide_forces: dict[str, complex] = {}  # of the prismatic joints' laws, on their second bodies
         self.sliding: dict[str, float] = {}  # direction of each joint's sliding where nothing moves
         zone = SLIDING_ZONE * (self.pace or FREE_SPEED)
@@ -174,7 +174,8 @@ class PlanarWorld(ABC):
             self._apply_law(joint)
         if self.request.joint_model == "spring-damper":
             for name, pin in self.pins.items():
-                force = self.pin_forces[name] = pin.spring_damper(*self.gap(name))
+                self.pin_gaps[name], rate = self.gap(name)
+                force = self.pin_forces[name] = pin.spring_damper(self.pin_gaps[name], rate)
                 if force:
                     self.pull(pin.joint, force)
         self._steer(h)
@@ -220,7 +221,7 @@ class PlanarWorld(ABC):
         return AT_REST if body == GROUND else self.pose(body)
 
     def observe(self, h: float) -> dict[str, float]:
-        """Advance by h (s) and return every signal at the instant from which the step started."""
+        """Advance by h (s) and return every signal, and every body's rates, at the instant from which the step started."""
         names = [b.name for b in self.mechanism.bodies]
         here = {name: self.pose(name) for name in names}
         gaps = {j.name: self.gap(j.name)[0] for j in self.mechanism.joints if not j.prismatic}
@@ -239,7 +240,7 @@ class PlanarWorld(ABC):
             force += self.slide_forces.get(name, 0j)  # a slide's reaction holds its friction, damper and spring too
             out |= {f"reaction_{name}_x": force.real, f"reaction_{name}_y": force.imag}
         out |= {f"reaction_{name}_moment": moment for name, moment in moments.items()}
-        return out
+        return out | centre_rates(self, here, h)
 
     def start(self, bodies: Mapping[str, Pose], h: float, spin_up: float = 0.0, aims: Sequence[float | None] = (None,) * WARM_UP) -> None:
         """Place the bodies and take their velocities half a step (s) back, as a leapfrog wants them.

@@ -9,7 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from analytic.assembly import AssemblyError
 from sim_models.engine import SimulationError
+from sim_models.failed_starts import check_stiff_enough, where, who, why_no_equilibrium
 from sim_models.planar.bodies import PlanarWorld
 from sim_models.planar.courses import NONE, STENCIL, Behind, Changes, Motor, Path, duration, moving, near
 from sim_models.start import Course, Pose
@@ -26,6 +28,10 @@ LAG_REACH = 0.3  # rad of crank angle in the same, at most
 LAG_SETTLED = 1e-6  # of itself; and
 LAG_ROUNDING = 1e-10  # rad
 LARGEST_LAG = 1.0  # rad
+
+
+class Nowhere(Exception):
+    """Newton's method found no equilibrium."""
 
 
 @dataclass
@@ -55,6 +61,8 @@ class Equilibria:
         loose = [name for name in names if abs(forces[name]) <= max(NO_FORCE, NO_LOAD * max(abs(f) for f in forces.values()))]
         if loose:
             raise self.failed(f"nothing presses the pin of joint {loose[0]!r}", theta, "give the linkage a load or gravity, or start it centred")
+        springs = {name: abs(forces[name]) for name in names if world.compliant}
+        check_stiff_enough(world.engine, world.request, theta, springs)
         begin = np.array([self._guess(name, forces[name]) for name in names])
         n = len(names)
 
@@ -67,7 +75,13 @@ class Equilibria:
             polar = [(found[name] - bend.get(name, 0j)) * np.exp(-1j * phi) for name, phi in zip(names, x[:n], strict=True)]
             return np.array([p.imag for p in polar] + ([p.real for p in polar] if world.compliant else []))
 
-        x = self._newton(begin.T.ravel() if world.compliant else begin[:, 0], miss, n, theta)
+        try:
+            x = self._newton(begin.T.ravel() if world.compliant else begin[:, 0], miss, n)
+        except (Nowhere, AssemblyError):
+            self.last.clear()
+            what = f"no equilibrium of the pins at {', '.join(world.pins)} was found"
+            remedy = "use a smaller clearance, leave the angle out, or run it driven with start 'centred'"
+            raise why_no_equilibrium(world.engine, world.request, theta, springs) or self.failed(what, theta, remedy) from None
         settled = gaps_at(x)
         for name in names:
             self.last[name] = (settled[name] / forces[name], (abs(settled[name]) - world.pins[name].clearance) / abs(forces[name]))
@@ -78,7 +92,7 @@ class Equilibria:
         turn, give = self.last.get(name, (1 + 0j, 1 / self.world.pins[name].contact.stiffness))
         return float(np.angle(turn * force)), give * abs(force)
 
-    def _newton(self, x: np.ndarray, miss: Callable[[np.ndarray], np.ndarray], angles: int, theta: float) -> np.ndarray:
+    def _newton(self, x: np.ndarray, miss: Callable[[np.ndarray], np.ndarray], angles: int) -> np.ndarray:
         turns = np.arange(x.size) < angles
         previous = np.inf
         for _ in range(60):
@@ -93,13 +107,12 @@ class Equilibria:
             if relative < SETTLED or CLOSE > relative > previous / 2:
                 return x
             previous = relative
-        self.last.clear()
-        what = f"no equilibrium of the pins at {', '.join(self.world.pins)} was found"
-        raise self.failed(what, theta, "use a smaller clearance, leave the angle out, or run it driven with start 'centred'")
+        raise Nowhere
 
     def failed(self, what: str, theta: float, remedy: str) -> SimulationError:
         """The error that says what went wrong at which crank angle."""
-        return SimulationError(f"{self.world.engine} {self.world.request.joint_model}: {what} at crank angle {np.degrees(theta):.6g} deg; {remedy}")
+        request = self.world.request
+        return SimulationError(f"{who(self.world.engine, request)}: {what} {where(request, theta)}; {remedy}")
 
     def ideal_forces(self, path: Path, time: float) -> tuple[dict[str, complex], float]:
         """Reactions (N) and drive torque (N.m) of the ideal linkage at a time (s) of the crank's path."""

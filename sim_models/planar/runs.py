@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sim_models.common.journal import free_share
+from sim_models.common.rates import part_rates
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
+from sim_models.failed_starts import own_start
 from sim_models.planar.bodies import PROBE, WARM_UP, PlanarWorld
 from sim_models.planar.courses import Changes, Even, Grid, Motor, Path, angles, moving, near
 from sim_models.planar.equilibria import Equilibria
 from sim_models.planar.steps import drive_inertia, longest_step
+from sim_models.silence import silence
 from sim_models.start import check_steps, schedule
 
 JOURNAL_SAMPLES = 4000  # at least, where a run has as many steps
@@ -24,7 +26,7 @@ HELD = 1e-3  # of the largest reaction: what one-sided pins and rods may differ 
 TOO_DEEP = 0.1  # of the shortest link at a joint: a penetration that means divergence
 
 
-def simulate(make: Callable[[Request], PlanarWorld], request: Request, package: str) -> Trace:
+def run(make: Callable[[Request], PlanarWorld], request: Request, package: str) -> Trace:
     """Run a request in worlds that ``make`` builds.  Raises SimulationError, Unsupported or AssemblyError."""
     with silence(), contextlib.ExitStack() as stack:
         world = stack.enter_context(contextlib.closing(make(request)))
@@ -32,26 +34,9 @@ def simulate(make: Callable[[Request], PlanarWorld], request: Request, package: 
         found, rods = Equilibria(world, ideal), None
         if world.one_sided:
             rods = Equilibria(stack.enter_context(contextlib.closing(make(replace(request, joint_model="massless-link")))), ideal)
-        trace = _static(world, found, rods) if request.motion == "static" else _moving(world, found)
+        with own_start(world.engine, request, world.assembly):
+            trace = _static(world, found, rods) if request.motion == "static" else _moving(world, found)
     return replace(trace, version=installed_version(package) or "unknown")
-
-
-@contextlib.contextmanager
-def silence() -> Iterator[None]:
-    """Keep what an engine's C++ prints off the standard streams."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    kept = [os.dup(1), os.dup(2)]
-    sink = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(sink, 1)
-        os.dup2(sink, 2)
-        yield
-    finally:
-        for target, copy in zip((1, 2), kept, strict=True):
-            os.dup2(copy, target)
-            os.close(copy)
-        os.close(sink)
 
 
 # -------------------------------------------------------------------- runs
@@ -68,7 +53,7 @@ def _static(world: PlanarWorld, found: Equilibria, rods: Equilibria | None) -> T
     if by_rods:
         trace = replace(trace, settings={**trace.settings, "read_from_rods": f"{by_rods} of {asked.size} angles"})
     gaps = {n: trace.signals[f"clearance_{n}_x"] + 1j * trace.signals[f"clearance_{n}_y"] for n in world.pins}
-    free = {n: float(np.mean(np.abs(g) < world.pins[n].clearance * (1 - 1e-9))) for n, g in gaps.items()}
+    free = {n: free_share(g, world.pins[n].clearance) for n, g in gaps.items()}
     return replace(trace, free_share=free, journal={n: np.column_stack([g.real, g.imag]) for n, g in gaps.items()})
 
 
@@ -189,34 +174,29 @@ def _follow(world: PlanarWorld, plan: Plan, grid: Grid, tally: Tally) -> dict[in
         else:
             world.step(grid.step)
         if k >= grid.lead:
-            tally.add(grid.step)
+            tally.add()
     return seen
 
 
 class Tally:
-    """Adds up the time without contact and samples the pins' paths."""
+    """Samples the pins' paths, and every step of them for the time without contact."""
 
     def __init__(self, world: PlanarWorld, stride: int) -> None:
-        self.world, self.stride, self.steps, self.time = world, stride, 0, 0.0
-        self.free = dict.fromkeys(world.pins, 0.0)
+        self.world, self.stride = world, stride
         self.paths: dict[str, list[complex]] = {name: [] for name in world.pins}
 
-    def add(self, h: float) -> None:
-        """Take in the step (s) just made."""
-        for name in self.free:
-            self.free[name] += 0.0 if self.world.pin_forces[name] else h
-            if self.steps % self.stride == 0:
-                self.paths[name].append(self.world.gap(name)[0])
-        self.steps += 1
-        self.time += h
+    def add(self) -> None:
+        """Take in where the pins were as the step that was just made began."""
+        for name, path in self.paths.items():
+            path.append(self.world.pin_gaps[name])
 
     def free_share(self) -> dict[str, float]:
         """Share of the time that each pin spent without contact."""
-        return {name: float(time / self.time) for name, time in self.free.items()}
+        return {name: free_share(np.array(path), self.world.pins[name].clearance) for name, path in self.paths.items()}
 
     def journal(self) -> dict[str, np.ndarray]:
         """Path (M, 2) of every pin (m)."""
-        return {name: np.array([(g.real, g.imag) for g in path]) for name, path in self.paths.items()}
+        return {name: np.array([(g.real, g.imag) for g in path[:: self.stride]]) for name, path in self.paths.items()}
 
 
 def _check_depth(world: PlanarWorld, theta: float) -> None:
@@ -232,8 +212,9 @@ def _check_depth(world: PlanarWorld, theta: float) -> None:
 
 def _trace(world: PlanarWorld, rows: list[dict[str, float]], theta: np.ndarray, time: np.ndarray | None, step: float) -> Trace:
     request = world.request
+    signals, rates = part_rates({name: np.array([row[name] for row in rows]) for name in rows[0]})
     return Trace(
         simulator=world.engine, version="", joint_model=request.joint_model, motion=request.motion, crank_angle=theta, time=time,
-        signals={name: np.array([row[name] for row in rows]) for name in rows[0]},
-        clearance={name: pin.clearance for name, pin in world.pins.items()}, settings={"step": step} | world.settings(),
+        signals=signals, clearance={name: pin.clearance for name, pin in world.pins.items()}, settings={"step": step} | world.settings(),
+        rates=rates,
     )  # fmt: skip

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from sim_models.common.simulate import simulate
 from sim_models.engine import COMMON_EFFECTS, JointModel, Motion, Request, Trace, check_supported
-from sim_models.planar.runs import simulate
+from sim_models.planar.runs import run
 from sim_models.pybullet.world import BulletWorld
 
 
@@ -28,8 +29,7 @@ class BulletEngine:
 
     def simulate(self, request: Request) -> Trace:
         """Run one request; see the protocol."""
-        check_supported(self, request)
-        return simulate(BulletWorld, request, self.package)
+        return simulate(self, request, lambda r: run(BulletWorld, r, self.package))
 
     def export(self, request: Request, folder: Path) -> list[Path]:
         """Write a request, and what came of it, as files that run in PyBullet alone.  Raises what :meth:`simulate` does."""

@@ -15,7 +15,7 @@ from analytic.mechanism import GROUND, Joint
 from sim_models.engine import Request, Trace, Unsupported
 from sim_models.export_files import expected, lines
 from sim_models.planar.bodies import WARM_UP
-from sim_models.planar.runs import simulate
+from sim_models.planar.runs import run
 from sim_models.pybullet.parts import flat
 from sim_models.pybullet.world import FASTEST, STRENGTH, BulletWorld
 
@@ -92,7 +92,7 @@ def export(request: Request, folder: Path) -> list[Path]:
         worlds.append(RecordedWorld(asked))
         return worlds[-1]
 
-    trace = simulate(make, request, "pybullet")
+    trace = run(make, request, "pybullet")
     world = worlds[0]  # another one only helps to find where the pins rest
     order = _order(trace, world.speed)
     files = {f"{world.part(number)}.urdf": urdf(world, number) for number in world.grown}

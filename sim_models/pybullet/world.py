@@ -284,7 +284,6 @@ class BulletWorld(PlanarWorld):
 
     def before_observing(self) -> None:
         self.before = {name: self.pose(name) for name in self.own if name in self.branch}
-        self.velocities_before = self.velocities()
 
     def reactions(self) -> tuple[dict[str, complex], dict[str, float], float]:
         forces = self.pin_forces | {name: self.tension(tie) for name, tie in self.ties.items()}

@@ -16,11 +16,12 @@ from pydantic import ValidationError
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism_file import MechanismError, load, shipped_cases
+from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured_file import Entry, read_file, tolerances
-from compare.diagnose.data.quality import FLOOR, clipped, gaps, noise, outliers, unwrapped
-from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, Run
+from compare.diagnose.data.quality import FLOOR, gaps, noise, outliers, unwrapped
+from compare.diagnose.data.recording import LARGEST, Channel, Drive, Fault, Measured, MeasuredError, Run, shown
 from compare.diagnose.data.table import ROWS, Column, Table, canonical, read_table
-from compare.diagnose.data.thin import frozen, missed, picked
+from compare.diagnose.data.thin import frozen, held, missed, picked
 from compare.diagnose.data.units import dimension, listed
 
 ASTRAY = math.radians(20.0)  # an encoder that far from its command throughout is no offset but a wrong drive_angle
@@ -57,6 +58,8 @@ def _mechanism(path: Path, name: str) -> Mechanism:
     file = path.parent / name
     try:
         return load(file if file.is_file() or name not in shipped_cases() else name)
+    except OSError as error:
+        raise MeasuredError(f"{path.name}: mechanism = {shown(name)} cannot be read ({error.strerror}); check the path") from None
     except MechanismError as error:
         raise MeasuredError(f"{path.name}: mechanism = {name!r}: {error}") from None
 
@@ -76,6 +79,9 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism) -> tuple[Run, list[Faul
     if drive == "measured" and encoder not in table.values:
         raise MeasuredError(f"{where}: drive is measured, but {entry.file} has no column {encoder!r}; add the encoder or give drive_speed")
     faults = _gap_fault(entry.name, table.time)
+    if drive == "measured":
+        table, absent = _held(entry.name, table, encoder)
+        faults += absent
     channels: dict[str, Channel] = {}
     for column in table.columns:
         command = angle + speed * table.time if column.signal == encoder and angle is not None and speed is not None else None
@@ -118,6 +124,11 @@ def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) 
         raise MeasuredError(f"{where}: start belongs to drive = 'free', and the drive is {drive}; leave it out")
     if entry.from_rest and drive == "free":
         raise MeasuredError(f"{where}: from_rest belongs to a driven run, and the drive is free; give start instead")
+    for applied in entry.loads or ():
+        if not all(abs(value) < LARGEST for value in (*applied.force, applied.torque)):
+            raise MeasuredError(
+                f"{where}: load on {shown(applied.body)} has {applied.force} N and {applied.torque} N.m; give what is below {LARGEST:g}"
+            )
     states = [f"{body}_{part}" for body in mechanism.moving for part in ("angle", "angular_velocity")]
     for name in entry.start or {}:
         if name not in states:
@@ -174,6 +185,16 @@ def _gap_fault(run: str, time: np.ndarray) -> list[Fault]:
     count, samples, longest = gaps(time)
     text = f"run {run!r} has {count} gap{'s' * (count > 1)} in time, the longest {longest:.4g} s; nothing is assumed in between"
     return [Fault(run, "time", "gap", samples, text)] if count else []
+
+
+def _held(run: str, table: Table, encoder: str) -> tuple[Table, list[Fault]]:
+    """The table without the rows in which nobody knows where the drive was."""
+    keep = held(table.time, table.values[encoder])
+    if np.all(keep):
+        return table, []
+    lost = np.flatnonzero(~keep)
+    text = f"run {run!r} follows {encoder}, which is absent for a while from {table.time[lost[0]]:.6g} s; {lost.size} rows without it are left out"
+    return Table(table.columns, table.time[keep], {s: v[keep] for s, v in table.values.items()}), [Fault(run, encoder, "absent", lost.size, text)]
 
 
 def _check_speed(where: str, file: str, time: np.ndarray, encoder: Channel, speed: float, angle: float) -> None:

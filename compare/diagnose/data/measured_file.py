@@ -12,10 +12,12 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from analytic.mechanism import Load
 from analytic.mechanism_file import describe
 from analytic.reading import ReadingError, read_toml
-from compare.diagnose.data.recording import MeasuredError
+from compare.diagnose.data.recording import LARGEST, MeasuredError
 from compare.diagnose.data.units import listed
 from compare.diagnose.effects.vocabulary import VOCABULARY
 
+LINE = 500  # characters of a message
+DIGITS = "has a whole number of too many digits, which cannot be read; write it as a decimal"
 QUANTITIES = (
     "mass", "length", "inertia", "force", "torque", "angle", "time", "damping", "stiffness", "clearance", "modulus", "gain", "gravity",
 )  # fmt: skip
@@ -26,7 +28,11 @@ def _as_tuple(value: Any) -> Any:
 
 
 NotNegative = Annotated[float, Field(ge=0)]
-RunName = Annotated[str, Field(pattern=r"^[^@\s]([^@\n\r\t]*[^@\s])?$")]  # offset@run is how a diagnosis names a value of one run
+Number = Annotated[float, Field(gt=-LARGEST, lt=LARGEST)]
+Name = Annotated[str, Field(min_length=1, max_length=1000, pattern=r"^\P{Cc}*$")]
+RunName = Annotated[
+    str, Field(max_length=200, pattern=r"^[^@\s\p{Cc}]([^@\p{Cc}]*[^@\s\p{Cc}])?$")
+]  # offset@run is how a diagnosis names a value of one run
 
 
 class _Part(BaseModel):
@@ -37,20 +43,20 @@ class Entry(_Part):
     """A ``[[run]]`` as written."""
 
     name: RunName
-    file: str
-    drive_speed: float | None = None
-    drive_angle: float | None = None
+    file: Name
+    drive_speed: Number | None = None
+    drive_angle: Number | None = None
     drive: Literal["measured", "free"] | None = None
-    start: Mapping[str, float] | None = None
+    start: Mapping[str, Number] | None = None
     loads: Annotated[tuple[Load, ...] | None, BeforeValidator(_as_tuple), Field(alias="load")] = None
-    noise: Mapping[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
+    noise: Mapping[str, Annotated[float, Field(gt=0, lt=LARGEST)]] = Field(default_factory=dict)
     from_rest: bool = False
 
 
 class MeasuredFile(_Part):
     """measured.toml as written."""
 
-    mechanism: str
+    mechanism: Name
     tolerance: Mapping[str, NotNegative | Mapping[str, NotNegative]] = Field(default_factory=dict)
     runs: Annotated[tuple[Entry, ...], BeforeValidator(_as_tuple), Field(alias="run", min_length=1)]
 
@@ -62,9 +68,19 @@ def read_file(path: Path) -> MeasuredFile:
         fields = read_toml(path)
         return MeasuredFile.model_validate(fields)
     except ValidationError as error:
-        raise MeasuredError(f"{path.name}: {'; '.join(describe(error, fields, MeasuredFile))}") from None
+        raise MeasuredError(f"{path.name}: {_described(error, fields)}") from None
     except ReadingError as error:
         raise MeasuredError(f"{path}: {error}; give a measured.toml") from None
+
+
+def _described(error: ValidationError, fields: dict[str, Any]) -> str:
+    """Its faults in a line of a length that can be read."""
+    try:
+        text = "; ".join(describe(error, fields, MeasuredFile))
+    except ValueError:  # Python's limit on the digits that it prints
+        return DIGITS
+    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    return text if len(text) <= LINE else f"{text[: LINE // 2]} ... {text[-LINE // 2 :]}"
 
 
 def tolerances(source: str, given: Mapping[str, float | Mapping[str, float]]) -> dict[str, float]:

@@ -18,9 +18,11 @@ from compare.diagnose.data.units import dimension
 
 ORDERS = (3, 4, 6, 8, 10)  # of differences, tried for the noise
 FLOOR = 1e-7  # of a channel's range: what a noise-free signal is taken to be good for
+SHARES = 12  # parts of the smallest difference between two values that may be the step of a converter: no value need be one step from another
 EXACT = 1e-6  # relative, by which the steps of a converter may miss being multiples of the smallest
 SPIKE = 8.0  # sigmas of an outlier
-PLATEAU = 4  # equal extreme samples in a row that a clipped sensor shows
+JUDGED = 12  # samples, at least, among which a spike is told
+CLIMBS = 4  # stairs, at least, by which their height is known
 GAP = 5.0  # median intervals
 TELLING = 5.0  # how much better another column's prediction must fit, and by how many sigmas the own one must fail
 ENOUGH = 50_000  # samples that noise is estimated from
@@ -81,64 +83,36 @@ def differences(time: np.ndarray, values: np.ndarray, order: int) -> np.ndarray:
 
 
 def quantum(values: np.ndarray) -> float:
-    """The step that all values are multiples apart of (a converter's, or of the decimals in a file); 0 if there is none."""
+    """The step that all values are multiples apart of (a converter's, an encoder's counts, or the decimals in a file); 0 if there is none."""
     present = values[np.isfinite(values)]
-    levels = np.sort(present[_stretches(present.size)])
+    present = present[_stretches(present.size)]
+    levels = np.sort(present)
     gaps = np.diff(levels)
     gaps = gaps[gaps > 1e-12 * np.max(np.abs(levels), initial=0.0)]
     if gaps.size == 0:
         return 0.0
-    multiples = gaps / gaps.min()
-    if multiples.max() < 1.5 and np.unique(present).size == present.size:
+    step = 0.0
+    for share in range(1, SHARES + 1):
+        multiples = gaps * share / gaps.min()
+        if np.mean(np.abs(multiples - np.round(multiples)) < EXACT * multiples) > 0.9:
+            step = float(gaps.min()) / share
+            break
+    if gaps.max() < 1.5 * step and np.unique(present).size == present.size:
         return 0.0  # an even ramp, such as an encoder's at constant speed: its steps are its speed's
-    return float(gaps.min()) if np.mean(np.abs(multiples - np.round(multiples)) < EXACT * multiples) > 0.9 else 0.0
+    return max(step, _stair(present, step))
 
 
-def clipped(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
-    """Samples (N,) bool at a level where the sensor saturates, and the level (NaN where it does not).
-
-    Equal extreme readings in a row are a clipped peak if the noise would have made them differ, or if the signal comes and
-    goes at a slope that carries it further than its rounding; a rest, or a peak of a coarse sensor, is neither.
-    """
-    here = np.flatnonzero(np.isfinite(values))
-    x = values[here]
-    mask, level = np.zeros(values.shape, bool), math.nan
-    if here.size < 2 * PLATEAU or np.ptp(x) == 0:
-        return mask, level
-    plateaus = {extreme: _plateaus(x == extreme) for extreme in (x.max(), x.min())}
-    flat = np.zeros(x.shape, bool)
-    for first, last in (run for runs in plateaus.values() for run in runs):
-        flat[first : last + 1] = True
-    rest = here[~flat]
-    if rest.size < 2 * PLATEAU:
-        return mask, level
-    for extreme, runs in plateaus.items():
-        if not runs:
-            continue
-        sigma, step = noise(time[rest], values[rest]), quantum(values[rest])
-        restless = sigma > max(step, 10 * FLOOR * np.ptp(x))
-        if restless or any(_excess(time[here], x, *run) > max(2 * step, 3 * sigma) for run in runs):
-            level = float(extreme)
-            at = np.flatnonzero(x == extreme)
-            mask[here[np.clip(np.concatenate([at - 1, at, at + 1]), 0, here.size - 1)]] = True
-    return mask, level
-
-
-def _plateaus(equal: np.ndarray) -> list[tuple[int, int]]:
-    """First and last sample of each run of at least PLATEAU true ones."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(np.int8)))
-    return [(first, end - 1) for first, end in edges.reshape(-1, 2).tolist() if end - first >= PLATEAU]
-
-
-def _excess(time: np.ndarray, x: np.ndarray, first: int, last: int) -> float:
-    """How far beyond a plateau a parabola rises that has the signal's slopes at both of its ends; 0 at the end of a record."""
-    m = max(PLATEAU, (last - first) // 2)
-    if first < m or last + m >= x.size:
+def _stair(present: np.ndarray, step: float) -> float:
+    """The height of the stairs that a slow signal climbs one by one, even if decimals (of ``step``, or 0) blur it; 0 if it climbs none."""
+    climbed = np.abs(np.diff(present))
+    climbs = climbed > step / 2
+    edge = np.concatenate([[False], climbs, [False]])
+    alone = climbs & ~edge[:-2] & ~edge[2:]
+    heights = climbed[alone]
+    if heights.size < CLIMBS or np.sum(alone) < 0.9 * np.sum(climbs):
         return 0.0
-    slopes = []
-    for side, edge in ((slice(first - m, first), time[first]), (slice(last + 1, last + 1 + m), time[last])):
-        slopes.append(float(np.polyfit(time[side] - edge, x[side] - x[first], 2)[1]))
-    return abs(slopes[0] - slopes[1]) * float(time[last] - time[first]) / 8 if slopes[0] * slopes[1] < 0 else 0.0
+    height = float(np.median(heights))
+    return height if np.mean(np.abs(heights - height) < 0.1 * height) > 0.9 else 0.0
 
 
 def outliers(time: np.ndarray, values: np.ndarray, sigma: float) -> np.ndarray:
@@ -148,7 +122,7 @@ def outliers(time: np.ndarray, values: np.ndarray, sigma: float) -> np.ndarray:
     """
     here = np.flatnonzero(np.isfinite(values))
     t, x = time[here], values[here]
-    if here.size < 3 * PLATEAU:
+    if here.size < JUDGED:
         return here[:0]
     d = np.abs(differences(t, x, 4))
     limit = SPIKE * np.maximum(sigma, _local_median(d))

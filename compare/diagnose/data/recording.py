@@ -10,6 +10,8 @@ import numpy as np
 
 from analytic.mechanism import Load, Mechanism
 
+LARGEST = 1e30  # SI, of any number that is read; nothing on a bench is as large, and its square is still a number
+SHOWN = 80  # characters of what a file has, in a message
 Drive = Literal["speed", "measured", "free"]
 
 
@@ -17,11 +19,16 @@ class MeasuredError(ValueError):
     """Measured data cannot be used; the message is one sentence with file, line or field, value and remedy."""
 
 
+def shown(text: str) -> str:
+    """What a file has, quoted for a message: one printable line, not longer than can be read."""
+    return repr(text if len(text) <= SHOWN else f"{text[:SHOWN]}...")
+
+
 @dataclass(frozen=True)
 class Fault:
     """Something wrong with the data of a run that was handled; ``samples`` are affected and ``text`` says it in a sentence.
 
-    ``kind`` is clipped, outliers, constant, absent, noise, wrapped (one signal), gap, thinned (the run, ``signal`` is
+    ``kind`` is clipped, outliers, constant, absent, noise, wrapped, course (one signal), gap, thinned (the run, ``signal`` is
     ``time``), swapped or unit.
     """
 

@@ -19,12 +19,13 @@ from typing import TextIO
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from compare.diagnose.data.recording import MeasuredError
+from compare.diagnose.data.recording import LARGEST, MeasuredError, shown
 from compare.diagnose.data.units import UnitError, dimension, factor, listed, readable
 
 CELLS = 10_000_000  # read at most; 80 MB of numbers
 ROWS = 8  # at least
 BLOCK = 1 << 20  # characters read at a time
+SHORTEST = 1e-12  # s, between two rows
 HEADER = 100_000  # characters; what has no line end in so many is no table
 DELIMITERS = (",", ";", "\t")
 
@@ -96,7 +97,9 @@ def _read(name: str, file: TextIO, mechanism: Mechanism) -> Table:
     if len(numbers) < ROWS:
         raise MeasuredError(f"{name}: has {len(numbers)} row{'s' * (len(numbers) != 1)} of numbers; at least {ROWS} are needed")
     stamps = numbers[:, 0]
-    _check_order(name, stamps, np.concatenate([n for _, n in blocks]), time.unit)
+    lines = np.concatenate([n for _, n in blocks])
+    _check_order(name, stamps, lines, time.unit)
+    _check_range(name, numbers, lines, names, np.array([time.factor, *(c.factor for c in columns)]))
     return Table(columns, stamps * time.factor, {c.signal: numbers[:, k] * c.factor for k, c in enumerate(columns, 1)})
 
 
@@ -120,10 +123,10 @@ def _columns(name: str, header: str, delimiter: str, mechanism: Mechanism) -> tu
 def _column(name: str, k: int, cell: str, mechanism: Mechanism) -> Column:
     found = re.fullmatch(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?", cell)
     if found is None or not found[1]:
-        raise MeasuredError(f"{name}: line 1: column {k} is {cell!r}; write 'signal [unit]', such as 'crank_angle [deg]'")
+        raise MeasuredError(f"{name}: line 1: column {k} is {shown(cell)}; write 'signal [unit]', such as 'crank_angle [deg]'")
     signal, unit = canonical(found[1], mechanism), (found[2] or "").strip()
     if signal != "time" and signal not in readable(mechanism):
-        raise MeasuredError(f"{name}: line 1: column {k}, {signal!r}, is not a signal of {mechanism.name!r}; {suggestion(signal, mechanism)}")
+        raise MeasuredError(f"{name}: line 1: column {k}, {shown(signal)}, is not a signal of {mechanism.name!r}; {suggestion(signal, mechanism)}")
     try:
         return Column(signal, unit, factor(unit, dimension(signal)))
     except UnitError as error:
@@ -186,9 +189,9 @@ def _value(where: str, cell: str) -> float:
         return math.nan
     value = _number(cell)
     if value is None and re.fullmatch(r"[-+]?\d+,\d+(e[-+]?\d+)?", cell, re.IGNORECASE):
-        raise MeasuredError(f"{where}: {cell!r} has a decimal comma; write a decimal point")
+        raise MeasuredError(f"{where}: {shown(cell)} has a decimal comma; write a decimal point")
     if value is None or math.isinf(value):
-        raise MeasuredError(f"{where}: {cell!r} is not a finite number; leave the cell empty where there is no reading")
+        raise MeasuredError(f"{where}: {shown(cell)} is not a finite number; leave the cell empty where there is no reading")
     return value
 
 
@@ -197,6 +200,20 @@ def _number(cell: str) -> float | None:
         return None if "_" in cell else float(cell)
     except ValueError:
         return None
+
+
+def _check_range(name: str, numbers: np.ndarray, lines: np.ndarray, names: Sequence[str], factors: np.ndarray) -> None:
+    """No reading that nothing on a bench has, and no two at once."""
+    wrong = np.argwhere(np.abs(numbers) > LARGEST / factors)
+    if wrong.size:
+        row, k = wrong[0]
+        raise MeasuredError(
+            f"{name}: line {lines[row]}, column {names[k]!r}: {numbers[row, k]:g} is no reading; leave the cell empty where there is none"
+        )
+    short = np.flatnonzero(np.diff(numbers[:, 0]) < SHORTEST / factors[0])
+    if short.size:
+        step = float(np.diff(numbers[:, 0])[short[0]]) * float(factors[0])
+        raise MeasuredError(f"{name}: line {lines[short[0] + 1]}: {step:.3g} s after the row before; check the unit of time")
 
 
 def _check_order(name: str, stamps: np.ndarray, lines: np.ndarray, unit: str) -> None:

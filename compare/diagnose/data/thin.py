@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from compare.diagnose.data.quality import FLOOR
+from compare.diagnose.data.quality import FLOOR, GAP
 from compare.diagnose.data.recording import Run
+from compare.diagnose.data.smooth import Smoother
 
 
 def picked(run: Run, every: int) -> Run:
@@ -22,10 +23,19 @@ def picked(run: Run, every: int) -> Run:
     return replace(run, time=frozen(run.time[keep]), channels=channels)
 
 
+def held(time: np.ndarray, encoder: np.ndarray) -> np.ndarray:
+    """Samples (N,) bool at which a drive that follows the encoder (N,), NaN where absent, is held by it: not before, after, or in a gap."""
+    known = np.flatnonzero(np.isfinite(encoder))
+    if known.size < 2:
+        return np.isfinite(encoder)
+    step = np.diff(time[known])
+    after = np.searchsorted(known, np.arange(time.size))  # the reading at or after a sample
+    long = np.concatenate([[True], step > GAP * np.median(step), [True]])
+    return np.isfinite(encoder) | ~long[after]
+
+
 def missed(run: Run, thin: Run, encoder: str) -> float:
     """By how much (rms, rad) a drive that follows the encoder misses its motion with these samples of it; 0 for no more than noise."""
-    from scipy.interpolate import make_smoothing_spline
-
     sides = []
     for each in (run, thin):
         values = each.channels[encoder].values
@@ -34,7 +44,7 @@ def missed(run: Run, thin: Run, encoder: str) -> float:
     (time, values), knots = sides
     within = (time >= knots[0][0]) & (time <= knots[0][-1])
     time, values = time[within], values[within]
-    error = float(np.sqrt(np.mean((make_smoothing_spline(*knots)(time) - values) ** 2)))
+    error = float(np.sqrt(np.mean((Smoother(knots[0]).spline(knots[1])(time) - values) ** 2)))
     return error if error > 3 * max(run.channels[encoder].noise, FLOOR * float(np.ptp(values))) else 0.0
 
 

@@ -11,6 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 from analytic.mechanism import Mechanism
+from compare.diagnose.data.recording import shown
 
 if TYPE_CHECKING:
     import pint
@@ -69,10 +70,10 @@ def factor(unit: str, kind: Dimension) -> float:
     if not unit:
         raise UnitError(f"no unit; {accepted}")
     if not _UNIT.fullmatch(unit):
-        raise UnitError(f"unit {unit!r} cannot be read; {accepted}")
+        raise UnitError(f"unit {shown(unit)} cannot be read; {accepted}")
     try:
         quantity = _in_base_units(re.sub(r"[.·⋅ ]|-(?!\d)", "*", unit))
-    except _pint().PintError:
+    except (_pint().PintError, ValueError):  # such as of nan, which is a number
         raise UnitError(f"unit {unit!r} is unknown; {accepted}") from None
     wanted = _in_base_units(SI[kind].replace(".", "*"))
     if quantity.units != wanted.units:  # base units keep radians apart from plain numbers: neither % nor Hz passes for an angle or a speed

@@ -179,6 +179,7 @@ class Chart {
     this.markLine = svg("path", {class: "mark"}, area);
     if (this.marked !== null) this.mark(this.marked);
     for (const s of this.shown()) this.drawSeries(s, area, x, y);
+    for (const s of this.shown()) (s.labels ?? []).forEach((name, i) => svg("text", {x: x(s.x[i]) - 11, y: y(s.y[i]) - 10, "text-anchor": "end", class: "label"}, area, name));
     this.over = svg("g", {}, this.svg);
     this.listen();
     if (active) this.svg.focus({preventScroll: true});
@@ -212,7 +213,6 @@ class Chart {
       const r = {joint: 5, pivot: 11}[s.mark] ?? (SIZES[glyph] ?? 4.5) + 1.5 * s.level;
       const points = s.x.map((a, i) => (known(a) && known(s.y[i]) ? `M${x(a).toFixed(2)} ${y(s.y[i]).toFixed(2)}${GLYPHS[glyph](r)}` : ""));
       svg("path", {d: points.join("")}, group);
-      (s.labels ?? []).forEach((name, i) => svg("text", {x: x(s.x[i]) - 11, y: y(s.y[i]) - 10, "text-anchor": "end", class: "label"}, group, name));
       return;
     }
     let pen = "M", d = "";

@@ -106,7 +106,7 @@ class Explorer {
       const [cx, cy] = this.point(pose, second, joint.name);
       const at = (u, v) => [cx + size * (u * Math.cos(angle) - v * Math.sin(angle)), cy + size * (u * Math.sin(angle) + v * Math.cos(angle))];
       add([at(-4, 0), at(4, 0)], "dashed", {role: "frame"});
-      add([at(1, 0.6), at(-1, 0.6), at(-1, -0.6), at(1, -0.6), at(1, 0.6)], "line");
+      add([at(1, 0.6), at(-1, 0.6), at(-1, -0.6), at(1, -0.6), at(1, 0.6)], "line", role === "analytic" ? {labels: [joint.name]} : {});
     }
     for (const [joint, gap] of Object.entries(gaps)) {
       const [cx, cy] = this.point(pose, this.parts.joints.find((j) => j.name === joint).bodies[1], joint);
@@ -155,7 +155,10 @@ class Explorer {
     this.rims = Object.entries(this.run.clearance).map(([joint, radius]) => {
       const box = html("figure", {class: "rim", id: `rim-${joint}`}, place);
       html("figcaption", {}, box, `Journal of ${joint} in its clearance, ${number(1e3 * radius)} mm`);
-      const drawing = svg("svg", {viewBox: "-1.3 -1.3 2.6 2.6", role: "img"}, box);
+      const sides = Object.values(this.run.gaps[joint]);
+      const reach = sides.flatMap(([x, y]) => x.map((v, i) => (known(v) && known(y[i]) ? Math.hypot(v, y[i]) / (1e3 * radius) : 0)));
+      const half = Math.max(1.3, reach.reduce((a, b) => Math.max(a, b), 0) + 0.2); // a soft contact lets its journal out of the circle
+      const drawing = svg("svg", {viewBox: `${-half} ${-half} ${2 * half} ${2 * half}`, role: "img"}, box);
       return {joint, radius, drawing};
     });
   }
@@ -189,10 +192,7 @@ class Explorer {
   }
 
   read(i) {
-    this.run.readout.forEach((r, k) => {
-      const [a, s] = [r.analytic[i], r.simulated[i]];
-      [a, s, known(a) && known(s) ? s - a : null].forEach((v, c) => (this.cells[k][c].textContent = number(v, c === 2 ? 3 : 5)));
-    });
+    this.run.readout.forEach((r, k) => [r.analytic[i], r.simulated[i], r.difference[i]].forEach((v, c) => (this.cells[k][c].textContent = number(v, c === 2 ? 3 : 5))));
   }
 }
 

@@ -1,0 +1,215 @@
+"""What must be true of a run whatever the model: a run of which it is not has failed, and is no referee.
+
+A run is held to the mechanism that it was asked for, by its trace alone.  What each check allows, as a share of the run's own
+measure; the largest share that good runs have left is in brackets (the shipped cases, their joint models and motions, free and
+compliant cranks, courses, joint friction, friction in contact, pins that fly, in four engines):
+
+=============== ======================================================================= ========= ========= =========
+check           what must be true, and what a miss of it is a share of                  static    ideal     clearance
+=============== ======================================================================= ========= ========= =========
+``pins``        ideal pins coincide, a block is on its line: the longest body           1e-6      1e-5      1e-5
+``closure``     no body would have to turn for that by more than (rad)                  1e-6      5e-6      5e-5
+``turned``      a slide keeps its angle (rad)                                           1e-6      1e-6      1e-6
+``signal``      a clearance signal is where its pins are: the clearance                 1e-6      -         1e-6
+``crank``       the crank is where its motor has it (rad)                               1e-6      1e-6      1e-6
+``speed``       a rigid motor's crank is as fast: the motor's speed                     -         1e-6      1e-6
+``evenness``    and even: its speed squared                                             -         1e-5      1e-5
+``parting``     closed joints stay closed: the largest speed in the linkage             -         1e-5      1e-4
+``jolt``        also in their accelerations: the largest acceleration                   -         1e-3      5e-3
+``rod``         a massless link keeps its length: the clearance                         1e-3      -         5e-3
+``bearing``     a pin is in its bearing: the shortest body that it joins                0.1       -         0.1
+``line``        a pin is pushed along its displacement: its largest force               1e-5      -         3e-4
+``loose``       and by nothing while it is free: the same                               1e-5      -         3e-4
+``force``       what acts on a body gives its mass its acceleration: the sum of sizes   2e-5      3e-4      3e-4
+``moment``      and its inertia its angular acceleration: the same                      2e-5      3e-4      3e-4
+``power``       what acts on the linkage changes its kinetic energy: the same           -         3e-4      3e-4
+=============== ======================================================================= ========= ========= =========
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic.mechanism import GROUND, Body, Joint
+from sim_models.common.balances import balances
+from sim_models.common.seen import REST, TINY, Miss, Seen, cross, dot
+from sim_models.engine import Request, SimulationError, Trace
+
+FREE = 0.1  # of the clearance, inside of the rim: a pin farther inside touches nothing in any engine
+SINGULAR = 1e-9  # of the largest: a singular value of closed joints that says nothing
+
+
+class Implausible(SimulationError):
+    """A run of which something is not true that must be; the message says what, where, by how much, and the remedy."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The share by which a check may be missed in static runs, and in moving ones of ideal joints and of clearances."""
+
+    static: float
+    ideal: float
+    clearance: float
+
+    def of(self, trace: Trace) -> float:
+        """The share for a trace."""
+        return self.static if trace.motion == "static" else self.clearance if trace.clearance else self.ideal
+
+
+LIMITS = {
+    "pins": Limit(1e-6, 1e-5, 1e-5),
+    "closure": Limit(1e-6, 5e-6, 5e-5),
+    "turned": Limit(1e-6, 1e-6, 1e-6),
+    "signal": Limit(1e-6, 1e-6, 1e-6),
+    "crank": Limit(1e-6, 1e-6, 1e-6),
+    "speed": Limit(1e-5, 1e-5, 1e-5),
+    "evenness": Limit(1e-5, 1e-5, 1e-5),
+    "parting": Limit(1e-5, 1e-5, 1e-4),
+    "jolt": Limit(1e-3, 1e-3, 2e-2),
+    "rod": Limit(1e-3, 1e-2, 1e-2),
+    "bearing": Limit(0.1, 0.1, 0.1),
+    "line": Limit(1e-5, 3e-4, 3e-4),
+    "loose": Limit(1e-5, 3e-4, 3e-4),
+    "force": Limit(2e-5, 3e-4, 3e-4),
+    "moment": Limit(2e-5, 3e-4, 3e-4),
+    "power": Limit(2e-5, 3e-4, 3e-4),
+}
+
+
+def check(request: Request, trace: Trace) -> None:
+    """Raise Implausible for a run that is not what it must be."""
+    for miss in misses(request, trace):
+        limit = LIMITS[miss.check].of(trace)
+        if not miss.share <= limit:
+            worst, allowed = int(np.argmax(miss.size)), max(limit * miss.scale, miss.floor)
+            at = f"crank angle {np.degrees(trace.crank_angle[worst]):.4g} deg" if worst < trace.crank_angle.size else "a crank angle between reports"
+            raise Implausible(
+                f"{trace.simulator} {trace.joint_model} {trace.motion} ({request.mechanism.name}): {miss.what} at {at}: {miss.size[worst]:.3g} "
+                f"{miss.unit} are missed, {allowed:.3g} are in order; this run is no evidence: use a smaller step, or another simulator"
+            )
+
+
+def misses(request: Request, trace: Trace) -> Iterator[Miss]:
+    """What must be true of a run, and by how much it is missed; only what the trace has the signals for."""
+    seen = Seen(request, trace)
+    if not seen.placed:
+        return
+    for part in (pins, slides, closure, crank, bearings):
+        yield from part(seen)
+    if trace.rates:
+        yield from balances(seen)
+
+
+def pins(seen: Seen) -> Iterator[Miss]:
+    """Ideal pins that come apart, and clearance signals that are not where the pins are."""
+    for joint in seen.m.joints:
+        if joint.prismatic:
+            continue
+        gap = seen.gap(joint)
+        if joint.name in seen.trace.clearance:
+            off = np.abs(gap - seen.vector(f"clearance_{joint.name}"))
+            yield Miss("signal", f"the displacement of joint {joint.name!r} is not that of its pins", off, seen.trace.clearance[joint.name], "m")
+            continue
+        what = f"the pins of joint {joint.name!r}"
+        yield Miss("pins", f"{what} come apart", np.abs(gap), seen.size, "m")
+        if seen.moves:
+            speed, acceleration = seen.fastest
+            yield Miss("parting", f"{what} move apart", np.abs(seen.slip(joint)), speed, "m/s", seen.rounding)
+            yield Miss("jolt", f"{what} accelerate apart", np.abs(seen.slip(joint, seen.acceleration)), acceleration, "m/s^2", REST)
+
+
+def slides(seen: Seen) -> Iterator[Miss]:
+    """Slides that leave their line or turn."""
+    for joint in seen.m.joints:
+        if not joint.prismatic:
+            continue
+        first = joint.bodies[0]
+        along, what = joint.direction * np.exp(1j * seen.angle(first)), f"slide {joint.name!r}"
+        yield Miss("turned", f"the bodies of {what} turn against each other", np.abs(seen.turned(joint)), 1.0, "rad")
+        yield Miss("pins", f"the block of {what} leaves its line", np.abs(cross(along, seen.gap(joint))), seen.size, "m")
+        if seen.moves:
+            slip, spin, (speed, acceleration) = seen.slip(joint), seen.spin(first), seen.fastest
+            yield Miss("parting", f"the block of {what} moves off its line", np.abs(cross(along, slip)), speed, "m/s", seen.rounding)
+            off = cross(along, seen.slip(joint, seen.acceleration)) - 2 * spin * dot(along, slip)
+            yield Miss("jolt", f"the block of {what} accelerates off its line", np.abs(off), acceleration, "m/s^2", REST)
+
+
+def closure(seen: Seen) -> Iterator[Miss]:
+    """Angles by which bodies would have to turn for the closed joints to close, the crank held where there is a motor.
+
+    At a poor transmission angle a small miss of a pin turns bodies far.
+    """
+    rows: list[np.ndarray] = []  # (N, 3 bodies): of x and y over the longest body, and angle, of each
+    missed: list[np.ndarray] = []
+    place = {b.name: 3 * k for k, b in enumerate(seen.m.bodies)}
+
+    def row(miss: np.ndarray | float, **terms: tuple[complex | np.ndarray, np.ndarray | float]) -> None:
+        line = np.zeros((seen.count, 3 * len(place)))
+        for name, (towards, turning) in terms.items():
+            if name != GROUND:
+                k = place[name]
+                line[:, k], line[:, k + 1], line[:, k + 2] = np.real(towards), np.imag(towards), turning
+        rows.append(line)
+        missed.append(np.broadcast_to(miss, (seen.count,)))
+
+    for joint in seen.m.joints:
+        if joint.name in seen.trace.clearance:
+            continue
+        (first, second), gap = joint.bodies, seen.gap(joint) / seen.size
+        a, b = (seen.arm(name, joint.name) / seen.size for name in joint.bodies)
+        axes: list[complex | np.ndarray] = [1.0 + 0j, 1j]
+        if joint.prismatic:
+            a = a - gap
+            axes = [1j * joint.direction * np.exp(1j * seen.angle(first))]
+            row(-seen.turned(joint), **{first: (0j, -1.0), second: (0j, 1.0)})
+        for axis in axes:
+            row(-dot(gap, axis), **{first: (-axis, -cross(a, axis)), second: (axis, cross(b, axis))})
+    if seen.held:
+        row(0.0, **{seen.m.driven: (0j, 1.0)})
+    if not rows:
+        return
+    turn = np.linalg.pinv(np.stack(rows, axis=1), rcond=SINGULAR) @ np.stack(missed, axis=1)[..., None]
+    for body in seen.m.bodies:
+        what = f"body {body.name!r} would have to turn for the joints to close"
+        yield Miss("closure", what, np.abs(turn[:, place[body.name] + 2, 0]), 1.0, "rad")
+
+
+def crank(seen: Seen) -> Iterator[Miss]:
+    """A crank that is not where, or not as fast, as its motor."""
+    m, name, motor = seen.m, seen.m.driven, seen.request.crank_angle
+    if not seen.held or seen.request.course is not None:
+        return
+    stiffness = m.drive.stiffness if m.drive is not None and m.drive.speed != "free" else None
+    behind = seen.signal("drive_torque") / stiffness if stiffness else 0.0
+    off = np.abs(np.exp(1j * (seen.angle(name) + behind - motor)) - 1)
+    yield Miss("crank", f"the crank {name!r} is not where its motor has it", off, 1.0, "rad")
+    if not stiffness and not seen.still and m.speed:
+        yield Miss("speed", f"the crank {name!r} does not turn as its motor", np.abs(seen.spin(name) - m.speed), abs(m.speed), "rad/s")
+        if seen.moves:
+            yield Miss("evenness", f"the crank {name!r} does not turn evenly", np.abs(seen.spin_up(name)), m.speed**2, "rad/s^2", REST / seen.size)
+
+
+def bearings(seen: Seen) -> Iterator[Miss]:
+    """Pins that are not in their bearings, or pushed otherwise than by them."""
+    for name, clearance in seen.trace.clearance.items():
+        joint = seen.m.joint(name)
+        gap, force, what = seen.gap(joint), seen.reaction(joint), f"joint {name!r}"
+        path = np.hypot(*seen.trace.journal[name].T) if name in seen.trace.journal else np.zeros(0)
+        deep, peak = np.concatenate([np.abs(gap), path]) - clearance, float(np.abs(force).max(initial=0.0))
+        if seen.trace.joint_model == "massless-link":
+            yield Miss("rod", f"the massless link of {what} changes its length", np.abs(deep), clearance, "m")
+        else:
+            yield Miss("bearing", f"the pin of {what} leaves its bearing", np.maximum(deep, 0.0), _shortest(seen, joint), "m")
+            loose = np.where(np.abs(gap) < (1 - FREE) * clearance, np.abs(force), 0.0)
+            yield Miss("loose", f"the free pin of {what} is pushed", loose, peak, "N", seen.nothing)
+        if not seen.rubs(joint):
+            across = np.abs(cross(gap, force)) / np.maximum(np.abs(gap), TINY)
+            yield Miss("line", f"the force of {what} is not along its pin's displacement", across, peak, "N", seen.nothing)
+
+
+def _shortest(seen: Seen, joint: Joint) -> float:
+    """Length (m) of the shortest body at a joint that has one."""
+    return min((b.length for b in map(seen.m.body, joint.bodies) if isinstance(b, Body) and b.length), default=seen.size)

@@ -1,0 +1,219 @@
+"""A trace's bodies, joints and forces at its instants, in the mechanism's words, for those who check what a run must be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint
+from sim_models.contact_laws import PIN_RADIUS, contact_parameters
+from sim_models.engine import Request, Trace
+
+FADING = 1e-2  # of the largest angular speed: slower joints may have let their Coulomb friction fade
+REST = 1e-5  # m/s^2: forces that give the whole linkage's mass no more are nothing
+ROUNDING = 1e-12
+TINY = 1e-300  # in place of a length of zero
+
+
+def cross(a: np.ndarray, b: np.ndarray | complex) -> np.ndarray:
+    """Moment of b at an arm a, (N,)."""
+    return np.asarray((np.conj(a) * b).imag)
+
+
+def dot(a: np.ndarray, b: np.ndarray | complex) -> np.ndarray:
+    """Inner product of vectors a and b, (N,)."""
+    return np.asarray((np.conj(a) * b).real)
+
+
+@dataclass(frozen=True)
+class Miss:
+    """By how much (N,) a run misses what must be true of it: ``what`` in words, ``scale`` is what that is a share of.
+
+    What is below ``floor`` is nothing.  An entry beyond the trace's instants is of a pin's path between them.
+    """
+
+    check: str
+    what: str
+    size: np.ndarray
+    scale: float
+    unit: str
+    floor: float = 0.0
+
+    @property
+    def share(self) -> float:
+        """The largest miss as a share of its scale; none where it is nothing."""
+        worst = float(self.size.max(initial=0.0))
+        return 0.0 if worst <= self.floor else worst / self.scale if self.scale > 0 else np.inf
+
+
+class Seen:
+    """A trace at its N instants.  Complex numbers are x + iy in the ground frame."""
+
+    def __init__(self, request: Request, trace: Trace) -> None:
+        self.request, self.trace, self.m = request, trace, request.mechanism
+        self.count = trace.crank_angle.size
+
+    def signal(self, name: str) -> np.ndarray:
+        """A signal (N,)."""
+        return self.trace.signals[name]
+
+    def vector(self, name: str) -> np.ndarray:
+        """A vector (N,) of two signals."""
+        return self.signal(f"{name}_x") + 1j * self.signal(f"{name}_y")
+
+    def angle(self, body: str) -> np.ndarray:
+        """A body's angle (N,) rad."""
+        return np.zeros(self.count) if body == GROUND else self.signal(f"{body}_angle")
+
+    def spin(self, body: str) -> np.ndarray:
+        """Its angular velocity (N,) rad/s."""
+        return np.zeros(self.count) if body == GROUND or self.still else self.signal(f"{body}_angular_velocity")
+
+    def spin_up(self, body: str) -> np.ndarray:
+        """Its angular acceleration (N,) rad/s^2."""
+        return np.zeros(self.count) if body == GROUND else self.trace.rates[body].angular_acceleration
+
+    def arm(self, body: str, point: str, origin: str = MASS_CENTRE) -> np.ndarray:
+        """From one of a body's points, or the ground's origin, to another (N,) m."""
+        here = self.m.body(body)
+        start = here.point(origin) if isinstance(here, Body) else 0j
+        return (here.point(point) - start) * np.exp(1j * self.angle(body))
+
+    def place(self, body: str, point: str) -> np.ndarray:
+        """Where a body's point is (N,) m."""
+        return self.arm(body, point, "com") + (0.0 if body == GROUND else self.vector(body))
+
+    def velocity(self, body: str, arm: np.ndarray) -> np.ndarray:
+        """Velocity (N,) m/s of a point of a body at an arm (N,) m from its centre of mass."""
+        return np.zeros(self.count, complex) if body == GROUND else self.trace.rates[body].velocity + 1j * self.spin(body) * arm
+
+    def acceleration(self, body: str, arm: np.ndarray) -> np.ndarray:
+        """Acceleration (N,) m/s^2 of such a point."""
+        if body == GROUND:
+            return np.zeros(self.count, complex)
+        return self.trace.rates[body].acceleration + (1j * self.spin_up(body) - self.spin(body) ** 2) * arm
+
+    @property
+    def still(self) -> bool:
+        """Whether nothing moves."""
+        return self.trace.motion == "static"
+
+    @property
+    def moves(self) -> bool:
+        """Whether the bodies move, and the trace has their rates."""
+        return bool(self.trace.rates) and not self.still
+
+    @property
+    def held(self) -> bool:
+        """Whether a motor says where the crank is."""
+        return self.still or self.request.course is not None or self.m.speed is not None
+
+    @cached_property
+    def size(self) -> float:
+        """Length (m) of the longest body."""
+        return max(body.length for body in self.m.bodies)
+
+    # ---------------------------------------------------------------- forces
+
+    def reaction(self, joint: Joint) -> np.ndarray:
+        """A joint's reaction (N,) N on its second body."""
+        return self.vector(f"reaction_{joint.name}")
+
+    def gap(self, joint: Joint) -> np.ndarray:
+        """First pin centre minus second (N,) m."""
+        first, second = joint.bodies
+        return self.place(first, joint.name) - self.place(second, joint.name)
+
+    def turned(self, joint: Joint) -> np.ndarray:
+        """Angle (N,) rad by which a prismatic joint's bodies have turned against each other."""
+        first, second = joint.bodies
+        return np.asarray(np.angle(np.exp(1j * (self.angle(second) - self.angle(first) - joint.angle))))
+
+    def acts_at(self, joint: Joint, body: str) -> np.ndarray:
+        """Where a joint's reaction acts on one of its bodies (N,) m: at its own pin, a slide's at the second's
+        point, friction's where the pin touches.
+        """
+        second = self.place(joint.bodies[1], joint.name)
+        if joint.prismatic:
+            return second
+        if self.rubs(joint):
+            gap = self.gap(joint)
+            return second + gap / np.maximum(np.abs(gap), TINY) * ((joint.pin_radius or PIN_RADIUS) + joint.clearance)
+        return self.place(body, joint.name)
+
+    def rubs(self, joint: Joint) -> bool:
+        """Whether the joint's contact has friction."""
+        return joint.name in self.trace.clearance and self.trace.joint_model == "contact" and joint.friction > 0
+
+    def kink(self, joint: Joint) -> np.ndarray:
+        """Force (N,) N that a contact may have at another instant of the step in which its pin touches the rim, or leaves it; 0 elsewhere.
+
+        There an engine may have solved the step with the one, and report the other.
+        """
+        step = self.trace.settings.get("step")
+        if joint.name not in self.trace.clearance or self.trace.joint_model == "massless-link" or self.still or not step:
+            return np.zeros(self.count)
+        gap = self.gap(joint)
+        inwards = step * np.abs(dot(gap, self.slip(joint))) / np.maximum(np.abs(gap), TINY)
+        stiffness = contact_parameters(self.m, joint, self.request.motion).stiffness
+        return np.where(np.abs(np.abs(gap) - joint.clearance) <= inwards, stiffness * inwards, 0.0)
+
+    def turning(self, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
+        """Torque (N,) N.m of a joint on its second body beside its force's, and what of it (N,) is not known.
+
+        A slide's moment; a pin's spring, damper and friction.  That is not known at rest, or near a reversal, where engines let
+        it fade or stick.
+        """
+        if joint.prismatic:
+            return self.signal(f"reaction_{joint.name}_moment"), np.zeros(self.count)
+        first, second = joint.bodies
+        rate = self.spin(second) - self.spin(first)
+        torque = -joint.stiffness * (self.angle(second) - self.angle(first) - joint.rest_angle) - joint.damping * rate
+        known = np.abs(rate) > FADING * self.pace
+        return torque - np.where(known, joint.coulomb * np.sign(rate), 0.0), np.where(known, 0.0, joint.coulomb)
+
+    @cached_property
+    def pace(self) -> float:
+        """The largest angular speed (rad/s) in the run; infinite at rest."""
+        return np.inf if self.still else max(float(np.abs(self.spin(b.name)).max(initial=0.0)) for b in self.m.bodies)
+
+    @property
+    def placed(self) -> bool:
+        """Whether the trace says where every body is."""
+        return all(f"{b.name}_{each}" in self.trace.signals for b in self.m.bodies for each in ("x", "y", "angle"))
+
+    @property
+    def nothing(self) -> float:
+        """The force (N) that gives the whole linkage's mass an acceleration of REST: as good as none."""
+        return REST * sum(b.mass for b in self.m.bodies)
+
+    @cached_property
+    def fastest(self) -> tuple[float, float]:
+        """The largest speed (m/s) and acceleration (m/s^2) in the linkage, or thereabouts; where it is pressed, of its mass by its largest force."""
+        rates = [(self.trace.rates[b.name], self.spin(b.name)) for b in self.m.bodies]
+        speed = max(float((np.abs(r.velocity) + self.size * np.abs(spin)).max(initial=0.0)) for r, spin in rates)
+        turned = [np.abs(r.acceleration) + self.size * (np.abs(r.angular_acceleration) + spin**2) for r, spin in rates]
+        pressed = self.largest / sum(b.mass for b in self.m.bodies)
+        return speed, max(pressed, *(float(each.max(initial=0.0)) for each in turned))
+
+    @cached_property
+    def largest(self) -> float:
+        """The largest reaction (N)."""
+        return max(float(np.abs(self.reaction(joint)).max(initial=0.0)) for joint in self.m.joints)
+
+    @property
+    def rounding(self) -> float:
+        """A speed (m/s) that is as good as none: rounding of the linkage's size in a step."""
+        step = self.trace.settings.get("step")
+        return ROUNDING * self.size / step if step else 0.0
+
+    def slip(self, joint: Joint, rate: Callable[[str, np.ndarray], np.ndarray] | None = None) -> np.ndarray:
+        """Velocity (or another ``rate``) (N,) of a joint's second body less its first, where its reaction acts on them."""
+        first, second = (
+            (rate or self.velocity)(body, self.acts_at(joint, body) - (self.place(body, MASS_CENTRE) if body != GROUND else 0.0))
+            for body in joint.bodies
+        )
+        return second - first

@@ -1,0 +1,43 @@
+"""How every engine answers a request: in the linkage's own units, and held to what must be true of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from sim_models.common.health import Implausible, check
+from sim_models.common.units import in_own_units
+from sim_models.engine import Engine, Request, SimulationError, Trace, check_supported
+
+HALVINGS = 2  # of the engine's own step, where its run is not what it must be
+
+
+def simulate(engine: Engine, request: Request, run: Callable[[Request], Trace]) -> Trace:
+    """A request's trace by an engine's ``run``, in shorter steps than its own where these leave it implausible.
+
+    Raises Unsupported, what the run raises, and Implausible for a run that cannot be right.
+    """
+    check_supported(engine, request)
+    trace = in_own_units(run, request)
+    try:
+        check(request, trace)
+        return trace
+    except Implausible as implausible:
+        step = trace.settings.get("step")
+        if request.step is not None or request.motion == "static" or not step:
+            raise
+        for halving in range(1, HALVINGS + 1):
+            found = _finer(run, replace(request, step=step / 2**halving))
+            if found is not None:
+                return found
+        raise implausible from None
+
+
+def _finer(run: Callable[[Request], Trace], request: Request) -> Trace | None:
+    """The trace of a run in a given step; None where it cannot be made, or is implausible too."""
+    try:
+        trace = in_own_units(run, request)
+        check(request, trace)
+    except SimulationError:
+        return None
+    return trace

@@ -1,0 +1,206 @@
+"""Each linkage is simulated in units of its own, so that an engine meets a micromechanism and a crane as it meets a bench model.
+
+Engines have numbers of their own in them: a smallest inertia, a softness, a tolerance, a step.  They suit links of some
+decimetres and some hundred grams that turn in a fraction of a second.  A linkage far from that is given to its engine in
+other units of length, mass and time, powers of two of SI's, in which it is such a linkage; what comes back is put into
+SI again.  Nothing but the exponents of the numbers changes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from analytic.mechanism import Joint, Mechanism
+from sim_models.common.weights import with_equal_masses
+from sim_models.contact_laws import default_stiffness, heaviest, longest, power_of_two, turning_rate
+from sim_models.engine import Rates, Request, SimulationError, Trace
+
+# What an engine is at home with, in SI: where a linkage lies within, its units are SI's; else it is brought to the middle.
+LENGTHS = (2.0**-6, 2.0**2)  # m, longest distance between two points of a body
+MASSES = (2.0**-7, 2.0**5)  # kg, the heaviest body
+RATES = (2.0**0, 2.0**7)  # 1/s, of the crank, or at which loads would turn the linkage
+
+Dimension = tuple[int, int, int]  # powers of length, mass and time
+NONE: Dimension = (0, 0, 0)
+LENGTH: Dimension = (1, 0, 0)
+TIME: Dimension = (0, 0, 1)
+SPEED: Dimension = (1, 0, -1)
+ACCELERATION: Dimension = (1, 0, -2)
+RATE: Dimension = (0, 0, -1)
+TURNING: Dimension = (0, 0, -2)
+FORCE: Dimension = (1, 1, -2)
+TORQUE: Dimension = (2, 1, -2)
+PRESSURE: Dimension = (-1, 1, -2)
+STIFFNESS: Dimension = (0, 1, -2)
+DAMPING: Dimension = (0, 1, -1)
+
+BODY = {
+    "mass": (0, 1, 0),
+    "com": LENGTH,
+    "marker": LENGTH,
+    "section": LENGTH,
+    "inertia": (2, 1, 0),
+    "youngs_modulus": PRESSURE,
+    "shear_modulus": PRESSURE,
+}
+JOINT = {"clearance": LENGTH, "pin_radius": LENGTH, "contact_stiffness": STIFFNESS, "contact_damping": DAMPING}
+REVOLUTE = {"friction_torque": TORQUE, "damping": (2, 1, -1), "stiffness": TORQUE}
+PRISMATIC = {"friction": FORCE, "friction_torque": FORCE, "damping": DAMPING, "stiffness": STIFFNESS, "rest_angle": LENGTH}
+SETTINGS = {
+    "step": TIME, "bounce_time": TIME, "start_speed": RATE, "contact_stiffness": STIFFNESS, "contact_damping": DAMPING, "minimum_impact_speed": SPEED,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of length (m), mass (kg) and time (s)."""
+
+    length: float = 1.0
+    mass: float = 1.0
+    time: float = 1.0
+
+    @classmethod
+    def of(cls, request: Request) -> Units:
+        """The units of a request's linkage and motion."""
+        m = request.mechanism
+        rate = max(turning_rate(m, request.motion), fastest(request))
+        return cls(power_of_two(longest(m), LENGTHS), power_of_two(heaviest(m), MASSES), 1 / power_of_two(rate, RATES))
+
+    def size(self, dimension: Dimension) -> float:
+        """What one of these units is in SI."""
+        length, mass, time = dimension
+        return float(self.length**length * self.mass**mass * self.time**time)
+
+    def from_si(self, value: Any, dimension: Dimension) -> Any:
+        """A number, or a tuple of them, in these units."""
+        scale = self.size(dimension)
+        return tuple(x / scale for x in value) if isinstance(value, tuple) else value / scale
+
+    def mechanism(self, m: Mechanism) -> Mechanism:
+        """A mechanism in these units."""
+
+        def points(of: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+            return {name: self.from_si(at, LENGTH) for name, at in of.items()}
+
+        def fields(part: Any, dimensions: Mapping[str, Dimension]) -> dict[str, Any]:
+            given = {name: getattr(part, name) for name in dimensions if name in part.model_fields_set and getattr(part, name) is not None}
+            return {name: self.from_si(value, dimensions[name]) for name, value in given.items()}
+
+        def joint(j: Joint) -> Joint:
+            new = fields(j, JOINT | (PRISMATIC if j.prismatic else REVOLUTE))
+            if j.elasticity is not None:
+                translation, rotation = (
+                    self.from_si(getattr(j.elasticity, name), d) for name, d in (("translation", STIFFNESS), ("rotation", TORQUE))
+                )
+                new["elasticity"] = j.elasticity.model_copy(update={"translation": translation, "rotation": rotation})
+            return j.model_copy(update=new)
+
+        drive = m.drive
+        if drive is not None:
+            drive = drive.model_copy(update=fields(drive, {"stiffness": TORQUE} | ({"speed": RATE} if m.speed is not None else {})))
+        return m.replace(
+            gravity=self.from_si(m.gravity, ACCELERATION),
+            ground=m.ground.model_copy(update={"points": points(m.ground.points)}),
+            bodies=tuple(b.model_copy(update=fields(b, BODY) | {"points": points(b.points)}) for b in m.bodies),
+            joints=tuple(joint(j) for j in m.joints),
+            drive=drive,
+            loads=tuple(load.model_copy(update=fields(load, {"force": FORCE, "torque": TORQUE})) for load in m.loads),
+        )
+
+    def request(self, r: Request) -> Request:
+        """A request in these units."""
+        course = None if r.course is None else (np.asarray(r.course[0], float) / self.time, r.course[1])
+        return replace(
+            r,
+            mechanism=self.mechanism(r.mechanism),
+            time=None if r.time is None else np.asarray(r.time, float) / self.time,
+            start_speed=r.start_speed * self.time,
+            step=None if r.step is None else r.step / self.time,
+            course=course,
+        )
+
+    def trace(self, t: Trace) -> Trace:
+        """A trace of these units, in SI."""
+        own = {"length": self.length, "mass": self.mass, "time": self.time}
+        return replace(
+            t,
+            time=None if t.time is None else t.time * self.time,
+            signals={name: values * self.size(dimension(name)) for name, values in t.signals.items()},
+            rates={body: self._rates(rates) for body, rates in t.rates.items()},
+            clearance={name: c * self.length for name, c in t.clearance.items()},
+            journal={name: path * self.length for name, path in t.journal.items()},
+            settings={name: self._setting(name, value) for name, value in t.settings.items()} | {"units": own},
+        )
+
+    def _rates(self, r: Rates) -> Rates:
+        speed, acceleration, turning = (self.size(d) for d in (SPEED, ACCELERATION, TURNING))
+        return Rates(r.velocity * speed, r.acceleration * acceleration, r.angular_acceleration * turning)
+
+    def _setting(self, name: str, value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {key: self._setting(name, each) for key, each in value.items()}
+        return value * self.size(SETTINGS[name]) if name in SETTINGS and isinstance(value, int | float) else value
+
+    @property
+    def words(self) -> str:
+        """The units in words."""
+        return f"units of {self.length:g} m, {self.mass:g} kg and {self.time:g} s"
+
+
+SI = Units()
+
+
+def in_own_units(run: Callable[[Request], Trace], request: Request) -> Trace:
+    """Run a request in its linkage's own units; the trace is in SI, with the units in its settings.
+
+    Joints with clearance that say nothing of their stiffness are given the project's default first.  Raises what the run raises; where
+    units are not SI's, a SimulationError says in which its numbers are.
+    """
+    whole = with_stiffness(request)
+    if request.motion == "static":
+        whole = replace(whole, mechanism=with_equal_masses(whole.mechanism))
+    units = Units.of(whole)
+    if units == SI:
+        return units.trace(run(whole))
+    try:
+        return units.trace(run(units.request(whole)))
+    except SimulationError as error:
+        raise type(error)(f"{error} (numbers in {units.words})") from error
+
+
+def with_stiffness(request: Request) -> Request:
+    """The request with a contact stiffness in every joint with clearance; ``assumed`` names those that had none."""
+    m = request.mechanism
+    soft = [j.name for j in m.joints if j.clearance and j.contact_stiffness is None and not j.prismatic]
+    if request.joint_model == "ideal" or not soft:
+        return request
+    stiffness = default_stiffness(m, request.motion)
+    for name in soft:
+        m = m.with_joint(name, contact_stiffness=stiffness)
+    return replace(request, mechanism=m, assumed=frozenset(soft))
+
+
+def fastest(request: Request) -> float:
+    """The largest rate (rad/s) that a request prescribes beside the drive's constant speed: of a course, or at release."""
+    rate = abs(request.start_speed)
+    if request.course is not None:
+        time, angle = (np.asarray(x, float) for x in request.course)
+        if time.shape == angle.shape and time.size > 1 and np.all(np.diff(time) > 0):
+            rate = max(rate, float(np.abs(np.diff(angle) / np.diff(time)).max()))
+    return rate if math.isfinite(rate) else 0.0
+
+
+def dimension(signal: str) -> Dimension:
+    """The dimension of a trace's signal."""
+    if signal.startswith("reaction_"):
+        return TORQUE if signal.endswith("_moment") else FORCE
+    if signal == "drive_torque":
+        return TORQUE
+    if signal.endswith(("_x", "_y")):
+        return LENGTH
+    return RATE if signal.endswith("_angular_velocity") else NONE

@@ -1,0 +1,165 @@
+"""Where results go: every question has a folder of its own, and nothing replaces what another command has left unless it is told to."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from analytic.mechanism_file import dumps, load
+from compare.cli import app
+from compare.files import OutputError
+from compare.folders import result_folder
+from test_readme import COMMANDS
+
+
+def context(line: str) -> Any:
+    """What typer makes of a command line."""
+    root: Any = typer.main.get_command(app)
+    parent, (name, *words) = root.make_context("compare", []), [*shlex.split(line)[1:]]
+    return root.make_context("compare", [name, *words]) if name.startswith("-") else root.commands[name].make_context(name, words, parent=parent)
+
+
+def folder(line: str, stem: str, file: str = "result.json", out: Path | None = None) -> Path:
+    return result_folder(context(line), stem, file, out, overwrite=False)
+
+
+@pytest.fixture
+def compare(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The command, run in an empty folder: its exit status and what it says on standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(line: str) -> tuple[int, str]:
+        words = shlex.split(line)[1:]
+        monkeypatch.setattr(sys, "argv", ["compare", *words])
+        done = CliRunner().invoke(app, words)
+        return done.exit_code, done.stderr
+
+    return run
+
+
+NAMES = {
+    "compare --simulator mujoco": "paper-mujoco",
+    "compare --simulator all --json": "paper-all",
+    "compare --simulator mujoco --motion driven": "paper-mujoco",
+    "compare --simulator mujoco --motion static": "paper-mujoco-static",
+    "compare --clearance B=2e-4,E=1e-4 --simulator mujoco": "paper-mujoco-B=2e-4,E=1e-4",
+    "compare --simulator mujoco --angles=-20:160:5 --joint contact --flexible": "paper-mujoco-contact-angles=-20_160_5-flexible",
+    "compare --simulator mujoco --tolerance ../my/tol.toml": "paper-mujoco-tolerance=.._my_tol.toml",
+    "compare accuracy --samples 20000": "paper-accuracy",
+    "compare accuracy --clearance D=1e-4 --seed 7 --output B --output coupler.angle": "paper-accuracy-D=1e-4-output=B,coupler.angle-seed=7",
+    "compare validity --speeds 60,600 --clearances 1e-4 --workers 2": "paper-validity-speeds=60,600-clearances=1e-4",
+    "compare diagnose a.toml": "paper-diagnosis",
+    "compare diagnose a.toml --only gravity --only payload@coupler --simulator exudyn": "paper-diagnosis-exudyn-only=gravity,payload@coupler",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("line", NAMES)
+def test_a_default_folder_is_named_after_what_is_not_at_its_default(line: str) -> None:
+    stem = "-".join(["paper", *(word.replace("diagnose", "diagnosis") for word in line.split()[1:2] if not word.startswith("-"))])
+    assert folder(line, stem) == Path("reports") / NAMES[line]
+
+
+def test_the_commands_of_the_readme_do_not_meet_in_a_folder() -> None:
+    asking = [line for line in COMMANDS if line.split()[1] in ("--simulator", "accuracy", "validity", "diagnose")]
+    found = [folder(line, f"{line.partition('--case ')[2].split(' ')[0]} {line.split()[1]}") for line in asking]
+    assert len(set(found)) == len(found) >= 8
+
+
+def test_a_name_that_would_be_too_long_is_cut_and_stays_its_own() -> None:
+    lines = [f"compare --simulator mujoco --clearance {','.join(f'joint-{k}=1e-4' for k in range(40))},Z={size}" for size in ("1e-4", "2e-4")]
+    first, second = (folder(line, "paper").name for line in lines)
+    assert first != second
+    assert len(first) == len(second) == 150
+
+
+QUICK = "compare --simulator mujoco --joint ideal --motion static --angles 30:60:30"
+
+
+def contents(place: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in place.iterdir()}
+
+
+def test_the_same_command_replaces_its_own_report_and_another_only_when_it_is_told_to(compare: Any, tmp_path: Path) -> None:
+    assert compare(f"{QUICK} --out here") == (0, "")
+    before = contents(tmp_path / "here")
+    assert compare("compare --angles=30:60:30 --motion=static --out ./here --joint ideal --case paper --json --simulator mujoco") == (0, "")
+    assert set(contents(tmp_path / "here")) == set(before)
+    before = contents(tmp_path / "here")
+    status, said = compare(f"{QUICK.replace('60:30', '90:30')} --out here")
+    assert status == 2
+    assert len(said.splitlines()) == 1
+    for words in ("--out here", "result.json is of another command", "--angles=30:60:30 --motion=static", "another folder", "--overwrite"):
+        assert words in said
+    assert contents(tmp_path / "here") == before
+    assert compare(f"{QUICK.replace('60:30', '90:30')} --out here --overwrite") == (0, "")
+    assert len(json.loads((tmp_path / "here" / "result.json").read_text(encoding="utf-8"))["runs"][0]["crank_angle"]) == 3
+
+
+def test_two_files_of_one_name_do_not_share_a_default_folder_silently(compare: Any, tmp_path: Path) -> None:
+    for name, mass in (("one", 0.2), ("two", 0.3)):
+        Path(f"{name}.toml").write_text(dumps(load("paper").with_body("crank", mass=mass)), encoding="utf-8")
+    assert compare(f"{QUICK} --case one.toml")[0] == 0
+    assert [path.name for path in (tmp_path / "reports").iterdir()] == ["paper-mujoco-ideal-static-angles=30_60_30"]
+    status, said = compare(f"{QUICK} --case two.toml")
+    assert status == 2
+    assert "--case one.toml" in said
+    assert compare(f"{QUICK} --case one.toml")[0] == 0
+
+
+def test_accuracy_validity_and_diagnosis_keep_to_the_same_rule(compare: Any, tmp_path: Path) -> None:
+    rig = Path(__file__).parent.parent / "docs" / "example-rig" / "measured.toml"
+    assert compare("compare accuracy --samples 50 --out here") == (0, "")
+    assert compare("compare accuracy --samples 50 --out here") == (0, "")
+    other = {
+        "accuracy.json": "compare accuracy --samples 60 --out here",
+        "validity.json": "compare validity --speeds 60 --clearances 1e-4 --out here",
+        "diagnosis.json": f"compare diagnose {rig} --out here",
+    }
+    for name, line in other.items():
+        (tmp_path / "here" / name).write_text(json.dumps({"command": "compare accuracy --samples 50"}), encoding="utf-8")
+        before = contents(tmp_path / "here")
+        status, said = compare(line)
+        assert status == 2
+        assert f"its {name} is of another command (compare accuracy --samples 50)" in said
+        assert contents(tmp_path / "here") == before
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"command": 7}', "[" * 100_000, "\udcff"], ids=repr)
+def test_a_file_that_does_not_say_what_made_it_is_not_replaced(text: str, tmp_path: Path) -> None:
+    (tmp_path / "result.json").write_bytes(text.encode("utf-8", "surrogateescape"))
+    with pytest.raises(OutputError, match=r"does not say which command made it; choose another folder with --out, or add --overwrite"):
+        folder(QUICK, "paper", out=tmp_path)
+
+
+@pytest.mark.parametrize(
+    "made_by", ["", "compare 'open", "rm -rf /", "compare --help", "compare \x1b[2J --simulator mujoco", "compare baseline check"]
+)
+def test_whatever_a_file_says_that_made_it_is_only_compared(made_by: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "result.json").write_text(json.dumps({"command": made_by}), encoding="utf-8")
+    with pytest.raises(OutputError, match="is of another command") as caught:
+        folder(QUICK, "paper", out=tmp_path)
+    assert str(caught.value).isprintable()
+    assert capsys.readouterr() == ("", "")
+
+
+def test_an_export_replaces_its_own_files_and_no_others(compare: Any, tmp_path: Path) -> None:
+    line = "compare export --simulator mujoco --motion static --angles 30:60:30 --out alone"
+    assert compare(line)[0] == 0
+    before = contents(tmp_path / "alone")
+    assert compare(line)[0] == 0
+    assert contents(tmp_path / "alone") == before
+    (tmp_path / "alone" / "run.py").write_text("print('mine')\n", encoding="utf-8")
+    before = contents(tmp_path / "alone")
+    status, said = compare(line)
+    assert status == 2
+    assert "--out alone: there is another run.py" in said
+    assert contents(tmp_path / "alone") == before
+    assert compare(f"{line} --overwrite")[0] == 0
+    assert contents(tmp_path / "alone")["run.py"] != before["run.py"]

@@ -1,0 +1,236 @@
+"""Folders that cannot be written, are full, or are written by two at once: one sentence that names the path, and no half of anything."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from compare.files import OutputError, alone_in, write_atomically, write_together
+
+ROOT = Path(__file__).parents[1]
+RIG = ROOT / "docs" / "example-rig" / "measured.toml"
+CROSSCHECK = ["--simulator", "mujoco", "--joint", "ideal", "--angles", "20:60:20", "--out", "out"]
+COMMANDS = {
+    "cross-check": CROSSCHECK,
+    "accuracy": ["accuracy", "--clearance", "B=1e-4", "--angles", "20:60:20", "--out", "out"],
+    "validity": ["validity", "--speeds", "60", "--clearances", "1e-4", "--out", "out", "--workers", "1"],
+    "baseline": ["baseline", "update", "--case", "pendulum", "--simulator", "mujoco", "--baselines", "out"],
+    "export": ["export", "--simulator", "mujoco", "--angles", "20:60:20", "--out", "out"],
+}
+LARGE = ("cross-check", "validity", "export")  # those whose files a full disk has no room for
+posix = pytest.mark.skipif(os.name != "posix", reason="limits a process as POSIX does")
+
+
+def first_of(rows: Iterable[Any]) -> Any:
+    return next(iter(rows))
+
+
+def slow(rows: Iterable[Any]) -> list[Any]:
+    """All rows but the first, for the long suite."""
+    return [pytest.param(row, marks=pytest.mark.slow) for row in list(rows)[1:]]
+
+
+def compare(folder: Path, arguments: list[str], limit: int | None = None) -> subprocess.CompletedProcess[str]:
+    """The command; with a limit no file may be larger than so many bytes, as on a disk that is full then."""
+
+    def limited() -> None:
+        import resource
+
+        assert limit is not None
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+    return subprocess.run(
+        [sys.executable, "-m", "compare", *arguments], cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True,
+        timeout=300, check=False, preexec_fn=limited if limit is not None else None,
+    )  # fmt: skip
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def refused(done: subprocess.CompletedProcess[str], path: str) -> None:
+    """Status 2 and one sentence with the path."""
+    assert done.returncode == 2, done.stderr
+    said = [line for line in done.stderr.splitlines() if line.startswith("compare: ")]
+    assert len(said) == 1
+    assert path in said[0]
+    assert "another folder" in said[0]
+    assert "Traceback" not in done.stderr
+
+
+# ---------------------------------------------------------------- a folder in the way
+
+
+@pytest.mark.parametrize("what", COMMANDS)
+def test_a_file_where_the_folder_should_be(what: str, tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("in the way", encoding="utf-8")
+    done = compare(tmp_path, COMMANDS[what])
+    refused(done, "out")
+    assert contents(tmp_path) == {"out": b"in the way"}
+
+
+def test_the_option_that_names_the_folder_is_named(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("in the way", encoding="utf-8")
+    assert "--baselines out" in compare(tmp_path, COMMANDS["baseline"]).stderr
+    assert "--reports out" in compare(tmp_path, ["validation", "update", "--reports", "out"]).stderr
+
+
+@posix
+@pytest.mark.parametrize("what", [first_of(COMMANDS), *slow(COMMANDS)])
+def test_a_folder_that_may_only_be_read(what: str, tmp_path: Path) -> None:
+    """A read-only mount, which stops the superuser too; where it takes more rights than we have, the folder's own."""
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "earlier.txt").write_text("whole", encoding="utf-8")
+    mounted = subprocess.run(["mount", "--bind", "-o", "ro", str(out), str(out)], capture_output=True, check=False).returncode == 0
+    if not mounted:
+        out.chmod(0o500)
+        if os.access(out, os.W_OK):
+            pytest.skip("this user may write anywhere, and cannot mount a folder that nobody may write to")
+    try:
+        done = compare(tmp_path, COMMANDS[what])
+    finally:
+        if mounted:
+            subprocess.run(["umount", str(out)], check=True)
+        out.chmod(0o700)
+    refused(done, "out")
+    assert contents(tmp_path) == {"out/earlier.txt": b"whole"}
+
+
+# ---------------------------------------------------------------- no room
+
+
+@posix
+@pytest.mark.parametrize("what", [first_of(LARGE), *slow(LARGE)])
+def test_a_disk_that_is_full_from_the_start_leaves_nothing(what: str, tmp_path: Path) -> None:
+    done = compare(tmp_path, COMMANDS[what], limit=500)
+    refused(done, "out")
+    left = {name: content for name, content in contents(tmp_path).items() if not name.startswith("out/runs/")}
+    assert left == {}
+
+
+@posix
+@pytest.mark.parametrize("room", [20_000, *slow([20_000, 1_000, 60_000])])
+def test_a_disk_that_fills_up_leaves_the_earlier_result_as_it_was(room: int, tmp_path: Path) -> None:
+    assert compare(tmp_path, CROSSCHECK).returncode == 0
+    before = contents(tmp_path)
+    assert max(map(len, before.values())) > room
+    other = [*CROSSCHECK[:5], "20:100:20", *CROSSCHECK[6:]]
+    refused(compare(tmp_path, other, limit=room), "out")
+    assert contents(tmp_path) == before
+    assert compare(tmp_path, other).returncode == 0
+    assert contents(tmp_path)["out/result.json"] != before["out/result.json"]
+
+
+@posix
+def test_a_real_full_file_system_is_said_and_left_without_litter(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(out)], capture_output=True, check=False).returncode:
+        pytest.skip("mounting a file system takes more rights than this user has")
+    try:
+        done = compare(tmp_path, CROSSCHECK)
+        left = contents(out)
+    finally:
+        subprocess.run(["umount", str(out)], check=True)
+    refused(done, "out/")
+    assert "No space left on device" in done.stderr
+    assert left == {}
+
+
+@posix
+@pytest.mark.slow
+def test_a_map_whose_records_find_no_room_goes_on_once_there_is(tmp_path: Path) -> None:
+    refused(compare(tmp_path, COMMANDS["validity"], limit=500), "out/runs")
+    assert compare(tmp_path, COMMANDS["validity"]).returncode == 0
+    assert set(contents(tmp_path)) == {"out/validity.json", "out/validity.md", "out/validity.svg"}
+
+
+# ---------------------------------------------------------------- two at once
+
+
+def both(folder: Path, first: list[str], second: list[str]) -> list[tuple[int, str]]:
+    """Two commands in one folder at once: status and standard error of each."""
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-m", "compare", *arguments], cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT)}, stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE, text=True,
+        )
+        for arguments in (first, second)
+    ]  # fmt: skip
+    said = [process.communicate(timeout=300)[1] for process in started]
+    return [(process.returncode, words) for process, words in zip(started, said, strict=True)]
+
+
+@pytest.mark.slow
+def test_two_cross_checks_into_one_folder_leave_one_of_them_whole(tmp_path: Path) -> None:
+    one, other = CROSSCHECK, ["--case", "crank-rocker", *CROSSCHECK]
+    whole = {}
+    for name, command in (("one", one), ("other", other)):
+        (tmp_path / name).mkdir()
+        compare(tmp_path / name, command)
+        whole[name] = set(contents(tmp_path / name))
+    assert [status for status, _ in both(tmp_path, one, other)] == [0, 0]
+    result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
+    case = result["case"]
+    assert all(case in (tmp_path / "out" / name).read_text(encoding="utf-8") for name in ("report.md", "report.html", "junit.xml"))
+    assert {name for name in contents(tmp_path) if name.startswith("out/")} == whole["one"] | whole["other"]
+
+
+def test_a_second_map_in_the_same_folder_is_refused_and_the_first_is_whole(tmp_path: Path) -> None:
+    ends = both(tmp_path, COMMANDS["validity"], COMMANDS["validity"])
+    statuses = sorted(status for status, _ in ends)
+    assert statuses in ([0, 2], [0, 0])  # the second may come when the first has gone
+    for status, words in ends:
+        if status == 2:
+            assert "--out out: another run is writing there; wait for it, or choose another folder with --out" in words
+            assert "Traceback" not in words
+    assert set(contents(tmp_path)) == {"out/validity.json", "out/validity.md", "out/validity.svg"}
+    json.loads((tmp_path / "out" / "validity.json").read_text(encoding="utf-8"))
+
+
+@pytest.mark.slow
+def test_two_baselines_of_one_case_at_once_are_one_whole_file(tmp_path: Path) -> None:
+    ends = both(tmp_path, COMMANDS["baseline"], COMMANDS["baseline"])
+    assert [status for status, _ in ends] == [0, 0], ends
+    assert set(contents(tmp_path)) == {"out/pendulum-mujoco.toml"}
+    assert compare(tmp_path, ["baseline", "check", *COMMANDS["baseline"][2:]]).returncode == 0
+
+
+@pytest.mark.skipif(os.name != "posix", reason="folders have locks there")
+def test_a_folder_is_held_by_one_at_a_time_and_let_go(tmp_path: Path) -> None:
+    with alone_in(tmp_path):
+        with pytest.raises(OutputError, match="another run is writing there"), alone_in(tmp_path, patience=0.0):
+            raise NotImplementedError("never reached")
+        release = threading.Event()
+
+        def wait() -> None:
+            with alone_in(tmp_path, patience=30.0):
+                release.set()
+
+        waiting = threading.Thread(target=wait)
+        waiting.start()
+        time.sleep(0.2)
+        assert not release.is_set()
+    waiting.join(30)
+    assert release.is_set()
+
+
+def test_files_that_are_written_together_are_never_half_and_never_litter(tmp_path: Path) -> None:
+    (tmp_path / "second").mkdir()
+    write_atomically(tmp_path / "first", "old")
+    with pytest.raises(OutputError, match="second"):
+        write_together(tmp_path, {"second": "a folder is in the way", "first": "new"})
+    assert contents(tmp_path) == {"first": b"old"}
+    write_together(tmp_path, {"first": "new", "third": "new"})
+    assert contents(tmp_path) == {"first": b"new", "third": b"new"}

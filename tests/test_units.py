@@ -1,0 +1,145 @@
+"""Linkages of every size are simulated as what they are like; units change nothing but the exponents of numbers."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analytic.mechanism import Drive, Load, Mechanism
+from analytic.mechanism_file import load, shipped_cases
+from compare.baseline.runs import setups
+from compare.crosscheck import Job, crosscheck
+from compare.discrepancy import load_tolerances
+from compare.validation.scales import Scale, linkage, scale_rows, scales
+from linkages import inverted_slider
+from sim_models.common.units import SI, Units, dimension
+from sim_models.common.weights import with_equal_masses
+from sim_models.contact_laws import DRIVEN_STIFFNESS, STATIC_STIFFNESS, default_stiffness
+from sim_models.engine import ENGINES, Request, declared, engine
+
+TURN = np.radians(np.arange(0.0, 360.0, 30.0))
+OTHER = Units(2.0**3, 2.0**-30, 2.0**-12)  # of length (m), mass (kg) and time (s)
+
+
+def installed(name: str) -> str:
+    if importlib.util.find_spec(declared(name).package) is None:
+        pytest.skip(f"{name} is not installed")
+    return name
+
+
+def everything() -> Mechanism:
+    """A linkage with every field that has a unit."""
+    m = inverted_slider()
+    slide = next(j for j in m.joints if j.prismatic)
+    pin = next(j for j in m.joints if not j.prismatic and j is not m.drive_joint)
+    m = m.with_joint(slide.name, friction_torque=0.3, damping=0.7, stiffness=11.0, rest_angle=0.02)
+    elasticity = {"translation": 2e11, "rotation": 3e9}
+    m = m.with_joint(pin.name, clearance=1e-4, pin_radius=5e-3, contact_stiffness=3e6, contact_damping=40.0, stiffness=2.0, rest_angle=0.1)
+    m = m.with_joint(pin.name, elasticity=elasticity, damping=0.01, friction_torque=0.05)
+    body = m.bodies[-1]
+    m = m.with_body(body.name, marker=(0.01, 0.02), section=(0.01, 0.02), inertia=1e-4, youngs_modulus=2e11, shear_modulus=8e10)
+    drive = Drive(joint=m.drive_joint.name, speed=7.0, stiffness=500.0, ripple={"amplitude": 0.01, "harmonic": 2})
+    return m.replace(gravity=(1.0, -9.0), drive=drive, loads=(Load(body=body.name, force=(3.0, -4.0), torque=0.6),))
+
+
+def test_a_mechanism_comes_back_from_other_units_to_the_last_bit() -> None:
+    m = everything()
+    there = OTHER.mechanism(m)
+    back = Units(1 / OTHER.length, 1 / OTHER.mass, 1 / OTHER.time).mechanism(there)
+    assert back == m
+    assert there.gravity[1] == -9.0 * OTHER.time**2 / OTHER.length
+    assert there.speed == 7.0 * OTHER.time
+    assert there.loads[0].torque == 0.6 * OTHER.time**2 / (OTHER.mass * OTHER.length**2)
+
+
+@pytest.mark.parametrize(("joint_model", "motion"), [("ideal", "driven"), ("spring-damper", "driven"), ("contact", "static")])
+@pytest.mark.parametrize("name", ENGINES)
+def test_similar_linkages_have_the_same_digits(name: str, joint_model: str, motion: str) -> None:
+    """A micromechanism, and one whose lengths, masses and times are other powers of two: what is said of both differs in exponents only."""
+    chosen = engine(installed(name))
+    small = linkage(Scale(1e-5, 300.0, 1.0))
+    smaller = Units(2.0**3, 2.0**7, 2.0**2).mechanism(small)
+    first, second = (chosen.simulate(Request(m, joint_model, motion, TURN[1:4])) for m in (small, smaller))  # type: ignore[arg-type]
+    for signal, values in first.signals.items():
+        scale = Units(2.0**3, 2.0**7, 2.0**2).size(dimension(signal))
+        assert np.array_equal(values, second.signals[signal] * scale), signal
+    assert first.settings["units"]["length"] < 1e-3
+    if first.settings.get("step"):
+        assert first.settings["step"] == second.settings["step"] * 4
+
+
+def test_units_are_those_of_si_where_engines_are_at_home() -> None:
+    for case in shipped_cases():
+        for setup in setups(load(case)):
+            units = Units.of(setup.request)
+            assert units == (Units(time=2.0**-6) if (case, setup.request.motion) == ("slider-crank", "driven") else SI), setup.name  # 5000 rpm
+
+
+def test_the_units_of_a_course_are_those_of_its_pace() -> None:
+    m = load("crank-rocker").replace(drive=Drive(joint="D", speed="measured"))
+    time = np.linspace(0.0, 1e-3, 9)
+    fast = Request(m, time=time, course=(time, 2e4 * time))
+    assert Units.of(fast).time < 1e-2
+    assert Units.of(replace(fast, course=(time, 20 * time))) == SI
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_a_crank_rocker_of_a_twentieth_agrees(name: str) -> None:
+    """2.5 mm of crank at 60 rad/s: inertias of 3e-12 kg.m2, which an engine once raised to 1e-10."""
+    m = linkage(Scale(0.006, 60.0, 1.0))
+    assert min(b.moment_of_inertia for b in m.bodies) < 3e-12
+    result = crosscheck(Job(m.replace(gravity=(0.0, 0.0), loads=()).with_clearances({}), (installed(name),), load_tolerances(), theta=TURN))
+    assert result["verdict"] == "agrees"
+
+
+@pytest.mark.parametrize("ratio", [1e-9, 1e-3, 1e3])
+@pytest.mark.parametrize("name", ENGINES)
+def test_masses_of_nine_decades_agree_or_are_refused(name: str, ratio: float) -> None:
+    for motion in ("driven", "static"):
+        job = Job(linkage(Scale(0.12, 30.0, ratio)), (installed(name),), load_tolerances(), motion, TURN[::2], joint_model="ideal")  # type: ignore[arg-type]
+        assert crosscheck(job)["verdict"] == "agrees"
+
+
+def test_at_rest_unequal_masses_are_weights_on_equal_ones() -> None:
+    m = linkage(Scale(0.12, 30.0, 1e-9)).with_body("follower", marker=(0.02, 0.01))
+    even = with_equal_masses(m)
+    assert len({b.mass for b in even.bodies}) == 1
+    assert even.gravity == (0.0, 0.0)
+    for b in m.bodies:
+        weight = next(load for load in even.loads if load.body == b.name and load not in m.loads)
+        assert even.body(b.name).point(weight.point) == b.centre
+        assert weight.force == (0.0, -9.81 * b.mass)
+        assert even.body(b.name).point("com") == b.point("com")
+    assert with_equal_masses(load("crank-rocker")) == load("crank-rocker")
+
+
+def test_default_stiffness_is_that_of_shipped_cases_and_grows_with_the_forces_of_others() -> None:
+    for case in shipped_cases():
+        for setup in setups(load(case)):
+            m, motion = setup.request.mechanism, setup.request.motion
+            if (case, motion) != ("slider-crank", "driven"):  # 5000 rpm: 10 kN
+                assert default_stiffness(m, motion) == (STATIC_STIFFNESS if motion == "static" else DRIVEN_STIFFNESS)
+    light, heavy = (default_stiffness(linkage(Scale(size, 30.0, 1.0)), "driven") for size in (1e-3, 30.0))
+    assert light < 1e-3 * DRIVEN_STIFFNESS
+    assert heavy > 1e3 * DRIVEN_STIFFNESS
+    assert math.log2(heavy / DRIVEN_STIFFNESS).is_integer()
+
+
+def test_an_error_in_other_units_says_which() -> None:
+    from sim_models.engine import SimulationError
+
+    with pytest.raises(SimulationError, match=r"would take .* steps .*\(numbers in units of [\d.e-]+ m, [\d.e-]+ kg and [\d.e-]+ s\)"):
+        engine("mujoco").simulate(Request(linkage(Scale(1e-6, 1e-3, 1.0)), "ideal", "driven", TURN))
+
+
+def test_the_scales_of_the_report_span_what_they_should() -> None:
+    every = scales()
+    assert {s.length for s in every} >= {1e-6, 30.0}
+    assert {s.speed for s in every} >= {1e-3, 1e3}
+    assert max(s.mass_ratio for s in every) / min(s.mass_ratio for s in every) >= 1e9
+    (row, *_) = scale_rows(("mujoco",), [Scale(1e-6, 1e3, 1.0)], 1)
+    assert row == {"length": 1e-6, "speed": 1e3, "mass_ratio": 1.0, "simulator": "mujoco", "run": "ideal, driven", "verdict": "agrees"}
