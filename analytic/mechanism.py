@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from analytic.mechanism_checks import GROUND, MechanismWarning, check
+from analytic.mechanism_checks import GROUND, SMALLEST, MechanismWarning, check
 
 LONGEST = 100  # characters of a name: it is part of files' names, which may have 255 bytes
 
@@ -32,6 +32,12 @@ def _titled(value: Any) -> Any:
     return value
 
 
+def _divisible(value: float) -> float:
+    if 0 < value < SMALLEST:
+        raise ValueError(f"nothing can be divided by a number that small; give at least {SMALLEST:g}, or 0 where that is accepted")
+    return value
+
+
 LARGEST = 1e40  # in any SI unit: beyond all linkages, and still a number when it is squared and multiplied
 FARTHEST = 1e4  # rad, of an assembly angle: 1600 turns
 MASS_CENTRE = "centre of mass"  # of a body, as a point's name; "com" is its marker, which is elsewhere if the two were parted
@@ -39,7 +45,7 @@ MASS_CENTRE = "centre of mass"  # of a body, as a point's name; "com" is its mar
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Vector = Annotated[tuple[Number, Number], BeforeValidator(_as_tuple)]
 Name = Annotated[str, BeforeValidator(_named)]
-Positive = Annotated[float, Field(gt=0, le=LARGEST)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST), AfterValidator(_divisible)]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 
 
@@ -116,7 +122,7 @@ class Joint(_Part):
     bodies: Annotated[tuple[Name, Name], BeforeValidator(_as_tuple)]
     axis: Vector | None = None  # prismatic: direction of sliding in the first body's frame
     angle: Number = 0.0  # rad, prismatic: the second body's angle minus the first's
-    clearance: NotNegative = 0.0  # m, radial
+    clearance: Annotated[NotNegative, AfterValidator(_divisible)] = 0.0  # m, radial
     pin_radius: Positive | None = None  # m
     friction: NotNegative = 0.0  # revolute: Coulomb coefficient in contact; prismatic: N, as friction_torque
     contact_stiffness: Positive | None = None  # N/m

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from analytic.mechanism import Body, Joint, Mechanism
 
 GROUND = "ground"
+SMALLEST = 1e-100  # in any SI unit, of what is divided by: below it, the quotient's square is no number any more
 LARGEST_PLAUSIBLE_LENGTH = 20.0  # m; a linkage larger than this was probably entered in millimetres
 
 
@@ -113,7 +114,7 @@ def check_body(m: Mechanism, b: Body) -> None:
     if not joints:
         raise ValueError(f"body {b.name!r} sits in no joint; add one or leave the body out")
     pins = [b.point(j.name) for j in joints if not j.prismatic]
-    if len(pins) > 1 and all(abs(p - pins[0]) == 0 for p in pins):
+    if len(pins) > 1 and all(abs(p - pins[0]) < SMALLEST for p in pins):
         raise ValueError(f"body {b.name!r} has no length: all of its revolute joints sit at {pins[0].real, pins[0].imag}; move one")
 
 

@@ -74,7 +74,8 @@ def yardstick(assembly: Assembly, theta: np.ndarray, motion: Motion, model: Mode
 def with_flexible_links(side: Yardstick, assembly: Assembly, theta: np.ndarray) -> Yardstick:
     """The paper's superposition (Fig. 7c): a side at rest with the elastic displacement of the ideal linkage (Eqs. 1-7) on top.
 
-    Reactions stay, as they change in second order only, and have the peaks that they had.  A link on a ground joint has its angle read there, another at its com.
+    Reactions stay, as they change in second order only, and have the peaks that they had.  A link on a ground joint has its angle
+    read there, another at its com.
     """
     m = assembly.mechanism
     found = compliance(kinematics(assembly, theta, m.speed or 1.0))

@@ -100,7 +100,8 @@ class Trace:
     recorded data have none.
 
     ``journal`` maps each joint with clearance to its densely sampled path (M, 2) in m; ``free_share`` to the share of
-    time (driven) or of angles (static) that its pin spent without contact.  ``settings`` are the numbers used.
+    time (driven) or of angles (static) that its pin spent off the wall, by its distance (:func:`sim_models.common.journal.free_share`).
+    ``settings`` are the numbers used.
     """
 
     simulator: str

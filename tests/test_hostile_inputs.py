@@ -123,6 +123,9 @@ def fields_of_numbers() -> Iterator[tuple[str, Row]]:
 
 
 MECHANISM_FIELDS = dict(fields_of_numbers()) | {
+    "a subnormal mass": mine(with_field(("body", 1, "mass"), 5e-324), "body[coupler].mass = 5e-324", "give at least 1e-100"),
+    "a subnormal clearance": mine(with_field(("joint", 2, "clearance"), 5e-324), "joint[B].clearance = 5e-324", "or 0"),
+    "a subnormal stiffness": mine(with_field(("joint", 2, "contact_stiffness"), 1e-310), "joint[B].contact_stiffness = 1e-310"),
     "true as a mass": mine(with_field(("body", 1, "mass"), True), "body[coupler].mass = True", "valid number"),
     "a date as a mass": mine(TEXT.replace("mass = 0.314", "mass = 1979-05-27"), "body[coupler].mass = datetime.date", "valid number"),
     "a list as a mass": mine(with_field(("body", 1, "mass"), [0.3]), "body[coupler].mass = [0.3]", "valid number"),
@@ -205,7 +208,9 @@ SHORT = with_field(("joint", 2, "clearance"), 0.0, with_field(("body", 1, "point
 
 LINKAGES = {
     "a loop that does not close": mine(SHORT, "crank angle 30 deg cannot be reached", "coupler, follower"),
-    "a coupler of a subnormal length": mine(with_field(("body", 1, "points", "B"), [5e-324, 0.0], with_field(("joint", 2, "clearance"), 0.0)), "deg"),
+    "a coupler of a subnormal length": mine(
+        with_field(("body", 1, "points", "B"), [5e-324, 0.0], with_field(("joint", 2, "clearance"), 0.0)), "'coupler' has no length"
+    ),
     "a coupler of 1e39 m": mine(with_field(("body", 1, "points", "B"), [1e39, 0.0]), "cannot be reached"),
     "assembly angles of another mode": mine(with_field(("assembly", "follower"), 2.0), "does not close near the assembly angles"),
     "assembled flat": mine(with_field(("assembly",), {"crank": 0.0, "coupler": 0.0, "follower": 0.0}), "change point at crank angle 0 deg"),

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from linkages import inverted_slider
 
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism_file import load, shipped_cases
@@ -16,6 +15,7 @@ from compare.baseline.runs import setups
 from compare.crosscheck import Job, crosscheck
 from compare.discrepancy import load_tolerances
 from compare.validation.scales import Scale, linkage, scale_rows, scales
+from linkages import inverted_slider
 from sim_models.common.units import SI, Units, dimension
 from sim_models.common.weights import with_equal_masses
 from sim_models.contact_laws import DRIVEN_STIFFNESS, STATIC_STIFFNESS, default_stiffness

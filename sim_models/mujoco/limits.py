@@ -13,7 +13,7 @@ from sim_models.mujoco.model import Linkage
 DEEPEST = 0.1  # of the clearance: penetration that is in order without asking; more must be what the stiffness allows
 LOOSEST = 1e-5  # of the linkage's size, by which its rigid joints may come apart
 TURNED = 2e-6  # rad, by which that may turn any body: soft rows give by the square of the step, and poor transmission angles magnify it
-STRETCH = 5e-3  # of the clearance, by which a massless link may change its length
+STRETCH = 1e-3  # of the clearance, by which a massless link may change its length
 
 
 class CameApart(SimulationError):

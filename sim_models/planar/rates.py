@@ -28,7 +28,7 @@ class Turning:
 
     def carried(self, arm: complex) -> Turning:
         """The same of a point that is this far (m, x + iy) from the origin."""
-        turned, swing = 1j * self.spin * arm, (1j * self.spin_up - self.spin**2) * arm
+        turned, swing = 1j * self.spin * arm, (1j * self.spin_up - self.spin * self.spin) * arm
         return Turning(self.velocity + turned, self.acceleration + swing, self.spin, self.spin_up)
 
 
