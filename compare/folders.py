@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import json
+import os
 import shlex
 from collections.abc import Mapping
 from enum import Enum
@@ -30,7 +30,7 @@ def result_folder(context: typer.Context, stem: str, file: str, out: Path | None
     command; the same command again, however it is written, may replace its own.
     """
     folder = out or Path("reports") / _named(context, stem)
-    if overwrite or not (folder / file).exists():
+    if overwrite or not os.path.exists(folder / file):
         return folder
     made_by = _made_by(folder / file)
     if made_by is None:
@@ -71,11 +71,12 @@ def _part(option: str, value: Any) -> str:
 
 def _made_by(path: Path) -> str | None:
     """The command that a result says it is of; None where it says none."""
+    from analytic.reading import ReadingError, read_json
+
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        command = read_json(path).get("command")
+    except ReadingError:
         return None
-    command = found.get("command") if isinstance(found, dict) else None
     return command if isinstance(command, str) else None
 
 

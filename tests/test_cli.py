@@ -217,7 +217,8 @@ NO_ANSWER = ["--case", "slider-crank", "--clearance", "A=1e-4", "--angles", "300
 
 def test_a_run_in_which_nothing_could_be_compared_does_not_agree_and_says_why(tmp_path: Path) -> None:
     done = compare("--simulator", "mujoco", *NO_ANSWER, "--out", "o", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (1, "")
+    assert done.returncode == 1
+    assert all(line.startswith("warning: ") and "beyond its rim" in line for line in done.stderr.splitlines())  # its pin hits the wall hard
     page, text, junit = ((tmp_path / "o" / name).read_text(encoding="utf-8") for name in ("report.html", "report.md", "junit.xml"))
     terminal = " ".join(done.stdout.split())
     assert "slider-crank: NOT JUDGED. Nothing could be compared in 1 of 1 run; mujoco, spring-damper: " in terminal

@@ -294,6 +294,15 @@ PLACES = {
     "a pipe for a result": Row(["show", "r", "--signal", "x", "--at", "1"], ["r: cannot be read: it is a pipe"], {"r": os.mkfifo}),
     "an endless result": Row(["show", "r", "--signal", "x", "--at", "1"], ["r: cannot be read: it is a pipe"], {"r": link("/dev/zero")}),
     "a result of 8 GB": Row(["show", "r", "--signal", "x", "--at", "1"], ["r: cannot be read: it is larger than 256 MB"], {"r": sparse}),
+    "a result that is a pipe, in the way": Row(CHECK, ["--out out", "does not say which command made it"], {"out/result.json": os.mkfifo}),
+    "a result nested too deep, in the way": Row(CHECK, ["--out out", "does not say which command made it"], {"out/result.json": DEEP}),
+    "a result of another command, in the way": Row(CHECK, ["--out out", "another command"], {"out/result.json": '{"command": "compare cases"}'}),
+    "measured data of 5000 letters": Row(["diagnose", "a" * 5000, "--out", "out"], ["cannot be read: File name too long"]),
+    "a mechanism of measured data, nested too deep": Row(
+        ["diagnose", "m.toml", "--out", "out"],
+        ["m.toml: mechanism = 'mine.toml': mine.toml: cannot be read as TOML: its values are nested too deep"],
+        {"m.toml": 'mechanism = "mine.toml"\n[[run]]\nname = "a"\nfile = "a.csv"\n', "mine.toml": f"x = {DEEP}"},
+    ),
     "no measured data": Row(["diagnose", "m.toml", "--out", "out"], ["m.toml: cannot be read: there is no such file"]),
     "a folder for measured data": Row(
         ["diagnose", "m.toml", "--out", "out"], ["m.toml/measured.toml: cannot be read: there is no such file"], {"m.toml": Path.mkdir}
@@ -366,6 +375,9 @@ BASELINES = {
     ),
     "a folder": baseline(Path.mkdir, "it is a folder"),
     "a pipe": baseline(os.mkfifo, "it is a pipe"),
+    "in a folder of 300 letters": Row(
+        ["baseline", "check", "--case", "paper", "--simulator", "mujoco", "--baselines", "a" * 300], ["no such baseline", "compare baseline update"]
+    ),
     "no TOML": baseline(BASELINE.rpartition(",")[0], "cannot be read as TOML"),
     "nested too deep": baseline(f"x = {DEEP}", "nested too deep"),
     "too many digits": baseline(BASELINE.replace("20.0", DIGITS), "too many digits"),
@@ -629,6 +641,7 @@ def test_a_hostile_input_is_one_sentence_and_status_2_and_nothing_is_written(
     monkeypatch.chdir(tmp_path)
     for name, content in row.files.items():
         path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
         if callable(content):
             content(path)
         else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -114,7 +115,7 @@ def _another(its_case: str, its_simulator: str, case: str, simulator: str) -> st
 def read(path: Path, case: str, simulator: str, again: str) -> Baseline:
     """The baseline of a case in an engine; ``again`` is the command that writes it anew.  Raises BaselineError."""
     remedy = f"write it with: {again}"
-    if not path.exists():
+    if not os.path.exists(path):
         raise BaselineError(f"{path}: there is no such baseline; {remedy}")
     try:
         fields = read_toml(path)

@@ -19,6 +19,7 @@ from analytic.mechanism import Joint, Mechanism
 from sim_models.common.weights import with_equal_masses
 from sim_models.contact_laws import default_stiffness, heaviest, longest, power_of_two, turning_rate
 from sim_models.engine import Rates, Request, SimulationError, Trace
+from sim_models.failed_starts import TooSoft
 
 # What an engine is at home with, in SI: where a linkage lies within, its units are SI's; else it is brought to the middle.
 LENGTHS = (2.0**-6, 2.0**2)  # m, longest distance between two points of a body
@@ -169,8 +170,10 @@ def in_own_units(run: Callable[[Request], Trace], request: Request) -> Trace:
         return units.trace(run(whole))
     try:
         return units.trace(run(units.request(whole)))
+    except TooSoft as error:
+        raise error.of(whole.mechanism) from None
     except SimulationError as error:
-        raise type(error)(f"{error} (numbers in {units.words})") from error
+        raise SimulationError(f"{error} (numbers in {units.words})") from error
 
 
 def with_stiffness(request: Request) -> Request:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -42,7 +43,7 @@ SLIPS = {
 def load_measured(path: Path) -> Measured:
     """Read measured.toml, the mechanism and the data files that it names, relative to it.  Raises MeasuredError."""
     path = Path(path)
-    path = path / "measured.toml" if path.is_dir() else path
+    path = path / "measured.toml" if os.path.isdir(path) else path
     file = read_file(path)
     mechanism = _mechanism(path, file.mechanism)
     names = [entry.name for entry in file.runs]
