@@ -1,6 +1,6 @@
 """Random linkages through every engine, by the shipped tolerances: each run agrees, or is a failure in a sentence.
 
-More of them: ``FUZZ_ENGINES=300 pytest tests/test_fuzz_engines.py -m slow`` (``FUZZ_FIRST`` is the first seed); ``FUZZ_OUT`` is a folder
+More of them: ``FUZZ_ENGINES=300 pytest tests/test_fuzz_engines.py -m slow`` (``FUZZ_FIRST`` is the first number); ``FUZZ_OUT`` is a folder
 for the linkages of runs that disagree, ``FUZZ_SCALES=wide`` leaves the human scale.
 """
 
@@ -27,6 +27,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::analytic.mec
 FIRST, LINKAGES = int(os.environ.get("FUZZ_FIRST", "0")), int(os.environ.get("FUZZ_ENGINES", "20"))
 RANGES = WIDE if os.environ.get("FUZZ_SCALES") == "wide" else HUMAN
 CONDITION = 30.0  # of the oracle's constraints, at every angle
+DRAWS = 8  # seeds for each linkage
 SHORTEST = np.radians(15.0)  # of crank
 SAMPLES = 7
 RUNS: tuple[tuple[JointModel, Motion], ...] = (("ideal", "driven"), ("contact", "static"))
@@ -72,15 +73,22 @@ def outcomes(m: Mechanism, theta: np.ndarray) -> Iterator[tuple[str, str, str]]:
             yield run, one["verdict"], "; ".join(differ) or one.get("reason", "")
 
 
-@pytest.mark.parametrize("seed", range(FIRST, FIRST + LINKAGES))
-def test_no_engine_disagrees_with_the_analytic_model(seed: int) -> None:
-    m = seeded(seed, RANGES)
-    try:
-        theta = grid(m)
-    except LeftOut as why:
-        pytest.skip(str(why))
-    if theta is None:
-        pytest.skip("badly conditioned about its assembly angle")
+def conditioned(number: int) -> tuple[int, Mechanism, np.ndarray]:
+    """The first of some seeds whose linkage is well conditioned: seed, linkage, crank angles."""
+    for seed in range(number * DRAWS, (number + 1) * DRAWS):
+        m = seeded(seed, RANGES)
+        try:
+            theta = grid(m)
+        except LeftOut:
+            continue
+        if theta is not None:
+            return seed, m, theta
+    pytest.skip(f"none of {DRAWS} linkages is well conditioned about its assembly angle")
+
+
+@pytest.mark.parametrize("number", range(FIRST, FIRST + LINKAGES))
+def test_no_engine_disagrees_with_the_analytic_model(number: int) -> None:
+    seed, m, theta = conditioned(number)
     wrong = []
     for run, verdict, why in outcomes(m, theta):
         assert verdict in ("agrees", "unjudged", "failed", "refused", "disagrees"), verdict
