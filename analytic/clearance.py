@@ -31,6 +31,8 @@ STENCIL = 2e-3  # rad of crank angle, to either neighbour of the two that give t
 UNSTEADY = 0.02  # rad by which a gap's own motion may turn it
 SETTLED = 1e-12  # rad
 PASSES = 40
+NUDGE = 1e-6  # rad
+UNSTABLE = "the equilibrium found is not stable: the pins would leave it"
 SHORTER = 6  # times that a step of the search is halved
 
 
@@ -106,6 +108,8 @@ def displaced(
     reactions = ideal if model == "first_order" else configuration
     if model == "equilibrium":
         flags |= {i: why for i, why in _unsettled(configuration, gaps).items() if i not in flags}
+        if not inertia:
+            flags |= {i: UNSTABLE for i in np.flatnonzero(pins.leave(drive, phi)).tolist() if i not in flags}
     return Displaced(model, {name: g.value for name, g in gaps.items()}, reactions, configuration, ideal, flags, faint)
 
 
@@ -179,6 +183,19 @@ class _Pins:
             except AssemblyError:
                 step = step / 2
         return self.miss(drive, phi + step, rates), step
+
+    def leave(self, drive: np.ndarray, phi: np.ndarray) -> np.ndarray:
+        """Whether (N,) pins that rest in the directions phi (N, K) would leave them: their energy is no minimum.
+
+        The derivative of the energy by a direction is clearance times force times minus the miss.
+        """
+        sizes = np.array(list(self.sizes.values()))
+        forces = self.solve(drive, self.gaps(phi)).forces
+        root = np.sqrt(np.maximum(sizes * np.stack([np.abs(forces[name]) for name in self.sizes], axis=-1), 1e-300))
+        here, nudges = self.miss(drive, phi, None), NUDGE * np.eye(sizes.size)
+        slopes = np.stack([here - self.miss(drive, phi + nudge, None) for nudge in nudges], axis=-1) / NUDGE
+        bend = slopes * root[:, :, None] / root[:, None, :]
+        return np.asarray(np.linalg.eigvalsh((bend + bend.transpose(0, 2, 1)) / 2)[:, 0] <= 0)
 
     def miss(self, drive: np.ndarray, phi: np.ndarray, rates: np.ndarray | None) -> np.ndarray:
         """Angles (N, K) rad from the pins' directions to their reactions'."""
