@@ -31,7 +31,7 @@ STENCIL = 2e-3  # rad of crank angle, to either neighbour of the two that give t
 UNSTEADY = 0.02  # rad by which a gap's own motion may turn it
 SETTLED = 1e-12  # rad
 PASSES = 40
-NUDGE = 1e-6  # rad
+NUDGE = 1e-4  # rad
 UNSTABLE = "the equilibrium found is not stable: the pins would leave it"
 SHORTER = 6  # times that a step of the search is halved
 
@@ -171,7 +171,8 @@ class _Pins:
             gain = np.minimum(1.0, np.abs(miss).max(axis=1) / size)
             known = inverse[todo]
             seen = np.einsum("nij,nj->ni", known, miss - before)
-            weight = np.einsum("ni,nij->nj", step, known) / np.sum(step * seen, axis=1, keepdims=True)
+            along = np.sum(step * seen, axis=1, keepdims=True)
+            weight = np.einsum("ni,nij->nj", step, known) / np.where(along, along, np.inf)  # nothing is learnt of a miss that stays
             inverse[todo] -= (step + seen)[..., None] * weight[:, None]
         return phi, inverse
 

@@ -11,12 +11,20 @@ from analytic.assembly import PATH_STEP, Assembly, AssemblyError
 
 STEP = np.radians(5.0)
 CLEAR = np.radians(20.0)  # how far the usual angles keep from a change point or the end of the crank's reach
+SAME = 1e-6  # rad, of a body's direction
 PRECISE = 1e-4  # rad, of the end of the reach
 
 
 def turns_fully(assembly: Assembly) -> bool:
-    """Whether the crank can make a whole revolution without meeting a change point."""
-    return _beyond(assembly, 2 * np.pi) is None
+    """Whether the crank can make a whole revolution without meeting a change point, and the linkage is then where it was.
+
+    A group of four bodies may come back in another assembly mode, from which another revolution is another matter.
+    """
+    if _beyond(assembly, 2 * np.pi) is not None:
+        return False
+    round_trip = assembly.start + np.array([0.0, 2 * np.pi])
+    before, after = assembly.columns(assembly.path(*round_trip).near(round_trip))[: len(assembly.structure.bodies)].T
+    return bool(np.abs(after - before).max() < SAME)
 
 
 def usual_angles(assembly: Assembly) -> np.ndarray:
