@@ -17,7 +17,8 @@ from compare.runs import Failure
 from sim_models.contact_laws import default_stiffness
 from sim_models.engine import Request, Trace
 
-NEAR = 10.0  # tolerances: a run that is off by more is not off by its step
+NEAR = 1e3  # tolerances: a run that is off by more is not off by its step
+NEAR_LOOSE = 10.0  # the same with clearance, where pins that fly do so differently in every step
 ROUNDS = 2
 FALLS = 0.6  # of a disagreement that is an engine's, at most, is left in a finer run
 HARDER = 16.0  # times as stiff
@@ -59,7 +60,7 @@ def settle(
     ``requests`` are those of the runs that may be made again.
     """
     settled: dict[int, Judged | Failure] = dict(judged)
-    looking = {i: one for i, one in judged.items() if 0 < one.share <= NEAR}
+    looking = {i: one for i, one in judged.items() if 0 < one.share <= (NEAR_LOOSE if one.trace.clearance else NEAR)}
     asked = dict(requests)
     for round_ in range(1, ROUNDS + 1):
         again = {i: request for i, one in looking.items() if i in asked and (request := finer(asked[i], one.trace)) is not None}
