@@ -14,7 +14,7 @@ import numpy as np
 from analytic.assembly import Assembly
 from sim_models.engine import Request, SimulationError, Unsupported
 
-MOST_STEPS = 500_000  # of a run whose steps pass through Python or are all kept: half a minute or so
+MOST_STEPS = 1_500_000  # of a run whose steps pass through Python or are all kept: a minute or two
 
 Gaps = Callable[[float], Mapping[str, complex]]  # gap (m) of each joint, first pin minus second, at a crank angle
 
