@@ -57,9 +57,8 @@ def turning_rate(mechanism: Mechanism, motion: Motion) -> float:
 
 
 def longest(mechanism: Mechanism) -> float:
-    """Length (m) of the longest body, or between the ground's points where no body has one."""
-    points = [complex(*p) for p in mechanism.ground.points.values()]
-    return max(b.length for b in mechanism.bodies) or max(abs(p - q) for p in points for q in points) or 1.0
+    """Length (m) of the longest body; of one with a single point, from there to its centre of mass."""
+    return max(max(b.length, *(abs(b.point(name) - b.centre) for name in b.points)) for b in mechanism.bodies) or 1.0
 
 
 def heaviest(mechanism: Mechanism) -> float:

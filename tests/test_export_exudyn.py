@@ -32,7 +32,7 @@ TURN = np.radians([0.0, 90.0, 45.0, 90.0])
 REQUESTS = {
     **{f"paper, {model}, {motion}": Request(PAPER, model, motion, SHORT) for model in JOINT_MODELS for motion in ("driven", "static")},
     **{f"crank-rocker, {model}": Request(ROCKER, model, "driven", TURN, lead_in=0.3) for model in JOINT_MODELS},
-    "slider-crank": Request(load("slider-crank"), "ideal", "driven", TURN),
+    "slider-crank": Request(driven_by(load("slider-crank"), speed=100.0), "ideal", "driven", TURN),
     "every joint law, driven": Request(SLIDER, "contact", "driven", SHORT),
     "every joint law, static": Request(SLIDER.with_joint("A", friction=0.0), "contact", "static", SHORT),
     "linear contact": Request(PAPER.with_joint("B", contact_damping=300.0), "contact", "driven", SHORT),

@@ -50,7 +50,7 @@ def request(m: Mechanism, joint_model: str = "ideal", motion: str = "driven", de
 PAPER = load("paper").with_clearances({"B": 1e-3})
 ROCKER = load("crank-rocker").with_clearances({"B": 2e-4})
 MARKED = ROCKER.with_body("coupler", com=(0.1, 0.02), marker=(0.05, -0.01)).replace(loads=(Load(body="coupler", point="com", force=(1.0, 20.0)),))
-SLIDER = load("slider-crank").with_clearances({"A": 1e-4})
+SLIDER = load("slider-crank").with_clearances({"A": 1e-4}).replace(drive=Drive(joint="O", speed=100.0))
 LAWS = inverted_slider().with_clearances({"A": 1e-4})  # prismatic between moving bodies, and every joint law
 PENDULUM = load("pendulum").with_clearances({"O": 5e-4})
 FAST = Drive(joint="D", speed=-60.0)

@@ -109,7 +109,9 @@ def test_the_command_writes_the_other_runs_and_leaves_with_status_3(tmp_path: Pa
 
 
 def test_an_absurd_speed_of_a_map_is_a_cell_that_failed_for_a_reason() -> None:
-    grid = Grid(load("crank-rocker"), ("B",), (1e9 * RPM,), (1e-4,), ("mujoco",), "contact", load_tolerances(None))
+    grid = Grid(
+        load("crank-rocker").with_joint("B", contact_stiffness=1e7), ("B",), (1e9 * RPM,), (1e-4,), ("mujoco",), "contact", load_tolerances(None)
+    )
     (content,) = cells(grid)
     assert "contact too soft for this load" in examine(content)["failure"]
 

@@ -126,6 +126,7 @@ def test_a_disk_that_fills_up_leaves_the_earlier_result_as_it_was(room: int, tmp
     before = contents(tmp_path)
     assert max(map(len, before.values())) > room
     other = [*CROSSCHECK[:5], "20:100:20", *CROSSCHECK[6:]]
+    other.append("--overwrite")
     refused(compare(tmp_path, other, limit=room), "out")
     assert contents(tmp_path) == before
     assert compare(tmp_path, other).returncode == 0

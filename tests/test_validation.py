@@ -15,6 +15,7 @@ import pytest
 from compare.faults import OptionError
 from compare.validation.page import page
 from compare.validation.runs import drawn, first_order
+from compare.validation.scales import checked
 from compare.validation.stored import differences, looked_at, other_versions, read, stale_page
 from sample_result import sample_result
 
@@ -36,7 +37,8 @@ def only(*engines: str) -> dict[str, Any]:
     """What is found where these engines are installed and no other."""
     runs = [run for run in STORED["runs"] if run["simulator"] in engines]
     beams = STORED["superposition"] if "exudyn" in engines else []
-    return STORED | {"runs": runs, "versions": {name: STORED["versions"][name] for name in engines}, "superposition": beams}
+    scales = [row for row in STORED["scales"] if row["simulator"] in engines]
+    return STORED | {"runs": runs, "scales": scales, "versions": {name: STORED["versions"][name] for name in engines}, "superposition": beams}
 
 
 def test_the_committed_page_and_first_order_table_are_those_of_the_committed_numbers(tmp_path: Path) -> None:
@@ -63,6 +65,7 @@ TAMPERED: dict[str, tuple[tuple[Any, ...], Any, str]] = {
     "a first-order angle": (("first_order", 0, "angle"), 99.0, "first_order, clearance 0.01: angle was 99, is 7.05585"),
     "its last printed digit": (("first_order", 2, "magnitude"), 0.00578, "magnitude was 0.00578, is 0.00572865"),
     "a clearance": (("first_order", 0, "clearance"), 0.02, "first_order, clearance 0.02: row is no longer there"),
+    "a verdict at a scale": (("scales", 0, "verdict"), "disagrees", "was disagrees, is agrees"),
     "superposition": (("superposition", 0, "equilibrium"), 0.0034, "equilibrium was 0.0034, is 0.00331615"),
 }
 
@@ -86,9 +89,10 @@ def test_what_is_rounding_may_differ() -> None:
 
 
 def test_an_engine_that_is_not_here_is_said_to_be_left_out() -> None:
-    assert looked_at(STORED, STORED) == ("75 of 75 runs, first_order and superposition made again", "")
+    scales = len(STORED["scales"])
+    assert looked_at(STORED, STORED) == (f"75 of 75 runs, {scales} of {scales} at scales, first_order and superposition made again", "")
     done, left_out = looked_at(STORED, only("mujoco"))
-    assert done == "20 of 75 runs, first_order made again"
+    assert done == f"20 of 75 runs, {scales // 28 * 8} of {scales} at scales, first_order made again"
     assert left_out == "20 runs of exudyn; 20 runs of pybullet; 15 runs of dart; superposition, which takes exudyn"
     assert list(differences(STORED, only("mujoco"))) == []
     newer = only("mujoco") | {"versions": {"mujoco": "5.0"}}
@@ -126,7 +130,8 @@ def test_the_command_makes_the_runs_of_the_engines_that_are_here_and_does_not_pa
     run = f"{hide}; sys.argv = ['compare', 'validation', 'check', '--reports', '.']; from compare.cli import main; main()"
     done = subprocess.run([sys.executable, "-c", run], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 3, done.stdout + done.stderr
-    assert done.stdout == "20 of 75 runs, first_order made again; 0 differ from validation.json\n"
+    again, scales = len(checked()) * 8, len(STORED["scales"])
+    assert done.stdout == f"20 of 75 runs, {again} of {scales} at scales, first_order made again; 0 differ from validation.json\n"
     assert "not looked at: 20 runs of exudyn; 20 runs of pybullet; 15 runs of dart" in done.stderr
     tampered = changed("runs", 0, "share", value=1e9) | {"first_order": changed("first_order", 0, "angle", value=99.0)["first_order"]}
     (tmp_path / "validation.json").write_text(json.dumps(tampered), encoding="utf-8")

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint
-from sim_models.contact_laws import PIN_RADIUS, contact_parameters
+from sim_models.contact_laws import PIN_RADIUS, contact_parameters, longest
 from sim_models.engine import Request, Trace
 
 FADING = 1e-2  # of the largest angular speed: slower joints may have let their Coulomb friction fade
@@ -114,7 +114,7 @@ class Seen:
     @cached_property
     def size(self) -> float:
         """Length (m) of the longest body."""
-        return max(body.length for body in self.m.bodies)
+        return longest(self.m)
 
     # ---------------------------------------------------------------- forces
 

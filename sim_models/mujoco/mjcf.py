@@ -28,6 +28,7 @@ RIGID = "0.9999 0.9999 0.001 0.5 2"  # solimp of a rigid row; 0.9999 is MuJoCo's
 SMALLEST_INERTIA = 1e-14  # kg.m^2, for a point mass: MuJoCo accepts no less than 1e-15
 SOLVED = 1e-24  # of the solver, which measures by the model's inertia, the motor's armature included: 1e-14 left 0.6 % of a light contact's force
 SETTLING = 8.0  # time constant of rigid rows, in steps: at 4 the stages of a step leave 17 times the error in forces
+STICKING = 4.0  # of friction's rows, which are the sharper the shorter it is
 
 
 def _numbers(*values: float) -> str:
@@ -83,14 +84,14 @@ class Description:
     def mjcf(self) -> str:
         """The model as MJCF text."""
         m = self.mechanism
-        solref = _numbers(SETTLING * self.step, 1)
+        solref, sticking = _numbers(SETTLING * self.step, 1), _numbers(STICKING * self.step, 1)
         integrator = "implicitfast" if self.stepped else "RK4"
         closed = "".join(f'<connect name="{j.name}" site1="{j.name}:{j.bodies[1]}" site2="{j.name}:{j.bodies[0]}"/>' for j in self.closing)
         return f"""<mujoco model={quoteattr(m.name)}>
 <compiler angle="radian" inertiafromgeom="false"/>
 <option timestep="{self.step!r}" gravity="{_xy(complex(*m.gravity))}" integrator="{integrator}" cone="elliptic" impratio="100"
   jacobian="dense" solver="Newton" tolerance="{SOLVED!r}" iterations="30"><flag autoreset="disable" island="disable"/></option>
-<default><equality solref="{solref}" solimp="{RIGID}"/><tendon solreffriction="{solref}" solimpfriction="{RIGID}"/></default>
+<default><equality solref="{solref}" solimp="{RIGID}"/><tendon solreffriction="{sticking}" solimpfriction="{RIGID}"/></default>
 <worldbody>{self._places(GROUND)}{self._children(GROUND)}{self._motor()}</worldbody>
 <tendon>{self._links()}{"".join(self._law(j) for j in m.joints)}{self._drive_spring()}</tendon>
 <equality>{closed}{self._bars()}</equality>

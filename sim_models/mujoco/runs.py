@@ -31,7 +31,7 @@ from sim_models.mujoco.state import (
 from sim_models.mujoco.steady import STENCIL, Revolution, derivative
 from sim_models.start import Course, poses, schedule
 
-STATIC_STEP = 2.5e-5  # s; nothing steps in statics, but it makes the rigid rows stiff
+STATIC_STEP = 1.25e-5  # s; nothing steps in statics, but it makes the rigid rows stiff
 LARGEST_STEP = 5e-4  # s
 TURN_PER_STEP = {"ideal": 2e-3, "massless-link": 3e-4, "spring-damper": 6e-4, "contact": 6e-4}  # rad of the crank
 SAMPLES_AT_REST = 150  # of a static run's

@@ -34,11 +34,12 @@ class Turning:
 
 def centre_rates(world: PlanarWorld, before: Mapping[str, Pose], h: float) -> dict[str, float]:
     """Rates of every body's centre of mass at the poses before the last step, of h (s), for a Trace; none at rest."""
-    moved = {} if world.static else body_rates(world, before, {name: world.pose(name) for name in before}, h)
     out: dict[str, float] = {}
-    for name, pose in before.items():
-        centre = moved.get(name, Turning()).carried(world.points[name, MASS_CENTRE] * np.exp(1j * pose.angle))
-        out |= rate_columns(name, centre.velocity, centre.acceleration, centre.spin_up)
+    with np.errstate(over="ignore", invalid="ignore"):  # of a run that diverges; its trace says so
+        moved = {} if world.static else body_rates(world, before, {name: world.pose(name) for name in before}, h)
+        for name, pose in before.items():
+            centre = moved.get(name, Turning()).carried(world.points[name, MASS_CENTRE] * np.exp(1j * pose.angle))
+            out |= rate_columns(name, centre.velocity, centre.acceleration, centre.spin_up)
     return out
 
 
