@@ -40,7 +40,7 @@ REQUESTS = {
     "compliant drive": Request(driven_by(PAPER, stiffness=2000.0), "spring-damper", "driven", SHORT),
     "compliant drive, backwards": Request(driven_by(PAPER, stiffness=500.0, speed=-3.0), "ideal", "driven", SHORT),
     "compliant drive, static": Request(driven_by(PAPER, stiffness=500.0), "contact", "static", SHORT),
-    "impacts": Request(ROCKER, "contact", "driven", SHORT, start="centred", lead_in=0.1),
+    "impacts": Request(ROCKER, "contact", "driven", SHORT, start="centred"),
     "released": Request(load("pendulum"), "ideal", time=np.array([0.3, 0.1, 0.5])),
     "released with a gap": Request(load("pendulum").with_clearances({"O": 5e-4}), "contact", time=np.array([0.0, 0.1, 0.2])),
 }

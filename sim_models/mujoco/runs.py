@@ -32,8 +32,8 @@ from sim_models.mujoco.steady import STENCIL, Revolution, derivative
 from sim_models.start import Course, poses, schedule
 
 STATIC_STEP = 1.25e-5  # s; nothing steps in statics, but it makes the rigid rows stiff
-LARGEST_STEP = 5e-4  # s
-TURN_PER_STEP = {"ideal": 1.5e-3, "massless-link": 3e-4, "spring-damper": 6e-4, "contact": 6e-4}  # rad of the crank
+LARGEST_STEP = 4e-4  # s
+TURN_PER_STEP = {"ideal": 2e-3, "massless-link": 3e-4, "spring-damper": 6e-4, "contact": 6e-4}  # rad of the crank
 SAMPLES_AT_REST = 150  # of a static run's
 BOUNCE = 0.4  # of a bounce's period/2 pi, for a step
 FINE_BOUNCE = 0.1  # where the mechanism asks for a restitution
