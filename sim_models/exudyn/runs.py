@@ -30,6 +30,7 @@ from sim_models.start import Course, check_steps, poses, schedule, substeps
 
 TURN_PER_STEP = 2e-3  # rad of crank angle in a step, at most
 SWING_PER_STEP = 5e-4  # rad, of a released linkage's time scale: it has no motor to keep its phase
+MOST_STEPS = 500_000  # all of which are kept
 STEPS_PER_PERIOD = 40  # of the lighter link on a contact's stiffness, or hanging on a massless link
 
 
@@ -161,7 +162,7 @@ class Run:
 
     def march(self, linkage: Linkage, times: np.ndarray, longest: float, motor: Motor | None = None) -> tuple[Record, np.ndarray]:
         """Integrate from 0 through all times (s, sorted): every step, and the row of each time."""
-        check_steps(f"exudyn {self.request.joint_model} {self.request.motion} ({self.m.name})", float(times[-1]), longest)
+        check_steps(f"exudyn {self.request.joint_model} {self.request.motion} ({self.m.name})", float(times[-1]), longest, MOST_STEPS)
         parts, clock = [self.advance(linkage, 0.0, INSTANT, 1).rows(slice(0, 1))], INSTANT
         onward, stops = motor is not None and not motor.steady, np.unique(times)
         if motor is not None and onward:
