@@ -76,6 +76,8 @@ def _scales(rows: list[dict[str, Any]]) -> Iterator[str]:
 
 def reason(row: Mapping[str, Any]) -> str:
     """Why a run at a scale was refused, without its numbers; empty where it was not."""
+    if " steps of " in row.get("why", ""):
+        return "it would take more steps than an engine is let take"
     return re.sub(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?", "...", row["why"].split(": ", 1)[-1].split("; ")[0]) if row["verdict"] == "refused" else ""
 
 

@@ -17,7 +17,7 @@ MASS_RATIOS = (1e-9, 1.0, 1e9)  # of the coupler to what a steel bar would have;
 GRAVITY = 9.81  # m/s^2
 CLEARANCE = 1 / 250  # of the coupler
 PRESS = 3.0  # times the linkage's weight and inertia forces, as a torque on the follower
-EVERY = 7  # of the scales, one is made again by a check
+EVERY = 5  # of the scales, one is made again by a check
 ANGLES = 12
 
 
