@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from click.core import ParameterSource
 
 from compare.accuracy import accuracy
 from compare.baseline.command import baseline
@@ -82,7 +83,11 @@ def compare(
         typer.echo(f"linkage-crosscheck {installed('linkage-crosscheck')}")
         return
     if simulator is None:
-        typer.echo(context.get_help())
+        asked = [name for name in context.params if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
+        if asked:
+            typer.echo("compare: no --simulator is given; name one of those that compare simulators lists, or all", err=True)
+        else:
+            typer.echo(context.get_help())
         raise typer.Exit(Exit.BAD_INPUT)
     with complaints() as caught:
         from compare.discrepancy import load_tolerances

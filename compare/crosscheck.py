@@ -13,7 +13,7 @@ from analytic.assembly import Assembly
 from analytic.clearance import Model
 from analytic.mechanism import Mechanism
 from compare.attribution import attribute
-from compare.closer import Judged, settle
+from compare.closer import SOFT, Judged, beyond_rim, settle, stiff_enough
 from compare.discrepancy import Discrepancy, Rule, Scales, check_known, judge, known_differences
 from compare.flexible import Beams, softened
 from compare.grid import turns_fully
@@ -23,7 +23,6 @@ from compare.yardstick import Yardstick, released_yardstick, with_flexible_links
 from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Trace, Unsupported, engine, installed_version
 
 SCHEMA = 1
-TOO_SOFT = 0.5  # of a clearance: a pin that is seen farther beyond its rim does not show where in it it rests
 Progress = Callable[[str, int, int], None]
 Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Yardstick]
 
@@ -208,14 +207,12 @@ def _give(settings: Mapping[str, Any], clearances: Mapping[str, float], simulate
 def _too_soft(runs: list[dict[str, Any]]) -> Iterator[str]:
     """A warning for each pin whose path was seen to go so far beyond its clearance that this is hidden, whatever its contact is made of."""
     for run in runs:
-        for joint, clearance in run["clearance"].items():
-            path = [np.hypot(run["simulated"][f"clearance_{joint}_x"], run["simulated"][f"clearance_{joint}_y"])]
-            path += [np.hypot(seen["x"], seen["y"]) for name, seen in run["journal"].items() if name == joint]
-            depth = float(np.nanmax(np.concatenate(path), initial=0.0)) - clearance
-            if depth > TOO_SOFT * clearance:
+        for joint, depth in beyond_rim(run).items():
+            clearance = run["clearance"][joint]
+            if depth > SOFT * clearance:
                 yield (
                     f"{run['simulator']['name']}, {run['joint_model']}: the pin of joint {joint} is seen {1e3 * depth:.2g} mm beyond its rim, "
-                    f"{depth / clearance:.1f} times its clearance: too soft to see this clearance; give joint {joint} a higher contact_stiffness"
+                    f"{depth / clearance:.1f} times its clearance: too soft to see this clearance; {stiff_enough(run, joint)}"
                 )
 
 

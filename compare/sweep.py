@@ -156,7 +156,8 @@ def _until_broken(
                     yield Ended(item, found, known=True)
                     continue
                 try:
-                    under_way[executor.submit(work, item)] = item
+                    with deaf():
+                        under_way[executor.submit(work, item)] = item
                 except BrokenExecutor:
                     return [item, *under_way.values()]
                 if len(under_way) >= room():

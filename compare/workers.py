@@ -50,6 +50,19 @@ def _without_warnings() -> Iterator[None]:
         sys.warnoptions[:] = before
 
 
+@contextmanager
+def deaf() -> Iterator[None]:
+    """Processes that are started within this do not hear an interrupt from the keyboard, which reaches them before they can ignore it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def end_with(parent: int) -> None:
     """Let this worker end within a second or so of its parent, a process number, however that ends.
 
@@ -70,4 +83,4 @@ def _watch(parent: int) -> None:
         os._exit(1)
 
 
-__all__ = ["processes"]
+__all__ = ["deaf", "processes"]

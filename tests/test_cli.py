@@ -263,8 +263,10 @@ def test_a_run_that_failed_is_in_the_last_line_beside_the_runs_that_agree(tmp_pa
 
 def test_a_contact_too_soft_for_its_clearance_is_warned_of(tmp_path: Path) -> None:
     arguments = ["--motion", "static", "--joint", "spring-damper", "--angles", "30:30:1"]
-    done = compare("--simulator", "mujoco", *arguments, "--clearance", "B=2e-7", "--out", "soft", cwd=tmp_path)
-    words = "times its clearance: too soft to see this clearance; give joint B a higher contact_stiffness"
+    soft = load("paper").with_joint("B", contact_stiffness=1e8)
+    (tmp_path / "soft.toml").write_text(dumps(soft), encoding="utf-8")
+    done = compare("--simulator", "mujoco", "--case", "soft.toml", *arguments, "--clearance", "B=7e-7", "--out", "soft", cwd=tmp_path)
+    words = "times its clearance: too soft to see this clearance; give joint B contact_stiffness = 7.1e+08 (N/m) or more"
     assert words in done.stderr
     assert words in (tmp_path / "soft" / "report.md").read_text(encoding="utf-8").replace("\\", "")
     assert compare("--simulator", "mujoco", *arguments, "--clearance", "B=1e-4", "--out", "stiff", cwd=tmp_path).stderr == ""

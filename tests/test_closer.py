@@ -97,3 +97,20 @@ def test_a_contact_of_our_own_stiffness_is_made_harder_and_the_mechanisms_is_not
     assert again.settings["contact_stiffness"] == HARDER * STATIC_STIFFNESS
     stated = replace(request, mechanism=request.mechanism.with_joint("B", contact_stiffness=1e8))
     assert finer(stated, trace) is None
+
+
+def test_a_contact_that_hides_its_clearance_has_failed_where_it_is_the_mechanisms_and_is_made_harder_where_it_is_ours() -> None:
+    """50 N on 1e5 N/m: half a millimetre and more, where the clearance is a hundredth of one."""
+    m = load("paper").with_clearances({"B": 1e-5})
+    theta = np.radians([30.0, 60.0, 120.0])
+    soft = m.with_joint("B", contact_stiffness=1e5)
+    result = crosscheck(Job(soft, ("mujoco",), load_tolerances(), "static", theta, joint_model="contact"))
+    assert result["runs"] == []
+    (failure,) = result["failures"]
+    assert "contact too soft for this load: the pin of joint B is seen 0.0005 m beyond its rim, 50 times its clearance" in failure["why"]
+    assert "give joint B contact_stiffness = 5.0e+07 (N/m) or more" in failure["why"]
+    enough = m.with_joint("B", contact_stiffness=5.1e7)
+    assert crosscheck(Job(enough, ("mujoco",), load_tolerances(), "static", theta, joint_model="contact"))["verdict"] == "agrees"
+    ours = crosscheck(Job(m.with_clearances({"B": 5e-7}), ("mujoco",), load_tolerances(), "static", theta, joint_model="contact"))
+    assert ours["runs"][0]["settings"]["contact_stiffness"] == HARDER * STATIC_STIFFNESS
+    assert ours["verdict"] == "agrees"

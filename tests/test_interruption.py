@@ -19,6 +19,7 @@ from test_broken_engine import break_engine
 
 KILLS = int(os.environ.get("KILLS", "6"))  # of each command; KILLS=20 is the whole evidence
 RIG = Path(__file__).parents[1] / "docs" / "example-rig" / "measured.toml"
+OVER = {"validity": ["--overwrite"], "diagnose": ["--overwrite"]}
 OUTPUT = {".json", ".html", ".md", ".xml", ".svg", ".toml"}
 COMMANDS = {
     "report": (
@@ -83,7 +84,8 @@ def check_whole(cwd: Path, *allowed: dict[str, bytes]) -> None:
 @pytest.mark.parametrize("what", COMMANDS)
 def test_kills_at_random_moments_leave_only_whole_files(what: str, tmp_path: Path) -> None:
     command, older = COMMANDS[what]
-    whole, seconds = finished(command, tmp_path / "undisturbed")
+    whole, first = finished(command, tmp_path / "undisturbed")
+    seconds = min(first, finished([*command, *OVER.get(what, [])], tmp_path / "undisturbed")[1])  # the first one fills caches
     old = finished(older, tmp_path / "older")[0] if older else {name: b"# an older one\n" + text for name, text in whole.items()}
     moments = random.Random(20240)
     hits = 0

@@ -39,7 +39,7 @@ Forces are judged to 1e-4 (static), 1e-3 (ideal) and 5e-3 (clearance) of their p
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,6 +49,7 @@ from sim_models.common.seen import REST, TINY, Miss, Seen, cross, dot
 from sim_models.engine import Request, SimulationError, Trace
 
 FREE = 0.1  # of the clearance, inside of the rim: a pin farther inside touches nothing in any engine
+RARE = 5e-3  # of a moving run's instants: where pins fly they touch and leave, and one such instant does not make the run wrong
 SINGULAR = 1e-9  # of the largest: a singular value of closed joints that says nothing
 
 
@@ -93,13 +94,19 @@ def check(request: Request, trace: Trace) -> None:
     """Raise Implausible for a run that is not what it must be."""
     for miss in misses(request, trace):
         limit = LIMITS[miss.check].of(trace)
-        if not miss.share <= limit:
+        if not _spared(miss, trace).share <= limit:
             worst, allowed = int(np.argmax(miss.size)), max(limit * miss.scale, miss.floor)
             at = f"crank angle {np.degrees(trace.crank_angle[worst]):.4g} deg" if worst < trace.crank_angle.size else "a crank angle between reports"
             raise Implausible(
                 f"{trace.simulator} {trace.joint_model} {trace.motion} ({request.mechanism.name}): {miss.what} at {at}: {miss.size[worst]:.3g} "
-                f"{miss.unit} are missed, {allowed:.3g} are in order; this run is no evidence: use a smaller step, or another simulator"
+                f"{miss.unit} are missed, {allowed:.3g} are in order; this run is no evidence: use another simulator"
             )
+
+
+def _spared(miss: Miss, trace: Trace) -> Miss:
+    """A miss but for the RARE instants at which an engine may have solved a step with a pin on the rim, and reported it off, or the reverse."""
+    spare = int(RARE * miss.size.size) if trace.clearance and trace.motion == "driven" else 0
+    return replace(miss, size=np.sort(miss.size)[: miss.size.size - spare]) if spare else miss
 
 
 def misses(request: Request, trace: Trace) -> Iterator[Miss]:
