@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from click.core import ParameterSource
 
 from compare.accuracy import accuracy
 from compare.baseline.command import baseline
@@ -83,7 +82,8 @@ def compare(
         typer.echo(f"linkage-crosscheck {installed('linkage-crosscheck')}")
         return
     if simulator is None:
-        asked = [name for name in context.params if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
+        sources = (context.get_parameter_source(name) for name in context.params)
+        asked = any(source is not None and source.name == "COMMANDLINE" for source in sources)
         if asked:
             typer.echo("compare: no --simulator is given; name one of those that compare simulators lists, or all", err=True)
         else:

@@ -21,6 +21,7 @@ from typing import Any, Generic, TypeVar
 
 from compare.faults import OptionError
 from compare.files import to_json, write_atomically
+from compare.workers import deaf
 
 AHEAD = 2  # runs under way for each worker: one that it does, one that waits for it
 CONNECT = 10.0  # s to wait for a cluster's scheduler

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-OFF_WALL = 1e-2  # of the clearance: a pin farther than this inside of the rim is off the wall; pressed pins may hover within it
+OFF_WALL = 1e-3  # of the clearance: a pin farther than this inside of the rim is off the wall; pressed pins may hover within it
 
 
 def free_share(gaps: np.ndarray, clearance: float, time: np.ndarray | None = None) -> float:

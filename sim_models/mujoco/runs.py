@@ -230,6 +230,11 @@ class Run:
                 state = begin(step)
         raise AssertionError("unreachable: the last attempt returns or raises")
 
+    def wall(self, name: str) -> float:
+        """How far (m) off its centre a pin begins to be pushed."""
+        law = self.laws[name]
+        return self.mechanism.joint(name).clearance - (law.margin if law.hard else 0.0)
+
     def report(self, theta: np.ndarray, time: np.ndarray | None, signals: Mapping[str, np.ndarray], log: Log, settings: Mapping[str, Any]) -> Trace:
         signals, rates = part_rates(signals)
         times = np.array(log.times) if log.times else None
@@ -243,7 +248,7 @@ class Run:
             signals=signals,
             clearance={name: self.mechanism.joint(name).clearance for name in self.laws},
             journal={name: np.array([[g.real, g.imag] for g in path]) for name, path in log.gaps.items()},
-            free_share={name: free_share(np.array(gaps), self.mechanism.joint(name).clearance, times) for name, gaps in log.gaps.items()},
+            free_share={name: free_share(np.array(gaps), self.wall(name), times) for name, gaps in log.gaps.items()},
             settings={**law_settings(self.request, self.laws), **settings, "solver": "Newton, elliptic cone"},
             rates=rates,
         )
