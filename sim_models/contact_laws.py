@@ -14,6 +14,7 @@ from sim_models.engine import Motion
 STATIC_STIFFNESS = 1e8  # N/m, where the mechanism gives none and nothing moves
 DRIVEN_STIFFNESS = 1e7  # N/m, where the mechanism gives none and the crank turns
 SUITED = (2.0**0, 2.0**14)  # N/m, of force over length of the linkages that these suit; for others they are harder or softer in proportion
+STIFFEST = 1e30  # N/m, of those
 DAMPING_RATIO = 0.5  # of the lighter link on that stiffness, where the mechanism gives neither damping nor restitution
 PIN_RADIUS = 0.01  # m, where the mechanism gives none; matters only with friction
 
@@ -45,7 +46,7 @@ def default_stiffness(mechanism: Mechanism, motion: Motion) -> float:
     A linkage whose forces over its length lie outside SUITED has it multiplied by the power of two that brings them into the middle.
     """
     ordinary = STATIC_STIFFNESS if motion == "static" else DRIVEN_STIFFNESS
-    return ordinary * power_of_two(sum(b.mass for b in mechanism.bodies) * turning_rate(mechanism, motion) ** 2, SUITED)
+    return min(ordinary * power_of_two(sum(b.mass for b in mechanism.bodies) * turning_rate(mechanism, motion) ** 2, SUITED), STIFFEST)
 
 
 def turning_rate(mechanism: Mechanism, motion: Motion) -> float:

@@ -139,8 +139,10 @@ def test_a_command_that_ends_at_any_moment_leaves_no_process_and_no_chatter(argu
 
 @pytest.mark.slow
 def test_a_command_that_is_left_alone_says_nothing_of_its_processes_or_of_numpys(tmp_path: Path) -> None:
-    for arguments in (ALL, MAP, [*MAP[:5], "--speeds", "1e9,1e20", "--clearances", "1e-4,1e-2"]):
-        command = Command(arguments, tmp_path)
+    for k, arguments in enumerate((ALL, MAP, [*MAP[:5], "--speeds", "1e9,1e20", "--clearances", "1e-4,1e-2"])):
+        folder = tmp_path / str(k)
+        folder.mkdir()
+        command = Command(arguments, folder)
         assert command.process.wait(300) in (0, 1, 3)
         said = command.said.read_text(encoding="utf-8")
         assert [word for word in CHATTER if word in said] == [], said
