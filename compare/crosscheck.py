@@ -31,6 +31,7 @@ Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Y
 class Job:
     """What to cross-check.  ``theta`` (N,) rad are the crank angles; a released linkage has ``time`` (N,) s instead.
 
+    ``as_it_is`` takes every run as it comes, where others are looked at more closely (:mod:`compare.closer`).
     With ``flexible`` bodies that have a modulus of elasticity bend, in static motion; else all are rigid.
     """
 
@@ -46,6 +47,7 @@ class Job:
     warnings: tuple[str, ...] = ()
     workers: int = 1
     flexible: bool = False
+    as_it_is: bool = False
 
 
 def crosscheck(
@@ -85,7 +87,8 @@ def crosscheck(
         return {order[k]: _whole(outcome, job.mechanism) for k, outcome in found}
 
     first = {i: judge(t) for i, t in enumerate(traces) if isinstance(t, Trace)}
-    settled = settle(first, {} if job.flexible else dict(enumerate(r for _, r in tasks)), simulate_again, judge)
+    again = dict(enumerate(request for _, request in tasks))
+    settled: Mapping[int, Judged | Failure] = first if job.flexible or job.as_it_is else settle(first, again, simulate_again, judge)
     failed += [one for one in settled.values() if isinstance(one, Failure)]
     judged = [(one.run, one.rules) for one in settled.values() if isinstance(one, Judged)]
     runs = [run for run, _ in judged]

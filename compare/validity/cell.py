@@ -48,7 +48,7 @@ def examine(content: Mapping[str, Any]) -> dict[str, Any]:
         warnings.simplefilter("ignore", MechanismWarning)  # said once, where the file was read
         mechanism = Mechanism.model_validate(content["mechanism"])
     theta, skip = np.array(content["crank_angle"]), content["skip"]
-    job = Job(mechanism, (content["simulator"],), content["tolerances"], theta=theta, joint_model=content["joint_model"])
+    job = Job(mechanism, (content["simulator"],), content["tolerances"], theta=theta, joint_model=content["joint_model"], as_it_is=True)
     try:
         result = crosscheck(job)
     except AssemblyError as error:
