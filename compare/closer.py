@@ -21,6 +21,7 @@ from compare.discrepancy import Rule
 from compare.runs import Failure
 from sim_models.contact_laws import default_stiffness
 from sim_models.engine import Request, Trace
+from sim_models.failed_starts import STIFF
 
 NEAR = 1e3  # tolerances: a run that is off by more is not off by its step
 NEAR_LOOSE = 10.0  # the same with clearance, where pins that fly do so differently in every step
@@ -29,7 +30,6 @@ FALLS = 0.6  # of a disagreement that is an engine's, at most, is left in a fine
 HARDER = 16.0  # times as stiff
 SOFT = 0.5  # of a clearance: a pin that is seen farther beyond its rim hardly shows it
 HIDDEN = 1.0  # the same: it does not show it at all
-STIFF = 0.1  # of the clearance: what a contact that is stiff enough gives
 
 
 @dataclass(frozen=True)
