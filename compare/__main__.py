@@ -1,5 +1,5 @@
 """``python -m compare`` is the ``compare`` command."""
 
-from compare.cli import main
+from compare.cli.app import main
 
 main()

@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from analytic.assembly import Assembly
-from analytic.clearance import Model
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
-from compare.attribution import attribute
-from compare.closer import SOFT, Judged, beyond_rim, settle, stiff_enough
-from compare.discrepancy import Discrepancy, Rule, Scales, check_known, judge, known_differences
-from compare.flexible import Beams, softened
-from compare.grid import turns_fully
+from analytic.paper.clearance import Model
+from compare.judge.attribution import attribute
+from compare.judge.closer import SOFT, Judged, beyond_rim, settle, stiff_enough
+from compare.judge.discrepancy import Discrepancy, Rule, Scales, check_known, judge, known_differences
+from compare.judge.flexible import Beams, softened
+from compare.judge.grid import turns_fully
+from compare.judge.reference import Yardstick, released_yardstick, with_flexible_links, yardstick
+from compare.judge.signals import compared, missing, with_derived, with_rotations
 from compare.runs import Failure, Resolve, simulate_all
-from compare.signals import compared, missing, with_derived, with_rotations
-from compare.yardstick import Yardstick, released_yardstick, with_flexible_links, yardstick
 from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Trace, Unsupported, engine, installed_version
 
 SCHEMA = 1
@@ -31,7 +31,7 @@ Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Y
 class Job:
     """What to cross-check.  ``theta`` (N,) rad are the crank angles; a released linkage has ``time`` (N,) s instead.
 
-    ``as_it_is`` takes every run as it comes, where others are looked at more closely (:mod:`compare.closer`).
+    ``as_it_is`` takes every run as it comes, where others are looked at more closely (:mod:`compare.judge.closer`).
     With ``flexible`` bodies that have a modulus of elasticity bend, in static motion; else all are rigid.
     """
 
@@ -51,7 +51,10 @@ class Job:
 
 
 def crosscheck(
-    job: Job, progress: Progress = lambda what, done, total: None, resolve: Resolve | None = None, measure: Measure = yardstick
+    job: Job,
+    progress: Progress = lambda what, done, total: None,
+    resolve: Resolve | None = None,
+    measure: Measure = yardstick,
 ) -> dict[str, Any]:
     """Run a job; the dict is the content of result.json.
 
@@ -64,9 +67,13 @@ def crosscheck(
     tasks = [(name, request) for name in job.simulators for request in _requests(job, assembly, name, resolve)]
     if not tasks:
         raise Unsupported(
-            f"{', '.join(job.simulators)}: nothing to run; --joint {job.joint_model} needs a joint with clearance (--clearance JOINT=m)"
+            f"{', '.join(job.simulators)}: nothing to run; --joint {job.joint_model} needs a joint with clearance"
+            " (--clearance JOINT=m)"
         )
-    sides = {ideal: _side(job, assembly, ideal, measure) for ideal in {request.joint_model == "ideal" for _, request in tasks}}
+    sides = {
+        ideal: _side(job, assembly, ideal, measure)
+        for ideal in {request.joint_model == "ideal" for _, request in tasks}
+    }
     outcomes: dict[int, Trace | Failure] = {}
     progress(" ".join(job.simulators), 0, len(tasks))
     for i, outcome in simulate_all(tasks, job.workers, resolve):
@@ -88,7 +95,9 @@ def crosscheck(
 
     first = {i: judge(t) for i, t in enumerate(traces) if isinstance(t, Trace)}
     again = dict(enumerate(request for _, request in tasks))
-    settled: Mapping[int, Judged | Failure] = first if job.flexible or job.as_it_is else settle(first, again, simulate_again, judge)
+    settled: Mapping[int, Judged | Failure] = (
+        first if job.flexible or job.as_it_is else settle(first, again, simulate_again, judge)
+    )
     failed += [one for one in settled.values() if isinstance(one, Failure)]
     judged = [(one.run, one.rules) for one in settled.values() if isinstance(one, Judged)]
     runs = [run for run, _ in judged]
@@ -119,7 +128,10 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
         supports = resolve(simulator).supports
         models = [m for m in models if (m, job.motion) in supports]
     settle = 2 * np.pi if job.motion == "driven" and not released and turns_fully(assembly) else 0.0
-    return [Request(job.mechanism, m, job.motion, job.theta, job.time, lead_in=0.0 if m == "ideal" else settle) for m in models]
+    return [
+        Request(job.mechanism, m, job.motion, job.theta, job.time, lead_in=0.0 if m == "ideal" else settle)
+        for m in models
+    ]
 
 
 def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Yardstick:
@@ -134,11 +146,17 @@ def _whole(outcome: Trace | Failure, mechanism: Mechanism) -> Trace | Failure:
     lacks = missing(outcome.signals, mechanism, outcome.clearance) if isinstance(outcome, Trace) else []
     if not isinstance(outcome, Trace) or not lacks:
         return outcome
-    return Failure(outcome.simulator, outcome.joint_model, f"{outcome.simulator} {outcome.joint_model}: the simulation reports no {', '.join(lacks)}")
+    return Failure(
+        outcome.simulator,
+        outcome.joint_model,
+        f"{outcome.simulator} {outcome.joint_model}: the simulation reports no {', '.join(lacks)}",
+    )
 
 
 def _run(job: Job, side: Yardstick, trace: Trace) -> tuple[dict[str, Any], dict[str, Rule]]:
-    """One entry of ``runs``: both sides, flagged samples blanked on both, and the verdict; and the rules by which it was judged."""
+    """One entry of ``runs``: both sides, flagged samples blanked on both, and the verdict; and the rules by which it
+    was judged.
+    """
     simulated = with_derived(trace.signals, job.mechanism)
     if trace.clearance:
         simulated = with_rotations(simulated, side.ideal_angles)
@@ -168,7 +186,10 @@ def _run(job: Job, side: Yardstick, trace: Trace) -> tuple[dict[str, Any], dict[
         run["time"] = trace.time
     if len(side.flags) == theta.size:
         first, *others = dict.fromkeys(why for _, why in sorted(side.flags.items()))
-        run["reason"] = f"the analytic model has no answer at any crank angle: {first}" + f", and {len(others)} such reasons more" * bool(others)
+        run["reason"] = (
+            f"the analytic model has no answer at any crank angle: {first}"
+            + f", and {len(others)} such reasons more" * bool(others)
+        )
     return run, rules
 
 
@@ -192,8 +213,12 @@ def _rules(job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.n
     return softened(rules, side, clearances, job.mechanism) if job.flexible else rules
 
 
-def _discrepancies(job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.ndarray], rules: Mapping[str, Rule]) -> list[Discrepancy]:
-    known = known_differences(job.tolerances, job.mechanism.name, trace.simulator, trace.joint_model, trace.motion, job.model)
+def _discrepancies(
+    job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.ndarray], rules: Mapping[str, Rule]
+) -> list[Discrepancy]:
+    known = known_differences(
+        job.tolerances, job.mechanism.name, trace.simulator, trace.joint_model, trace.motion, job.model
+    )
     theta = job.theta if job.time is None else None
     judged = (judge(name, simulated, side.signals, rule, theta, known.get(name)) for name, rule in rules.items())
     return [one for one in judged if one is not None]
@@ -204,18 +229,23 @@ def _give(settings: Mapping[str, Any], clearances: Mapping[str, float], simulate
     stiffness = settings.get("contact_stiffness")
     if not isinstance(stiffness, int | float) or not clearances:
         return 0.0
-    return max(float(np.nanmax(simulated[f"reaction_{name}_magnitude"], initial=0.0)) for name in clearances) / stiffness
+    return (
+        max(float(np.nanmax(simulated[f"reaction_{name}_magnitude"], initial=0.0)) for name in clearances) / stiffness
+    )
 
 
 def _too_soft(runs: list[dict[str, Any]]) -> Iterator[str]:
-    """A warning for each pin whose path was seen to go so far beyond its clearance that this is hidden, whatever its contact is made of."""
+    """A warning for each pin whose path was seen to go so far beyond its clearance that this is hidden, whatever its
+    contact is made of.
+    """
     for run in runs:
         for joint, depth in beyond_rim(run).items():
             clearance = run["clearance"][joint]
             if depth > SOFT * clearance:
                 yield (
-                    f"{run['simulator']['name']}, {run['joint_model']}: the pin of joint {joint} is seen {1e3 * depth:.2g} mm beyond its rim, "
-                    f"{depth / clearance:.1f} times its clearance: too soft to see this clearance; {stiff_enough(run, joint)}"
+                    f"{run['simulator']['name']}, {run['joint_model']}: the pin of joint {joint} is seen"
+                    f" {1e3 * depth:.2g} mm beyond its rim, {depth / clearance:.1f} times its clearance: too soft to"
+                    f" see this clearance; {stiff_enough(run, joint)}"
                 )
 
 
@@ -228,4 +258,8 @@ def _public(d: Discrepancy, theta: np.ndarray) -> dict[str, Any]:
 
 def _versions(runs: list[dict[str, Any]]) -> dict[str, str]:
     packages = {name: installed_version(name) or "not installed" for name in ("linkage-crosscheck", "numpy")}
-    return {"python": platform.python_version(), **packages, **{run["simulator"]["name"]: run["simulator"]["version"] for run in runs}}
+    return {
+        "python": platform.python_version(),
+        **packages,
+        **{run["simulator"]["name"]: run["simulator"]["version"] for run in runs},
+    }

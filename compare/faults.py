@@ -35,14 +35,14 @@ def complaints() -> Iterator[list[str]]:
 
     from pydantic import ValidationError
 
-    from analytic.closure import AssemblyError
-    from analytic.frame import ComplianceError
-    from analytic.mechanism_file import MechanismError
-    from analytic.structure import StructureError
+    from analytic.kinematics.closure import AssemblyError
+    from analytic.kinematics.structure import StructureError
+    from analytic.mechanism.file import MechanismError
+    from analytic.paper.frame import ComplianceError
     from compare.diagnose.data.recording import MeasuredError
-    from compare.discrepancy import ToleranceError
     from compare.files import OutputError
-    from compare.grid import GridError
+    from compare.judge.discrepancy import ToleranceError
+    from compare.judge.grid import GridError
     from sim_models.engine import SimulationError, SimulatorMissing, Unsupported
 
     bad_input = (
@@ -75,7 +75,9 @@ def reason(error: ValueError) -> str:
 
 
 def printable(text: str) -> str:
-    """Text in which a line break or a control character of somebody's file is spelled out, so that it cannot move a terminal's cursor."""
+    """Text in which a line break or a control character of somebody's file is spelled out, so that it cannot move a
+    terminal's cursor.
+    """
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 

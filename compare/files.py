@@ -36,7 +36,9 @@ def output_folder(path: Path, option: str = "--out") -> Path:
         with tempfile.TemporaryFile(dir=path):
             pass
     except OSError as error:
-        raise OutputError(f"{option} {path}: cannot write there ({error.strerror}); choose another folder with {option}") from None
+        raise OutputError(
+            f"{option} {path}: cannot write there ({error.strerror}); choose another folder with {option}"
+        ) from None
     return path
 
 
@@ -44,7 +46,8 @@ def output_folder(path: Path, option: str = "--out") -> Path:
 def alone_in(folder: Path, patience: float = PATIENCE) -> Iterator[None]:
     """Hold a folder, of those processes that ask for it like this, for this one; a process that ends lets it go.
 
-    Raises OutputError where another one holds it for longer than ``patience`` (s).  Does nothing where the system has no such locks.
+    Raises OutputError where another one holds it for longer than ``patience`` (s).  Does nothing where the system has
+    no such locks.
     """
     if fcntl is None:
         yield
@@ -53,7 +56,9 @@ def alone_in(folder: Path, patience: float = PATIENCE) -> Iterator[None]:
     try:
         while not _locked(handle):
             if time.monotonic() > until:
-                raise OutputError(f"--out {folder}: another run is writing there; wait for it, or choose another folder with --out")
+                raise OutputError(
+                    f"--out {folder}: another run is writing there; wait for it, or choose another folder with --out"
+                )
             time.sleep(0.05)
         yield
     finally:
@@ -75,7 +80,8 @@ def write_atomically(path: Path, text: str) -> Path:
 
 
 def write_together(folder: Path, texts: Mapping[str, str]) -> list[Path]:
-    """Write files into a folder by their names: all of them, or none where one cannot be written, and never half of one.
+    """Write files into a folder by their names: all of them, or none where one cannot be written, and never half of
+    one.
 
     Each is written to a temporary neighbour; when all are, they are renamed.  Raises OutputError.
     """
@@ -92,7 +98,9 @@ def write_together(folder: Path, texts: Mapping[str, str]) -> list[Path]:
             os.replace(drafts[path], path)
             del drafts[path]
     except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror}); free space there, or choose another folder") from None
+        raise OutputError(
+            f"{path}: cannot be written ({error.strerror}); free space there, or choose another folder"
+        ) from None
     finally:
         for draft in drafts.values():
             with suppress(OSError):

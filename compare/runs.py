@@ -1,4 +1,6 @@
-"""The simulations of a cross-check: one after the other, or spread over processes; one that fails does not stop the rest."""
+"""The simulations of a cross-check: one after the other, or spread over processes; one that fails does not stop the
+rest.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ Numbered = tuple[int, str, Request]
 
 @dataclass(frozen=True)
 class Failure:
-    """A simulation that raised; ``why`` is its sentence.  ``unsupported`` if the engine never had what it was asked for."""
+    """A simulation that raised; ``why`` is its sentence.  ``unsupported`` if the engine never had what it was asked
+    for.
+    """
 
     simulator: str
     joint_model: str
@@ -26,21 +30,30 @@ class Failure:
 
 
 def simulate(simulator: str, request: Request, resolve: Resolve = engine) -> Trace | Failure:
-    """Run one request; what an engine fails with becomes a Failure: its own errors, a broken installation, numbers that overflow."""
+    """Run one request; what an engine fails with becomes a Failure: its own errors, a broken installation, numbers that
+    overflow.
+    """
     try:
         return resolve(simulator).simulate(request)
     except (SimulationError, SimulatorMissing) as error:
         return Failure(simulator, request.joint_model, str(error))
     except (ArithmeticError, np.linalg.LinAlgError) as error:
-        why = f"{simulator} {request.joint_model} {request.motion} ({request.mechanism.name}): numbers beyond what can be reckoned with ({error})"
+        why = (
+            f"{simulator} {request.joint_model} {request.motion} ({request.mechanism.name}): numbers beyond what can be"
+            f" reckoned with ({error})"
+        )
         return Failure(simulator, request.joint_model, f"{why}; check masses, lengths, loads and drive.speed")
     except ImportError as error:
-        return Failure(simulator, request.joint_model, f"{simulator}: its installation is broken ({error}); install it anew")
+        return Failure(
+            simulator, request.joint_model, f"{simulator}: its installation is broken ({error}); install it anew"
+        )
     except Unsupported as error:
         return Failure(simulator, request.joint_model, str(error), unsupported=True)
 
 
-def simulate_all(tasks: Sequence[tuple[str, Request]], workers: int = 1, resolve: Resolve = engine) -> Iterator[tuple[int, Trace | Failure]]:
+def simulate_all(
+    tasks: Sequence[tuple[str, Request]], workers: int = 1, resolve: Resolve = engine
+) -> Iterator[tuple[int, Trace | Failure]]:
     """Run (simulator, request) pairs and yield (index, outcome) as each ends; more than one worker means processes.
 
     An engine that brings its process down has failed.  What else a simulation raises is raised here.
@@ -55,7 +68,12 @@ def simulate_all(tasks: Sequence[tuple[str, Request]], workers: int = 1, resolve
         if ended.value is not None:
             yield i, ended.value
         elif isinstance(ended.error, Died):
-            yield i, Failure(simulator, request.joint_model, f"{simulator} {request.joint_model} {request.motion}: {ended.error}")
+            yield (
+                i,
+                Failure(
+                    simulator, request.joint_model, f"{simulator} {request.joint_model} {request.motion}: {ended.error}"
+                ),
+            )
         elif ended.error is not None:
             raise ended.error
 

@@ -1,8 +1,8 @@
 """Many independent runs, spread over processes or a Dask cluster, and recorded as they end.
 
-:func:`spread` only spreads.  :func:`sweep` also records each result in a folder, one file a run, named after what the run
-is, so that an interrupted sweep goes on where it stopped.  Numbers do not depend on the number of workers: a run knows
-nothing of the others, and linear algebra in a worker uses one thread.
+:func:`spread` only spreads.  :func:`sweep` also records each result in a folder, one file a run, named after what the
+run is, so that an interrupted sweep goes on where it stopped.  Numbers do not depend on the number of workers: a run
+knows nothing of the others, and linear algebra in a worker uses one thread.
 """
 
 from __future__ import annotations
@@ -43,7 +43,9 @@ class Died(RuntimeError):
 
 @dataclass(frozen=True)
 class Ended(Generic[T, R]):
-    """An item that is done: ``value`` is what came of it, unless it raised ``error``; ``known`` if it was known before."""
+    """An item that is done: ``value`` is what came of it, unless it raised ``error``; ``known`` if it was known
+    before.
+    """
 
     item: T
     value: R | None = None
@@ -65,7 +67,11 @@ class Outcome:
 
 
 def spread(
-    work: Callable[[T], R], items: Iterable[T], workers: int = 1, dask: str | None = None, known: Callable[[T], R | None] = lambda item: None
+    work: Callable[[T], R],
+    items: Iterable[T],
+    workers: int = 1,
+    dask: str | None = None,
+    known: Callable[[T], R | None] = lambda item: None,
 ) -> Iterator[Ended[T, R]]:
     """Call ``work`` on each item that is not ``known``; yield each end as it comes, in no particular order.
 
@@ -78,9 +84,17 @@ def spread(
         suspects = yield from _until_broken(work, todo, lambda: _pool(workers, dask), known)
         if not suspects:
             return
-        for item in suspects:  # one of these brought its process down: each by itself, so that the others come to their end
+        for (
+            item
+        ) in suspects:  # one of these brought its process down: each by itself, so that the others come to their end
             if (yield from _until_broken(work, iter([item]), lambda: _processes(1), known)):
-                yield Ended(item, error=Died("the process that ran this died (out of memory, or a crash of the engine); run it by itself to see why"))
+                yield Ended(
+                    item,
+                    error=Died(
+                        "the process that ran this died (out of memory, or a crash of the engine); run it by itself to"
+                        " see why"
+                    ),
+                )
 
 
 def sweep(
@@ -95,9 +109,9 @@ def sweep(
     """Do every run that the folder does not hold; yield and record each outcome as it comes, in no particular order.
 
     A run is plain JSON data, everything that its result depends on; ``work``, importable wherever it is called, makes
-    plain data of it.  A run that raises, or whose process dies, is not recorded, so that it is tried again the next time;
-    a failure that would only repeat itself is for ``work`` to return.  ``progress`` is told (done, total).  Memory holds
-    only the runs under way, if ``runs`` and the caller do.  Raises ClusterError and OutputError.
+    plain data of it.  A run that raises, or whose process dies, is not recorded, so that it is tried again the next
+    time; a failure that would only repeat itself is for ``work`` to return.  ``progress`` is told (done, total).
+    Memory holds only the runs under way, if ``runs`` and the caller do.  Raises ClusterError and OutputError.
     """
     total = len(runs) if isinstance(runs, Sized) else None
     progress(0, total)
@@ -167,7 +181,9 @@ def _until_broken(
                 return []
             done, _ = wait(under_way, PATIENCE, FIRST_COMPLETED)
             if any(future.cancelled() for future in done):
-                raise ClusterError("--dask: the cluster was lost while runs were under way; start the same command again to go on")
+                raise ClusterError(
+                    "--dask: the cluster was lost while runs were under way; start the same command again to go on"
+                )
             whole = [future for future in done if not isinstance(future.exception(), BrokenExecutor)]
             for future in whole:
                 item, error = under_way.pop(future), future.exception()
@@ -203,18 +219,24 @@ def _cluster(address: str) -> Iterator[Pool]:
     try:
         from dask.distributed import Client
     except ImportError:
-        raise ClusterError(f"--dask {address}: Dask is not installed; run: pip install 'linkage-crosscheck[dask]'") from None
+        raise ClusterError(
+            f"--dask {address}: Dask is not installed; run: pip install 'linkage-crosscheck[dask]'"
+        ) from None
     try:
         _knock(address)
         client = Client(address, timeout=CONNECT, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise ClusterError(f"--dask {address}: no scheduler answers there ({error}); give its address, such as tcp://localhost:8786") from None
+        raise ClusterError(
+            f"--dask {address}: no scheduler answers there ({error}); give its address, such as tcp://localhost:8786"
+        ) from None
 
     def room() -> int:
         try:
             client.wait_for_workers(1, timeout=PATIENCE)
         except TimeoutError:
-            raise ClusterError(f"--dask {address}: the cluster has no workers; start some, then the same command again") from None
+            raise ClusterError(
+                f"--dask {address}: the cluster has no workers; start some, then the same command again"
+            ) from None
         return AHEAD * max(1, sum(client.nthreads().values()))
 
     with client:

@@ -14,7 +14,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1")
+ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
+)
 IDLE = 10  # s after which a process without work ends
 WATCH = 1.0  # s between two looks at whether the parent is still there, where the system does not tell
 PARENT_DIED = 1  # Linux's PR_SET_PDEATHSIG
@@ -40,7 +42,8 @@ def processes(count: int) -> Iterator[Any]:
 def _without_warnings() -> Iterator[None]:
     """Python processes that are started within this warn of nothing.
 
-    The trackers of semaphores outlive us, and would tell the user of those that a killed process has left for them to remove.
+    The trackers of semaphores outlive us, and would tell the user of those that a killed process has left for them to
+    remove.
     """
     before = list(sys.warnoptions)
     sys.warnoptions.append("ignore")
@@ -52,7 +55,9 @@ def _without_warnings() -> Iterator[None]:
 
 @contextmanager
 def deaf() -> Iterator[None]:
-    """Processes that are started within this do not hear an interrupt from the keyboard, which reaches them before they can ignore it."""
+    """Processes that are started within this do not hear an interrupt from the keyboard, which reaches them before they
+    can ignore it.
+    """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -66,7 +71,8 @@ def deaf() -> Iterator[None]:
 def end_with(parent: int) -> None:
     """Let this worker end within a second or so of its parent, a process number, however that ends.
 
-    Linux kills it, in the middle of an engine's step too; elsewhere a thread watches, which has to wait for such a step.
+    Linux kills it, in the middle of an engine's step too; elsewhere a thread watches, which has to wait for such a
+    step.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt from the keyboard reaches us all; the parent ends us
     warnings.simplefilter("ignore")  # what a worker has to say is in its result

@@ -1,7 +1,8 @@
 """The seam: what a multibody engine is asked, what it must answer, and which engines there are.
 
-An engine is a folder ``sim_models/<name>`` whose module ``engine`` has one object ``ENGINE`` that satisfies :class:`Engine`.  It
-imports its package only inside methods, so that looking up what is supported costs nothing and needs nothing.
+An engine is a folder ``sim_models/<name>`` whose module ``engine`` has one object ``ENGINE`` that satisfies
+:class:`Engine`.  It imports its package only inside methods, so that looking up what is supported costs nothing and
+needs nothing.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from typing import Any, Literal, Protocol, cast, get_args
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from sim_models.silence import silence, uninterrupted
+from sim_models.common.silence import silence, uninterrupted
 
 JointModel = Literal["ideal", "massless-link", "spring-damper", "contact"]
 Motion = Literal["driven", "static"]
 Start = Literal["steady", "centred"]
 JOINT_MODELS: tuple[JointModel, ...] = get_args(JointModel)
-# What the effects of the project's vocabulary need of an engine.  These are fields of the mechanism that every engine must
-# honour; the others an engine declares for itself.
+# What the effects of the project's vocabulary need of an engine.  These are fields of the mechanism that every engine
+# must honour; the others an engine declares for itself.
 COMMON_EFFECTS: frozenset[str] = frozenset(
     {
         "gravity", "payload", "com_offset", "moment_of_inertia", "link_length", "pivot_position", "joint_clearance",
@@ -35,7 +36,9 @@ ENGINES: tuple[str, ...] = ("mujoco", "exudyn", "pybullet", "dart")
 
 
 class SimulationError(RuntimeError):
-    """A run diverged, penetrated more than it should or did not settle; the message says which, where and the remedy."""
+    """A run diverged, penetrated more than it should or did not settle; the message says which, where and the
+    remedy.
+    """
 
 
 class SimulatorMissing(RuntimeError):
@@ -55,11 +58,11 @@ class Request:
     ``start_speed`` (rad/s).  With the ``ideal`` joint model clearances are ignored.
 
     ``start`` says how a driven run begins at its first angle: ``steady`` (no start-up transient: pins in contact,
-    velocities to match) or ``centred`` (pins centred, velocities of the ideal linkage).
-    ``course`` replaces the constant speed: times (M,) s, strictly increasing, and the motor's angles (M,) rad at them, which the
-    motor follows on the cubic spline through them (:meth:`sim_models.start.Course.of`); reports are then at ``time`` (N,) s,
-    within the course, and ``crank_angle`` is empty.  ``lead_in`` (rad) is how far
-    the crank turns before its first angle.  ``step`` (s) replaces the engine's own choice.
+    velocities to match) or ``centred`` (pins centred, velocities of the ideal linkage). ``course`` replaces the
+    constant speed: times (M,) s, strictly increasing, and the motor's angles (M,) rad at them, which the motor follows
+    on the cubic spline through them (:meth:`sim_models.common.start.Course.of`); reports are then at ``time`` (N,) s,
+    within the course, and ``crank_angle`` is empty.  ``lead_in`` (rad) is how far the crank turns before its first
+    angle.  ``step`` (s) replaces the engine's own choice.
     """
 
     mechanism: Mechanism
@@ -96,12 +99,12 @@ class Trace:
     ``<body>_angle`` (continued, not wrapped), ``<body>_angular_velocity``, ``reaction_<joint>_x``/``_y`` (N, force of
     the joint's first body on its second) and, for a prismatic joint, ``reaction_<joint>_moment`` (N.m, on the second
     body at its point), ``drive_torque`` (N.m, motor on crank), ``clearance_<joint>_x``/``_y`` (m, first pin centre
-    minus second).  All belong to the same instant, and so do ``rates``, which every moving body has in a run of an engine's own;
-    recorded data have none.
+    minus second).  All belong to the same instant, and so do ``rates``, which every moving body has in a run of an
+    engine's own; recorded data have none.
 
     ``journal`` maps each joint with clearance to its densely sampled path (M, 2) in m; ``free_share`` to the share of
-    time (driven) or of angles (static) that its pin spent off the wall, by its distance (:func:`sim_models.common.journal.free_share`).
-    ``settings`` are the numbers used.
+    time (driven) or of angles (static) that its pin spent off the wall, by its distance
+    (:func:`sim_models.common.journal.free_share`). ``settings`` are the numbers used.
     """
 
     simulator: str
@@ -120,7 +123,9 @@ class Trace:
     def __post_init__(self) -> None:
         for name, values in self.signals.items():
             if values.shape != self.crank_angle.shape:
-                raise SimulationError(f"{self.simulator}: {name} has {values.shape[0]} samples for {self.crank_angle.size} crank angles")
+                raise SimulationError(
+                    f"{self.simulator}: {name} has {values.shape[0]} samples for {self.crank_angle.size} crank angles"
+                )
             if not np.all(np.isfinite(values)):
                 k = int(np.argmin(np.isfinite(values)))
                 raise SimulationError(
@@ -133,8 +138,9 @@ class Trace:
 class Engine(Protocol):
     """What every engine offers.
 
-    ``supports`` lists the (joint model, motion) pairs that :meth:`simulate` accepts; ``effects`` names what the engine can
-    represent beside ideal links and joints: COMMON_EFFECTS, and for instance ``drive_compliance`` or ``link_flexibility``.
+    ``supports`` lists the (joint model, motion) pairs that :meth:`simulate` accepts; ``effects`` names what the engine
+    can represent beside ideal links and joints: COMMON_EFFECTS, and for instance ``drive_compliance`` or
+    ``link_flexibility``.
     """
 
     name: str
@@ -157,7 +163,8 @@ def engine(name: str) -> Engine:
     found = declared(name)
     if importlib.util.find_spec(found.package) is None:
         raise SimulatorMissing(
-            f"simulator {name!r} is not installed; run: pip install 'linkage-crosscheck[{name}]' (in a clone: pip install '.[{name}]')"
+            f"simulator {name!r} is not installed; run: pip install 'linkage-crosscheck[{name}]' (in a clone: pip"
+            f" install '.[{name}]')"
         )
     fault = broken(found.package)
     if fault:
@@ -196,4 +203,6 @@ def check_supported(chosen: Engine, request: Request) -> None:
     """Raise Unsupported, naming what the engine does instead, if it cannot run this request."""
     if (request.joint_model, request.motion) not in chosen.supports:
         does = ", ".join(sorted(f"{m} {motion}" for m, motion in chosen.supports))
-        raise Unsupported(f"{chosen.name} does not simulate {request.joint_model} joints in {request.motion} motion; it does: {does}")
+        raise Unsupported(
+            f"{chosen.name} does not simulate {request.joint_model} joints in {request.motion} motion; it does: {does}"
+        )

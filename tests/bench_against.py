@@ -1,7 +1,7 @@
 """Our kinematics with all reactions beside two other Python packages' kinematics alone: ratios in one run.
 
-Run with ``pip install '.[bench]'`` and ``python tests/bench_against.py``.  The linkage is the shipped crank-rocker over one
-revolution; each figure is the best of five turns of three calls, all in turn so that they see the same machine.
+Run with ``pip install '.[bench]'`` and ``python tests/bench_against.py``.  The linkage is the shipped crank-rocker over
+one revolution; each figure is the best of five turns of three calls, all in turn so that they see the same machine.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from analytic.assembly import Assembly
-from analytic.kinematics import kinematics
-from analytic.kinetostatics import kinetostatics
-from analytic.mechanism_file import load
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import kinematics
+from analytic.mechanism.file import load
+from analytic.paper.kinetostatics import kinetostatics
 
 R2, R3, R4, R1 = 0.05, 0.12, 0.10, 0.12
 SPEED = 31.41592653589793
@@ -52,14 +52,21 @@ def mechanism(count: int) -> Callable[[], object]:
 
     theta = np.arange(count) * (2 * np.pi / count)
     found = Mechanism(
-        vectors=[crank, coupler, follower, ground], origin=d, loops=loops, pos=theta, vel=np.full(count, SPEED), acc=np.zeros(count),
+        vectors=[crank, coupler, follower, ground],
+        origin=d,
+        loops=loops,
+        pos=theta,
+        vel=np.full(count, SPEED),
+        acc=np.zeros(count),
         guess=(np.array([0.98, 1.61]), np.array([1.0, 1.0]), np.array([1.0, 1.0])),
-    )  # fmt: skip
+    )
     return found.iterate
 
 
 def best(works: dict[str, tuple[Callable[[], object], int]]) -> dict[str, float]:
-    """Microseconds per configuration, the best of five turns of three calls each: a turn's first call has others' memory to clear."""
+    """Microseconds per configuration, the best of five turns of three calls each: a turn's first call has others'
+    memory to clear.
+    """
     found = dict.fromkeys(works, np.inf)
     for _ in range(5):
         for name, (work, count) in works.items():
@@ -81,7 +88,10 @@ def main() -> None:
             print(f"{name}: {missing}; pip install '.[bench]'")
     found = best(works)
     for name, each in found.items():
-        print(f"{name:20} {each:10.3f} us per configuration, {each / found['ours, 10000']:8.1f} x ours in batches of 10 000")
+        print(
+            f"{name:20} {each:10.3f} us per configuration, {each / found['ours, 10000']:8.1f} x ours in batches of"
+            " 10 000"
+        )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
-"""One diagnosis of three runs x 721 samples x 10 sensors: time, memory, repeatability; and the same data fitted by mujoco.sysid.
+"""One diagnosis of three runs x 721 samples x 10 sensors: time, memory, repeatability; and the same data fitted by
+mujoco.sysid.
 
-``python tests/bench_diagnosis.py time [CASE ...]`` needs exudyn, which plays the rig; ``python tests/bench_diagnosis.py sysid`` needs
-``pip install '.[bench]'`` too.  Cases are the keys of ``TRUTH``.
+``python tests/bench_diagnosis.py time [CASE ...]`` needs exudyn, which plays the rig; ``python tests/bench_diagnosis.py
+sysid`` needs ``pip install '.[bench]'`` too.  Cases are the keys of ``TRUTH``.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import numpy as np
 import tomli_w
 
 from analytic.mechanism import Load, Mechanism
-from analytic.mechanism_file import dumps, load
+from analytic.mechanism.file import dumps, load
 from compare.diagnose.data.units import SI, dimension
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from sim_models.engine import JointModel, Request, engine
@@ -31,23 +32,43 @@ from sim_models.engine import JointModel, Request, engine
 Truth = Sequence[tuple[str, str, Mapping[str, float]]]  # effect, place, values
 
 TRUTH: dict[str, Truth] = {
-    "clearance": [("joint_clearance", "B", {"radial_clearance": 1e-4}), ("coulomb_friction", "E", {"friction_torque": 0.05})],
-    "friction": [("coulomb_friction", "E", {"friction_torque": 0.05}), ("sensor_gain", "reaction_E_x", {"gain_error": 0.01})],
+    "clearance": [
+        ("joint_clearance", "B", {"radial_clearance": 1e-4}),
+        ("coulomb_friction", "E", {"friction_torque": 0.05}),
+    ],
+    "friction": [
+        ("coulomb_friction", "E", {"friction_torque": 0.05}),
+        ("sensor_gain", "reaction_E_x", {"gain_error": 0.01}),
+    ],
     "compliance": [("drive_compliance", "drive", {"stiffness": 2000.0})],
 }
 NOISE = {
-    "crank_angle": 2e-5, "follower_angle": 5e-5, "coupler_angle": 5e-5, "drive_torque": 5e-3, "coupler_x": 1e-5, "coupler_y": 1e-5,
-    "reaction_D_x": 0.1, "reaction_D_y": 0.1, "reaction_E_x": 0.1, "reaction_E_y": 0.1,
-}  # fmt: skip
+    "crank_angle": 2e-5,
+    "follower_angle": 5e-5,
+    "coupler_angle": 5e-5,
+    "drive_torque": 5e-3,
+    "coupler_x": 1e-5,
+    "coupler_y": 1e-5,
+    "reaction_D_x": 0.1,
+    "reaction_D_y": 0.1,
+    "reaction_E_x": 0.1,
+    "reaction_E_y": 0.1,
+}
 SAMPLES = 721
 TURNS = 2
-ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}  # threads of linear algebra wait for each other on two busy cores, up to four times as long
-CLOSING = 10  # samples in which mujoco.sysid's linkage, begun in the nominal shape, closes in another; they are left out
+ONE_THREAD = {
+    "OPENBLAS_NUM_THREADS": "1"
+}  # threads of linear algebra wait for each other on two busy cores, up to four times as long
+CLOSING = (
+    10  # samples in which mujoco.sysid's linkage, begun in the nominal shape, closes in another; they are left out
+)
 
 
 @dataclass(frozen=True)
 class Recording:
-    """A run as the rig makes it: ``speed`` rad/s from ``angle`` rad, or released from there without a speed; ``time`` (N,) s."""
+    """A run as the rig makes it: ``speed`` rad/s from ``angle`` rad, or released from there without a speed; ``time``
+    (N,) s.
+    """
 
     name: str
     time: np.ndarray
@@ -68,7 +89,9 @@ def swing() -> list[Recording]:
     return [Recording("swing", np.linspace(0, 8.0, SAMPLES), -0.4)]
 
 
-def record(nominal: Mechanism, runs: Sequence[Recording], truth: Truth, noise: Mapping[str, float], folder: Path) -> Path:
+def record(
+    nominal: Mechanism, runs: Sequence[Recording], truth: Truth, noise: Mapping[str, float], folder: Path
+) -> Path:
     """Play the rig with Exudyn, contact in joints with clearance, and write measured.toml with its files."""
     rng, entries = np.random.default_rng(1), []
     folder.mkdir(parents=True, exist_ok=True)
@@ -76,12 +99,18 @@ def record(nominal: Mechanism, runs: Sequence[Recording], truth: Truth, noise: M
         seen = played(nominal, run, truth)
         columns = [run.time, *(seen[s] + sigma * rng.standard_normal(run.time.size) for s, sigma in noise.items())]
         header = ",".join(["time [s]", *(f"{s} [{SI[dimension(s)]}]" for s in noise)])
-        np.savetxt(folder / f"{run.name}.csv", np.column_stack(columns), fmt="%.12g", delimiter=",", header=header, comments="")
+        np.savetxt(
+            folder / f"{run.name}.csv", np.column_stack(columns), fmt="%.12g", delimiter=",", header=header, comments=""
+        )
         entry: dict[str, Any] = {"name": run.name, "file": f"{run.name}.csv", "noise": dict(noise)}
         entry |= {"drive": "free"} if run.speed is None else {"drive_speed": run.speed, "drive_angle": run.angle}
-        entries.append(entry | ({"load": [f.model_dump(mode="json", exclude_unset=True) for f in run.loads]} if run.loads else {}))
+        entries.append(
+            entry | ({"load": [f.model_dump(mode="json", exclude_unset=True) for f in run.loads]} if run.loads else {})
+        )
     (folder / "nominal.toml").write_text(dumps(nominal), encoding="utf-8")
-    (folder / "measured.toml").write_text(tomli_w.dumps({"mechanism": "nominal.toml", "run": entries}), encoding="utf-8")
+    (folder / "measured.toml").write_text(
+        tomli_w.dumps({"mechanism": "nominal.toml", "run": entries}), encoding="utf-8"
+    )
     return folder / "measured.toml"
 
 
@@ -115,7 +144,7 @@ def with_speed(m: Mechanism, speed: float) -> Mechanism:
 
 def one(measured: Path, out: Path, others: bool, workers: int) -> None:
     """In a fresh process: diagnose and publish; what it took, as JSON."""
-    from compare.diagnose.command import publish
+    from compare.cli.diagnose import publish
     from compare.diagnose.data.measured import load_measured
     from compare.diagnose.workflow import diagnose
 
@@ -129,7 +158,9 @@ def one(measured: Path, out: Path, others: bool, workers: int) -> None:
 def timed(cases: Sequence[str]) -> None:
     """Each case twice with every engine and twice with MuJoCo alone, two workers."""
     print(f"load of the machine before: {os.getloadavg()[0]:.1f}")
-    print("| truth | found | engines | command | of it diagnosis | memory | same again |\n|---|---|---|--:|--:|--:|---|")
+    print(
+        "| truth | found | engines | command | of it diagnosis | memory | same again |\n|---|---|---|--:|--:|--:|---|"
+    )
     for case in cases:
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
@@ -145,7 +176,9 @@ def row(measured: Path, folder: Path, others: bool) -> str:
         out = folder / f"{others}{turn}"
         command = [sys.executable, __file__, "one", str(measured), str(out), str(int(others)), "2"]
         start = time.perf_counter()
-        running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=os.environ | ONE_THREAD)
+        running = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=os.environ | ONE_THREAD
+        )
         while running.poll() is None:
             memory = max(memory, sum(held(pid) for pid in family(running.pid)))
             time.sleep(0.1)
@@ -156,7 +189,12 @@ def row(measured: Path, folder: Path, others: bool) -> str:
     result = json.loads(texts[0])
     least = {k: min(t[k] for t in told) for k in told[0]}
     named = ", ".join(f"{e['name']}@{e['where']}" for e in result["effects"]) or "nothing"
-    cells = f"{result['verdict']}: {named}", "all" if others else "mujoco", f"{least['command']:.1f} s", f"{least['diagnosed']:.1f} s"
+    cells = (
+        f"{result['verdict']}: {named}",
+        "all" if others else "mujoco",
+        f"{least['command']:.1f} s",
+        f"{least['diagnosed']:.1f} s",
+    )
     return " | ".join([*cells, f"{memory:.0f} MB", "yes" if texts[0] == texts[1] else "NO"])
 
 
@@ -208,22 +246,63 @@ def set_length(spec: Any, parameter: Any) -> None:
 
 DAMPING, LENGTH = (5e-4, 0.0, 0.02), (0.1, 0.09, 0.11)
 PAIRS = (
-    Fitted("pendulum damped", "pendulum", [("viscous_friction", "O", {"damping": 2e-3})], "damping", 2e-3, DAMPING, set_damping),
-    Fitted("pendulum, dry friction", "pendulum", [("coulomb_friction", "O", {"friction_torque": 2e-3})], "damping", None, DAMPING, set_damping),
-    Fitted("follower longer", "crank-rocker", [("link_length", "follower", {"length_error": 1e-4})], "length", 0.1001, LENGTH, set_length),
-    Fitted("clearance in B", "crank-rocker", [("joint_clearance", "B", {"radial_clearance": 1e-4})], "length", None, LENGTH, set_length),
+    Fitted(
+        "pendulum damped",
+        "pendulum",
+        [("viscous_friction", "O", {"damping": 2e-3})],
+        "damping",
+        2e-3,
+        DAMPING,
+        set_damping,
+    ),
+    Fitted(
+        "pendulum, dry friction",
+        "pendulum",
+        [("coulomb_friction", "O", {"friction_torque": 2e-3})],
+        "damping",
+        None,
+        DAMPING,
+        set_damping,
+    ),
+    Fitted(
+        "follower longer",
+        "crank-rocker",
+        [("link_length", "follower", {"length_error": 1e-4})],
+        "length",
+        0.1001,
+        LENGTH,
+        set_length,
+    ),
+    Fitted(
+        "clearance in B",
+        "crank-rocker",
+        [("joint_clearance", "B", {"radial_clearance": 1e-4})],
+        "length",
+        None,
+        LENGTH,
+        set_length,
+    ),
 )
 
 
 def beside_sysid() -> None:
-    """Each pair diagnosed with the whole vocabulary, and fitted by mujoco.sysid with the one parameter that it is offered."""
+    """Each pair diagnosed with the whole vocabulary, and fitted by mujoco.sysid with the one parameter that it is
+    offered.
+    """
     print(f"load of the machine before: {os.getloadavg()[0]:.1f}")
-    print("| truth | ours | seconds | error | mujoco.sysid fits | seconds | error (or value) | left, in noise | its report says | time, ratio |")
+    print(
+        "| truth | ours | seconds | error | mujoco.sysid fits | seconds | error (or value) | left, in noise | its"
+        " report says | time, ratio |"
+    )
     print("|---|---|--:|--:|---|--:|--:|--:|---|--:|")
     for pair in PAIRS:
         free = pair.case == "pendulum"
         nominal, runs = load(pair.case).rigid(), swing() if free else turns()
-        noise = {"pendulum_angle": 1e-3} if free else {s: NOISE[s] for s in ("crank_angle", "follower_angle", "coupler_angle")}
+        noise = (
+            {"pendulum_angle": 1e-3}
+            if free
+            else {s: NOISE[s] for s in ("crank_angle", "follower_angle", "coupler_angle")}
+        )
         with tempfile.TemporaryDirectory() as name:
             measured = record(nominal, runs, pair.truth, noise, Path(name))
             ours, theirs = diagnosed(measured, pair.truth), fitted(pair, nominal, runs, Path(name), noise)
@@ -248,10 +327,14 @@ def diagnosed(measured: Path, truth: Truth) -> list[str]:
     return [f"{result['verdict']}: {named}", f"{spent:.1f}", error]
 
 
-def fitted(pair: Fitted, nominal: Mechanism, runs: Sequence[Recording], folder: Path, noise: Mapping[str, float]) -> list[str]:
-    """What mujoco.sysid finds from the true state at the start, in how long, how far off, what it leaves, and what its report says.
+def fitted(
+    pair: Fitted, nominal: Mechanism, runs: Sequence[Recording], folder: Path, noise: Mapping[str, float]
+) -> list[str]:
+    """What mujoco.sysid finds from the true state at the start, in how long, how far off, what it leaves, and what its
+    report says.
 
-    The models are those of ``compare export``: a crank heavy enough to keep its speed needs no control; an idle motor stands in for it.
+    The models are those of ``compare export``: a crank heavy enough to keep its speed needs no control; an idle motor
+    stands in for it.
     """
     from mujoco import sysid
     from mujoco.sysid.report.sections.insights import AutomatedInsights
@@ -263,7 +346,9 @@ def fitted(pair: Fitted, nominal: Mechanism, runs: Sequence[Recording], folder: 
         scales.append(sigma)
     start = time.perf_counter()
     first, low, high = pair.bounds
-    parameters = sysid.ParameterDict({pair.offered: sysid.Parameter(pair.offered, first, low, high, modifier=pair.change)})
+    parameters = sysid.ParameterDict(
+        {pair.offered: sysid.Parameter(pair.offered, first, low, high, modifier=pair.change)}
+    )
     residual = sysid.build_residual_fn(models_sequences=sequences)
     with contextlib.redirect_stdout(io.StringIO()):  # its iterations
         found, _ = sysid.optimize(parameters, residual, verbose=False, max_iters=50)
@@ -300,9 +385,14 @@ def sequence_of(nominal: Mechanism, run: Recording, folder: Path, noise: Mapping
     hinges = {nominal.driven: column[f"{nominal.driven}_angle"]}
     if run.speed is not None:
         command = run.angle + run.speed * run.time
-        hinges = {"follower": column["follower_angle"], "coupler": column["coupler_angle"] - command}  # the coupler's hinge is on the crank
+        hinges = {
+            "follower": column["follower_angle"],
+            "coupler": column["coupler_angle"] - command,
+        }  # the coupler's hinge is on the crank
     for hinge in hinges:
-        spec.add_sensor(name=hinge, type=mujoco.mjtSensor.mjSENS_JOINTPOS, objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=hinge)
+        spec.add_sensor(
+            name=hinge, type=mujoco.mjtSensor.mjSENS_JOINTPOS, objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=hinge
+        )
     model = spec.compile()
     state = sysid.create_initial_state(model, np.array(begin["qpos"]), np.array(begin["qvel"]))
     # positions after each step; jointpos sensors, which count only in the check of sizes, tell those before it

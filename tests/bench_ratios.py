@@ -1,7 +1,8 @@
 """Batches in a fresh process, the harness beside the bare engine, one worker beside two: tables of ratios.
 
-Run ``python tests/bench_ratios.py batches``, ``harness`` or ``sweep``.  What is compared is measured in turn, several times over, and
-the least of each counts.  Times are the processor's, which other work on the machine lengthens less than the clock's.
+Run ``python tests/bench_ratios.py batches``, ``harness`` or ``sweep``.  What is compared is measured in turn, several
+times over, and the least of each counts.  Times are the processor's, which other work on the machine lengthens less
+than the clock's.
 """
 
 from __future__ import annotations
@@ -30,16 +31,20 @@ def seconds(work: Callable[[], object]) -> float:
 
 
 def batch(count: int) -> None:
-    """In a fresh process: microseconds a configuration of the crank-rocker for the first call, for the second, and for the best of the next."""
-    from analytic.assembly import Assembly
-    from analytic.kinematics import kinematics
-    from analytic.kinetostatics import kinetostatics
-    from analytic.mechanism_file import load
+    """In a fresh process: microseconds a configuration of the crank-rocker for the first call, for the second, and for
+    the best of the next.
+    """
+    from analytic.kinematics.assembly import Assembly
+    from analytic.kinematics.motion import kinematics
+    from analytic.mechanism.file import load
+    from analytic.paper.kinetostatics import kinetostatics
 
     m = load("crank-rocker")
     assembly, theta = Assembly(m), np.arange(count) * (TWO_PI / count)
     turns = 2 + max(8, 3000 // count)
-    first, second, *others = [seconds(lambda: kinetostatics(kinematics(assembly, theta, m.speed or 0.0))) for _ in range(turns)]
+    first, second, *others = [
+        seconds(lambda: kinetostatics(kinematics(assembly, theta, m.speed or 0.0))) for _ in range(turns)
+    ]
     print(*(spent / count * 1e6 for spent in (first, second, min(others))))
 
 
@@ -47,7 +52,10 @@ def batches() -> None:
     """Kinematics and all reactions, from one configuration to a million."""
     print("| configurations | first call of a process | second | warm |\n|--:|--:|--:|--:|")
     for count in COUNTS:
-        runs = [subprocess.run([sys.executable, __file__, "batch", str(count)], capture_output=True, text=True, check=True) for _ in range(TURNS)]
+        runs = [
+            subprocess.run([sys.executable, __file__, "batch", str(count)], capture_output=True, text=True, check=True)
+            for _ in range(TURNS)
+        ]
         best = np.min([[float(x) for x in run.stdout.split()] for run in runs], axis=0)
         print(f"| {count:,} |", " | ".join(f"{x:.3g}" for x in best), "| us per configuration")
 
@@ -57,7 +65,7 @@ def batches() -> None:
 
 def harness() -> None:
     """A driven MuJoCo run beside nothing but the steps that it took: same model, same number and sizes of steps."""
-    from analytic.mechanism_file import load
+    from analytic.mechanism.file import load
     from sim_models.engine import JOINT_MODELS, Request
     from sim_models.mujoco.march import Record
     from sim_models.mujoco.runs import Run
@@ -76,7 +84,10 @@ def harness() -> None:
 
     m = load("crank-rocker").with_clearances({"B": 2e-4})
     once = np.radians(np.arange(0.0, 360.0, 5.0))
-    print("| joint model | revolutions before the reports | steps | all | steps alone | ratio | start, of all |\n|---|--:|--:|--:|--:|--:|--:|")
+    print(
+        "| joint model | revolutions before the reports | steps | all | steps alone | ratio | start, of all"
+        " |\n|---|--:|--:|--:|--:|--:|--:|"
+    )
     for model in JOINT_MODELS:
         for revolutions in (0, 1, 10):
             request = Request(m, model, "driven", once, lead_in=revolutions * TWO_PI)
@@ -85,7 +96,11 @@ def harness() -> None:
             steps = sum(count for count, *_ in record.stages)
             works = (lambda r=request: whole(r)), (lambda r=record: bare(r)), (lambda r=nowhere: whole(r))
             total, alone, start = np.min([[seconds(work) for work in works] for _ in range(TURNS)], axis=0) * 1e3
-            print(f"| {model} | {revolutions} | {steps} | {total:.0f} ms | {alone:.0f} ms | {total / alone:.2f} | {start:.0f} ms |", flush=True)
+            print(
+                f"| {model} | {revolutions} | {steps} | {total:.0f} ms | {alone:.0f} ms | {total / alone:.2f} |"
+                f" {start:.0f} ms |",
+                flush=True,
+            )
 
 
 # ---------------------------------------------------------------- sweep
@@ -93,14 +108,22 @@ def harness() -> None:
 
 def sweep() -> None:
     """A validity map's cells on one worker and on two: both new for each turn, as a command's are."""
-    from analytic.mechanism_file import load
-    from compare.discrepancy import load_tolerances
+    from analytic.mechanism.file import load
+    from compare.domain_map.cell import examine
+    from compare.domain_map.map import RPM, Grid, cells
+    from compare.judge.discrepancy import load_tolerances
     from compare.sweep import sweep as spread
-    from compare.validity.cell import examine
-    from compare.validity.map import RPM, Grid, cells
 
     speeds, sizes = (30, 45, 60, 90, 120, 180, 240, 300), (1e-4, 2e-4, 4e-4)
-    grid = Grid(load("crank-rocker"), ("B",), tuple(rpm * RPM for rpm in speeds), sizes, ("mujoco",), "contact", load_tolerances(None))
+    grid = Grid(
+        load("crank-rocker"),
+        ("B",),
+        tuple(rpm * RPM for rpm in speeds),
+        sizes,
+        ("mujoco",),
+        "contact",
+        load_tolerances(None),
+    )
     runs = cells(grid)
     list(spread(examine, runs[:1]))  # imports
     clock, processor = {1: np.inf, 2: np.inf}, {1: np.inf, 2: np.inf}
@@ -114,7 +137,10 @@ def sweep() -> None:
             processor[workers] = min(processor[workers], sum(after[:4]) - sum(before[:4]))
     for workers, spent in clock.items():
         print(f"{len(runs)} cells, {workers} worker(s): {spent:.1f} s, {processor[workers]:.1f} s of processors")
-    print(f"ratio {clock[1] / clock[2]:.2f}; at most {2 * processor[1] / processor[2]:.2f} if nothing else ran on two processors")
+    print(
+        f"ratio {clock[1] / clock[2]:.2f}; at most {2 * processor[1] / processor[2]:.2f} if nothing else ran on two"
+        " processors"
+    )
 
 
 if __name__ == "__main__":

@@ -12,12 +12,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from analytic.assembly import Assembly
-from analytic.clearance import displaced
-from analytic.compliance import compliance
-from analytic.kinematics import kinematics
-from analytic.kinetostatics import kinetostatics
-from analytic.mechanism_file import load
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import kinematics
+from analytic.mechanism.file import load
+from analytic.paper.clearance import displaced
+from analytic.paper.compliance import compliance
+from analytic.paper.kinetostatics import kinetostatics
 from sim_models.engine import Request, engine
 
 
@@ -74,4 +74,6 @@ def test_writing_the_report_of_two_engines(benchmark, tmp_path) -> None:  # type
 @pytest.mark.parametrize("arguments", [["--help"], ["--simulator", "mujoco", "--out", "out"]], ids=["help", "main job"])
 def test_the_whole_process(benchmark, arguments: list[str], tmp_path) -> None:  # type: ignore[no-untyped-def]
     command = [sys.executable, "-m", "compare", *arguments]
-    report(benchmark, lambda: subprocess.run(command, cwd=tmp_path, capture_output=True, check=True), 1, "us per process")
+    report(
+        benchmark, lambda: subprocess.run(command, cwd=tmp_path, capture_output=True, check=True), 1, "us per process"
+    )

@@ -1,4 +1,6 @@
-"""Rigs for the tests of the diagnosis: a believed mechanism, runs, sensors with noise, and an engine that plays what is wrong."""
+"""Rigs for the tests of the diagnosis: a believed mechanism, runs, sensors with noise, and an engine that plays what is
+wrong.
+"""
 
 from __future__ import annotations
 
@@ -9,27 +11,40 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import Load, Mechanism
-from analytic.mechanism_file import load
+from analytic.mechanism.file import load
 from compare.diagnose.data.recording import Channel, Measured, Run
 from compare.diagnose.data.units import SI, dimension
 from compare.diagnose.workflow import diagnose
-from compare.scoreboard.hidden import Hidden
-from compare.scoreboard.record import recorded, with_noise
-from compare.scoreboard.rigs import Bench, Plan
-from compare.scoreboard.sizes import Planted
+from compare.evidence.scoreboard.hidden import Hidden
+from compare.evidence.scoreboard.record import recorded, with_noise
+from compare.evidence.scoreboard.rigs import Bench, Plan
+from compare.evidence.scoreboard.sizes import Planted
 from sim_models.engine import Request, engine
 
 Result = dict[str, Any]
 START = 0.4  # rad, commanded crank angle at time 0
-SENSORS = {"crank_angle": 5e-5, "follower_angle": 5e-5, "coupler_x": 1e-5, "drive_torque": 1e-3, "reaction_E_x": 0.02, "reaction_E_y": 0.02}
+SENSORS = {
+    "crank_angle": 5e-5,
+    "follower_angle": 5e-5,
+    "coupler_x": 1e-5,
+    "drive_torque": 1e-3,
+    "reaction_E_x": 0.02,
+    "reaction_E_y": 0.02,
+}
 
 
-def four_bar(case: str = "crank-rocker", gravity: float = 9.81, loads: Sequence[Load] = (Load(body="coupler", force=(5.0, -30.0)),)) -> Mechanism:
+def four_bar(
+    case: str = "crank-rocker",
+    gravity: float = 9.81,
+    loads: Sequence[Load] = (Load(body="coupler", force=(5.0, -30.0)),),
+) -> Mechanism:
     """A shipped case with rigid links, gravity (m/s^2, downwards) and loads."""
     return load(case).rigid().replace(gravity=(0.0, -gravity), loads=tuple(loads))
 
 
-def turn(name: str, speed: float, loads: tuple[Load, ...] | None = None, follows: bool = False, samples: int = 120) -> Plan:
+def turn(
+    name: str, speed: float, loads: tuple[Load, ...] | None = None, follows: bool = False, samples: int = 120
+) -> Plan:
     """One revolution at a speed (rad/s)."""
     return Plan(name, speed, START, np.linspace(0.0, 2 * math.pi / abs(speed), samples), loads, follows)
 
@@ -57,20 +72,45 @@ def readings(rig: Bench, *effects: Planted, source: str = "exudyn", seed: int = 
 
 
 def released(
-    believed: Mechanism, real: Mechanism, noise: Mapping[str, float], start: Sequence[tuple[float, float]], time: np.ndarray, source: str = "exudyn"
+    believed: Mechanism,
+    real: Mechanism,
+    noise: Mapping[str, float],
+    start: Sequence[tuple[float, float]],
+    time: np.ndarray,
+    source: str = "exudyn",
 ) -> Measured:
-    """Free runs of the ``real`` mechanism, released at angles (rad) with rates (rad/s), read at times (N,) s, the start not told."""
-    from analytic.assembly import Assembly
+    """Free runs of the ``real`` mechanism, released at angles (rad) with rates (rad/s), read at times (N,) s, the start
+    not told.
+    """
+    from analytic.kinematics.assembly import Assembly
 
     runs, rng = [], np.random.default_rng(1)
     for k, (angle, rate) in enumerate(start):
         assembly = Assembly(real)
         s, u = assembly.structure, assembly.coordinates(np.array([angle]))
         placed = {s.bodies[b]: float(u[i, 0] + s.twist[b]) for i, c in enumerate(s.coordinates) for b in c.bodies if b}
-        free = real.replace(assembly=placed | {real.driven: angle}, drive={"joint": real.drive_joint.name, "speed": "free"})
+        free = real.replace(
+            assembly=placed | {real.driven: angle}, drive={"joint": real.drive_joint.name, "speed": "free"}
+        )
         signals = engine(source).simulate(Request(free, time=time, start_speed=rate)).signals
-        channels = {s: Channel(s, signals[s] + sigma * rng.standard_normal(time.size), sigma, True, SI[dimension(s)]) for s, sigma in noise.items()}
-        runs.append(Run(f"swing-{k + 1}", time, channels, "free", None, None, _first(channels, believed.driven, time), None, False, "swing.csv"))
+        channels = {
+            s: Channel(s, signals[s] + sigma * rng.standard_normal(time.size), sigma, True, SI[dimension(s)])
+            for s, sigma in noise.items()
+        }
+        runs.append(
+            Run(
+                f"swing-{k + 1}",
+                time,
+                channels,
+                "free",
+                None,
+                None,
+                _first(channels, believed.driven, time),
+                None,
+                False,
+                "swing.csv",
+            )
+        )
     return Measured(believed, tuple(runs), {}, (), "rig")
 
 
@@ -102,5 +142,9 @@ def assert_recovered(result: Result, *truth: Planted) -> None:
         for parameter, value in t.values.items():
             p = said[t.name, t.where][parameter]
             assert p["low"] <= p["value"] <= p["high"]
-            assert p["high"] - p["low"] < 0.5 * abs(value) or parameter == "harmonic", f"{parameter} is {p}: the data hardly know it"
-            assert abs(p["value"] - value) <= 4 / 1.96 * 0.5 * (p["high"] - p["low"]) + 1e-12, f"{parameter} is {value}, found {p}"
+            assert p["high"] - p["low"] < 0.5 * abs(value) or parameter == "harmonic", (
+                f"{parameter} is {p}: the data hardly know it"
+            )
+            assert abs(p["value"] - value) <= 4 / 1.96 * 0.5 * (p["high"] - p["low"]) + 1e-12, (
+                f"{parameter} is {value}, found {p}"
+            )

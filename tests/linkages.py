@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import load, loads
+from analytic.mechanism.file import load, loads
 
 INVERTED_SLIDER = """
 name = "inverted slider"
@@ -65,7 +65,9 @@ arm = 3.1
 
 
 def inverted_slider() -> Mechanism:
-    """A crank, a block that slides on a swinging arm (prismatic joint between moving bodies), every joint law at once."""
+    """A crank, a block that slides on a swinging arm (prismatic joint between moving bodies), every joint law
+    at once.
+    """
     return loads(INVERTED_SLIDER)
 
 
@@ -177,18 +179,29 @@ output = -2.5266
 
 
 def dyad_on_a_triad() -> Mechanism:
-    """A group of four bodies that Newton's method solves, and on it a dyad whose bodies come within 17 deg of being in line."""
+    """A group of four bodies that Newton's method solves, and on it a dyad whose bodies come within 17 deg of being in
+    line.
+    """
     return loads(DYAD_ON_A_TRIAD)
 
 
 def chain(links: int, closed: bool) -> str:
-    """A mechanism file: so many links in a row, the first on the ground and driven, the last on the ground as well if ``closed``."""
+    """A mechanism file: so many links in a row, the first on the ground and driven, the last on the ground as well if
+    ``closed``.
+    """
     names = [f"b{i}" for i in range(links)]
-    bodies = "".join(f'[[body]]\nname = "{b}"\npoints = {{ J{i} = [0.0, 0.0], J{i + 1} = [0.1, 0.0] }}\nmass = 0.1\n' for i, b in enumerate(names))
+    bodies = "".join(
+        f'[[body]]\nname = "{b}"\npoints = {{ J{i} = [0.0, 0.0], J{i + 1} = [0.1, 0.0] }}\nmass = 0.1\n'
+        for i, b in enumerate(names)
+    )
     ends = zip(["ground", *names], [*names, "ground"] if closed else names, strict=False)
-    joints = "".join(f'[[joint]]\nname = "J{i}"\ntype = "revolute"\nbodies = ["{a}", "{b}"]\n' for i, (a, b) in enumerate(ends))
+    joints = "".join(
+        f'[[joint]]\nname = "J{i}"\ntype = "revolute"\nbodies = ["{a}", "{b}"]\n' for i, (a, b) in enumerate(ends)
+    )
     ground = "[ground]\npoints = { J0 = [0.0, 0.0]" + (f", J{links} = [0.5, 0.0]" if closed else "") + " }\n"
-    return f'name = "chain"\n{ground}{bodies}{joints}[drive]\njoint = "J0"\nspeed = 1.0\n[assembly]\n' + "".join(f"{b} = 0.1\n" for b in names)
+    return f'name = "chain"\n{ground}{bodies}{joints}[drive]\njoint = "J0"\nspeed = 1.0\n[assembly]\n' + "".join(
+        f"{b} = 0.1\n" for b in names
+    )
 
 
 JANSEN = """
@@ -246,6 +259,8 @@ foot = 2.7248
 
 
 def jansen_leg(push: float = 0.0) -> Mechanism:
-    """Theo Jansen's leg with his eleven numbers in mm, and a push (N) upwards on the foot; its transmission is poor at 190 deg."""
+    """Theo Jansen's leg with his eleven numbers in mm, and a push (N) upwards on the foot; its transmission is poor at
+    190 deg.
+    """
     m = loads(JANSEN)
     return m.replace(loads=[{"body": "foot", "point": "X", "force": (0.0, push)}]) if push else m

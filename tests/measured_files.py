@@ -13,8 +13,9 @@ import tomli_w
 
 @dataclass(frozen=True)
 class MeasuredRun:
-    """A run to write: ``time`` (N,) s, ``columns`` of header (``crank_angle [deg]``) to values (N,) in that unit, NaN for an
-    empty cell, and ``fields``, the other entries of its ``[[run]]`` (``drive_speed``, ``noise``, ``load``, ...)."""
+    """A run to write: ``time`` (N,) s, ``columns`` of header (``crank_angle [deg]``) to values (N,) in that unit, NaN
+    for an empty cell, and ``fields``, the other entries of its ``[[run]]`` (``drive_speed``, ``noise``, ``load``, ...).
+    """
 
     name: str
     time: np.ndarray
@@ -29,8 +30,12 @@ def csv_text(time: np.ndarray, columns: Mapping[str, np.ndarray], digits: int = 
     return "\n".join([",".join(["time [s]", *columns]), *rows]) + "\n"
 
 
-def write_measured(folder: Path, mechanism: str, runs: Sequence[MeasuredRun], tolerance: Mapping[str, float] | None = None) -> Path:
-    """Write nominal.toml (``mechanism``, TOML text), a CSV file for each run and measured.toml; returns the path of the last."""
+def write_measured(
+    folder: Path, mechanism: str, runs: Sequence[MeasuredRun], tolerance: Mapping[str, float] | None = None
+) -> Path:
+    """Write nominal.toml (``mechanism``, TOML text), a CSV file for each run and measured.toml; returns the path of the
+    last.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "nominal.toml").write_text(mechanism, encoding="utf-8")
     entries = []

@@ -1,12 +1,13 @@
 """The tests' own referee: a linkage in maximal coordinates with multipliers, from the mechanism's data alone.
 
-Each body has x, y (of its centre of mass) and phi; each joint has two rows of constraints, the drive has one.  Lengths are in units of
-the linkage's span, time in radians of crank, so that the matrix of constraints has entries about 1 at every scale.  With one drive for
-one freedom it is square, and the system [M J^T; J 0] comes apart: J gives the accelerations, J^T the multipliers.  They are the
-reactions and the drive torque.  Nothing here comes from the analytic model's kinematics.
+Each body has x, y (of its centre of mass) and phi; each joint has two rows of constraints, the drive has one.  Lengths
+are in units of the linkage's span, time in radians of crank, so that the matrix of constraints has entries about 1 at
+every scale.  With one drive for one freedom it is square, and the system [M J^T; J 0] comes apart: J gives the
+accelerations, J^T the multipliers.  They are the reactions and the drive torque.  Nothing here comes from the analytic
+model's kinematics.
 
-A posture is judged only where the condition of J (its rows normalised) is below ``WORST_CONDITION``: at 1000, double precision leaves
-some 1e-10 of a force that depends on accelerations.
+A posture is judged only where the condition of J (its rows normalised) is below ``WORST_CONDITION``: at 1000, double
+precision leaves some 1e-10 of a force that depends on accelerations.
 """
 
 from __future__ import annotations
@@ -54,7 +55,9 @@ class Oracle:
         self.names = [GROUND, *(b.name for b in m.bodies)]
         points = [m.body(b).point(p) for b in self.names for p in m.body(b).points]
         self.span = max(b.length for b in m.bodies)
-        self.span = max(self.span, max(abs(p - q) for p in points[: len(m.ground.points)] for q in points[: len(m.ground.points)]))
+        self.span = max(
+            self.span, max(abs(p - q) for p in points[: len(m.ground.points)] for q in points[: len(m.ground.points)])
+        )
         self.pins = [j for j in m.joints if not j.prismatic]
         self.slides = [j for j in m.joints if j.prismatic]
         self.pin_bodies, self.pin_arms = self._arms(self.pins)
@@ -65,7 +68,9 @@ class Oracle:
         self.driven = self.names.index(m.driven)
         if 2 * len(m.joints) + 1 != 3 * len(m.bodies):
             raise ValueError(f"{m.name}: {len(m.joints)} joints do not leave {len(m.bodies)} bodies one freedom")
-        self.masses = np.array([[0.0, 0.0, 0.0], *([b.mass, b.mass, b.moment_of_inertia / self.span**2] for b in m.bodies)])
+        self.masses = np.array(
+            [[0.0, 0.0, 0.0], *([b.mass, b.mass, b.moment_of_inertia / self.span**2] for b in m.bodies)]
+        )
         self.start = m.assembly[m.driven]
         self.home = self._assembled()
 
@@ -79,10 +84,15 @@ class Oracle:
         bodies = np.array([[self.names.index(j.bodies[k]) for j in joints] for k in (0, 1)], int).reshape(2, -1)
         return bodies, np.array([[self._arm(j.bodies[k], j.name) for j in joints] for k in (0, 1)]).reshape(2, -1, 2)
 
-    # ---------------------------------------------------------------- constraints: q is (N, bodies, 3), the ground's zero
+    # ---------------------------------------------------------------- constraints: q is (N, bodies, 3), the ground's
+    # zero
 
-    def constraints(self, q: np.ndarray, theta: np.ndarray, gaps: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Residual (N, R) and its derivative (N, R, 3 n) at crank angles; ``gaps`` (N, pins, 2) of the pins, in spans."""
+    def constraints(
+        self, q: np.ndarray, theta: np.ndarray, gaps: np.ndarray | float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Residual (N, R) and its derivative (N, R, 3 n) at crank angles; ``gaps`` (N, pins, 2) of the pins, in
+        spans.
+        """
         n, p, s = len(q), len(self.pins), len(self.slides)
         residual = np.empty((n, 2 * p + 2 * s + 1), q.dtype)
         matrix = np.zeros((n, 2 * p + 2 * s + 1, len(self.names), 3), q.dtype)
@@ -110,7 +120,9 @@ class Oracle:
         return residual, matrix[:, :, 1:].reshape(n, matrix.shape[1], -1)
 
     def closed(self, q: np.ndarray, theta: np.ndarray, gaps: np.ndarray | float = 0.0, passes: int = 8) -> np.ndarray:
-        """Poses (N, bodies, 3) near q that satisfy the constraints.  Raises LeftOut where Newton's method does not find them."""
+        """Poses (N, bodies, 3) near q that satisfy the constraints.  Raises LeftOut where Newton's method does not find
+        them.
+        """
         q = q.astype(np.result_type(q, theta, gaps), copy=True)
         try:
             for _ in range(passes):
@@ -149,7 +161,9 @@ class Oracle:
         return float(_condition(matrix)[0]), float(np.linalg.slogdet(matrix)[0][0])
 
     def walk(self, far: float) -> tuple[np.ndarray, np.ndarray]:
-        """Crank angles (M,) and poses from up to ``far`` rad below the assembly angle to above it, as long as they are well conditioned."""
+        """Crank angles (M,) and poses from up to ``far`` rad below the assembly angle to above it, as long as they are
+        well conditioned.
+        """
         sides = []
         for sign in (-1, 1):
             thetas, poses = [self.start], [self.home]
@@ -191,8 +205,12 @@ class Oracle:
 
     # ---------------------------------------------------------------- forces
 
-    def solve(self, theta: np.ndarray, q: np.ndarray, inertia: bool, alpha: float = 0.0, gaps: np.ndarray | float = 0.0) -> Solved:
-        """Reactions at poses that are closed; ``alpha`` is the crank's acceleration over its speed squared, gaps do not move."""
+    def solve(
+        self, theta: np.ndarray, q: np.ndarray, inertia: bool, alpha: float = 0.0, gaps: np.ndarray | float = 0.0
+    ) -> Solved:
+        """Reactions at poses that are closed; ``alpha`` is the crank's acceleration over its speed squared, gaps do not
+        move.
+        """
         m, n = self.mechanism, len(q)
         omega = m.speed or 1.0
         rate = self.rates(q, theta, gaps)
@@ -200,7 +218,9 @@ class Oracle:
         applied, slips = self._applied(q, rate, omega, inertia)
         pushed = applied - (self.masses * second * self.span * omega**2 if inertia else 0.0)
         matrix = self.constraints(q, theta, gaps)[1]
-        on_bodies = np.linalg.solve(matrix.transpose(0, 2, 1), -pushed[:, 1:].reshape(n, -1)[..., None])[..., 0]  # N; moments over the span
+        on_bodies = np.linalg.solve(matrix.transpose(0, 2, 1), -pushed[:, 1:].reshape(n, -1)[..., None])[
+            ..., 0
+        ]  # N; moments over the span
         forces, moments = {}, {}
         for k, j in enumerate(self.pins):  # the rows are first minus second
             forces[j.name] = -(on_bodies[:, 2 * k] + 1j * on_bodies[:, 2 * k + 1])
@@ -214,9 +234,13 @@ class Oracle:
         parts = applied[:, 1:], (self.masses * second * self.span * omega**2 * inertia)[:, 1:]
         largest = max([np.abs(on_bodies).max(), *reactions, *(np.abs(p).max() for p in parts)])
         turns = {b: rate[:, i, 2] * omega for i, b in enumerate(self.names)}
-        places = {b: self._complex(_point(q[:, i], np.array(self._arm(b, "com")))[0]) for i, b in enumerate(self.names) if i}
+        places = {
+            b: self._complex(_point(q[:, i], np.array(self._arm(b, "com")))[0]) for i, b in enumerate(self.names) if i
+        }
         angles = {b: q[:, i, 2] for i, b in enumerate(self.names)}
-        return Solved(theta, places, angles, turns, forces, moments, on_bodies[:, -1] * self.span, slips, float(largest))
+        return Solved(
+            theta, places, angles, turns, forces, moments, on_bodies[:, -1] * self.span, slips, float(largest)
+        )
 
     def _complex(self, z: np.ndarray) -> np.ndarray:
         return (z[..., 0] + 1j * z[..., 1]) * self.span
@@ -226,19 +250,26 @@ class Oracle:
         first, second = (self.names.index(b) for b in joint.bodies)
         if not joint.prismatic:
             return q[:, second, 2] - q[:, first, 2]
-        ends = [_point(q[:, b], np.array(self._arm(name, joint.name)))[0] for b, name in ((first, joint.bodies[0]), (second, joint.bodies[1]))]
+        ends = [
+            _point(q[:, b], np.array(self._arm(name, joint.name)))[0]
+            for b, name in ((first, joint.bodies[0]), (second, joint.bodies[1]))
+        ]
         along, _ = _turned(q[:, first, 2], np.array([joint.direction.real, joint.direction.imag]))
         return np.sum(along * (ends[1] - ends[0]), axis=-1) * self.span
 
     def _law(self, joint, q: np.ndarray, rate: np.ndarray, omega: float, moving: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Force or torque of a joint's spring, damper and friction on its second body, and its slip by the crank angle."""
+        """Force or torque of a joint's spring, damper and friction on its second body, and its slip by the
+        crank angle.
+        """
         slip = self._position(joint, q + 1j * TINY * rate).imag / TINY
         size = self.span if joint.prismatic else 1.0
         rubs = np.where(np.abs(slip) > 1e-9 * size, np.sign(slip * omega), 0.0)
         law = -joint.stiffness * (self._position(joint, q) - joint.rest_angle) - joint.coulomb * rubs
         return law - (joint.damping * slip * omega if moving else 0.0), slip / size
 
-    def _applied(self, q: np.ndarray, rate: np.ndarray, omega: float, moving: bool) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    def _applied(
+        self, q: np.ndarray, rate: np.ndarray, omega: float, moving: bool
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Applied forces (N, bodies, 3) on the bodies, moments over the span; and the slips."""
         m = self.mechanism
         out, slips = np.zeros(q.shape), {}
@@ -271,14 +302,18 @@ class Oracle:
         return np.sum(self.masses * (rate * self.span * (self.mechanism.speed or 1.0)) ** 2, axis=(1, 2)) / 2
 
     def energy(self, q: np.ndarray) -> np.ndarray:
-        """Potential energy (N,) J of weights, dead loads and joint springs, from the poses alone (complex poses allowed)."""
+        """Potential energy (N,) J of weights, dead loads and joint springs, from the poses alone (complex poses
+        allowed).
+        """
         m = self.mechanism
         out = np.zeros(len(q), q.dtype)
         for body in m.bodies:
             out = out - self.span * body.mass * (q[:, self.names.index(body.name), :2] @ np.array(m.gravity))
         for load in m.loads:
             i = self.names.index(load.body)
-            out = out - self.span * (_point(q[:, i], np.array(self._arm(load.body, load.point)))[0] @ np.array(load.force))
+            out = out - self.span * (
+                _point(q[:, i], np.array(self._arm(load.body, load.point)))[0] @ np.array(load.force)
+            )
             out = out - load.torque * q[:, i, 2]
         for joint in m.joints:
             out = out + joint.stiffness * (self._position(joint, q) - joint.rest_angle) ** 2 / 2

@@ -17,7 +17,9 @@ from analytic.mechanism import Mechanism
 
 @dataclass(frozen=True)
 class ClearanceMotion:
-    """Motion at times (N,) s; ``gap`` (m) and ``force`` (N) are complex, of the first body relative to / on the second."""
+    """Motion at times (N,) s; ``gap`` (m) and ``force`` (N) are complex, of the first body relative to / on the
+    second.
+    """
 
     time: np.ndarray
     crank: np.ndarray
@@ -48,8 +50,8 @@ def clearance_four_bar_ode(
 ) -> ClearanceMotion:
     """Bodies crank, coupler, follower; radial clearance (m) in ``joint``, the one between coupler and follower.
 
-    Starts centred: at crank angle ``theta`` (rad) with the ideal linkage's angles ``coupler`` and ``follower`` (rad) and
-    its velocities.  Contact pushes with max(0, K d + C d') at penetration d > 0.
+    Starts centred: at crank angle ``theta`` (rad) with the ideal linkage's angles ``coupler`` and ``follower`` (rad)
+    and its velocities.  Contact pushes with max(0, K d + C d') at penetration d > 0.
     """
     m = mechanism
     speed = m.speed
@@ -67,7 +69,9 @@ def clearance_four_bar_ode(
     push = {name: [] for name in links}
     for load in m.loads:
         if load.body in links:
-            push[load.body].append((links[load.body].point(load.point) - hinge[load.body], complex(*load.force), load.torque))
+            push[load.body].append(
+                (links[load.body].point(load.point) - hinge[load.body], complex(*load.force), load.torque)
+            )
     gravity = complex(*m.gravity)
 
     def contact(t: float, phi: float, psi: float, phi_t: float, psi_t: float) -> tuple[complex, complex]:
@@ -87,18 +91,32 @@ def clearance_four_bar_ode(
         _, force = contact(t, phi, psi, phi_t, psi_t)
         knee_acceleration = -(speed**2) * crank_arm * np.exp(1j * (theta + speed * t))
         turn = []
-        for name, angle, on_pin, base_acceleration in (("coupler", phi, -force, knee_acceleration), ("follower", psi, force, 0j)):
+        for name, angle, on_pin, base_acceleration in (
+            ("coupler", phi, -force, knee_acceleration),
+            ("follower", psi, force, 0j),
+        ):
             e = np.exp(1j * angle)
-            moment = _cross(reach[name] * e, on_pin) + _cross(com[name] * e, links[name].mass * (gravity - base_acceleration))
+            moment = _cross(reach[name] * e, on_pin) + _cross(
+                com[name] * e, links[name].mass * (gravity - base_acceleration)
+            )
             moment += sum(_cross(arm * e, f) + torque for arm, f, torque in push[name])
             turn.append(moment / inertia[name])
         return [phi_t, psi_t, *turn]
 
-    first = crank_arm * np.exp(1j * theta) * 1j * speed  # velocities of the ideal linkage: coupler + knee = follower at the joint
+    first = (
+        crank_arm * np.exp(1j * theta) * 1j * speed
+    )  # velocities of the ideal linkage: coupler + knee = follower at the joint
     p, q = 1j * reach["coupler"] * np.exp(1j * coupler), -1j * reach["follower"] * np.exp(1j * follower)
     start_rates = np.linalg.solve([[p.real, q.real], [p.imag, q.imag]], [-first.real, -first.imag])
     found = solve_ivp(
-        rates, (0.0, float(time[-1])), [coupler, follower, *start_rates], "DOP853", t_eval=time, rtol=tolerance, atol=tolerance, max_step=max_step
+        rates,
+        (0.0, float(time[-1])),
+        [coupler, follower, *start_rates],
+        "DOP853",
+        t_eval=time,
+        rtol=tolerance,
+        atol=tolerance,
+        max_step=max_step,
     )
     assert found.success, found.message
     sampled = [contact(t, *y) for t, y in zip(found.t, found.y.T, strict=True)]

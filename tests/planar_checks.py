@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from analytic.assembly import Assembly
-from analytic.clearance import displaced
-from analytic.kinematics import kinematics
-from analytic.kinetostatics import kinetostatics
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import load
+from analytic.mechanism.file import load
+from analytic.paper.clearance import displaced
+from analytic.paper.kinetostatics import kinetostatics
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
 from ode import ClearanceMotion, clearance_four_bar_ode
 from sim_models.common.journal import free_share
+from sim_models.common.start import poses
 from sim_models.engine import Engine, JointModel, Motion, Request, Trace
-from sim_models.start import poses
 
 PAPER_RANGE = np.arange(20.0, 161.0, 5.0)
 SEVERAL = {"D": 1e-4, "F": 2e-4, "B": 1e-4, "G": 5e-5}
@@ -28,7 +28,9 @@ LINKAGES = {
 }
 
 
-def run(engine: Engine, mechanism: Mechanism, joint_model: JointModel, motion: Motion, degrees: object, **options: object) -> Trace:
+def run(
+    engine: Engine, mechanism: Mechanism, joint_model: JointModel, motion: Motion, degrees: object, **options: object
+) -> Trace:
     return engine.simulate(Request(mechanism, joint_model, motion, np.radians(degrees), **options))  # type: ignore[arg-type]
 
 
@@ -39,7 +41,11 @@ def vector(trace: Trace, name: str) -> np.ndarray:
 def reaction_errors(trace: Trace, mechanism: Mechanism, joint: str = "B") -> tuple[float, float]:
     """Largest error of a reaction's direction (deg) and magnitude (%) against the analytic equilibrium."""
     found = displaced(
-        Assembly(mechanism), trace.crank_angle, mechanism.speed or 1.0, inertia=trace.motion == "driven", clearances=dict(trace.clearance)
+        Assembly(mechanism),
+        trace.crank_angle,
+        mechanism.speed or 1.0,
+        inertia=trace.motion == "driven",
+        clearances=dict(trace.clearance),
     )
     assert not found.flags
     signals = found.signals()
@@ -51,7 +57,11 @@ def assert_kinetostatics(trace: Trace, mechanism: Mechanism, relative: float) ->
     """Every signal of an ideal run, to ``relative`` of its kind's largest value."""
     motion = kinematics(Assembly(mechanism), trace.crank_angle, mechanism.speed or 1.0)
     expected = kinetostatics(motion, inertia=trace.motion == "driven").signals()
-    force = max(np.abs(values).max() for name, values in expected.items() if name.startswith("reaction") and name[-2:] in ("_x", "_y"))
+    force = max(
+        np.abs(values).max()
+        for name, values in expected.items()
+        if name.startswith("reaction") and name[-2:] in ("_x", "_y")
+    )
     for name, values in expected.items():
         if trace.motion == "static" and name.endswith("velocity"):
             np.testing.assert_allclose(trace.signals[name], 0.0, atol=1e-7)
@@ -81,7 +91,15 @@ def exact_motion(m: Mechanism, theta: np.ndarray, tolerance: float) -> Clearance
     assert m.speed is not None
     angles = start["coupler"].angle, start["follower"].angle
     return clearance_four_bar_ode(
-        m, b.clearance, b.contact_stiffness, b.contact_damping, theta / m.speed, 0.0, *angles, max_step=1e-4, tolerance=tolerance
+        m,
+        b.clearance,
+        b.contact_stiffness,
+        b.contact_damping,
+        theta / m.speed,
+        0.0,
+        *angles,
+        max_step=1e-4,
+        tolerance=tolerance,
     )
 
 
@@ -100,7 +118,9 @@ def many_impacts_against_the_ode(engine: Engine) -> dict[str, tuple[float, float
     """Simulated and exact rms force (N) and free share over revolutions 3 to 22: 0.5 mm, C = 30 N.s/m."""
     m = fast_crank_rocker(5e-4, 30.0)
     theta = np.linspace(4 * np.pi, 44 * np.pi, 7201)
-    exact = exact_motion(m, np.linspace(0.0, 44 * np.pi, 22 * 3600 + 1), 1e-8)  # its own scatter, between tolerances: 0.297 to 0.308
+    exact = exact_motion(
+        m, np.linspace(0.0, 44 * np.pi, 22 * 3600 + 1), 1e-8
+    )  # its own scatter, between tolerances: 0.297 to 0.308
     later = exact.crank >= theta[0] - 1e-9
     trace = engine.simulate(Request(m, "spring-damper", "driven", theta, start="centred", lead_in=4 * np.pi))
     rms = [float(np.sqrt(np.mean(np.abs(f) ** 2))) for f in (vector(trace, "reaction_B"), exact.force[later])]

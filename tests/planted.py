@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from analytic.assembly import Assembly
-from analytic.clearance import displaced
+from analytic.kinematics.assembly import Assembly
+from analytic.paper.clearance import displaced
 from sim_models.engine import JointModel, Motion, Request, Trace
 
 Signals = dict[str, np.ndarray]
@@ -38,13 +38,28 @@ class Planted:
     name: str = "planted"
     version: str = "1"
     package: str = "numpy"
-    supports: frozenset[tuple[JointModel, Motion]] = field(default=frozenset({("ideal", "driven"), ("ideal", "static"), ("contact", "static")}))
+    supports: frozenset[tuple[JointModel, Motion]] = field(
+        default=frozenset({("ideal", "driven"), ("ideal", "static"), ("contact", "static")})
+    )
 
     def simulate(self, request: Request) -> Trace:
         """The answer to a request."""
         mechanism, sizes = request.mechanism, {} if request.joint_model == "ideal" else request.mechanism.clearances
         found = displaced(
-            Assembly(mechanism), request.crank_angle, mechanism.speed or 1.0, inertia=request.motion == "driven", clearances=sizes
+            Assembly(mechanism),
+            request.crank_angle,
+            mechanism.speed or 1.0,
+            inertia=request.motion == "driven",
+            clearances=sizes,
         ).signals()
         signals = self.fault({name: np.array(v) for name, v in found.items() if not name.endswith("_rotation")})
-        return Trace(self.name, self.version, request.joint_model, request.motion, request.crank_angle, None, signals, clearance=sizes)
+        return Trace(
+            self.name,
+            self.version,
+            request.joint_model,
+            request.motion,
+            request.crank_angle,
+            None,
+            signals,
+            clearance=sizes,
+        )

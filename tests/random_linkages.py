@@ -1,8 +1,9 @@
 """Random planar linkages that close by construction: poses first, then lengths and frames from the poses.
 
-A linkage begins with a crank on the ground; dyads and groups of four bodies are added to it, each pinned to (or sliding on) what is
-there already.  Where every joint is in the ground frame is chosen; the points of the bodies follow from random body frames.  Every
-choice goes through :class:`Choice`, so that hypothesis shrinks a linkage to a plain one, and a seed makes the same linkage again.
+A linkage begins with a crank on the ground; dyads and groups of four bodies are added to it, each pinned to (or sliding
+on) what is there already.  Where every joint is in the ground frame is chosen; the points of the bodies follow from
+random body frames.  Every choice goes through :class:`Choice`, so that hypothesis shrinks a linkage to a plain one, and
+a seed makes the same linkage again.
 """
 
 from __future__ import annotations
@@ -51,7 +52,11 @@ class Drawn:
 class Ranges:
     """From what a linkage is chosen: powers of ten unless it says otherwise, (smallest, simplest, largest)."""
 
-    length: tuple[float, float, float] = (-6.0, 0.0, 0.8)  # of the crank, m; a linkage is up to some five times as large
+    length: tuple[float, float, float] = (
+        -6.0,
+        0.0,
+        0.8,
+    )  # of the crank, m; a linkage is up to some five times as large
     speed: tuple[float, float, float] = (-3.0, 0.0, 3.0)  # rad/s
     mass: tuple[float, float, float] = (-6.0, 0.0, 3.0)  # kg, of the whole linkage
     spread: float = 4.5  # of a body's mass to either side of that
@@ -123,7 +128,9 @@ class _Skeleton:
     """Bodies and joints of a linkage whose crank is 1 long, where they are in the ground frame."""
 
     choice: Choice
-    poses: dict[str, tuple[complex, complex]] = field(default_factory=lambda: {"ground": (0j, 1 + 0j)})  # origin, x axis
+    poses: dict[str, tuple[complex, complex]] = field(
+        default_factory=lambda: {"ground": (0j, 1 + 0j)}
+    )  # origin, x axis
     places: dict[str, dict[str, complex]] = field(default_factory=lambda: {"ground": {}})
     joints: list[dict[str, Any]] = field(default_factory=list)
 
@@ -166,7 +173,9 @@ class _Skeleton:
         holders = [self.pick(["crank", *list(self.poses)[:-4]]), "ground"]
         at = self.anchor(holders[0])
         middle = at + polar(c, 0.5, 1.5, 3.0)
-        corners = [middle + real(c, 0.4, 0.7, 1.5) * np.exp(1j * (math.pi * k / 2 + real(c, -0.5, 0.0, 0.5))) for k in range(4)]
+        corners = [
+            middle + real(c, 0.4, 0.7, 1.5) * np.exp(1j * (math.pi * k / 2 + real(c, -0.5, 0.0, 0.5))) for k in range(4)
+        ]
         for k in range(4):
             self.join(_chance(c, 10), names[k], names[(k + 1) % 4], corners[k])
         self.pin(holders[0], names[0], at)
@@ -185,7 +194,9 @@ class _Skeleton:
         """A place on a body for a new joint: where it has a point already, or beside that."""
         there = [z for name, z in self.places[body].items() if (body, name) != ("crank", "J0")][::-1]
         at = self.pick(there)
-        slides = any(j["type"] == "prismatic" and body in j["bodies"] for j in self.joints)  # with two pins in one place it would have no length
+        slides = any(
+            j["type"] == "prismatic" and body in j["bodies"] for j in self.joints
+        )  # with two pins in one place it would have no length
         return at + polar(self.choice, 0.3, 0.5, 2.0) if slides or _chance(self.choice, 60) else at
 
     def join(self, slides: bool, first: str, second: str, z: complex) -> None:
@@ -203,8 +214,12 @@ class _Skeleton:
         self.places[first][name] = z
         self.places[second][name] = z + real(self.choice, -1.0, 0.0, 1.0) * along
         axis = along / self.poses[first][1] * real(self.choice, 0.5, 1.0, 2.0)
-        angle = float(np.angle(self.poses[second][1]) - np.angle(self.poses[first][1]))  # as the assembly angles, whole turns included
-        self.joints.append({"name": name, "type": "prismatic", "bodies": [first, second], "axis": pair(axis), "angle": angle})
+        angle = float(
+            np.angle(self.poses[second][1]) - np.angle(self.poses[first][1])
+        )  # as the assembly angles, whole turns included
+        self.joints.append(
+            {"name": name, "type": "prismatic", "bodies": [first, second], "axis": pair(axis), "angle": angle}
+        )
 
 
 @dataclass
@@ -230,7 +245,11 @@ class _Flesh:
             "joint": [self.laws(j) for j in s.joints],
             "drive": drive,
             "load": [self.load() for _ in range(c.whole(0, 3))],
-            "assembly": {b: float(np.angle(x)) + (b != driven) * real(c, -0.01, 0.0, 0.01) for b, (_, x) in s.poses.items() if b != "ground"},
+            "assembly": {
+                b: float(np.angle(x)) + (b != driven) * real(c, -0.01, 0.0, 0.01)
+                for b, (_, x) in s.poses.items()
+                if b != "ground"
+            },
         }
 
     def points(self, body: str) -> dict[str, list[float]]:
@@ -239,7 +258,11 @@ class _Flesh:
 
     def body(self, name: str) -> dict[str, Any]:
         c = self.choice
-        body: dict[str, Any] = {"name": name, "points": self.points(name), "mass": self.mass * power(c, -self.ranges.spread, 0.0, self.ranges.spread)}
+        body: dict[str, Any] = {
+            "name": name,
+            "points": self.points(name),
+            "mass": self.mass * power(c, -self.ranges.spread, 0.0, self.ranges.spread),
+        }
         if _chance(c, 50):
             body["com"] = pair(self.length * polar(c, 0.0, 0.5, 2.0))
         if _chance(c, 20):
@@ -272,7 +295,9 @@ class _Flesh:
         body = self.skeleton.pick([b for b in self.skeleton.poses if b != "ground"])
         load: dict[str, Any] = {"body": body, "point": self.skeleton.pick(["com", *self.skeleton.places[body]])}
         size = self.force * power(c, *self.ranges.load)
-        return load | ({"torque": _either(c, 1) * size * self.length} if _chance(c, 30) else {"force": pair(size * turn(c))})
+        return load | (
+            {"torque": _either(c, 1) * size * self.length} if _chance(c, 30) else {"force": pair(size * turn(c))}
+        )
 
     def drive(self, speed: float) -> dict[str, Any]:
         """At the crank, or at another pin on the ground, which makes other groups of the same joints."""

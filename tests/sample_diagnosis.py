@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from analytic.assembly import Assembly
-from analytic.clearance import displaced
+from analytic.beyond_paper.released import released
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Load, Mechanism
-from analytic.mechanism_file import load
-from analytic.released import released
+from analytic.mechanism.file import load
+from analytic.paper.clearance import displaced
 
 Signals = Mapping[str, np.ndarray]
 Model = Callable[[Mechanism], list[Signals]]
@@ -94,9 +94,21 @@ def sample_diagnosis(runs: int = 3, samples: int = 721) -> dict[str, Any]:
             found.append(displaced(Assembly(loaded), math.copysign(1.0, speed) * theta, speed).signals())
         return found
 
-    candidates = [_clearance("B"), _clearance("E"), _clearance("A"), _length("follower"), _length("coupler"), _gravity()]
+    candidates = [
+        _clearance("B"),
+        _clearance("E"),
+        _clearance("A"),
+        _length("follower"),
+        _length("coupler"),
+        _gravity(),
+    ]
     drives = [
-        {"name": name, "drive": "speed", "crank_angle": math.copysign(1.0, w) * theta, "time": (theta - theta[0]) / abs(w)}
+        {
+            "name": name,
+            "drive": "speed",
+            "crank_angle": math.copysign(1.0, w) * theta,
+            "time": (theta - theta[0]) / abs(w),
+        }
         for name, w in speeds.items()
     ]
     result = _diagnosed(nominal, candidates, {"radial_clearance": "m"}, CLEARANCE, model, drives, NOISE)
@@ -127,7 +139,9 @@ def no_gap() -> dict[str, Any]:
     for run in result["runs"]:
         for signal in run["signals"].values():
             signal["after"] = signal["before"]
-            signal["measured"] = [v + signal["noise"] * e for v, e in zip(signal["before"], rng.standard_normal(181), strict=True)]
+            signal["measured"] = [
+                v + signal["noise"] * e for v, e in zip(signal["before"], rng.standard_normal(181), strict=True)
+            ]
             signal["gap_before"] = signal["gap_after"] = _rms(_residuals(signal, "before"))
     _weigh(result)
     for row in result["candidates"]:
@@ -171,9 +185,17 @@ def _diagnosed(
         "command": f"compare diagnose measured.toml --simulator mujoco --exclude {EXCLUDED} --out diagnosis",
         "versions": {"linkage-crosscheck": "0.1.0", "mujoco": "4.0.0", "numpy": np.__version__},
         "runs": runs,
-        "effects": [named | {"parameters": {name: {"value": value, "unit": unit, "low": value - half, "high": value + half}}}],
+        "effects": [
+            named | {"parameters": {name: {"value": value, "unit": unit, "low": value - half, "high": value + half}}}
+        ],
         "faults": [
-            {"run": run["name"], "signal": name, "kind": "gap", "samples": len(GAP), "text": f"{len(GAP)} samples are missing"}
+            {
+                "run": run["name"],
+                "signal": name,
+                "kind": "gap",
+                "samples": len(GAP),
+                "text": f"{len(GAP)} samples are missing",
+            }
             for run in runs
             for name in run["signals"]
             if name == INTERRUPTED
@@ -201,7 +223,11 @@ def _fitted(model: Callable[[float], np.ndarray], measured: np.ndarray, value: f
 
 
 def _runs(
-    drives: list[dict[str, Any]], measured: list[np.ndarray], before: list[Signals], after: list[Signals], noise: dict[str, tuple[str, float]]
+    drives: list[dict[str, Any]],
+    measured: list[np.ndarray],
+    before: list[Signals],
+    after: list[Signals],
+    noise: dict[str, tuple[str, float]],
 ) -> list[dict[str, Any]]:
     """The runs with every signal as measured, before and after; a block in four is held out."""
     runs = []
@@ -210,27 +236,61 @@ def _runs(
         abscissa = 6 * time if drive["drive"] == "free" else np.abs(angle)
         held = (np.floor(abscissa / math.radians(45.0)) % 4 == 2).astype(int)
         signals = {}
-        for k, ((name, (unit, sigma)), values) in enumerate(zip(noise.items(), np.split(samples, len(noise)), strict=True)):
+        for k, ((name, (unit, sigma)), values) in enumerate(
+            zip(noise.items(), np.split(samples, len(noise)), strict=True)
+        ):
             taken = [None if name == INTERRUPTED and i in GAP else float(v) for i, v in enumerate(values)]
             signal = {"unit": unit, "noise": sigma, "noise_given": k % 2 == 0, "measured": taken}
             signal |= {"before": nominal[name].tolist(), "after": explained[name].tolist()}
             signals[name] = signal | {f"gap_{side}": _rms(_residuals(signal, side)) for side in ("before", "after")}
-        runs.append({**drive, "crank_angle": angle.tolist(), "time": time.tolist(), "held_out": held.tolist(), "signals": signals})
+        runs.append(
+            {
+                **drive,
+                "crank_angle": angle.tolist(),
+                "time": time.tolist(),
+                "held_out": held.tolist(),
+                "signals": signals,
+            }
+        )
     return runs
 
 
 def _tell(result: dict[str, Any], words: str) -> None:
     """Engines (all of them the analytic model here), statement and steps."""
     gap = {side: result["gap"][side] for side in ("before", "after")}
-    result["statement"] = f"What the model lacks is {words}: with it the gap shrinks from {gap['before']:.3g} to {gap['after']:.3g}."
+    result["statement"] = (
+        f"What the model lacks is {words}: with it the gap shrinks from {gap['before']:.3g} to {gap['after']:.3g}."
+    )
     result["engines"] = [
-        {"name": "mujoco", "version": "4.0.0", **gap, "agreement": 0.0, "skipped": None, "added": [], "settings": _settings(result)},
-        {"name": "exudyn", "version": "1.13.0", **gap, "agreement": 0.0, "skipped": None, "added": ["coulomb_friction@B"], "settings": {}},
         {
-            "name": "dart", "version": "6.20.0", "before": None, "after": None, "agreement": None, "skipped": f"it has no {words}",
-            "added": [], "settings": {},
+            "name": "mujoco",
+            "version": "4.0.0",
+            **gap,
+            "agreement": 0.0,
+            "skipped": None,
+            "added": [],
+            "settings": _settings(result),
         },
-    ]  # fmt: skip
+        {
+            "name": "exudyn",
+            "version": "1.13.0",
+            **gap,
+            "agreement": 0.0,
+            "skipped": None,
+            "added": ["coulomb_friction@B"],
+            "settings": {},
+        },
+        {
+            "name": "dart",
+            "version": "6.20.0",
+            "before": None,
+            "after": None,
+            "agreement": None,
+            "skipped": f"it has no {words}",
+            "added": [],
+            "settings": {},
+        },
+    ]
     result["other_simulators"] = {"exudyn": gap}
     runs, candidates, alike = (len(result[key]) for key in ("runs", "candidates", "inseparable"))
     result["steps"] = [
@@ -245,7 +305,9 @@ def _tell(result: dict[str, Any], words: str) -> None:
 
 def _settings(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """A step of each run's own, and a law that is the same in all."""
-    return {run["name"]: {"step": 1e-4 * (1 + i), "contact_law": "linear spring"} for i, run in enumerate(result["runs"])}
+    return {
+        run["name"]: {"step": 1e-4 * (1 + i), "contact_law": "linear spring"} for i, run in enumerate(result["runs"])
+    }
 
 
 def _weigh(result: dict[str, Any]) -> None:
@@ -283,7 +345,17 @@ def _candidates(signatures: dict[str, np.ndarray], residual: np.ndarray) -> list
         effect, where = name.split("@")
         status = "named" if i == 0 else "excluded" if name == EXCLUDED else "not needed" if size else "invisible"
         left = sigmas * math.sqrt(1 - min(alike[rival], 1.0) ** 2)
-        rows.append({"name": effect, "where": where, "sigmas": sigmas, "remaining": left, "rival": rival, "status": status, "why": WHY[status]})
+        rows.append(
+            {
+                "name": effect,
+                "where": where,
+                "sigmas": sigmas,
+                "remaining": left,
+                "rival": rival,
+                "status": status,
+                "why": WHY[status],
+            }
+        )
     return rows
 
 
@@ -302,7 +374,10 @@ def _located(run: Mapping[str, Any]) -> list[dict[str, Any]]:
                 continue
             size = mean * signal["noise"]
             if last and last["size"] * size > 0:
-                last |= {"crank_angle_from": min(last["crank_angle_from"], k * BINS), "crank_angle_to": max(last["crank_angle_to"], (k + 1) * BINS)}
+                last |= {
+                    "crank_angle_from": min(last["crank_angle_from"], k * BINS),
+                    "crank_angle_to": max(last["crank_angle_to"], (k + 1) * BINS),
+                }
                 last |= {"size": max(last["size"], size, key=abs), "sigmas": max(last["sigmas"], abs(mean))}
                 continue
             last = {"run": run["name"], "signal": name, "crank_angle_from": k * BINS, "crank_angle_to": (k + 1) * BINS}
@@ -317,7 +392,10 @@ def _tie(result: dict[str, Any], other: Candidate) -> None:
     """Make the verdict a tie between the named effect and another."""
     effect = result["effects"][0]
     effect["ambiguous_with"] = [{"name": other.name, "where": other.where}]
-    block = '[[run]]\nname = "load-reversed"\nfile = "load-reversed.csv"\ndrive_speed = 3.0\n\n[[run.load]]\nbody = "follower"\ntorque = 2.0\n'
+    block = (
+        '[[run]]\nname = "load-reversed"\nfile = "load-reversed.csv"\ndrive_speed = 3.0\n\n[[run.load]]\nbody ='
+        ' "follower"\ntorque = 2.0\n'
+    )
     effect["would_separate"] = f"Reverse the load, so that the pin in B changes sides:\n\n{block}"
     result["verdict"] = "ambiguous"
     result["statement"] = f"Clearance in B and a wrong length of {other.where} explain these data equally well."

@@ -7,18 +7,21 @@ from typing import Any
 
 import numpy as np
 
-from analytic.assembly import Assembly
-from analytic.clearance import displaced
-from analytic.mechanism_file import load
-from analytic.released import released
-from compare.signals import UNITS, compared, with_derived
+from analytic.beyond_paper.released import released
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism.file import load
+from analytic.paper.clearance import displaced
+from compare.judge.signals import UNITS, compared, with_derived
 
 ERROR = {"ideal": 1e-7, "massless-link": 2e-6, "spring-damper": 3e-5, "contact": 4e-4}  # of a signal's peak
 DELIVERED = {"rad": 2e-3, "N": 0.1, "m": 2e-5, "N.m": 0.02}  # tolerances
 
 
 def sample_result(
-    case: str = "paper", clearance: dict[str, float] | None = None, engines: tuple[str, ...] = ("mujoco",), wrong: str = ""
+    case: str = "paper",
+    clearance: dict[str, float] | None = None,
+    engines: tuple[str, ...] = ("mujoco",),
+    wrong: str = "",
 ) -> dict[str, Any]:
     """A result of a shipped case; the signal ``wrong`` of the contact runs is 0.01 (SI) off and so disagrees."""
     mechanism = load(case)
@@ -30,7 +33,9 @@ def sample_result(
     for level, engine in enumerate(engines):
         for joint_model, error in ERROR.items():
             loose = {} if joint_model == "ideal" else sizes
-            answers = {m: displaced(assembly, theta, omega, model=m, clearances=loose) for m in ("first_order", "equilibrium")}
+            answers = {
+                m: displaced(assembly, theta, omega, model=m, clearances=loose) for m in ("first_order", "equilibrium")
+            }
             signals = {m: with_derived(a.signals(), mechanism) for m, a in answers.items()}
             rng = np.random.default_rng(level + 1)
             analytic = signals["equilibrium"]
@@ -38,7 +43,9 @@ def sample_result(
             if joint_model == "contact" and wrong:
                 simulated[wrong] = simulated[wrong] + 0.01 * np.sin(theta) ** 2
             kinds = compared(mechanism.with_clearances(loose), loose)
-            rows = [_discrepancy(name, UNITS[kind], simulated[name] - analytic[name], theta) for name, kind in kinds.items()]
+            rows = [
+                _discrepancy(name, UNITS[kind], simulated[name] - analytic[name], theta) for name, kind in kinds.items()
+            ]
             runs.append(
                 {
                     "simulator": {"name": engine, "version": "4.0.0"},
@@ -46,7 +53,12 @@ def sample_result(
                     "motion": "driven",
                     "clearance": dict(loose),
                     "analytic_model": "equilibrium",
-                    "settings": {"step": 1e-4, "contact_stiffness": 1e8, "contact_damping": 500.0, "contact_law": "Kelvin-Voigt"},
+                    "settings": {
+                        "step": 1e-4,
+                        "contact_stiffness": 1e8,
+                        "contact_damping": 500.0,
+                        "contact_law": "Kelvin-Voigt",
+                    },
                     "crank_angle": theta.tolist(),
                     "time": ((theta - theta[0]) / omega).tolist(),
                     "flags": {str(i): why for i, why in answers["equilibrium"].flags.items()},
@@ -57,7 +69,8 @@ def sample_result(
                     "journal": {j: _journal(analytic, j, c, joint_model) for j, c in loose.items()},
                     "free_share": dict.fromkeys(loose, 0.02 if joint_model == "contact" else 0.0),
                     "order_difference": {
-                        n: _difference(UNITS[k], signals["first_order"][n] - signals["equilibrium"][n], theta) for n, k in kinds.items()
+                        n: _difference(UNITS[k], signals["first_order"][n] - signals["equilibrium"][n], theta)
+                        for n, k in kinds.items()
                     },
                 }
             )
@@ -85,7 +98,10 @@ def swinging() -> dict[str, Any]:
     rng = np.random.default_rng(3)
     simulated = {name: _disturbed(v, 1e-3, 6 * time, rng) for name, v in analytic.items()}
     theta = simulated["pendulum_angle"]
-    rows = [_discrepancy(name, UNITS[kind], simulated[name] - analytic[name], theta) for name, kind in compared(mechanism, {}).items()]
+    rows = [
+        _discrepancy(name, UNITS[kind], simulated[name] - analytic[name], theta)
+        for name, kind in compared(mechanism, {}).items()
+    ]
     result = sample_result()
     ideal = result["runs"][0] | {
         "crank_angle": theta.tolist(),
@@ -97,7 +113,10 @@ def swinging() -> dict[str, Any]:
         "verdict": "disagrees" if any(r["verdict"] == "disagrees" for r in rows) else "agrees",
         "order_difference": {},
     }
-    fields = {"case": "pendulum", "mechanism": mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json")}
+    fields = {
+        "case": "pendulum",
+        "mechanism": mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json"),
+    }
     return result | fields | {"verdict": ideal["verdict"], "runs": [ideal]}
 
 
@@ -110,7 +129,12 @@ def _difference(unit: str, gap: np.ndarray, theta: np.ndarray) -> dict[str, Any]
     if not np.isfinite(gap).any():
         return {"unit": unit, "max": None, "rms": None, "at_crank_angle": None}
     k = int(np.nanargmax(np.abs(gap)))
-    return {"unit": unit, "max": float(gap[k]), "rms": float(np.sqrt(np.nanmean(gap**2))), "at_crank_angle": float(theta[k])}
+    return {
+        "unit": unit,
+        "max": float(gap[k]),
+        "rms": float(np.sqrt(np.nanmean(gap**2))),
+        "at_crank_angle": float(theta[k]),
+    }
 
 
 def _discrepancy(signal: str, unit: str, gap: np.ndarray, theta: np.ndarray) -> dict[str, Any]:
@@ -118,7 +142,13 @@ def _discrepancy(signal: str, unit: str, gap: np.ndarray, theta: np.ndarray) -> 
     tolerance = DELIVERED[unit]
     kind = "angle" if unit == "rad" else "magnitude" if signal.endswith("_magnitude") else "value"
     within = found["max"] is None or abs(found["max"]) <= tolerance
-    return {"signal": signal, "kind": kind, **found, "tolerance": tolerance, "verdict": "agrees" if within else "disagrees"}
+    return {
+        "signal": signal,
+        "kind": kind,
+        **found,
+        "tolerance": tolerance,
+        "verdict": "agrees" if within else "disagrees",
+    }
 
 
 def _listed(values: np.ndarray) -> list[float | None]:

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from analytic.accuracy import Accuracy, accuracy, total_displacement
-from analytic.assembly import Assembly
-from analytic.envelope import Output, transmission, unit_reactions
-from analytic.kinematics import Gap, kinematics
-from analytic.kinetostatics import kinetostatics
+from analytic.beyond_paper.monte_carlo import Population, draw
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import Gap, kinematics
 from analytic.mechanism import Load, Mechanism
-from analytic.mechanism_file import load
-from analytic.monte_carlo import Population, draw
+from analytic.mechanism.file import load
+from analytic.paper.envelope import Output, transmission, unit_reactions
+from analytic.paper.kinetostatics import kinetostatics
+from analytic.paper.superposition import Accuracy, accuracy, total_displacement
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
 from sim_models.engine import ENGINES, Request, declared
 
@@ -24,8 +24,16 @@ CYCLE = np.radians(np.arange(30.0, 151.0, 10.0))
 C = 1e-4  # m
 LOADED = {
     "paper": load("paper"),
-    "crank-rocker": load("crank-rocker").replace(loads=[{"body": "follower", "torque": 2.0}, {"body": "coupler", "force": (0.0, -20.0)}]),
-    "slider-crank": load("slider-crank").replace(loads=[{"body": "slider", "force": (-100.0, -30.0)}, {"body": "rod", "force": (5.0, 10.0)}]),
+    "crank-rocker": (
+        load("crank-rocker").replace(
+            loads=[{"body": "follower", "torque": 2.0}, {"body": "coupler", "force": (0.0, -20.0)}]
+        )
+    ),
+    "slider-crank": (
+        load("slider-crank").replace(
+            loads=[{"body": "slider", "force": (-100.0, -30.0)}, {"body": "rod", "force": (5.0, 10.0)}]
+        )
+    ),
     "six-bar": load("six-bar"),
 }
 
@@ -49,7 +57,10 @@ def moved(m: Mechanism, values: dict[Output, np.ndarray]) -> np.ndarray:
 def reassembled(found: Accuracy, gaps: np.ndarray, outputs: Sequence[Output]) -> dict[Output, np.ndarray]:
     """Displacements by gaps (pins, N), closing the linkage again."""
     theta = np.broadcast_to(found.theta, gaps.shape[1:])
-    ideal, displaced = (kinematics(found.assembly, theta, gaps=loose) for loose in (None, {p: Gap(g) for p, g in zip(found.pins, gaps, strict=True)}))
+    ideal, displaced = (
+        kinematics(found.assembly, theta, gaps=loose)
+        for loose in (None, {p: Gap(g) for p, g in zip(found.pins, gaps, strict=True)})
+    )
     return {d: d.value(displaced) - d.value(ideal) for d in outputs}
 
 
@@ -59,10 +70,14 @@ def reassembled(found: Accuracy, gaps: np.ndarray, outputs: Sequence[Output]) ->
 def test_the_papers_total_is_the_sum_of_figs_7a_and_7b() -> None:
     found = total_displacement(Assembly(load("paper")), np.radians([30.0]))
     apart = found.by_clearance("coupler", "B")[0] - found.by_clearance("follower", "B")[0]
-    np.testing.assert_allclose(apart, 0.01 * np.exp(1j * np.radians(30.0)), atol=1e-12)  # Eq. 8, at the clearance itself
+    np.testing.assert_allclose(
+        apart, 0.01 * np.exp(1j * np.radians(30.0)), atol=1e-12
+    )  # Eq. 8, at the clearance itself
     elastic = found.compliance.displacement("coupler", "B")[0]
     np.testing.assert_allclose(elastic, complex(-0.347493e-3, 0.602877e-3), atol=1e-9)
-    np.testing.assert_allclose(found.displacement("coupler", "B")[0], found.by_clearance("coupler", "B")[0] + elastic, atol=1e-15)
+    np.testing.assert_allclose(
+        found.displacement("coupler", "B")[0], found.by_clearance("coupler", "B")[0] + elastic, atol=1e-15
+    )
 
 
 def test_without_clearance_the_total_is_the_compliance() -> None:
@@ -74,10 +89,15 @@ def test_without_clearance_the_total_is_the_compliance() -> None:
 
 
 @pytest.mark.parametrize(
-    "m", [*LOADED.values(), load("pendulum"), scotch_yoke(), inverted_slider(), six_bar_driven_from_the_rocker()], ids=lambda m: m.name
+    "m",
+    [*LOADED.values(), load("pendulum"), scotch_yoke(), inverted_slider(), six_bar_driven_from_the_rocker()],
+    ids=lambda m: m.name,
 )
 def test_sensitivities_are_the_reactions_to_a_unit_load(m: Mechanism) -> None:
-    lawless = [j.model_copy(update={"friction_torque": 0.0, "friction": 0.0, "damping": 0.0, "stiffness": 0.0}) for j in m.joints]
+    lawless = [
+        j.model_copy(update={"friction_torque": 0.0, "friction": 0.0, "damping": 0.0, "stiffness": 0.0})
+        for j in m.joints
+    ]
     theta = m.assembly[m.driven] + np.linspace(-0.2, 0.3, 7)
     outputs = [*everything(m), *(Output(b.name, "y", next(iter(b.points))) for b in m.bodies)]
     found = unit_reactions(Assembly(m), theta, outputs)
@@ -107,12 +127,18 @@ def potential_energy(m: Mechanism, assembly: Assembly, theta: float, gaps: np.nd
     form, phasor = assembly.structure.form, lambda body: columns[assembly.structure.body_column(body)]
     work = sum(b.mass * (np.conj(complex(*m.gravity)) * (form(b.name) @ columns)).real for b in m.bodies)
     for one in m.loads:
-        work = work + (np.conj(complex(*one.force)) * (form(one.body, one.point) @ columns)).real + one.torque * np.angle(phasor(one.body))
+        work = (
+            work
+            + (np.conj(complex(*one.force)) * (form(one.body, one.point) @ columns)).real
+            + one.torque * np.angle(phasor(one.body))
+        )
     return -work
 
 
 def of_least_energy(m: Mechanism, assembly: Assembly, theta: float, c: float) -> np.ndarray:
-    """Gaps (pins,) of least potential energy among all with |gap| <= c, sought as c sin(u) exp(iv) from a point inside."""
+    """Gaps (pins,) of least potential energy among all with |gap| <= c, sought as c sin(u) exp(iv) from a point
+    inside.
+    """
     pins = len(assembly.structure.pins)
     step = 1e-4 * np.vstack([np.zeros(2 * pins), np.eye(2 * pins), -np.eye(2 * pins)])
 
@@ -147,7 +173,9 @@ def test_the_nominal_displacement_is_the_limit_of_small_gaps(m: Mechanism) -> No
     errors = []
     for c in (1e-4, 1e-5):
         found = at_rest(m, c)
-        nominal, equilibrium = (moved(m, {d: answer(d) for d in everything(m)}) for answer in (found.nominal, found.equilibrium))
+        nominal, equilibrium = (
+            moved(m, {d: answer(d) for d in everything(m)}) for answer in (found.nominal, found.equilibrium)
+        )
         errors.append(np.max(np.abs(nominal - equilibrium)) / c)
     assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.05)
 
@@ -200,7 +228,9 @@ def test_the_worst_case_is_reached_and_never_passed(m: Mechanism) -> None:
         np.testing.assert_allclose(reassembled(found, toward, [d])[d], worst, rtol=1e-3, atol=1e-10)
         np.testing.assert_allclose(reassembled(found, -toward, [d])[d], -worst, rtol=1e-3, atol=1e-10)
     for _ in range(50):
-        anywhere = 1e-6 * np.sqrt(rng.random((len(found.pins), 1))) * np.exp(2j * np.pi * rng.random((len(found.pins), 1)))
+        anywhere = (
+            1e-6 * np.sqrt(rng.random((len(found.pins), 1))) * np.exp(2j * np.pi * rng.random((len(found.pins), 1)))
+        )
         for d, displacement in reassembled(found, anywhere * np.ones(CYCLE.size), list(found.unit_reactions)).items():
             assert np.all(np.abs(displacement) <= found.worst_case(d) * 1.001 + 1e-10)
 
@@ -218,14 +248,18 @@ def test_the_farthest_point_is_the_maximum_over_every_direction(m: Mechanism) ->
         assert np.all(np.abs(far) >= support.max(axis=0) * (1 - 1e-12))
         along = rx[:, 0] * np.cos(np.angle(far)) + ry[:, 0] * np.sin(np.angle(far))
         reached = reassembled(found, C * along / np.maximum(np.abs(along), 1e-300), [x, y])
-        np.testing.assert_allclose(np.abs(reached[x] + 1j * reached[y]), np.abs(far), rtol=0.02)  # first order, at 0.1 mm
+        np.testing.assert_allclose(
+            np.abs(reached[x] + 1j * reached[y]), np.abs(far), rtol=0.02
+        )  # first order, at 0.1 mm
 
 
 # ---------------------------------------------------------------- Monte Carlo
 
 
 def population(found: Accuracy) -> Population:
-    return Population(found.assembly, found.total.clearance.ideal.motion, found.path, found.unit_reactions, found.directions)
+    return Population(
+        found.assembly, found.total.clearance.ideal.motion, found.path, found.unit_reactions, found.directions
+    )
 
 
 @pytest.mark.parametrize("m", LOADED.values(), ids=LOADED)
@@ -247,7 +281,9 @@ def test_monte_carlo_meets_its_formula_to_2_percent(m: Mechanism, contacts: str,
     r = found.unit_reactions[Output(m.bodies[1].name, "x")]
     if contacts == "free":  # E[c^2] of a uniform clearance, written out
         square = ((found.clearances + tolerance) ** 3 - (found.clearances - tolerance) ** 3) / (6 * tolerance)
-        np.testing.assert_allclose(spreads[Output(m.bodies[1].name, "x")].formula, np.sqrt(0.5 * square @ np.abs(r) ** 2), rtol=1e-12)
+        np.testing.assert_allclose(
+            spreads[Output(m.bodies[1].name, "x")].formula, np.sqrt(0.5 * square @ np.abs(r) ** 2), rtol=1e-12
+        )
 
 
 def test_percentiles_leave_the_right_shares_outside() -> None:
@@ -260,7 +296,9 @@ def test_percentiles_leave_the_right_shares_outside() -> None:
     for k in range(2):
         assert np.mean(along[d].real[k] < expected.spreads[d].low[k]) == pytest.approx(0.025, abs=0.005)
         assert np.mean(along[d].real[k] > expected.spreads[d].high[k]) == pytest.approx(0.025, abs=0.005)
-        assert np.mean(np.hypot(along[x].real[k], along[y].real[k]) < expected.radius["coupler"][k]) == pytest.approx(0.95, abs=0.005)
+        assert np.mean(np.hypot(along[x].real[k], along[y].real[k]) < expected.radius["coupler"][k]) == pytest.approx(
+            0.95, abs=0.005
+        )
 
 
 def test_samples_come_from_the_seed_alone() -> None:
@@ -268,7 +306,12 @@ def test_samples_come_from_the_seed_alone() -> None:
     d = Output("coupler", "y")
 
     def sigma(seed: int) -> np.ndarray:
-        return population(found).distribution(draw(found.clearances, 0.1 * found.clearances, 500, seed), "free").spreads[d].sigma
+        return (
+            population(found)
+            .distribution(draw(found.clearances, 0.1 * found.clearances, 500, seed), "free")
+            .spreads[d]
+            .sigma
+        )
 
     np.testing.assert_array_equal(sigma(3), sigma(3))
     assert np.all(sigma(3) != sigma(4))
@@ -281,7 +324,7 @@ def test_blocks_of_crank_angles_do_not_change_the_samples(monkeypatch: pytest.Mo
     for nonlinear in (False, True):
         whole = population(found).distribution(drawn, "free", nonlinear).spreads[d]
         with monkeypatch.context() as patch:
-            patch.setattr("analytic.monte_carlo.BLOCK", 2000)
+            patch.setattr("analytic.beyond_paper.monte_carlo.BLOCK", 2000)
             parts = population(found).distribution(drawn, "free", nonlinear).spreads[d]
         np.testing.assert_allclose(parts.sigma, whole.sigma, rtol=1e-12)
         np.testing.assert_allclose(parts.low, whole.low, rtol=1e-9)
@@ -293,8 +336,17 @@ def test_along_reactions_there_is_no_distribution_where_a_reaction_has_no_direct
     d, theta = Output("follower", "angle"), np.radians([70.0, 90.0, 110.0])
     for joint, lost in (("B", [False, True, False]), ("E", [False, False, False])):
         found = accuracy(Assembly(m), theta, [d], {joint: C})
-        spread = population(found).distribution(draw(found.clearances, 0.5 * found.clearances, 100, seed=0), "along reactions", nonlinear).spreads[d]
-        assert np.isnan(found.nominal(d)).tolist() == np.isnan(spread.sigma).tolist() == np.isnan(spread.low).tolist() == lost
+        spread = (
+            population(found)
+            .distribution(draw(found.clearances, 0.5 * found.clearances, 100, seed=0), "along reactions", nonlinear)
+            .spreads[d]
+        )
+        assert (
+            np.isnan(found.nominal(d)).tolist()
+            == np.isnan(spread.sigma).tolist()
+            == np.isnan(spread.low).tolist()
+            == lost
+        )
 
 
 # ---------------------------------------------------------------- where it does not hold
@@ -310,7 +362,9 @@ def test_the_contact_changes_side_where_a_two_force_coupler_is_unloaded() -> Non
         assert change.reaction == pytest.approx(0, abs=1e-3)
         assert abs(change.turned) == pytest.approx(np.pi, abs=0.1)
     d = Output("follower", "angle")
-    np.testing.assert_allclose(found.jumps[d], 2 * C / 0.2 * np.sign(found.jumps[d][0]), rtol=1e-3)  # each joint: from one side to the other
+    np.testing.assert_allclose(
+        found.jumps[d], 2 * C / 0.2 * np.sign(found.jumps[d][0]), rtol=1e-3
+    )  # each joint: from one side to the other
     beside = at_rest(m, C, np.radians([88.0, 92.0])).equilibrium(d)
     assert beside[1] - beside[0] == pytest.approx(found.jumps[d].sum(), rel=0.01)
 
@@ -325,7 +379,9 @@ def test_a_whole_turn_has_no_gap_between_its_last_and_first_crank_angle(start: f
     rest = float(kinematics(Assembly(sliding), np.radians([57.5])).travel("S")[0][0])
     m = sliding.with_joint("S", stiffness=1e4, rest_angle=rest)  # the spring lets go of the rod at 57.5 and 302.5 deg
     whole = at_rest(m, C, np.radians(start + np.arange(0.0, 356.0, 5.0)))
-    assert np.degrees([c.crank_angle for c in whole.side_changes if c.joint == "B"]) == pytest.approx([302.5, 417.5], abs=0.01)
+    assert np.degrees([c.crank_angle for c in whole.side_changes if c.joint == "B"]) == pytest.approx(
+        [302.5, 417.5], abs=0.01
+    )
     part = at_rest(m, C, np.radians(np.arange(60.0, 401.0, 5.0)))
     assert np.degrees([c.crank_angle for c in part.side_changes if c.joint == "B"]) == pytest.approx([302.5], abs=0.01)
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from analytic.mechanism_file import dumps, load, shipped_cases
+from analytic.mechanism.file import dumps, load, shipped_cases
 
 SCHEMA = json.loads(resources.files("compare").joinpath("schemas", "accuracy.json").read_text(encoding="utf-8"))
 ALL = {
@@ -49,16 +49,25 @@ def test_the_schema_itself_is_valid() -> None:
 def test_every_case_is_analysed_and_its_file_meets_the_schema(case: str, clearance: str, tmp_path: Path) -> None:
     found = numbers("--case", case, "--clearance", clearance, "--samples", "500", cwd=tmp_path)
     Draft202012Validator(SCHEMA).validate(found)
-    assert found == json.loads((tmp_path / "reports" / f"{case}-accuracy-{clearance}-samples=500" / "accuracy.json").read_text(encoding="utf-8"))
+    assert found == json.loads(
+        (tmp_path / "reports" / f"{case}-accuracy-{clearance}-samples=500" / "accuracy.json").read_text(
+            encoding="utf-8"
+        )
+    )
     assert list(found["outputs"]) == [f"{b.name}_{axis}" for b in load(case).bodies for axis in ("x", "y", "angle")]
     n = len(found["crank_angle"])
     for row in found["outputs"].values():
         sizes = np.array([found["clearance"].get(joint, 0.0) for joint in row["sensitivity"]])
         np.testing.assert_allclose(row["worst_case"], sizes @ np.array(list(row["sensitivity"].values())), atol=1e-18)
-        assert np.all(np.abs(series(row["nominal"]))[np.isfinite(series(row["nominal"]))] <= series(row["worst_case"]).max() * (1 + 1e-9) + 1e-18)
+        assert np.all(
+            np.abs(series(row["nominal"]))[np.isfinite(series(row["nominal"]))]
+            <= series(row["worst_case"]).max() * (1 + 1e-9) + 1e-18
+        )
         assert {len(row[key]) for key in ("nominal", "equilibrium", "compliance", "total")} == {n}
         assert [row["equilibrium"][int(i)] for i in found["flags"]] == [None] * len(found["flags"])
-        np.testing.assert_allclose(series(row["total"]), series(row["equilibrium"]) + series(row["compliance"]), rtol=1e-12)
+        np.testing.assert_allclose(
+            series(row["total"]), series(row["equilibrium"]) + series(row["compliance"]), rtol=1e-12
+        )
 
 
 def test_a_file_that_says_something_else_does_not_meet_the_schema(tmp_path: Path) -> None:
@@ -79,11 +88,15 @@ def test_20_000_samples_meet_the_formula_to_2_percent(tmp_path: Path) -> None:
         for spread in row["monte_carlo"].values():
             if name != "crank_angle":
                 large = np.array(spread["formula"]) > 0.01 * max(spread["formula"])
-                np.testing.assert_allclose(np.array(spread["sigma"])[large], np.array(spread["formula"])[large], rtol=0.02)
+                np.testing.assert_allclose(
+                    np.array(spread["sigma"])[large], np.array(spread["formula"])[large], rtol=0.02
+                )
 
 
 def test_the_same_command_gives_the_same_numbers_and_another_seed_others(tmp_path: Path) -> None:
-    once, again, other = (numbers("--output", "coupler", "--samples", "1000", "--seed", seed, cwd=tmp_path) for seed in ("1", "1", "2"))
+    once, again, other = (
+        numbers("--output", "coupler", "--samples", "1000", "--seed", seed, cwd=tmp_path) for seed in ("1", "1", "2")
+    )
     assert once["outputs"] == again["outputs"]
     for found in (once, other):
         found["sigma"] = found["outputs"]["coupler_y"]["monte_carlo"]["free"]["sigma"]
@@ -127,7 +140,9 @@ def test_the_table_is_in_millimetres_and_degrees(tmp_path: Path) -> None:
     assert done.stderr == ""
     (line,) = (line.split() for line in done.stdout.splitlines() if line.startswith("follower_angle"))
     assert line[:2] == ["follower_angle", "deg"]
-    assert float(line[5]) == pytest.approx(np.degrees(4e-4 / (0.2 * np.sin(np.radians(20.0)))), rel=2e-3)  # worst case, at 20 deg
+    assert float(line[5]) == pytest.approx(
+        np.degrees(4e-4 / (0.2 * np.sin(np.radians(20.0)))), rel=2e-3
+    )  # worst case, at 20 deg
     assert line[6:8] == ["20", "deg"]
     assert done.stdout.isascii()
     assert "accuracy.json" in done.stdout
@@ -136,7 +151,9 @@ def test_the_table_is_in_millimetres_and_degrees(tmp_path: Path) -> None:
 def test_unloaded_and_reversing_contacts_are_told(tmp_path: Path) -> None:
     m = load("paper").replace(loads=[{"body": "follower", "force": (0.0, 50.0)}])
     (tmp_path / "reversing.toml").write_text(dumps(m), encoding="utf-8")
-    done = accuracy("--case", "reversing.toml", "--clearance", "B=1e-4", "--motion", "static", "--samples", "50", cwd=tmp_path)
+    done = accuracy(
+        "--case", "reversing.toml", "--clearance", "B=1e-4", "--motion", "static", "--samples", "50", cwd=tmp_path
+    )
     assert done.returncode == 0, done.stderr
     assert "the contact in B changes side at 90 deg" in done.stdout
     assert "1 crank angles with flags, first 90 deg: the reaction at B passes near zero" in done.stdout
@@ -147,7 +164,10 @@ BAD_INPUT = {
     "no number": (["--clearance", "B"], ["--clearance B", "JOINT=metres"]),
     "negative": (["--clearance", "B=-1e-4"], ["--clearance B=-1e-4", "0 or more"]),
     "tolerance for no joint": (["--clearance-tolerance", "Q=1e-4"], ["--clearance-tolerance Q=1e-4", "D, A, B, E"]),
-    "tolerance beyond the clearance": (["--clearance", "B=1e-4", "--clearance-tolerance", "B=2e-4"], ["B=0.0002", "0.0001 m", "negative"]),
+    "tolerance beyond the clearance": (
+        ["--clearance", "B=1e-4", "--clearance-tolerance", "B=2e-4"],
+        ["B=0.0002", "0.0001 m", "negative"],
+    ),
     "unknown body": (["--output", "arm"], ["--output arm", "crank, coupler, follower"]),
     "unknown point": (["--output", "coupler.Z"], ["--output coupler.Z", "'Z'", "com, angle, A, B"]),
     "point of two bodies": (["--output", "B"], ["--output B", "coupler and follower", "coupler.B"]),
@@ -156,7 +176,10 @@ BAD_INPUT = {
     "missing file": (["--case", "nowhere.toml"], ["nowhere.toml", "no such mechanism file"]),
     "clearance larger than a link": (["--clearance", "B=0.5"], ["joint 'B'", "0.5", "not smaller than body"]),
     "too few samples": (["--samples", "1"], ["--samples", "2"]),
-    "a sample that cannot be closed": (["--nonlinear", "--angles", "2:4:1", "--output", "coupler"], ["cannot be reached", "clearance"]),
+    "a sample that cannot be closed": (
+        ["--nonlinear", "--angles", "2:4:1", "--output", "coupler"],
+        ["cannot be reached", "clearance"],
+    ),
 }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from compare.attribution import Apart, odd_one_out, spread, stands_apart
+from compare.judge.attribution import Apart, odd_one_out, spread, stands_apart
 
 TRUTH = np.linspace(1.0, 2.0, 21)
 TIGHT = np.full(21, 1e-3)
@@ -30,7 +30,9 @@ def test_the_one_that_differs_stands_apart(party: str) -> None:
 
 def test_nobody_stands_apart_when_all_agree_or_all_differ() -> None:
     assert stands_apart("drive_torque", "torque", {"analytic": TRUTH, "a": TRUTH + 1e-4, "b": TRUTH}, TIGHT) is None
-    assert stands_apart("drive_torque", "torque", {"analytic": TRUTH, "a": TRUTH + BUMP, "b": TRUTH - BUMP}, TIGHT) is None
+    assert (
+        stands_apart("drive_torque", "torque", {"analytic": TRUTH, "a": TRUTH + BUMP, "b": TRUTH - BUMP}, TIGHT) is None
+    )
 
 
 def test_two_parties_cannot_tell_who_is_wrong() -> None:
@@ -38,7 +40,10 @@ def test_two_parties_cannot_tell_who_is_wrong() -> None:
 
 
 def test_angles_are_compared_modulo_a_turn() -> None:
-    assert stands_apart("reaction_B_angle", "angle", {"analytic": TRUTH, "a": TRUTH + 2 * np.pi, "b": TRUTH}, TIGHT) is None
+    assert (
+        stands_apart("reaction_B_angle", "angle", {"analytic": TRUTH, "a": TRUTH + 2 * np.pi, "b": TRUTH}, TIGHT)
+        is None
+    )
 
 
 def test_the_odd_one_out_needs_a_clear_majority_of_signals() -> None:

@@ -9,21 +9,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from analytic import printed
-from analytic.assembly import Assembly
-from analytic.clearance import Model
-from analytic.mechanism_file import load
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism.file import load
+from analytic.paper import printed
+from analytic.paper.clearance import Model
 from compare.crosscheck import Job, crosscheck
-from compare.discrepancy import load_tolerances
-from compare.signals import with_derived
-from compare.yardstick import Yardstick, yardstick
+from compare.judge.discrepancy import load_tolerances
+from compare.judge.reference import Yardstick, yardstick
+from compare.judge.signals import with_derived
 from sim_models.engine import ENGINES, Engine, Motion, Request, Trace, Unsupported, engine
 
 INSTALLED = tuple(name for name in ENGINES if importlib.util.find_spec(engine(name).package))
 TURN = np.radians(np.arange(0.0, 360.0, 20.0))
 PAPER = np.radians(np.arange(20.0, 161.0, 20.0))
 
-pytestmark = pytest.mark.skipif(len(INSTALLED) < 2, reason="it takes two engines and the analytic model to tell who is wrong")
+pytestmark = pytest.mark.skipif(
+    len(INSTALLED) < 2, reason="it takes two engines and the analytic model to tell who is wrong"
+)
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,9 @@ def test_an_engine_with_a_mass_5_percent_off_stands_apart(culprit: str) -> None:
     assert result["words"].startswith(f"{culprit} stands apart")
 
 
-def printed_side(assembly: Assembly, theta: np.ndarray, motion: Motion, model: Model, clearances: Mapping[str, float]) -> Yardstick:
+def printed_side(
+    assembly: Assembly, theta: np.ndarray, motion: Motion, model: Model, clearances: Mapping[str, float]
+) -> Yardstick:
     """The analytic side with Eq. 11 as printed: the load in the x row."""
     right = yardstick(assembly, theta, motion, model, clearances)
     bar = printed.FourBar(0.4, (0.2, 0.4, 0.2), (0.1, 0.2, 0.1), (0.157, 0.314, 0.157), (5.25e-4, 4.19e-3, 5.25e-4))
@@ -71,8 +75,17 @@ def test_the_printed_equation_11_stands_apart_as_the_analytic_model() -> None:
 
 
 def test_what_agrees_with_its_contact_yielding_does_not_stand_apart() -> None:
-    """Contact yields by more than a tenth of a small clearance: what the verdict allows for, the attribution does too."""
-    job = Job(load("paper").with_clearances({"B": 1e-4}), INSTALLED, load_tolerances(), "static", PAPER[:3], joint_model="spring-damper")
+    """Contact yields by more than a tenth of a small clearance: what the verdict allows for, the attribution
+    does too.
+    """
+    job = Job(
+        load("paper").with_clearances({"B": 1e-4}),
+        INSTALLED,
+        load_tolerances(),
+        "static",
+        PAPER[:3],
+        joint_model="spring-damper",
+    )
     result = crosscheck(job)
     assert result["verdict"] == "agrees"
     assert result["odd_one_out"] is None
@@ -81,7 +94,9 @@ def test_what_agrees_with_its_contact_yielding_does_not_stand_apart() -> None:
 
 def test_an_engine_that_lacks_something_is_left_out_and_the_others_go_on() -> None:
     rubbing = load("paper").with_joint("B", friction=0.1)
-    result = crosscheck(Job(rubbing, ("mujoco", "exudyn"), load_tolerances(), "static", PAPER[:2], joint_model="contact"))
+    result = crosscheck(
+        Job(rubbing, ("mujoco", "exudyn"), load_tolerances(), "static", PAPER[:2], joint_model="contact")
+    )
     assert {run["simulator"]["name"] for run in result["runs"]} == {"mujoco"}
     (warning,) = result["warnings"]
     assert warning.startswith("left out: exudyn")

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import dumps, load, shipped_cases
-from compare.baseline.command import check_one, file_of, update_one
-from compare.baseline.file import Baseline, BaselineError, Run, Tolerance, read, write
-from compare.baseline.moved import fits, moved
-from compare.baseline.runs import setups
+from analytic.mechanism.file import dumps, load, shipped_cases
+from compare.cli.baseline import check_one, file_of, update_one
+from compare.evidence.baseline.file import Baseline, BaselineError, Run, Tolerance, read, write
+from compare.evidence.baseline.moved import fits, moved
+from compare.evidence.baseline.runs import setups
 from planted import Planted, turned
 from sim_models.engine import ENGINES, declared, engine
 
@@ -29,7 +29,9 @@ PAPER = load("paper")
 
 def compare(*arguments: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "compare", "baseline", *arguments]
-    return subprocess.run(command, cwd=cwd, env=os.environ | environment, capture_output=True, text=True, timeout=300, check=False)
+    return subprocess.run(
+        command, cwd=cwd, env=os.environ | environment, capture_output=True, text=True, timeout=300, check=False
+    )
 
 
 def update(folder: Path, fault: Planted, mechanism: Mechanism = PAPER) -> None:
@@ -77,14 +79,20 @@ def test_nothing_moved_is_status_0_and_says_how_much_was_looked_at(written: str,
     assert done.stderr == ""
 
 
-def test_two_hundredths_of_a_degree_are_status_1_and_reported_with_size_sign_and_place(written: str, tmp_path: Path) -> None:
+def test_two_hundredths_of_a_degree_are_status_1_and_reported_with_size_sign_and_place(
+    written: str, tmp_path: Path
+) -> None:
     twice = with_angle_moved(with_angle_moved(written, 0.02, "ideal, driven"), -0.02, "massless-link, static")
     planted(twice, tmp_path)
     done = compare("check", "--case", "paper", "--simulator", "mujoco", cwd=tmp_path)
     assert done.returncode == 1
     _, *lines = done.stdout.splitlines()
     for line, run, by in zip(lines, ("ideal, driven", "massless-link, static"), (-0.02, 0.02), strict=True):
-        found = re.search(r"(\S.*): reaction_B_angle moved by (\S+) deg from \S+ deg at 30 deg; moved at 1 of 29 \(tolerance 0.005 deg\)", line)
+        found = re.search(
+            r"(\S.*): reaction_B_angle moved by (\S+) deg from \S+ deg at 30 deg; moved at 1 of 29 \(tolerance 0.005"
+            r" deg\)",
+            line,
+        )
         assert found is not None, line
         assert found[1] == run
         assert float(found[2]) == pytest.approx(by, abs=1.5e-4)  # now minus baseline
@@ -137,7 +145,11 @@ def test_a_missing_file_is_status_2_and_the_other_cases_are_still_checked(writte
     planted(written, tmp_path)
     done = compare("check", "--simulator", "mujoco", cwd=tmp_path)
     assert done.returncode == 2
-    missing = [line for line in done.stderr.splitlines() if "there is no such baseline; write it with: compare baseline update" in line]
+    missing = [
+        line
+        for line in done.stderr.splitlines()
+        if "there is no such baseline; write it with: compare baseline update" in line
+    ]
     assert len(missing) == len(shipped_cases()) - 1
     assert "paper, mujoco" in done.stdout
 
@@ -151,9 +163,17 @@ def test_a_misspelt_name_is_status_2(option: str, value: str, tmp_path: Path) ->
 
 
 def test_a_simulator_that_is_not_installed_is_status_3(tmp_path: Path) -> None:
-    hide = "import sys, importlib.util as u; f = u.find_spec; u.find_spec = lambda n, p=None: None if n == 'mujoco' else f(n, p)"
-    run = f"{hide}; sys.argv = ['compare', 'baseline', 'check', '--simulator', 'mujoco']; from compare.cli import main; main()"
-    done = subprocess.run([sys.executable, "-c", run], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    hide = (
+        "import sys, importlib.util as u; f = u.find_spec; u.find_spec = lambda n, p=None: None if n == 'mujoco' else"
+        " f(n, p)"
+    )
+    run = (
+        f"{hide}; sys.argv = ['compare', 'baseline', 'check', '--simulator', 'mujoco']; from compare.cli.app import"
+        " main; main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", run], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
     assert done.returncode == 3
     assert "pip install 'linkage-crosscheck[mujoco]'" in done.stderr
 
@@ -196,14 +216,21 @@ def test_every_signal_that_moved_is_reported(tmp_path: Path, capsys: pytest.Capt
 
 def test_a_force_that_grows_is_reported_in_newtons(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     update(tmp_path, Planted())
-    assert not check(tmp_path, Planted(), PAPER.replace(loads=(PAPER.loads[0].model_copy(update={"force": (0.0, 50.05)}),)))
+    assert not check(
+        tmp_path, Planted(), PAPER.replace(loads=(PAPER.loads[0].model_copy(update={"force": (0.0, 50.05)}),))
+    )
     assert re.search(r"contact, static: reaction_B_magnitude moved by \+0\.0\d+ N", capsys.readouterr().out)
 
 
 def test_what_an_engine_does_not_support_is_listed_with_the_reason(tmp_path: Path) -> None:
     update(tmp_path, Planted())
     runs = read(file_of(tmp_path, "paper", "planted"), "paper", "planted", "").runs
-    assert [run.name for run in runs] == ["ideal, driven", "massless-link, static", "spring-damper, static", "contact, static"]
+    assert [run.name for run in runs] == [
+        "ideal, driven",
+        "massless-link, static",
+        "spring-damper, static",
+        "contact, static",
+    ]
     assert runs[1].skipped == "planted does not simulate massless-link joints in static motion"
     more = Planted(supports=Planted().supports | {("massless-link", "static")})
     with pytest.raises(BaselineError, match=r"'massless-link, static' was skipped .* and now runs"):
@@ -211,7 +238,10 @@ def test_what_an_engine_does_not_support_is_listed_with_the_reason(tmp_path: Pat
 
 
 TABLE = Run(
-    "contact, static", {}, ("crank_angle [deg]", "reaction_B_angle [deg]", "reaction_B_magnitude [N]"), np.array([[0, 179.999, 5], [5, np.nan, 0.05]])
+    "contact, static",
+    {},
+    ("crank_angle [deg]", "reaction_B_angle [deg]", "reaction_B_magnitude [N]"),
+    np.array([[0, 179.999, 5], [5, np.nan, 0.05]]),
 )
 
 
@@ -246,8 +276,16 @@ def test_averages_have_tolerances_of_their_own() -> None:
 
 def test_a_file_reads_back_as_it_was_written() -> None:
     rows = np.array([[20.0, -135.123449, 12.34567891], [25.0, np.nan, 0.0], [30.0, -0.00001, 1.0]])
-    table = Run("contact, static", {"clearance": {"B": 5e-4}, "load": [{"body": "crank", "torque": -2.0}]}, TABLE.columns, rows)
-    stored = Baseline('a "case"', "mujoco", "4.0.0", (table, Run("massless-link, static", {}, skipped='no "rubber"')), Tolerance(angle=0.004))
+    table = Run(
+        "contact, static", {"clearance": {"B": 5e-4}, "load": [{"body": "crank", "torque": -2.0}]}, TABLE.columns, rows
+    )
+    stored = Baseline(
+        'a "case"',
+        "mujoco",
+        "4.0.0",
+        (table, Run("massless-link, static", {}, skipped='no "rubber"')),
+        Tolerance(angle=0.004),
+    )
     text = write(stored, "compare baseline check")
     assert tomllib.loads(text)["run"][0]["rows"][0] == [20, -135.1234, 12.3457]
     assert "-0.0000" not in text
@@ -303,7 +341,10 @@ def test_two_names_with_one_file_are_refused_even_where_it_is_damaged(tmp_path: 
     text = path.read_text(encoding="utf-8")
     for kept in (text, text[: len(text) // 2]):
         path.write_text(kept, encoding="utf-8")
-        with pytest.raises(BaselineError, match=r"is the baseline of 'a b' in planted, not of 'a-b' .*; both would have this file, so rename"):
+        with pytest.raises(
+            BaselineError,
+            match=r"is the baseline of 'a b' in planted, not of 'a-b' .*; both would have this file, so rename",
+        ):
             update(tmp_path, Planted(), other)
         assert path.read_text(encoding="utf-8") == kept
     update(tmp_path, Planted(), one)
@@ -331,7 +372,9 @@ def test_the_command_that_is_printed_and_stored_is_one_that_works(tmp_path: Path
     done = compare(*again[2:], cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     (stored,) = (tmp_path / "kept here").iterdir()
-    named = next(line for line in stored.read_text(encoding="utf-8").splitlines() if line.startswith("# To check them: "))
+    named = next(
+        line for line in stored.read_text(encoding="utf-8").splitlines() if line.startswith("# To check them: ")
+    )
     assert shlex.split(named.removeprefix("# To check them: ")) == ["compare", "baseline", "check", *arguments]
 
 
@@ -345,7 +388,9 @@ def test_runs_that_differ_do_not_fit() -> None:
     assert fits([TABLE], [TABLE]) == ""
     assert "it has the runs" in fits([TABLE], [])
     assert "was made with" in fits([TABLE], [replace(TABLE, added={"clearance": {"B": 1e-4}})])
-    assert "other columns" in fits([TABLE], [replace(TABLE, columns=("crank_angle [deg]", "reaction_B_angle [deg]", "reaction_E_magnitude [N]"))])
+    assert "other columns" in fits(
+        [TABLE], [replace(TABLE, columns=("crank_angle [deg]", "reaction_B_angle [deg]", "reaction_E_magnitude [N]"))]
+    )
 
 
 # -------------------------------------------------------------------- what is stored
@@ -369,7 +414,9 @@ def test_a_linkage_of_ones_own_has_the_clearance_that_its_file_gives() -> None:
 def test_a_linkage_of_ones_own_that_is_called_like_a_shipped_case_is_ones_own() -> None:
     own = load("crank-rocker").with_body("coupler", mass=0.3)
     assert [setup.name for setup in setups(own)] == ["ideal, driven"]
-    assert all(not setup.added.get("load") and not setup.impacting for setup in setups(own.with_clearances({"B": 1e-4})))
+    assert all(
+        not setup.added.get("load") and not setup.impacting for setup in setups(own.with_clearances({"B": 1e-4}))
+    )
 
 
 @pytest.mark.parametrize("name", ENGINES)
@@ -389,7 +436,10 @@ def test_the_committed_baselines_hold() -> None:
 
 @pytest.mark.slow
 def test_the_committed_baselines_hold_with_the_arithmetic_of_another_processor() -> None:
-    other = {"OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3 AVX512F AVX512CD AVX512_SKX X86_V3 X86_V4"}
+    other = {
+        "OPENBLAS_CORETYPE": "Prescott",
+        "NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3 AVX512F AVX512CD AVX512_SKX X86_V3 X86_V4",
+    }
     done = compare("check", "--simulator", "mujoco", cwd=ROOT, **other)
     assert done.returncode == 0, done.stdout + done.stderr
 
@@ -399,7 +449,9 @@ def test_what_is_stored_of_a_bouncing_pin_repeats_from_starts_that_differ_in_rou
     for setup in setups(load("crank-rocker"))[-2:]:
         starts = [replace(setup.request, lead_in=setup.request.lead_in + k * 1e-9) for k in range(3)]
         traces = [engine("mujoco").simulate(request) for request in starts]
-        rms = np.array([np.sqrt(np.mean(t.signals["reaction_B_x"] ** 2 + t.signals["reaction_B_y"] ** 2)) for t in traces])
+        rms = np.array(
+            [np.sqrt(np.mean(t.signals["reaction_B_x"] ** 2 + t.signals["reaction_B_y"] ** 2)) for t in traces]
+        )
         free = np.array([t.free_share["B"] for t in traces])
         assert np.ptp(rms) > 1e-3  # they are different runs
         assert np.ptp(rms) < Tolerance().rms * rms.mean()

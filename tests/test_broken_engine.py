@@ -1,4 +1,6 @@
-"""An engine that is installed and cannot be imported: it counts as not installed, in the import's own words, and the others go on."""
+"""An engine that is installed and cannot be imported: it counts as not installed, in the import's own words, and the
+others go on.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,10 @@ NO_LIBRARY = "ImportError('libGL.so.1: cannot open shared object file: No such f
 FAULTS = {
     "a library that is not there": (NO_LIBRARY, "ImportError: libGL.so.1"),
     "a library of another build": ("OSError('undefined symbol: _ZN3foo')", "OSError: undefined symbol: _ZN3foo"),
-    "another numpy": ("RuntimeError('module compiled against ABI version 0x1000009\\nbut this is 0x2000000')", "version 0x1000009 but this is"),
+    "another numpy": (
+        "RuntimeError('module compiled against ABI version 0x1000009\\nbut this is 0x2000000')",
+        "version 0x1000009 but this is",
+    ),
 }
 RIG = Path(__file__).parents[1] / "docs" / "example-rig"
 REPORTS = Path(__file__).parents[1] / "reports"
@@ -36,7 +41,13 @@ def compare(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     paths = [str(folder / "broken"), str(Path(__file__).parents[1])]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "300"}
     return subprocess.run(
-        [sys.executable, "-m", "compare", *arguments], cwd=folder, env=environment, capture_output=True, text=True, timeout=300, check=False
+        [sys.executable, "-m", "compare", *arguments],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
     )
 
 
@@ -81,14 +92,25 @@ def test_the_list_of_simulators_says_that_it_is_broken(tmp_path: Path) -> None:
     rows = {line.split()[0]: line for line in done.stdout.splitlines()[4::-1] if line}
     assert rows["exudyn"].split()[1] == "broken"
     assert "broken" not in rows["mujoco"]
-    assert "exudyn is installed but cannot be imported: ImportError: libGL.so.1: cannot open shared object file" in done.stdout
+    assert (
+        "exudyn is installed but cannot be imported: ImportError: libGL.so.1: cannot open shared object file"
+        in done.stdout
+    )
 
 
 MISSING = "compare: simulator 'exudyn' is installed but"
 COMMANDS = {
     "baseline": (["baseline", "update", "--case", "pendulum", "--baselines", "out"], "left out: simulator 'exudyn'", 0),
-    "baseline of it": (["baseline", "update", "--case", "pendulum", "--simulator", "exudyn", "--baselines", "out"], MISSING, 3),
-    "validity": (["validity", "--speeds", "60", "--clearances", "1e-4", "--simulator", "exudyn", "--out", "out"], MISSING, 3),
+    "baseline of it": (
+        ["baseline", "update", "--case", "pendulum", "--simulator", "exudyn", "--baselines", "out"],
+        MISSING,
+        3,
+    ),
+    "validity": (
+        ["validity", "--speeds", "60", "--clearances", "1e-4", "--simulator", "exudyn", "--out", "out"],
+        MISSING,
+        3,
+    ),
     "diagnose": (["diagnose", str(RIG / "measured.toml"), "--simulator", "exudyn", "--out", "out"], MISSING, 3),
     "export": (["export", "--simulator", "exudyn", "--out", "out"], MISSING, 3),
     "flexible": (["--flexible", "--motion", "static", "--simulator", "exudyn", "--out", "out"], MISSING, 3),
@@ -112,7 +134,9 @@ def test_validity_validation_and_diagnosis_go_on_without_it(tmp_path: Path) -> N
     assert done.returncode == 0
     assert "mujoco" in done.stdout
     assert "cannot be imported (ImportError: libGL.so.1" in done.stdout
-    done = compare(tmp_path, "validity", "--speeds", "60", "--clearances", "1e-4", "--simulator", "all", "--out", "out", "--json")
+    done = compare(
+        tmp_path, "validity", "--speeds", "60", "--clearances", "1e-4", "--simulator", "all", "--out", "out", "--json"
+    )
     assert done.returncode == 0
     assert "mujoco" in json.loads(done.stdout)["simulators"]
     assert "exudyn" not in json.loads(done.stdout)["simulators"]

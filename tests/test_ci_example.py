@@ -17,7 +17,9 @@ WORKFLOW = (ROOT / "docs" / "ci-github-actions.yml").read_text(encoding="utf-8")
 
 def step(name: str) -> str:
     """The shell text of a step."""
-    found = re.search(rf"- name: {re.escape(name)}\n(?: {{8}}if: .*\n)? {{8}}run: (?:\|\n((?: {{10}}.*\n)+)|(.*)\n)", WORKFLOW)
+    found = re.search(
+        rf"- name: {re.escape(name)}\n(?: {{8}}if: .*\n)? {{8}}run: (?:\|\n((?: {{10}}.*\n)+)|(.*)\n)", WORKFLOW
+    )
     assert found is not None, name
     return found[2] or re.sub(r"(?m)^ {10}", "", found[1])
 
@@ -31,15 +33,26 @@ def runner(tmp_path: Path) -> dict[str, str]:
     command.parent.mkdir()
     command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m compare "$@"\n', encoding="utf-8")
     command.chmod(0o755)
-    return os.environ | own | {"GITHUB_STEP_SUMMARY": str(tmp_path / "summary.md"), "PATH": f"{command.parent}{os.pathsep}{os.environ['PATH']}"}
+    return (
+        os.environ
+        | own
+        | {
+            "GITHUB_STEP_SUMMARY": str(tmp_path / "summary.md"),
+            "PATH": f"{command.parent}{os.pathsep}{os.environ['PATH']}",
+        }
+    )
 
 
 def run(name: str, cwd: Path, runner: dict[str, str]) -> int:
-    return subprocess.run(["bash", "-e", "-c", step(name)], cwd=cwd, env=runner, capture_output=True, timeout=120, check=False).returncode
+    return subprocess.run(
+        ["bash", "-e", "-c", step(name)], cwd=cwd, env=runner, capture_output=True, timeout=120, check=False
+    ).returncode
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash to run the workflow's steps")
-def test_its_steps_make_the_summary_and_the_folder_and_fail_when_the_command_does(tmp_path: Path, runner: dict[str, str]) -> None:
+def test_its_steps_make_the_summary_and_the_folder_and_fail_when_the_command_does(
+    tmp_path: Path, runner: dict[str, str]
+) -> None:
     work = tmp_path / "work"
     shutil.copytree(ROOT / "reports" / "baselines", work / "reports" / "baselines")
     assert run("Cross-check", work, runner) == 0
@@ -50,7 +63,9 @@ def test_its_steps_make_the_summary_and_the_folder_and_fail_when_the_command_doe
     assert "## Provenance" in summary
     assert "![" not in summary  # pictures beside the report would be broken on that page
     assert "nothing moved" in summary
-    assert {"report.html", "junit.xml", "result.json", "baseline.txt"} <= {p.name for p in (work / "crosscheck-report").iterdir()}
+    assert {"report.html", "junit.xml", "result.json", "baseline.txt"} <= {
+        p.name for p in (work / "crosscheck-report").iterdir()
+    }
     (work / "reports" / "baselines" / "paper-mujoco.toml").unlink()
     assert run("Reaction forces against the baseline", work, runner) == 2
     assert run("Cross-check", work, runner | {"CASE": "no-such-case"}) == 2

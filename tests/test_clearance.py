@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from analytic.assembly import Assembly
-from analytic.clearance import displaced
-from analytic.kinematics import kinematics
-from analytic.kinetostatics import kinetostatics
-from analytic.mechanism_file import load
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import kinematics
+from analytic.mechanism.file import load
+from analytic.paper.clearance import displaced
+from analytic.paper.kinetostatics import kinetostatics
 
 SWEEP = np.radians(np.arange(20.0, 161.0, 1.0))
 ALL = {"D": 1e-3, "A": 1e-3, "B": 1e-3, "E": 1e-3}
@@ -43,7 +43,9 @@ def test_how_far_eq_8_is_off(eps: float, angle: float, magnitude: float) -> None
 def test_the_equilibrium_of_the_papers_case_is_a_four_bar_with_a_longer_follower(eps: float) -> None:
     m = load("paper")
     found = displaced(Assembly(m), SWEEP, 1.0, inertia=False, clearances={"B": eps})
-    longer = m.with_clearances({}).with_body("follower", points={"E": (0.0, 0.0), "B": (0.2 + eps, 0.0)}, com=(0.1, 0.0))
+    longer = m.with_clearances({}).with_body(
+        "follower", points={"E": (0.0, 0.0), "B": (0.2 + eps, 0.0)}, com=(0.1, 0.0)
+    )
     ideal = kinetostatics(kinematics(Assembly(longer), SWEEP, 1.0), inertia=False)
     np.testing.assert_allclose(found.reactions.forces["B"], ideal.forces["B"], rtol=1e-10)
     np.testing.assert_allclose(found.configuration.motion.angle("coupler"), ideal.motion.angle("coupler"), atol=1e-12)
@@ -100,7 +102,10 @@ def test_first_order_is_the_limit_of_small_gaps() -> None:
     assembly = Assembly(load("paper"))
     apart = []
     for eps in (1e-4, 1e-5):
-        full, first = (displaced(assembly, SWEEP, 1.0, model=k, inertia=False, clearances={"B": eps}) for k in ("equilibrium", "first_order"))
+        full, first = (
+            displaced(assembly, SWEEP, 1.0, model=k, inertia=False, clearances={"B": eps})
+            for k in ("equilibrium", "first_order")
+        )
         apart.append(np.abs(full.gaps["B"] - first.gaps["B"]).max() / eps)
     assert apart[0] / apart[1] == pytest.approx(10.0, rel=0.01)
 
@@ -129,12 +134,16 @@ def test_without_clearance_the_answer_is_the_ideal_linkage() -> None:
 @pytest.mark.parametrize("case", ["paper", "crank-rocker", "slider-crank"])
 def test_an_angle_is_flagged_or_not_whatever_other_angles_are_asked_for(case: str) -> None:
     m = load(case)
-    if case == "paper":  # the follower's own load, which B carries less and less of up to 90 deg, and then from the other side
+    if (
+        case == "paper"
+    ):  # the follower's own load, which B carries less and less of up to 90 deg, and then from the other side
         m = m.replace(loads=[{"body": "follower", "force": (0.0, 50.0)}])
     assembly, sizes = Assembly(m), {"B": 1e-4}
     theta = np.radians([20.0, 60.0, 70.0, 89.0, 89.8, 90.0, 90.2, 91.0, 120.0, 160.0])
     found = displaced(assembly, theta, m.speed or 1.0, inertia=case != "paper", clearances=sizes)
-    assert {i for i, why in found.flags.items() if "near zero" in why} == ({3, 4, 5, 6, 7} if case == "paper" else set())
+    assert {i for i, why in found.flags.items() if "near zero" in why} == (
+        {3, 4, 5, 6, 7} if case == "paper" else set()
+    )
     for i in range(theta.size):
         for some in (theta[i : i + 1], theta[max(i - 1, 0) : i + 1], theta[i:]):
             flags = displaced(assembly, some, m.speed or 1.0, inertia=case != "paper", clearances=sizes).flags

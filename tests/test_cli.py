@@ -10,11 +10,13 @@ from pathlib import Path
 import pytest
 
 from analytic.mechanism import Ripple
-from analytic.mechanism_file import dumps, load
+from analytic.mechanism.file import dumps, load
 
 
 def compare(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "compare", *arguments], cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(
+        [sys.executable, "-m", "compare", *arguments], cwd=cwd, capture_output=True, text=True, timeout=120, check=False
+    )
 
 
 def saved(folder: Path, text: str) -> str:
@@ -32,7 +34,10 @@ BAD_INPUT = {
     "unknown option": (["--spead", "3"], ["--spead"]),
     "angles that are no range": (["--angles", "20-160"], ["--angles 20-160", "start:stop:step"]),
     "angles that run backwards": (["--angles", "160:20:5"], ["--angles 160:20:5", "stop"]),
-    "a change point in the range": (["--angles", "20:200:5"], ["change point at crank angle 180 deg", "keep the range"]),
+    "a change point in the range": (
+        ["--angles", "20:200:5"],
+        ["change point at crank angle 180 deg", "keep the range"],
+    ),
     "an unreachable clearance joint": (["--clearance", "Q=1e-4"], ["Q=1e-4", "D, A, B, E"]),
     "a clearance without a number": (["--clearance", "B"], ["--clearance B", "JOINT=metres"]),
     "a negative clearance": (["--clearance", "B=-1e-4"], ["B=-1e-4", "0 or more"]),
@@ -92,22 +97,37 @@ def test_an_output_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> N
 
 
 def test_an_engine_that_is_not_installed_is_status_3_with_the_install_command(tmp_path: Path) -> None:
-    hide = "import sys, importlib.util as u; f = u.find_spec; u.find_spec = lambda n, p=None: None if n == 'mujoco' else f(n, p)"
-    run = f"{hide}; sys.argv = ['compare', '--simulator', 'mujoco']; from compare.cli import main; main()"
-    done = subprocess.run([sys.executable, "-c", run], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    hide = (
+        "import sys, importlib.util as u; f = u.find_spec; u.find_spec = lambda n, p=None: None if n == 'mujoco' else"
+        " f(n, p)"
+    )
+    run = f"{hide}; sys.argv = ['compare', '--simulator', 'mujoco']; from compare.cli.app import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", run], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
     assert done.returncode == 3
     assert "pip install 'linkage-crosscheck[mujoco]'" in done.stderr
 
 
 def test_help_and_lists_need_no_engine(tmp_path: Path) -> None:
-    script = "import sys; sys.argv = ['compare', '--help']\nfrom compare.cli import main\ntry:\n    main()\nexcept SystemExit:\n    pass\n"
-    script += "heavy = {'mujoco', 'numpy', 'scipy', 'pydantic', 'matplotlib', 'jinja2'} & set(sys.modules)\nassert not heavy, heavy"
-    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    script = (
+        "import sys; sys.argv = ['compare', '--help']\nfrom compare.cli.app import main\ntry:\n    main()\nexcept"
+        " SystemExit:\n    pass\n"
+    )
+    script += (
+        "heavy = {'mujoco', 'numpy', 'scipy', 'pydantic', 'matplotlib', 'jinja2'} & set(sys.modules)\nassert not heavy,"
+        " heavy"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert "--simulator" in done.stdout
     listed = compare("cases", cwd=tmp_path)
     assert listed.returncode == 0
-    assert {"paper", "crank-rocker", "slider-crank", "pendulum", "six-bar"} <= {line.split()[0] for line in listed.stdout.splitlines()}
+    assert {"paper", "crank-rocker", "slider-crank", "pendulum", "six-bar"} <= {
+        line.split()[0] for line in listed.stdout.splitlines()
+    }
 
 
 def test_the_main_job_agrees_and_leaves_a_whole_report(tmp_path: Path) -> None:
@@ -125,16 +145,43 @@ def test_the_main_job_agrees_and_leaves_a_whole_report(tmp_path: Path) -> None:
 
 
 def test_json_goes_to_standard_output_and_nothing_else_does(tmp_path: Path) -> None:
-    done = compare("--simulator", "mujoco", "--joint", "ideal", "--angles", "30:60:10", "--motion", "static", "--json", "--out", "here", cwd=tmp_path)
+    done = compare(
+        "--simulator",
+        "mujoco",
+        "--joint",
+        "ideal",
+        "--angles",
+        "30:60:10",
+        "--motion",
+        "static",
+        "--json",
+        "--out",
+        "here",
+        cwd=tmp_path,
+    )
     result = json.loads(done.stdout)
     assert done.returncode == 0
     assert done.stderr == ""
     assert result == json.loads((tmp_path / "here" / "result.json").read_text(encoding="utf-8"))
-    assert result["runs"][0]["crank_angle"] == pytest.approx([0.5235987755982988, 0.6981317007977318, 0.8726646259971648, 1.0471975511965976])
+    assert result["runs"][0]["crank_angle"] == pytest.approx(
+        [0.5235987755982988, 0.6981317007977318, 0.8726646259971648, 1.0471975511965976]
+    )
 
 
 def test_the_papers_first_order_is_found_to_disagree(tmp_path: Path) -> None:
-    done = compare("--simulator", "mujoco", "--analytic", "first_order", "--motion", "static", "--joint", "contact", "--out", "o", cwd=tmp_path)
+    done = compare(
+        "--simulator",
+        "mujoco",
+        "--analytic",
+        "first_order",
+        "--motion",
+        "static",
+        "--joint",
+        "contact",
+        "--out",
+        "o",
+        cwd=tmp_path,
+    )
     assert done.returncode == 1
     result = json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))
     (gamma,) = (d for d in result["runs"][0]["discrepancies"] if d["signal"] == "reaction_B_angle")
@@ -160,7 +207,9 @@ def test_clearance_of_a_linkage_that_swings_freely_is_left_out_aloud(tmp_path: P
 @pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
 def test_friction_has_no_direction_at_a_dead_centre_and_nothing_is_judged_there(engine: str, tmp_path: Path) -> None:
     rubbing = load("slider-crank").with_joint("S", friction=20.0)
-    done = compare("--simulator", engine, "--case", saved(tmp_path, dumps(rubbing)), "--joint", "ideal", "--out", "o", cwd=tmp_path)
+    done = compare(
+        "--simulator", engine, "--case", saved(tmp_path, dumps(rubbing)), "--joint", "ideal", "--out", "o", cwd=tmp_path
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     run = json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))["runs"][0]
     assert list(run["flags"]) == ["0", "36"]  # 0 and 180 deg
@@ -171,12 +220,14 @@ def test_friction_has_no_direction_at_a_dead_centre_and_nothing_is_judged_there(
 
 def test_a_file_that_begins_as_windows_has_it_is_read(tmp_path: Path) -> None:
     path = saved(tmp_path, "\ufeff" + PAPER)
-    done = compare("--simulator", "mujoco", "--case", path, "--joint", "ideal", "--angles", "30:60:30", "--out", "o", cwd=tmp_path)
+    done = compare(
+        "--simulator", "mujoco", "--case", path, "--joint", "ideal", "--angles", "30:60:30", "--out", "o", cwd=tmp_path
+    )
     assert done.returncode == 0, done.stderr
 
 
 def test_an_unforeseen_fault_is_no_disagreement(tmp_path: Path) -> None:
-    broken = "import compare.cli as cli; cli.app = lambda **_: 1 / 0; cli.main()"
+    broken = "import compare.cli.app as cli; cli.app = lambda **_: 1 / 0; cli.main()"
     done = subprocess.run([sys.executable, "-c", broken], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 3
     assert "unforeseen fault (ZeroDivisionError: division by zero)" in done.stderr
@@ -197,12 +248,25 @@ def test_a_drive_is_taken_as_rigid_and_even_and_the_user_is_told(field: str, val
 
 
 def test_a_cross_check_whose_only_simulation_fails_says_so_everywhere(tmp_path: Path) -> None:
-    arguments = ["--case", "crank-rocker", "--joint", "contact", "--clearance", "B=1e-4", "--motion", "static", "--angles", "30:30:1"]
+    arguments = [
+        "--case",
+        "crank-rocker",
+        "--joint",
+        "contact",
+        "--clearance",
+        "B=1e-4",
+        "--motion",
+        "static",
+        "--angles",
+        "30:30:1",
+    ]
     done = compare("--simulator", "mujoco", *arguments, "--out", "o", cwd=tmp_path)
     assert done.returncode == 3
     assert "Traceback" not in done.stderr
     assert "nothing presses the pin of joint 'B'" in done.stderr
-    page, text, junit = ((tmp_path / "o" / name).read_text(encoding="utf-8") for name in ("report.html", "report.md", "junit.xml"))
+    page, text, junit = (
+        (tmp_path / "o" / name).read_text(encoding="utf-8") for name in ("report.html", "report.md", "junit.xml")
+    )
     for said in (page, text, done.stdout):
         assert "nothing was compared" in said
         assert "every position was compared" not in said
@@ -218,8 +282,12 @@ NO_ANSWER = ["--case", "slider-crank", "--clearance", "A=1e-4", "--angles", "300
 def test_a_run_in_which_nothing_could_be_compared_does_not_agree_and_says_why(tmp_path: Path) -> None:
     done = compare("--simulator", "mujoco", *NO_ANSWER, "--out", "o", cwd=tmp_path)
     assert done.returncode == 1
-    assert all(line.startswith("warning: ") and "beyond its rim" in line for line in done.stderr.splitlines())  # its pin hits the wall hard
-    page, text, junit = ((tmp_path / "o" / name).read_text(encoding="utf-8") for name in ("report.html", "report.md", "junit.xml"))
+    assert all(
+        line.startswith("warning: ") and "beyond its rim" in line for line in done.stderr.splitlines()
+    )  # its pin hits the wall hard
+    page, text, junit = (
+        (tmp_path / "o" / name).read_text(encoding="utf-8") for name in ("report.html", "report.md", "junit.xml")
+    )
     terminal = " ".join(done.stdout.split())
     assert "slider-crank: NOT JUDGED. Nothing could be compared in 1 of 1 run; mujoco, spring-damper: " in terminal
     for said in (terminal, text.replace("\\", ""), page, junit):
@@ -228,19 +296,51 @@ def test_a_run_in_which_nothing_could_be_compared_does_not_agree_and_says_why(tm
     assert text.startswith("# ? Cross-check of slider-crank: not judged")
     assert 'tests="1" failures="1" errors="0"' in junit
     result = json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))
-    assert (result["verdict"], result["runs"][0]["verdict"], result["runs"][0]["discrepancies"]) == ("unjudged", "unjudged", [])
+    assert (result["verdict"], result["runs"][0]["verdict"], result["runs"][0]["discrepancies"]) == (
+        "unjudged",
+        "unjudged",
+        [],
+    )
 
 
-def test_a_known_difference_that_cannot_be_judged_or_has_vanished_is_said_in_the_last_line_and_in_the_report(tmp_path: Path) -> None:
+def test_a_known_difference_that_cannot_be_judged_or_has_vanished_is_said_in_the_last_line_and_in_the_report(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "known.toml").write_text(
-        "".join(f'[[known]]\ncase = "{case}"\nsignal = "{signal}"\nbound = 0.13\nreason = "once it was so"\n' for case, signal in KNOWN),
+        "".join(
+            f'[[known]]\ncase = "{case}"\nsignal = "{signal}"\nbound = 0.13\nreason = "once it was so"\n'
+            for case, signal in KNOWN
+        ),
         encoding="utf-8",
     )
     unjudged = compare("--simulator", "mujoco", *NO_ANSWER, "--tolerance", "known.toml", "--out", "a", cwd=tmp_path)
-    vanished = compare("--simulator", "mujoco", "--joint", "ideal", "--motion", "static", "--tolerance", "known.toml", "--out", "b", cwd=tmp_path)
+    vanished = compare(
+        "--simulator",
+        "mujoco",
+        "--joint",
+        "ideal",
+        "--motion",
+        "static",
+        "--tolerance",
+        "known.toml",
+        "--out",
+        "b",
+        cwd=tmp_path,
+    )
     for done, folder, words in (
-        (unjudged, "a", "reaction angle at A (mujoco, spring-damper): known difference cannot be judged: at no angle of the run"),
-        (vanished, "b", "1 of 12 comparisons in 1 of 1 run disagrees: reaction angle at B (mujoco, ideal): known difference has vanished"),
+        (
+            unjudged,
+            "a",
+            "reaction angle at A (mujoco, spring-damper): known difference cannot be judged: at no angle of the run",
+        ),
+        (
+            vanished,
+            "b",
+            (
+                "1 of 12 comparisons in 1 of 1 run disagrees: reaction angle at B (mujoco, ideal): known difference has"
+                " vanished"
+            ),
+        ),
     ):
         assert done.returncode == 1
         last = " ".join(done.stdout.split()).partition("DISAGREES. ")[2]
@@ -256,7 +356,10 @@ def test_a_run_that_failed_is_in_the_last_line_beside_the_runs_that_agree(tmp_pa
     arguments = ["--case", "crank-rocker", "--clearance", "B=1e-4", "--motion", "static", "--angles", "30:40:5"]
     done = compare("--simulator", "mujoco", *arguments, "--out", "o", cwd=tmp_path)
     assert done.returncode == 3
-    assert "crank-rocker: FAILED. 3 of 4 runs failed. All 8 judged comparisons of 1 run are within tolerance." in " ".join(done.stdout.split())
+    assert (
+        "crank-rocker: FAILED. 3 of 4 runs failed. All 8 judged comparisons of 1 run are within tolerance."
+        in " ".join(done.stdout.split())
+    )
     text = (tmp_path / "o" / "report.md").read_text(encoding="utf-8")
     assert text.startswith("# ✗ Cross-check of crank-rocker: failed\n\n3 of 4 runs failed. ")
 
@@ -265,8 +368,24 @@ def test_a_contact_too_soft_for_its_clearance_is_warned_of(tmp_path: Path) -> No
     arguments = ["--motion", "static", "--joint", "spring-damper", "--angles", "30:30:1"]
     soft = load("paper").with_joint("B", contact_stiffness=1e8)
     (tmp_path / "soft.toml").write_text(dumps(soft), encoding="utf-8")
-    done = compare("--simulator", "mujoco", "--case", "soft.toml", *arguments, "--clearance", "B=7e-7", "--out", "soft", cwd=tmp_path)
-    words = "times its clearance: too soft to see this clearance; give joint B contact_stiffness = 7.1e+08 (N/m) or more"
+    done = compare(
+        "--simulator",
+        "mujoco",
+        "--case",
+        "soft.toml",
+        *arguments,
+        "--clearance",
+        "B=7e-7",
+        "--out",
+        "soft",
+        cwd=tmp_path,
+    )
+    words = (
+        "times its clearance: too soft to see this clearance; give joint B contact_stiffness = 7.1e+08 (N/m) or more"
+    )
     assert words in done.stderr
     assert words in (tmp_path / "soft" / "report.md").read_text(encoding="utf-8").replace("\\", "")
-    assert compare("--simulator", "mujoco", *arguments, "--clearance", "B=1e-4", "--out", "stiff", cwd=tmp_path).stderr == ""
+    assert (
+        compare("--simulator", "mujoco", *arguments, "--clearance", "B=1e-4", "--out", "stiff", cwd=tmp_path).stderr
+        == ""
+    )

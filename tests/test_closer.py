@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import load
-from compare.closer import HARDER
+from analytic.mechanism.file import load
 from compare.crosscheck import Job, crosscheck
-from compare.discrepancy import load_tolerances
-from sim_models.contact_laws import STATIC_STIFFNESS
+from compare.judge.closer import HARDER
+from compare.judge.discrepancy import load_tolerances
+from sim_models.common.contact_laws import STATIC_STIFFNESS
 from sim_models.engine import Engine, Request, Trace, engine
 
 TURN = np.radians(np.arange(0.0, 360.0, 30.0))
@@ -42,13 +42,18 @@ class Faulty:
     def simulate(self, request: Request) -> Trace:
         trace = self.real.simulate(request)
         self.steps.append(trace.settings["step"])
-        turned = np.exp(1j * self.fault(self.steps[-1])) * (trace.signals["reaction_B_x"] + 1j * trace.signals["reaction_B_y"])
+        turned = np.exp(1j * self.fault(self.steps[-1])) * (
+            trace.signals["reaction_B_x"] + 1j * trace.signals["reaction_B_y"]
+        )
         return replace(trace, signals={**trace.signals, "reaction_B_x": turned.real, "reaction_B_y": turned.imag})
 
 
 def checked(fault: Callable[[float], float]) -> tuple[dict[str, Any], list[float]]:
     faulty = Faulty(fault, engine("mujoco"), [])
-    return crosscheck(Job(load("crank-rocker"), ("mujoco",), load_tolerances(), theta=TURN), resolve=lambda name: faulty), faulty.steps
+    return (
+        crosscheck(Job(load("crank-rocker"), ("mujoco",), load_tolerances(), theta=TURN), resolve=lambda name: faulty),
+        faulty.steps,
+    )
 
 
 def test_what_stays_in_a_finer_run_disagrees() -> None:
@@ -86,7 +91,7 @@ def light_contact() -> Mechanism:
 
 
 def test_a_contact_of_our_own_stiffness_is_made_harder_and_the_mechanisms_is_not() -> None:
-    from compare.closer import finer
+    from compare.judge.closer import finer
 
     request = Request(light_contact(), "contact", "static", TURN[1:4])
     trace = engine("mujoco").simulate(request)
@@ -99,7 +104,9 @@ def test_a_contact_of_our_own_stiffness_is_made_harder_and_the_mechanisms_is_not
     assert finer(stated, trace) is None
 
 
-def test_a_contact_that_hides_its_clearance_has_failed_where_it_is_the_mechanisms_and_is_made_harder_where_it_is_ours() -> None:
+def test_a_contact_that_hides_its_clearance_has_failed_where_it_is_the_mechanisms_and_is_made_harder_where_it_is_ours() -> (
+    None
+):
     """50 N on 1e5 N/m: half a millimetre and more, where the clearance is a hundredth of one."""
     m = load("paper").with_clearances({"B": 1e-5})
     theta = np.radians([30.0, 60.0, 120.0])
@@ -107,10 +114,18 @@ def test_a_contact_that_hides_its_clearance_has_failed_where_it_is_the_mechanism
     result = crosscheck(Job(soft, ("mujoco",), load_tolerances(), "static", theta, joint_model="contact"))
     assert result["runs"] == []
     (failure,) = result["failures"]
-    assert "contact too soft for this load: the pin of joint B is seen 0.0005 m beyond its rim, 50 times its clearance" in failure["why"]
+    assert (
+        "contact too soft for this load: the pin of joint B is seen 0.0005 m beyond its rim, 50 times its clearance"
+        in failure["why"]
+    )
     assert "give joint B contact_stiffness = 5.0e+07 (N/m) or more" in failure["why"]
     enough = m.with_joint("B", contact_stiffness=5.1e7)
-    assert crosscheck(Job(enough, ("mujoco",), load_tolerances(), "static", theta, joint_model="contact"))["verdict"] == "agrees"
-    ours = crosscheck(Job(m.with_clearances({"B": 5e-7}), ("mujoco",), load_tolerances(), "static", theta, joint_model="contact"))
+    assert (
+        crosscheck(Job(enough, ("mujoco",), load_tolerances(), "static", theta, joint_model="contact"))["verdict"]
+        == "agrees"
+    )
+    ours = crosscheck(
+        Job(m.with_clearances({"B": 5e-7}), ("mujoco",), load_tolerances(), "static", theta, joint_model="contact")
+    )
     assert ours["runs"][0]["settings"]["contact_stiffness"] == HARDER * STATIC_STIFFNESS
     assert ours["verdict"] == "agrees"

@@ -8,13 +8,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from analytic.assembly import Assembly
-from analytic.compliance import Compliance, _carry, compliance
-from analytic.frame import Bar, ComplianceError, beam_stiffness, frame
-from analytic.kinematics import Motion, kinematics
-from analytic.kinetostatics import kinetostatics
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import Motion, kinematics
 from analytic.mechanism import Drive, Load, Mechanism
-from analytic.mechanism_file import load, loads
+from analytic.mechanism.file import load, loads
+from analytic.paper.compliance import Compliance, _carry, compliance
+from analytic.paper.frame import Bar, ComplianceError, beam_stiffness, frame
+from analytic.paper.kinetostatics import kinetostatics
 
 FLAT = Bar(length=0.37, height=0.012, depth=0.03, youngs_modulus=2.1e11, shear_modulus=0.81e11)
 STEEL = {"youngs_modulus": 2e11, "section": (0.01, 0.01)}
@@ -89,16 +89,24 @@ def test_torsion_constant_is_that_of_timoshenko_goodier_table_of_article_109(rat
 
 def test_paper_notes_displacements_at_30_degrees() -> None:
     found = compliance(at(load("paper"), 30.0))
-    expected = {"A": -0.346627 + 0.599875j, "com": -0.347060 + 1.001376j, "B": -0.347493 + 0.602877j}  # mm, three nodes of the coupler
+    expected = {
+        "A": -0.346627 + 0.599875j,
+        "com": -0.347060 + 1.001376j,
+        "B": -0.347493 + 0.602877j,
+    }  # mm, three nodes of the coupler
     for point, value in expected.items():
         assert abs(found.displacement("coupler", point)[0] * 1e3 - value) < 1e-6
-    assert abs(found.displacement("crank", "A") - found.displacement("coupler", "A"))[0] == pytest.approx(abs(43.3013 - 25j) / 2e11, rel=1e-3)
+    assert abs(found.displacement("crank", "A") - found.displacement("coupler", "A"))[0] == pytest.approx(
+        abs(43.3013 - 25j) / 2e11, rel=1e-3
+    )
 
 
 def by_hand(theta: np.ndarray, direction: complex, force: float = 50.0) -> np.ndarray:
-    """Displacement (m) along ``direction`` of the paper's coupler com, by virtual forces on a statically determinate linkage.
+    """Displacement (m) along ``direction`` of the paper's coupler com, by virtual forces on a statically determinate
+    linkage.
 
-    The follower is a two-force member, so the coupler's balance gives all forces; then sum N n L/EA + integral M m/EI + R r/k.
+    The follower is a two-force member, so the coupler's balance gives all forces; then sum N n L/EA + integral M m/EI +
+    R r/k.
     """
     e, area, moment, k, crank, coupler = 2e11, 1e-4, 1e-8 / 12, 2e11, 0.2, 0.4
     along = np.exp(1j * theta)
@@ -131,7 +139,9 @@ def test_blocks_of_a_long_sweep_join_without_a_seam() -> None:
 def test_planar_loads_leave_the_plane_alone() -> None:
     for name in ("paper", "six-bar"):
         found = compliance(at(load(name), 40.0))
-        out_of_plane, in_plane = (max(np.abs(motion[:, i]).max() for motion in found.motions.values()) for i in ([2, 3, 4], [0, 1, 5]))
+        out_of_plane, in_plane = (
+            max(np.abs(motion[:, i]).max() for motion in found.motions.values()) for i in ([2, 3, 4], [0, 1, 5])
+        )
         assert out_of_plane < 1e-9 * in_plane
 
 
@@ -150,7 +160,9 @@ def test_springs_of_the_paper_differ_from_rigid_joints_by_what_they_give() -> No
 def test_work_of_the_loads_is_twice_the_strain_energy(name: str) -> None:
     mechanism = load(name).replace(gravity=(3.0, -9.81))
     found = compliance(at(mechanism, np.array([25.0, 80.0, 150.0])))
-    work = sum((np.conj(b.mass * complex(*mechanism.gravity)) * found.displacement(b.name)).real for b in mechanism.bodies)
+    work = sum(
+        (np.conj(b.mass * complex(*mechanism.gravity)) * found.displacement(b.name)).real for b in mechanism.bodies
+    )
     for given in mechanism.loads:
         force = np.conj(complex(*given.force)) * found.displacement(given.body, given.point)
         work = work + force.real + given.torque * found.rotation(given.body, given.point)
@@ -159,8 +171,16 @@ def test_work_of_the_loads_is_twice_the_strain_energy(name: str) -> None:
 
 def test_maxwells_reciprocity_between_any_two_points() -> None:
     bare = load("six-bar").replace(gravity=(0.0, 0.0))
-    places = [("crank", "A", 1 + 0j), ("coupler", "C", 1j), ("link", "com", 0.6 + 0.8j), ("rocker", "F", -1j), ("follower", "com", 1 + 0j)]
-    results = [compliance(at(bare.replace(loads=(Load(body=b, point=p, force=(d.real, d.imag)),)), 65.0)) for b, p, d in places]
+    places = [
+        ("crank", "A", 1 + 0j),
+        ("coupler", "C", 1j),
+        ("link", "com", 0.6 + 0.8j),
+        ("rocker", "F", -1j),
+        ("follower", "com", 1 + 0j),
+    ]
+    results = [
+        compliance(at(bare.replace(loads=(Load(body=b, point=p, force=(d.real, d.imag)),)), 65.0)) for b, p, d in places
+    ]
     flexibility = np.array([[(np.conj(d) * r.displacement(b, p)[0]).real for b, p, d in places] for r in results])
     np.testing.assert_allclose(flexibility, flexibility.T, rtol=0, atol=1e-9 * np.abs(flexibility).max())
     assert np.linalg.eigvalsh((flexibility + flexibility.T) / 2).min() > 0
@@ -198,7 +218,9 @@ def test_elastic_drive_moves_a_rigid_linkage_along_its_own_kinematics(mechanism:
     turn = -kinetostatics(at(mechanism, degrees), inertia=False).drive_torque / stiffness
     found = compliance(at(mechanism, degrees))
     for body, point in found.motions:
-        np.testing.assert_allclose(found.displacement(body, point), turn * unit.velocity(body, point), rtol=0, atol=1e-13)
+        np.testing.assert_allclose(
+            found.displacement(body, point), turn * unit.velocity(body, point), rtol=0, atol=1e-13
+        )
         np.testing.assert_allclose(found.rotation(body, point), turn * unit.angular_velocity(body), rtol=0, atol=1e-12)
     assert np.abs(turn).min() > 1e-6
 
@@ -231,14 +253,18 @@ def test_com_beside_its_bar_loads_it_with_its_moment() -> None:
     turn = -100.0 * 0.02 * 0.15 / (e * depth * height**3 / 12)  # of the foot at 0.15 m: M L / EI
     assert found.rotation("pendulum", "tip")[0] == pytest.approx(turn, rel=1e-9)
     assert found.displacement("pendulum", "tip")[0].imag == pytest.approx(turn * (0.15 / 2 + 0.15), rel=1e-9)
-    assert found.displacement("pendulum")[0].real == pytest.approx(100 * 0.15 / (e * height * depth) - turn * 0.02, rel=1e-9)
+    assert found.displacement("pendulum")[0].real == pytest.approx(
+        100 * 0.15 / (e * height * depth) - turn * 0.02, rel=1e-9
+    )
 
 
 def test_ternary_link_is_a_star_and_points_within_the_bar_a_chain() -> None:
     star = frame(next(b for b in load("six-bar").bodies if b.name == "coupler"))
     assert [bar[:2] for bar in star.bars] == [(0, 1), (0, 2), (0, 3)]
     assert all(arm == 0 for _, arm in star.places.values())
-    near = load("six-bar").with_body("coupler", points={"A": (0.0, 0.0), "B": (0.12, 0.0), "C": (0.03, 0.004)}, com=(0.06, 0.0))
+    near = load("six-bar").with_body(
+        "coupler", points={"A": (0.0, 0.0), "B": (0.12, 0.0), "C": (0.03, 0.004)}, com=(0.06, 0.0)
+    )
     chain = frame(next(b for b in near.bodies if b.name == "coupler"))
     assert chain.nodes == pytest.approx((0, 0.03, 0.06, 0.12))
     assert chain.places["C"] == (1, pytest.approx(0.004j))
@@ -260,7 +286,10 @@ def test_inertia_is_what_kinetostatics_calls_it() -> None:
 
 
 def referee(
-    motion: Motion, chains: list[list[tuple[str, str]]], supports: Mapping[tuple[str, str], str], forces: Mapping[tuple[str, str], complex]
+    motion: Motion,
+    chains: list[list[tuple[str, str]]],
+    supports: Mapping[tuple[str, str], str],
+    forces: Mapping[tuple[str, str], complex],
 ) -> dict[tuple[str, str], complex]:
     """Displacements by PyNiteFEA of bars along ``chains`` of (body, point), first crank angle.
 
@@ -291,7 +320,9 @@ def referee(
         model.add_node_load(node(body, point), "FY", value.imag)
     model.analyze_linear()
     places = {place for chain in chains for place in chain}
-    return {(b, p): model.nodes[node(b, p)].DX["Combo 1"] + 1j * model.nodes[node(b, p)].DY["Combo 1"] for b, p in places}
+    return {
+        (b, p): model.nodes[node(b, p)].DX["Combo 1"] + 1j * model.nodes[node(b, p)].DY["Combo 1"] for b, p in places
+    }
 
 
 @pytest.mark.parametrize("degrees", [35.0, 140.0, 260.0])
@@ -299,7 +330,8 @@ def test_six_bar_is_pynites(degrees: float) -> None:
     mechanism = load("six-bar").replace(loads=(Load(body="rocker", point="com", force=(40.0, -15.0)),))
     motion = at(mechanism, degrees)
     chains = [
-        [(body, p) for p in (a, "com", b)] for body, a, b in (("crank", "D", "A"), ("follower", "E", "B"), ("link", "C", "F"), ("rocker", "G", "F"))
+        [(body, p) for p in (a, "com", b)]
+        for body, a, b in (("crank", "D", "A"), ("follower", "E", "B"), ("link", "C", "F"), ("rocker", "G", "F"))
     ]
     star = [[("coupler", "com"), ("coupler", p)] for p in "ABC"]
     forces = {(b.name, "com"): b.mass * complex(*mechanism.gravity) for b in mechanism.bodies}
@@ -313,7 +345,9 @@ def test_slider_crank_is_pynites(degrees: float) -> None:
     mechanism = flexible_slider_crank()
     motion = at(mechanism, degrees)
     chains = [[("crank", p) for p in ("O", "com", "A")], [("rod", p) for p in ("A", "com", "B")]]
-    forces = {(name, "com"): m * -9.81j for name, m in (("crank", 0.30), ("rod", 0.21))} | {("rod", "B"): -2000.0 - 0.14 * 9.81j}
+    forces = {(name, "com"): m * -9.81j for name, m in (("crank", 0.30), ("rod", 0.21))} | {
+        ("rod", "B"): -2000.0 - 0.14 * 9.81j
+    }
     supports = {("crank", "O"): "clamp", ("rod", "B"): "roller"}
     _compare(compliance(motion), referee(motion, chains, supports, forces), points=6)
 
@@ -336,11 +370,15 @@ def test_flexible_body_without_a_section_is_named() -> None:
 def test_point_mass_needs_no_section() -> None:
     mechanism = flexible_slider_crank()
     same = compliance(at(mechanism, 30.0)).displacement("rod")
-    assert compliance(at(mechanism.with_body("slider", youngs_modulus=2e11), 30.0)).displacement("rod") == pytest.approx(same, rel=1e-9)
+    assert compliance(at(mechanism.with_body("slider", youngs_modulus=2e11), 30.0)).displacement(
+        "rod"
+    ) == pytest.approx(same, rel=1e-9)
 
 
 def test_linkage_too_soft_for_its_loads_is_refused() -> None:
-    with pytest.raises(ComplianceError, match=r"paper: its loads displace it by more than its own size \(0.4 m\).*30 deg"):
+    with pytest.raises(
+        ComplianceError, match=r"paper: its loads displace it by more than its own size \(0.4 m\).*30 deg"
+    ):
         compliance(at(load("paper").with_body("coupler", youngs_modulus=2e5), 30.0))
 
 

@@ -10,12 +10,12 @@ import importlib.util
 import numpy as np
 import pytest
 
-from analytic.assembly import Assembly
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import load
+from analytic.mechanism.file import load
 from compare.crosscheck import Job, crosscheck
-from compare.discrepancy import load_tolerances
-from compare.grid import default_angles
+from compare.judge.discrepancy import load_tolerances
+from compare.judge.grid import default_angles
 from sim_models.engine import ENGINES, JOINT_MODELS, JointModel, Motion, Request, declared, engine
 
 GRAVITY = (0.0, -9.81)
@@ -24,12 +24,16 @@ GRAVITY = (0.0, -9.81)
 def loaded_crank_rocker() -> Mechanism:
     """60 rpm and a steady pull on the follower, so that every pin stays on its rim all round."""
     m = load("crank-rocker")
-    return m.replace(drive={"joint": "D", "speed": 6.0}, loads=[{"body": "follower", "point": "B", "force": (40.0, 10.0)}])
+    return m.replace(
+        drive={"joint": "D", "speed": 6.0}, loads=[{"body": "follower", "point": "B", "force": (40.0, 10.0)}]
+    )
 
 
 def loaded_slider_crank() -> Mechanism:
     m = load("slider-crank")
-    return m.replace(drive={"joint": "O", "speed": 6.0}, gravity=GRAVITY, loads=[{"body": "slider", "force": (-60.0, 0.0)}])
+    return m.replace(
+        drive={"joint": "O", "speed": 6.0}, gravity=GRAVITY, loads=[{"body": "slider", "force": (-60.0, 0.0)}]
+    )
 
 
 def turned(m: Mechanism) -> Mechanism:
@@ -43,8 +47,16 @@ CASES = {
     "paper": (load("paper"), PAPER),
     "paper, 0.1 mm": (load("paper").with_clearances({"B": 1e-4}), PAPER),
     "gravity": (load("paper").with_clearances({"B": 1e-3}).replace(gravity=GRAVITY), PAPER),
-    "oblique load": (load("paper").with_clearances({"B": 1e-3}).replace(loads=[{"body": "coupler", "point": "com", "force": (30.0, 40.0)}]), PAPER),
-    "joint friction": (load("paper").with_clearances({"B": 1e-3}).with_joint("E", friction_torque=0.2, damping=0.05), PAPER),
+    "oblique load": (
+        load("paper")
+        .with_clearances({"B": 1e-3})
+        .replace(loads=[{"body": "coupler", "point": "com", "force": (30.0, 40.0)}]),
+        PAPER,
+    ),
+    "joint friction": (
+        load("paper").with_clearances({"B": 1e-3}).with_joint("E", friction_torque=0.2, damping=0.05),
+        PAPER,
+    ),
     "joint spring": (load("paper").with_clearances({"B": 1e-3}).with_joint("A", stiffness=2.0, rest_angle=0.3), PAPER),
     "several clearances": (load("paper").with_clearances(PIVOTS), PAPER),
     "reverse rotation": (turned(load("paper").with_clearances({"B": 1e-3})), PAPER),
@@ -105,11 +117,13 @@ def test_a_crank_at_rest_is_behind_its_motor_by_torque_over_stiffness(name: str,
 
 
 def test_every_case_keeps_contact_by_its_analytic_model() -> None:
-    from analytic.clearance import displaced
+    from analytic.paper.clearance import displaced
 
     for case, (mechanism, theta) in CASES.items():
         assert not displaced(Assembly(mechanism), theta, mechanism.speed or 1.0).flags, case
 
 
 def test_the_shipped_default_grid_is_the_papers() -> None:
-    np.testing.assert_allclose(np.degrees(default_angles(Assembly(load("paper")))), np.arange(20.0, 161.0, 5.0), atol=1e-9)
+    np.testing.assert_allclose(
+        np.degrees(default_angles(Assembly(load("paper")))), np.arange(20.0, 161.0, 5.0), atol=1e-9
+    )

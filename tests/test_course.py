@@ -1,4 +1,6 @@
-"""The course of a run that follows its encoder: within its noise and counts, whatever the unit of time, or it is said where not."""
+"""The course of a run that follows its encoder: within its noise and counts, whatever the unit of time, or it is said
+where not.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analytic.mechanism_file import dumps
+from analytic.mechanism.file import dumps
 from compare.diagnose import prepare
 from compare.diagnose.data import quality
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Channel, Run
 from compare.diagnose.data.smooth import Smoother
 from compare.diagnose.data.thin import missed, picked
-from compare.scoreboard.rigs import Plan
+from compare.evidence.scoreboard.rigs import Plan
 from diagnosis_rigs import bench, diagnosed, readings, wrong
 from measured_files import MeasuredRun, write_measured
 
@@ -24,7 +26,9 @@ NOISE = (0.0, 1e-4, 1e-2)  # rad
 
 
 def turning(samples: int, degrees: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Sample numbers (N,) and angles (N,) rad of a crank that turns so far in a sample, at a speed that varies by up to a quarter."""
+    """Sample numbers (N,) and angles (N,) rad of a crank that turns so far in a sample, at a speed that varies by up to
+    a quarter.
+    """
     k = np.arange(samples)
     turn = math.radians(degrees) * k + seed
     return k, turn + 0.15 * np.sin(turn) + 0.05 * np.sin(2 * turn + 1)
@@ -46,7 +50,9 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-@pytest.mark.parametrize("rate", [0.05, 50.0, 5e3, 5e7])  # samples per unit of time: ms and Hz, s and Hz, fast, h and Hz
+@pytest.mark.parametrize(
+    "rate", [0.05, 50.0, 5e3, 5e7]
+)  # samples per unit of time: ms and Hz, s and Hz, fast, h and Hz
 @pytest.mark.parametrize("degrees", [0.02, 0.5, 6.0, 12.0, 22.0])
 def test_a_course_keeps_to_its_encoder_within_noise_and_counts(rate: float, degrees: float) -> None:
     k, angle = turning(400, degrees)
@@ -76,7 +82,9 @@ def test_the_unit_of_time_and_its_zero_do_not_count() -> None:
     for scale in (1e-6, 0.02, 1e3, 3.6e6):
         other = Smoother(k * scale + 7 * scale)
         assert other.lam(values) == first.lam(values)
-        np.testing.assert_allclose(other.spline(values)(other.time), first.spline(values)(first.time), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(
+            other.spline(values)(other.time), first.spline(values)(first.time), rtol=0, atol=1e-9
+        )
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -7,10 +7,10 @@ import importlib.util
 import numpy as np
 import pytest
 
-from analytic.assembly import Assembly
+from analytic.beyond_paper.released import released
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive
-from analytic.mechanism_file import load
-from analytic.released import released
+from analytic.mechanism.file import load
 from linkages import inverted_slider
 from planar_checks import (
     LINKAGES,
@@ -24,10 +24,10 @@ from planar_checks import (
     run,
     vector,
 )
+from sim_models.common.start import poses
 from sim_models.dart.engine import ENGINE
 from sim_models.dart.world import DartWorld
 from sim_models.engine import JointModel, Motion, Request, SimulationError, Unsupported
-from sim_models.start import poses
 
 if importlib.util.find_spec("dartpy") is None:
     pytest.skip("dartpy is not installed", allow_module_level=True)
@@ -39,7 +39,10 @@ REAL: tuple[JointModel, ...] = ("spring-damper", "contact")
 
 
 @pytest.mark.parametrize("clearance", [1e-2, 1e-3, 1e-4])
-@pytest.mark.parametrize(("joint_model", "degrees", "percent"), [("ideal", 1e-6, 1e-5), ("spring-damper", 0.001, 0.005), ("contact", 1e-5, 1e-4)])
+@pytest.mark.parametrize(
+    ("joint_model", "degrees", "percent"),
+    [("ideal", 1e-6, 1e-5), ("spring-damper", 0.001, 0.005), ("contact", 1e-5, 1e-4)],
+)
 def test_statics_of_the_paper_case(joint_model: JointModel, degrees: float, percent: float, clearance: float) -> None:
     m = load("paper").with_clearances({"B": clearance})
     trace = run(ENGINE, m, joint_model, "static", PAPER_RANGE)
@@ -84,9 +87,13 @@ def test_ideal_driven_linkages_reproduce_kinetostatics(name: str) -> None:
     assert_kinetostatics(run(ENGINE, m, "ideal", "driven", degrees), m, 3e-4)
 
 
-@pytest.mark.parametrize("clearance", [pytest.param(1e-2, marks=pytest.mark.slow), 1e-3, pytest.param(1e-4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "clearance", [pytest.param(1e-2, marks=pytest.mark.slow), 1e-3, pytest.param(1e-4, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("joint_model", REAL)
-def test_driven_paper_case_starts_and_stays_in_the_analytic_equilibrium(joint_model: JointModel, clearance: float) -> None:
+def test_driven_paper_case_starts_and_stays_in_the_analytic_equilibrium(
+    joint_model: JointModel, clearance: float
+) -> None:
     m = load("paper").with_clearances({"B": clearance})
     trace = run(ENGINE, m, joint_model, "driven", PAPER_RANGE)
     angle, size = reaction_errors(trace, m)
@@ -138,7 +145,11 @@ def test_many_impacts_have_the_exact_statistics() -> None:
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9])
 def test_a_bar_dropped_in_its_bearing_rebounds_by_newtons_restitution(restitution: float) -> None:
     eps = 5e-3  # impact at sqrt(2 g eps) = 0.31 m/s, above DART's threshold
-    m = load("pendulum").with_joint("O", clearance=eps, restitution=restitution).replace(assembly={"pendulum": -np.pi / 2})
+    m = (
+        load("pendulum")
+        .with_joint("O", clearance=eps, restitution=restitution)
+        .replace(assembly={"pendulum": -np.pi / 2})
+    )
     fall = np.sqrt(2 * eps / 9.81)
     time = np.linspace(1.05 * fall, fall * (1 + 2 * max(restitution, 0.2)), 200)
     trace = ENGINE.simulate(Request(m, "contact", "driven", time=time, start="centred"))
@@ -163,7 +174,9 @@ def test_released_pendulum_with_friction_and_damping(start_speed: float) -> None
     trace = ENGINE.simulate(Request(m, "ideal", "driven", time=time, start_speed=start_speed))
     expected = released(Assembly(m), time, omega=start_speed).reactions.signals()
     np.testing.assert_allclose(trace.signals["pendulum_angle"], expected["pendulum_angle"], atol=2e-4)
-    np.testing.assert_allclose(trace.signals["pendulum_angular_velocity"], expected["pendulum_angular_velocity"], atol=1e-3)
+    np.testing.assert_allclose(
+        trace.signals["pendulum_angular_velocity"], expected["pendulum_angular_velocity"], atol=1e-3
+    )
     assert not trace.signals["drive_torque"].any()
 
 
@@ -179,7 +192,9 @@ def test_released_pendulum_with_friction_and_damping(start_speed: float) -> None
     ],
 )
 @pytest.mark.parametrize("motion", ["static", "driven"])
-def test_what_dart_does_not_do_is_refused(motion: Motion, joint_model: JointModel, change: dict[str, float], why: str) -> None:
+def test_what_dart_does_not_do_is_refused(
+    motion: Motion, joint_model: JointModel, change: dict[str, float], why: str
+) -> None:
     m = load("paper").with_joint("B", clearance=1e-3, **change)
     with pytest.raises(Unsupported, match=why):
         run(ENGINE, m, joint_model, motion, [30.0])

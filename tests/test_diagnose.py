@@ -1,4 +1,6 @@
-"""The diagnosis from end to end: what it names, what it refuses to name, what would decide, and that it says so plainly."""
+"""The diagnosis from end to end: what it names, what it refuses to name, what would decide, and that it says so
+plainly.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ import numpy as np
 import pytest
 
 from analytic.mechanism import Load, Mechanism
-from analytic.mechanism_file import load
+from analytic.mechanism.file import load
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.measured_file import read_file
 from compare.diagnose.data.recording import Measured, MeasuredError
@@ -26,10 +28,22 @@ from compare.diagnose.locate import locate
 from compare.diagnose.prepare import thinned
 from compare.diagnose.separate import as_toml
 from compare.diagnose.workflow import diagnose
-from compare.scoreboard.record import write_data
-from compare.scoreboard.rigs import Bench, Plan
-from compare.scoreboard.sizes import Planted
-from diagnosis_rigs import SENSORS, assert_recovered, bench, diagnosed, four_bar, named, played, readings, released, turn, wrong
+from compare.evidence.scoreboard.record import write_data
+from compare.evidence.scoreboard.rigs import Bench, Plan
+from compare.evidence.scoreboard.sizes import Planted
+from diagnosis_rigs import (
+    SENSORS,
+    assert_recovered,
+    bench,
+    diagnosed,
+    four_bar,
+    named,
+    played,
+    readings,
+    released,
+    turn,
+    wrong,
+)
 
 VISCOUS = wrong("viscous_friction", "E", damping=0.01)
 LONGER = wrong("link_length", "coupler", length_error=1e-4)
@@ -57,7 +71,9 @@ def test_no_gap_names_nothing(seed: int, source: str) -> None:
 
 def test_no_gap_in_a_free_run_whose_start_is_not_known() -> None:
     pendulum = load("pendulum")
-    result = diagnosed(released(pendulum, pendulum, {"pendulum_angle": 1e-3}, [(0.2, 0.0), (-2.5, 1.0)], np.linspace(0, 3, 150)))
+    result = diagnosed(
+        released(pendulum, pendulum, {"pendulum_angle": 1e-3}, [(0.2, 0.0), (-2.5, 1.0)], np.linspace(0, 3, 150))
+    )
     assert (result["verdict"], result["effects"]) == ("no gap", [])
     assert result["gap"]["after"] < 1.1
 
@@ -79,7 +95,10 @@ def test_several_effects_at_once(truth: Sequence[Planted]) -> None:
 
 @pytest.mark.slow
 def test_a_spring_and_an_encoder_offset_at_once() -> None:
-    truth = wrong("joint_spring", "E", stiffness=0.05, rest_angle=1.2), wrong("encoder_offset", "crank_angle", offset=1e-3)
+    truth = (
+        wrong("joint_spring", "E", stiffness=0.05, rest_angle=1.2),
+        wrong("encoder_offset", "crank_angle", offset=1e-3),
+    )
     assert_recovered(diagnosed(played(bench(), *truth, source="dart")), *truth)
 
 
@@ -114,7 +133,9 @@ def test_a_place_where_it_is_off_is_found() -> None:
 
 def test_what_the_engines_differ_by_is_not_listed_as_a_deviation() -> None:
     rig = bench(turn("slow", 4.0))
-    data = Data(rig.measured(readings(rig)), {("slow", signal): noise for signal, noise in SENSORS.items()}, "crank_angle")
+    data = Data(
+        rig.measured(readings(rig)), {("slow", signal): noise for signal, noise in SENSORS.items()}, "crank_angle"
+    )
     part = next(p for p in data.parts if p.signal == "follower_angle")
     residual = np.random.default_rng(1).standard_normal(data.size)
     residual[part.place][40:60] += 2e-3 / SENSORS["follower_angle"]
@@ -135,14 +156,27 @@ def test_data_that_are_thinned_for_the_search_are_said_to_be() -> None:
 # ---------------------------------------------------------------- what these data cannot tell apart
 
 
-ALIAS_SENSORS = {"crank_angle": 4e-5, "follower_angle": 6e-5, "follower_x": 1e-5, "follower_y": 1e-5, "coupler_angle": 6e-5, "drive_torque": 8e-3}
+ALIAS_SENSORS = {
+    "crank_angle": 4e-5,
+    "follower_angle": 6e-5,
+    "follower_x": 1e-5,
+    "follower_y": 1e-5,
+    "coupler_angle": 6e-5,
+    "drive_torque": 8e-3,
+}
 DOWN, UP = Load(body="coupler", force=(0.0, -50.0)), Load(body="coupler", force=(0.0, 50.0))
 CLEARANCE = wrong("joint_clearance", "B", radial_clearance=1e-4)
 
 
 def alias_rig(*more: Plan) -> Bench:
     """The follower carries its pin's force along itself and, while the load only pushes, always the same way."""
-    return bench(turn("slow", 4.0), turn("fast", 6.5), *more, mechanism=four_bar(gravity=0.0, loads=(DOWN,)), sensors=ALIAS_SENSORS)
+    return bench(
+        turn("slow", 4.0),
+        turn("fast", 6.5),
+        *more,
+        mechanism=four_bar(gravity=0.0, loads=(DOWN,)),
+        sensors=ALIAS_SENSORS,
+    )
 
 
 def test_clearance_is_not_told_from_length_until_the_load_reverses() -> None:
@@ -160,7 +194,9 @@ def test_clearance_is_not_told_from_length_until_the_load_reverses() -> None:
     assert_recovered(resolved, CLEARANCE)
 
 
-@pytest.mark.parametrize("loads", [None, (), (DOWN,), (DOWN, Load(body="follower", point="B", force=(1.0, 2.0), torque=0.3))])
+@pytest.mark.parametrize(
+    "loads", [None, (), (DOWN,), (DOWN, Load(body="follower", point="B", force=(1.0, 2.0), torque=0.3))]
+)
 def test_a_run_that_is_proposed_is_read_back_with_its_loads(loads: tuple[Load, ...] | None, tmp_path: Path) -> None:
     run = played(alias_rig()).runs[0]
     path = tmp_path / "measured.toml"
@@ -185,7 +221,10 @@ CRANK_CELL = SENSORS | {"reaction_D_x": 0.01, "reaction_D_y": 0.01}
 
 @pytest.mark.parametrize(
     "truth",
-    [wrong("payload", "crank", mass=0.02, along=0.015, normal=0.005), wrong("com_offset", "crank", along=0.005, normal=0.004)],
+    [
+        wrong("payload", "crank", mass=0.02, along=0.015, normal=0.005),
+        wrong("com_offset", "crank", along=0.005, normal=0.004),
+    ],
     ids=lambda t: t.name,
 )
 def test_payload_and_com_offset_of_a_crank_at_constant_speed_are_aliases(truth: Planted) -> None:
@@ -245,10 +284,13 @@ def test_only_effects_that_do_not_explain_leave_it_unexplained(longer_follower: 
 
 
 @pytest.mark.parametrize(
-    ("given", "meant"), [("gravty", "gravity"), ("link_length@folower", "link_length@follower"), ("clearance@B", "joint_clearance@B")]
+    ("given", "meant"),
+    [("gravty", "gravity"), ("link_length@folower", "link_length@follower"), ("clearance@B", "joint_clearance@B")],
 )
 @pytest.mark.parametrize("option", ["only", "exclude"])
-def test_unknown_names_are_refused_with_what_was_meant(longer_follower: Measured, option: str, given: str, meant: str) -> None:
+def test_unknown_names_are_refused_with_what_was_meant(
+    longer_follower: Measured, option: str, given: str, meant: str
+) -> None:
     with pytest.raises(MeasuredError, match=f"{given!r} is not an effect.*did you mean {meant!r}"):
         diagnosed(longer_follower, **{option: (given,)})
 
@@ -269,7 +311,10 @@ def test_a_tolerance_that_is_wide_enough_rules_nothing_out(longer_follower: Meas
 
 @pytest.mark.parametrize("rotation", [math.pi, 0.3, -math.pi / 2], ids=["upside down", "turned", "on its side"])
 def test_a_load_cell_mounted_turned(rotation: float) -> None:
-    assert_recovered(diagnosed(played(bench(), wrong("sensor_frame", "E", rotation=rotation))), wrong("sensor_frame", "E", rotation=rotation))
+    assert_recovered(
+        diagnosed(played(bench(), wrong("sensor_frame", "E", rotation=rotation))),
+        wrong("sensor_frame", "E", rotation=rotation),
+    )
 
 
 def test_one_clock_offset_of_many_sensors_is_named_once() -> None:
@@ -298,7 +343,7 @@ def test_a_clipped_sensor_is_a_fault_of_the_data_and_nothing_is_named(tmp_path: 
 
 
 def written(rig: Bench, seen: list[dict[str, np.ndarray]], folder: Path) -> Path:
-    from compare.scoreboard.hidden import Hidden
+    from compare.evidence.scoreboard.hidden import Hidden
 
     write_data(Hidden(0, "effects", rig, "exudyn", "mujoco"), seen, folder)
     return folder / "measured.toml"
@@ -332,7 +377,9 @@ ROCKER_STARTS = [(0.9, 0.0), (0.5, 20.0)]  # rad, rad/s
 ROCKER_TIME = np.linspace(0.0, 0.6, 100)
 
 
-@pytest.mark.parametrize(("name", "field", "value"), [("viscous_friction", "damping", 3e-3), ("coulomb_friction", "friction_torque", 1e-2)])
+@pytest.mark.parametrize(
+    ("name", "field", "value"), [("viscous_friction", "damping", 3e-3), ("coulomb_friction", "friction_torque", 1e-2)]
+)
 def test_friction_of_a_free_pendulum_whose_start_is_not_known(name: str, field: str, value: float) -> None:
     real = PENDULUM.with_joint("O", **{field: value})
     data = released(PENDULUM, real, {"pendulum_angle": 1e-3}, [(0.2, 0.0), (-2.5, 1.0)], np.linspace(0, 3, 150))
@@ -343,11 +390,14 @@ def test_friction_of_a_free_pendulum_whose_start_is_not_known(name: str, field: 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "joint", "field", "value"), [("viscous_friction", "E", "damping", 1e-3), ("coulomb_friction", "D", "friction_torque", 4e-3)]
+    ("name", "joint", "field", "value"),
+    [("viscous_friction", "E", "damping", 1e-3), ("coulomb_friction", "D", "friction_torque", 4e-3)],
 )
 def test_friction_of_a_free_crank_rocker(name: str, joint: str, field: str, value: float) -> None:
     believed = four_bar(loads=())
-    time = np.linspace(0.0, 0.17, 100)  # s: until friction holds the second run, where Exudyn creeps by as much as the data would tell
+    time = np.linspace(
+        0.0, 0.17, 100
+    )  # s: until friction holds the second run, where Exudyn creeps by as much as the data would tell
     data = released(believed, believed.with_joint(joint, **{field: value}), ROCKER_NOISE, ROCKER_STARTS, time)
     assert_recovered(diagnosed(data), wrong(name, joint, **{field: value}))
 
@@ -391,7 +441,10 @@ class Tether(Effect):
 
 def test_an_effect_of_ones_own_on_a_sensor_is_found() -> None:
     rig, tooth = bench(), WornTooth()
-    seen = [dict(tooth.on_readings(run, plan.name, "follower_angle", {"lag": 5e-4})) for plan, run in zip(rig.plans, readings(rig), strict=True)]
+    seen = [
+        dict(tooth.on_readings(run, plan.name, "follower_angle", {"lag": 5e-4}))
+        for plan, run in zip(rig.plans, readings(rig), strict=True)
+    ]
     assert named(diagnosed(rig.measured(seen))) != [("worn_tooth", "follower_angle")]
     result = diagnosed(rig.measured(seen), own=(tooth,))
     assert_recovered(result, wrong("worn_tooth", "follower_angle", lag=5e-4))
@@ -401,7 +454,11 @@ def test_an_effect_of_ones_own_on_a_sensor_is_found() -> None:
 def test_an_effect_of_ones_own_on_the_mechanism_is_found_and_simulated() -> None:
     real = four_bar(loads=(*four_bar().loads, Load(body="coupler", point="B", force=(1.5, 0.0))))
     seen = readings(bench(mechanism=real))
-    result = diagnosed(bench().measured(seen), own=(Tether(),), only=("tether", "gravity", "link_length", "viscous_friction", "sensor_bias"))
+    result = diagnosed(
+        bench().measured(seen),
+        own=(Tether(),),
+        only=("tether", "gravity", "link_length", "viscous_friction", "sensor_bias"),
+    )
     assert_recovered(result, wrong("tether", "coupler", pull=1.5))
 
 
@@ -438,7 +495,9 @@ def test_an_engine_that_cannot_simulate_the_explanation_does_not_confirm_it() ->
 
 
 def test_what_the_chosen_engine_lacks_is_said_to_be_the_analytic_models() -> None:
-    result = diagnose(played(bench(turn("slow", 2.0)), OPEN, source="mujoco"), "pybullet", others=False, workers=1).result
+    result = diagnose(
+        played(bench(turn("slow", 2.0)), OPEN, source="mujoco"), "pybullet", others=False, workers=1
+    ).result
     assert named(result) == [("joint_clearance", "B")]
     assert result["engines"][0]["added"] == ["joint_clearance@B"]
     (said,) = next(step["text"] for step in result["steps"] if step["title"] == "Add")
@@ -490,7 +549,9 @@ def test_every_engine_can_diagnose(simulator: str) -> None:
 
 
 def compare(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "compare", *arguments], cwd=cwd, capture_output=True, text=True, timeout=300, check=False)
+    return subprocess.run(
+        [sys.executable, "-m", "compare", *arguments], cwd=cwd, capture_output=True, text=True, timeout=300, check=False
+    )
 
 
 @pytest.mark.parametrize(
@@ -502,23 +563,47 @@ def compare(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     ],
     ids=["no gap", "explained", "unexplained"],
 )
-def test_the_command(truth: Sequence[Planted], options: Sequence[str], status: int, verdict: str, tmp_path: Path) -> None:
+def test_the_command(
+    truth: Sequence[Planted], options: Sequence[str], status: int, verdict: str, tmp_path: Path
+) -> None:
     rig = bench()
     written(rig, readings(rig, *truth), tmp_path)
-    done = compare("diagnose", "measured.toml", "--simulator", "mujoco", "--json", "--out", "out", "--workers", "1", *options, cwd=tmp_path)
+    done = compare(
+        "diagnose",
+        "measured.toml",
+        "--simulator",
+        "mujoco",
+        "--json",
+        "--out",
+        "out",
+        "--workers",
+        "1",
+        *options,
+        cwd=tmp_path,
+    )
     assert done.returncode == status, done.stderr
     assert done.stderr == ""
     result = json.loads(done.stdout)
     assert result == json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
     assert result["verdict"] == verdict
-    assert {p.name for p in (tmp_path / "out").iterdir()} >= {"diagnosis.json", "diagnosis.html", "diagnosis.md", "explained.toml"}
-    assert load(tmp_path / "out" / "explained.toml").joint("E").damping == pytest.approx(0.01 if verdict == "explained" else 0.0, rel=0.02)
+    assert {p.name for p in (tmp_path / "out").iterdir()} >= {
+        "diagnosis.json",
+        "diagnosis.html",
+        "diagnosis.md",
+        "explained.toml",
+    }
+    assert load(tmp_path / "out" / "explained.toml").joint("E").damping == pytest.approx(
+        0.01 if verdict == "explained" else 0.0, rel=0.02
+    )
 
 
 def test_the_command_refuses_what_it_does_not_know(tmp_path: Path) -> None:
     rig = bench()
     written(rig, readings(rig), tmp_path)
-    for options, word in ((("--only", "gravty"), "did you mean 'gravity'"), (("--simulator", "adams"), "'adams' is unknown")):
+    for options, word in (
+        (("--only", "gravty"), "did you mean 'gravity'"),
+        (("--simulator", "adams"), "'adams' is unknown"),
+    ):
         done = compare("diagnose", "measured.toml", "--out", "out", *options, cwd=tmp_path)
         assert done.returncode == 2
         assert word in done.stderr

@@ -1,4 +1,6 @@
-"""Bad data through the command: one sentence on standard error, the right exit status, no traceback, nothing half-written."""
+"""Bad data through the command: one sentence on standard error, the right exit status, no traceback, nothing
+half-written.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +13,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from compare.cli import app
-from compare.scoreboard.hidden import Hidden
-from compare.scoreboard.record import write_data
+from compare.cli.app import app
+from compare.evidence.scoreboard.hidden import Hidden
+from compare.evidence.scoreboard.record import write_data
 from diagnosis_rigs import bench, readings
 
 RIG = bench()
@@ -47,7 +49,9 @@ def copied(good: Path, folder: Path) -> Path:
 
 def diagnosed(folder: Path) -> Ended:
     out = folder / "out"
-    done = CliRunner().invoke(app, ["diagnose", str(folder / "measured.toml"), "--workers", "1", "--json", "--out", str(out)])
+    done = CliRunner().invoke(
+        app, ["diagnose", str(folder / "measured.toml"), "--workers", "1", "--json", "--out", str(out)]
+    )
     assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
     return Ended(done.exit_code, done.stdout, done.stderr, out)
 
@@ -135,7 +139,9 @@ def all_empty(table: Table) -> None:
     ],
     ids=lambda value: value.__name__ if callable(value) else "",
 )
-def test_a_table_that_cannot_be_what_it_says_is_refused(change: Callable[[Table], None], words: list[str], good: Path, tmp_path: Path) -> None:
+def test_a_table_that_cannot_be_what_it_says_is_refused(
+    change: Callable[[Table], None], words: list[str], good: Path, tmp_path: Path
+) -> None:
     edited(copied(good, tmp_path), change)
     assert_refused(diagnosed(tmp_path), *words)
 
@@ -225,7 +231,9 @@ def with_a_spike(table: Table) -> None:
     [(constant, ["constant"]), (with_nans, []), (with_holes, []), (with_a_gap, ["gap"]), (with_a_spike, ["outliers"])],
     ids=lambda value: value.__name__ if callable(value) else "",
 )
-def test_what_can_be_mended_is_mended_and_said(change: Callable[[Table], None], kinds: list[str], good: Path, tmp_path: Path) -> None:
+def test_what_can_be_mended_is_mended_and_said(
+    change: Callable[[Table], None], kinds: list[str], good: Path, tmp_path: Path
+) -> None:
     edited(copied(good, tmp_path), change)
     ended = diagnosed(tmp_path)
     assert ended.status == 0, ended.err

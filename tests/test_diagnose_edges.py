@@ -1,5 +1,6 @@
-"""Measurements at the edge of what a diagnosis is given: free runs beside driven ones, late clocks, sensors of different rates,
-tolerances of nothing, a coarse encoder, bodies without a length."""
+"""Measurements at the edge of what a diagnosis is given: free runs beside driven ones, late clocks, sensors of
+different rates, tolerances of nothing, a coarse encoder, bodies without a length.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from analytic.mechanism import Load, Mechanism
-from analytic.mechanism_file import dumps, load
+from analytic.mechanism.file import dumps, load
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured, MeasuredError, Run
 from compare.diagnose.data.thin import picked
@@ -53,7 +54,9 @@ def test_a_free_run_of_a_large_swing_without_a_gap_is_off_nowhere() -> None:
 
 def test_the_zero_of_the_only_sensor_of_a_pendulum_is_a_cause_like_any_other() -> None:
     data = swings()
-    off = tuple(replace(r, channels={s: replace(c, values=c.values + 0.02) for s, c in r.channels.items()}) for r in data.runs)
+    off = tuple(
+        replace(r, channels={s: replace(c, values=c.values + 0.02) for s, c in r.channels.items()}) for r in data.runs
+    )
     result = diagnosed(replace(data, runs=off), only=("encoder_offset", "viscous_friction", "moment_of_inertia"))
     assert_recovered(result, wrong("encoder_offset", "pendulum_angle", offset=0.02))
 
@@ -73,7 +76,13 @@ def test_a_clock_that_does_not_begin_at_zero_changes_nothing(tmp_path: Path) -> 
 def test_clearance_is_found_in_driven_runs_though_another_run_is_free() -> None:
     truth = wrong("joint_clearance", "B", radial_clearance=3e-4)
     data = played(bench(turn("slow", 4.0, samples=60), turn("fast", 9.0, samples=60)), truth, source="mujoco")
-    free = released(four_bar(), four_bar(), {s: SENSORS[s] for s in ("crank_angle", "follower_angle")}, [(1.2, 0.0)], np.linspace(0, 0.2, 20))
+    free = released(
+        four_bar(),
+        four_bar(),
+        {s: SENSORS[s] for s in ("crank_angle", "follower_angle")},
+        [(1.2, 0.0)],
+        np.linspace(0, 0.2, 20),
+    )
     result = diagnosed(replace(data, runs=(*data.runs, *free.runs)), only=("joint_clearance", "viscous_friction"))
     assert_recovered(result, truth)
     assert any("free, joints are taken without clearance" in text for step in result["steps"] for text in step["text"])
@@ -88,7 +97,9 @@ def test_a_start_needs_the_driven_bodys_angle(tmp_path: Path) -> None:
 
 def test_a_pendulum_whose_pivot_is_its_only_point_has_a_size() -> None:
     bob = PENDULUM.bodies[0]
-    lone = PENDULUM.with_body("pendulum", points={"O": bob.points["O"]}, com=(bob.centre.real, bob.centre.imag), inertia=bob.moment_of_inertia)
+    lone = PENDULUM.with_body(
+        "pendulum", points={"O": bob.points["O"]}, com=(bob.centre.real, bob.centre.imag), inertia=bob.moment_of_inertia
+    )
     assert lone.bodies[0].length == 0
     result = diagnosed(replace(swings(), mechanism=lone))
     assert result["verdict"] == "no gap"
@@ -98,11 +109,17 @@ def test_a_pendulum_whose_pivot_is_its_only_point_has_a_size() -> None:
 
 
 def two_rates(drive: str = "speed") -> Run:
-    """A run in which the follower's sensor is read at one row in four, never at the rows that a thinning by two or four would keep."""
+    """A run in which the follower's sensor is read at one row in four, never at the rows that a thinning by two or four
+    would keep.
+    """
     data = played(bench(turn("slow", 4.0, samples=1200)))
     run = data.runs[0]
     sparse = np.where(np.arange(run.time.size) % 4 == 1, run.channels["follower_angle"].values, math.nan)
-    return replace(run, drive=drive, channels={**run.channels, "follower_angle": replace(run.channels["follower_angle"], values=sparse)})  # type: ignore[arg-type]
+    return replace(
+        run,
+        drive=drive,
+        channels={**run.channels, "follower_angle": replace(run.channels["follower_angle"], values=sparse)},
+    )  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("every", [2, 4, 8])
@@ -138,7 +155,9 @@ def test_a_coarse_encoder_turns_as_it_is_told_to(step: float, tmp_path: Path) ->
 
 def test_crank_angle_stands_for_the_driven_bodys_angle_whatever_its_name(tmp_path: Path) -> None:
     columns = {"crank_angle [deg]": np.degrees(0.3 * np.cos(6.0 * TIME))}
-    run = MeasuredRun("swing", TIME, columns, {"drive": "free", "start": {"crank_angle": 0.3}, "noise": {"crank_angle": 1e-3}})
+    run = MeasuredRun(
+        "swing", TIME, columns, {"drive": "free", "start": {"crank_angle": 0.3}, "noise": {"crank_angle": 1e-3}}
+    )
     found = load_measured(write_measured(tmp_path, dumps(PENDULUM), [run])).runs[0]
     assert set(found.channels) == {"pendulum_angle"}
     assert found.channels["pendulum_angle"].noise == 1e-3
@@ -158,8 +177,12 @@ def test_crank_angle_stands_for_the_driven_bodys_angle_whatever_its_name(tmp_pat
         ({"sensor_frame.rotation": 0.0}, "sensor_frame"),
     ],
 )
-def test_a_tolerance_of_nothing_rules_an_effect_out_and_the_report_says_so(tolerance: dict[str, float], name: str) -> None:
-    data = replace(played(bench(turn("slow", 4.0)), wrong("link_length", "follower", length_error=1e-4)), tolerance=tolerance)
+def test_a_tolerance_of_nothing_rules_an_effect_out_and_the_report_says_so(
+    tolerance: dict[str, float], name: str
+) -> None:
+    data = replace(
+        played(bench(turn("slow", 4.0)), wrong("link_length", "follower", length_error=1e-4)), tolerance=tolerance
+    )
     result = diagnosed(data, only=(name, "link_length"))
     assert statuses(result, name) == {"excluded"}
     assert named(result) == [("link_length", "follower")]
@@ -184,8 +207,16 @@ def test_a_tolerance_that_would_bound_nothing_is_refused(key: str, tmp_path: Pat
 
 def test_a_run_that_is_proposed_has_a_name_that_no_run_has() -> None:
     down = Load(body="coupler", point="com", force=(0.0, -50.0))
-    rig = bench(turn("reversed-load", 4.0), turn("fast", 6.5), mechanism=four_bar(gravity=0.0, loads=(down,)), sensors={"follower_angle": 6e-5})
-    result = diagnosed(played(rig, wrong("joint_clearance", "B", radial_clearance=4e-4), source="dart"), only=("joint_clearance", "link_length"))
+    rig = bench(
+        turn("reversed-load", 4.0),
+        turn("fast", 6.5),
+        mechanism=four_bar(gravity=0.0, loads=(down,)),
+        sensors={"follower_angle": 6e-5},
+    )
+    result = diagnosed(
+        played(rig, wrong("joint_clearance", "B", radial_clearance=4e-4), source="dart"),
+        only=("joint_clearance", "link_length"),
+    )
     assert result["verdict"] == "ambiguous", result["statement"]
     advice = next(e["would_separate"] for e in result["effects"] if "[[run]]" in e["would_separate"])
     (proposed,) = tomllib.loads(advice[advice.index("[[run]]") :])["run"]
@@ -200,7 +231,14 @@ def test_a_located_deviation_has_the_sign_of_its_size_whatever_the_next_turn_bri
     signal = {"unit": "N.m", "measured": measured.tolist(), "before": before.tolist()}
     run = {"name": "two turns", "drive": "speed", "crank_angle": angle.tolist(), "signals": {"drive_torque": signal}}
     mechanism = load("crank-rocker").model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json")
-    place = {"run": "two turns", "signal": "drive_torque", "crank_angle_from": 1.0, "crank_angle_to": 2.0, "size": 1.0, "unit": "N.m"}
+    place = {
+        "run": "two turns",
+        "signal": "drive_torque",
+        "crank_angle_from": 1.0,
+        "crank_angle_to": 2.0,
+        "size": 1.0,
+        "unit": "N.m",
+    }
     assert "drive torque is too high by 1 N" in sentence({"runs": [run], "mechanism": mechanism}, place)
     later = place | {"crank_angle_from": 1.0 + 2 * np.pi, "crank_angle_to": 2.0 + 2 * np.pi, "size": -2.0}
     assert "drive torque is too low by 2 N" in sentence({"runs": [run], "mechanism": mechanism}, later)

@@ -1,4 +1,6 @@
-"""The page of a diagnosis in a real browser: what can be read, opened and copied, on every screen, and that nothing runs that should not."""
+"""The page of a diagnosis in a real browser: what can be read, opened and copied, on every screen, and that nothing
+runs that should not.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ def tied(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def box(browser: Browser, selector: str) -> tuple[float, float, float, float]:
     """Left, top, width and height of an element, scrolled into view."""
     browser.run(f"document.querySelector({selector!r}).scrollIntoView({{block: 'center'}})")
-    left, top, width, height = browser.run(f"(b => [b.left, b.top, b.width, b.height])(document.querySelector({selector!r}).getBoundingClientRect())")
+    left, top, width, height = browser.run(
+        f"(b => [b.left, b.top, b.width, b.height])(document.querySelector({selector!r}).getBoundingClientRect())"
+    )
     return left, top, width, height
 
 
@@ -60,7 +64,9 @@ def test_the_map_is_read_with_the_pointer(browser: Browser, page: Path) -> None:
     browser.open(page)
     row = "document.querySelectorAll('.map tr[data-strip]')[2]"
     browser.run(f"{row}.scrollIntoView({{block: 'center'}})")
-    left, top, width, height = browser.run(f"(b => [b.left, b.top, b.width, b.height])({row}.querySelector('svg').getBoundingClientRect())")
+    left, top, width, height = browser.run(
+        f"(b => [b.left, b.top, b.width, b.height])({row}.querySelector('svg').getBoundingClientRect())"
+    )
     browser.mouse("mouseMoved", left + 0.5 * width, top + 0.5 * height)
     said = browser.run("document.querySelector('.map .tip').innerText")
     assert said.startswith("follower angle, slow-forward")
@@ -116,14 +122,18 @@ def test_a_curve_is_read_zoomed_and_reset_over_its_band_and_held_out_blocks(brow
     assert browser.run(labels) == whole
     browser.run(f"document.querySelector('{chart}').focus()")
     browser.press("End")
-    assert browser.run("document.querySelector('#plot-22 [aria-live]').textContent").startswith("crank angle 740 deg: before")
+    assert browser.run("document.querySelector('#plot-22 [aria-live]').textContent").startswith(
+        "crank angle 740 deg: before"
+    )
 
 
 def test_the_data_open_as_a_table_of_every_sample(browser: Browser, page: Path, explained: dict[str, Any]) -> None:
     browser.open(page)
     browser.run("document.querySelector('#panel-25 summary').click()")
     browser.run("new Promise((done) => setTimeout(done, 100))")
-    rows = browser.run("[...document.querySelectorAll('#panel-25 tbody tr')].map(r => [...r.children].map(c => c.textContent))")
+    rows = browser.run(
+        "[...document.querySelectorAll('#panel-25 tbody tr')].map(r => [...r.children].map(c => c.textContent))"
+    )
     assert len(rows) == 721
     measured = explained["runs"][2]["signals"]["coupler_y"]["measured"]
     assert measured[100] is None
@@ -161,7 +171,9 @@ def test_the_separating_run_can_be_copied(browser: Browser, tied: Path) -> None:
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (390, "dark"), (1280, "dark")])
-def test_no_screen_makes_the_page_scroll_sideways(browser: Browser, page: Path, tied: Path, width: int, scheme: str) -> None:
+def test_no_screen_makes_the_page_scroll_sideways(
+    browser: Browser, page: Path, tied: Path, width: int, scheme: str
+) -> None:
     for each in (page, tied):
         browser.open(each, width, 800, scheme)
         browser.run("document.querySelectorAll('section > details').forEach(d => d.open = true)")
@@ -176,10 +188,31 @@ def test_everything_has_a_name_and_every_name_is_its_own(browser: Browser, tied:
     browser.run("document.querySelectorAll('details').forEach(d => d.open = true)")
     browser.run("new Promise((done) => setTimeout(done, 200))")
     assert browser.run("[...document.querySelectorAll('th')].filter(h => !h.scope).length") == 0
-    assert browser.run("[...document.querySelectorAll('svg[role=img], [role=region]')].filter(s => !s.getAttribute('aria-label')).length") == 0
-    assert browser.run("[...document.querySelectorAll('button')].filter(b => !b.textContent && !b.getAttribute('aria-label')).length") == 0
-    assert browser.run("(ids => ids.length - new Set(ids).size)([...document.querySelectorAll('[id]')].map(e => e.id))") == 0
-    assert browser.run("[...document.querySelectorAll('a[href^=\"#\"]')].filter(a => !document.querySelector(a.getAttribute('href'))).length") == 0
+    assert (
+        browser.run(
+            "[...document.querySelectorAll('svg[role=img], [role=region]')].filter(s =>"
+            " !s.getAttribute('aria-label')).length"
+        )
+        == 0
+    )
+    assert (
+        browser.run(
+            "[...document.querySelectorAll('button')].filter(b => !b.textContent &&"
+            " !b.getAttribute('aria-label')).length"
+        )
+        == 0
+    )
+    assert (
+        browser.run("(ids => ids.length - new Set(ids).size)([...document.querySelectorAll('[id]')].map(e => e.id))")
+        == 0
+    )
+    assert (
+        browser.run(
+            "[...document.querySelectorAll('a[href^=\"#\"]')].filter(a =>"
+            " !document.querySelector(a.getAttribute('href'))).length"
+        )
+        == 0
+    )
 
 
 def test_text_has_enough_contrast_and_the_colours_of_the_map_differ_in_lightness(browser: Browser, tied: Path) -> None:
@@ -195,7 +228,10 @@ def test_text_has_enough_contrast_and_the_colours_of_the_map_differ_in_lightness
         return (a + 0.05) / (b + 0.05);
       }}));
     }})()"""
-    shades = f"(() => {{ {light} return [...document.querySelectorAll('#where .key i')].map((i) => light(getComputedStyle(i).backgroundColor)); }})()"
+    shades = (
+        f"(() => {{ {light} return [...document.querySelectorAll('#where .key i')].map((i) =>"
+        " light(getComputedStyle(i).backgroundColor)); })()"
+    )
     for scheme in ("light", "dark"):
         browser.open(tied, scheme=scheme)
         assert browser.run(contrast) >= 4.5, scheme

@@ -1,4 +1,6 @@
-"""The pages of a diagnosis: its words and units, its figures' numbers, and what names and missing values may not do to them."""
+"""The pages of a diagnosis: its words and units, its figures' numbers, and what names and missing values may not do to
+them.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,18 @@ from compare.files import to_json
 from compare.report.diagnosis_figures import COLUMNS, LEVELS, figure, level, maps, panels
 from compare.report.diagnosis_page import changes, diagnosis_html, toml
 from compare.report.diagnosis_text import diagnosis_md, terminal_lines
-from compare.report.diagnosis_words import amount, fitting, next_steps, parameter, phrase, sentence, separation, span, ties, wrapped
+from compare.report.diagnosis_words import (
+    amount,
+    fitting,
+    next_steps,
+    parameter,
+    phrase,
+    sentence,
+    separation,
+    span,
+    ties,
+    wrapped,
+)
 from compare.report.quantities import DASH, MINUS
 from sample_diagnosis import CLEARANCE, no_gap, sample_diagnosis, swinging_diagnosis
 
@@ -70,7 +83,10 @@ def changed(result: dict[str, Any], *path: Any, value: Any) -> dict[str, Any]:
 
 
 def faults(result: Any) -> list[str]:
-    return [f"{error.json_path}: {error.message[:200]}" for error in jsonschema.Draft202012Validator(SCHEMA).iter_errors(result)]
+    return [
+        f"{error.json_path}: {error.message[:200]}"
+        for error in jsonschema.Draft202012Validator(SCHEMA).iter_errors(result)
+    ]
 
 
 def test_every_sample_is_what_the_schema_says(small: dict[str, Any], swinging: dict[str, Any]) -> None:
@@ -89,7 +105,10 @@ WRONG: dict[str, tuple[tuple[Any, ...], Any]] = {
     "half held out": (("runs", 0, "held_out", 0), 0.5),
     "a negative gap": (("gap", "before"), -1.0),
     "an effect without parameters": (("effects", 0, "parameters"), {}),
-    "an interval without an end": (("effects", 0, "parameters", "radial_clearance"), {"value": 1.0, "unit": "m", "low": 0.0}),
+    "an interval without an end": (
+        ("effects", 0, "parameters", "radial_clearance"),
+        {"value": 1.0, "unit": "m", "low": 0.0},
+    ),
     "a status of its own": (("candidates", 0, "status"), "perhaps"),
     "a rival without a place": (("candidates", 0, "rival"), "gravity"),
     "a pair of one": (("inseparable",), [["a@b", 1.0]]),
@@ -149,38 +168,67 @@ def test_a_parameter_has_the_digits_that_its_interval_allows() -> None:
         f"{MINUS}0.60 mrad",
         f"{MINUS}0.70 to {MINUS}0.50 mrad",
     )
-    assert parameter("gain_error", {"value": 0.02, "unit": "1", "low": 0.01, "high": 0.03})[1:] == ("2.0 %", "1.0 to 3.0 %")
+    assert parameter("gain_error", {"value": 0.02, "unit": "1", "low": 0.01, "high": 0.03})[1:] == (
+        "2.0 %",
+        "1.0 to 3.0 %",
+    )
     assert parameter("harmonic", {"value": 3, "unit": "1", "low": None, "high": None}) == ("harmonic", "3", "not known")
 
 
 @pytest.mark.parametrize(
     ("run", "shift", "word"),
-    [("slow-forward", -6e-4, "late"), ("slow-forward", 6e-4, "early"), ("slow-reverse", 6e-4, "late"), ("slow-reverse", -6e-4, "early")],
+    [
+        ("slow-forward", -6e-4, "late"),
+        ("slow-forward", 6e-4, "early"),
+        ("slow-reverse", 6e-4, "late"),
+        ("slow-reverse", -6e-4, "early"),
+    ],
 )
-def test_an_angle_that_moves_one_way_is_late_or_early(explained: dict[str, Any], run: str, shift: float, word: str) -> None:
+def test_an_angle_that_moves_one_way_is_late_or_early(
+    explained: dict[str, Any], run: str, shift: float, word: str
+) -> None:
     index = [r["name"] for r in explained["runs"]].index(run)
     signal = explained["runs"][index]["signals"]["crank_angle"]
-    planted = changed(explained, "runs", index, "signals", "crank_angle", "measured", value=[b + shift for b in signal["before"]])
-    place = {"run": run, "signal": "crank_angle", "crank_angle_from": math.radians(40), "crank_angle_to": math.radians(110)}
+    planted = changed(
+        explained, "runs", index, "signals", "crank_angle", "measured", value=[b + shift for b in signal["before"]]
+    )
+    place = {
+        "run": run,
+        "signal": "crank_angle",
+        "crank_angle_from": math.radians(40),
+        "crank_angle_to": math.radians(110),
+    }
     place |= {"size": shift, "unit": "rad", "sigmas": 12.0}
     assert sentence(planted, place) == f"crank angle is {word} by 0.6 mrad between 40 and 110 deg in run {run}"
 
 
 def test_what_turns_back_or_is_no_angle_is_too_high_or_too_low(explained: dict[str, Any]) -> None:
-    whole = {"run": "slow-forward", "signal": "follower_angle", "crank_angle_from": 0.0, "crank_angle_to": math.tau, "size": -2e-3, "unit": "rad"}
+    whole = {
+        "run": "slow-forward",
+        "signal": "follower_angle",
+        "crank_angle_from": 0.0,
+        "crank_angle_to": math.tau,
+        "size": -2e-3,
+        "unit": "rad",
+    }
     assert sentence(explained, whole) == "follower angle is too low by 2 mrad over the whole turn in run slow-forward"
     torque = whole | {"signal": "drive_torque", "size": 0.5, "unit": "N.m", "crank_angle_to": 1.0}
     said = sentence(explained, torque)
     assert re.fullmatch(r"drive torque is too (high|low) by 0.5 N·m between 0 and 57.3 deg in run slow-forward", said)
 
 
-def test_places_are_told_within_a_turn_where_the_crank_makes_one(explained: dict[str, Any], swinging: dict[str, Any]) -> None:
+def test_places_are_told_within_a_turn_where_the_crank_makes_one(
+    explained: dict[str, Any], swinging: dict[str, Any]
+) -> None:
     place = {"run": "slow-reverse", "crank_angle_from": math.radians(-110), "crank_angle_to": math.radians(-40)}
     assert wrapped(explained)
     assert span(explained, place) == "between 250 and 320 deg"
     backward = place | {"crank_angle_from": -1e-4, "crank_angle_to": -2.0 * math.pi + 2.0}
     assert span(explained, backward) == "between 114.6 and 360 deg"
-    assert span(explained, backward | {"crank_angle_from": -4.0, "crank_angle_to": -math.tau - 1e-4}) == "between 0 and 130.8 deg"
+    assert (
+        span(explained, backward | {"crank_angle_from": -4.0, "crank_angle_to": -math.tau - 1e-4})
+        == "between 0 and 130.8 deg"
+    )
     assert not wrapped(swinging)
     assert span(swinging, place | {"run": "released"}) == f"between {MINUS}110 and {MINUS}40 deg"
 
@@ -193,27 +241,44 @@ def test_effects_and_places_are_named_as_an_engineer_would(explained: dict[str, 
 
 
 def test_a_separating_run_is_split_from_its_words() -> None:
-    words, block = separation('Reverse the load:\n\n[[run]]\nname = "back"\n\n[[run.load]]\ntorque = 2.0\n\nNothing else will do.')
+    words, block = separation(
+        'Reverse the load:\n\n[[run]]\nname = "back"\n\n[[run.load]]\ntorque = 2.0\n\nNothing else will do.'
+    )
     assert words == "Reverse the load: Nothing else will do."
     assert tomllib.loads(block) == {"run": [{"name": "back", "load": [{"torque": 2.0}]}]}
     assert separation("No run can.") == ("No run can.", "")
 
 
 def test_aliases_that_name_each_other_are_one_tie(explained: dict[str, Any]) -> None:
-    one = explained["effects"][0] | {"name": "payload", "where": "crank", "ambiguous_with": [{"name": "com_offset", "where": "crank"}]}
+    one = explained["effects"][0] | {
+        "name": "payload",
+        "where": "crank",
+        "ambiguous_with": [{"name": "com_offset", "where": "crank"}],
+    }
     other = one | {"name": "com_offset", "ambiguous_with": [{"name": "payload", "where": "crank"}]}
     groups = ties(explained | {"effects": [one, other, explained["effects"][0]]})
-    assert [[effect["name"] for effect in group] for group in groups] == [["payload", "com_offset"], ["joint_clearance"]]
+    assert [[effect["name"] for effect in group] for group in groups] == [
+        ["payload", "com_offset"],
+        ["joint_clearance"],
+    ]
     assert "parameters" in groups[0][1]
 
 
 def test_what_to_do_next_follows_the_verdict(explained: dict[str, Any], ambiguous: dict[str, Any]) -> None:
     clean = explained | {"faults": []}
-    assert next_steps(clean)[0].startswith("Confirm clearance in joint B at the rig: expect radial clearance 0.19999 mm")
+    assert next_steps(clean)[0].startswith(
+        "Confirm clearance in joint B at the rig: expect radial clearance 0.19999 mm"
+    )
     assert any("Reverse the load" in step for step in next_steps(ambiguous))
     assert next_steps(no_gap()) == ["Nothing has to be added: the model explains these data down to their noise."]
-    left = changed(clean, "runs", 1, "signals", "drive_torque", "gap_after", value=7.0) | {"verdict": "unexplained", "effects": []}
-    assert next_steps(left)[0] == "Look for what is outside the vocabulary: drive torque in run slow-reverse still has a gap of 7."
+    left = changed(clean, "runs", 1, "signals", "drive_torque", "gap_after", value=7.0) | {
+        "verdict": "unexplained",
+        "effects": [],
+    }
+    assert (
+        next_steps(left)[0]
+        == "Look for what is outside the vocabulary: drive torque in run slow-reverse still has a gap of 7."
+    )
 
 
 # ------------------------------------------------------------------ figures
@@ -239,7 +304,9 @@ def test_the_map_shows_a_planted_pulse_where_it_is_and_noise_as_noise() -> None:
     run = result["runs"][0]
     degrees = np.round(np.degrees(run["crank_angle"]), 6) % 360
     signal = run["signals"]["drive_torque"]
-    signal["measured"] = [m + 20 * signal["noise"] * (100 <= d < 120) for m, d in zip(signal["measured"], degrees, strict=True)]
+    signal["measured"] = [
+        m + 20 * signal["noise"] * (100 <= d < 120) for m, d in zip(signal["measured"], degrees, strict=True)
+    ]
     (found,) = maps(result)
     strips = {(s.run, s.title): [level(v) for v in s.before if v is not None] for s in found.strips}
     hit = next(s for s in found.strips if (s.run, s.title) == ("slow-forward", "drive torque"))
@@ -318,7 +385,15 @@ def test_settings_and_shortcomings_of_the_engines_are_said(page: str, explained:
 
 
 def test_the_verdict_comes_first_and_the_sections_are_in_order(page: str, explained: dict[str, Any]) -> None:
-    marks = ["<b>explained</b>", explained["statement"], "Clearance in joint B", "0.19999 mm", 'id="where"', 'id="story"', 'id="residuals"']
+    marks = [
+        "<b>explained</b>",
+        explained["statement"],
+        "Clearance in joint B",
+        "0.19999 mm",
+        'id="where"',
+        'id="story"',
+        'id="residuals"',
+    ]
     marks += ['id="engines"', 'id="candidates"', 'id="faults"', 'id="provenance"']
     places = [page.index(mark) for mark in marks]
     assert places == sorted(places)
@@ -337,13 +412,17 @@ def test_the_page_reaches_for_nothing_outside_itself(page: str) -> None:
     assert not re.search(r"<(link|img|iframe)[^>]+(href|src)=\"(?!data:)", page)
 
 
-def test_an_ambiguous_page_has_both_names_side_by_side_and_the_run_that_separates_them(ambiguous: dict[str, Any]) -> None:
+def test_an_ambiguous_page_has_both_names_side_by_side_and_the_run_that_separates_them(
+    ambiguous: dict[str, Any],
+) -> None:
     html = diagnosis_html(ambiguous)
     cards = re.findall(r'<div class="card">\s*<h3>(.*?)</h3>', html)
     assert cards == ["Clearance in joint B", "An error in the length of the coupler"]
     block = re.search(r'<div class="copy"><pre tabindex="0"><code>(\[\[run.*?)</code>', html, re.DOTALL)
     assert block
-    assert tomllib.loads(block.group(1).replace("&#34;", '"'))["run"][0]["load"] == [{"body": "follower", "torque": 2.0}]
+    assert tomllib.loads(block.group(1).replace("&#34;", '"'))["run"][0]["load"] == [
+        {"body": "follower", "torque": 2.0}
+    ]
 
 
 def test_what_was_added_is_told_field_by_field(explained: dict[str, Any]) -> None:
@@ -394,11 +473,19 @@ def test_the_markdown_has_the_effects_and_every_gap(explained: dict[str, Any]) -
     rows = [[c.strip() for c in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("|")]
     (effect,) = [row for row in rows if row[0] == "clearance in joint B"]
     assert effect[1:4] == ["radial clearance", "0.19999 mm", "0.19971 to 0.20026 mm"]
-    gaps = [row for row in rows if len(row) == 5 and row[0] in ("slow-forward", "slow-reverse", "load-reversed") and row[1] != "coupler position y"]
+    gaps = [
+        row
+        for row in rows
+        if len(row) == 5
+        and row[0] in ("slow-forward", "slow-reverse", "load-reversed")
+        and row[1] != "coupler position y"
+    ]
     assert len(gaps) == 30
     follower = next(row for row in gaps if row[:2] == ["slow-forward", "Angle of follower"])
     signal = explained["runs"][0]["signals"]["follower_angle"]
-    assert [float(cell) for cell in follower[3:]] == [pytest.approx(signal[f"gap_{side}"], rel=1e-2) for side in ("before", "after")]
+    assert [float(cell) for cell in follower[3:]] == [
+        pytest.approx(signal[f"gap_{side}"], rel=1e-2) for side in ("before", "after")
+    ]
 
 
 def test_the_markdown_of_a_tie_names_both_and_gives_the_run(ambiguous: dict[str, Any]) -> None:

@@ -8,13 +8,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analytic.assembly import Assembly
-from analytic.mechanism_file import load
-from compare.discrepancy import Discrepancy, Rule, Scales, ToleranceError, Tube, difference, judge, known_differences, load_tolerances
-from compare.grid import default_angles
-from compare.signals import compared
-from compare.tolerances import Known
-from compare.yardstick import yardstick
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism.file import load
+from compare.judge.discrepancy import (
+    Discrepancy,
+    Rule,
+    Scales,
+    ToleranceError,
+    Tube,
+    difference,
+    judge,
+    known_differences,
+    load_tolerances,
+)
+from compare.judge.grid import default_angles
+from compare.judge.reference import yardstick
+from compare.judge.signals import compared
+from compare.judge.tolerances import Known
 
 THETA = np.linspace(0.3, 2.8, 51)
 ANGLE, SIZE = THETA.copy(), 50.0 + 20 * np.cos(THETA)
@@ -31,7 +41,10 @@ def verdict(signal: str, kind: str, **changed: np.ndarray) -> str | None:
     return found.verdict if found else None
 
 
-@pytest.mark.parametrize(("signal", "kind"), [("reaction_B_angle", "angle"), ("reaction_B_magnitude", "magnitude"), ("drive_torque", "torque")])
+@pytest.mark.parametrize(
+    ("signal", "kind"),
+    [("reaction_B_angle", "angle"), ("reaction_B_magnitude", "magnitude"), ("drive_torque", "torque")],
+)
 def test_equal_signals_agree(signal: str, kind: str) -> None:
     assert verdict(signal, kind) == "agrees"
 
@@ -69,7 +82,9 @@ def test_a_force_near_zero_has_no_direction_to_compare() -> None:
     size[20] = 1e-9
     angle = ANGLE.copy()
     angle[20] += 1.0
-    found = judge("reaction_B_angle", SIDE | {"reaction_B_angle": angle}, SIDE | {"reaction_B_magnitude": size}, rule("angle"))
+    found = judge(
+        "reaction_B_angle", SIDE | {"reaction_B_angle": angle}, SIDE | {"reaction_B_magnitude": size}, rule("angle")
+    )
     assert found is not None
     assert found.verdict == "agrees"
 
@@ -115,7 +130,9 @@ def judged(values: np.ndarray, simulated: np.ndarray, window: float = WINDOW, ab
     return found
 
 
-STEEP = np.interp(GRID, [0.0, np.radians(88), np.radians(92), np.pi], [0.0, 0.1, 10.0, 10.1])  # jumps from one sample to the next
+STEEP = np.interp(
+    GRID, [0.0, np.radians(88), np.radians(92), np.pi], [0.0, 0.1, 10.0, 10.1]
+)  # jumps from one sample to the next
 
 
 @pytest.mark.parametrize("side", [-1, 1])
@@ -212,7 +229,13 @@ def test_a_known_difference_is_about_the_runs_that_its_selectors_name(tmp_path: 
     text = '[[known]]\ncase = "paper"\nsignal = "drive_torque"\nbound = 0.5\nreason = "r"\n'
     text += 'joint_model = ["contact", "spring-damper"]\nmotion = "static"\n'
     tolerances = overlay(tmp_path, text)
-    run = {"case": "paper", "simulator": "mujoco", "joint_model": "contact", "motion": "static", "analytic_model": "equilibrium"}
+    run = {
+        "case": "paper",
+        "simulator": "mujoco",
+        "joint_model": "contact",
+        "motion": "static",
+        "analytic_model": "equilibrium",
+    }
     assert list(known_differences(tolerances, **run)) == ["drive_torque"]
     for other in ({"case": "six-bar"}, {"joint_model": "ideal"}, {"motion": "driven"}):
         assert known_differences(tolerances, **(run | other)) == {}
@@ -246,14 +269,26 @@ FAULTY = {
     "flor = 0.1": "flor is not a field; did you mean 'floor'",
     "[static.contat]\nangle = { absolute = 1 }": "static.contat is not a field; did you mean 'contact'",
     "[static.contact]\nangel = { absolute = 1 }": "static.contact.angel is not a field; did you mean 'angle'",
-    "[static.contact]\nangle = { absolute = -1 }": "static.contact.angle.absolute = -1: input should be greater than or equal to 0",
-    "[static.contact]\nangle = { absolute = true }": "static.contact.angle.absolute = True: input should be a valid number",
+    "[static.contact]\nangle = { absolute = -1 }": (
+        "static.contact.angle.absolute = -1: input should be greater than or equal to 0"
+    ),
+    "[static.contact]\nangle = { absolute = true }": (
+        "static.contact.angle.absolute = True: input should be a valid number"
+    ),
     "[static.contact]\nangle = {}": "static.contact.angle = {}: give absolute, relative, or both",
-    "[driven.contact]\nangle = { absolute = 1, window = 0.1 }": "driven.contact.angle.window = 0.1: input should be less than or equal to 0.0175",
+    "[driven.contact]\nangle = { absolute = 1, window = 0.1 }": (
+        "driven.contact.angle.window = 0.1: input should be less than or equal to 0.0175"
+    ),
     '[[known]]\ncase = "paper"\nsignal = "drive_torque"\nbound = 1.0': "known[0].reason is missing",
-    '[[known]]\ncase = "paper"\nsignal = "drive_torque"\nreason = "r"\nbound = 0.0': "known[0].bound = 0.0: input should be greater than 0",
-    '[[known]]\ncase = "p"\nsignal = "s"\nreason = "r"\nbound = 1.0\nmotion = "quick"': "known[0].motion[0] = 'quick': input should be",
-    '[[known]]\ncase = "p"\nsignal = "s"\nreason = "r"\nbound = 1.0\nsimulator = "mujcoo"': "known[0].simulator = 'mujcoo': there is no such",
+    '[[known]]\ncase = "paper"\nsignal = "drive_torque"\nreason = "r"\nbound = 0.0': (
+        "known[0].bound = 0.0: input should be greater than 0"
+    ),
+    '[[known]]\ncase = "p"\nsignal = "s"\nreason = "r"\nbound = 1.0\nmotion = "quick"': (
+        "known[0].motion[0] = 'quick': input should be"
+    ),
+    '[[known]]\ncase = "p"\nsignal = "s"\nreason = "r"\nbound = 1.0\nsimulator = "mujcoo"': (
+        "known[0].simulator = 'mujcoo': there is no such"
+    ),
     "rest = -1.0": "rest = -1.0: input should be greater than or equal to 0",
 }
 
@@ -281,8 +316,18 @@ def test_a_missing_tolerance_file_is_refused(tmp_path: Path) -> None:
 def test_a_direction_is_judged_by_its_error_in_newtons() -> None:
     size = np.where(np.arange(51) == 20, 5.0, 70.0)
     off = np.where(np.arange(51) == 20, np.radians(0.1), 0.0)  # ten times the tolerance, at a fourteenth of the force
-    weak = judge("reaction_B_angle", SIDE | {"reaction_B_angle": ANGLE + off}, SIDE | {"reaction_B_magnitude": size}, rule("angle"))
-    strong = judge("reaction_B_angle", SIDE | {"reaction_B_angle": ANGLE + np.roll(off, 1)}, SIDE | {"reaction_B_magnitude": size}, rule("angle"))
+    weak = judge(
+        "reaction_B_angle",
+        SIDE | {"reaction_B_angle": ANGLE + off},
+        SIDE | {"reaction_B_magnitude": size},
+        rule("angle"),
+    )
+    strong = judge(
+        "reaction_B_angle",
+        SIDE | {"reaction_B_angle": ANGLE + np.roll(off, 1)},
+        SIDE | {"reaction_B_magnitude": size},
+        rule("angle"),
+    )
     assert weak is not None
     assert strong is not None
     assert (weak.verdict, strong.verdict) == ("agrees", "disagrees")
@@ -296,8 +341,12 @@ def test_rounding_around_zero_is_no_disagreement() -> None:
     assert found.verdict == "agrees"
 
 
-@pytest.mark.parametrize(("case", "clearance"), [("paper", {"B": 1e-3}), ("crank-rocker", {}), ("slider-crank", {"B": 1e-4})])
-def test_what_is_allowed_at_an_angle_does_not_depend_on_which_others_are_asked_for(case: str, clearance: dict[str, float]) -> None:
+@pytest.mark.parametrize(
+    ("case", "clearance"), [("paper", {"B": 1e-3}), ("crank-rocker", {}), ("slider-crank", {"B": 1e-4})]
+)
+def test_what_is_allowed_at_an_angle_does_not_depend_on_which_others_are_asked_for(
+    case: str, clearance: dict[str, float]
+) -> None:
     mechanism = load(case)
     assembly = Assembly(mechanism)
     theta = np.radians([25.0, 63.0, 97.0, 140.0])
@@ -307,7 +356,10 @@ def test_what_is_allowed_at_an_angle_does_not_depend_on_which_others_are_asked_f
         scales = Scales.of(side.signals, mechanism, side.peaks)
         kinds = compared(mechanism, clearance)
         joint_model = "contact" if clearance else "ideal"
-        return {n: Rule.read(TOLERANCES, "static", joint_model, k, scales, 0.0, 1e-4).tolerance(n, side.signals) for n, k in kinds.items()}
+        return {
+            n: Rule.read(TOLERANCES, "static", joint_model, k, scales, 0.0, 1e-4).tolerance(n, side.signals)
+            for n, k in kinds.items()
+        }
 
     together = allowed(theta)
     for i in range(theta.size):

@@ -100,8 +100,19 @@ def test_the_effect_of_one_s_own_is_found_in_data_that_have_it(
 @pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash to run the workflow's step")
 def test_the_ci_example_s_step_says_what_it_found_and_keeps_the_report(tmp_path: Path) -> None:
     recorded(tmp_path / "rig", {"E": 4e-3})
-    words = step("Diagnose the rig").replace("compare diagnose", f"{sys.executable} -m compare diagnose").replace("python -c", f"{sys.executable} -c")
-    done = subprocess.run(["bash", "-e", "-c", words], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    words = (
+        step("Diagnose the rig")
+        .replace("compare diagnose", f"{sys.executable} -m compare diagnose")
+        .replace("python -c", f"{sys.executable} -c")
+    )
+    done = subprocess.run(
+        ["bash", "-e", "-c", words], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == ["explained", "viscous_friction at E"]
-    assert json.loads((tmp_path / "crosscheck-report" / "diagnosis" / "diagnosis.json").read_text(encoding="utf-8"))["verdict"] == "explained"
+    assert (
+        json.loads((tmp_path / "crosscheck-report" / "diagnosis" / "diagnosis.json").read_text(encoding="utf-8"))[
+            "verdict"
+        ]
+        == "explained"
+    )

@@ -67,7 +67,10 @@ def test_the_diagnosis_names_both_effects_and_their_size(script: dict[str, Any])
     assert found.result["gap"]["after"] < 1.1
     parameters = {(e["name"], e["where"]): e["parameters"] for e in found.result["effects"]}
     assert set(parameters) == {("joint_clearance", "B"), ("viscous_friction", "E")}
-    clearance, damping = parameters["joint_clearance", "B"]["radial_clearance"], parameters["viscous_friction", "E"]["damping"]
+    clearance, damping = (
+        parameters["joint_clearance", "B"]["radial_clearance"],
+        parameters["viscous_friction", "E"]["damping"],
+    )
     assert clearance["low"] < script["CLEARANCE"]["B"] < clearance["high"]
     assert damping["low"] < script["DAMPING"]["E"] < damping["high"]
     assert found.explained.clearances == {"B": clearance["value"]}

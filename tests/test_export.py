@@ -17,15 +17,16 @@ import typer
 from typer.testing import CliRunner
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import load
-from compare.export import export
+from analytic.mechanism.file import load
+from compare.cli.export import export
 from linkages import inverted_slider
 from sim_models.engine import ENGINES, JOINT_MODELS, Request, Trace, declared, installed_version
 from sim_models.mujoco.engine import ENGINE
 
 pytest.importorskip("mujoco")
 
-# of the largest value of a signal's kind; at rest, contact of 1e8 N/m makes forces of positions, whose rounding is 1e-16 m
+# of the largest value of a signal's kind; at rest, contact of 1e8 N/m makes forces of positions, whose rounding is
+# 1e-16 m
 TOLERANCE = {"driven": 1e-11, "static": 3e-9}
 FILES = {"model.xml", "start.json", "expected.csv", "run.py"}
 ALONE = """
@@ -49,12 +50,20 @@ PAPER = load("paper").with_clearances({"B": 1e-3})
 SLIDER = inverted_slider().with_clearances({"A": 1e-4}).with_joint("A", friction=0.1)  # prismatic, and every joint law
 SHORT = np.radians([30.0, 40.0, 35.0])
 REQUESTS = {
-    **{f"paper, {model}, {motion}": Request(PAPER, model, motion, SHORT) for model in JOINT_MODELS for motion in ("driven", "static")},
+    **{
+        f"paper, {model}, {motion}": Request(PAPER, model, motion, SHORT)
+        for model in JOINT_MODELS
+        for motion in ("driven", "static")
+    },
     "every joint law, driven": Request(SLIDER, "contact", "driven", SHORT),
     "every joint law, static": Request(SLIDER, "contact", "static", SHORT),
-    "two gaps, backwards": Request(driven_by(PAPER.with_clearances({"A": 1e-3, "B": 5e-4}), speed=-3.0), "contact", "driven", SHORT),
+    "two gaps, backwards": Request(
+        driven_by(PAPER.with_clearances({"A": 1e-3, "B": 5e-4}), speed=-3.0), "contact", "driven", SHORT
+    ),
     "compliant drive": Request(driven_by(PAPER, stiffness=2000.0), "spring-damper", "driven", SHORT),
-    "impacts": Request(load("crank-rocker").with_clearances({"B": 2e-4}), "contact", "driven", SHORT, start="centred", lead_in=1.0),
+    "impacts": Request(
+        load("crank-rocker").with_clearances({"B": 2e-4}), "contact", "driven", SHORT, start="centred", lead_in=1.0
+    ),
     "released": Request(load("pendulum"), "ideal", time=np.array([0.3, 0.1, 0.5])),
     "released with a gap": Request(load("pendulum").with_clearances({"O": 5e-4}), "contact", time=np.array([0.1, 0.2])),
 }
@@ -64,7 +73,12 @@ def bare(*folders: Path) -> str:
     """Output of run.py, from a folder outside the repository and with this project's packages out of reach."""
     scripts = [str(folder / "run.py") for folder in folders]
     done = subprocess.run(
-        [sys.executable, "-I", "-c", ALONE, *scripts], cwd=folders[0].parent, capture_output=True, text=True, timeout=120, check=False
+        [sys.executable, "-I", "-c", ALONE, *scripts],
+        cwd=folders[0].parent,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -88,7 +102,9 @@ def difference(found: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray])
     worst = 0.0
     for name, values in truth.items():
         kind = [n for n in truth if n.rstrip("xy") == name.rstrip("xy")]
-        peak = max([float(np.abs(truth[n]).max()) for n in kind] + ([1.0] if "angle" in name or "angular" in name else []))
+        peak = max(
+            [float(np.abs(truth[n]).max()) for n in kind] + ([1.0] if "angle" in name or "angular" in name else [])
+        )
         worst = max(worst, float(np.abs(found[name] - values).max()) / (peak or 1.0))
     return worst
 
@@ -135,10 +151,15 @@ def test_mjcf_holds_all_but_the_virtual_mass_of_soft_rows(name: str, exported: d
     ("name", "file", "right", "wrong"),
     [
         ("paper, ideal, driven", "model.xml", 'gear="0.0 50.0', 'gear="0.0 50.001'),
-        ("paper, contact, static", "start.json", '"bearing_radius": 0.011, "margin": 0.0', '"bearing_radius": 0.011, "margin": -1.0'),
-        ("paper, spring-damper, static", "model.xml", "range=\"-1 0.001\"", "range=\"-1 0.0010001\""),
+        (
+            "paper, contact, static",
+            "start.json",
+            '"bearing_radius": 0.011, "margin": 0.0',
+            '"bearing_radius": 0.011, "margin": -1.0',
+        ),
+        ("paper, spring-damper, static", "model.xml", 'range="-1 0.001"', 'range="-1 0.0010001"'),
     ],
-)  # fmt: skip
+)
 def test_a_model_that_was_tampered_with_shows(name: str, file: str, right: str, wrong: str, tmp_path: Path) -> None:
     ENGINE.export(REQUESTS[name], tmp_path)
     text = (tmp_path / file).read_text(encoding="utf-8")
@@ -160,7 +181,18 @@ def command(*arguments: str) -> tuple[int, str, str]:
 
 def test_command_writes_the_files_and_says_how_to_run_them(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "folder"
-    status, said, _ = command("--simulator", "mujoco", "--joint", "contact", "--angles", "30:40:5", "--clearance", "B=1e-3", "--out", str(folder))
+    status, said, _ = command(
+        "--simulator",
+        "mujoco",
+        "--joint",
+        "contact",
+        "--angles",
+        "30:40:5",
+        "--clearance",
+        "B=1e-3",
+        "--out",
+        str(folder),
+    )
     assert status == 0
     assert {path.name for path in folder.iterdir()} == FILES
     assert said.splitlines()[-1].endswith(f"python {shlex.quote(str(folder / 'run.py'))}")
@@ -178,13 +210,23 @@ def test_the_command_that_is_printed_can_be_pasted_where_the_folder_has_a_space(
     ("arguments", "status", "words"),
     [
         (["--simulator", "adams"], 2, ["'adams'", "mujoco"]),
-        (["--simulator", "mujoco", "--case", "crank-rocker", "--joint", "contact"], 2, ["--joint contact", "--clearance"]),
+        (
+            ["--simulator", "mujoco", "--case", "crank-rocker", "--joint", "contact"],
+            2,
+            ["--joint contact", "--clearance"],
+        ),
         (["--simulator", "mujoco", "--angles", "20:200:5"], 2, ["change point"]),
-        (["--simulator", "mujoco", "--case", "pendulum", "--angles", "0:10:5"], 2, ["--angles 0:10:5", "swings freely"]),
+        (
+            ["--simulator", "mujoco", "--case", "pendulum", "--angles", "0:10:5"],
+            2,
+            ["--angles 0:10:5", "swings freely"],
+        ),
         (["--simulator", "mujoco", "--clearance", "Q=1"], 2, ["Q=1", "D, A, B, E"]),
     ],
 )
-def test_what_cannot_be_exported_is_refused_in_one_sentence(arguments: list[str], status: int, words: list[str], tmp_path: Path) -> None:
+def test_what_cannot_be_exported_is_refused_in_one_sentence(
+    arguments: list[str], status: int, words: list[str], tmp_path: Path
+) -> None:
     code, said, why = command(*arguments, "--out", str(tmp_path / "out"))
     assert (code, said) == (status, "")
     assert len(why.strip().splitlines()) == 1

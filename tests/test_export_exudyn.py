@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from analytic.mechanism import Drive, Mechanism
-from analytic.mechanism_file import load
+from analytic.mechanism.file import load
 from sim_models.engine import JOINT_MODELS, Motion, Request, Unsupported
 from sim_models.exudyn.engine import ENGINE
 from test_export import PAPER, SHORT, SLIDER, bare, columns, command, driven_by, table
@@ -23,31 +23,41 @@ if importlib.util.find_spec("exudyn") is None:
     pytest.skip("exudyn is not installed", allow_module_level=True)
 
 TOLERANCE = 1e-12  # of the largest value of a signal's kind
-# A shaft free to swing is stepped without damping: a last digit of its speed, over the step, is an acceleration.  Exudyn's own
-# runs differ by that, 3e-11 of the reactions, one after another in one process.
+# A shaft free to swing is stepped without damping: a last digit of its speed, over the step, is an acceleration.
+# Exudyn's own runs differ by that, 3e-11 of the reactions, one after another in one process.
 REPEATS = {"compliant drive": 1e-9, "compliant drive, backwards": 1e-9}
 FILES = {"model.json", "expected.csv", "run.py"}
 ROCKER = load("crank-rocker").with_clearances({"B": 2e-4})
 TURN = np.radians([0.0, 90.0, 45.0, 90.0])
 REQUESTS = {
-    **{f"paper, {model}, {motion}": Request(PAPER, model, motion, SHORT) for model in JOINT_MODELS for motion in ("driven", "static")},
+    **{
+        f"paper, {model}, {motion}": Request(PAPER, model, motion, SHORT)
+        for model in JOINT_MODELS
+        for motion in ("driven", "static")
+    },
     **{f"crank-rocker, {model}": Request(ROCKER, model, "driven", TURN, lead_in=0.3) for model in JOINT_MODELS},
     "slider-crank": Request(driven_by(load("slider-crank"), speed=100.0), "ideal", "driven", TURN),
     "every joint law, driven": Request(SLIDER, "contact", "driven", SHORT),
     "every joint law, static": Request(SLIDER.with_joint("A", friction=0.0), "contact", "static", SHORT),
     "linear contact": Request(PAPER.with_joint("B", contact_damping=300.0), "contact", "driven", SHORT),
-    "two gaps, backwards": Request(driven_by(PAPER.with_clearances({"A": 1e-3, "B": 5e-4}), speed=-3.0), "contact", "driven", SHORT),
+    "two gaps, backwards": Request(
+        driven_by(PAPER.with_clearances({"A": 1e-3, "B": 5e-4}), speed=-3.0), "contact", "driven", SHORT
+    ),
     "compliant drive": Request(driven_by(PAPER, stiffness=2000.0), "spring-damper", "driven", SHORT),
     "compliant drive, backwards": Request(driven_by(PAPER, stiffness=500.0, speed=-3.0), "ideal", "driven", SHORT),
     "compliant drive, static": Request(driven_by(PAPER, stiffness=500.0), "contact", "static", SHORT),
     "impacts": Request(ROCKER, "contact", "driven", SHORT, start="centred"),
     "released": Request(load("pendulum"), "ideal", time=np.array([0.3, 0.1, 0.5])),
-    "released with a gap": Request(load("pendulum").with_clearances({"O": 5e-4}), "contact", time=np.array([0.0, 0.1, 0.2])),
+    "released with a gap": Request(
+        load("pendulum").with_clearances({"O": 5e-4}), "contact", time=np.array([0.0, 0.1, 0.2])
+    ),
 }
 
 
 def difference(found: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray]) -> float:
-    """Largest difference, of the largest value among a vector's components; at least of 1 rad, 1 rad/s or a gap of 1 mm."""
+    """Largest difference, of the largest value among a vector's components; at least of 1 rad, 1 rad/s or a gap of 1
+    mm.
+    """
     least = {"angle": 1.0, "velocity": 1.0, "clearance": 1e-3}  # an ideal joint's gap is what rounding makes of 0
     worst = 0.0
     for name, values in truth.items():
@@ -89,7 +99,9 @@ def test_script_imports_exudyn_and_numpy_and_nothing_else(exported: dict[str, Pa
 def test_script_writes_its_signals_and_nothing_else(exported: dict[str, Path]) -> None:
     for folder in exported.values():
         assert {path.name for path in folder.iterdir()} == FILES | {"signals.csv"}
-    assert {path for path in exported["impacts"].parent.iterdir() if not path.name.endswith("current")} >= set(exported.values())
+    assert {path for path in exported["impacts"].parent.iterdir() if not path.name.endswith("current")} >= set(
+        exported.values()
+    )
 
 
 @pytest.mark.parametrize("joint_model", JOINT_MODELS)
@@ -100,7 +112,9 @@ def test_equilibria_are_found_and_not_read_from_the_file(joint_model: str, tmp_p
         near["bodies"] = [value + 1e-8 * (-1) ** k for k, value in enumerate(near["bodies"])]
     (tmp_path / "model.json").write_text(json.dumps(model), encoding="utf-8")
     bare(tmp_path)
-    assert difference(table(tmp_path / "signals.csv"), table(tmp_path / "expected.csv")) < model["residual"]  # N, of some 50 N
+    assert (
+        difference(table(tmp_path / "signals.csv"), table(tmp_path / "expected.csv")) < model["residual"]
+    )  # N, of some 50 N
 
 
 @pytest.mark.parametrize(
@@ -145,7 +159,9 @@ def test_command_writes_the_files_and_says_how_to_run_them(tmp_path: Path) -> No
         (PAPER.replace(drive=Drive(joint="D", speed="measured")), "driven", "measured drive"),
     ],
 )
-def test_what_exudyn_does_not_do_is_not_exported(mechanism: Mechanism, motion: Motion, words: str, tmp_path: Path) -> None:
+def test_what_exudyn_does_not_do_is_not_exported(
+    mechanism: Mechanism, motion: Motion, words: str, tmp_path: Path
+) -> None:
     with pytest.raises(Unsupported, match=words):
         ENGINE.export(Request(mechanism, "contact", motion, SHORT), tmp_path)
     assert not list(tmp_path.iterdir())

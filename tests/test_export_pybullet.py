@@ -19,8 +19,8 @@ import typer
 from typer.testing import CliRunner
 
 from analytic.mechanism import Drive, Load, Mechanism
-from analytic.mechanism_file import load
-from compare.export import export
+from analytic.mechanism.file import load
+from compare.cli.export import export
 from linkages import inverted_slider
 from sim_models.engine import Request, Trace, Unsupported
 from sim_models.pybullet.engine import ENGINE
@@ -28,8 +28,9 @@ from sim_models.pybullet.engine import ENGINE
 if importlib.util.find_spec("pybullet") is None:
     pytest.skip("pybullet is not installed", allow_module_level=True)
 
-# Of the largest value of a signal's kind.  A spring of 1e7 N/m makes forces of positions, and Bullet's pins undo all drift in
-# each step, which makes forces of m/h^2 times it: both magnify rounding, where the script finds a pin by other operations.
+# Of the largest value of a signal's kind.  A spring of 1e7 N/m makes forces of positions, and Bullet's pins undo all
+# drift in each step, which makes forces of m/h^2 times it: both magnify rounding, where the script finds a pin by other
+# operations.
 RIGID, SOFT = 1e-11, 2e-8
 DRIFT = 1e-15  # m, of where a pin without clearance is, in which script and project may differ
 ALONE = """
@@ -43,13 +44,17 @@ runpy.run_path(sys.argv[1], run_name="__main__")
 """
 
 
-def request(m: Mechanism, joint_model: str = "ideal", motion: str = "driven", degrees: object = (30, 33, 32, 30), **more: object) -> Request:
+def request(
+    m: Mechanism, joint_model: str = "ideal", motion: str = "driven", degrees: object = (30, 33, 32, 30), **more: object
+) -> Request:
     return Request(m, joint_model, motion, np.radians(np.array(degrees, float)), **more)  # type: ignore[arg-type]
 
 
 PAPER = load("paper").with_clearances({"B": 1e-3})
 ROCKER = load("crank-rocker").with_clearances({"B": 2e-4})
-MARKED = ROCKER.with_body("coupler", com=(0.1, 0.02), marker=(0.05, -0.01)).replace(loads=(Load(body="coupler", point="com", force=(1.0, 20.0)),))
+MARKED = ROCKER.with_body("coupler", com=(0.1, 0.02), marker=(0.05, -0.01)).replace(
+    loads=(Load(body="coupler", point="com", force=(1.0, 20.0)),)
+)
 SLIDER = load("slider-crank").with_clearances({"A": 1e-4}).replace(drive=Drive(joint="O", speed=100.0))
 LAWS = inverted_slider().with_clearances({"A": 1e-4})  # prismatic between moving bodies, and every joint law
 PENDULUM = load("pendulum").with_clearances({"O": 5e-4})
@@ -104,7 +109,9 @@ def columns(trace: Trace, speed: float | None) -> dict[str, np.ndarray]:
 
 
 def difference(found: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray]) -> float:
-    """Largest difference: of forces, torques and clearances in the largest of their kind; of others in their largest value, at least 1."""
+    """Largest difference: of forces, torques and clearances in the largest of their kind; of others in their largest
+    value, at least 1.
+    """
     worst = 0.0
     for name, values in truth.items():
         kind = next((k for k in ("reaction", "clearance") if name.startswith(k) and not name.endswith("moment")), name)
@@ -135,7 +142,10 @@ def test_bare_engine_gives_the_same_numbers(name: str, exported: dict[str, Path]
 
 @pytest.mark.parametrize("name", REQUESTS)
 def test_expected_values_are_the_trace_to_the_last_digit(name: str, exported: dict[str, Path]) -> None:
-    written, truth = table(exported[name] / "expected.csv"), columns(ENGINE.simulate(REQUESTS[name]), REQUESTS[name].mechanism.speed)
+    written, truth = (
+        table(exported[name] / "expected.csv"),
+        columns(ENGINE.simulate(REQUESTS[name]), REQUESTS[name].mechanism.speed),
+    )
     assert list(written) == list(truth)
     for signal, values in truth.items():
         np.testing.assert_array_equal(written[signal], values)
@@ -150,13 +160,19 @@ def test_script_imports_pybullet_and_numpy_and_nothing_else(exported: dict[str, 
 
 def test_urdfs_hold_the_bodies_to_the_last_digit(exported: dict[str, Path]) -> None:
     m = load("crank-rocker")
-    links = {link.get("name"): link for path in exported["crank-rocker"].glob("*.urdf") for link in ElementTree.parse(path).iterfind("link")}
+    links = {
+        link.get("name"): link
+        for path in exported["crank-rocker"].glob("*.urdf")
+        for link in ElementTree.parse(path).iterfind("link")
+    }
     for body in m.bodies:
         mass, inertia = (links[body.name].find(f"inertial/{what}") for what in ("mass", "inertia"))
         assert mass is not None
         assert inertia is not None
         assert float(mass.attrib["value"]) == body.mass
-        assert [float(inertia.attrib[i]) for i in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")] == [body.moment_of_inertia] * 3 + [0.0] * 3
+        assert [float(inertia.attrib[i]) for i in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")] == [
+            body.moment_of_inertia
+        ] * 3 + [0.0] * 3
 
 
 @pytest.mark.parametrize(
@@ -181,13 +197,17 @@ def test_a_model_that_was_tampered_with_shows(name: str, file: str, right: str, 
 
 
 def test_moments_of_inertia_come_from_the_urdf(exported: dict[str, Path]) -> None:
-    """Without its flag PyBullet would take them from collision shapes, of which there are none: no moment, and no resistance."""
+    """Without its flag PyBullet would take them from collision shapes, of which there are none: no moment, and no
+    resistance.
+    """
     script = (exported["crank-rocker"] / "run.py").read_text(encoding="utf-8")
     assert "flags=p.URDF_USE_INERTIA_FROM_FILE" in script
     changed = exported["crank-rocker"].parent / "without-flag"
     changed.mkdir()
     for path in exported["crank-rocker"].iterdir():
-        (changed / path.name).write_text(path.read_text(encoding="utf-8").replace("flags=p.URDF_USE_INERTIA_FROM_FILE", "flags=0"), encoding="utf-8")
+        (changed / path.name).write_text(
+            path.read_text(encoding="utf-8").replace("flags=p.URDF_USE_INERTIA_FROM_FILE", "flags=0"), encoding="utf-8"
+        )
     bare(changed)
     assert difference(table(changed / "signals.csv"), table(changed / "expected.csv")) > 1e-3
 
@@ -203,7 +223,14 @@ def test_command_writes_the_files_and_says_how_to_run_them(tmp_path: Path) -> No
     folder = tmp_path / "new folder"
     status, said, _ = command("--simulator", "pybullet", "--angles", "30:32:1", "--out", str(folder))
     assert status == 0
-    assert {path.name for path in folder.iterdir()} == {"crank.urdf", "follower.urdf", "coupler.urdf", "start.json", "expected.csv", "run.py"}
+    assert {path.name for path in folder.iterdir()} == {
+        "crank.urdf",
+        "follower.urdf",
+        "coupler.urdf",
+        "start.json",
+        "expected.csv",
+        "run.py",
+    }
     assert said.splitlines()[-1].endswith(f"python {shlex.quote(str(folder / 'run.py'))}")
     assert "paper, ideal joints, driven: 3 samples" in bare(folder)
     assert json.loads((folder / "start.json").read_text(encoding="utf-8"))["solver"] == "CONSTRAINT_SOLVER_LCP_DANTZIG"
@@ -216,7 +243,9 @@ def test_command_writes_the_files_and_says_how_to_run_them(tmp_path: Path) -> No
         (["--joint", "massless-link", "--clearance", "B=1e-3"], ["massless-link joints in driven motion"]),
     ],
 )
-def test_what_cannot_be_exported_is_refused_in_one_sentence(arguments: list[str], words: list[str], tmp_path: Path) -> None:
+def test_what_cannot_be_exported_is_refused_in_one_sentence(
+    arguments: list[str], words: list[str], tmp_path: Path
+) -> None:
     status, said, why = command("--simulator", "pybullet", *arguments, "--out", str(tmp_path / "out"))
     assert (status, said) == (2, "")
     assert len(why.strip().splitlines()) == 1

@@ -1,4 +1,6 @@
-"""Linkages of beams against matrix structural analysis, beam theory, and the superposition of clearance and compliance."""
+"""Linkages of beams against matrix structural analysis, beam theory, and the superposition of clearance and
+compliance.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +10,14 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from analytic.assembly import Assembly
-from analytic.clearance import Model, displaced
-from analytic.compliance import compliance
-from analytic.frame import Bar, beam_stiffness
-from analytic.kinematics import kinematics
-from analytic.kinetostatics import joint_law, kinetostatics
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import kinematics
 from analytic.mechanism import MASS_CENTRE, Drive, Load, Mechanism
-from analytic.mechanism_file import load
+from analytic.mechanism.file import load
+from analytic.paper.clearance import Model, displaced
+from analytic.paper.compliance import compliance
+from analytic.paper.frame import Bar, beam_stiffness
+from analytic.paper.kinetostatics import joint_law, kinetostatics
 from linkages import inverted_slider
 from sim_models.engine import Motion, Request, SimulationError, Unsupported, engine
 from sim_models.exudyn.beam_model import Element
@@ -38,7 +40,9 @@ def displacements(found: FlexibleLinkage) -> np.ndarray:
 
 
 def shear_beam(bar: Bar) -> np.ndarray:
-    """Planar part of Timoshenko's beam (Przemieniecki, section 5.6, with shear; factor 5/6), the rest as without shear."""
+    """Planar part of Timoshenko's beam (Przemieniecki, section 5.6, with shear; factor 5/6), the rest as
+    without shear.
+    """
     k = beam_stiffness(bar)
     e, length = bar.youngs_modulus * bar.i_z, bar.length
     phi = 12 * e / (5 / 6 * bar.shear_modulus * bar.area * length**2)
@@ -72,11 +76,15 @@ def apart(a: np.ndarray, b: np.ndarray) -> float:
 @pytest.mark.parametrize("degrees", [20.0, 30.0, 60.0, 90.0, 130.0, 160.0])
 def test_small_loads_displace_beams_as_the_matrix_says(degrees: float, element: Element) -> None:
     m = with_force(0.5)
-    assert apart(displacements(flexible_static(m, np.radians(degrees), element)), structural(m, degrees, element)) < 1e-4
+    assert (
+        apart(displacements(flexible_static(m, np.radians(degrees), element)), structural(m, degrees, element)) < 1e-4
+    )
 
 
 def test_paper_case_at_30_degrees_is_the_independently_computed_one() -> None:
-    """Computed outside this project: A, the coupler's middle and B, in mm, crank locked; linear, so at a hundredth of the load."""
+    """Computed outside this project: A, the coupler's middle and B, in mm, crank locked; linear, so at a hundredth of
+    the load.
+    """
     found = flexible_static(with_force(0.5), np.radians(30.0)).displacement
     for point, expected in (
         (("crank", "A"), -0.346627 + 0.599875j),
@@ -89,12 +97,16 @@ def test_paper_case_at_30_degrees_is_the_independently_computed_one() -> None:
 @pytest.mark.parametrize("degrees", [30.0, 60.0, 90.0, 130.0])
 def test_what_the_matrix_misses_at_full_load_is_of_second_order(degrees: float) -> None:
     """A hundred times the load, ten thousand times the difference: geometry, not discretisation."""
-    full, small = (displacements(flexible_static(m, np.radians(degrees))) - structural(m, degrees) for m in (with_force(50.0), with_force(0.5)))
+    full, small = (
+        displacements(flexible_static(m, np.radians(degrees))) - structural(m, degrees)
+        for m in (with_force(50.0), with_force(0.5))
+    )
     assert np.abs(full - 1e4 * small).max() < 0.03 * np.abs(full).max()
 
 
 @pytest.mark.parametrize(
-    ("degrees", "tolerance"), [(30.0, 2e-3), (45.0, 2.5e-3), (60.0, 2.5e-3), (75.0, 2e-3), (90.0, 2.5e-3), (20.0, 5e-3), (160.0, 5e-3)]
+    ("degrees", "tolerance"),
+    [(30.0, 2e-3), (45.0, 2.5e-3), (60.0, 2.5e-3), (75.0, 2e-3), (90.0, 2.5e-3), (20.0, 5e-3), (160.0, 5e-3)],
 )
 def test_matrix_is_good_to_a_quarter_percent_at_full_load(degrees: float, tolerance: float) -> None:
     m = load("paper")
@@ -102,9 +114,12 @@ def test_matrix_is_good_to_a_quarter_percent_at_full_load(degrees: float, tolera
 
 
 @pytest.mark.parametrize(
-    ("size", "degrees", "percent"), [(50.0, (30, 50, 70, 90), 0.2), (50.0, (20, 120, 160), 0.5), (0.5, (20, 30, 60, 90, 160), 0.01)]
+    ("size", "degrees", "percent"),
+    [(50.0, (30, 50, 70, 90), 0.2), (50.0, (20, 120, 160), 0.5), (0.5, (20, 30, 60, 90, 160), 0.01)],
 )
-def test_the_coupler_bends_where_the_load_is_as_the_matrix_says(size: float, degrees: tuple[int, ...], percent: float) -> None:
+def test_the_coupler_bends_where_the_load_is_as_the_matrix_says(
+    size: float, degrees: tuple[int, ...], percent: float
+) -> None:
     middle = POINTS.index(("coupler", "com"))
     for angle in degrees:
         beams = displacements(flexible_static(with_force(size), np.radians(angle)))[middle]
@@ -145,10 +160,14 @@ def test_reactions_and_drive_joint_without_joint_springs() -> None:
         assert found.force["B"] == pytest.approx(14.43 + 25j, abs=0.1)
 
 
-# The superposition of Fig. 7c against clearance and compliance at once: bounds on its error, of the largest displacement
+# The superposition of Fig. 7c against clearance and compliance at once: bounds on its error, of the largest
+# displacement
 @pytest.mark.parametrize("element", ELEMENTS)
 @pytest.mark.parametrize("degrees", [30.0, 60.0, 120.0])
-@pytest.mark.parametrize(("clearance", "with_equilibrium", "with_first_order"), [(1e-4, 5e-3, 5e-3), (1e-3, 1e-2, 1.5e-2), (1e-2, 1e-2, 6e-2)])
+@pytest.mark.parametrize(
+    ("clearance", "with_equilibrium", "with_first_order"),
+    [(1e-4, 5e-3, 5e-3), (1e-3, 1e-2, 1.5e-2), (1e-2, 1e-2, 6e-2)],
+)
 def test_superposition_of_clearance_and_compliance(
     clearance: float, with_equilibrium: float, with_first_order: float, degrees: float, element: Element
 ) -> None:
@@ -168,7 +187,9 @@ def test_rigid_links_in_between_stay_rigid() -> None:
     found = flexible_static(m, np.radians(30.0)).displacement
     assert abs((found["coupler", "A"] + found["coupler", "B"]) / 2 - found["coupler", "com"]) < 1e-9
     np.testing.assert_allclose(
-        displacements(flexible_static(m, np.radians(30.0))), structural(m, 30.0), atol=3e-3 * np.abs(structural(m, 30.0)).max()
+        displacements(flexible_static(m, np.radians(30.0))),
+        structural(m, 30.0),
+        atol=3e-3 * np.abs(structural(m, 30.0)).max(),
     )
 
 
@@ -191,7 +212,9 @@ def busy_crank_rocker() -> Mechanism:
 
 
 def pushed_slider_crank() -> Mechanism:
-    m = load("slider-crank").replace(drive=Drive(joint="O", speed=100.0), gravity=(0.0, -9.81), loads=(Load(body="slider", force=(-50.0, 0.0)),))
+    m = load("slider-crank").replace(
+        drive=Drive(joint="O", speed=100.0), gravity=(0.0, -9.81), loads=(Load(body="slider", force=(-50.0, 0.0)),)
+    )
     return m.with_joint("S", friction_torque=3.0, damping=2.0)
 
 
@@ -203,17 +226,25 @@ FLEXIBLE: dict[str, tuple[Mechanism, tuple[float, float], tuple[str, ...]]] = {
 
 
 def off(m: Mechanism, motion: Motion) -> dict[str, float]:
-    """How far beams are from rigid links plus matrix structural analysis: in all (of forces: from rigid links), of the largest."""
+    """How far beams are from rigid links plus matrix structural analysis: in all (of forces: from rigid links), of the
+    largest.
+    """
     theta = np.radians(np.arange(10.0, 370.0, 40.0))
     trace = flexible(Request(m, "ideal", motion, theta))
     rigid = kinematics(Assembly(m), theta, m.speed or 1.0)
-    ideal, elastic = kinetostatics(rigid, inertia=motion == "driven").signals(), compliance(rigid, inertia=motion == "driven")
+    ideal, elastic = (
+        kinetostatics(rigid, inertia=motion == "driven").signals(),
+        compliance(rigid, inertia=motion == "driven"),
+    )
     far: dict[str, list[float]] = {"angle": [], "place": [], "force": [], "drive_torque": []}
     for body in m.bodies:
         pivot = next((j.name for j in m.joints if set(j.bodies) == {body.name, "ground"}), "com")
         turned = trace.signals[f"{body.name}_angle"] - ideal[f"{body.name}_angle"]
         far["angle"] += [float(np.abs(turned - elastic.rotation(body.name, pivot)).max())]
-        moved = sum(unit * (trace.signals[f"{body.name}_{axis}"] - ideal[f"{body.name}_{axis}"]) for axis, unit in (("x", 1), ("y", 1j)))
+        moved = sum(
+            unit * (trace.signals[f"{body.name}_{axis}"] - ideal[f"{body.name}_{axis}"])
+            for axis, unit in (("x", 1), ("y", 1j))
+        )
         far["place"] += [float(np.abs(moved - elastic.displacement(body.name)).max())]
     for name in (n for n in ideal if n.startswith("reaction")):
         far["force"] += [float(np.abs(trace.signals[name] - ideal[name]).max())]
@@ -227,23 +258,33 @@ def test_accelerations_and_joint_laws_from_poses_are_those_of_the_differentiated
     found, exact = RigidMotion(Assembly(m), theta, 7.0, 30.0), kinematics(Assembly(m), theta, 7.0, 30.0)
     for body in m.bodies:
         for ours, theirs in (
-            ([found.inertia(k).linear[body.name] for k in range(theta.size)], exact.acceleration(body.name, MASS_CENTRE)),
+            (
+                [found.inertia(k).linear[body.name] for k in range(theta.size)],
+                exact.acceleration(body.name, MASS_CENTRE),
+            ),
             ([found.inertia(k).angular[body.name] for k in range(theta.size)], exact.angular_acceleration(body.name)),
             (found.angular_velocity(body.name), exact.angular_velocity(body.name)),
         ):
             np.testing.assert_allclose(ours, theirs, rtol=0, atol=5e-9 * (np.abs(theirs).max() or 1.0))
     for joint in m.joints:
         first, second = joint.bodies
-        turned = exact.angle(second) - exact.angle(first), exact.angular_velocity(second) - exact.angular_velocity(first)
+        turned = (
+            exact.angle(second) - exact.angle(first),
+            exact.angular_velocity(second) - exact.angular_velocity(first),
+        )
         travel = exact.travel(joint.name) if joint.prismatic else turned
         for moving in (False, True):
-            np.testing.assert_allclose(found.law(joint, moving), joint_law(joint, *travel, exact.rates[0], moving=moving), atol=1e-9)
+            np.testing.assert_allclose(
+                found.law(joint, moving), joint_law(joint, *travel, exact.rates[0], moving=moving), atol=1e-9
+            )
 
 
 def test_a_joint_that_stands_still_has_no_friction() -> None:
     """At a dead centre the slide stops, with a rate that is nothing but rounding."""
     m = pushed_slider_crank()
-    before, at, after = RigidMotion(Assembly(m), np.radians([179.0, 180.0, 181.0]), 100.0).law(m.joint("S"), moving=False)
+    before, at, after = RigidMotion(Assembly(m), np.radians([179.0, 180.0, 181.0]), 100.0).law(
+        m.joint("S"), moving=False
+    )
     assert at == 0.0
     assert before == -after != 0.0
 
@@ -251,7 +292,9 @@ def test_a_joint_that_stands_still_has_no_friction() -> None:
 @pytest.mark.parametrize("motion", ["static", "driven"])
 @pytest.mark.parametrize("name", FLEXIBLE)
 def test_flexible_links_show_what_the_matrix_says_in_the_first_order(name: str, motion: Motion) -> None:
-    """Ten times as stiff: places and angles miss by a hundredth (what is left is of second order), forces change by a tenth."""
+    """Ten times as stiff: places and angles miss by a hundredth (what is left is of second order), forces change by a
+    tenth.
+    """
     m, section, rigid = FLEXIBLE[name]
     soft, stiff = (off(flexible_links(m, modulus, section, *rigid), motion) for modulus in (1e12, 1e13))
     for kind, order in (("angle", 2), ("place", 2), ("force", 1), ("drive_torque", 1)):
@@ -261,7 +304,9 @@ def test_flexible_links_show_what_the_matrix_says_in_the_first_order(name: str, 
 def test_a_rigid_link_among_flexible_ones_moves_as_they_let_it() -> None:
     m = flexible_links(busy_crank_rocker(), 2e11, (0.004, 0.01), "follower")
     theta = np.radians([20.0, 100.0, 250.0])
-    turned = flexible(Request(m, "ideal", "static", theta)).signals["follower_angle"] - kinematics(Assembly(m), theta).angle("follower")
+    turned = flexible(Request(m, "ideal", "static", theta)).signals["follower_angle"] - kinematics(
+        Assembly(m), theta
+    ).angle("follower")
     elastic = compliance(kinematics(Assembly(m), theta, m.speed or 0.0)).rotation("follower", "E")
     np.testing.assert_allclose(turned, elastic, atol=5e-3 * np.abs(elastic).max())
 
@@ -287,7 +332,9 @@ def test_flexible_links_with_a_gap_are_displaced_by_both() -> None:
     trace = flexible(Request(m, "contact", "static", theta))
     for k, at in enumerate(theta):
         alone = flexible_static(m, float(at), joint_model="contact")
-        assert complex(trace.signals["clearance_B_x"][k], trace.signals["clearance_B_y"][k]) == pytest.approx(alone.gap["B"])
+        assert complex(trace.signals["clearance_B_x"][k], trace.signals["clearance_B_y"][k]) == pytest.approx(
+            alone.gap["B"]
+        )
     superposed = compliance(kinematics(Assembly(m), theta)).rotation("follower", "E")
     gapped = displaced(Assembly(m), theta, inertia=False)
     superposed += gapped.configuration.motion.angle("follower")
@@ -300,7 +347,9 @@ def test_what_beams_do_not_do_is_refused_in_words() -> None:
     with pytest.raises(Unsupported, match="prismatic"):
         flexible_static(inverted_slider().with_body("arm", **crank), 0.3)
     with pytest.raises(Unsupported, match="beside its axis"):
-        flexible_static(load("paper").with_body("coupler", points={"A": (0.0, 0.0), "B": (0.4, 0.0), "C": (0.2, 0.004)}), 0.5)
+        flexible_static(
+            load("paper").with_body("coupler", points={"A": (0.0, 0.0), "B": (0.4, 0.0), "C": (0.2, 0.004)}), 0.5
+        )
     with pytest.raises(Unsupported, match="massless-link"):
         flexible(Request(load("paper"), "massless-link", "static", np.array([0.5])))
     with pytest.raises(Unsupported, match="free drive"):
@@ -316,7 +365,9 @@ def test_what_beams_do_not_do_is_refused_in_words() -> None:
 
 def loaded(case: str) -> Mechanism:
     """A shipped case under gravity, its follower pushed."""
-    return load(case).replace(gravity=(0.0, -9.81), loads=(Load(body="follower", point="B", force=(20.0, -30.0), torque=1.0),))
+    return load(case).replace(
+        gravity=(0.0, -9.81), loads=(Load(body="follower", point="B", force=(20.0, -30.0), torque=1.0),)
+    )
 
 
 @pytest.mark.parametrize("case", ["crank-rocker", "six-bar"])

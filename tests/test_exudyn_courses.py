@@ -1,4 +1,6 @@
-"""Exudyn's motor on a course and behind a spring, against kinetostatics and an independent ordinary differential equation."""
+"""Exudyn's motor on a course and behind a spring, against kinetostatics and an independent ordinary differential
+equation.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +13,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from analytic.assembly import Assembly, AssemblyError
-from analytic.kinematics import kinematics
-from analytic.kinetostatics import kinetostatics
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Drive, Load, Mechanism
-from analytic.mechanism_file import load
+from analytic.mechanism.file import load
+from analytic.paper.kinetostatics import kinetostatics
 from sim_models.engine import JointModel, Request, Trace, Unsupported
 from sim_models.exudyn.engine import ENGINE
 
@@ -25,7 +27,10 @@ if importlib.util.find_spec("exudyn") is None:
 REAL: tuple[JointModel, ...] = ("massless-link", "spring-damper", "contact")
 ROCKER = load("crank-rocker")
 SPEED = ROCKER.speed or 0.0
-LOADED = ROCKER.replace(gravity=(0.0, -9.81), loads=(Load(body="follower", force=(80.0, -80.0)), Load(body="coupler", force=(0.0, 1.0), torque=0.05)))
+LOADED = ROCKER.replace(
+    gravity=(0.0, -9.81),
+    loads=(Load(body="follower", force=(80.0, -80.0)), Load(body="coupler", force=(0.0, 1.0), torque=0.05)),
+)
 PENDULUM = load("pendulum").replace(drive=Drive(joint="O", speed="measured"))
 TURN = np.linspace(0, 2 * math.pi / SPEED, 721)
 SECOND = np.linspace(0, 1, 501)
@@ -43,7 +48,9 @@ COURSES: dict[str, tuple[Mechanism, np.ndarray, np.ndarray]] = {
 }
 
 
-def follow(m: Mechanism, course: tuple[np.ndarray, np.ndarray], time: np.ndarray, joint_model: JointModel = "ideal") -> Trace:
+def follow(
+    m: Mechanism, course: tuple[np.ndarray, np.ndarray], time: np.ndarray, joint_model: JointModel = "ideal"
+) -> Trace:
     return ENGINE.simulate(Request(m, joint_model, "driven", time=time, course=course))
 
 
@@ -54,7 +61,13 @@ def errors(trace: Trace, m: Mechanism, crank: tuple[np.ndarray, np.ndarray, np.n
     """
     expected = kinetostatics(kinematics(Assembly(m), *crank)).signals()
     force = max(float(np.abs(v).max()) for name, v in expected.items() if name.startswith("reaction"))
-    scales = {"reaction": force, "drive_torque": float(np.abs(expected["drive_torque"]).max()), "_angle": 1.0, "_x": 1.0, "_y": 1.0}
+    scales = {
+        "reaction": force,
+        "drive_torque": float(np.abs(expected["drive_torque"]).max()),
+        "_angle": 1.0,
+        "_x": 1.0,
+        "_y": 1.0,
+    }
     worst = dict.fromkeys(scales, 0.0)
     for name, values in expected.items():
         kind = next((kind for kind in scales if name.startswith(kind) or name.endswith(kind)), None)
@@ -79,7 +92,9 @@ def test_a_course_has_the_angles_inertia_forces_and_torque_of_its_spline(name: s
 
 @pytest.mark.parametrize("joint_model", REAL)
 def test_pins_pressed_into_small_gaps_follow_a_course_as_an_ideal_linkage_does(joint_model: JointModel) -> None:
-    """The rest is what a gap of 1e-5 m of links of 0.05 m and more does; a start off the motion would sway at ten times that."""
+    """The rest is what a gap of 1e-5 m of links of 0.05 m and more does; a start off the motion would sway at ten times
+    that.
+    """
     time = SECOND[:251]
     angle = 1 + 0.5 * np.sin(4 * math.pi * time)
     spline = CubicSpline(time, angle)
@@ -96,7 +111,9 @@ def test_impacts_on_a_course_of_constant_speed_are_those_at_constant_speed(joint
     m = m.with_joint("B", contact_stiffness=1e6, contact_damping=300.0)
     time = np.linspace(0, 0.1, 361)
     constant = ENGINE.simulate(Request(m, joint_model, "driven", 62.8 * time, start="centred", step=1e-5))
-    course = ENGINE.simulate(Request(m, joint_model, "driven", time=time, course=(time, 62.8 * time), start="centred", step=1e-5))
+    course = ENGINE.simulate(
+        Request(m, joint_model, "driven", time=time, course=(time, 62.8 * time), start="centred", step=1e-5)
+    )
     assert 0 < constant.free_share["B"] == pytest.approx(course.free_share["B"], rel=1e-3)
     for name in ("coupler_angle", "follower_angle"):
         np.testing.assert_allclose(course.signals[name], constant.signals[name], atol=2e-6)
@@ -110,12 +127,16 @@ def test_friction_turns_with_a_course_that_reverses() -> None:
     trace = follow(m, (SECOND, SWING), SECOND)
     spline = CubicSpline(SECOND, SWING)
     expected = kinetostatics(kinematics(Assembly(m), spline(SECOND), spline(SECOND, 1), spline(SECOND, 2))).drive_torque
-    np.testing.assert_allclose(trace.signals["drive_torque"][moving], expected[moving], atol=2e-4 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        trace.signals["drive_torque"][moving], expected[moving], atol=2e-4 * np.abs(expected).max()
+    )
 
 
 @pytest.mark.parametrize("joint_model", ["ideal", *REAL])
 def test_a_marker_beside_the_com_is_where_places_are_read_and_loads_act(joint_model: JointModel) -> None:
-    m = LOADED.with_body("coupler", com=(0.07, 0.02), marker=(0.05, -0.01)).with_body("follower", com=(0.06, -0.01), marker=(0.05, 0.0))
+    m = LOADED.with_body("coupler", com=(0.07, 0.02), marker=(0.05, -0.01)).with_body(
+        "follower", com=(0.06, -0.01), marker=(0.05, 0.0)
+    )
     m = m.with_clearances({"B": 1e-6}) if joint_model != "ideal" else m
     time = np.linspace(0, 0.1, 51)
     angle = 1 + 4 * time
@@ -133,13 +154,18 @@ def test_a_marker_beside_the_com_is_where_places_are_read_and_loads_act(joint_mo
 
 
 class Crank:
-    """The crank of an ideal linkage behind a spring as an ordinary differential equation, its coefficients from kinetostatics."""
+    """The crank of an ideal linkage behind a spring as an ordinary differential equation, its coefficients from
+    kinetostatics.
+    """
 
     def __init__(self, m: Mechanism, motor: Callable[[float], float]) -> None:
         assert m.drive is not None
         assert m.drive.stiffness is not None
         theta = np.linspace(0, 2 * math.pi, 1025)
-        torque = [kinetostatics(kinematics(Assembly(m), theta, w, a)).drive_torque for w, a in ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0))]
+        torque = [
+            kinetostatics(kinematics(Assembly(m), theta, w, a)).drive_torque
+            for w, a in ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0))
+        ]
         still, ahead, back, pushed = torque
         parts = np.array([still, (ahead - back) / 2, (ahead + back) / 2 - still, pushed - still]).T
         parts[-1] = parts[0]
@@ -152,7 +178,13 @@ class Crank:
     def run(self, start: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Angle (rad), rate and acceleration at these times (s), (3, N)."""
         found = solve_ivp(
-            lambda t, y: [y[1], self.acceleration(t, *y)], (time[0], time[-1]), start, t_eval=time, method="DOP853", rtol=1e-9, atol=1e-10
+            lambda t, y: [y[1], self.acceleration(t, *y)],
+            (time[0], time[-1]),
+            start,
+            t_eval=time,
+            method="DOP853",
+            rtol=1e-9,
+            atol=1e-10,
         ).y
         return np.array([*found, [self.acceleration(t, *y) for t, y in zip(time, found.T, strict=True)]])
 
@@ -161,8 +193,13 @@ class Crank:
         start = np.array([self.motor(0.0), (self.motor(time[-1]) - self.motor(0.0)) / time[-1]])
         nudges = np.diag([1e-5, 1e-3])
         for _ in range(8):
-            missed = [self.run(start + nudge, time[[0, -1]])[:2, -1] - start - nudge - [turn, 0] for nudge in (np.zeros(2), *nudges)]
-            start = start - np.linalg.solve(np.array([(m - missed[0]) / d.sum() for m, d in zip(missed[1:], nudges, strict=True)]).T, missed[0])
+            missed = [
+                self.run(start + nudge, time[[0, -1]])[:2, -1] - start - nudge - [turn, 0]
+                for nudge in (np.zeros(2), *nudges)
+            ]
+            start = start - np.linalg.solve(
+                np.array([(m - missed[0]) / d.sum() for m, d in zip(missed[1:], nudges, strict=True)]).T, missed[0]
+            )
             if np.abs(missed[0]).max() < 1e-9:
                 break
         return self.run(start, time)
@@ -178,15 +215,23 @@ def test_a_crank_behind_a_spring_repeats_itself_as_its_differential_equation_doe
     m = sprung(LOADED.with_joint("B", damping=1e-4), 500.0)
     time = TURN[::4]
     motor = SPEED * time + ripple * np.sin(6 * SPEED * time + 0.3)
-    request = Request(m, "ideal", "driven", motor) if not ripple else Request(m, "ideal", "driven", time=time, course=(TURN, _rippled(TURN, ripple)))
+    request = (
+        Request(m, "ideal", "driven", motor)
+        if not ripple
+        else Request(m, "ideal", "driven", time=time, course=(TURN, _rippled(TURN, ripple)))
+    )
     trace = ENGINE.simulate(request)
-    crank = Crank(m, lambda t: SPEED * t + ripple * math.sin(6 * SPEED * t + 0.3) if ripple else SPEED * t).repeating(2 * math.pi, time)
+    crank = Crank(m, lambda t: SPEED * t + ripple * math.sin(6 * SPEED * t + 0.3) if ripple else SPEED * t).repeating(
+        2 * math.pi, time
+    )
     assert np.abs(motor - crank[0]).max() > 1e-3
     assert np.ptp(motor - crank[0]) > 1e-3
     worst = errors(trace, m, tuple(crank))
     assert worst["_angle"] < 1e-6
     assert max(worst["reaction"], worst["drive_torque"]) < 5e-4
-    np.testing.assert_allclose(motor - trace.signals["drive_torque"] / 500.0, trace.signals["crank_angle"], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(
+        motor - trace.signals["drive_torque"] / 500.0, trace.signals["crank_angle"], rtol=0, atol=1e-7
+    )
 
 
 def _rippled(time: np.ndarray, ripple: float) -> np.ndarray:
@@ -194,7 +239,8 @@ def _rippled(time: np.ndarray, ripple: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("m", "middle"), [pytest.param(LOADED, 1.0, id="crank-rocker", marks=pytest.mark.slow), pytest.param(PENDULUM, 0.0, id="pendulum")]
+    ("m", "middle"),
+    [pytest.param(LOADED, 1.0, id="crank-rocker", marks=pytest.mark.slow), pytest.param(PENDULUM, 0.0, id="pendulum")],
 )
 def test_an_oscillating_crank_behind_a_spring_does_not_sway(m: Mechanism, middle: float) -> None:
     m = sprung(m, 100.0, "measured")
@@ -216,10 +262,14 @@ def test_requested_angles_are_the_motors_where_the_crank_cannot_turn_fully(joint
     lag = np.zeros(grid.size)
     for _ in range(6):  # crank = motor - torque / stiffness, over the motor's angle
         angle = CubicSpline(grid, grid - lag)
-        motion = kinematics(Assembly(m), angle(grid), angle(grid, 1) * (m.speed or 0.0), angle(grid, 2) * (m.speed or 0.0) ** 2)
+        motion = kinematics(
+            Assembly(m), angle(grid), angle(grid, 1) * (m.speed or 0.0), angle(grid, 2) * (m.speed or 0.0) ** 2
+        )
         lag = kinetostatics(motion).drive_torque / 500.0
     expected = np.interp(asked, grid, grid - lag)
-    np.testing.assert_allclose(trace.signals["crank_angle"], expected, rtol=0, atol=2e-6 if joint_model == "ideal" else 1e-5)
+    np.testing.assert_allclose(
+        trace.signals["crank_angle"], expected, rtol=0, atol=2e-6 if joint_model == "ideal" else 1e-5
+    )
 
 
 # ---------------------------------------------------------------- refusals

@@ -9,20 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analytic.assembly import Assembly, AssemblyError
-from analytic.clearance import displaced
-from analytic.kinematics import kinematics
-from analytic.kinetostatics import kinetostatics
+from analytic.beyond_paper.released import released
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Drive, Mechanism
-from analytic.mechanism_file import load
-from analytic.released import released
+from analytic.mechanism.file import load
+from analytic.paper.clearance import displaced
+from analytic.paper.kinetostatics import kinetostatics
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
 from ode import ClearanceMotion, clearance_four_bar_ode
 from sim_models.common.journal import free_share
+from sim_models.common.start import poses
 from sim_models.engine import JointModel, Motion, Request, SimulationError, Trace, Unsupported
 from sim_models.exudyn.engine import ENGINE
 from sim_models.exudyn.laws import hysteresis
-from sim_models.start import poses
 
 if importlib.util.find_spec("exudyn") is None:
     pytest.skip("exudyn is not installed", allow_module_level=True)
@@ -31,7 +31,9 @@ PAPER_RANGE = np.radians(np.arange(20, 161, 5.0))
 REAL: tuple[JointModel, ...] = ("massless-link", "spring-damper", "contact")
 
 
-def run(mechanism: Mechanism, joint_model: JointModel, motion: Motion, degrees: np.ndarray | list[float], **options: object) -> Trace:
+def run(
+    mechanism: Mechanism, joint_model: JointModel, motion: Motion, degrees: np.ndarray | list[float], **options: object
+) -> Trace:
     return ENGINE.simulate(Request(mechanism, joint_model, motion, np.radians(degrees), **options))  # type: ignore[arg-type]
 
 
@@ -43,7 +45,9 @@ def reaction_errors(trace: Trace, mechanism: Mechanism, joint: str) -> tuple[flo
     """Largest error of a reaction's direction (deg) and magnitude (%) against the analytic equilibrium."""
     clearances = dict(trace.clearance)
     moving = trace.motion == "driven"
-    yardstick = displaced(Assembly(mechanism), trace.crank_angle, mechanism.speed or 1.0, inertia=moving, clearances=clearances)
+    yardstick = displaced(
+        Assembly(mechanism), trace.crank_angle, mechanism.speed or 1.0, inertia=moving, clearances=clearances
+    )
     assert not yardstick.flags
     ratio = vector(trace.signals, f"reaction_{joint}") / vector(yardstick.signals(), f"reaction_{joint}")
     return float(np.degrees(np.abs(np.angle(ratio))).max()), float(100 * np.abs(np.abs(ratio) - 1).max())
@@ -53,8 +57,12 @@ def reaction_errors(trace: Trace, mechanism: Mechanism, joint: str) -> tuple[flo
 
 
 @pytest.mark.parametrize("clearance", [1e-2, 1e-3, 1e-4])
-@pytest.mark.parametrize(("joint_model", "degrees", "percent"), [("ideal", 1e-11, 1e-11), ("massless-link", 1e-5, 1e-4)])
-def test_rigid_static_models_reproduce_the_analytic_equilibrium(joint_model: JointModel, degrees: float, percent: float, clearance: float) -> None:
+@pytest.mark.parametrize(
+    ("joint_model", "degrees", "percent"), [("ideal", 1e-11, 1e-11), ("massless-link", 1e-5, 1e-4)]
+)
+def test_rigid_static_models_reproduce_the_analytic_equilibrium(
+    joint_model: JointModel, degrees: float, percent: float, clearance: float
+) -> None:
     m = load("paper").with_clearances({"B": clearance})
     angle, size = reaction_errors(run(m, joint_model, "static", np.degrees(PAPER_RANGE)), m, "B")
     assert angle < degrees
@@ -63,7 +71,9 @@ def test_rigid_static_models_reproduce_the_analytic_equilibrium(joint_model: Joi
 
 @pytest.mark.parametrize("clearance", [1e-2, 1e-3, 1e-4])
 @pytest.mark.parametrize("joint_model", ["spring-damper", "contact"])
-def test_compliant_static_models_differ_from_rigid_contact_by_their_penetration(joint_model: JointModel, clearance: float) -> None:
+def test_compliant_static_models_differ_from_rigid_contact_by_their_penetration(
+    joint_model: JointModel, clearance: float
+) -> None:
     m = load("paper").with_clearances({"B": clearance})
     trace = run(m, joint_model, "static", np.degrees(PAPER_RANGE))
     angle, size = reaction_errors(trace, m, "B")
@@ -104,7 +114,9 @@ def test_static_friction_and_springs_of_revolute_and_prismatic_joints() -> None:
     trace = run(m, "ideal", "static", degrees)
     expected = kinetostatics(kinematics(Assembly(m), np.radians(degrees), m.speed or 0.0), inertia=False).signals()
     for name in [*(f"reaction_{j}_{axis}" for j in "OASC" for axis in "xy"), "reaction_S_moment", "drive_torque"]:
-        np.testing.assert_allclose(trace.signals[name], expected[name], atol=1e-11 * np.abs(expected[name]).max(), err_msg=name)
+        np.testing.assert_allclose(
+            trace.signals[name], expected[name], atol=1e-11 * np.abs(expected[name]).max(), err_msg=name
+        )
 
 
 def test_statics_answers_in_the_order_of_the_question() -> None:
@@ -153,8 +165,12 @@ def test_ideal_driven_linkages_reproduce_kinetostatics(name: str) -> None:
 
 
 @pytest.mark.parametrize("joint_model", REAL)
-@pytest.mark.parametrize("clearance", [pytest.param(1e-2, marks=pytest.mark.slow), 1e-3, pytest.param(1e-4, marks=pytest.mark.slow)])
-def test_driven_paper_case_starts_and_stays_in_the_analytic_equilibrium(joint_model: JointModel, clearance: float) -> None:
+@pytest.mark.parametrize(
+    "clearance", [pytest.param(1e-2, marks=pytest.mark.slow), 1e-3, pytest.param(1e-4, marks=pytest.mark.slow)]
+)
+def test_driven_paper_case_starts_and_stays_in_the_analytic_equilibrium(
+    joint_model: JointModel, clearance: float
+) -> None:
     m = load("paper").with_clearances({"B": clearance})
     trace = run(m, joint_model, "driven", np.degrees(PAPER_RANGE))
     angle, size = reaction_errors(trace, m, "B")
@@ -175,7 +191,9 @@ def test_the_crank_turns_to_where_it_is_sent() -> None:
 def test_a_lead_in_ends_where_a_direct_start_begins() -> None:
     m = load("paper").with_clearances({"B": 1e-3})
     led, direct = (run(m, "contact", "driven", [60.0, 62.0], lead_in=lead) for lead in (0.2, 0.0))
-    np.testing.assert_allclose(np.abs(vector(led.signals, "reaction_B")), np.abs(vector(direct.signals, "reaction_B")), rtol=2e-4)
+    np.testing.assert_allclose(
+        np.abs(vector(led.signals, "reaction_B")), np.abs(vector(direct.signals, "reaction_B")), rtol=2e-4
+    )
     assert led.journal["B"].shape == pytest.approx(direct.journal["B"].shape, abs=5)
 
 
@@ -221,7 +239,15 @@ def reference(m: Mechanism, time: np.ndarray, tolerance: float = 1e-10) -> Clear
     assert contact.contact_damping is not None
     angles = start["coupler"].angle, start["follower"].angle
     return clearance_four_bar_ode(
-        m, contact.clearance, contact.contact_stiffness, contact.contact_damping, time, 0.0, *angles, max_step=1e-4, tolerance=tolerance
+        m,
+        contact.clearance,
+        contact.contact_stiffness,
+        contact.contact_damping,
+        time,
+        0.0,
+        *angles,
+        max_step=1e-4,
+        tolerance=tolerance,
     )
 
 
@@ -295,7 +321,9 @@ def test_garbage_of_a_stiff_contact_and_a_long_step_is_an_error(joint_model: Joi
         run(m, joint_model, "driven", np.degrees(PAPER_RANGE), start="centred", step=3e-3)
 
 
-def test_silent_and_nothing_left_on_disk(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_silent_and_nothing_left_on_disk(
+    capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     import exudyn
 
     monkeypatch.chdir(tmp_path)

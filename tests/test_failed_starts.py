@@ -1,4 +1,6 @@
-"""Starts that an engine cannot make: the run's failure, in words that help, and never the fault of an angle that nobody asked for."""
+"""Starts that an engine cannot make: the run's failure, in words that help, and never the fault of an angle that nobody
+asked for.
+"""
 
 from __future__ import annotations
 
@@ -11,20 +13,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analytic.assembly import Assembly, AssemblyError
+from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Load, Mechanism
-from analytic.mechanism_file import dumps, load
+from analytic.mechanism.file import dumps, load
 from compare.crosscheck import Job, crosscheck
-from compare.discrepancy import load_tolerances
-from compare.validity.cell import examine
-from compare.validity.map import RPM, Grid, cells
+from compare.domain_map.cell import examine
+from compare.domain_map.map import RPM, Grid, cells
+from compare.judge.discrepancy import load_tolerances
+from sim_models.common.failed_starts import TooSoft, own_start
 from sim_models.engine import Motion, Request, SimulationError, declared, engine
-from sim_models.failed_starts import TooSoft, own_start
 from test_cli import compare
 
 ROCKER = load("crank-rocker").with_clearances({"B": 1e-4})
 ANGLES = np.radians(np.arange(0.0, 360.0, 30.0))
-SPRINGS = [("mujoco", "driven"), ("exudyn", "driven"), ("pybullet", "driven"), ("dart", "driven"), ("mujoco", "static"), ("exudyn", "static")]
+SPRINGS = [
+    ("mujoco", "driven"),
+    ("exudyn", "driven"),
+    ("pybullet", "driven"),
+    ("dart", "driven"),
+    ("mujoco", "static"),
+    ("exudyn", "static"),
+]
 
 
 def available(name: str) -> None:
@@ -110,7 +119,13 @@ def test_the_command_writes_the_other_runs_and_leaves_with_status_3(tmp_path: Pa
 
 def test_an_absurd_speed_of_a_map_is_a_cell_that_failed_for_a_reason() -> None:
     grid = Grid(
-        load("crank-rocker").with_joint("B", contact_stiffness=1e7), ("B",), (1e9 * RPM,), (1e-4,), ("mujoco",), "contact", load_tolerances(None)
+        load("crank-rocker").with_joint("B", contact_stiffness=1e7),
+        ("B",),
+        (1e9 * RPM,),
+        (1e-4,),
+        ("mujoco",),
+        "contact",
+        load_tolerances(None),
     )
     (content,) = cells(grid)
     assert "contact too soft for this load" in examine(content)["failure"]
@@ -131,15 +146,21 @@ def test_an_angle_that_was_asked_for_and_is_out_of_reach_is_bad_input(name: str,
 def test_rates_taken_from_beyond_a_change_point_are_the_runs_failure(name: str) -> None:
     """The paper's linkage locks at 0 deg; a run from 0.05 deg on takes its rates from both sides of that."""
     available(name)
-    with pytest.raises(SimulationError, match=rf"{name} ideal driven \(paper\): the angles asked for can be reached.*change point"):
+    with pytest.raises(
+        SimulationError, match=rf"{name} ideal driven \(paper\): the angles asked for can be reached.*change point"
+    ):
         engine(name).simulate(Request(load("paper"), "ideal", "driven", np.radians([0.05, 1.0])))
 
 
 def test_what_is_not_asked_for_is_told_from_what_is() -> None:
     m = load("paper")
     assembly, asked = Assembly(m), Request(m, crank_angle=np.radians([20.0, 30.0]))
-    with pytest.raises(SimulationError, match=r"mujoco ideal driven \(paper\): the angles asked for can be reached.*change point"), \
-         own_start("mujoco", asked, assembly):  # fmt: skip
+    with (
+        pytest.raises(
+            SimulationError, match=r"mujoco ideal driven \(paper\): the angles asked for can be reached.*change point"
+        ),
+        own_start("mujoco", asked, assembly),
+    ):
         assembly.coordinates(np.array([-0.1]))
     with pytest.raises(AssemblyError), own_start("mujoco", Request(m, crank_angle=np.array([-0.1])), assembly):
         raise NotImplementedError("never reached")

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analytic.mechanism_file import dumps, load
+from analytic.mechanism.file import dumps, load
 from compare.crosscheck import Job, crosscheck
-from compare.discrepancy import load_tolerances
-from compare.flexible import Beams
+from compare.judge.discrepancy import load_tolerances
+from compare.judge.flexible import Beams
 from sim_models.engine import Request, Trace
 
 if importlib.util.find_spec("exudyn") is None:
@@ -51,7 +51,12 @@ class Softer:
 
     def __init__(self, name: str) -> None:
         self.beams = Beams.of(name)
-        self.name, self.package, self.effects, self.supports = self.beams.name, self.beams.package, self.beams.effects, self.beams.supports
+        self.name, self.package, self.effects, self.supports = (
+            self.beams.name,
+            self.beams.package,
+            self.beams.effects,
+            self.beams.supports,
+        )
 
     def simulate(self, request: Request) -> Trace:
         m = request.mechanism
@@ -91,7 +96,10 @@ def compare(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     [
         (["--simulator", "pybullet", "--motion", "static"], ["'pybullet' has rigid links only", "--simulator exudyn"]),
         (["--simulator", "exudyn"], ["--flexible --motion driven", "--motion static"]),
-        (["--simulator", "exudyn", "--motion", "static", "--joint", "massless-link", "--clearance", "B=1e-4"], ["massless-link", "contact static"]),
+        (
+            ["--simulator", "exudyn", "--motion", "static", "--joint", "massless-link", "--clearance", "B=1e-4"],
+            ["massless-link", "contact static"],
+        ),
     ],
 )
 def test_what_cannot_bend_is_refused_in_one_sentence(arguments: list[str], words: list[str], tmp_path: Path) -> None:

@@ -1,4 +1,6 @@
-"""Where results go: every question has a folder of its own, and nothing replaces what another command has left unless it is told to."""
+"""Where results go: every question has a folder of its own, and nothing replaces what another command has left unless
+it is told to.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +14,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from analytic.mechanism_file import dumps, load
-from compare.cli import app
+from analytic.mechanism.file import dumps, load
+from compare.cli.app import app
+from compare.cli.folders import result_folder
 from compare.files import OutputError
-from compare.folders import result_folder
 from test_readme import COMMANDS
 
 
@@ -23,7 +25,11 @@ def context(line: str) -> Any:
     """What typer makes of a command line."""
     root: Any = typer.main.get_command(app)
     parent, (name, *words) = root.make_context("compare", []), [*shlex.split(line)[1:]]
-    return root.make_context("compare", [name, *words]) if name.startswith("-") else root.commands[name].make_context(name, words, parent=parent)
+    return (
+        root.make_context("compare", [name, *words])
+        if name.startswith("-")
+        else root.commands[name].make_context(name, words, parent=parent)
+    )
 
 
 def folder(line: str, stem: str, file: str = "result.json", out: Path | None = None) -> Path:
@@ -57,12 +63,14 @@ NAMES = {
     "compare validity --speeds 60,600 --clearances 1e-4 --workers 2": "paper-validity-speeds=60,600-clearances=1e-4",
     "compare diagnose a.toml": "paper-diagnosis",
     "compare diagnose a.toml --only gravity --only payload@coupler --simulator exudyn": "paper-diagnosis-exudyn-only=gravity,payload@coupler",
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("line", NAMES)
 def test_a_default_folder_is_named_after_what_is_not_at_its_default(line: str) -> None:
-    stem = "-".join(["paper", *(word.replace("diagnose", "diagnosis") for word in line.split()[1:2] if not word.startswith("-"))])
+    stem = "-".join(
+        ["paper", *(word.replace("diagnose", "diagnosis") for word in line.split()[1:2] if not word.startswith("-"))]
+    )
     assert folder(line, stem) == Path("reports") / NAMES[line]
 
 
@@ -73,7 +81,10 @@ def test_the_commands_of_the_readme_do_not_meet_in_a_folder() -> None:
 
 
 def test_a_name_that_would_be_too_long_is_cut_and_stays_its_own() -> None:
-    lines = [f"compare --simulator mujoco --clearance {','.join(f'joint-{k}=1e-4' for k in range(40))},Z={size}" for size in ("1e-4", "2e-4")]
+    lines = [
+        f"compare --simulator mujoco --clearance {','.join(f'joint-{k}=1e-4' for k in range(40))},Z={size}"
+        for size in ("1e-4", "2e-4")
+    ]
     first, second = (folder(line, "paper").name for line in lines)
     assert first != second
     assert len(first) == len(second) == 150
@@ -86,20 +97,32 @@ def contents(place: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in place.iterdir()}
 
 
-def test_the_same_command_replaces_its_own_report_and_another_only_when_it_is_told_to(compare: Any, tmp_path: Path) -> None:
+def test_the_same_command_replaces_its_own_report_and_another_only_when_it_is_told_to(
+    compare: Any, tmp_path: Path
+) -> None:
     assert compare(f"{QUICK} --out here") == (0, "")
     before = contents(tmp_path / "here")
-    assert compare("compare --angles=30:60:30 --motion=static --out ./here --joint ideal --case paper --json --simulator mujoco") == (0, "")
+    assert compare(
+        "compare --angles=30:60:30 --motion=static --out ./here --joint ideal --case paper --json --simulator mujoco"
+    ) == (0, "")
     assert set(contents(tmp_path / "here")) == set(before)
     before = contents(tmp_path / "here")
     status, said = compare(f"{QUICK.replace('60:30', '90:30')} --out here")
     assert status == 2
     assert len(said.splitlines()) == 1
-    for words in ("--out here", "result.json is of another command", "--angles=30:60:30 --motion=static", "another folder", "--overwrite"):
+    for words in (
+        "--out here",
+        "result.json is of another command",
+        "--angles=30:60:30 --motion=static",
+        "another folder",
+        "--overwrite",
+    ):
         assert words in said
     assert contents(tmp_path / "here") == before
     assert compare(f"{QUICK.replace('60:30', '90:30')} --out here --overwrite") == (0, "")
-    assert len(json.loads((tmp_path / "here" / "result.json").read_text(encoding="utf-8"))["runs"][0]["crank_angle"]) == 3
+    assert (
+        len(json.loads((tmp_path / "here" / "result.json").read_text(encoding="utf-8"))["runs"][0]["crank_angle"]) == 3
+    )
 
 
 def test_two_files_of_one_name_do_not_share_a_default_folder_silently(compare: Any, tmp_path: Path) -> None:
@@ -123,7 +146,9 @@ def test_accuracy_validity_and_diagnosis_keep_to_the_same_rule(compare: Any, tmp
         "diagnosis.json": f"compare diagnose {rig} --out here",
     }
     for name, line in other.items():
-        (tmp_path / "here" / name).write_text(json.dumps({"command": "compare accuracy --samples 50"}), encoding="utf-8")
+        (tmp_path / "here" / name).write_text(
+            json.dumps({"command": "compare accuracy --samples 50"}), encoding="utf-8"
+        )
         before = contents(tmp_path / "here")
         status, said = compare(line)
         assert status == 2
@@ -134,14 +159,19 @@ def test_accuracy_validity_and_diagnosis_keep_to_the_same_rule(compare: Any, tmp
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"command": 7}', "[" * 100_000, "\udcff"], ids=repr)
 def test_a_file_that_does_not_say_what_made_it_is_not_replaced(text: str, tmp_path: Path) -> None:
     (tmp_path / "result.json").write_bytes(text.encode("utf-8", "surrogateescape"))
-    with pytest.raises(OutputError, match=r"does not say which command made it; choose another folder with --out, or add --overwrite"):
+    with pytest.raises(
+        OutputError, match=r"does not say which command made it; choose another folder with --out, or add --overwrite"
+    ):
         folder(QUICK, "paper", out=tmp_path)
 
 
 @pytest.mark.parametrize(
-    "made_by", ["", "compare 'open", "rm -rf /", "compare --help", "compare \x1b[2J --simulator mujoco", "compare baseline check"]
+    "made_by",
+    ["", "compare 'open", "rm -rf /", "compare --help", "compare \x1b[2J --simulator mujoco", "compare baseline check"],
 )
-def test_whatever_a_file_says_that_made_it_is_only_compared(made_by: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_whatever_a_file_says_that_made_it_is_only_compared(
+    made_by: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "result.json").write_text(json.dumps({"command": made_by}), encoding="utf-8")
     with pytest.raises(OutputError, match="is of another command") as caught:
         folder(QUICK, "paper", out=tmp_path)

@@ -1,6 +1,8 @@
-"""Random linkages at every scale: the analytic model against multipliers, and clearance equilibria against the energy of their poses.
+"""Random linkages at every scale: the analytic model against multipliers, and clearance equilibria against the energy
+of their poses.
 
-More of them: ``FUZZ_LINKAGES=10000 pytest tests/test_fuzz.py -m slow -rP`` (``FUZZ_FIRST`` is the first seed); it prints what became of them.
+More of them: ``FUZZ_LINKAGES=10000 pytest tests/test_fuzz.py -m slow -rP`` (``FUZZ_FIRST`` is the first seed); it
+prints what became of them.
 """
 
 from __future__ import annotations
@@ -14,13 +16,13 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, event, given, settings
 
-from analytic.assembly import Assembly, AssemblyError
-from analytic.clearance import displaced
-from analytic.kinematics import kinematics
-from analytic.kinetostatics import kinetostatics
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import kinematics
+from analytic.kinematics.reach import turns_fully
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import load
-from analytic.reach import turns_fully
+from analytic.mechanism.file import load
+from analytic.paper.clearance import displaced
+from analytic.paper.kinetostatics import kinetostatics
 from linkages import dyad_on_a_triad
 from multiplier_oracle import JUMP, TINY, WORST_CONDITION, LeftOut, Oracle, Solved
 from random_linkages import WIDE, linkages, seeded
@@ -32,9 +34,13 @@ ACCURACY = 1e-9  # of the linkage's largest force, its span, a turn
 RANGE = np.radians(40.0)  # of crank to either side of the assembly angle
 SAMPLES = 5
 FAINT = 1e-6  # of the largest force; a slope that is good to 1e-9 of that says little of the curvature of less
-REFUSED = 100.0  # condition above which the pins may follow their reactions into postures that do not close, from those that do
+# condition above which the pins may follow their reactions into postures that do not close, from those that do
+REFUSED = 100.0
 STATIONARY = 1e-9  # of clearance times the largest force
-STILL = (1e-12, 1e-9)  # a joint's slip over the crank's: below is none, between is too little to have a direction in double precision
+STILL = (
+    1e-12,
+    1e-9,
+)  # a joint's slip over the crank's: below is none, between is too little to have a direction in double precision
 QUICK = settings(max_examples=50, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 
@@ -50,14 +56,20 @@ def test_the_oracle_finds_the_papers_numbers() -> None:
     found = oracle.solve(theta, q, inertia=True)
     for degrees, (x, y, torque) in expected.items():
         k = int(np.argmin(np.abs(theta - np.radians(degrees))))
-        np.testing.assert_allclose([found.forces["B"][k].real, found.forces["B"][k].imag, found.torque[k]], [x, y, torque], atol=6e-5)
+        np.testing.assert_allclose(
+            [found.forces["B"][k].real, found.forces["B"][k].imag, found.torque[k]], [x, y, torque], atol=6e-5
+        )
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_the_oracles_drive_does_the_work_that_its_energies_gain(seed: int) -> None:
-    """Torque against the derivative of kinetic and potential energy by the crank angle: no equilibrium of forces is in it."""
+    """Torque against the derivative of kinetic and potential energy by the crank angle: no equilibrium of forces is in
+    it.
+    """
     m = seeded(seed)
-    oracle = Oracle(m.replace(joints=tuple(j.model_copy(update={"friction_torque": 0.0, "damping": 0.0}) for j in m.joints)))
+    oracle = Oracle(
+        m.replace(joints=tuple(j.model_copy(update={"friction_torque": 0.0, "damping": 0.0}) for j in m.joints))
+    )
     nudged = np.array([oracle.start + 1j * TINY])
     poses = oracle.closed(oracle.home, nudged)
     gained = (oracle.kinetic(oracle.rates(poses, nudged)) + oracle.energy(poses)).imag / TINY
@@ -81,7 +93,9 @@ def test_a_disagreement_would_be_seen() -> None:
 
 
 def posture(m: Mechanism) -> tuple[np.ndarray, np.ndarray, Oracle]:
-    """Crank angles about the assembly angle that are well conditioned, and the oracle's poses there.  Raises LeftOut."""
+    """Crank angles about the assembly angle that are well conditioned, and the oracle's poses there.  Raises
+    LeftOut.
+    """
     oracle = Oracle(m.with_clearances({}))
     theta, q = oracle.walk(RANGE)
     chosen = np.unique(np.linspace(0, theta.size - 1, SAMPLES).astype(int))
@@ -125,7 +139,13 @@ def assert_the_same_motion_and_forces(m: Mechanism) -> str:
     "seed",
     [
         pytest.param(174, id="10 um: loops of four bodies close to their own size, not to 1e-14 m"),
-        pytest.param(2654, id="slides: a group's travels at the assembly angles are not nil, from where another assembly mode was found"),
+        pytest.param(
+            2654,
+            id=(
+                "slides: a group's travels at the assembly angles are not nil, from where another assembly mode was"
+                " found"
+            ),
+        ),
         pytest.param(2051, id="slides: nor from where none was found near the assembly angles"),
     ],
 )
@@ -160,7 +180,9 @@ def without_friction(m: Mechanism) -> Mechanism:
 
 
 def assert_the_equilibrium_is_a_minimum_of_energy(m: Mechanism) -> str:
-    """Where the analytic model rests its pins, by the energy of the oracle's poses; says in a word what became of it."""
+    """Where the analytic model rests its pins, by the energy of the oracle's poses; says in a word what became
+    of it.
+    """
     m = without_friction(m)
     if not m.clearances:
         last = [j.name for j in m.joints if not j.prismatic][-1]
@@ -179,7 +201,11 @@ def assert_the_equilibrium_is_a_minimum_of_energy(m: Mechanism) -> str:
 
     ideal = oracle.solve(theta, q, inertia=False)
     toward = gaps(np.stack([np.angle(ideal.forces[name]) for name in m.clearances], axis=-1))
-    roomy = [i for i in range(theta.size) if displaced_to(oracle, theta[i : i + 1], q[i : i + 1], toward[i : i + 1]) is not None]
+    roomy = [
+        i
+        for i in range(theta.size)
+        if displaced_to(oracle, theta[i : i + 1], q[i : i + 1], toward[i : i + 1]) is not None
+    ]
     theta, q = theta[roomy], q[roomy]
     if not theta.size:
         return "left out: the loops do not close with the pins along their reactions"
@@ -213,8 +239,12 @@ def assert_the_equilibrium_is_a_minimum_of_energy(m: Mechanism) -> str:
 
     pushes = np.stack([np.abs(found.reactions.forces[name][live]) for name in m.clearances], axis=-1)
     off = np.abs(slope(phi) / work).max(), np.abs((slope(phi, radial=True) + clearance * pushes) / work).max()
-    assert off[0] < STATIONARY, f"{m.name}: energy falls along the rim by {off[0]:.2g} of clearance times the largest force"
-    assert off[1] < STATIONARY, f"{m.name}: energy falls outward by another force than the reaction's, {off[1]:.2g} of the largest"
+    assert off[0] < STATIONARY, (
+        f"{m.name}: energy falls along the rim by {off[0]:.2g} of clearance times the largest force"
+    )
+    assert off[1] < STATIONARY, (
+        f"{m.name}: energy falls outward by another force than the reaction's, {off[1]:.2g} of the largest"
+    )
     h = 1e-4
     nudged = h * np.eye(clearance.size)
     bend = np.stack([(slope(phi + d) - slope(phi - d)) / (2 * h) for d in nudged], axis=-1)
@@ -222,7 +252,9 @@ def assert_the_equilibrium_is_a_minimum_of_energy(m: Mechanism) -> str:
     if pushes.min() < FAINT * right.largest:
         return "left out: the reaction at a pin is too faint for its curvature"
     least = np.linalg.eigvalsh((bend + bend.transpose(0, 2, 1)) / 2 / (size[:, :, None] * size[:, None, :]))[:, 0]
-    assert least.min() > 0, f"{m.name}: at {np.degrees(theta[least.argmin()]):.6g} deg the equilibrium is no minimum ({least.min():.2g})"
+    assert least.min() > 0, (
+        f"{m.name}: at {np.degrees(theta[least.argmin()]):.6g} deg the equilibrium is no minimum ({least.min():.2g})"
+    )
     return "a minimum"
 
 
@@ -242,7 +274,9 @@ def test_a_search_that_steps_where_the_loops_do_not_close_takes_shorter_steps() 
 
 
 def test_an_equilibrium_that_is_no_minimum_of_energy_is_flagged() -> None:
-    """At the last of five angles, where 0.4 % of the span of clearance meets a condition of 250, the energy of the poses falls both ways."""
+    """At the last of five angles, where 0.4 % of the span of clearance meets a condition of 250, the energy of the
+    poses falls both ways.
+    """
     m = without_friction(seeded(7333))
     theta = posture(m)[0]
     found = displaced(Assembly(m), theta, m.speed or 1.0, inertia=False)
@@ -261,7 +295,11 @@ def test_random_clearances_are_taken_up_to_a_minimum_of_energy(m: Mechanism) -> 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(FIRST, FIRST + LINKAGES, CHUNK))
-@pytest.mark.parametrize("judge", [assert_the_same_motion_and_forces, assert_the_equilibrium_is_a_minimum_of_energy], ids=["forces", "clearance"])
+@pytest.mark.parametrize(
+    "judge",
+    [assert_the_same_motion_and_forces, assert_the_equilibrium_is_a_minimum_of_energy],
+    ids=["forces", "clearance"],
+)
 def test_a_hundred_linkages(judge: Callable[[Mechanism], str], first: int) -> None:
     """Every failing seed is listed; less than a quarter of the linkages may be left out."""
     became, failed = Counter[str](), []

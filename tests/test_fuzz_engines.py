@@ -1,7 +1,7 @@
 """Random linkages through every engine, by the shipped tolerances: each run agrees, or is a failure in a sentence.
 
-More of them: ``FUZZ_ENGINES=300 pytest tests/test_fuzz_engines.py -m slow`` (``FUZZ_FIRST`` is the first number); ``FUZZ_OUT`` is a folder
-for the linkages of runs that disagree, ``FUZZ_SCALES=wide`` leaves the human scale.
+More of them: ``FUZZ_ENGINES=300 pytest tests/test_fuzz_engines.py -m slow`` (``FUZZ_FIRST`` is the first number);
+``FUZZ_OUT`` is a folder for the linkages of runs that disagree, ``FUZZ_SCALES=wide`` leaves the human scale.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analytic.assembly import AssemblyError
+from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import dumps
+from analytic.mechanism.file import dumps
 from compare.crosscheck import Job, crosscheck
-from compare.discrepancy import load_tolerances
+from compare.judge.discrepancy import load_tolerances
 from multiplier_oracle import LeftOut, Oracle
 from random_linkages import HUMAN, WIDE, seeded
 from sim_models.engine import ENGINES, JointModel, Motion, SimulatorMissing, Unsupported, declared, engine
@@ -34,7 +34,9 @@ RUNS: tuple[tuple[JointModel, Motion], ...] = (("ideal", "driven"), ("contact", 
 
 
 def grid(m: Mechanism) -> np.ndarray | None:
-    """Crank angles (N,) rad about the assembly angle at which the linkage is well conditioned; None if there are too few."""
+    """Crank angles (N,) rad about the assembly angle at which the linkage is well conditioned; None if there are too
+    few.
+    """
     oracle = Oracle(m.with_clearances({}))
     theta, q = oracle.walk(np.radians(40.0))
     good = oracle.condition(q, theta) < CONDITION
@@ -66,7 +68,8 @@ def outcomes(m: Mechanism, theta: np.ndarray) -> Iterator[tuple[str, str, str]]:
                 continue
             (one,) = result["runs"]
             differ = [
-                f"{d['signal']} {d['max']:+.3g} {d['unit']} ({d['tolerance']:.3g}) at {np.degrees(d['at_crank_angle']):.2f} deg"
+                f"{d['signal']} {d['max']:+.3g} {d['unit']} ({d['tolerance']:.3g}) at"
+                f" {np.degrees(d['at_crank_angle']):.2f} deg"
                 for d in one["discrepancies"]
                 if d["verdict"] == "disagrees"
             ]
@@ -97,6 +100,8 @@ def test_no_engine_disagrees_with_the_analytic_model(number: int) -> None:
         if verdict == "disagrees":
             wrong.append(f"{run}: {why}")
     if wrong and (folder := os.environ.get("FUZZ_OUT")):
-        head = "".join(f"# {line}\n" for line in [f"angles (deg): {' '.join(f'{a:.4f}' for a in np.degrees(theta))}", *wrong])
+        head = "".join(
+            f"# {line}\n" for line in [f"angles (deg): {' '.join(f'{a:.4f}' for a in np.degrees(theta))}", *wrong]
+        )
         Path(folder, f"linkage-{seed}.toml").write_text(head + dumps(m), encoding="utf-8")
     assert not wrong, "\n".join(wrong)

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import load, shipped_cases
-from compare.baseline.runs import setups
+from analytic.mechanism.file import load, shipped_cases
 from compare.crosscheck import Job, _too_soft, crosscheck
-from compare.discrepancy import load_tolerances
+from compare.evidence.baseline.runs import setups
+from compare.judge.discrepancy import load_tolerances
 from linkages import inverted_slider, jansen_leg
 from sim_models.common.health import LIMITS, Implausible, check, misses
 from sim_models.common.journal import free_share
@@ -37,7 +37,13 @@ def scaled(m: Mechanism, by: float, **drive: float) -> Mechanism:
 
     ground = m.ground.model_copy(update={"points": {name: sized(p) for name, p in m.ground.points.items()}})
     bodies = tuple(
-        b.model_copy(update={"points": {name: sized(p) for name, p in b.points.items()}, "mass": b.mass * by**3, "section": sized(b.section)})
+        b.model_copy(
+            update={
+                "points": {name: sized(p) for name, p in b.points.items()},
+                "mass": b.mass * by**3,
+                "section": sized(b.section),
+            }
+        )
         for b in m.bodies
     )
     assert all(b.com is None and b.inertia is None for b in m.bodies)
@@ -61,7 +67,9 @@ def over(request: Request, trace: Trace, kept: float = 1.0) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("case", shipped_cases())
-@pytest.mark.parametrize("name", ["mujoco", *(pytest.param(name, marks=pytest.mark.slow) for name in ENGINES if name != "mujoco")])
+@pytest.mark.parametrize(
+    "name", ["mujoco", *(pytest.param(name, marks=pytest.mark.slow) for name in ENGINES if name != "mujoco")]
+)
 def test_shipped_cases_keep_well_clear_of_every_limit(name: str, case: str) -> None:
     chosen = engine(installed(name))
     for setup in setups(load(case)):
@@ -84,22 +92,28 @@ def test_pins_that_fly_and_hit_keep_clear_of_them_too(name: str) -> None:
 
 
 def test_a_run_of_heavier_inertia_than_the_linkage_has_is_found() -> None:
-    """As MuJoCo's own was, silently: at 1:20 the crank-rocker's inertias are 3e-12 kg.m2 and more, and it computed with 1e-10."""
+    """As MuJoCo's own was, silently: at 1:20 the crank-rocker's inertias are 3e-12 kg.m2 and more, and it computed with
+    1e-10.
+    """
     small = scaled(load("crank-rocker").with_clearances({}), 0.05, speed=60.0)
     assert min(b.moment_of_inertia for b in small.bodies) < 5e-12
-    raised = small.replace(bodies=tuple(b.model_copy(update={"inertia": max(b.moment_of_inertia, 1e-10)}) for b in small.bodies))
+    raised = small.replace(
+        bodies=tuple(b.model_copy(update={"inertia": max(b.moment_of_inertia, 1e-10)}) for b in small.bodies)
+    )
     trace = engine("mujoco").simulate(Request(raised, "ideal", "driven", TURN))
     request = Request(small, "ideal", "driven", TURN)
     assert set(over(request, trace)) == {"moment", "power"}
     assert shares(request, trace)["moment"] > 0.1
-    with pytest.raises(Implausible, match=r"crank-rocker.*body '\w+' does not make up its moment of inertia.*use another simulator"):
+    with pytest.raises(
+        Implausible, match=r"crank-rocker.*body '\w+' does not make up its moment of inertia.*use another simulator"
+    ):
         check(request, trace)
 
 
 def test_bullet_in_a_micrograms_linkage_is_found() -> None:
     """At 1:1000, in SI units, it answers 3e11 N where 4e-11 N are right."""
     installed("pybullet")
-    from sim_models.planar.runs import run
+    from sim_models.leapfrog.runs import run
     from sim_models.pybullet.world import BulletWorld
 
     request = Request(scaled(load("crank-rocker").with_clearances({}), 1e-3, speed=60.0), "ideal", "driven", TURN)
@@ -110,7 +124,9 @@ def test_bullet_in_a_micrograms_linkage_is_found() -> None:
 
 
 def test_mujocos_solver_is_not_content_with_little_because_of_the_motors_armature() -> None:
-    """It stopped 0.6 % short of the force of a light contact: its tolerance is measured by the inertia of model and motor."""
+    """It stopped 0.6 % short of the force of a light contact: its tolerance is measured by the inertia of model and
+    motor.
+    """
     trace = engine("mujoco").simulate(REQUESTS["loose"])
     assert 0.05 < np.hypot(trace.signals["reaction_B_x"], trace.signals["reaction_B_y"])[1] < 0.5
     assert shares(REQUESTS["loose"], trace)["moment"] < 1e-6
@@ -199,7 +215,9 @@ def runs() -> dict[str, Trace]:
     return {name: engine("mujoco").simulate(request) for name, request in REQUESTS.items()}
 
 
-@pytest.mark.parametrize(("name", "of", "falsify"), FALSIFIED, ids=[f"{name}-{of}-{k}" for k, (name, of, _) in enumerate(FALSIFIED)])
+@pytest.mark.parametrize(
+    ("name", "of", "falsify"), FALSIFIED, ids=[f"{name}-{of}-{k}" for k, (name, of, _) in enumerate(FALSIFIED)]
+)
 def test_a_small_falsehood_fails_its_check(name: str, of: str, falsify: Falsified, runs: dict[str, Trace]) -> None:
     request, trace = REQUESTS[of], runs[of]
     check(request, trace)
@@ -222,7 +240,15 @@ def test_a_run_of_one_per_cent_less_mass_is_found(body: str, runs: dict[str, Tra
 def test_what_failed_is_said_where_how_far_and_what_was_allowed(runs: dict[str, Trace]) -> None:
     with pytest.raises(Implausible) as said:
         check(REQUESTS["rocker"], turned("B", 0.1)(runs["rocker"]))
-    for words in ("mujoco ideal driven (crank-rocker)", "body 'coupler'", "mass times its acceleration", "deg", "N are missed", "in order", "use a"):
+    for words in (
+        "mujoco ideal driven (crank-rocker)",
+        "body 'coupler'",
+        "mass times its acceleration",
+        "deg",
+        "N are missed",
+        "in order",
+        "use a",
+    ):
         assert words in str(said.value)
 
 
@@ -236,7 +262,8 @@ def test_a_trace_without_rates_is_held_to_its_positions(runs: dict[str, Trace]) 
     check(REQUESTS["rocker"], replace(recorded, signals=few))  # says nothing of where the coupler is
 
 
-# ------------------------------------------------------------------ what rigid rows give, contact that is lost, contact that is soft
+# ------------------------------------------------------------------ what rigid rows give, contact that is lost, contact
+# that is soft
 
 
 @pytest.mark.parametrize("push", [0.0, 20.0])
@@ -246,7 +273,11 @@ def test_mujoco_takes_the_steps_that_jansens_leg_asks_for(push: float) -> None:
     result = crosscheck(Job(jansen_leg(push), ("mujoco",), load_tolerances(), "driven", theta, joint_model="ideal"))
     assert result["verdict"] == "agrees", result["failures"]
     assert result["runs"][0]["settings"]["step"] < 5e-4
-    off = [abs(d["max"]) for d in result["runs"][0]["discrepancies"] if d["signal"].endswith("_angle") and not d["signal"].startswith("reaction")]
+    off = [
+        abs(d["max"])
+        for d in result["runs"][0]["discrepancies"]
+        if d["signal"].endswith("_angle") and not d["signal"].startswith("reaction")
+    ]
     assert max(off) < 3e-6
 
 
@@ -268,9 +299,16 @@ def test_a_pin_seen_far_beyond_its_rim_is_warned_of_whatever_its_settings_say() 
     """A hard contact has no stiffness in its settings: the path that was seen says how deep its pin went."""
     m = load("slider-crank").with_clearances({"B": 5e-4})
     theta = np.radians(np.arange(0.0, 360.0, 10.0))
-    for stiffness in (1e7, None):  # N/m: at 5000 rpm the first lets the pin 0.8 mm into the wall, and what suits the linkage does not
+    for stiffness in (
+        1e7,
+        None,
+    ):  # N/m: at 5000 rpm the first lets the pin 0.8 mm into the wall, and what suits the linkage does not
         soft = m if stiffness is None else m.with_joint("B", contact_stiffness=stiffness)
         result = crosscheck(Job(soft, ("mujoco",), load_tolerances(), theta=theta, joint_model="contact"))
         for settings in (result["runs"][0]["settings"], {}):
-            warned = [w for w in _too_soft([result["runs"][0] | {"settings": settings}]) if "beyond its rim" in w and "joint B" in w]
+            warned = [
+                w
+                for w in _too_soft([result["runs"][0] | {"settings": settings}])
+                if "beyond its rim" in w and "joint B" in w
+            ]
             assert len(warned) == (stiffness is not None)

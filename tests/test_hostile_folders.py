@@ -1,4 +1,6 @@
-"""Folders that cannot be written, are full, or are written by two at once: one sentence that names the path, and no half of anything."""
+"""Folders that cannot be written, are full, or are written by two at once: one sentence that names the path, and no
+half of anything.
+"""
 
 from __future__ import annotations
 
@@ -49,9 +51,15 @@ def compare(folder: Path, arguments: list[str], limit: int | None = None) -> sub
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
     return subprocess.run(
-        [sys.executable, "-m", "compare", *arguments], cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True,
-        timeout=300, check=False, preexec_fn=limited if limit is not None else None,
-    )  # fmt: skip
+        [sys.executable, "-m", "compare", *arguments],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        preexec_fn=limited if limit is not None else None,
+    )
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -92,7 +100,10 @@ def test_a_folder_that_may_only_be_read(what: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.mkdir()
     (out / "earlier.txt").write_text("whole", encoding="utf-8")
-    mounted = subprocess.run(["mount", "--bind", "-o", "ro", str(out), str(out)], capture_output=True, check=False).returncode == 0
+    mounted = (
+        subprocess.run(["mount", "--bind", "-o", "ro", str(out), str(out)], capture_output=True, check=False).returncode
+        == 0
+    )
     if not mounted:
         out.chmod(0o500)
         if os.access(out, os.W_OK):
@@ -137,7 +148,9 @@ def test_a_disk_that_fills_up_leaves_the_earlier_result_as_it_was(room: int, tmp
 def test_a_real_full_file_system_is_said_and_left_without_litter(tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.mkdir()
-    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(out)], capture_output=True, check=False).returncode:
+    if subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(out)], capture_output=True, check=False
+    ).returncode:
         pytest.skip("mounting a file system takes more rights than this user has")
     try:
         done = compare(tmp_path, CROSSCHECK)
@@ -164,11 +177,15 @@ def both(folder: Path, first: list[str], second: list[str]) -> list[tuple[int, s
     """Two commands in one folder at once: status and standard error of each."""
     started = [
         subprocess.Popen(
-            [sys.executable, "-m", "compare", *arguments], cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT)}, stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE, text=True,
+            [sys.executable, "-m", "compare", *arguments],
+            cwd=folder,
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
         )
         for arguments in (first, second)
-    ]  # fmt: skip
+    ]
     said = [process.communicate(timeout=300)[1] for process in started]
     return [(process.returncode, words) for process, words in zip(started, said, strict=True)]
 
@@ -184,7 +201,10 @@ def test_two_cross_checks_into_one_folder_leave_one_of_them_whole(tmp_path: Path
     assert [status for status, _ in both(tmp_path, one, other)] == [0, 0]
     result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
     case = result["case"]
-    assert all(case in (tmp_path / "out" / name).read_text(encoding="utf-8") for name in ("report.md", "report.html", "junit.xml"))
+    assert all(
+        case in (tmp_path / "out" / name).read_text(encoding="utf-8")
+        for name in ("report.md", "report.html", "junit.xml")
+    )
     assert {name for name in contents(tmp_path) if name.startswith("out/")} == whole["one"] | whole["other"]
 
 

@@ -1,4 +1,5 @@
-"""Malformed and hostile inputs: exit status 2, one sentence that names file, field and value, no traceback, and nothing written.
+"""Malformed and hostile inputs: exit status 2, one sentence that names file, field and value, no traceback, and nothing
+written.
 
 One table, in groups:
 
@@ -32,8 +33,8 @@ from typing import Any
 import pytest
 import tomli_w
 
-from analytic.mechanism_file import dumps, load
-from compare.cli import main
+from analytic.mechanism.file import dumps, load
+from compare.cli.app import main
 from compare.files import to_json
 from linkages import INVERTED_SLIDER, SCOTCH_YOKE, chain
 from sample_result import sample_result
@@ -50,7 +51,9 @@ PATIENCE = 100  # s; all of these take less than one, and a pipe or an endless f
 
 @dataclass(frozen=True)
 class Row:
-    """A command line, the words of its sentence, and what lies in the folder before: texts, bytes, or what makes them."""
+    """A command line, the words of its sentence, and what lies in the folder before: texts, bytes, or what
+    makes them.
+    """
 
     arguments: list[str]
     words: list[str]
@@ -78,7 +81,9 @@ def mine(fields: dict[str, Any] | str | bytes, *words: str) -> Row:
 
 # ---------------------------------------------------------------- mechanism files
 
-NUMBERS: dict[str, tuple[tuple[Any, ...], float | None]] = {  # where, and the least that it may be (but for 0 and less: None)
+NUMBERS: dict[
+    str, tuple[tuple[Any, ...], float | None]
+] = {  # where, and the least that it may be (but for 0 and less: None)
     "ground.points.E[0]": (("ground", "points", "E", 0), None),
     "gravity[1]": (("gravity", 1), None),
     "body[coupler].points.B[0]": (("body", 1, "points", "B", 0), None),
@@ -106,13 +111,20 @@ NUMBERS: dict[str, tuple[tuple[Any, ...], float | None]] = {  # where, and the l
     "load[0].torque": (("load", 0, "torque"), None),
     "assembly.crank": (("assembly", "crank"), None),
 }
-WHOLE = with_field(("body", 1, "com"), [0.2, 0.0], with_field(("gravity",), [0.0, -9.81], with_field(("drive", "ripple", "harmonic"), 1)))
+WHOLE = with_field(
+    ("body", 1, "com"),
+    [0.2, 0.0],
+    with_field(("gravity",), [0.0, -9.81], with_field(("drive", "ripple", "harmonic"), 1)),
+)
 WHOLE["drive"]["ripple"]["amplitude"] = 0.01
 
 
 def fields_of_numbers() -> Iterator[tuple[str, Row]]:
     for where, (path, least) in NUMBERS.items():
-        values: list[tuple[Any, str]] = [("0.1", "'0.1': input should be a valid number"), (float("nan"), "nan: input should be a finite number")]
+        values: list[tuple[Any, str]] = [
+            ("0.1", "'0.1': input should be a valid number"),
+            (float("nan"), "nan: input should be a finite number"),
+        ]
         values += [(1e308, "1e+308: input should be less than or equal to")]
         if least is not None:
             values.append((-0.1, "-0.1: input should be greater than"))
@@ -123,14 +135,24 @@ def fields_of_numbers() -> Iterator[tuple[str, Row]]:
 
 
 MECHANISM_FIELDS = dict(fields_of_numbers()) | {
-    "a subnormal mass": mine(with_field(("body", 1, "mass"), 5e-324), "body[coupler].mass = 5e-324", "give at least 1e-100"),
+    "a subnormal mass": mine(
+        with_field(("body", 1, "mass"), 5e-324), "body[coupler].mass = 5e-324", "give at least 1e-100"
+    ),
     "a subnormal clearance": mine(with_field(("joint", 2, "clearance"), 5e-324), "joint[B].clearance = 5e-324", "or 0"),
-    "a subnormal stiffness": mine(with_field(("joint", 2, "contact_stiffness"), 1e-310), "joint[B].contact_stiffness = 1e-310"),
+    "a subnormal stiffness": mine(
+        with_field(("joint", 2, "contact_stiffness"), 1e-310), "joint[B].contact_stiffness = 1e-310"
+    ),
     "true as a mass": mine(with_field(("body", 1, "mass"), True), "body[coupler].mass = True", "valid number"),
-    "a date as a mass": mine(TEXT.replace("mass = 0.314", "mass = 1979-05-27"), "body[coupler].mass = datetime.date", "valid number"),
+    "a date as a mass": mine(
+        TEXT.replace("mass = 0.314", "mass = 1979-05-27"), "body[coupler].mass = datetime.date", "valid number"
+    ),
     "a list as a mass": mine(with_field(("body", 1, "mass"), [0.3]), "body[coupler].mass = [0.3]", "valid number"),
-    "-inf as a point": mine(with_field(("body", 1, "points", "B", 0), float("-inf")), "body[coupler].points.B[0] = -inf", "finite"),
-    "a point of one number": mine(with_field(("body", 1, "points", "B"), [0.4]), "body[coupler].points.B[1] is missing"),
+    "-inf as a point": mine(
+        with_field(("body", 1, "points", "B", 0), float("-inf")), "body[coupler].points.B[0] = -inf", "finite"
+    ),
+    "a point of one number": mine(
+        with_field(("body", 1, "points", "B"), [0.4]), "body[coupler].points.B[1] is missing"
+    ),
     "a point of three numbers": mine(
         with_field(("body", 1, "points", "B"), [0.4, 0.0, 0.0]), "body[coupler].points.B = (0.4, 0.0, 0.0)", "at most 2"
     ),
@@ -138,16 +160,32 @@ MECHANISM_FIELDS = dict(fields_of_numbers()) | {
     "a number as a name": mine(with_field(("name",), 7), "name = 7", "string"),
     "bodies as a table": mine(with_field(("body",), {"name": "crank"}), "body = {'name': 'crank'}"),
     "no bodies": mine(with_field(("body",), []), "body = []", "at least 1 item"),
-    "a speed in words": mine(with_field(("drive", "speed"), "fast"), "drive.speed = 'fast'", "valid number or Input should be 'free' or 'measured'"),
-    "a harmonic that is none": mine(with_field(("drive", "ripple"), {"amplitude": 0.1, "harmonic": 0}), "drive.ripple.harmonic = 0"),
-    "a harmonic between two": mine(with_field(("drive", "ripple"), {"amplitude": 0.1, "harmonic": 1.5}), "drive.ripple.harmonic = 1.5"),
+    "a speed in words": mine(
+        with_field(("drive", "speed"), "fast"),
+        "drive.speed = 'fast'",
+        "valid number or Input should be 'free' or 'measured'",
+    ),
+    "a harmonic that is none": mine(
+        with_field(("drive", "ripple"), {"amplitude": 0.1, "harmonic": 0}), "drive.ripple.harmonic = 0"
+    ),
+    "a harmonic between two": mine(
+        with_field(("drive", "ripple"), {"amplitude": 0.1, "harmonic": 1.5}), "drive.ripple.harmonic = 1.5"
+    ),
     "an assembly angle of a million turns": mine(
         with_field(("assembly", "crank"), 6.3e6), "assembly.crank = 6300000.0", "less than or equal to 10000"
     ),
-    "a restitution above one": mine(with_field(("joint", 2, "restitution"), 1.1), "joint[B].restitution = 1.1", "less than or equal to 1"),
-    "a kind of joint that there is not": mine(with_field(("joint", 2, "type"), "spherical"), "joint[B].type = 'spherical'", "revolute"),
-    "an unknown field of a body": mine(with_field(("body", 1, "weight"), 3.0), "body[coupler].weight is not a field", "mass"),
-    "an unknown field of a load": mine(with_field(("load", 0, "moment"), 3.0), "load[0].moment is not a field", "torque"),
+    "a restitution above one": mine(
+        with_field(("joint", 2, "restitution"), 1.1), "joint[B].restitution = 1.1", "less than or equal to 1"
+    ),
+    "a kind of joint that there is not": mine(
+        with_field(("joint", 2, "type"), "spherical"), "joint[B].type = 'spherical'", "revolute"
+    ),
+    "an unknown field of a body": mine(
+        with_field(("body", 1, "weight"), 3.0), "body[coupler].weight is not a field", "mass"
+    ),
+    "an unknown field of a load": mine(
+        with_field(("load", 0, "moment"), 3.0), "load[0].moment is not a field", "torque"
+    ),
     "an unknown table": mine(with_field(("bodies",), []), "bodies is not a field; did you mean 'body'"),
     "five thousand faulty bodies": mine(TEXT + '[[body]]\nname = "x"\nmass = -1.0\n' * 5000, "and 9995 faults more"),
 }
@@ -164,20 +202,36 @@ MECHANISM_PARTS = {
     "two joints of one name": mine(with_field(("joint", 1, "name"), "D"), "joint 'D' is defined twice"),
     "a body called ground": mine(with_field(("body", 1, "name"), "ground"), "body 'ground' is defined twice"),
     "a body called world": mine(TEXT.replace("coupler", "world"), "body 'world'"),
-    "a name with a blank": mine(with_field(("body", 1, "name"), "the coupler"), "body[the coupler].name = 'the coupler'"),
+    "a name with a blank": mine(
+        with_field(("body", 1, "name"), "the coupler"), "body[the coupler].name = 'the coupler'"
+    ),
     "a name that is empty": mine(with_field(("body", 1, "name"), ""), "body[].name = ''"),
-    "a name that climbs out of the folder": mine(with_field(("joint", 1, "name"), "../../A"), "joint[../../A].name = '../../A'"),
+    "a name that climbs out of the folder": mine(
+        with_field(("joint", 1, "name"), "../../A"), "joint[../../A].name = '../../A'"
+    ),
     "a title without end": mine(with_field(("name",), "a" * 100_000), "name = 'aaa", "at most 100 characters"),
-    "a body of a name without end": mine(with_field(("body", 1, "name"), "a" * 100_000), "aaa", "at most 100 characters"),
-    "a joint with three bodies": mine(with_field(("joint", 2, "bodies"), ["crank", "coupler", "follower"]), "joint[B].bodies", "at most 2"),
+    "a body of a name without end": mine(
+        with_field(("body", 1, "name"), "a" * 100_000), "aaa", "at most 100 characters"
+    ),
+    "a joint with three bodies": mine(
+        with_field(("joint", 2, "bodies"), ["crank", "coupler", "follower"]), "joint[B].bodies", "at most 2"
+    ),
     "a joint with one body": mine(with_field(("joint", 2, "bodies"), ["crank"]), "joint[B].bodies[1] is missing"),
-    "a joint of a body with itself": mine(with_field(("joint", 2, "bodies"), ["coupler", "coupler"]), "joint 'B'", "both 'coupler'"),
-    "a joint of a body that there is not": mine(with_field(("joint", 2, "bodies"), ["coupler", "rocker"]), "joint 'B'", "'rocker'"),
+    "a joint of a body with itself": mine(
+        with_field(("joint", 2, "bodies"), ["coupler", "coupler"]), "joint 'B'", "both 'coupler'"
+    ),
+    "a joint of a body that there is not": mine(
+        with_field(("joint", 2, "bodies"), ["coupler", "rocker"]), "joint 'B'", "'rocker'"
+    ),
     "a joint without a point": mine(with_field(("joint", 2, "name"), "Q"), "joint 'Q'", "no point 'Q'"),
     "a revolute joint with an axis": mine(with_field(("joint", 2, "axis"), [1.0, 0.0]), "joint 'B'", "axis"),
-    "a prismatic joint without an axis": mine(with_field(("joint", 2, "type"), "prismatic"), "joint 'B'", "axis is None"),
+    "a prismatic joint without an axis": mine(
+        with_field(("joint", 2, "type"), "prismatic"), "joint 'B'", "axis is None"
+    ),
     "a body without length": mine(with_field(("body", 1, "points", "B"), [0.0, 0.0]) | {}, "'coupler' has no length"),
-    "a clearance larger than a link": mine(with_field(("joint", 2, "clearance"), 0.3), "joint 'B'", "clearance = 0.3", "'follower'"),
+    "a clearance larger than a link": mine(
+        with_field(("joint", 2, "clearance"), 0.3), "joint 'B'", "clearance = 0.3", "'follower'"
+    ),
     "a drive that stands still": mine(with_field(("drive", "speed"), 0.0), "drive.speed = 0"),
     "a drive without a joint": mine(with_field(("drive", "joint"), ...), "drive.joint is missing"),
     "a drive in a joint that there is not": mine(with_field(("drive", "joint"), "Q"), "drive.joint = 'Q'"),
@@ -185,7 +239,9 @@ MECHANISM_PARTS = {
     "a load on the ground": mine(with_field(("load", 0, "body"), "ground"), "load.body = 'ground'"),
     "a load in a point that there is not": mine(with_field(("load", 0, "point"), "Q"), "load.point = 'Q'"),
     "an angle of a body that there is not": mine(with_field(("assembly", "rocker"), 0.0), "assembly.rocker"),
-    "a body that is in no joint": mine(TEXT + '\n[[body]]\nname = "loose"\npoints = { Z = [0.0, 0.0] }\nmass = 1.0\n', "'loose' sits in no joint"),
+    "a body that is in no joint": mine(
+        TEXT + '\n[[body]]\nname = "loose"\npoints = { Z = [0.0, 0.0] }\nmass = 1.0\n', "'loose' sits in no joint"
+    ),
 }
 
 
@@ -199,22 +255,35 @@ def twice_held() -> dict[str, Any]:
     second = m.moving["coupler"].model_copy(update={"name": "second", "points": {"c": (0.0, 0.0), "f": (0.4, 0.0)}})
     fields = with_field(("body", 0, "points", "c"), [0.1, 0.0], with_field(("body", 2, "points", "f"), [0.1, 0.0]))
     fields["body"].append(second.model_dump(exclude_unset=True, mode="json"))
-    fields["joint"] += [{"name": n, "type": "revolute", "bodies": b} for n, b in (("c", ["crank", "second"]), ("f", ["second", "follower"]))]
+    fields["joint"] += [
+        {"name": n, "type": "revolute", "bodies": b}
+        for n, b in (("c", ["crank", "second"]), ("f", ["second", "follower"]))
+    ]
     return with_field(("joint", 2, "clearance"), 0.0, fields)
 
 
-SLIDES = SCOTCH_YOKE.replace('type = "revolute"\nbodies = ["crank", "block"]', 'type = "prismatic"\naxis = [1.0, 1.0]\nbodies = ["crank", "block"]')
+SLIDES = SCOTCH_YOKE.replace(
+    'type = "revolute"\nbodies = ["crank", "block"]',
+    'type = "prismatic"\naxis = [1.0, 1.0]\nbodies = ["crank", "block"]',
+)
 SHORT = with_field(("joint", 2, "clearance"), 0.0, with_field(("body", 1, "points", "B"), [0.03, 0.0]))
 
 LINKAGES = {
     "a loop that does not close": mine(SHORT, "crank angle 30 deg cannot be reached", "coupler, follower"),
     "a coupler of a subnormal length": mine(
-        with_field(("body", 1, "points", "B"), [5e-324, 0.0], with_field(("joint", 2, "clearance"), 0.0)), "'coupler' has no length"
+        with_field(("body", 1, "points", "B"), [5e-324, 0.0], with_field(("joint", 2, "clearance"), 0.0)),
+        "'coupler' has no length",
     ),
     "a coupler of 1e39 m": mine(with_field(("body", 1, "points", "B"), [1e39, 0.0]), "cannot be reached"),
-    "assembly angles of another mode": mine(with_field(("assembly", "follower"), 2.0), "does not close near the assembly angles"),
-    "assembled flat": mine(with_field(("assembly",), {"crank": 0.0, "coupler": 0.0, "follower": 0.0}), "change point at crank angle 0 deg"),
-    "assembled almost flat": mine(with_field(("assembly",), {"crank": 1e-9, "coupler": 0.0, "follower": 1e-9}), "change point at crank angle"),
+    "assembly angles of another mode": mine(
+        with_field(("assembly", "follower"), 2.0), "does not close near the assembly angles"
+    ),
+    "assembled flat": mine(
+        with_field(("assembly",), {"crank": 0.0, "coupler": 0.0, "follower": 0.0}), "change point at crank angle 0 deg"
+    ),
+    "assembled almost flat": mine(
+        with_field(("assembly",), {"crank": 1e-9, "coupler": 0.0, "follower": 1e-9}), "change point at crank angle"
+    ),
     "a joint missing": mine(without_joint("E"), "does not determine coupler, follower", "mobility 3"),
     "a joint missing in the middle": mine(without_joint("B"), "does not determine coupler, follower"),
     "the drive's joint missing": mine(without_joint("D"), "drive.joint = 'D' is not a joint"),
@@ -222,8 +291,12 @@ LINKAGES = {
     "a loop of slides": mine(SLIDES, "prismatic"),
     "a chain of 200 links": mine(chain(200, closed=True), "does not determine b1, b2", "and 191 more"),
     "an open chain of 200 links": mine(chain(200, closed=False), "does not determine b1, b2", "and 191 more"),
-    "an arm that its slide lets turn": mine(INVERTED_SLIDER.replace("axis = [3.0, 1.0]", "axis = [0.0, 0.0]"), "joint 'S'", "axis"),
-    "a slide with clearance": mine(INVERTED_SLIDER.replace("angle = 0.4", "angle = 0.4\nclearance = 1e-4"), "joint 'S'", "clearance is 0.0001"),
+    "an arm that its slide lets turn": mine(
+        INVERTED_SLIDER.replace("axis = [3.0, 1.0]", "axis = [0.0, 0.0]"), "joint 'S'", "axis"
+    ),
+    "a slide with clearance": mine(
+        INVERTED_SLIDER.replace("angle = 0.4", "angle = 0.4\nclearance = 1e-4"), "joint 'S'", "clearance is 0.0001"
+    ),
 }
 
 TEXTS = {
@@ -250,7 +323,9 @@ TEXTS = {
     "control characters in a key": mine('"a\\u001b[31m\\nb" = 1\n' + TEXT, r"a\x1b[31m\nb is not a field"),
     "control characters in a name": mine(TEXT.replace('"coupler"', '"cou\\u0000pler"'), r"'cou\x00pler'"),
     "text that runs backwards in a name": mine(TEXT.replace('"coupler"', '"cou\u202epler"'), r"cou\u202epler"),
-    "control characters in the title": mine(TEXT.replace('"paper"', '"pa\\u0007per"'), r"'pa\x07per'", "can be printed"),
+    "control characters in the title": mine(
+        TEXT.replace('"paper"', '"pa\\u0007per"'), r"'pa\x07per'", "can be printed"
+    ),
     "a line break in the title": mine(TEXT.replace('"paper"', '"pa\\nper"'), r"'pa\nper'", "can be printed"),
     "a null character": mine(TEXT.replace('"paper"', '"pa\0per"'), "cannot be read as TOML", r"\x00"),
     "null characters only": mine(b"\0" * 10_000, "cannot be read as TOML"),
@@ -260,7 +335,9 @@ TEXTS = {
     "UTF-32": mine(TEXT.encode("utf-32"), "not UTF-8 text"),
     "Latin-1": mine(TEXT.replace("paper", "pap\xe9r").encode("latin-1"), "not UTF-8 text"),
     "half a surrogate pair": mine(TEXT.encode() + b"\n# \xed\xa0\x80", "not UTF-8 text"),
-    "a mark and a fault": mine(b"\xef\xbb\xbf" + TEXT.replace("mass = 0.314", "mass = -1.0").encode(), "body[coupler].mass = -1.0"),
+    "a mark and a fault": mine(
+        b"\xef\xbb\xbf" + TEXT.replace("mass = 0.314", "mass = -1.0").encode(), "body[coupler].mass = -1.0"
+    ),
     "two marks": mine(b"\xef\xbb\xbf" * 2 + TEXT.encode(), "cannot be read as TOML"),
 }
 
@@ -276,28 +353,58 @@ def link(target: str) -> Callable[[Path], object]:
 
 PLACES = {
     "no such file": Row(MINE, ["mine.toml: no such mechanism file or case", "paper"]),
-    "a case that is nearly there": Row([*CHECK, "--case", "papr"], ["papr: no such mechanism file or case", "did you mean 'paper'"]),
+    "a case that is nearly there": Row(
+        [*CHECK, "--case", "papr"], ["papr: no such mechanism file or case", "did you mean 'paper'"]
+    ),
     "no case at all": Row([*CHECK, "--case", ""], ["no such mechanism file or case"]),
     "a folder": Row(MINE, ["mine.toml: cannot be read: it is a folder"], {"mine.toml": Path.mkdir}),
     "a pipe": Row(MINE, ["mine.toml: cannot be read: it is a pipe or a device"], {"mine.toml": os.mkfifo}),
-    "an endless device": Row(MINE, ["mine.toml: cannot be read: it is a pipe or a device"], {"mine.toml": link("/dev/zero")}),
-    "a loop of links": Row(MINE, ["mine.toml: cannot be read: Too many levels of symbolic links"], {"mine.toml": link("mine.toml")}),
-    "a link to nothing": Row(MINE, ["mine.toml: cannot be read: there is no such file"], {"mine.toml": link("nowhere")}),
+    "an endless device": Row(
+        MINE, ["mine.toml: cannot be read: it is a pipe or a device"], {"mine.toml": link("/dev/zero")}
+    ),
+    "a loop of links": Row(
+        MINE, ["mine.toml: cannot be read: Too many levels of symbolic links"], {"mine.toml": link("mine.toml")}
+    ),
+    "a link to nothing": Row(
+        MINE, ["mine.toml: cannot be read: there is no such file"], {"mine.toml": link("nowhere")}
+    ),
     "a file of 8 GB": Row(MINE, ["mine.toml: cannot be read: it is larger than 16 MB"], {"mine.toml": sparse}),
     "a path through a file": Row([*CHECK, "--case", "file/mine.toml"], ["no such mechanism file"], {"file": ""}),
     "a name of 5000 letters": Row([*CHECK, "--case", "a" * 5000], ["aaa...: no such mechanism file or case"]),
     "a name in two lines": Row([*CHECK, "--case", "a\nb.toml"], [r"a\nb.toml: no such mechanism file or case"]),
-    "a name that colours the terminal": Row([*CHECK, "--case", "\x1b[31m.toml"], [r"\x1b[31m.toml: no such mechanism file or case"]),
-    "a folder for tolerances": Row([*CHECK, "--tolerance", "t"], ["--tolerance t: cannot be read: it is a folder"], {"t": Path.mkdir}),
-    "a pipe for tolerances": Row([*CHECK, "--tolerance", "t"], ["--tolerance t: cannot be read: it is a pipe"], {"t": os.mkfifo}),
-    "a folder for a result": Row(["show", "r", "--signal", "x", "--at", "1"], ["r: cannot be read: it is a folder"], {"r": Path.mkdir}),
-    "a pipe for a result": Row(["show", "r", "--signal", "x", "--at", "1"], ["r: cannot be read: it is a pipe"], {"r": os.mkfifo}),
-    "an endless result": Row(["show", "r", "--signal", "x", "--at", "1"], ["r: cannot be read: it is a pipe"], {"r": link("/dev/zero")}),
-    "a result of 8 GB": Row(["show", "r", "--signal", "x", "--at", "1"], ["r: cannot be read: it is larger than 256 MB"], {"r": sparse}),
-    "a result that is a pipe, in the way": Row(CHECK, ["--out out", "does not say which command made it"], {"out/result.json": os.mkfifo}),
-    "a result nested too deep, in the way": Row(CHECK, ["--out out", "does not say which command made it"], {"out/result.json": DEEP}),
-    "a result of another command, in the way": Row(CHECK, ["--out out", "another command"], {"out/result.json": '{"command": "compare cases"}'}),
-    "measured data of 5000 letters": Row(["diagnose", "a" * 5000, "--out", "out"], ["cannot be read: File name too long"]),
+    "a name that colours the terminal": Row(
+        [*CHECK, "--case", "\x1b[31m.toml"], [r"\x1b[31m.toml: no such mechanism file or case"]
+    ),
+    "a folder for tolerances": Row(
+        [*CHECK, "--tolerance", "t"], ["--tolerance t: cannot be read: it is a folder"], {"t": Path.mkdir}
+    ),
+    "a pipe for tolerances": Row(
+        [*CHECK, "--tolerance", "t"], ["--tolerance t: cannot be read: it is a pipe"], {"t": os.mkfifo}
+    ),
+    "a folder for a result": Row(
+        ["show", "r", "--signal", "x", "--at", "1"], ["r: cannot be read: it is a folder"], {"r": Path.mkdir}
+    ),
+    "a pipe for a result": Row(
+        ["show", "r", "--signal", "x", "--at", "1"], ["r: cannot be read: it is a pipe"], {"r": os.mkfifo}
+    ),
+    "an endless result": Row(
+        ["show", "r", "--signal", "x", "--at", "1"], ["r: cannot be read: it is a pipe"], {"r": link("/dev/zero")}
+    ),
+    "a result of 8 GB": Row(
+        ["show", "r", "--signal", "x", "--at", "1"], ["r: cannot be read: it is larger than 256 MB"], {"r": sparse}
+    ),
+    "a result that is a pipe, in the way": Row(
+        CHECK, ["--out out", "does not say which command made it"], {"out/result.json": os.mkfifo}
+    ),
+    "a result nested too deep, in the way": Row(
+        CHECK, ["--out out", "does not say which command made it"], {"out/result.json": DEEP}
+    ),
+    "a result of another command, in the way": Row(
+        CHECK, ["--out out", "another command"], {"out/result.json": '{"command": "compare cases"}'}
+    ),
+    "measured data of 5000 letters": Row(
+        ["diagnose", "a" * 5000, "--out", "out"], ["cannot be read: File name too long"]
+    ),
     "a mechanism of measured data, nested too deep": Row(
         ["diagnose", "m.toml", "--out", "out"],
         ["m.toml: mechanism = 'mine.toml': mine.toml: cannot be read as TOML: its values are nested too deep"],
@@ -305,11 +412,19 @@ PLACES = {
     ),
     "no measured data": Row(["diagnose", "m.toml", "--out", "out"], ["m.toml: cannot be read: there is no such file"]),
     "a folder for measured data": Row(
-        ["diagnose", "m.toml", "--out", "out"], ["m.toml/measured.toml: cannot be read: there is no such file"], {"m.toml": Path.mkdir}
+        ["diagnose", "m.toml", "--out", "out"],
+        ["m.toml/measured.toml: cannot be read: there is no such file"],
+        {"m.toml": Path.mkdir},
     ),
-    "a pipe for measured data": Row(["diagnose", "m.toml", "--out", "out"], ["m.toml: cannot be read: it is a pipe"], {"m.toml": os.mkfifo}),
-    "measured data nested too deep": Row(["diagnose", "m.toml", "--out", "out"], ["m.toml: cannot be read as TOML"], {"m.toml": f"x = {DEEP}"}),
-    "measured data of 5001 digits": Row(["diagnose", "m.toml", "--out", "out"], ["m.toml: cannot be read as TOML"], {"m.toml": f"x = {DIGITS}"}),
+    "a pipe for measured data": Row(
+        ["diagnose", "m.toml", "--out", "out"], ["m.toml: cannot be read: it is a pipe"], {"m.toml": os.mkfifo}
+    ),
+    "measured data nested too deep": Row(
+        ["diagnose", "m.toml", "--out", "out"], ["m.toml: cannot be read as TOML"], {"m.toml": f"x = {DEEP}"}
+    ),
+    "measured data of 5001 digits": Row(
+        ["diagnose", "m.toml", "--out", "out"], ["m.toml: cannot be read as TOML"], {"m.toml": f"x = {DIGITS}"}
+    ),
 }
 
 
@@ -334,16 +449,28 @@ TOLERANCES = {
     "an unknown field": tolerances("celing = 0.1", "celing is not a field"),
     "an unknown motion": tolerances("[swinging.ideal]\nangle = { absolute = 1.0 }", "swinging is not a field"),
     "an unknown joint model": tolerances("[static.rubber]\nangle = { absolute = 1.0 }", "static.rubber is not a field"),
-    "an unknown kind": tolerances("[static.ideal]\nangel = { absolute = 1.0 }", "static.ideal.angel is not a field", "angle"),
+    "an unknown kind": tolerances(
+        "[static.ideal]\nangel = { absolute = 1.0 }", "static.ideal.angel is not a field", "angle"
+    ),
     "a line that says nothing": tolerances("[static.ideal]\nangle = {}", "static.ideal.angle"),
     "a line that is a number": tolerances("[static.ideal]\nangle = 0.1", "static.ideal.angle = 0.1"),
-    "an absolute below zero": tolerances("[static.ideal]\nangle = { absolute = -1.0 }", "static.ideal.angle.absolute = -1.0"),
-    "a relative that is no number": tolerances("[static.ideal]\nangle = { relative = nan }", "static.ideal.angle.relative = nan"),
-    "a window of a radian": tolerances("[static.ideal]\nangle = { absolute = 0.1, window = 1.0 }", "static.ideal.angle.window = 1.0"),
+    "an absolute below zero": tolerances(
+        "[static.ideal]\nangle = { absolute = -1.0 }", "static.ideal.angle.absolute = -1.0"
+    ),
+    "a relative that is no number": tolerances(
+        "[static.ideal]\nangle = { relative = nan }", "static.ideal.angle.relative = nan"
+    ),
+    "a window of a radian": tolerances(
+        "[static.ideal]\nangle = { absolute = 0.1, window = 1.0 }", "static.ideal.angle.window = 1.0"
+    ),
     "a known difference without a bound": tolerances(KNOWN.replace("bound = 0.1\n", ""), "known[0].bound is missing"),
     "a known difference without a reason": tolerances(KNOWN.replace('"so"', '""'), "known[0].reason = ''"),
-    "a known difference in an engine that there is not": tolerances(KNOWN + 'simulator = "adams"', "known[0].simulator = 'adams'", "mujoco"),
-    "a known difference in a joint model that there is not": tolerances(KNOWN + 'joint_model = "rubber"', "known[0].joint_model[0] = 'rubber'"),
+    "a known difference in an engine that there is not": tolerances(
+        KNOWN + 'simulator = "adams"', "known[0].simulator = 'adams'", "mujoco"
+    ),
+    "a known difference in a joint model that there is not": tolerances(
+        KNOWN + 'joint_model = "rubber"', "known[0].joint_model[0] = 'rubber'"
+    ),
     "a known difference of nothing": Row(
         [*CHECK, "--tolerance", "mine.toml"],
         ["known.signal = 'force_B'", "not compared"],
@@ -371,12 +498,14 @@ def baseline(text: str | bytes | Callable[[Path], object], *words: str) -> Row:
 
 BASELINES = {
     "none": Row(
-        ["baseline", "check", "--case", "paper", "--simulator", "mujoco", "--baselines", "."], ["no such baseline", "compare baseline update"]
+        ["baseline", "check", "--case", "paper", "--simulator", "mujoco", "--baselines", "."],
+        ["no such baseline", "compare baseline update"],
     ),
     "a folder": baseline(Path.mkdir, "it is a folder"),
     "a pipe": baseline(os.mkfifo, "it is a pipe"),
     "in a folder of 300 letters": Row(
-        ["baseline", "check", "--case", "paper", "--simulator", "mujoco", "--baselines", "a" * 300], ["no such baseline", "compare baseline update"]
+        ["baseline", "check", "--case", "paper", "--simulator", "mujoco", "--baselines", "a" * 300],
+        ["no such baseline", "compare baseline update"],
     ),
     "no TOML": baseline(BASELINE.rpartition(",")[0], "cannot be read as TOML"),
     "nested too deep": baseline(f"x = {DEEP}", "nested too deep"),
@@ -396,7 +525,9 @@ BASELINES = {
 }
 
 
-def shown(text: str | bytes | dict[str, Any], *words: str, signal_name: str = "reaction_B_angle", at: str = "30") -> Row:
+def shown(
+    text: str | bytes | dict[str, Any], *words: str, signal_name: str = "reaction_B_angle", at: str = "30"
+) -> Row:
     text = json.dumps(text) if isinstance(text, dict) else text
     return Row(["show", "r.json", "--signal", signal_name, "--at", at], list(words), {"r.json": text})
 
@@ -412,7 +543,9 @@ RESULTS = {
     "TOML": shown(TEXT, "r.json: cannot be read as JSON"),
     "a list": shown("[]", "r.json: holds a list"),
     "null": shown("null", "r.json: holds a NoneType"),
-    "nested too deep": shown('{"x": ' + "[" * 200_000 + "]" * 200_000 + "}", "r.json: cannot be read as JSON", "nested too deep"),
+    "nested too deep": shown(
+        '{"x": ' + "[" * 200_000 + "]" * 200_000 + "}", "r.json: cannot be read as JSON", "nested too deep"
+    ),
     "too many digits": shown('{"schema": ' + DIGITS + "}", "r.json: cannot be read as JSON", "too many digits"),
     "UTF-16": shown(json.dumps(GOOD_RESULT).encode("utf-16"), "r.json: cannot be read: it is not UTF-8 text"),
     "half a surrogate pair": shown(b'{"a": "\xed\xa0\x80"}', "r.json: cannot be read: it is not UTF-8 text"),
@@ -421,15 +554,27 @@ RESULTS = {
     "no runs": shown(result(("runs",), ...), "r.json: runs is missing"),
     "runs of numbers": shown(result(("runs",), [1, 2]), "r.json: runs[0] = 1"),
     "no mechanism": shown(result(("mechanism",), ...), "r.json: mechanism is missing"),
-    "a mechanism that is none": shown(result(("mechanism", "body", 1, "mass"), -1.0), "r.json: mechanism.body[coupler].mass = -1.0"),
-    "a mechanism without its joint": shown(result(("mechanism", "joint", 2, "bodies"), ["coupler", "Q"]), "r.json: ", "'Q'"),
-    "a crank angle in words": shown(result(("runs", 0, "crank_angle", 0), "thirty"), "r.json: runs[0].crank_angle[0] = 'thirty'"),
-    "a verdict that there is not": shown(result(("runs", 0, "discrepancies", 0, "verdict"), "perhaps"), "r.json: runs[0].discrepancies[0].verdict"),
+    "a mechanism that is none": shown(
+        result(("mechanism", "body", 1, "mass"), -1.0), "r.json: mechanism.body[coupler].mass = -1.0"
+    ),
+    "a mechanism without its joint": shown(
+        result(("mechanism", "joint", 2, "bodies"), ["coupler", "Q"]), "r.json: ", "'Q'"
+    ),
+    "a crank angle in words": shown(
+        result(("runs", 0, "crank_angle", 0), "thirty"), "r.json: runs[0].crank_angle[0] = 'thirty'"
+    ),
+    "a verdict that there is not": shown(
+        result(("runs", 0, "discrepancies", 0, "verdict"), "perhaps"), "r.json: runs[0].discrepancies[0].verdict"
+    ),
     "too few samples": shown(result(("runs", 0, "crank_angle"), [0.5]), "r.json: runs[0]", "values for 1 samples"),
     "a sample too many": shown(result(("runs", 0, "crank_angle"), [0.5] * 999), "r.json: runs[0]", "for 999 samples"),
-    "a unit that there is not": shown(result(("runs", 0, "discrepancies", 0, "unit"), "parsec"), "r.json: runs[0].discrepancies[0].unit = 'parsec'"),
+    "a unit that there is not": shown(
+        result(("runs", 0, "discrepancies", 0, "unit"), "parsec"), "r.json: runs[0].discrepancies[0].unit = 'parsec'"
+    ),
     "flags of numbers": shown(result(("runs", 0, "flags"), {"0": 7}), "r.json: runs[0].flags.0 = 7"),
-    "a crank angle that is no number": shown(result(("runs", 0, "crank_angle", 0), float("nan")), "r.json: runs[0].crank_angle[0] = nan"),
+    "a crank angle that is no number": shown(
+        result(("runs", 0, "crank_angle", 0), float("nan")), "r.json: runs[0].crank_angle[0] = nan"
+    ),
     "an unknown signal": shown(GOOD_RESULT, "--signal force_B: no such signal", signal_name="force_B"),
     "a signal in two lines": shown(GOOD_RESULT, r"--signal a\nb: no such signal", signal_name="a\nb"),
     "an angle in words": shown(GOOD_RESULT, "'--at'", "valid number", at="thirty"),
@@ -516,26 +661,49 @@ ARGUMENTS = {
             "B=1e-4;A=1e-4": ["JOINT=metres"],
         }.items()
     },
-    "a clearance in a list that ends in a comma": option("--clearance", "B=1e-4,", words=["--clearance", "JOINT=metres"]),
+    "a clearance in a list that ends in a comma": option(
+        "--clearance", "B=1e-4,", words=["--clearance", "JOINT=metres"]
+    ),
     "no engine": Row(["--simulator", "", "--out", "out"], ["''", "mujoco"]),
     "an engine that there is not": Row(["--simulator", "adams", "--out", "out"], ["'adams'", "mujoco"]),
     "an engine's name in two lines": Row(["--simulator", "mu\njoco", "--out", "out"], ["mujoco, exudyn"]),
     "a joint model that there is not": option("--joint", "rubber", words=["'--joint'", "'rubber'"]),
-    "a joint model without clearance": Row([*CHECK, "--case", "crank-rocker", "--joint", "contact"], ["--joint contact", "--clearance JOINT=m"]),
+    "a joint model without clearance": Row(
+        [*CHECK, "--case", "crank-rocker", "--joint", "contact"], ["--joint contact", "--clearance JOINT=m"]
+    ),
     "a motion that there is not": option("--motion", "flying", words=["'--motion'", "'flying'"]),
-    "an analytic model that there is not": option("--analytic", "second_order", words=["'--analytic'", "'second_order'"]),
+    "an analytic model that there is not": option(
+        "--analytic", "second_order", words=["'--analytic'", "'second_order'"]
+    ),
     "an option that there is not": option("--spead", "3", words=["--spead"]),
     "an argument that there is not": option("papers", words=["papers"]),
-    "angles of a pendulum": Row([*CHECK, "--case", "pendulum", "--angles", "0:9:1"], ["--angles 0:9:1", "swings freely"]),
-    "contact in a pendulum": Row([*CHECK, "--case", "pendulum", "--clearance", "O=1e-4", "--joint", "contact"], ["--joint contact", "swings freely"]),
+    "angles of a pendulum": Row(
+        [*CHECK, "--case", "pendulum", "--angles", "0:9:1"], ["--angles 0:9:1", "swings freely"]
+    ),
+    "contact in a pendulum": Row(
+        [*CHECK, "--case", "pendulum", "--clearance", "O=1e-4", "--joint", "contact"],
+        ["--joint contact", "swings freely"],
+    ),
     "links that bend in motion": option("--flexible", words=["--flexible --motion driven", "--motion static"]),
-    "a folder under a file": Row(["--simulator", "mujoco", "--out", "file/out"], ["--out file/out", "another folder"], {"file": ""}),
-    "a file for a folder": Row(["--simulator", "mujoco", "--out", "file"], ["--out file", "another folder"], {"file": ""}),
-    "a loop of links for a folder": Row(["--simulator", "mujoco", "--out", "link"], ["--out link", "another folder"], {"link": link("link")}),
-    "a folder's name of 5000 letters": Row(["--simulator", "mujoco", "--out", "a" * 5000], ["--out aaa", "another folder"]),
-    "a tolerance that is missing": option("--tolerance", "none.toml", words=["--tolerance none.toml: cannot be read: there is no such file"]),
+    "a folder under a file": Row(
+        ["--simulator", "mujoco", "--out", "file/out"], ["--out file/out", "another folder"], {"file": ""}
+    ),
+    "a file for a folder": Row(
+        ["--simulator", "mujoco", "--out", "file"], ["--out file", "another folder"], {"file": ""}
+    ),
+    "a loop of links for a folder": Row(
+        ["--simulator", "mujoco", "--out", "link"], ["--out link", "another folder"], {"link": link("link")}
+    ),
+    "a folder's name of 5000 letters": Row(
+        ["--simulator", "mujoco", "--out", "a" * 5000], ["--out aaa", "another folder"]
+    ),
+    "a tolerance that is missing": option(
+        "--tolerance", "none.toml", words=["--tolerance none.toml: cannot be read: there is no such file"]
+    ),
     **{
-        f"validity --speeds {text!r}": Row([*VALIDITY, "--speeds", text, "--clearances", "1e-4"], [f"--speeds {text}".rstrip(), *words])
+        f"validity --speeds {text!r}": Row(
+            [*VALIDITY, "--speeds", text, "--clearances", "1e-4"], [f"--speeds {text}".rstrip(), *words]
+        )
         for text, words in {
             "": ["not a number"],
             "fast": ["not a number"],
@@ -550,7 +718,9 @@ ARGUMENTS = {
         }.items()
     },
     **{
-        f"validity --clearances {text!r}": Row([*VALIDITY, "--speeds", "60", "--clearances", text], [f"--clearances {text}", *words])
+        f"validity --clearances {text!r}": Row(
+            [*VALIDITY, "--speeds", "60", "--clearances", text], [f"--clearances {text}", *words]
+        )
         for text, words in {
             "0": ["above 0"],
             "1e-4,1e-4": ["is there twice"],
@@ -559,58 +729,93 @@ ARGUMENTS = {
         }.items()
     },
     "validity --simulator twice": Row(
-        [*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--simulator", "mujoco,mujoco"], ["--simulator mujoco,mujoco: mujoco is there twice"]
+        [*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--simulator", "mujoco,mujoco"],
+        ["--simulator mujoco,mujoco: mujoco is there twice"],
     ),
-    "validity --simulator unknown": Row([*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--simulator", "mujoco,adams"], ["'adams'"]),
-    "validity --at twice": Row([*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--at", "B,B"], ["--at B,B: B is there twice"]),
-    "validity --at unknown": Row([*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--at", "Q"], ["--at Q", "D, A, B, E"]),
-    "validity --joint ideal": Row([*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--joint", "ideal"], ["--joint ideal", "contact"]),
+    "validity --simulator unknown": Row(
+        [*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--simulator", "mujoco,adams"], ["'adams'"]
+    ),
+    "validity --at twice": Row(
+        [*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--at", "B,B"], ["--at B,B: B is there twice"]
+    ),
+    "validity --at unknown": Row(
+        [*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--at", "Q"], ["--at Q", "D, A, B, E"]
+    ),
+    "validity --joint ideal": Row(
+        [*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--joint", "ideal"], ["--joint ideal", "contact"]
+    ),
     "validity --workers 0": Row(
-        [*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--workers", "0"], ["'--workers'", "greater than or equal to 1"]
+        [*VALIDITY, "--speeds", "60", "--clearances", "1e-4", "--workers", "0"],
+        ["'--workers'", "greater than or equal to 1"],
     ),
     "validity of a pendulum": Row(
-        ["validity", "--case", "pendulum", "--speeds", "60", "--clearances", "1e-4"], ["--case pendulum", "constant speed"]
+        ["validity", "--case", "pendulum", "--speeds", "60", "--clearances", "1e-4"],
+        ["--case pendulum", "constant speed"],
     ),
     "validity of a loop that does not close": Row(
-        ["validity", "--case", "mine.toml", "--speeds", "60", "--clearances", "1e-4"], ["mine.toml: ", "reached"], {"mine.toml": tomli_w.dumps(SHORT)}
+        ["validity", "--case", "mine.toml", "--speeds", "60", "--clearances", "1e-4"],
+        ["mine.toml: ", "reached"],
+        {"mine.toml": tomli_w.dumps(SHORT)},
     ),
     "accuracy of a loop that does not close": Row(
         [*ACCURACY, "--case", "mine.toml"], ["mine.toml: ", "reached"], {"mine.toml": tomli_w.dumps(SHORT)}
     ),
-    "accuracy --clearance twice": Row([*ACCURACY, "--clearance", "B=1e-4,B=1e-4"], ["--clearance B=1e-4,B=1e-4: joint B is there twice"]),
+    "accuracy --clearance twice": Row(
+        [*ACCURACY, "--clearance", "B=1e-4,B=1e-4"], ["--clearance B=1e-4,B=1e-4: joint B is there twice"]
+    ),
     "accuracy --clearance-tolerance twice": Row(
         [*ACCURACY, "--clearance", "B=1e-4", "--clearance-tolerance", "B=1e-5,B=1e-5"],
         ["--clearance-tolerance B=1e-5,B=1e-5: joint B is there twice"],
     ),
     "accuracy --clearance-tolerance too large": Row(
-        [*ACCURACY, "--clearance", "B=1e-4", "--clearance-tolerance", "B=2e-4"], ["--clearance-tolerance B=0.0002", "more than"]
+        [*ACCURACY, "--clearance", "B=1e-4", "--clearance-tolerance", "B=2e-4"],
+        ["--clearance-tolerance B=0.0002", "more than"],
     ),
-    "accuracy --output twice": Row([*ACCURACY, "--output", "coupler,coupler"], ["--output coupler,coupler: coupler is there twice"]),
-    "accuracy --output given twice": Row([*ACCURACY, "--output", "coupler", "--output", "coupler"], ["coupler is there twice"]),
+    "accuracy --output twice": Row(
+        [*ACCURACY, "--output", "coupler,coupler"], ["--output coupler,coupler: coupler is there twice"]
+    ),
+    "accuracy --output given twice": Row(
+        [*ACCURACY, "--output", "coupler", "--output", "coupler"], ["coupler is there twice"]
+    ),
     "accuracy --output nothing": Row([*ACCURACY, "--output", ""], ["--output", "is no body"]),
     "accuracy --samples 1": Row([*ACCURACY, "--samples", "1"], ["'--samples'", "greater than or equal to 2"]),
     "accuracy --seed -1": Row([*ACCURACY, "--seed", "-1"], ["'--seed'", "greater than or equal to 0"]),
-    "accuracy out of reach": Row([*ACCURACY, "--angles", "20:200:5"], ["--angles 20:200:5", "change point at crank angle 180 deg"]),
+    "accuracy out of reach": Row(
+        [*ACCURACY, "--angles", "20:200:5"], ["--angles 20:200:5", "change point at crank angle 180 deg"]
+    ),
     "export of contact without clearance": Row(
         ["export", "--simulator", "mujoco", "--case", "crank-rocker", "--joint", "contact", "--out", "out"],
         ["--joint contact", "--clearance JOINT=m"],
     ),
     "export to nowhere": Row(["export", "--simulator", "mujoco"], ["'--out'"]),
-    "export out of reach": Row(["export", "--simulator", "mujoco", "--angles", "0:90:5", "--out", "out"], ["--angles 0:90:5", "change point"]),
+    "export out of reach": Row(
+        ["export", "--simulator", "mujoco", "--angles", "0:90:5", "--out", "out"], ["--angles 0:90:5", "change point"]
+    ),
     "export --clearance twice": Row(
-        ["export", "--simulator", "mujoco", "--clearance", "B=1e-4,B=2e-4", "--out", "out"], ["--clearance B=1e-4,B=2e-4: joint B is there twice"]
+        ["export", "--simulator", "mujoco", "--clearance", "B=1e-4,B=2e-4", "--out", "out"],
+        ["--clearance B=1e-4,B=2e-4: joint B is there twice"],
     ),
     "baseline of a loop that does not close": Row(
-        ["baseline", "check", "--case", "mine.toml", "--simulator", "mujoco"], ["mine.toml: ", "reached"], {"mine.toml": tomli_w.dumps(SHORT)}
+        ["baseline", "check", "--case", "mine.toml", "--simulator", "mujoco"],
+        ["mine.toml: ", "reached"],
+        {"mine.toml": tomli_w.dumps(SHORT)},
     ),
     "baselines in a file": Row(["baseline", "update", "--baselines", "file"], ["--baselines file"], {"file": ""}),
     "show without a signal": Row(["show", "r.json", "--at", "30"], ["'--signal'"]),
 }
 
 GROUPS = {
-    "field": MECHANISM_FIELDS, "parts": MECHANISM_PARTS, "linkage": LINKAGES, "text": TEXTS, "place": PLACES, "tolerance": TOLERANCES,
-    "baseline": BASELINES, "result": RESULTS, "report": REPORTS, "argument": ARGUMENTS,
-}  # fmt: skip
+    "field": MECHANISM_FIELDS,
+    "parts": MECHANISM_PARTS,
+    "linkage": LINKAGES,
+    "text": TEXTS,
+    "place": PLACES,
+    "tolerance": TOLERANCES,
+    "baseline": BASELINES,
+    "result": RESULTS,
+    "report": REPORTS,
+    "argument": ARGUMENTS,
+}
 TABLE = {f"{group}: {name}": row for group, rows in GROUPS.items() for name, row in rows.items()}
 
 
@@ -629,8 +834,12 @@ def patience() -> Iterator[None]:
 
 
 def listing(folder: Path) -> set[str]:
-    """All that lies in a folder, links not followed; the folder for the report may have been made, and is empty then."""
-    return {os.path.join(here, name) for here, folders, files in os.walk(folder) for name in folders + files} - {str(folder / "out")}
+    """All that lies in a folder, links not followed; the folder for the report may have been made, and is empty
+    then.
+    """
+    return {os.path.join(here, name) for here, folders, files in os.walk(folder) for name in folders + files} - {
+        str(folder / "out")
+    }
 
 
 @pytest.mark.filterwarnings("default")  # as in the command, which tells them
@@ -656,7 +865,11 @@ def test_a_hostile_input_is_one_sentence_and_status_2_and_nothing_is_written(
     assert "Traceback" not in err
     assert "encountered" not in err  # numpy's warnings are not for those who wrote the file
     said = [line for line in err.splitlines() if line.startswith(("compare: ", "Error: "))]
-    others = [line for line in err.splitlines() if line and line not in said and not line.startswith(("warning: ", "Usage: ", "Try "))]
+    others = [
+        line
+        for line in err.splitlines()
+        if line and line not in said and not line.startswith(("warning: ", "Usage: ", "Try "))
+    ]
     assert (len(said), others) == (1, []), err
     assert said[0].isprintable()
     assert len(said[0]) < 1500

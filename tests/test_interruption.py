@@ -46,7 +46,11 @@ def start(arguments: list[str], cwd: Path) -> subprocess.Popen[bytes]:
             break_engine(hidden, declared(name).package, "ImportError('hidden')")
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(hidden / "broken"), str(Path(__file__).parents[1])])}
     return subprocess.Popen(
-        [sys.executable, "-m", "compare", *arguments], cwd=cwd, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment
+        [sys.executable, "-m", "compare", *arguments],
+        cwd=cwd,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=environment,
     )
 
 
@@ -78,15 +82,23 @@ def check_whole(cwd: Path, *allowed: dict[str, bytes]) -> None:
         elif Path(name).name.startswith("."):  # a temporary neighbour that was not yet renamed
             assert Path(name).suffix not in OUTPUT, f"{name} could be taken for output"
         else:
-            assert content in [run[name] for run in allowed if name in run], f"{name} is neither the old file nor the new one, whole"
+            assert content in [run[name] for run in allowed if name in run], (
+                f"{name} is neither the old file nor the new one, whole"
+            )
 
 
 @pytest.mark.parametrize("what", COMMANDS)
 def test_kills_at_random_moments_leave_only_whole_files(what: str, tmp_path: Path) -> None:
     command, older = COMMANDS[what]
     whole, first = finished(command, tmp_path / "undisturbed")
-    seconds = min(first, finished([*command, *OVER.get(what, [])], tmp_path / "undisturbed")[1])  # the first one fills caches
-    old = finished(older, tmp_path / "older")[0] if older else {name: b"# an older one\n" + text for name, text in whole.items()}
+    seconds = min(
+        first, finished([*command, *OVER.get(what, [])], tmp_path / "undisturbed")[1]
+    )  # the first one fills caches
+    old = (
+        finished(older, tmp_path / "older")[0]
+        if older
+        else {name: b"# an older one\n" + text for name, text in whole.items()}
+    )
     moments = random.Random(20240)
     hits = 0
     for k in range(KILLS):
@@ -132,4 +144,9 @@ def test_a_run_after_a_killed_one_succeeds_in_the_same_folder(what: str, tmp_pat
     whole, _ = finished(command, tmp_path)
     assert not [name for name, content in whole.items() if not content]
     if what == "baseline":
-        assert start(["baseline", "check", "--case", "paper", "--simulator", "mujoco", "--baselines", "out"], tmp_path).wait(timeout=60) == 0
+        assert (
+            start(
+                ["baseline", "check", "--case", "paper", "--simulator", "mujoco", "--baselines", "out"], tmp_path
+            ).wait(timeout=60)
+            == 0
+        )

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analytic.assembly import Assembly, AssemblyError
-from analytic.kinematics import Gap, kinematics
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import Gap, kinematics
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import load
+from analytic.mechanism.file import load
 from linkages import dyad_on_a_triad, inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
 
 FULL_TURN = np.linspace(-4.0, 9.0, 157)
@@ -74,8 +74,12 @@ def test_gaps_displace_the_linkage_and_their_rates_enter_its_velocities() -> Non
     now, before, later = at(0.0), at(-h), at(h)
     apart = now.position("coupler", "B") - now.position("follower", "B")
     np.testing.assert_allclose(apart, 1e-3 * np.exp(1j * theta), atol=1e-15)
-    np.testing.assert_allclose((later.position("coupler") - before.position("coupler")) / (2 * h), now.velocity("coupler"), atol=1e-7)
-    np.testing.assert_allclose((later.velocity("coupler") - before.velocity("coupler")) / (2 * h), now.acceleration("coupler"), atol=1e-6)
+    np.testing.assert_allclose(
+        (later.position("coupler") - before.position("coupler")) / (2 * h), now.velocity("coupler"), atol=1e-7
+    )
+    np.testing.assert_allclose(
+        (later.velocity("coupler") - before.velocity("coupler")) / (2 * h), now.acceleration("coupler"), atol=1e-6
+    )
 
 
 def test_the_scotch_yoke_moves_as_a_cosine() -> None:
@@ -92,7 +96,10 @@ def test_the_slider_crank_reaches_flores_peak_acceleration() -> None:
 
 
 def test_angles_are_continued_over_turns() -> None:
-    motion = kinematics(Assembly(load("paper").replace(assembly={"crank": -1.0, "coupler": 0.0, "follower": -1.0})), np.linspace(-3.0, -0.2, 30))
+    motion = kinematics(
+        Assembly(load("paper").replace(assembly={"crank": -1.0, "coupler": 0.0, "follower": -1.0})),
+        np.linspace(-3.0, -0.2, 30),
+    )
     np.testing.assert_allclose(motion.angle("follower"), motion.theta, atol=1e-12)
 
 
@@ -117,7 +124,9 @@ def test_a_change_point_between_two_grid_angles_is_not_stepped_over() -> None:
 def test_an_unreachable_angle_is_an_error_that_names_it() -> None:
     rocker = load("crank-rocker").with_body("crank", points={"D": (0.0, 0.0), "A": (0.2, 0.0)})
     m = rocker.replace(assembly={"crank": 0.6, "coupler": -0.8, "follower": 0.5})
-    with pytest.raises(AssemblyError, match=r"cannot be reached: the loop through coupler, follower|change point at crank angle"):
+    with pytest.raises(
+        AssemblyError, match=r"cannot be reached: the loop through coupler, follower|change point at crank angle"
+    ):
         kinematics(Assembly(m), np.radians([40.0, 170.0]))
 
 

@@ -7,14 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analytic.assembly import Assembly, AssemblyError
-from analytic.kinematics import Motion, cross, kinematics
-from analytic.kinetostatics import Reactions, kinetostatics
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import Motion, cross, kinematics
 from analytic.mechanism import GROUND, Mechanism
-from analytic.mechanism_file import load
+from analytic.mechanism.file import load
+from analytic.paper.kinetostatics import Reactions, kinetostatics
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
 
-# theta_2 (deg): F_34 x, y (N), magnitude (N), gamma (deg), drive torque (N.m); rounded as published in the paper's notes
+# theta_2 (deg): F_34 x, y (N), magnitude (N), gamma (deg), drive torque (N.m); rounded as published in the paper's
+# notes
 PAPER_TABLE = {
     20: (68.7597, 25.0265, 73.1726, 20.0, -9.3969),
     30: (43.3684, 25.0387, 50.0775, 30.0, -8.6603),
@@ -44,7 +45,11 @@ def loads_on(motion: Motion, body: str) -> tuple[np.ndarray, np.ndarray]:
     for load_ in m.loads:
         if load_.body == body:
             force = force + complex(*load_.force)
-            moment = moment + load_.torque + cross(motion.position(body, load_.point) - com, np.full(com.shape, complex(*load_.force)))
+            moment = (
+                moment
+                + load_.torque
+                + cross(motion.position(body, load_.point) - com, np.full(com.shape, complex(*load_.force)))
+            )
     return force, moment
 
 
@@ -70,15 +75,21 @@ def assert_every_link_balances(found: Reactions) -> None:
                 sign = 1 if joint.bodies[1] == body.name else -1
                 reaction = sign * found.forces[joint.name]
                 force = force + reaction
-                moment = moment + cross(motion.position(joint.bodies[1], joint.name) - motion.position(body.name), reaction)
-                moment = moment + sign * (found.moments[joint.name] if joint.prismatic else joint_law(motion, joint.name))
+                moment = moment + cross(
+                    motion.position(joint.bodies[1], joint.name) - motion.position(body.name), reaction
+                )
+                moment = moment + sign * (
+                    found.moments[joint.name] if joint.prismatic else joint_law(motion, joint.name)
+                )
         if body.name == m.driven:
             moment = moment + found.drive_torque
         np.testing.assert_allclose(force, 0, atol=1e-11 * size, err_msg=body.name)
         np.testing.assert_allclose(moment, 0, atol=1e-11 * size, err_msg=body.name)
     for joint in m.joints:
         if joint.prismatic:  # what a slide pushes along itself is its friction, damper and spring, nothing else
-            along = (found.forces[joint.name] * np.conj(joint.direction * np.exp(1j * motion.angle(joint.bodies[0])))).real
+            along = (
+                found.forces[joint.name] * np.conj(joint.direction * np.exp(1j * motion.angle(joint.bodies[0])))
+            ).real
             np.testing.assert_allclose(along, joint_law(motion, joint.name), atol=1e-11 * size)
 
 
@@ -109,7 +120,11 @@ def test_the_drives_power_is_what_all_else_takes(mechanism: Mechanism, theta: np
         power = power + (np.conj(force) * motion.velocity(body.name)).real + moment * motion.angular_velocity(body.name)
     for joint in mechanism.joints:
         first, second = joint.bodies
-        rate = motion.travel(joint.name)[1] if joint.prismatic else motion.angular_velocity(second) - motion.angular_velocity(first)
+        rate = (
+            motion.travel(joint.name)[1]
+            if joint.prismatic
+            else motion.angular_velocity(second) - motion.angular_velocity(first)
+        )
         power = power + joint_law(motion, joint.name) * rate
     np.testing.assert_allclose(power, 0, atol=1e-11 * max(1.0, np.abs(found.drive_torque * omega).max()))
 
@@ -118,7 +133,10 @@ def test_the_drives_power_is_what_all_else_takes(mechanism: Mechanism, theta: np
 def test_a_slider_that_stands_at_its_dead_centre_has_no_friction(turns: float) -> None:
     """Whichever way rounding would have it slip."""
     rubbing = load("slider-crank").with_joint("S", friction_torque=5.0)
-    plain, rubbed = (kinetostatics(kinematics(Assembly(m), np.array([2 * np.pi * turns]), 10.0)) for m in (load("slider-crank"), rubbing))
+    plain, rubbed = (
+        kinetostatics(kinematics(Assembly(m), np.array([2 * np.pi * turns]), 10.0))
+        for m in (load("slider-crank"), rubbing)
+    )
     np.testing.assert_allclose(rubbed.forces["S"], plain.forces["S"], atol=1e-12)
 
 
@@ -126,7 +144,17 @@ lengths = st.floats(0.05, 0.5)
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
-@given(lengths, lengths, lengths, lengths, st.floats(0.2, 3.0), st.floats(-40, 40), st.floats(-300, 300), st.floats(-1, 1), st.floats(-9.81, 9.81))
+@given(
+    lengths,
+    lengths,
+    lengths,
+    lengths,
+    st.floats(0.2, 3.0),
+    st.floats(-40, 40),
+    st.floats(-300, 300),
+    st.floats(-1, 1),
+    st.floats(-9.81, 9.81),
+)
 def test_every_link_of_any_four_bar_is_in_balance(
     r1: float, r2: float, r3: float, r4: float, theta: float, omega: float, alpha: float, torque: float, gravity: float
 ) -> None:
@@ -159,7 +187,9 @@ def test_static_reactions_have_no_inertia_and_friction_against_the_drive() -> No
     forward, backward = (kinetostatics(kinematics(assembly, theta, w), inertia=False) for w in (50.0, -50.0))
     np.testing.assert_allclose(forward.drive_torque, -backward.drive_torque, rtol=1e-12)
     ratio = forward.motion.angular_velocity("follower") / 50.0
-    np.testing.assert_allclose(forward.drive_torque, 0.2 * np.abs(ratio), rtol=1e-12)  # the drive pays for friction only
+    np.testing.assert_allclose(
+        forward.drive_torque, 0.2 * np.abs(ratio), rtol=1e-12
+    )  # the drive pays for friction only
 
 
 def test_swapping_a_joints_bodies_flips_its_reaction_and_nothing_else() -> None:

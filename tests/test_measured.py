@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analytic.assembly import Assembly
-from analytic.kinematics import kinematics
-from analytic.kinetostatics import kinetostatics
-from analytic.mechanism_file import dumps, load
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import kinematics
+from analytic.mechanism.file import dumps, load
+from analytic.paper.kinetostatics import kinetostatics
 from compare.diagnose.data import measured, quality
 from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.data.table import _cell_by_cell, read_table
 from compare.diagnose.data.units import ACCEPTED, SI, UnitError, factor, readable
-from compare.signals import with_derived
+from compare.judge.signals import with_derived
 from measured_files import MeasuredRun, csv_text, write_measured
 
 CRANK_ROCKER = load("crank-rocker")
@@ -39,7 +39,11 @@ def signals(samples: int = 73, turns: float = 1.0) -> tuple[np.ndarray, dict[str
 
 
 def one(folder: Path, time: np.ndarray, columns: dict[str, np.ndarray], **fields: object) -> Measured:
-    return load_measured(write_measured(folder, TEXT, [MeasuredRun("a", time, columns, {"drive_speed": SPEED, "drive_angle": 0.0, **fields})]))
+    return load_measured(
+        write_measured(
+            folder, TEXT, [MeasuredRun("a", time, columns, {"drive_speed": SPEED, "drive_angle": 0.0, **fields})]
+        )
+    )
 
 
 def kinds(found: Measured) -> dict[str, str]:
@@ -49,23 +53,55 @@ def kinds(found: Measured) -> dict[str, str]:
 @pytest.mark.parametrize(
     ("unit", "kind", "expected"),
     [
-        ("deg", "angle", math.pi / 180), ("°", "angle", math.pi / 180), ("mrad", "angle", 1e-3), ("rev", "angle", 2 * math.pi),
-        ("rpm", "angular velocity", math.pi / 30), ("rev/min", "angular velocity", math.pi / 30), ("deg/s", "angular velocity", math.pi / 180),
-        ("rad.s^-1", "angular velocity", 1.0), ("mm", "length", 1e-3), ("in", "length", 0.0254), ("µm", "length", 1e-6),
-        ("kN", "force", 1e3), ("kgf", "force", 9.80665), ("lbf", "force", 4.4482216152605), ("N.m", "torque", 1.0), ("Nm", "torque", 1.0),
-        ("N-m", "torque", 1.0), ("mN.m", "torque", 1e-3), ("N·mm", "torque", 1e-3), ("lbf.in", "torque", 0.1129848290276167),
-        ("ms", "time", 1e-3), ("us", "time", 1e-6), ("min", "time", 60.0), ("h", "time", 3600.0),
+        ("deg", "angle", math.pi / 180),
+        ("°", "angle", math.pi / 180),
+        ("mrad", "angle", 1e-3),
+        ("rev", "angle", 2 * math.pi),
+        ("rpm", "angular velocity", math.pi / 30),
+        ("rev/min", "angular velocity", math.pi / 30),
+        ("deg/s", "angular velocity", math.pi / 180),
+        ("rad.s^-1", "angular velocity", 1.0),
+        ("mm", "length", 1e-3),
+        ("in", "length", 0.0254),
+        ("µm", "length", 1e-6),
+        ("kN", "force", 1e3),
+        ("kgf", "force", 9.80665),
+        ("lbf", "force", 4.4482216152605),
+        ("N.m", "torque", 1.0),
+        ("Nm", "torque", 1.0),
+        ("N-m", "torque", 1.0),
+        ("mN.m", "torque", 1e-3),
+        ("N·mm", "torque", 1e-3),
+        ("lbf.in", "torque", 0.1129848290276167),
+        ("ms", "time", 1e-3),
+        ("us", "time", 1e-6),
+        ("min", "time", 60.0),
+        ("h", "time", 3600.0),
     ],
-)  # fmt: skip
+)
 def test_units_of_the_right_dimension_are_converted(unit: str, kind: str, expected: float) -> None:
     assert factor(unit, kind) == pytest.approx(expected, rel=1e-14)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
     ("unit", "kind"),
-    [("", "angle"), ("%", "angle"), ("Hz", "angular velocity"), ("1/s", "angular velocity"), ("mm", "angle"), ("g", "force"), ("rad", "length"),
-     ("parrots", "length"), ("m**9**9**9", "length"), ("2 m", "length"), ("m^9", "length"), ("degC", "angle"), ("N/m", "torque"), ("nm", "torque")],
-)  # fmt: skip
+    [
+        ("", "angle"),
+        ("%", "angle"),
+        ("Hz", "angular velocity"),
+        ("1/s", "angular velocity"),
+        ("mm", "angle"),
+        ("g", "force"),
+        ("rad", "length"),
+        ("parrots", "length"),
+        ("m**9**9**9", "length"),
+        ("2 m", "length"),
+        ("m^9", "length"),
+        ("degC", "angle"),
+        ("N/m", "torque"),
+        ("nm", "torque"),
+    ],
+)
 def test_other_units_are_refused_with_those_accepted(unit: str, kind: str) -> None:
     with pytest.raises(UnitError, match=ACCEPTED[kind].split(",")[0]):  # type: ignore[index]
         factor(unit, kind)  # type: ignore[arg-type]
@@ -80,19 +116,35 @@ def test_every_offered_unit_is_accepted() -> None:
 def test_data_in_si_do_not_wait_for_pint(tmp_path: Path) -> None:
     time, exact = signals()
     path = write_measured(tmp_path, TEXT, [MeasuredRun("a", time, {"follower_angle [rad]": exact["follower_angle"]})])
-    code = "import sys, pathlib; from compare.diagnose.data.measured import load_measured as f; f(pathlib.Path(sys.argv[1]))"
+    code = (
+        "import sys, pathlib; from compare.diagnose.data.measured import load_measured as f;"
+        " f(pathlib.Path(sys.argv[1]))"
+    )
     code += "; print('pint' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True).stdout.strip() == "False"
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True
+        ).stdout.strip()
+        == "False"
+    )
 
 
 def test_every_signal_is_read_in_any_unit(tmp_path: Path) -> None:
     time, exact = signals()
     rng = np.random.default_rng(1)
-    exact |= {name: rng.normal(size=time.size) for name in readable(CRANK_ROCKER) if name.startswith("clearance") or "angular_velocity" in name}
+    exact |= {
+        name: rng.normal(size=time.size)
+        for name in readable(CRANK_ROCKER)
+        if name.startswith("clearance") or "angular_velocity" in name
+    }
     other = {"angle": "deg", "angular_velocity": "rpm", "_x": "mm", "_y": "mm", "torque": "kN.m"}
     columns = {}
     for name in readable(CRANK_ROCKER):
-        unit = "kN" if name.startswith("reaction") and not name.endswith("angle") else next(u for end, u in other.items() if name.endswith(end))
+        unit = (
+            "kN"
+            if name.startswith("reaction") and not name.endswith("angle")
+            else next(u for end, u in other.items() if name.endswith(end))
+        )
         kind = next(k for k in SI if _converts(unit, k))
         columns[f"{name} [{unit}]"] = exact[name] / factor(unit, kind)  # type: ignore[arg-type]
     found = one(tmp_path, time, columns).runs[0]
@@ -112,7 +164,9 @@ def _converts(unit: str, kind: str) -> bool:
         return False
 
 
-@pytest.mark.parametrize("written", ["\ufeff{}", "{}", "{}\n\n"], ids=["byte order mark", "plain", "blank lines at the end"])
+@pytest.mark.parametrize(
+    "written", ["\ufeff{}", "{}", "{}\n\n"], ids=["byte order mark", "plain", "blank lines at the end"]
+)
 @pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
 def test_files_of_other_programs_read_the_same(tmp_path: Path, written: str, ending: str, delimiter: str) -> None:
@@ -168,7 +222,13 @@ def test_a_run_takes_from_the_mechanism_what_it_leaves_out(tmp_path: Path) -> No
         MeasuredRun("released", time, columns, {"drive": "free", "start": {"crank_angle": 0.25}}),
     ]
     own, given, followed, released = load_measured(write_measured(tmp_path, TEXT, runs)).runs
-    assert (own.drive, own.speed, own.angle, own.loads, own.from_rest) == ("speed", SPEED, CRANK_ROCKER.assembly["crank"], None, False)
+    assert (own.drive, own.speed, own.angle, own.loads, own.from_rest) == (
+        "speed",
+        SPEED,
+        CRANK_ROCKER.assembly["crank"],
+        None,
+        False,
+    )
     assert (given.drive, given.speed, given.angle, given.loads, given.from_rest) == ("speed", 30.0, 0.5, (), True)
     assert (followed.drive, followed.speed, followed.angle) == ("measured", None, None)
     assert followed.loads is not None
@@ -181,17 +241,24 @@ def test_a_run_takes_from_the_mechanism_what_it_leaves_out(tmp_path: Path) -> No
 def test_tolerances_are_quantities_parameters_or_parameters_of_an_effect(tmp_path: Path) -> None:
     time, exact = signals()
     given = {"mass": 0.01, "radial_clearance": 1e-4, "sensor_bias.bias": 0.0}
-    path = write_measured(tmp_path, TEXT, [MeasuredRun("a", time, {"drive_torque [N.m]": exact["drive_torque"]})], given)
+    path = write_measured(
+        tmp_path, TEXT, [MeasuredRun("a", time, {"drive_torque [N.m]": exact["drive_torque"]})], given
+    )
     assert load_measured(path).tolerance == given
     path.write_text(path.read_text().replace('"sensor_bias.bias" = 0.0', "sensor_bias.bias = 0.0"))
     assert load_measured(path).tolerance == given
 
 
-@pytest.mark.parametrize("name", ["follower_angle", "coupler_angular_velocity", "reaction_B_x", "reaction_A_y", "drive_torque", "coupler_x"])
 @pytest.mark.parametrize(
-    ("samples", "turns", "relative", "within"), [(73, 1, 1e-3, 0.12), (73, 1, 1e-2, 0.08), (721, 2, 1e-4, 0.05), (721, 10, 1e-3, 0.05)]
+    "name", ["follower_angle", "coupler_angular_velocity", "reaction_B_x", "reaction_A_y", "drive_torque", "coupler_x"]
 )
-def test_noise_of_smooth_signals_is_right_on_average(name: str, samples: int, turns: int, relative: float, within: float) -> None:
+@pytest.mark.parametrize(
+    ("samples", "turns", "relative", "within"),
+    [(73, 1, 1e-3, 0.12), (73, 1, 1e-2, 0.08), (721, 2, 1e-4, 0.05), (721, 10, 1e-3, 0.05)],
+)
+def test_noise_of_smooth_signals_is_right_on_average(
+    name: str, samples: int, turns: int, relative: float, within: float
+) -> None:
     time, exact = signals(samples, turns)
     rng = np.random.default_rng(5)
     sigma = relative * np.ptp(exact[name])
@@ -248,7 +315,9 @@ def test_isolated_spikes_are_left_out_and_counted(tmp_path: Path, relative: floa
     (fault,) = found.faults
     assert (fault.kind, fault.samples) == ("outliers", 5)
     assert np.flatnonzero(np.isnan(found.runs[0].channels["follower_angle"].values)).tolist() == at
-    assert found.runs[0].channels["follower_angle"].noise == pytest.approx(max(relative, 1e-7), rel=0.2 if relative else 2.0)
+    assert found.runs[0].channels["follower_angle"].noise == pytest.approx(
+        max(relative, 1e-7), rel=0.2 if relative else 2.0
+    )
 
 
 def test_a_step_is_no_spike() -> None:
@@ -287,17 +356,28 @@ def test_rest_and_coarse_peaks_are_not_clipped() -> None:
 
 @pytest.fixture(scope="module")
 def swings() -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Pendulums of 2 m, released where they turn near the top, near the horizontal and exactly there: they stand still for a while."""
+    """Pendulums of 2 m, released where they turn near the top, near the horizontal and exactly there: they stand still
+    for a while.
+    """
     time, found = np.arange(500) / 100, {}
     for release in (0.0, 0.93, 1.2):
-        motion = solve_ivp(lambda t, y: [y[1], -9.81 / 2 * math.cos(y[0])], (0, 5), [release, 0.0], t_eval=time, rtol=1e-11, atol=1e-12)
+        motion = solve_ivp(
+            lambda t, y: [y[1], -9.81 / 2 * math.cos(y[0])], (0, 5), [release, 0.0], t_eval=time, rtol=1e-11, atol=1e-12
+        )
         angle, rate = motion.y
-        found |= {f"angle {release}": angle, f"rate {release}": rate, f"x {release}": 2 * np.cos(angle), f"y {release}": 2 * np.sin(angle)}
+        found |= {
+            f"angle {release}": angle,
+            f"rate {release}": rate,
+            f"x {release}": 2 * np.cos(angle),
+            f"y {release}": 2 * np.sin(angle),
+        }
     return time, found
 
 
 @pytest.mark.parametrize("form", [".12g", ".6g", ".4g", ".3g", ".5f", ".3f", ".2f"])
-def test_a_pendulum_at_its_turning_point_is_not_clipped(swings: tuple[np.ndarray, dict[str, np.ndarray]], form: str) -> None:
+def test_a_pendulum_at_its_turning_point_is_not_clipped(
+    swings: tuple[np.ndarray, dict[str, np.ndarray]], form: str
+) -> None:
     time, found = swings
     for name, values in found.items():
         read = np.array([float(format(v, form)) for v in values])
@@ -305,7 +385,9 @@ def test_a_pendulum_at_its_turning_point_is_not_clipped(swings: tuple[np.ndarray
 
 
 @pytest.mark.parametrize("counts", [100, 360, 1000, 4096])
-def test_a_position_reckoned_from_counts_is_not_clipped_where_it_turns(swings: tuple[np.ndarray, dict[str, np.ndarray]], counts: int) -> None:
+def test_a_position_reckoned_from_counts_is_not_clipped_where_it_turns(
+    swings: tuple[np.ndarray, dict[str, np.ndarray]], counts: int
+) -> None:
     time, found = swings
     step = 2 * math.pi / counts
     for release in (0.93, 1.2):
@@ -334,7 +416,9 @@ def test_a_sensor_that_is_clipped_at_both_ends_of_the_record_is_found_and_one_at
 
 @pytest.mark.parametrize("share", [0.6, 0.8, 0.9, 0.95])
 @pytest.mark.parametrize("form", [".12g", ".6g", ".4g"])
-def test_a_sensor_that_is_clipped_a_little_is_found(swings: tuple[np.ndarray, dict[str, np.ndarray]], share: float, form: str) -> None:
+def test_a_sensor_that_is_clipped_a_little_is_found(
+    swings: tuple[np.ndarray, dict[str, np.ndarray]], share: float, form: str
+) -> None:
     time, found = swings
     rng = np.random.default_rng(8)
     for noise in (0.0, 1e-4, 1e-3):
@@ -393,17 +477,25 @@ def test_swapped_columns_and_wrong_units_are_seen_with_a_model(tmp_path: Path) -
     rng = np.random.default_rng(8)
     noisy = {name: values + 1e-3 * np.ptp(values) * rng.normal(size=time.size) for name, values in exact.items()}
     columns = {
-        "reaction_B_x [N]": noisy["reaction_B_y"], "reaction_B_y [N]": noisy["reaction_B_x"], "reaction_A_x [N]": noisy["reaction_A_x"],
-        "crank_angle [rad]": noisy["crank_angle"], "coupler_x [m]": noisy["coupler_x"] * 1e3,
+        "reaction_B_x [N]": noisy["reaction_B_y"],
+        "reaction_B_y [N]": noisy["reaction_B_x"],
+        "reaction_A_x [N]": noisy["reaction_A_x"],
+        "crank_angle [rad]": noisy["crank_angle"],
+        "coupler_x [m]": noisy["coupler_x"] * 1e3,
         "follower_angle [rad]": np.degrees(noisy["follower_angle"]),
-        "reaction_E_x [N]": -noisy["reaction_E_x"], "drive_torque [N.m]": -noisy["drive_torque"],
-    }  # fmt: skip
+        "reaction_E_x [N]": -noisy["reaction_E_x"],
+        "drive_torque [N.m]": -noisy["drive_torque"],
+    }
     run = one(tmp_path, time, columns).runs[0]
     (swap,) = quality.suspicious_swaps(run, exact)
     assert (swap.kind, swap.signal) == ("swapped", "reaction_B_x")
     assert "reaction_B_y" in swap.text
     units = {f.signal: f.text for f in quality.suspicious_units(run, exact)}
-    assert set(units) == {"coupler_x", "follower_angle", "drive_torque"}  # a load cell upside down is an effect, not a slip
+    assert set(units) == {
+        "coupler_x",
+        "follower_angle",
+        "drive_torque",
+    }  # a load cell upside down is an effect, not a slip
     assert "millimetres" in units["coupler_x"]
     assert "degrees" in units["follower_angle"]
 
@@ -412,7 +504,9 @@ def test_right_columns_raise_no_suspicion(tmp_path: Path) -> None:
     time, exact = signals()
     rng = np.random.default_rng(9)
     units = {name: _si(name) for name in exact if not name.startswith("clearance")}
-    columns = {f"{s} [{u}]": exact[s] * 1.02 + 1e-2 * np.ptp(exact[s]) * rng.normal(size=time.size) for s, u in units.items()}
+    columns = {
+        f"{s} [{u}]": exact[s] * 1.02 + 1e-2 * np.ptp(exact[s]) * rng.normal(size=time.size) for s, u in units.items()
+    }
     columns["crank_angle [rad]"] = exact["crank_angle"]
     run = one(tmp_path, time, columns).runs[0]
     assert quality.suspicious_swaps(run, exact) == []
@@ -435,7 +529,9 @@ def test_a_long_run_is_thinned_and_its_noise_kept(tmp_path: Path) -> None:
 
 def test_reading_is_the_same_every_time(tmp_path: Path) -> None:
     time, exact = signals()
-    path = write_measured(tmp_path, TEXT, [MeasuredRun("a", time, {"follower_angle [deg]": np.degrees(exact["follower_angle"])})])
+    path = write_measured(
+        tmp_path, TEXT, [MeasuredRun("a", time, {"follower_angle [deg]": np.degrees(exact["follower_angle"])})]
+    )
     first, second = (load_measured(path).runs[0].channels["follower_angle"] for _ in range(2))
     np.testing.assert_array_equal(first.values, second.values)
     assert first.noise == second.noise
@@ -446,11 +542,16 @@ def test_a_million_rows_are_read_in_bounded_memory(tmp_path: Path) -> None:
     time, exact = signals(1000, 1)
     rows = 1_200_000
     k = np.arange(rows)
-    columns = {f"{s} [{_si(s)}]": np.tile(exact[s], rows // 1000) + 1e-3 * (k % 7) for s in ("follower_angle", "drive_torque", "reaction_B_x")}
+    columns = {
+        f"{s} [{_si(s)}]": np.tile(exact[s], rows // 1000) + 1e-3 * (k % 7)
+        for s in ("follower_angle", "drive_torque", "reaction_B_x")
+    }
     path = write_measured(tmp_path, TEXT, [MeasuredRun("a", k * (time[1] - time[0]), columns, {"drive_speed": SPEED})])
     code = (
-        "import sys, pathlib; from compare.diagnose.data.measured import load_measured as f; run = f(pathlib.Path(sys.argv[1])).runs[0];"
-        "peak = pathlib.Path('/proc/self/status').read_text().partition('VmHWM:')[2];"  # ru_maxrss has the parent's as well
+        "import sys, pathlib; from compare.diagnose.data.measured import load_measured as f; run ="
+        " f(pathlib.Path(sys.argv[1])).runs[0];"
+        # ru_maxrss has the parent's as well
+        "peak = pathlib.Path('/proc/self/status').read_text().partition('VmHWM:')[2];"
         "print(run.time.size, peak.split()[0])"
     )
     done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)

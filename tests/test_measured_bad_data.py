@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analytic.mechanism_file import dumps, load
+from analytic.mechanism.file import dumps, load
 from compare.diagnose.data import measured, table
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import MeasuredError
@@ -18,7 +18,9 @@ SPEED = CRANK_ROCKER.speed or 0.0
 TEXT = dumps(CRANK_ROCKER)
 TIME = np.arange(40) * 0.005
 ANGLE = SPEED * TIME
-GOOD = "time [s],crank_angle [rad],follower_x [m]\n" + "".join(f"{t:g},{a:.9g},{np.sin(3 * t):.9g}\n" for t, a in zip(TIME, ANGLE, strict=True))
+GOOD = "time [s],crank_angle [rad],follower_x [m]\n" + "".join(
+    f"{t:g},{a:.9g},{np.sin(3 * t):.9g}\n" for t, a in zip(TIME, ANGLE, strict=True)
+)
 
 
 def refused(path: Path) -> str:
@@ -34,7 +36,11 @@ def refused(path: Path) -> str:
 def rig(folder: Path, data: str | bytes = GOOD, **fields: object) -> Path:
     """measured.toml with one run of this data file."""
     entry = {"drive_speed": SPEED, "drive_angle": 0.0, **fields}
-    path = write_measured(folder, TEXT, [MeasuredRun("slow", TIME, {"crank_angle [rad]": ANGLE}, {k: v for k, v in entry.items() if v is not None})])
+    path = write_measured(
+        folder,
+        TEXT,
+        [MeasuredRun("slow", TIME, {"crank_angle [rad]": ANGLE}, {k: v for k, v in entry.items() if v is not None})],
+    )
     (folder / "slow.csv").write_bytes(data.encode() if isinstance(data, str) else data)
     return path
 
@@ -117,7 +123,9 @@ def test_rows(tmp_path: Path, line: int, text: str, says: list[str]) -> None:
         (1, f"time [s],crank_angle [rad],{'x' * 9000} [m]", ["column 3", "xxx...", "its signals are"]),
     ],
 )
-def test_what_no_bench_has_is_refused_shortly_and_not_reckoned_with(tmp_path: Path, line: int, text: str, says: list[str]) -> None:
+def test_what_no_bench_has_is_refused_shortly_and_not_reckoned_with(
+    tmp_path: Path, line: int, text: str, says: list[str]
+) -> None:
     message = refused(rig(tmp_path, edited(line, text)))
     assert len(message) < 800
     for word in ["slow.csv", *says]:
@@ -256,7 +264,10 @@ def test_damaged_files_are_refused_or_read_but_never_crash(tmp_path: Path, seed:
         ({"drive_speed": "fast"}, ["run[slow].drive_speed", "'fast'"]),
         ({"drive_sped": 3.0}, ["drive_sped", "did you mean 'drive_speed'"]),
         ({"start": {"crank_angle": 1.0}}, ["start", "drive is speed"]),
-        ({"drive": "free", "drive_speed": None, "drive_angle": None, "start": {"crank_angel": 1.0}}, ["start.crank_angel", "'crank_angle'"]),
+        (
+            {"drive": "free", "drive_speed": None, "drive_angle": None, "start": {"crank_angel": 1.0}},
+            ["start.crank_angel", "'crank_angle'"],
+        ),
         ({"drive": "free", "drive_speed": None, "drive_angle": None, "from_rest": True}, ["from_rest", "free"]),
         ({"noise": {"follower_y": 1e-3}}, ["noise.follower_y", "not a column of slow.csv", "follower_x"]),
         ({"noise": {"follower_x": 0.0}}, ["noise.follower_x", "greater than 0"]),
@@ -280,10 +291,26 @@ def test_fields_of_a_run(tmp_path: Path, fields: dict[str, object], says: list[s
         ("run = [", "runs = [", ["runs is not a field", "did you mean 'run'"]),
         ('name = "slow"', 'name = "a@b"', ["run[a@b].name"]),
         ("run = [", "run = [[", ["measured.toml", "cannot be read as TOML"]),
-        ('mechanism = "nominal.toml"', 'mechanism = "nominal.toml"\ntolerance = { lenght = 1e-3 }', ["tolerance.lenght", "did you mean 'length'"]),
-        ('mechanism = "nominal.toml"', 'mechanism = "nominal.toml"\ntolerance = { qqq = 1e-3 }', ["tolerance.qqq", "use a quantity (mass"]),
-        ('mechanism = "nominal.toml"', 'mechanism = "nominal.toml"\ntolerance = { payload = { torque = 1e-3 } }', ["tolerance.payload.torque"]),
-        ('mechanism = "nominal.toml"', 'mechanism = "nominal.toml"\ntolerance = { mass = -1.0 }', ["tolerance.mass", "-1.0"]),
+        (
+            'mechanism = "nominal.toml"',
+            'mechanism = "nominal.toml"\ntolerance = { lenght = 1e-3 }',
+            ["tolerance.lenght", "did you mean 'length'"],
+        ),
+        (
+            'mechanism = "nominal.toml"',
+            'mechanism = "nominal.toml"\ntolerance = { qqq = 1e-3 }',
+            ["tolerance.qqq", "use a quantity (mass"],
+        ),
+        (
+            'mechanism = "nominal.toml"',
+            'mechanism = "nominal.toml"\ntolerance = { payload = { torque = 1e-3 } }',
+            ["tolerance.payload.torque"],
+        ),
+        (
+            'mechanism = "nominal.toml"',
+            'mechanism = "nominal.toml"\ntolerance = { mass = -1.0 }',
+            ["tolerance.mass", "-1.0"],
+        ),
     ],
 )
 def test_fields_of_the_file(tmp_path: Path, old: str, new: str, says: list[str]) -> None:
@@ -337,7 +364,9 @@ def test_the_encoder_has_its_bodys_name(tmp_path: Path) -> None:
 
 
 def test_a_lone_constant_sensor(tmp_path: Path) -> None:
-    path = write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, {"drive_torque [N.m]": np.full(40, 0.25)}, {"drive_speed": SPEED})])
+    path = write_measured(
+        tmp_path, TEXT, [MeasuredRun("a", TIME, {"drive_torque [N.m]": np.full(40, 0.25)}, {"drive_speed": SPEED})]
+    )
     message = refused(path)
     assert "no usable signal" in message
     assert "0.25 N.m throughout" in message
@@ -345,9 +374,13 @@ def test_a_lone_constant_sensor(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("column", "factor", "says"),
-    [("rad", 180 / np.pi, "looks like deg/s"), ("rad", 30 / np.pi, "looks like rpm"), ("rad", -1.0, "negate drive_speed"),
-     ("rad", 0.5 / np.pi, "turns per second")],
-)  # fmt: skip
+    [
+        ("rad", 180 / np.pi, "looks like deg/s"),
+        ("rad", 30 / np.pi, "looks like rpm"),
+        ("rad", -1.0, "negate drive_speed"),
+        ("rad", 0.5 / np.pi, "turns per second"),
+    ],
+)
 def test_a_speed_in_another_unit_contradicts_the_encoder(tmp_path: Path, column: str, factor: float, says: str) -> None:
     rng = np.random.default_rng(1)
     noisy = {f"crank_angle [{column}]": ANGLE + 1e-3 * rng.normal(size=40)}
@@ -358,12 +391,19 @@ def test_a_speed_in_another_unit_contradicts_the_encoder(tmp_path: Path, column:
 
 def test_degrees_that_are_called_radians_contradict_the_speed(tmp_path: Path) -> None:
     columns = {"crank_angle [rad]": np.degrees(ANGLE) % 360}
-    assert "the column looks like degrees" in refused(write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, columns, {"drive_speed": SPEED})]))
+    assert "the column looks like degrees" in refused(
+        write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, columns, {"drive_speed": SPEED})])
+    )
 
 
 def test_a_speed_a_little_off_is_for_the_diagnosis_to_explain(tmp_path: Path) -> None:
     columns = {"crank_angle [rad]": 1.1 * ANGLE}
-    assert load_measured(write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, columns, {"drive_speed": SPEED})])).runs[0].speed == SPEED
+    assert (
+        load_measured(write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, columns, {"drive_speed": SPEED})]))
+        .runs[0]
+        .speed
+        == SPEED
+    )
 
 
 def test_a_followed_motion_that_thinning_would_lose_is_refused(tmp_path: Path) -> None:

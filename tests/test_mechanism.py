@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from analytic.assembly import Assembly, AssemblyError
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.structure import StructureError, structure
 from analytic.mechanism import Mechanism, MechanismWarning
-from analytic.mechanism_file import MechanismError, dumps, load, loads, shipped_cases
-from analytic.structure import StructureError, structure
+from analytic.mechanism.file import MechanismError, dumps, load, loads, shipped_cases
 from linkages import INVERTED_SLIDER, chain, inverted_slider, scotch_yoke
 
 PAPER = dumps(load("paper"))
@@ -76,13 +76,22 @@ def edited(old: str, new: str) -> str:
         (edited('point = "com"', 'point = "Z"'), ["load.point", "'Z'"]),
         (edited("crank = 0.5235987755982988", "krank = 0.5"), ["assembly.krank", "crank"]),
         (edited('name = "crank"', 'name = "ground"'), ["'ground'", "twice"]),
-        (PAPER.replace('"coupler"', '"world"').replace("coupler =", "world ="), ["body 'world'", "call it something else"]),
-        (PAPER.replace('"coupler"', '"reaction_B"').replace("coupler =", "reaction_B ="), ["body 'reaction_B'", "joints", "call it something else"]),
+        (
+            PAPER.replace('"coupler"', '"world"').replace("coupler =", "world ="),
+            ["body 'world'", "call it something else"],
+        ),
+        (
+            PAPER.replace('"coupler"', '"reaction_B"').replace("coupler =", "reaction_B ="),
+            ["body 'reaction_B'", "joints", "call it something else"],
+        ),
         (PAPER.replace('name = "paper"', 'name = ""'), ["name = ''", "one line of text"]),
         (PAPER.replace('name = "paper"', 'name = "pa\\u0007per"'), ["name = ", "can be printed"]),
         (PAPER + "\n[[joint", ["cannot be read as TOML"]),
         (INVERTED_SLIDER.replace("axis = [3.0, 1.0]", "axis = [0.0, 0.0]"), ["joint 'S'", "axis"]),
-        (INVERTED_SLIDER.replace("axis = [3.0, 1.0]", "axis = [1.0, 0.0]\nclearance = 1e-4"), ["joint 'S'", "clearance"]),
+        (
+            INVERTED_SLIDER.replace("axis = [3.0, 1.0]", "axis = [1.0, 0.0]\nclearance = 1e-4"),
+            ["joint 'S'", "clearance"],
+        ),
     ],
 )
 def test_a_fault_is_named_with_field_and_value(text: str, words: list[str]) -> None:
@@ -138,9 +147,13 @@ def test_a_linkage_that_one_drive_does_not_determine_is_refused() -> None:
 def test_a_rigid_structure_is_refused() -> None:
     m = load("paper")
     ground = m.ground.model_copy(update={"points": {**m.ground.points, "F": (0.2, 0.0)}})
-    bodies = [b.model_copy(update={"points": {**b.points, "F": (0.2, 0.0)}}) if b.name == "coupler" else b for b in m.bodies]
+    bodies = [
+        b.model_copy(update={"points": {**b.points, "F": (0.2, 0.0)}}) if b.name == "coupler" else b for b in m.bodies
+    ]
     pinned = m.replace(
-        ground=ground, bodies=bodies, joints=(*m.joints, m.joint("E").model_copy(update={"name": "F", "bodies": ("ground", "coupler")}))
+        ground=ground,
+        bodies=bodies,
+        joints=(*m.joints, m.joint("E").model_copy(update={"name": "F", "bodies": ("ground", "coupler")})),
     )
     with pytest.raises(StructureError, match=r"rigid already|mobility"):
         structure(pinned)
@@ -154,17 +167,37 @@ def test_prismatic_joints_hold_bodies_parallel() -> None:
 
 
 @pytest.mark.parametrize("closed", [True, False])
-def test_a_chain_of_many_links_that_one_drive_does_not_determine_is_refused_at_once(closed: bool, tmp_path: Path) -> None:
-    """Trying all sets of 24 bodies took a minute and more, and each two bodies more took four times as long; here are 200."""
+def test_a_chain_of_many_links_that_one_drive_does_not_determine_is_refused_at_once(
+    closed: bool, tmp_path: Path
+) -> None:
+    """Trying all sets of 24 bodies took a minute and more, and each two bodies more took four times as long; here are
+    200.
+    """
     (tmp_path / "chain.toml").write_text(chain(200, closed), encoding="utf-8")
-    program = "from analytic.mechanism_file import load\nfrom analytic.structure import structure\nstructure(load('chain.toml'))"
+    program = (
+        "from analytic.mechanism.file import load\nfrom analytic.kinematics.structure import"
+        " structure\nstructure(load('chain.toml'))"
+    )
     run = [sys.executable, "-c", program]
-    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=100, check=False, env={**os.environ, "PYTHONPATH": str(ROOT)})
-    assert "StructureError: chain: the drive at 'J0' does not determine b1, b2, b3, b4, b5, b6, b7, b8 and 191 more" in done.stderr
+    done = subprocess.run(
+        run,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert (
+        "StructureError: chain: the drive at 'J0' does not determine b1, b2, b3, b4, b5, b6, b7, b8 and 191 more"
+        in done.stderr
+    )
 
 
 def random_linkage(rng: np.random.Generator) -> Mechanism:
-    """A crank, and on it Assur groups of two and four bodies, in any order of the file; some have a joint too few or too many."""
+    """A crank, and on it Assur groups of two and four bodies, in any order of the file; some have a joint too few or
+    too many.
+    """
     pairs, count = [("ground", "b0")], 1
     for _ in range(int(rng.integers(1, 4))):
         old, new = ["ground", *(f"b{i}" for i in range(count))], [f"b{count + i}" for i in range(4)]
@@ -173,7 +206,14 @@ def random_linkage(rng: np.random.Generator) -> Mechanism:
             pairs += [(hold[0], new[0]), (new[0], new[1]), (new[1], hold[1])]
             count += 2
         else:
-            pairs += [(hold[0], new[0]), (hold[1], new[1]), (hold[2], new[2]), (new[0], new[3]), (new[1], new[3]), (new[2], new[3])]
+            pairs += [
+                (hold[0], new[0]),
+                (hold[1], new[1]),
+                (hold[2], new[2]),
+                (new[0], new[3]),
+                (new[1], new[3]),
+                (new[2], new[3]),
+            ]
             count += 4
     slip = rng.random()
     if slip < 0.15:
@@ -181,20 +221,39 @@ def random_linkage(rng: np.random.Generator) -> Mechanism:
     elif slip < 0.3:
         pairs.append(("ground", f"b{count - 1}"))
     joints = [{"name": f"J{i}", "type": "revolute", "bodies": (a, b)} for i, (a, b) in enumerate(pairs)]
-    points = {b: {j["name"]: tuple(rng.random(2)) for j in joints if b in j["bodies"]} for b in ["ground", *(f"b{i}" for i in range(count))]}
+    points = {
+        b: {j["name"]: tuple(rng.random(2)) for j in joints if b in j["bodies"]}
+        for b in ["ground", *(f"b{i}" for i in range(count))]
+    }
     order = rng.permutation(count)
     bodies = [{"name": f"b{i}", "points": points[f"b{i}"] or {"free": (0.0, 0.0)}, "mass": 1.0} for i in order]
-    fields = {"name": "random", "ground": {"points": points["ground"]}, "body": bodies, "joint": [joints[0], *rng.permutation(joints[1:])]}
-    return Mechanism.model_validate({**fields, "drive": {"joint": "J0", "speed": 1.0}, "assembly": {f"b{i}": 0.0 for i in range(count)}})
+    fields = {
+        "name": "random",
+        "ground": {"points": points["ground"]},
+        "body": bodies,
+        "joint": [joints[0], *rng.permutation(joints[1:])],
+    }
+    return Mechanism.model_validate(
+        {**fields, "drive": {"joint": "J0", "speed": 1.0}, "assembly": {f"b{i}": 0.0 for i in range(count)}}
+    )
 
 
 def groups_by_trying(mechanism: Mechanism) -> list[tuple[str, ...]] | None:
-    """Assur groups by trying all sets of bodies, the smallest first; None where there is no such set, or a joint is left over."""
-    known, waiting, groups, used = {"ground", mechanism.driven}, [b.name for b in mechanism.bodies], [], {mechanism.drive_joint.name}
+    """Assur groups by trying all sets of bodies, the smallest first; None where there is no such set, or a joint is
+    left over.
+    """
+    known, waiting, groups, used = (
+        {"ground", mechanism.driven},
+        [b.name for b in mechanism.bodies],
+        [],
+        {mechanism.drive_joint.name},
+    )
     waiting.remove(mechanism.driven)
     while waiting:
         for chosen in (c for size in range(2, len(waiting) + 1, 2) for c in combinations(waiting, size)):
-            held = [j.name for j in mechanism.joints if set(j.bodies) <= {*known, *chosen} and set(j.bodies) & set(chosen)]
+            held = [
+                j.name for j in mechanism.joints if set(j.bodies) <= {*known, *chosen} and set(j.bodies) & set(chosen)
+            ]
             if 3 * len(chosen) == 2 * len(held):
                 break
         else:
@@ -226,11 +285,21 @@ def test_the_groups_of_random_linkages_are_those_that_trying_all_sets_finds() ->
 def test_a_parallelogram_with_a_second_coupler_is_refused_in_clear_words(first: bool) -> None:
     """It moves, but its bodies are held once too often, so that their forces are not determined."""
     m = load("paper").with_clearances({})
-    sides = {name: m.moving[name].model_copy(update={"points": {**m.moving[name].points, name[0]: (0.1, 0.0)}}) for name in ("crank", "follower")}
+    sides = {
+        name: m.moving[name].model_copy(update={"points": {**m.moving[name].points, name[0]: (0.1, 0.0)}})
+        for name in ("crank", "follower")
+    }
     second = m.moving["coupler"].model_copy(update={"name": "second", "points": {"c": (0.0, 0.0), "f": (0.4, 0.0)}})
-    pins = [m.joint("A").model_copy(update={"name": n, "bodies": b}) for n, b in (("c", ("crank", "second")), ("f", ("second", "follower")))]
+    pins = [
+        m.joint("A").model_copy(update={"name": n, "bodies": b})
+        for n, b in (("c", ("crank", "second")), ("f", ("second", "follower")))
+    ]
     twice = m.replace(
-        bodies=(sides["crank"], m.moving["coupler"], sides["follower"], second), joints=(*pins, *m.joints) if first else (*m.joints, *pins)
+        bodies=(sides["crank"], m.moving["coupler"], sides["follower"], second),
+        joints=(*pins, *m.joints) if first else (*m.joints, *pins),
     )
-    with pytest.raises(StructureError, match=r"joint '[EAf]' closes a loop that is rigid already, through coupler, follower, second \(mobility 0"):
+    with pytest.raises(
+        StructureError,
+        match=r"joint '[EAf]' closes a loop that is rigid already, through coupler, follower, second \(mobility 0",
+    ):
         structure(twice)

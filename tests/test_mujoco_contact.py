@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analytic.assembly import Assembly
-from analytic.kinematics import kinematics
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import load, loads
+from analytic.mechanism.file import load, loads
 from planar_checks import many_impacts_against_the_ode
-from sim_models.contact_laws import restitution
+from sim_models.common.contact_laws import restitution
 from sim_models.engine import JointModel, Motion, Request
 from sim_models.mujoco.engine import ENGINE
 
@@ -44,8 +44,12 @@ def crank_rocker(speed: float, clearance: float, stiffness: float, damping: floa
     return m.replace(drive=m.drive.model_copy(update={"speed": speed}))
 
 
-def equation_of_motion(speed: float, clearance: float, stiffness: float, damping: float, time: np.ndarray) -> np.ndarray:
-    """Coupler and follower angles (2, N) of the crank-rocker, its pin at B centred at first: written without this project's mechanics."""
+def equation_of_motion(
+    speed: float, clearance: float, stiffness: float, damping: float, time: np.ndarray
+) -> np.ndarray:
+    """Coupler and follower angles (2, N) of the crank-rocker, its pin at B centred at first: written without this
+    project's mechanics.
+    """
     crank, coupler, follower, ground, m3, m4 = 0.05, 0.12, 0.10, 0.12, 0.0942, 0.0785
     inertia_a = m3 * (coupler**2 + 1e-4) / 12 + m3 * coupler**2 / 4
     inertia_e = m4 * (follower**2 + 1e-4) / 12 + m4 * follower**2 / 4
@@ -88,7 +92,10 @@ def test_a_smaller_step_comes_closer_to_the_equation_of_motion() -> None:
     coarse, fine = (
         float(
             np.abs(
-                ENGINE.simulate(Request(mechanism, "spring-damper", "driven", theta, start="centred", step=h)).signals["follower_angle"] - follower
+                ENGINE.simulate(Request(mechanism, "spring-damper", "driven", theta, start="centred", step=h)).signals[
+                    "follower_angle"
+                ]
+                - follower
             ).max()
         )
         for h in (2e-5, 2.5e-6)
@@ -111,7 +118,9 @@ def test_a_dropped_journal_bounces_with_its_restitution(model: JointModel, nomin
 
 def test_stiffness_and_damping_in_si_units_bounce_as_their_law_says() -> None:
     ratio, stiffness = 0.2, 1e6
-    mechanism = loads(DROPPED).with_joint("O", contact_stiffness=stiffness, contact_damping=2 * ratio * np.sqrt(stiffness * 0.2))
+    mechanism = loads(DROPPED).with_joint(
+        "O", contact_stiffness=stiffness, contact_damping=2 * ratio * np.sqrt(stiffness * 0.2)
+    )
     time = np.linspace(0.0, 0.12, 1201)
     for model in ("spring-damper", "contact"):
         trace = ENGINE.simulate(Request(mechanism, model, time=time, start="centred", step=1e-5))  # type: ignore[arg-type]
@@ -120,13 +129,17 @@ def test_stiffness_and_damping_in_si_units_bounce_as_their_law_says() -> None:
         top = next(i for i in range(impact + 20, len(time) - 1) if height[i] >= height[i + 1])
         assert np.sqrt(height[top] / 0.01) == pytest.approx(restitution(ratio), rel=0.01)
         deepest = -height.min()
-        assert deepest == pytest.approx(np.sqrt(2 * 9.81 * 0.01) * np.sqrt(0.2 / stiffness) * 0.76, rel=0.1)  # damping ratio 0.2: 0.76 of undamped
+        assert deepest == pytest.approx(
+            np.sqrt(2 * 9.81 * 0.01) * np.sqrt(0.2 / stiffness) * 0.76, rel=0.1
+        )  # damping ratio 0.2: 0.76 of undamped
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.3])
 @pytest.mark.parametrize("motion", ["static", "driven"])
 @pytest.mark.parametrize("direction", [1, -1])
-def test_friction_turns_the_displacement_and_moves_the_force_to_the_friction_circle(friction: float, motion: Motion, direction: int) -> None:
+def test_friction_turns_the_displacement_and_moves_the_force_to_the_friction_circle(
+    friction: float, motion: Motion, direction: int
+) -> None:
     pin_radius, clearance, follower = 0.01, 1e-3, 0.2
     m = load("paper").with_joint("B", clearance=clearance, friction=friction, pin_radius=pin_radius)
     assert m.drive is not None

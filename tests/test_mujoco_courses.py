@@ -1,4 +1,6 @@
-"""MuJoCo with a motor that follows a course, or yields, or both: against rigid-body kinetostatics and the crank's own equation of motion."""
+"""MuJoCo with a motor that follows a course, or yields, or both: against rigid-body kinetostatics and the crank's own
+equation of motion.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +16,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from analytic.assembly import Assembly
-from analytic.kinematics import Gap, kinematics
-from analytic.kinetostatics import Reactions, kinetostatics
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import Gap, kinematics
 from analytic.mechanism import Load, Mechanism
-from analytic.mechanism_file import load
+from analytic.mechanism.file import load
+from analytic.paper.kinetostatics import Reactions, kinetostatics
 from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Trace, Unsupported
 from sim_models.mujoco.engine import ENGINE
 
@@ -52,8 +54,14 @@ COURSES: dict[str, tuple[Mechanism, Course]] = {
     "standing": (CRANK_ROCKER, (SECOND, np.full(SECOND.size, 0.5))),
     "few-knots": (CRANK_ROCKER, (SECOND[::50], SWING[::50])),
     "late-clock": (CRANK_ROCKER, (SECOND + 5.0, SWING)),
-    "slider": (driven_at(load("slider-crank"), "measured").with_joint("S", damping=1.5), (SECOND, 6 * SECOND + SWING / 10)),
-    "friction": (CRANK_ROCKER.with_joint("E", friction_torque=0.02).with_joint("B", damping=0.002), (SECOND, 1.5 * SECOND**2)),
+    "slider": (
+        driven_at(load("slider-crank"), "measured").with_joint("S", damping=1.5),
+        (SECOND, 6 * SECOND + SWING / 10),
+    ),
+    "friction": (
+        CRANK_ROCKER.with_joint("E", friction_torque=0.02).with_joint("B", damping=0.002),
+        (SECOND, 1.5 * SECOND**2),
+    ),
 }
 
 
@@ -86,16 +94,24 @@ def angle_error(seen: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray])
 def test_a_course_is_followed_with_the_forces_of_its_acceleration(name: str) -> None:
     mechanism, course = COURSES[name]
     time = anywhere(course)
-    trace, truth, spline = follow(mechanism, course, time), rigid(mechanism, course, time).signals(), CubicSpline(*course)
+    trace, truth, spline = (
+        follow(mechanism, course, time),
+        rigid(mechanism, course, time).signals(),
+        CubicSpline(*course),
+    )
     np.testing.assert_allclose(trace.crank_angle, spline(time), rtol=0, atol=1e-11)
-    np.testing.assert_allclose(trace.signals[f"{mechanism.driven}_angular_velocity"], spline(time, 1), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(
+        trace.signals[f"{mechanism.driven}_angular_velocity"], spline(time, 1), rtol=0, atol=1e-10
+    )
     np.testing.assert_array_equal(trace.time, time)
     assert angle_error(trace.signals, truth) < 1e-7
     assert error(trace.signals, truth, "reaction") < 2e-4
     assert error(trace.signals, truth, "drive_torque") < 5e-4
     for body in mechanism.moving:
         scale = np.abs(spline(SECOND * course[0][-1], 1)).max() + 1e-3
-        np.testing.assert_allclose(trace.signals[f"{body}_angular_velocity"], truth[f"{body}_angular_velocity"], atol=1e-5 * scale)
+        np.testing.assert_allclose(
+            trace.signals[f"{body}_angular_velocity"], truth[f"{body}_angular_velocity"], atol=1e-5 * scale
+        )
         np.testing.assert_allclose(trace.signals[f"{body}_x"], truth[f"{body}_x"], atol=1e-8)
 
 
@@ -106,22 +122,33 @@ def test_a_course_of_constant_speed_is_the_same_as_the_speed(model: JointModel) 
     speed = mechanism.speed
     assert speed is not None
     ends = np.linspace(theta[0], theta[-1], 50)
-    along = follow(mechanism, ((ends - theta[0]) / speed, ends), np.minimum((theta - theta[0]) / speed, (ends[-1] - theta[0]) / speed), model)
+    along = follow(
+        mechanism,
+        ((ends - theta[0]) / speed, ends),
+        np.minimum((theta - theta[0]) / speed, (ends[-1] - theta[0]) / speed),
+        model,
+    )
     steadily = ENGINE.simulate(Request(mechanism, model, "driven", theta))
     assert angle_error(along.signals, steadily.signals) < 1e-6
     for prefix in ("reaction", "drive_torque"):
         assert error(along.signals, steadily.signals, prefix) < 1e-4
 
 
-def on_the_rim(mechanism: Mechanism, joint: str, course: Course, size: float, stiffness: float) -> tuple[np.ndarray, Reactions]:
-    """Times, and the linkage with one pin always pressed: gap along its own reaction, with the gap's own rates and accelerations."""
+def on_the_rim(
+    mechanism: Mechanism, joint: str, course: Course, size: float, stiffness: float
+) -> tuple[np.ndarray, Reactions]:
+    """Times, and the linkage with one pin always pressed: gap along its own reaction, with the gap's own rates and
+    accelerations.
+    """
     time, spline = np.linspace(course[0][0], course[0][-1], 251), CubicSpline(*course)
     found, gap = rigid(mechanism, course, time), np.zeros(time.size, complex)
     for _ in range(8):
         force = found.forces[joint]
         change, gap = gap, (size + np.abs(force) / stiffness) * force / np.abs(force)
         moving = Gap(gap, *(CubicSpline(time, gap)(time, order) for order in (1, 2)))
-        found = kinetostatics(kinematics(Assembly(mechanism), spline(time), spline(time, 1), spline(time, 2), {joint: moving}))
+        found = kinetostatics(
+            kinematics(Assembly(mechanism), spline(time), spline(time, 1), spline(time, 2), {joint: moving})
+        )
     assert np.abs(gap - change).max() < 1e-6 * size
     return time, found
 
@@ -160,7 +187,9 @@ def test_reports_may_be_unevenly_spaced(model: JointModel) -> None:
 
 @dataclass(frozen=True)
 class Crank:
-    """A crank on a spring as one degree of freedom: inertia(theta) alpha + rest(theta, omega) = stiffness (motor - theta)."""
+    """A crank on a spring as one degree of freedom: inertia(theta) alpha + rest(theta, omega) = stiffness (motor -
+    theta).
+    """
 
     stiffness: float
     inertia: CubicSpline
@@ -169,12 +198,17 @@ class Crank:
 
     @classmethod
     def of(cls, mechanism: Mechanism, stiffness: float) -> Crank:
-        """From the drive torque of the rigid linkage, which is linear in the crank's acceleration and in its speed squared."""
+        """From the drive torque of the rigid linkage, which is linear in the crank's acceleration and in its speed
+        squared.
+        """
         theta = np.linspace(-2 * np.pi, 4 * np.pi, 4321)
         at_rest, turning, accelerated = (
-            kinetostatics(kinematics(Assembly(mechanism), theta, omega, alpha)).drive_torque for omega, alpha in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+            kinetostatics(kinematics(Assembly(mechanism), theta, omega, alpha)).drive_torque
+            for omega, alpha in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
         )
-        return cls(stiffness, *(CubicSpline(theta, values) for values in (accelerated - at_rest, at_rest, turning - at_rest)))
+        return cls(
+            stiffness, *(CubicSpline(theta, values) for values in (accelerated - at_rest, at_rest, turning - at_rest))
+        )
 
     def moves(self, motor: CubicSpline, time: np.ndarray, theta: float, omega: float) -> np.ndarray:
         """The crank's angle (rad) at these times (s), from its state at the first of them."""
@@ -203,7 +237,9 @@ def test_a_crank_on_a_spring_moves_as_its_equation_says_and_repeats_itself(stiff
     assert np.abs(crank - moved).max() < 1e-6
     np.testing.assert_allclose(lag, trace.signals["drive_torque"] / stiffness, rtol=0, atol=1e-10)
     assert np.abs(lag).max() > 1e-4
-    np.testing.assert_allclose(lag[-1], lag[0], rtol=0, atol=2e-7)  # a crank that swayed beside its steady motion would not be back
+    np.testing.assert_allclose(
+        lag[-1], lag[0], rtol=0, atol=2e-7
+    )  # a crank that swayed beside its steady motion would not be back
     assert omega[-1] == pytest.approx(omega[0], abs=1e-5 * SPEED)
 
 
@@ -214,7 +250,11 @@ def test_a_crank_on_a_spring_lags_a_swinging_motor_without_swaying(stiffness: fl
     crank = CubicSpline(SECOND, SWING)(SECOND)
     for _ in range(4):  # the crank where the torque of its own motion lets it be
         moving = CubicSpline(SECOND, crank)
-        crank = SWING - kinetostatics(kinematics(Assembly(mechanism), crank, moving(SECOND, 1), moving(SECOND, 2))).drive_torque / stiffness
+        crank = (
+            SWING
+            - kinetostatics(kinematics(Assembly(mechanism), crank, moving(SECOND, 1), moving(SECOND, 2))).drive_torque
+            / stiffness
+        )
     lag = SWING - crank
     assert stiffness * np.abs(lag).max() > 0.05
     assert np.abs(trace.signals["crank_angle"] - crank[::5]).max() < 1e-6
@@ -239,7 +279,9 @@ def test_a_marker_is_not_the_centre_of_mass(model: JointModel, motion: Motion) -
     marked = plain.with_body("coupler", marker=beside, com=(0.07, -0.01), inertia=1.2e-4)
     push = Load(body="coupler", force=(30.0, 50.0))
     theta = np.radians(np.arange(0.0, 91.0, 15.0))
-    at_point = ENGINE.simulate(Request(named.replace(loads=(push.model_copy(update={"point": "P"}),)), model, motion, theta)).signals
+    at_point = ENGINE.simulate(
+        Request(named.replace(loads=(push.model_copy(update={"point": "P"}),)), model, motion, theta)
+    ).signals
     at_marker = ENGINE.simulate(Request(marked.replace(loads=(push,)), model, motion, theta)).signals
     for name in set(at_point) - {"coupler_x", "coupler_y"}:
         np.testing.assert_allclose(at_marker[name], at_point[name], atol=1e-9, err_msg=name)
@@ -250,12 +292,17 @@ def test_a_marker_is_not_the_centre_of_mass(model: JointModel, motion: Motion) -
 
 @pytest.mark.parametrize("model", ["ideal", "contact"])
 def test_an_exported_course_runs_in_mujoco_alone(model: JointModel, tmp_path: Path) -> None:
-    mechanism = CRANK_ROCKER.replace(loads=(Load(body="follower", force=(40.0, 0.0)),)).with_body("follower", marker=(0.07, 0.01))
+    mechanism = CRANK_ROCKER.replace(loads=(Load(body="follower", force=(40.0, 0.0)),)).with_body(
+        "follower", marker=(0.07, 0.01)
+    )
     mechanism = driven_at(mechanism, "measured", 200.0) if model == "ideal" else mechanism.with_clearances({"B": 2e-4})
     time = np.sort(np.random.default_rng(3).uniform(0.0, 0.3, 10))
     ENGINE.export(Request(mechanism, model, "driven", time=time, course=(SECOND, SWING)), tmp_path)
     subprocess.run([sys.executable, "run.py"], cwd=tmp_path, check=True, capture_output=True)
-    expected, found = (list(csv.DictReader((tmp_path / name).read_text(encoding="utf-8").splitlines())) for name in ("expected.csv", "signals.csv"))
+    expected, found = (
+        list(csv.DictReader((tmp_path / name).read_text(encoding="utf-8").splitlines()))
+        for name in ("expected.csv", "signals.csv")
+    )
     assert len(found) == time.size
     for right, seen in zip(expected, found, strict=True):
         for name, value in right.items():

@@ -8,13 +8,23 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from analytic.assembly import Assembly, AssemblyError
-from analytic.clearance import displaced
+from analytic.beyond_paper.released import released
+from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Load, Mechanism
-from analytic.mechanism_file import load
-from analytic.released import released
+from analytic.mechanism.file import load
+from analytic.paper.clearance import displaced
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
-from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, SimulationError, Trace, Unsupported, declared, engine
+from sim_models.engine import (
+    JOINT_MODELS,
+    JointModel,
+    Motion,
+    Request,
+    SimulationError,
+    Trace,
+    Unsupported,
+    declared,
+    engine,
+)
 from sim_models.mujoco.engine import ENGINE
 
 pytest.importorskip("mujoco")
@@ -40,7 +50,9 @@ def at_speed(mechanism: Mechanism, **drive: float) -> Mechanism:
 
 def expected(mechanism: Mechanism, model: JointModel, motion: Motion, theta: np.ndarray) -> dict[str, np.ndarray]:
     clearances = {} if model == "ideal" else mechanism.clearances
-    found = displaced(Assembly(mechanism), theta, mechanism.speed or 1.0, inertia=motion == "driven", clearances=clearances)
+    found = displaced(
+        Assembly(mechanism), theta, mechanism.speed or 1.0, inertia=motion == "driven", clearances=clearances
+    )
     assert not found.flags
     return found.signals()
 
@@ -51,7 +63,9 @@ def error(trace: Trace, truth: dict[str, np.ndarray], prefix: str, skip: tuple[i
     for moment in (False, True):
         names = [n for n in trace.signals if n.startswith(prefix) and n.endswith("_moment") == moment]
         peak = max((np.abs(truth[n]).max() for n in names), default=0.0)
-        worst = max([worst, *(np.abs(np.delete(trace.signals[n] - truth[n], skip)).max() / peak for n in names if peak > 1e-12)])
+        worst = max(
+            [worst, *(np.abs(np.delete(trace.signals[n] - truth[n], skip)).max() / peak for n in names if peak > 1e-12)]
+        )
     return worst
 
 
@@ -66,7 +80,9 @@ def angle_error(trace: Trace, truth: dict[str, np.ndarray]) -> float:
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("model", JOINT_MODELS)
 @pytest.mark.parametrize("clearance", [1e-2, 1e-3, 1e-4])
-def test_reaction_of_the_paper_case_is_the_finite_gap_equilibrium(model: JointModel, motion: Motion, clearance: float) -> None:
+def test_reaction_of_the_paper_case_is_the_finite_gap_equilibrium(
+    model: JointModel, motion: Motion, clearance: float
+) -> None:
     mechanism = PAPER.with_clearances({"B": clearance})
     trace = ENGINE.simulate(Request(mechanism, model, motion, RANGE))
     truth = expected(mechanism, model, motion, RANGE)
@@ -80,7 +96,9 @@ def test_reaction_of_the_paper_case_is_the_finite_gap_equilibrium(model: JointMo
 def test_published_reactions_of_the_paper_case() -> None:
     trace = ENGINE.simulate(Request(PAPER, "ideal", "driven", np.radians([20.0, 30.0, 60.0, 90.0, 120.0, 160.0])))
     s = trace.signals
-    np.testing.assert_allclose(s["reaction_B_x"], [68.7597, 43.3684, 14.4725, 0.0, -14.4725, -68.7597], rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(
+        s["reaction_B_x"], [68.7597, 43.3684, 14.4725, 0.0, -14.4725, -68.7597], rtol=1e-4, atol=1e-4
+    )
     np.testing.assert_allclose(s["reaction_B_y"], [25.0265, 25.0387, 25.0671, 25.0775, 25.0671, 25.0265], rtol=1e-4)
     np.testing.assert_allclose(s["drive_torque"], [-9.3969, -8.6603, -5.0, 0.0, 5.0, 9.3969], rtol=1e-4, atol=1e-4)
 
@@ -100,7 +118,11 @@ def test_crank_rocker_with_ideal_joints_over_a_revolution(rpm: float) -> None:
 @pytest.mark.parametrize("name", ["slider-crank", "six-bar", "inverted-slider", "scotch-yoke", "six-bar-from-G"])
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_other_linkages_with_ideal_joints(name: str, motion: Motion) -> None:
-    made = {"inverted-slider": inverted_slider, "scotch-yoke": scotch_yoke, "six-bar-from-G": six_bar_driven_from_the_rocker}
+    made = {
+        "inverted-slider": inverted_slider,
+        "scotch-yoke": scotch_yoke,
+        "six-bar-from-G": six_bar_driven_from_the_rocker,
+    }
     mechanism = made[name]() if name in made else load(name)
     mechanism = mechanism.replace(gravity=(1.0, -9.81))
     theta = Assembly(mechanism).start + np.radians(np.arange(-8.0, 8.1, 2.0)) if name == "six-bar-from-G" else TURN
@@ -123,7 +145,11 @@ def test_clearance_at_any_joint_and_at_several(model: JointModel, motion: Motion
     assert error(trace, truth, "reaction") < limit
     stiffness = trace.settings.get("contact_stiffness", np.inf)
     for joint in joints:
-        gap, right, force = vector(trace.signals, "clearance", joint), vector(truth, "clearance", joint), vector(trace.signals, "reaction", joint)
+        gap, right, force = (
+            vector(trace.signals, "clearance", joint),
+            vector(truth, "clearance", joint),
+            vector(trace.signals, "reaction", joint),
+        )
         assert np.abs(np.angle(gap / right)).max() < limit
         np.testing.assert_allclose(np.abs(gap), np.abs(right) + np.abs(force) / stiffness, rtol=1.5e-3)
     assert set(trace.journal) == set(trace.free_share) == set(joints)
@@ -133,7 +159,10 @@ def test_clearance_at_any_joint_and_at_several(model: JointModel, motion: Motion
 @pytest.mark.parametrize("model", CLEARANCE_MODELS)
 def test_clearance_in_a_slider_crank_and_a_six_bar_at_rest(model: JointModel) -> None:
     slider_crank = load("slider-crank").replace(gravity=(0.0, -9.81), loads=(Load(body="slider", force=(-40.0, 3.0)),))
-    for mechanism in (slider_crank.with_clearances({"B": 5e-4}), load("six-bar").with_clearances({"C": 1e-4, "F": 1e-4})):
+    for mechanism in (
+        slider_crank.with_clearances({"B": 5e-4}),
+        load("six-bar").with_clearances({"C": 1e-4, "F": 1e-4}),
+    ):
         theta = TURN[1::6]
         trace = ENGINE.simulate(Request(mechanism, model, "static", theta))
         truth = expected(mechanism, model, "static", theta)
@@ -162,7 +191,9 @@ def test_the_crank_may_turn_backwards(model: JointModel) -> None:
 
 @pytest.mark.parametrize("joint", "DABE")
 @pytest.mark.parametrize(
-    "law", [{"friction_torque": 0.05}, {"damping": 0.002}, {"stiffness": 0.5, "rest_angle": 0.3}], ids=lambda law: next(iter(law))
+    "law",
+    [{"friction_torque": 0.05}, {"damping": 0.002}, {"stiffness": 0.5, "rest_angle": 0.3}],
+    ids=lambda law: next(iter(law)),
 )
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_joint_laws_on_any_joint(joint: str, law: dict[str, float], motion: Motion) -> None:
@@ -177,16 +208,24 @@ def test_joint_laws_on_any_joint(joint: str, law: dict[str, float], motion: Moti
 @pytest.mark.parametrize("model", CLEARANCE_MODELS)
 def test_joint_laws_beside_clearance_at_rest(model: JointModel) -> None:
     mechanism = load("crank-rocker").replace(gravity=(1.0, -9.81)).with_joint("A", friction_torque=0.01)
-    mechanism = mechanism.with_joint("B", clearance=1e-4, friction_torque=0.004, stiffness=0.1).with_joint("E", stiffness=0.5, rest_angle=1.0)
+    mechanism = mechanism.with_joint("B", clearance=1e-4, friction_torque=0.004, stiffness=0.1).with_joint(
+        "E", stiffness=0.5, rest_angle=1.0
+    )
     trace = ENGINE.simulate(Request(mechanism, model, "static", TURN[1::4]))
     assert error(trace, expected(mechanism, model, "static", TURN[1::4]), "reaction") < 1e-4
 
 
-@pytest.mark.parametrize("law", [{"friction": 2.0}, {"damping": 1.5}, {"stiffness": 100.0, "rest_angle": 0.1}], ids=lambda law: next(iter(law)))
+@pytest.mark.parametrize(
+    "law",
+    [{"friction": 2.0}, {"damping": 1.5}, {"stiffness": 100.0, "rest_angle": 0.1}],
+    ids=lambda law: next(iter(law)),
+)
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_laws_and_loads_of_a_slider(law: dict[str, float], motion: Motion) -> None:
     mechanism = at_speed(load("slider-crank"), speed=20.0).with_joint("S", **law)
-    mechanism = mechanism.replace(loads=(Load(body="slider", force=(-30.0, 5.0)), Load(body="rod", point="B", force=(3.0, 7.0), torque=0.2)))
+    mechanism = mechanism.replace(
+        loads=(Load(body="slider", force=(-30.0, 5.0)), Load(body="rod", point="B", force=(3.0, 7.0), torque=0.2))
+    )
     theta = TURN[1::4]
     trace = ENGINE.simulate(Request(mechanism, "ideal", motion, theta))
     truth = expected(mechanism, "ideal", motion, theta)
@@ -235,7 +274,9 @@ def test_signals_come_in_the_order_asked_for_and_angles_are_not_wrapped() -> Non
 
 def test_a_lead_in_comes_before_the_first_angle() -> None:
     mechanism = at_speed(load("crank-rocker"), speed=20.0)
-    short, long = (ENGINE.simulate(Request(mechanism, "ideal", "driven", TURN[:10], lead_in=lead)) for lead in (0.0, 2.0))
+    short, long = (
+        ENGINE.simulate(Request(mechanism, "ideal", "driven", TURN[:10], lead_in=lead)) for lead in (0.0, 2.0)
+    )
     assert short.time is not None
     assert long.time is not None
     np.testing.assert_array_equal(short.time, long.time)
@@ -287,11 +328,17 @@ def test_at_rest_a_mass_is_nothing_but_a_weight() -> None:
     """A crank a billion billionth as heavy as its neighbours changes no force of an equilibrium."""
     theta = np.radians([30.0, 90.0, 150.0])
     heavy, light = (
-        ENGINE.simulate(Request(load("paper").with_body("crank", mass=mass).with_clearances({"B": 1e-3}), "contact", "static", theta)).signals
+        ENGINE.simulate(
+            Request(
+                load("paper").with_body("crank", mass=mass).with_clearances({"B": 1e-3}), "contact", "static", theta
+            )
+        ).signals
         for mass in (0.157, 1e-20)
     )
     for name in heavy:
-        np.testing.assert_allclose(light[name], heavy[name], rtol=0, atol=1e-7 * max(1.0, np.abs(heavy[name]).max()), err_msg=name)
+        np.testing.assert_allclose(
+            light[name], heavy[name], rtol=0, atol=1e-7 * max(1.0, np.abs(heavy[name]).max()), err_msg=name
+        )
 
 
 @pytest.mark.parametrize(
@@ -306,7 +353,9 @@ def test_at_rest_a_mass_is_nothing_but_a_weight() -> None:
         ("dart", "contact", 1.5, 1e-13),
     ],
 )
-def test_a_run_without_end_is_refused_before_it_begins(name: str, joint_model: JointModel, speed: float, clearance: float) -> None:
+def test_a_run_without_end_is_refused_before_it_begins(
+    name: str, joint_model: JointModel, speed: float, clearance: float
+) -> None:
     if importlib.util.find_spec(declared(name).package) is None:
         pytest.skip(f"{name} is not installed")
     m = at_speed(load("paper"), speed=speed).with_clearances({"B": clearance})
@@ -331,5 +380,8 @@ def test_a_released_pendulum_hangs_in_its_loose_pin(model: JointModel) -> None:
 
 def test_a_mechanism_of_any_name_runs() -> None:
     m, theta = load("crank-rocker"), np.array([0.1, 0.2])
-    odd, plain = (ENGINE.simulate(Request(each, crank_angle=theta)).signals["follower_angle"] for each in (m.replace(name='R&D "x" <1>'), m))
+    odd, plain = (
+        ENGINE.simulate(Request(each, crank_angle=theta)).signals["follower_angle"]
+        for each in (m.replace(name='R&D "x" <1>'), m)
+    )
     np.testing.assert_array_equal(odd, plain)

@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from analytic.assembly import Assembly
-from analytic.mechanism_file import load
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism.file import load
+from sim_models.common.start import poses
 from sim_models.engine import Request, SimulationError
 from sim_models.mujoco.engine import ENGINE
 from sim_models.mujoco.model import Linkage
-from sim_models.start import poses
 
 PAPER = load("paper")
 FOUR_BAR = """
@@ -60,7 +60,9 @@ def test_after_a_runge_kutta_step_forces_are_the_last_stages() -> None:
     assert off["RK4"] > 1e-7  # neither is of the state that the step ends in; ours are read after mj_forward
     m = load("crank-rocker")
     theta = np.radians([40.0, 41.0])
-    fine, coarse = (ENGINE.simulate(Request(m, "ideal", "driven", theta, step=h)).signals["reaction_B_x"] for h in (2e-6, 2e-5))
+    fine, coarse = (
+        ENGINE.simulate(Request(m, "ideal", "driven", theta, step=h)).signals["reaction_B_x"] for h in (2e-6, 2e-5)
+    )
     np.testing.assert_allclose(fine, coarse, rtol=1e-3)
 
 

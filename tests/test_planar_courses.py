@@ -1,4 +1,6 @@
-"""DART and PyBullet with a motor that turns unevenly, or on a spring, and with reports at any time: against the analytic model."""
+"""DART and PyBullet with a motor that turns unevenly, or on a spring, and with reports at any time: against the
+analytic model.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +13,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from analytic.assembly import Assembly
-from analytic.clearance import displaced
-from analytic.kinematics import kinematics
-from analytic.kinetostatics import kinetostatics
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Drive, Load, Mechanism
-from analytic.mechanism_file import load
+from analytic.mechanism.file import load
+from analytic.paper.clearance import displaced
+from analytic.paper.kinetostatics import kinetostatics
 from linkages import inverted_slider
 from planar_checks import vector
 from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported
@@ -49,8 +51,14 @@ def expected(m: Mechanism, course: tuple[np.ndarray, np.ndarray], time: np.ndarr
 
 
 def assert_agrees(trace: Trace, truth: dict[str, np.ndarray], relative: float, angle: float = 1e-7) -> None:
-    """Positions (m) and angles (rad) to ``angle``; forces, torques and rates to ``relative`` of the largest of their kind."""
-    force = max(np.abs(values).max() for name, values in truth.items() if name.startswith("reaction") and name[-2:] in ("_x", "_y"))
+    """Positions (m) and angles (rad) to ``angle``; forces, torques and rates to ``relative`` of the largest of their
+    kind.
+    """
+    force = max(
+        np.abs(values).max()
+        for name, values in truth.items()
+        if name.startswith("reaction") and name[-2:] in ("_x", "_y")
+    )
     for name, values in truth.items():
         if name.startswith("reaction") and name[-2:] in ("_x", "_y"):
             allowed = relative * force
@@ -103,7 +111,9 @@ def test_joint_laws_and_slides_on_a_course(planar: Engine) -> None:
     course = (time, Assembly(m).start + command + 2e-3 * np.sin(6 * command))
     motion = kinematics(Assembly(m), course[1], m.speed)
     rubbing = [motion.travel("S")[1], motion.angular_velocity(m.joint("C").bodies[1])]
-    time = time[np.all([np.abs(rate) > 0.02 * np.abs(rate).max() for rate in rubbing], axis=0)]  # at a reversal friction has no direction
+    time = time[
+        np.all([np.abs(rate) > 0.02 * np.abs(rate).max() for rate in rubbing], axis=0)
+    ]  # at a reversal friction has no direction
     assert_agrees(planar.simulate(Request(m, course=course, time=time)), expected(m, course, time), 5e-4)
 
 
@@ -129,15 +139,21 @@ def test_unequal_angles_and_times_change_no_force(planar: Engine) -> None:
     every, some = (planar.simulate(Request(free, time=t, start_speed=10.0)) for t in (time, moved))
     for name in ("reaction_B_x", "reaction_D_y", "follower_angular_velocity"):
         smooth = CubicSpline(time, every.signals[name])(moved)
-        np.testing.assert_allclose(some.signals[name], smooth, rtol=0, atol=5e-4 * np.abs(every.signals[name]).max(), err_msg=name)
+        np.testing.assert_allclose(
+            some.signals[name], smooth, rtol=0, atol=5e-4 * np.abs(every.signals[name]).max(), err_msg=name
+        )
 
 
 # ---------------------------------------------------------------- clearance
 
 
 @pytest.mark.parametrize(("name", "joint_model"), MODELS)
-@pytest.mark.parametrize("shape", [lambda t: 3 * t**2, lambda t: 0.3 * np.cos(2 * np.pi * t)], ids=["from rest", "from its end"])
-def test_pins_start_pressed_and_stay_so_on_a_course(name: str, joint_model: JointModel, shape: Callable[[np.ndarray], np.ndarray]) -> None:
+@pytest.mark.parametrize(
+    "shape", [lambda t: 3 * t**2, lambda t: 0.3 * np.cos(2 * np.pi * t)], ids=["from rest", "from its end"]
+)
+def test_pins_start_pressed_and_stay_so_on_a_course(
+    name: str, joint_model: JointModel, shape: Callable[[np.ndarray], np.ndarray]
+) -> None:
     m = load("paper").with_clearances({"B": 1e-3}).replace(drive=MEASURED)
     time = np.linspace(0.0, 0.2, 41)
     course = (time, 1.0 + shape(time))
@@ -148,7 +164,9 @@ def test_pins_start_pressed_and_stay_so_on_a_course(name: str, joint_model: Join
     truth = found.signals()
     exact = truth["reaction_B_x"] + 1j * truth["reaction_B_y"]
     np.testing.assert_allclose(vector(trace, "reaction_B"), exact, rtol=0, atol=1e-4 * np.abs(exact).max())
-    np.testing.assert_allclose(trace.signals["drive_torque"], truth["drive_torque"], rtol=0, atol=1e-4 * np.abs(truth["drive_torque"]).max())
+    np.testing.assert_allclose(
+        trace.signals["drive_torque"], truth["drive_torque"], rtol=0, atol=1e-4 * np.abs(truth["drive_torque"]).max()
+    )
     assert trace.free_share == {"B": 0.0}
 
 
@@ -160,13 +178,20 @@ def on_spring(m: Mechanism, stiffness: float) -> Mechanism:
     return m.replace(drive=m.drive.model_copy(update={"stiffness": stiffness}))
 
 
-def crank_on_spring(m: Mechanism, stiffness: float, motor: CubicSpline, time: np.ndarray, start: list[float]) -> np.ndarray:
-    """Angle (rad) of an ideal linkage's crank behind a motor, by its equation of motion: inertia times acceleration, and the rest."""
+def crank_on_spring(
+    m: Mechanism, stiffness: float, motor: CubicSpline, time: np.ndarray, start: list[float]
+) -> np.ndarray:
+    """Angle (rad) of an ideal linkage's crank behind a motor, by its equation of motion: inertia times acceleration,
+    and the rest.
+    """
     assembly = Assembly(m)
 
     def rates(t: float, state: np.ndarray) -> list[float]:
         theta, omega = state
-        needs = [float(kinetostatics(kinematics(assembly, np.array([theta]), omega, alpha)).drive_torque[0]) for alpha in (0.0, 1.0)]
+        needs = [
+            float(kinetostatics(kinematics(assembly, np.array([theta]), omega, alpha)).drive_torque[0])
+            for alpha in (0.0, 1.0)
+        ]
         return [omega, (stiffness * (float(motor(t)) - theta) - needs[0]) / (needs[1] - needs[0])]
 
     return np.asarray(solve_ivp(rates, (time[0], time[-1]), start, t_eval=time, rtol=1e-9, atol=1e-12).y[0])
@@ -190,7 +215,9 @@ def test_a_crank_on_a_spring_starts_in_steady_motion(planar: Engine, stiffness: 
     trace = planar.simulate(Request(on_spring(ROCKER, stiffness), crank_angle=angles))
     np.testing.assert_array_equal(trace.crank_angle, angles)
     torque = trace.signals["drive_torque"]
-    np.testing.assert_allclose(stiffness * (angles - trace.signals["crank_angle"]), torque, rtol=0, atol=stiffness * 1e-9)
+    np.testing.assert_allclose(
+        stiffness * (angles - trace.signals["crank_angle"]), torque, rtol=0, atol=stiffness * 1e-9
+    )
     first, second = torque[:51], torque[51:]
     np.testing.assert_allclose(first, second, rtol=0, atol=3e-4 * np.abs(torque).max())
     assert np.abs(np.diff(first, 2)).max() < 2e-3 * np.abs(torque).max()
@@ -205,7 +232,9 @@ def test_a_motor_on_a_spring_and_a_pin_with_clearance(name: str, joint_model: Jo
     crank = trace.signals["crank_angle"]
     speed = np.gradient(crank, angles) * m.speed
     found = displaced(Assembly(m), crank, speed).signals()
-    np.testing.assert_allclose(trace.signals["drive_torque"], found["drive_torque"], rtol=0, atol=3e-4 * np.abs(found["drive_torque"]).max())
+    np.testing.assert_allclose(
+        trace.signals["drive_torque"], found["drive_torque"], rtol=0, atol=3e-4 * np.abs(found["drive_torque"]).max()
+    )
     np.testing.assert_allclose(trace.signals["follower_angle"], found["follower_angle"], rtol=0, atol=2e-5)
 
 
@@ -229,7 +258,11 @@ def test_a_motor_near_resonance_is_refused(planar: Engine) -> None:
 @pytest.mark.parametrize("motion", ["driven", "static"])
 def test_signals_and_loads_are_at_the_marker_and_mass_is_not(planar: Engine, motion: str) -> None:
     m = ROCKER.replace(gravity=GRAVITY, loads=(Load(body="coupler", point="com", force=(30.0, 20.0)),))
-    for body, com, marker in (("crank", (0.06, 0.01), (0.02, -0.03)), ("coupler", (0.15, 0.02), (0.3, 0.05)), ("follower", (0.1, -0.02), (0.2, 0.0))):
+    for body, com, marker in (
+        ("crank", (0.06, 0.01), (0.02, -0.03)),
+        ("coupler", (0.15, 0.02), (0.3, 0.05)),
+        ("follower", (0.1, -0.02), (0.2, 0.0)),
+    ):
         m = m.with_body(body, com=com, marker=marker)
     angles = np.linspace(0.0, 6.0, 13)
     driven = motion == "driven"
@@ -247,7 +280,10 @@ def test_signals_and_loads_are_at_the_marker_and_mass_is_not(planar: Engine, mot
     [
         ({"course": None}, "a measured drive follows a course"),
         ({"motion": "static"}, "leave the course out of a static or released run"),
-        ({"mechanism": ROCKER.replace(drive=Drive(joint="D", speed="free"))}, "leave the course out of a static or released run"),
+        (
+            {"mechanism": ROCKER.replace(drive=Drive(joint="D", speed="free"))},
+            "leave the course out of a static or released run",
+        ),
         ({"lead_in": 0.1}, r"leave out lead_in = 0\.1 rad"),
         ({"time": np.array([0.1, 0.3])}, "reports are wanted outside the course"),
         ({"crank_angle": np.array([0.1])}, "no crank_angle"),

@@ -1,4 +1,6 @@
-"""Simulations that are wrong in one way each, run through the whole cross-check: every fault is found, and nothing else is."""
+"""Simulations that are wrong in one way each, run through the whole cross-check: every fault is found, and nothing else
+is.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analytic.assembly import Assembly
-from analytic.mechanism_file import load
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism.file import load
 from compare.crosscheck import Job, crosscheck
-from compare.discrepancy import ToleranceError, load_tolerances
-from compare.grid import default_angles
-from compare.tolerances import Known
+from compare.judge.discrepancy import ToleranceError, load_tolerances
+from compare.judge.grid import default_angles
+from compare.judge.tolerances import Known
 from planted import Fault, Planted, Signals, truth, turned
 from sim_models.engine import JointModel, Motion
 
@@ -21,7 +23,12 @@ TOLERANCES = load_tolerances()
 
 
 def result(
-    case: str, motion: Motion, joint_model: JointModel, fault: Fault = truth, tolerances: Mapping[str, Any] = TOLERANCES, **job: Any
+    case: str,
+    motion: Motion,
+    joint_model: JointModel,
+    fault: Fault = truth,
+    tolerances: Mapping[str, Any] = TOLERANCES,
+    **job: Any,
 ) -> dict[str, Any]:
     mechanism = load(case)
     theta = default_angles(Assembly(mechanism))
@@ -35,7 +42,10 @@ def shifted(signals: Signals, only: str = "") -> Signals:
 
 def swapped(one: str, other: str) -> Fault:
     def fault(signals: Signals) -> Signals:
-        return {name.replace(f"_{one}_", "_?_").replace(f"_{other}_", f"_{one}_").replace("_?_", f"_{other}_"): v for name, v in signals.items()}
+        return {
+            name.replace(f"_{one}_", "_?_").replace(f"_{other}_", f"_{one}_").replace("_?_", f"_{other}_"): v
+            for name, v in signals.items()
+        }
 
     return fault
 
@@ -48,7 +58,10 @@ def spoilt(signals: Signals, value: float) -> Signals:
 
 def noisy(signals: Signals) -> Signals:
     rng = np.random.default_rng(7)
-    return {name: values + 1e-9 * np.abs(values).max() * rng.standard_normal(values.size) for name, values in signals.items()}
+    return {
+        name: values + 1e-9 * np.abs(values).max() * rng.standard_normal(values.size)
+        for name, values in signals.items()
+    }
 
 
 RUNS: list[tuple[str, Motion, JointModel]] = [
@@ -62,7 +75,9 @@ RUNS: list[tuple[str, Motion, JointModel]] = [
 MATCHING: dict[str, Fault] = {
     "exact": truth,
     "with other last digits": noisy,
-    "with its bodies a whole turn on": lambda s: {name: v + 2 * np.pi if name.endswith("_angle") else v for name, v in s.items()},
+    "with its bodies a whole turn on": lambda s: {
+        name: v + 2 * np.pi if name.endswith("_angle") else v for name, v in s.items()
+    },
     "with reactions turned by a thousandth of a degree, half a tolerance at rest": turned("B", np.radians(0.0005)),
 }
 FAULTS: dict[str, Fault] = {
@@ -94,7 +109,9 @@ def test_a_faulty_simulation_is_caught(run: tuple[str, Motion, JointModel], faul
 
 
 @pytest.mark.parametrize("run", RUNS, ids=" ".join)
-def test_an_angle_off_by_two_hundredths_of_a_degree_is_found_at_its_joint_and_nowhere_else(run: tuple[str, Motion, JointModel]) -> None:
+def test_an_angle_off_by_two_hundredths_of_a_degree_is_found_at_its_joint_and_nowhere_else(
+    run: tuple[str, Motion, JointModel],
+) -> None:
     for joint in load(run[0]).joints:
         found = result(*run, turned(joint.name, np.radians(0.02)))
         wrong = [d for d in found["runs"][0]["discrepancies"] if d["verdict"] == "disagrees"]
@@ -119,7 +136,13 @@ def first_order(known: tuple[Known, ...] = ()) -> dict[str, Any]:
 def declared(rows: list[dict[str, Any]], factor: float) -> tuple[Known, ...]:
     wrong = [row for row in rows if row["verdict"] == "disagrees"]
     return tuple(
-        Known(case="paper", signal=row["signal"], bound=factor * abs(row["max"]), reason="Eq. 8 at 10 mm", analytic_model=("first_order",))
+        Known(
+            case="paper",
+            signal=row["signal"],
+            bound=factor * abs(row["max"]),
+            reason="Eq. 8 at 10 mm",
+            analytic_model=("first_order",),
+        )
         for row in wrong
     )
 
@@ -134,7 +157,11 @@ def test_the_papers_first_order_agrees_once_its_differences_are_declared_and_bou
     assert all(row["reason"].startswith("Eq. 8 at 10 mm (bound") for row in shown)
     left = first_order(declared(rows, 0.9))
     assert left["verdict"] == "disagrees"
-    assert all("has left its bound" in row["reason"] for row in left["runs"][0]["discrepancies"] if row["verdict"] == "disagrees")
+    assert all(
+        "has left its bound" in row["reason"]
+        for row in left["runs"][0]["discrepancies"]
+        if row["verdict"] == "disagrees"
+    )
 
 
 def test_a_known_difference_that_is_not_there_fails() -> None:
@@ -147,16 +174,22 @@ def test_a_known_difference_that_is_not_there_fails() -> None:
 
 def test_a_known_difference_of_a_signal_that_is_never_compared_is_refused() -> None:
     known = Known(case="paper", signal="reaction_Q_angle", bound=0.2, reason="misspelt")
-    with pytest.raises(ToleranceError, match=r"'reaction_Q_angle' is not compared in paper; the signals are reaction_D_angle"):
+    with pytest.raises(
+        ToleranceError, match=r"'reaction_Q_angle' is not compared in paper; the signals are reaction_D_angle"
+    ):
         result("paper", "static", "contact", tolerances=TOLERANCES | {"known": (known,)})
 
 
 @pytest.mark.parametrize(("push", "expected"), [(1e-7, "agrees"), (1e-4, "disagrees")])
 def test_where_nothing_is_loaded_an_engines_rounding_agrees_and_a_force_does_not(push: float, expected: str) -> None:
     def pushed(signals: Signals) -> Signals:
-        return {name: v + push * (name.startswith("reaction_") or name == "drive_torque") for name, v in signals.items()}
+        return {
+            name: v + push * (name.startswith("reaction_") or name == "drive_torque") for name, v in signals.items()
+        }
 
     found = result("crank-rocker", "static", "ideal", pushed)
     assert found["verdict"] == expected
     assert all(row["tolerance"] > 0 for row in found["runs"][0]["discrepancies"])
-    assert not any(row["kind"] == "angle" and row["signal"].startswith("reaction_") for row in found["runs"][0]["discrepancies"])
+    assert not any(
+        row["kind"] == "angle" and row["signal"].startswith("reaction_") for row in found["runs"][0]["discrepancies"]
+    )

@@ -1,4 +1,6 @@
-"""The paper's equations as printed against their corrected twins: what each erratum does, and where it cannot be seen."""
+"""The paper's equations as printed against their corrected twins: what each erratum does, and where it cannot
+be seen.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +9,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analytic import printed
-from analytic.assembly import Assembly
-from analytic.compliance import compliance
-from analytic.frame import Bar, ComplianceError, beam_stiffness
-from analytic.kinematics import kinematics
-from analytic.kinetostatics import kinetostatics
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Load
-from analytic.mechanism_file import load
-from analytic.printed import FourBar, FourBarMotion, four_bar_motion
+from analytic.mechanism.file import load
+from analytic.paper import printed
+from analytic.paper.compliance import compliance
+from analytic.paper.frame import Bar, ComplianceError, beam_stiffness
+from analytic.paper.kinetostatics import kinetostatics
+from analytic.paper.printed import FourBar, FourBarMotion, four_bar_motion
 
 BAR = Bar(length=0.2, height=0.01, depth=0.02, youngs_modulus=2e11, shear_modulus=0.8e11)
 SPEED = np.pi / 2  # rad/s, 15 rpm
@@ -66,7 +68,9 @@ def test_eq2_printed_hides_from_the_rank_and_from_a_cantilevers_tip_deflection()
     assert tips[0][1] == pytest.approx(BAR.length**3 / (3 * BAR.youngs_modulus * BAR.i_z), rel=1e-12)
     assert tips[1][1] == pytest.approx(tips[0][1], rel=1e-12)
     assert tips[1][5] == pytest.approx(-tips[0][5], rel=1e-12)  # but the tip turns the wrong way
-    np.testing.assert_allclose(printed.printed_beam_block(BAR), right[:6, :6], rtol=1e-14, atol=0)  # Eq. 3 itself is right
+    np.testing.assert_allclose(
+        printed.printed_beam_block(BAR), right[:6, :6], rtol=1e-14, atol=0
+    )  # Eq. 3 itself is right
 
 
 def test_eq2_printed_leaves_the_papers_four_bar_singular_with_free_pins() -> None:
@@ -81,7 +85,9 @@ def test_eq2_printed_is_wrong_where_springs_at_the_pins_make_it_solvable() -> No
     for joint, angle in (("A", -np.pi / 6), ("B", np.pi / 6), ("E", np.pi / 6)):
         mechanism = mechanism.with_joint(joint, stiffness=1.0, rest_angle=angle)  # N.m/rad, slack at 30 deg
     motion = kinematics(Assembly(mechanism), np.radians([30.0]))
-    right, wrong = (compliance(motion, beam=k).displacement("coupler")[0] for k in (beam_stiffness, printed.printed_beam_stiffness))
+    right, wrong = (
+        compliance(motion, beam=k).displacement("coupler")[0] for k in (beam_stiffness, printed.printed_beam_stiffness)
+    )
     assert right.imag == pytest.approx(1.001e-3, rel=0.02)  # weak springs hardly change the right one
     assert abs(wrong - right) > 0.1 * abs(right)
 
@@ -105,7 +111,9 @@ def test_paper_section4_displacement_of_eq8() -> None:
         (160, -68.7597 + 25.0265j, 73.1726, 9.3969),
     ],
 )
-def test_paper_notes_table_of_kinetostatic_reactions(degrees: float, force: complex, magnitude: float, torque: float) -> None:
+def test_paper_notes_table_of_kinetostatic_reactions(
+    degrees: float, force: complex, magnitude: float, torque: float
+) -> None:
     found = printed.reactions(PAPER, moving(PAPER, [degrees]), 50.0)
     digits = 0.5001e-4
     assert abs(found["F_34"][0].real - force.real) < digits

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sim_models.contact_laws import damping_ratio, hertz_stiffness, restitution
+from sim_models.common.contact_laws import damping_ratio, hertz_stiffness, restitution
 
 NOMINAL = (0.9, 0.7, 0.5, 0.3)
 LAWS: dict[str, tuple[Callable[[float], float], tuple[float, float, float, float]]] = {
@@ -26,7 +26,9 @@ LAWS: dict[str, tuple[Callable[[float], float], tuple[float, float, float, float
 }
 
 
-def one_impact(force: Callable[[float, float], float], mass: float, speed: float, stiffness: float, power: float) -> float:
+def one_impact(
+    force: Callable[[float, float], float], mass: float, speed: float, stiffness: float, power: float
+) -> float:
     """Rebound speed over impact speed of a mass that meets a contact force; it leaves where the force vanishes."""
 
     def leaves(_: float, state: np.ndarray) -> float:
@@ -53,7 +55,9 @@ def one_impact(force: Callable[[float, float], float], mass: float, speed: float
 def test_delivered_restitution(chi, delivered, stiffness: float, power: float, mass: float, speed: float) -> None:  # type: ignore[no-untyped-def]
     for nominal, expected in zip(NOMINAL, delivered, strict=True):
         factor = chi(nominal) / speed
-        rebound = one_impact(lambda d, v, f=factor: stiffness * max(d, 0.0) ** power * (1 + f * v), mass, speed, stiffness, power)
+        rebound = one_impact(
+            lambda d, v, f=factor: stiffness * max(d, 0.0) ** power * (1 + f * v), mass, speed, stiffness, power
+        )
         assert rebound == pytest.approx(expected, abs=2e-5)
 
 
@@ -61,7 +65,9 @@ def test_delivered_restitution(chi, delivered, stiffness: float, power: float, m
 def test_kelvin_voigt_delivers_what_its_formula_says(ratio: float) -> None:
     stiffness, mass, speed = 1e6, 0.2, 0.7
     damping = 2 * ratio * np.sqrt(stiffness * mass)
-    assert one_impact(lambda d, v: stiffness * d + damping * v, mass, speed, stiffness, 1.0) == pytest.approx(restitution(ratio), abs=1e-6)
+    assert one_impact(lambda d, v: stiffness * d + damping * v, mass, speed, stiffness, 1.0) == pytest.approx(
+        restitution(ratio), abs=1e-6
+    )
 
 
 @pytest.mark.parametrize("delivered", NOMINAL)

@@ -21,7 +21,10 @@ TIME = np.linspace(0.0, 10.0, 501)
 
 def four_bars(n: int) -> Mechanism:
     """N four-bars side by side, rods upright."""
-    rods = [{"name": f"rod{i}", "points": {f"P{i}": (0, 0), f"Q{i}": (1, 0), f"R{i}": (1, 0)}, "mass": 1.0, "com": (0.5, 0)} for i in range(n + 1)]
+    rods = [
+        {"name": f"rod{i}", "points": {f"P{i}": (0, 0), f"Q{i}": (1, 0), f"R{i}": (1, 0)}, "mass": 1.0, "com": (0.5, 0)}
+        for i in range(n + 1)
+    ]
     bars = [{"name": f"bar{i}", "points": {f"Q{i}": (0, 0), f"R{i + 1}": (1, 0)}, "mass": 1.0} for i in range(n)]
     for rod in rods:
         sits_in = {"Q": int(rod["name"][3:]) < n, "R": int(rod["name"][3:]) > 0, "P": True}  # type: ignore[index]
@@ -47,7 +50,15 @@ def four_bars(n: int) -> Mechanism:
 def pendulum(n: int) -> np.ndarray:
     """The exact angle (rad) at TIME; the top rods move right at 1 m/s, which turns them clockwise."""
     pull = G * ((n + 1) / 2 + n) / ((n + 1) / 3 + n)
-    found = solve_ivp(lambda _, s: [s[1], -pull * np.cos(s[0])], (0, TIME[-1]), [np.pi / 2, -1.0], "DOP853", t_eval=TIME, rtol=1e-12, atol=1e-12)
+    found = solve_ivp(
+        lambda _, s: [s[1], -pull * np.cos(s[0])],
+        (0, TIME[-1]),
+        [np.pi / 2, -1.0],
+        "DOP853",
+        t_eval=TIME,
+        rtol=1e-12,
+        atol=1e-12,
+    )
     return np.asarray(found.y[0])
 
 
@@ -55,7 +66,10 @@ def energy(n: int, signals: dict[str, np.ndarray]) -> np.ndarray:
     """Kinetic and potential energy (J) at TIME, from the rods' angles: every bar moves as the rods' tips do."""
     rod = signals["rod0_angular_velocity"]
     kinetic = 0.5 * ((n + 1) / 3 + n) * rod**2
-    return np.asarray(kinetic + G * sum(values for name, values in signals.items() if name.endswith("_y") and name[:3] in ("rod", "bar")))
+    return np.asarray(
+        kinetic
+        + G * sum(values for name, values in signals.items() if name.endswith("_y") and name[:3] in ("rod", "bar"))
+    )
 
 
 @pytest.mark.slow
@@ -68,7 +82,10 @@ def test_rows_of_four_bars_swing_as_one_pendulum(name: str, n: int) -> None:
     off = np.abs(trace.signals["rod0_angle"] - pendulum(n)).max()
     total = energy(n, dict(trace.signals))
     drift = np.ptp(total)
-    print(f"\n{name}, N = {n}: angle off by {off:.2e} rad, energy drifts by {drift:.2e} J of {total[0]:.1f} J, {trace.settings}")
+    print(
+        f"\n{name}, N = {n}: angle off by {off:.2e} rad, energy drifts by {drift:.2e} J of {total[0]:.1f} J,"
+        f" {trace.settings}"
+    )
     assert off < 2e-2
     assert drift < 0.1  # J, the benchmark's own limit
 
@@ -76,7 +93,9 @@ def test_rows_of_four_bars_swing_as_one_pendulum(name: str, n: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 2])
 def test_an_engine_that_cannot_pass_a_singular_position_says_so(n: int) -> None:
-    """Exudyn's implicit integrator loses its constraints there at any step from 1e-4 to 2e-3 s; a wrong branch gains energy."""
+    """Exudyn's implicit integrator loses its constraints there at any step from 1e-4 to 2e-3 s; a wrong branch gains
+    energy.
+    """
     pytest.importorskip("exudyn")
     with pytest.raises(SimulationError, match=r"gave up|come from nothing"):
         declared("exudyn").simulate(Request(four_bars(n), "ideal", "driven", time=TIME, start_speed=-1.0))

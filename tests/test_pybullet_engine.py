@@ -9,10 +9,10 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from analytic.assembly import Assembly
+from analytic.beyond_paper.released import released
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive, Load
-from analytic.mechanism_file import load
-from analytic.released import released
+from analytic.mechanism.file import load
 from linkages import inverted_slider
 from planar_checks import (
     LINKAGES,
@@ -26,11 +26,11 @@ from planar_checks import (
     run,
     vector,
 )
+from sim_models.common.silence import silence
+from sim_models.common.start import poses
 from sim_models.engine import JointModel, Motion, Request, SimulationError, Unsupported
 from sim_models.pybullet.engine import ENGINE
 from sim_models.pybullet.world import BulletWorld
-from sim_models.silence import silence
-from sim_models.start import poses
 
 if importlib.util.find_spec("pybullet") is None:
     pytest.skip("pybullet is not installed", allow_module_level=True)
@@ -72,7 +72,9 @@ def test_clearance_in_several_joints_at_once_the_drive_joint_among_them(joint_mo
 
 def test_four_struts_in_a_chain_are_where_the_rods_are_at_every_angle() -> None:
     """Bullet's sequential solver lets such struts grow at some of these angles, and balances other forces there."""
-    m = load("crank-rocker").replace(gravity=(0.0, -9.81), loads=(Load(body="follower", point="B", force=(20.0, -30.0), torque=1.0),))
+    m = load("crank-rocker").replace(
+        gravity=(0.0, -9.81), loads=(Load(body="follower", point="B", force=(20.0, -30.0), torque=1.0),)
+    )
     m = m.with_clearances({"D": 1e-4, "A": 2e-4, "B": 1e-4, "E": 1e-4})
     trace = run(ENGINE, m, "contact", "static", np.arange(0.0, 360.0, 15.0))
     assert trace.settings["read_from_rods"].endswith("of 24 angles")  # and so it says
@@ -114,7 +116,9 @@ def test_ideal_driven_linkages_reproduce_kinetostatics(name: str) -> None:
     assert_kinetostatics(run(ENGINE, m, "ideal", "driven", degrees), m, 3e-4)
 
 
-@pytest.mark.parametrize("clearance", [pytest.param(1e-2, marks=pytest.mark.slow), 1e-3, pytest.param(1e-4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "clearance", [pytest.param(1e-2, marks=pytest.mark.slow), 1e-3, pytest.param(1e-4, marks=pytest.mark.slow)]
+)
 def test_driven_paper_case_starts_and_stays_in_the_analytic_equilibrium(clearance: float) -> None:
     m = load("paper").with_clearances({"B": clearance})
     trace = run(ENGINE, m, "spring-damper", "driven", PAPER_RANGE)
@@ -171,7 +175,9 @@ def test_released_pendulum_with_friction_and_damping(start_speed: float) -> None
         ("spring-damper", "driven", {"friction": 0.1}, "leave out friction = 0.1 of joint 'B'"),
     ],
 )
-def test_what_pybullet_does_not_do_is_refused(joint_model: JointModel, motion: Motion, change: dict[str, float], why: str) -> None:
+def test_what_pybullet_does_not_do_is_refused(
+    joint_model: JointModel, motion: Motion, change: dict[str, float], why: str
+) -> None:
     with pytest.raises(Unsupported, match=why):
         run(ENGINE, load("paper").with_joint("B", clearance=1e-3, **change), joint_model, motion, [30.0])
 
@@ -209,10 +215,19 @@ def hinged_bar(client: int) -> int:
     import pybullet as p
 
     body = p.createMultiBody(
-        baseMass=0, linkMasses=[2.0], linkCollisionShapeIndices=[-1], linkVisualShapeIndices=[-1], linkPositions=[[0, 0, 0]],
-        linkOrientations=[[0, 0, 0, 1]], linkInertialFramePositions=[[0.5, 0, 0]], linkInertialFrameOrientations=[[0, 0, 0, 1]],
-        linkParentIndices=[0], linkJointTypes=[p.JOINT_REVOLUTE], linkJointAxis=[[0, 0, 1]], physicsClientId=client,
-    )  # fmt: skip
+        baseMass=0,
+        linkMasses=[2.0],
+        linkCollisionShapeIndices=[-1],
+        linkVisualShapeIndices=[-1],
+        linkPositions=[[0, 0, 0]],
+        linkOrientations=[[0, 0, 0, 1]],
+        linkInertialFramePositions=[[0.5, 0, 0]],
+        linkInertialFrameOrientations=[[0, 0, 0, 1]],
+        linkParentIndices=[0],
+        linkJointTypes=[p.JOINT_REVOLUTE],
+        linkJointAxis=[[0, 0, 1]],
+        physicsClientId=client,
+    )
     p.setJointMotorControl2(body, 0, p.VELOCITY_CONTROL, force=0, physicsClientId=client)
     return int(body)
 
@@ -265,15 +280,20 @@ def test_a_constraints_force_belongs_to_the_positions_before_the_step() -> None:
         before, turn = world.before["crank"].angle, world.speed * h
         world.step(h)
         found = world.reactions()[0]["B"]
-    from analytic.kinematics import kinematics
-    from analytic.kinetostatics import kinetostatics
+    from analytic.kinematics.motion import kinematics
+    from analytic.paper.kinetostatics import kinetostatics
 
-    forces = [kinetostatics(kinematics(Assembly(m), np.array([angle]), m.speed or 0.0)).forces["B"][0] for angle in (before, before + turn)]
+    forces = [
+        kinetostatics(kinematics(Assembly(m), np.array([angle]), m.speed or 0.0)).forces["B"][0]
+        for angle in (before, before + turn)
+    ]
     assert abs(found - forces[0]) < 0.01 * abs(found - forces[1])
 
 
 def test_a_force_in_the_world_frame_takes_its_arm_from_a_step_ago(client: int) -> None:
-    """Unless the link's kinematics are asked for anew: a force through the com of a turning bar then has no moment about it."""
+    """Unless the link's kinematics are asked for anew: a force through the com of a turning bar then has no moment
+    about it.
+    """
     import pybullet as p
 
     def kick(refresh: bool) -> float:
@@ -286,7 +306,9 @@ def test_a_force_in_the_world_frame_takes_its_arm_from_a_step_ago(client: int) -
             p.getLinkState(bar, 0, False, True, client)
         angle, before = p.getJointState(bar, 0, client)[:2]
         com = (0.5 * np.cos(angle), 0.5 * np.sin(angle), 0.0)
-        p.applyExternalForce(bar, 0, (1e3 * np.cos(angle), 1e3 * np.sin(angle), 0.0), com, p.WORLD_FRAME, client)  # along the bar: no moment
+        p.applyExternalForce(
+            bar, 0, (1e3 * np.cos(angle), 1e3 * np.sin(angle), 0.0), com, p.WORLD_FRAME, client
+        )  # along the bar: no moment
         p.stepSimulation(client)
         gained = float(p.getJointState(bar, 0, client)[1]) - before
         p.removeBody(bar, client)

@@ -10,16 +10,24 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from analytic.mechanism_file import dumps, load
-from compare.cli import app
+from analytic.mechanism.file import dumps, load
+from compare.cli.app import app
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w*)\n(.*?)```", README, re.DOTALL)
-COMMANDS = [line.split("#")[0].strip() for kind, text in BLOCKS if kind == "" for line in text.splitlines() if line.startswith("compare ")]
+COMMANDS = [
+    line.split("#")[0].strip()
+    for kind, text in BLOCKS
+    if kind == ""
+    for line in text.splitlines()
+    if line.startswith("compare ")
+]
 
 
-def test_the_python_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_python_example_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.chdir(tmp_path)
     Path("my-linkage.toml").write_text(dumps(load("paper")), encoding="utf-8")
     (example,) = (text for kind, text in BLOCKS if kind == "python")
@@ -30,14 +38,18 @@ def test_the_python_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_of_the_readme_knows_its_options(command: str) -> None:
     words = shlex.split(command)[1:]
-    names = words[: next((i for i, word in enumerate(words) if word.startswith("-") or word.endswith(".json")), len(words))]
+    names = words[
+        : next((i for i, word in enumerate(words) if word.startswith("-") or word.endswith(".json")), len(words))
+    ]
     shown = CliRunner().invoke(app, [*names, "--help"], terminal_width=200)
     assert shown.exit_code == 0, shown.output
     for option in (word for word in words if word.startswith("--")):
         assert option in shown.output
 
 
-@pytest.mark.parametrize("path", re.findall(r"\]\(([^)h][^)]*)\)|`((?:compare|sim_models|analytic|docs|reports)/[\w./-]+\.\w+)`", README))
+@pytest.mark.parametrize(
+    "path", re.findall(r"\]\(([^)h][^)]*)\)|`((?:compare|sim_models|analytic|docs|reports)/[\w./-]+\.\w+)`", README)
+)
 def test_every_file_that_the_readme_names_exists(path: tuple[str, str]) -> None:
     name = path[0] or path[1]
     if name == "reports/paper-mujoco/report.html":
@@ -55,9 +67,18 @@ def tracked() -> set[Path]:
 
 def test_every_picture_that_a_page_of_the_repository_shows_is_in_the_repository() -> None:
     files = tracked()
-    shown = {path: re.findall(r"!\[[^\]]*\]\(([^)\s]+)\)", path.read_text(encoding="utf-8")) for path in files if path.suffix == ".md"}
+    shown = {
+        path: re.findall(r"!\[[^\]]*\]\(([^)\s]+)\)", path.read_text(encoding="utf-8"))
+        for path in files
+        if path.suffix == ".md"
+    }
     assert len(shown[ROOT / "reports" / "README.md"]) >= 10  # a drawing and the directions of each case
-    missing = [f"{page.relative_to(ROOT)}: {name}" for page, names in shown.items() for name in names if (page.parent / name).resolve() not in files]
+    missing = [
+        f"{page.relative_to(ROOT)}: {name}"
+        for page, names in shown.items()
+        for name in names
+        if (page.parent / name).resolve() not in files
+    ]
     assert missing == []
 
 

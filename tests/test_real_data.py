@@ -18,7 +18,10 @@ from diagnosis_rigs import diagnosed
 FOLDER = os.environ.get("MEASURED_DATA", "")
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(not FOLDER, reason="MEASURED_DATA is not set: the folder with pendulum, tx40-axis1, adams-pendulum, adams-fourbar"),
+    pytest.mark.skipif(
+        not FOLDER,
+        reason="MEASURED_DATA is not set: the folder with pendulum, tx40-axis1, adams-pendulum, adams-fourbar",
+    ),
 ]
 
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Load, Mechanism
-from analytic.mechanism_file import load
+from analytic.mechanism.file import load
 from compare.diagnose.effects.effect import Effect, Rig
 from compare.diagnose.effects.sensors import SENSOR_EFFECTS
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.scoreboard.sizes import Planted
+from compare.evidence.scoreboard.sizes import Planted
 from diagnosis_rigs import SENSORS, assert_recovered, bench, diagnosed, four_bar, played, turn, wrong
 
 RECOVERED = {  # effect -> where, values
@@ -39,7 +39,11 @@ RECOVERED = {  # effect -> where, values
     "sensor_frame": ("E", {"rotation": 0.3}),
     "clock_offset": ("fast-reverse", {"offset": 1e-3}),
 }
-PLAYED_BY = {"joint_clearance": "dart", "sensor_bias": "dart", "load_torque": "dart"}  # the others by Exudyn; MuJoCo diagnoses
+PLAYED_BY = {
+    "joint_clearance": "dart",
+    "sensor_bias": "dart",
+    "load_torque": "dart",
+}  # the others by Exudyn; MuJoCo diagnoses
 SLOW = ("link_flexibility", "drive_compliance")  # more than ten times what the others take
 MORE_SENSORS = {"com_offset": {"coupler_y": 1e-5}}
 
@@ -130,7 +134,9 @@ def assert_same_linkage(one: Mechanism, other: Mechanism) -> None:
     for a, b in zip(one.bodies, other.bodies, strict=True):
         assert a.mass == pytest.approx(b.mass)
         assert a.moment_of_inertia == pytest.approx(b.moment_of_inertia)
-        assert {k: complex(*v) for k, v in a.points.items()} == {k: pytest.approx(complex(*v)) for k, v in b.points.items()}
+        assert {k: complex(*v) for k, v in a.points.items()} == {
+            k: pytest.approx(complex(*v)) for k, v in b.points.items()
+        }
         for point in ("com", MASS_CENTRE):
             assert a.point(point) == pytest.approx(b.point(point))
         assert (1 / a.youngs_modulus if a.youngs_modulus else 0.0) < 1e-18
@@ -193,13 +199,18 @@ def test_reported_values_are_whole_fields_and_add_to_what_the_model_has() -> Non
     rig = Rig(believed, RIG.signals, RIG.runs, RIG.driven, noise=RIG.noise)
     viscous = VOCABULARY["viscous_friction"]
     assert viscous.values(rig, "B", np.array([0.01])) == {"damping": pytest.approx(0.03)}
-    assert viscous.lowest(rig, "B") == pytest.approx([-0.02]), "there may be less than is believed, but not less than none"
+    assert viscous.lowest(rig, "B") == pytest.approx([-0.02]), (
+        "there may be less than is believed, but not less than none"
+    )
     assert VOCABULARY["gravity"].values(rig, "linkage", np.array([0.5, 1.0])) == {"x": 0.5, "y": pytest.approx(-8.81)}
 
 
 def test_loads_and_torques_are_added_to_those_that_there_are() -> None:
     nominal = RIG.mechanism
-    assert changed(nominal, "external_force", "coupler").loads == (*nominal.loads, Load(body="coupler", force=(1.0, -0.7)))
+    assert changed(nominal, "external_force", "coupler").loads == (
+        *nominal.loads,
+        Load(body="coupler", force=(1.0, -0.7)),
+    )
     assert changed(nominal, "load_torque", "follower").loads == (*nominal.loads, Load(body="follower", torque=0.05))
 
 
@@ -210,7 +221,9 @@ def test_effects_sit_where_they_can_and_nowhere_else() -> None:
     assert not set(prismatic) & set(VOCABULARY["joint_clearance"].places(rig)), "a prismatic joint has no clearance"
     assert set(prismatic) <= set(VOCABULARY["coulomb_friction"].places(rig))
     assert set(VOCABULARY["pivot_position"].places(rig)) <= set(SLIDER.ground.points)
-    assert "crank_angle" not in VOCABULARY["sensor_bias"].places(rig), "a constant error of the encoder is encoder_offset"
+    assert "crank_angle" not in VOCABULARY["sensor_bias"].places(rig), (
+        "a constant error of the encoder is encoder_offset"
+    )
     assert not VOCABULARY["sensor_frame"].places(rig), "there is no load cell"
     free = Rig(load("pendulum"), ("pendulum_angle",), ("swing",), (), noise={"pendulum_angle": 1e-4})
     for name in ("clock_offset", "drive_compliance", "speed_ripple"):
@@ -221,14 +234,21 @@ def test_effects_sit_where_they_can_and_nowhere_else() -> None:
 def test_one_effect_of_sensors_is_what_the_contract_says() -> None:
     by_name = {e.name: e for e in SENSOR_EFFECTS}
     seen = {"coupler_x": np.sin(TIME), "reaction_E_x": np.cos(TIME), "reaction_E_y": np.sin(TIME), "crank_angle": TIME}
-    assert np.allclose(by_name["sensor_bias"].on_readings(seen, "slow", "coupler_x", {"bias": 0.5})["coupler_x"], np.sin(TIME) + 0.5)
-    assert np.allclose(by_name["sensor_gain"].on_readings(seen, "slow", "coupler_x", {"gain_error": 0.1})["coupler_x"], 1.1 * np.sin(TIME))
+    assert np.allclose(
+        by_name["sensor_bias"].on_readings(seen, "slow", "coupler_x", {"bias": 0.5})["coupler_x"], np.sin(TIME) + 0.5
+    )
+    assert np.allclose(
+        by_name["sensor_gain"].on_readings(seen, "slow", "coupler_x", {"gain_error": 0.1})["coupler_x"],
+        1.1 * np.sin(TIME),
+    )
     turned = by_name["sensor_frame"].on_readings(seen, "slow", "E", {"rotation": math.pi / 2})
     assert np.allclose(turned["reaction_E_x"], np.sin(TIME))
     assert np.allclose(turned["reaction_E_y"], -np.cos(TIME))
     offsets = {"offset@slow": 0.1, "offset@fast-reverse": -0.2}
     for run, offset in (("slow", 0.1), ("fast-reverse", -0.2)):
-        assert np.allclose(by_name["encoder_offset"].on_readings(seen, run, "crank_angle", offsets)["crank_angle"], TIME + offset)
+        assert np.allclose(
+            by_name["encoder_offset"].on_readings(seen, run, "crank_angle", offsets)["crank_angle"], TIME + offset
+        )
     assert by_name["sensor_delay"].delay("slow", "coupler_x", "coupler_x", {"delay": 1e-3}) == 1e-3
     assert by_name["sensor_delay"].delay("slow", "crank_angle", "coupler_x", {"delay": 1e-3}) == 0
     assert by_name["clock_offset"].delay("slow", "crank_angle", "slow", {"offset": -2e-3}) == -2e-3

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from analytic.assembly import Assembly
-from analytic.freedom import Freedom, swing
+from analytic.beyond_paper.freedom import Freedom, swing
+from analytic.beyond_paper.released import released
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import load
-from analytic.released import released
-from compare.yardstick import released_yardstick
+from analytic.mechanism.file import load
+from compare.judge.reference import released_yardstick
 
 
 def test_a_pendulum_released_from_the_horizontal_has_the_exact_period() -> None:

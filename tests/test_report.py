@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from analytic.assembly import Assembly
-from analytic.kinematics import kinematics
-from analytic.mechanism_file import load
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import kinematics
+from analytic.mechanism.file import load
 from compare.files import OutputError
 from compare.report import write_report
 from compare.report.figures import Axis, Figure, Series, beside, figures, same_turn, thinned
@@ -48,10 +48,20 @@ def report(disagreeing: dict[str, Any], tmp_path_factory: pytest.TempPathFactory
 # ------------------------------------------------------------------ files
 
 
-def test_it_writes_the_page_the_markdown_the_junit_file_and_the_figures(disagreeing: dict[str, Any], tmp_path: Path) -> None:
+def test_it_writes_the_page_the_markdown_the_junit_file_and_the_figures(
+    disagreeing: dict[str, Any], tmp_path: Path
+) -> None:
     files = write_report(disagreeing, tmp_path)
     assert {f.name for f in files} == {f.name for f in tmp_path.iterdir()}
-    named = {"report.html", "report.md", "junit.xml", "linkage.svg", "gamma_B.svg", "journal_B.svg", f"difference_{WRONG}.svg"}
+    named = {
+        "report.html",
+        "report.md",
+        "junit.xml",
+        "linkage.svg",
+        "gamma_B.svg",
+        "journal_B.svg",
+        f"difference_{WRONG}.svg",
+    }
     assert named <= {f.name for f in files}
 
 
@@ -68,11 +78,15 @@ def test_a_folder_that_does_not_exist_is_named(disagreeing: dict[str, Any], tmp_
         write_report(disagreeing, tmp_path / "nowhere")
 
 
-def test_arrays_and_nan_are_written_like_the_json_of_them(disagreeing: dict[str, Any], report: Path, tmp_path: Path) -> None:
+def test_arrays_and_nan_are_written_like_the_json_of_them(
+    disagreeing: dict[str, Any], report: Path, tmp_path: Path
+) -> None:
     raw = copy.deepcopy(disagreeing)
     for run in raw["runs"]:
         run["crank_angle"] = np.array(run["crank_angle"])
-        run["simulated"] = {name: np.array([math.nan if v is None else v for v in values]) for name, values in run["simulated"].items()}
+        run["simulated"] = {
+            name: np.array([math.nan if v is None else v for v in values]) for name, values in run["simulated"].items()
+        }
     write_report(raw, tmp_path)
     assert (tmp_path / "report.html").read_bytes() == (report / "report.html").read_bytes()
 
@@ -86,10 +100,18 @@ def test_the_page_of_two_engines_stays_below_6_megabytes(tmp_path: Path) -> None
 
 
 def test_the_markdown_table_shows_degrees_and_millimetres(disagreeing: dict[str, Any], report: Path) -> None:
-    contact = (report / "report.md").read_text(encoding="utf-8").split("### mujoco, contact")[1].split("\n### ")[0].split("\n## ")[0]
+    contact = (
+        (report / "report.md")
+        .read_text(encoding="utf-8")
+        .split("### mujoco, contact")[1]
+        .split("\n### ")[0]
+        .split("\n## ")[0]
+    )
     rows = {d["signal"]: d for d in disagreeing["runs"][-1]["discrepancies"]}
     cells = {
-        line.split("|")[1].strip(): [c.strip() for c in line.split("|")[2:-1]] for line in contact.splitlines() if line.startswith("| Displacement")
+        line.split("|")[1].strip(): [c.strip() for c in line.split("|")[2:-1]]
+        for line in contact.splitlines()
+        if line.startswith("| Displacement")
     }
     shift = rows["clearance_B_x"]
     where = f"{math.degrees(shift['at_crank_angle']):.4g} deg"
@@ -115,7 +137,9 @@ def test_the_headline_names_the_worst_signal_or_the_closest(disagreeing: dict[st
     assert headline(bad.runs[:1]).startswith("All ")
 
 
-def test_junit_fails_what_disagrees_with_its_numbers_and_passes_what_is_known(disagreeing: dict[str, Any], tmp_path: Path) -> None:
+def test_junit_fails_what_disagrees_with_its_numbers_and_passes_what_is_known(
+    disagreeing: dict[str, Any], tmp_path: Path
+) -> None:
     result = copy.deepcopy(disagreeing)
     known = next(d for d in result["runs"][-1]["discrepancies"] if d["signal"] == "drive_torque")
     known |= {"verdict": "known", "reason": "friction is regularised"}
@@ -129,7 +153,9 @@ def test_junit_fails_what_disagrees_with_its_numbers_and_passes_what_is_known(di
     failure = failed.find("failure")
     assert failure is not None
     wrong = next(d for d in rows if d["verdict"] == "disagrees")
-    assert f"{math.degrees(wrong['max']):+.4g} deg at {math.degrees(wrong['at_crank_angle']):.4g} deg" in str(failure.get("message"))
+    assert f"{math.degrees(wrong['max']):+.4g} deg at {math.degrees(wrong['at_crank_angle']):.4g} deg" in str(
+        failure.get("message")
+    )
     said = [case.findtext("system-out", "") for case in root.iter("testcase") if case.get("name") == "drive_torque"]
     assert said[-1].startswith("known difference: drive torque: ")
     assert said[-1].endswith("friction is regularised")
@@ -141,7 +167,9 @@ def test_the_terminal_table_is_ascii_fits_eighty_columns_and_says_the_verdict(di
     lines = out.getvalue().splitlines()
     assert out.getvalue().isascii()
     assert max(map(len, lines)) <= 80
-    assert [line.split()[-1] for line in lines if line.startswith("  reaction angle at B")] == ["agrees"] * 3 + ["DISAGREES"]
+    assert [line.split()[-1] for line in lines if line.startswith("  reaction angle at B")] == ["agrees"] * 3 + [
+        "DISAGREES"
+    ]
     assert "paper: DISAGREES." in out.getvalue()
 
 
@@ -153,7 +181,12 @@ def test_both_analytic_models_differences_are_reported(disagreeing: dict[str, An
 
 
 def test_a_number_is_written_for_people() -> None:
-    assert [number(v) for v in (0.0, 12.3456, -1.5e-7, None)] == ["0", "12.3", "\N{MINUS SIGN}1.5\N{MULTIPLICATION SIGN}10⁻⁷", "\N{EN DASH}"]
+    assert [number(v) for v in (0.0, 12.3456, -1.5e-7, None)] == [
+        "0",
+        "12.3",
+        "\N{MINUS SIGN}1.5\N{MULTIPLICATION SIGN}10⁻⁷",
+        "\N{EN DASH}",
+    ]
 
 
 # ------------------------------------------------------------------ what is missing or odd
@@ -170,7 +203,10 @@ def test_flagged_angles_break_the_curves_and_say_why(tmp_path: Path) -> None:
     gamma = next(f for f in figures(result, summary) if f.name == "gamma_B")
     line = next(s for s in gamma.series if s.name == "analytic, equilibrium")
     assert line.y[4] is None
-    path = max((p.get("d", "") for p in ElementTree.fromstring(draw(gamma)).iter(f"{SVG}path") if "L" in p.get("d", "")), key=len)
+    path = max(
+        (p.get("d", "") for p in ElementTree.fromstring(draw(gamma)).iter(f"{SVG}path") if "L" in p.get("d", "")),
+        key=len,
+    )
     assert path.count("M") == 2  # two pieces, a gap between
     write_report(result, tmp_path)
     assert r"40 deg, 45 deg: change \| point" in (tmp_path / "report.md").read_text(encoding="utf-8")
@@ -196,12 +232,23 @@ def test_a_signal_with_nothing_to_compare_is_a_dash_and_not_a_zero(tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    "nasty", ["</script><script>alert(1)</script>", "a|b`c*[x](y)\n# d", "<!--", "\x00\x1b[31m", "[red]x[/]", "{{ 7*7 }}", "../../x"]
+    "nasty",
+    [
+        "</script><script>alert(1)</script>",
+        "a|b`c*[x](y)\n# d",
+        "<!--",
+        "\x00\x1b[31m",
+        "[red]x[/]",
+        "{{ 7*7 }}",
+        "../../x",
+    ],
 )
 def test_names_from_files_are_only_ever_text(nasty: str, tmp_path: Path) -> None:
     text = json.dumps(sample_result()).replace("coupler", "COUPLER")
     result = json.loads(
-        text.replace("COUPLER", json.dumps(nasty)[1:-1]).replace('"B"', json.dumps(nasty)).replace("_B_", f"_{json.dumps(nasty)[1:-1]}_")
+        text.replace("COUPLER", json.dumps(nasty)[1:-1])
+        .replace('"B"', json.dumps(nasty))
+        .replace("_B_", f"_{json.dumps(nasty)[1:-1]}_")
     )
     result |= {"case": nasty, "warnings": [nasty], "command": f"compare {nasty}"}
     result["mechanism"]["name"] = nasty
@@ -221,7 +268,11 @@ def test_names_from_files_are_only_ever_text(nasty: str, tmp_path: Path) -> None
 
 def test_the_page_asks_for_nothing_outside_itself(report: Path) -> None:
     page = (report / "report.html").read_text(encoding="utf-8")
-    outside = [url for url in re.findall(r"""(?:src|href|url)\s*[=(]\s*["']?([^"')\s>]+)""", page) if not url.startswith(("#", "data:"))]
+    outside = [
+        url
+        for url in re.findall(r"""(?:src|href|url)\s*[=(]\s*["']?([^"')\s>]+)""", page)
+        if not url.startswith(("#", "data:"))
+    ]
     assert outside == []
     assert "default-src 'none'" in page
 
@@ -265,7 +316,9 @@ def test_the_drawn_gap_is_the_clearance_times_the_factor_that_the_title_gives(di
     coupler_b, follower_b = points[4], points[7]  # crank D A, coupler A B, follower E B
     assert coupler_b is not None
     assert follower_b is not None
-    assert math.isclose(abs(coupler_b - follower_b), 10.0 * factor, rel_tol=0.02)  # mm; rotations are drawn to first order
+    assert math.isclose(
+        abs(coupler_b - follower_b), 10.0 * factor, rel_tol=0.02
+    )  # mm; rotations are drawn to first order
     assert math.isclose(abs(points[1] - points[0]), 200.0, rel_tol=1e-6)  # type: ignore[operator]
 
 
@@ -286,7 +339,11 @@ def test_a_curve_is_drawn_where_its_axes_say() -> None:
     (area,) = (g for g in root if g.get("clip-path"))
     line = area[0].get("d", "")
     (x0, y0), (x1, y1) = (tuple(map(float, pair.split())) for pair in re.findall(r"[ML]([\d.]+ [\d.]+)", line))
-    labels = {t.text: (float(t.get("x", "nan")), float(t.get("y", "nan"))) for t in root.iter(f"{SVG}text") if t.get("text-anchor") != "start"}
+    labels = {
+        t.text: (float(t.get("x", "nan")), float(t.get("y", "nan")))
+        for t in root.iter(f"{SVG}text")
+        if t.get("text-anchor") != "start"
+    }
     assert labels["10"][0] == pytest.approx(x1, abs=0.2)
     assert labels["4"][1] - 4 == pytest.approx(y1, abs=0.2)
     assert x1 > x0
@@ -330,7 +387,8 @@ def test_thinning_a_path_keeps_its_shape() -> None:
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "degrees", "expected"), [(20, 160, True, 30), (0, 355, True, 60), (-1e-7, 2e-7, False, 5e-8), (3, 9, False, 1)]
+    ("low", "high", "degrees", "expected"),
+    [(20, 160, True, 30), (0, 355, True, 60), (-1e-7, 2e-7, False, 5e-8), (3, 9, False, 1)],
 )
 def test_ticks_are_round_and_inside(low: float, high: float, degrees: bool, expected: float) -> None:
     found = ticks(low, high, 6, degrees)
@@ -348,7 +406,9 @@ def test_every_joint_has_its_name_in_the_drawing(case: str) -> None:
     result = sample_result(case)
     figure = linkage_figure(result, summarise(result))
     assert figure is not None
-    assert sorted(name for series in figure.series for name in series.labels) == sorted(j["name"] for j in result["mechanism"]["joint"])
+    assert sorted(name for series in figure.series for name in series.labels) == sorted(
+        j["name"] for j in result["mechanism"]["joint"]
+    )
 
 
 def test_a_body_is_drawn_from_its_marker_where_its_position_is_measured() -> None:
@@ -361,4 +421,6 @@ def test_a_body_is_drawn_from_its_marker_where_its_position_is_measured() -> Non
         motion = kinematics(Assembly(each), np.array([0.5]))
         at, turn = complex(motion.position("coupler")[0]), np.exp(1j * motion.angle("coupler")[0])
         for joint in ("A", "B"):
-            assert at + turn * complex(*coupler["points"][joint]) == pytest.approx(complex(motion.position("coupler", joint)[0]), abs=1e-12)
+            assert at + turn * complex(*coupler["points"][joint]) == pytest.approx(
+                complex(motion.position("coupler", joint)[0]), abs=1e-12
+            )

@@ -21,14 +21,17 @@ from compare.report import write_report
 from sample_result import sample_result
 
 fcntl = pytest.importorskip("fcntl", reason="speaks to Chromium over POSIX pipes")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "/usr/bin/chromium", "chromium-browser", "google-chrome"))), None)
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "/usr/bin/chromium", "chromium-browser", "google-chrome"))), None
+)
 FLAGS = (
-    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking --disable-component-update "
-    "--disable-sync --hide-scrollbars --remote-debugging-pipe"
+    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
+    " --disable-component-update --disable-sync --hide-scrollbars --remote-debugging-pipe"
 ).split()
 # the browser reads commands from descriptor 3 and answers on 4
 ON_DESCRIPTORS_3_AND_4 = (
-    "import os, sys; r, w = int(sys.argv[1]), int(sys.argv[2]); os.dup2(r, 3); os.dup2(w, 4); os.execv(sys.argv[3], sys.argv[3:])"
+    "import os, sys; r, w = int(sys.argv[1]), int(sys.argv[2]); os.dup2(r, 3); os.dup2(w, 4); os.execv(sys.argv[3],"
+    " sys.argv[3:])"
 )
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
@@ -41,7 +44,16 @@ class Browser:
         theirs_in, self.to = os.pipe()
         self.back, theirs_out = os.pipe()
         ends = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (theirs_in, theirs_out)]
-        command = [sys.executable, "-c", ON_DESCRIPTORS_3_AND_4, *map(str, ends), str(CHROMIUM), *FLAGS, f"--user-data-dir={profile}", "about:blank"]
+        command = [
+            sys.executable,
+            "-c",
+            ON_DESCRIPTORS_3_AND_4,
+            *map(str, ends),
+            str(CHROMIUM),
+            *FLAGS,
+            f"--user-data-dir={profile}",
+            "about:blank",
+        ]
         with open(profile / "log.txt", "wb") as log:
             self.process = subprocess.Popen(command, pass_fds=ends, stdout=log, stderr=log)
         for end in (theirs_in, theirs_out, *ends):
@@ -57,7 +69,9 @@ class Browser:
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
         """The answer to one command of the DevTools protocol."""
         self.sent += 1
-        message = {"id": self.sent, "method": method, "params": parameters} | ({"sessionId": self.session} if self.session else {})
+        message = {"id": self.sent, "method": method, "params": parameters} | (
+            {"sessionId": self.session} if self.session else {}
+        )
         os.write(self.to, json.dumps(message).encode() + b"\0")
         while True:
             answer = self.message()
@@ -90,11 +104,15 @@ class Browser:
 
     def open(self, page: Path, width: int = 1280, height: int = 900, scheme: str = "light") -> None:
         """Load a file and wait until its scripts have run."""
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600)
+        self.call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600
+        )
         self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
         self.call("Page.navigate", url=page.as_uri())
         until = time.monotonic() + 20
-        while not self.run("document.readyState === 'complete' && document.documentElement.classList.contains('ready')"):
+        while not self.run(
+            "document.readyState === 'complete' && document.documentElement.classList.contains('ready')"
+        ):
             assert time.monotonic() < until, f"the page did not get ready: {self.errors}"
             time.sleep(0.02)
         self.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
@@ -114,7 +132,13 @@ class Browser:
     def mouse(self, kind: str, x: float, y: float, pressed: bool = False) -> None:
         """Move or use the left button at a place of the window."""
         self.call(
-            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left" if pressed else "none", buttons=int(pressed), clickCount=int(pressed)
+            "Input.dispatchMouseEvent",
+            type=kind,
+            x=x,
+            y=y,
+            button="left" if pressed else "none",
+            buttons=int(pressed),
+            clickCount=int(pressed),
         )
 
     def screenshot(self, path: Path, whole: bool = True) -> None:
@@ -155,12 +179,20 @@ def no_errors(browser: Browser) -> Iterator[None]:
 
 
 JOINT_A = "document.querySelector('#explorer .series.joint path').getAttribute('d').match(/M(.*?)m/g)[1]"
-MOVE = "(v) => { const s = document.querySelector('[data-slider]'); s.value = v; s.dispatchEvent(new Event('input', {bubbles: true})); }"
+MOVE = (
+    "(v) => { const s = document.querySelector('[data-slider]'); s.value = v; s.dispatchEvent(new Event('input',"
+    " {bubbles: true})); }"
+)
 
 
 def test_the_slider_moves_the_linkage_and_says_the_angle(browser: Browser, page: Path) -> None:
     browser.open(page)
-    assert browser.run("[s => [s.min, s.max, s.step, s.value]][0](document.querySelector('input[type=range]'))") == ["20", "160", "5", "30"]
+    assert browser.run("[s => [s.min, s.max, s.step, s.value]][0](document.querySelector('input[type=range]'))") == [
+        "20",
+        "160",
+        "5",
+        "30",
+    ]
     before = browser.run(JOINT_A)
     browser.run(f"({MOVE})(120)")
     assert browser.run(JOINT_A) != before
@@ -183,7 +215,9 @@ def test_a_report_without_a_single_run_says_why_and_leaves_the_console_clean(bro
     assert browser.run("document.querySelector('#explorer')") is None
 
 
-def test_a_report_whose_runs_are_not_judged_says_why_and_leaves_the_console_clean(browser: Browser, tmp_path: Path) -> None:
+def test_a_report_whose_runs_are_not_judged_says_why_and_leaves_the_console_clean(
+    browser: Browser, tmp_path: Path
+) -> None:
     result = sample_result()
     for run in result["runs"]:
         run |= {"verdict": "unjudged", "reason": "no answer anywhere", "discrepancies": [], "order_difference": {}}
@@ -206,12 +240,17 @@ def test_the_arrow_keys_move_the_slider_by_one_step(browser: Browser, page: Path
 
 def test_the_table_shows_the_numbers_of_the_result(browser: Browser, page: Path) -> None:
     browser.open(page)
-    row = browser.run("[...document.querySelectorAll('[data-readout] tr')].map(r => r.innerText).find(t => t.includes('Reaction angle'))")
+    row = browser.run(
+        "[...document.querySelectorAll('[data-readout] tr')].map(r => r.innerText).find(t => t.includes('Reaction"
+        " angle'))"
+    )
     assert "34.676" in row  # deg at 30 deg, the follower 0.21 m long: the equilibrium direction of the printed case
 
 
 def turned(result: dict[str, Any]) -> dict[str, Any]:
-    """The same result as an engine may well report it: the same directions, continued from other turns and round the other way."""
+    """The same result as an engine may well report it: the same directions, continued from other turns and round the
+    other way.
+    """
     for run in result["runs"]:
         angles = {name: values for name, values in run["simulated"].items() if name.endswith("_angle")}
         for name, values in angles.items():
@@ -221,7 +260,9 @@ def turned(result: dict[str, Any]) -> dict[str, Any]:
 
 
 def explored(browser: Browser, result: dict[str, Any], folder: Path) -> list[tuple[list[list[str]], list[float]]]:
-    """The rows and the drawing's coordinates that the linkage panel of the contact run shows at each angle, gaps drawn 1.3 times as large."""
+    """The rows and the drawing's coordinates that the linkage panel of the contact run shows at each angle, gaps drawn
+    1.3 times as large.
+    """
     folder.mkdir()
     write_report(result, folder)
     browser.open(folder / "report.html")
@@ -229,8 +270,14 @@ def explored(browser: Browser, result: dict[str, Any], folder: Path) -> list[tup
     browser.run(f"({set_value})(document.querySelector('[data-model]'), 3, 'change')")
     browser.run(f"({set_value})(document.querySelector('[data-factor]'), Math.log10(1.3), 'input')")
     assert browser.run("document.querySelector('[data-magnified]').textContent").endswith(" 1.3")
-    rows = "[...document.querySelectorAll('[data-readout] tr')].map(r => [...r.cells].map(c => c.innerText.replace('\u2212', '-')))"
-    paths = "[...document.querySelectorAll('#explorer .series path')].flatMap(p => p.getAttribute('d').match(/[-.0-9]+/g).map(Number))"
+    rows = (
+        "[...document.querySelectorAll('[data-readout] tr')].map(r => [...r.cells].map(c =>"
+        " c.innerText.replace('\u2212', '-')))"
+    )
+    paths = (
+        "[...document.querySelectorAll('#explorer .series path')].flatMap(p =>"
+        " p.getAttribute('d').match(/[-.0-9]+/g).map(Number))"
+    )
     found = []
     for angle in range(20, 165, 5):
         browser.run(f"({MOVE})({angle})")
@@ -238,7 +285,9 @@ def explored(browser: Browser, result: dict[str, Any], folder: Path) -> list[tup
     return found
 
 
-def test_whole_turns_between_the_two_sides_change_neither_the_values_nor_the_drawing(browser: Browser, tmp_path: Path) -> None:
+def test_whole_turns_between_the_two_sides_change_neither_the_values_nor_the_drawing(
+    browser: Browser, tmp_path: Path
+) -> None:
     as_is = explored(browser, sample_result(wrong="reaction_B_angle"), tmp_path / "as-is")
     shifted = explored(browser, turned(sample_result(wrong="reaction_B_angle")), tmp_path / "turned")
     gamma = []
@@ -251,7 +300,9 @@ def test_whole_turns_between_the_two_sides_change_neither_the_values_nor_the_dra
     assert max(apart for *_, apart in gamma) == pytest.approx(math.degrees(0.01), rel=0.1)
 
 
-def test_a_journal_that_a_soft_contact_lets_out_of_its_circle_stays_in_the_picture(browser: Browser, tmp_path: Path) -> None:
+def test_a_journal_that_a_soft_contact_lets_out_of_its_circle_stays_in_the_picture(
+    browser: Browser, tmp_path: Path
+) -> None:
     result = sample_result()
     for run in result["runs"][1:]:
         for axis in "xy":
@@ -265,7 +316,9 @@ def test_a_journal_that_a_soft_contact_lets_out_of_its_circle_stays_in_the_pictu
         assert browser.run(inside), angle
 
 
-def test_the_panel_and_the_figure_have_a_direction_in_the_same_turn_and_no_rounding_as_a_value(browser: Browser, tmp_path: Path) -> None:
+def test_the_panel_and_the_figure_have_a_direction_in_the_same_turn_and_no_rounding_as_a_value(
+    browser: Browser, tmp_path: Path
+) -> None:
     result = sample_result()
     for run in result["runs"][1:]:
         for side in ("analytic", "simulated"):
@@ -273,7 +326,9 @@ def test_the_panel_and_the_figure_have_a_direction_in_the_same_turn_and_no_round
             run[side]["clearance_B_y"][2] = 1e-17
     write_report(result, tmp_path)
     browser.open(tmp_path / "report.html")
-    rows = browser.run("[...document.querySelectorAll('[data-readout] tr')].map(r => [...r.cells].map(c => c.innerText))")
+    rows = browser.run(
+        "[...document.querySelectorAll('[data-readout] tr')].map(r => [...r.cells].map(c => c.innerText))"
+    )
     assert rows[0][0].startswith("Reaction angle")
     assert rows[0][1:3] == ["34.676", "34.676"]
     assert next(row for row in rows if row[0].startswith("Displacement y"))[1:] == ["0", "0", "0"]
@@ -284,10 +339,14 @@ def test_the_selector_and_the_exaggeration_change_the_drawing(browser: Browser, 
     browser.open(page)
     drawing = "document.querySelector('#explorer svg.chart').innerHTML"
     first = browser.run(drawing)
-    browser.run("[f => { f.value = 0.7; f.dispatchEvent(new Event('input')); }][0](document.querySelector('[data-factor]'))")
+    browser.run(
+        "[f => { f.value = 0.7; f.dispatchEvent(new Event('input')); }][0](document.querySelector('[data-factor]'))"
+    )
     assert browser.run("document.querySelector('[data-magnified]').textContent").endswith(" 5")
     assert browser.run(drawing) != first
-    browser.run("[m => { m.value = 0; m.dispatchEvent(new Event('change')); }][0](document.querySelector('[data-model]'))")
+    browser.run(
+        "[m => { m.value = 0; m.dispatchEvent(new Event('change')); }][0](document.querySelector('[data-model]'))"
+    )
     assert browser.run("document.querySelector('[data-factor]').disabled") is True
     assert browser.run("document.querySelectorAll('.rim').length") == 0
 
@@ -295,7 +354,9 @@ def test_the_selector_and_the_exaggeration_change_the_drawing(browser: Browser, 
 def test_a_chart_can_be_read_zoomed_and_reset(browser: Browser, page: Path) -> None:
     browser.open(page)
     browser.run("document.querySelector('#plot-0').scrollIntoView({block: 'center'})")
-    box = browser.run("(b => [b.left, b.top, b.width, b.height])(document.querySelector('#plot-0 svg.chart').getBoundingClientRect())")
+    box = browser.run(
+        "(b => [b.left, b.top, b.width, b.height])(document.querySelector('#plot-0 svg.chart').getBoundingClientRect())"
+    )
     x, y = box[0] + 0.5 * box[2], box[1] + 0.5 * box[3]
     browser.mouse("mouseMoved", x, y)
     assert "crank angle θ₂" in browser.run("document.querySelector('#plot-0 .tip').innerText")
@@ -341,8 +402,14 @@ def test_every_control_has_a_name_and_every_header_a_scope(browser: Browser, pag
     unnamed = "[...document.querySelectorAll('input, select')].filter(c => !c.labels.length).length"
     assert browser.run(unnamed) == 0
     assert browser.run("[...document.querySelectorAll('th')].filter(h => !h.scope).length") == 0
-    assert browser.run("[...document.querySelectorAll('svg[role=img]')].filter(s => !s.getAttribute('aria-label')).length") == 0
-    assert browser.run("(ids => ids.length - new Set(ids).size)([...document.querySelectorAll('[id]')].map(e => e.id))") == 0
+    assert (
+        browser.run("[...document.querySelectorAll('svg[role=img]')].filter(s => !s.getAttribute('aria-label')).length")
+        == 0
+    )
+    assert (
+        browser.run("(ids => ids.length - new Set(ids).size)([...document.querySelectorAll('[id]')].map(e => e.id))")
+        == 0
+    )
 
 
 def test_text_has_enough_contrast_in_both_schemes(browser: Browser, page: Path) -> None:

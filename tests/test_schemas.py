@@ -13,13 +13,13 @@ import jsonschema
 import numpy as np
 import pytest
 
-from analytic.assembly import Assembly
-from analytic.mechanism_file import load
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism.file import load
 from compare.crosscheck import Job, crosscheck
-from compare.discrepancy import load_tolerances
 from compare.files import to_json
-from compare.grid import FREE_TIME, default_angles
-from compare.tolerances import Known
+from compare.judge.discrepancy import load_tolerances
+from compare.judge.grid import FREE_TIME, default_angles
+from compare.judge.tolerances import Known
 from planted import Planted, turned
 from sim_models.engine import Motion
 
@@ -30,7 +30,10 @@ REPORTS = Path(__file__).parents[1] / "reports"
 
 
 def faults(result: Any, schema: Any = RESULT) -> list[str]:
-    return [f"{error.json_path}: {error.message[:200]}" for error in jsonschema.Draft202012Validator(schema).iter_errors(result)]
+    return [
+        f"{error.json_path}: {error.message[:200]}"
+        for error in jsonschema.Draft202012Validator(schema).iter_errors(result)
+    ]
 
 
 def written(case: str, motion: Motion = "driven", clearance: dict[str, float] | None = None, **job: Any) -> Any:
@@ -57,7 +60,11 @@ def test_a_schema_is_one_and_pins_the_version(name: str) -> None:
     assert "schema" in schema["required"]
 
 
-COMMITTED = ["validation.json", "scoreboard/scoreboard.json", *sorted(f"{p.name}/validity.json" for p in REPORTS.glob("validity-*"))]
+COMMITTED = [
+    "validation.json",
+    "scoreboard/scoreboard.json",
+    *sorted(f"{p.name}/validity.json" for p in REPORTS.glob("validity-*")),
+]
 
 
 @pytest.mark.parametrize("path", COMMITTED)
@@ -100,7 +107,13 @@ def test_several_engines_a_failure_and_a_known_difference_are_in_the_schema() ->
         "second": Planted(turned("B", 0.05), name="second"),
         "third": Planted(lambda s: {name: np.full_like(v, np.nan) for name, v in s.items()}, name="third"),
     }
-    job = Job(mechanism, tuple(engines), TOLERANCES | {"known": (known,)}, motion="static", theta=np.radians(np.arange(20.0, 161.0, 20.0)))
+    job = Job(
+        mechanism,
+        tuple(engines),
+        TOLERANCES | {"known": (known,)},
+        motion="static",
+        theta=np.radians(np.arange(20.0, 161.0, 20.0)),
+    )
     result = json.loads(to_json(crosscheck(job, resolve=lambda name: engines[name])))
     assert faults(result) == []
     assert {"spread", "odd_one_out", "words"} <= set(result)

@@ -1,4 +1,6 @@
-"""Hidden sets are what they claim to be, sensors are played as the contract has them, and scores tell right from wrong."""
+"""Hidden sets are what they claim to be, sensors are played as the contract has them, and scores tell right
+from wrong.
+"""
 
 from __future__ import annotations
 
@@ -11,29 +13,39 @@ import numpy as np
 import pytest
 
 from analytic.mechanism import Load
-from analytic.mechanism_file import load
+from analytic.mechanism.file import load
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.sensors import EncoderOffset
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fitter
 from compare.diagnose.predict import Term
-from compare.scoreboard.board import FULL, run_all, seeds, thresholds
-from compare.scoreboard.hidden import COUNTS, DIAGNOSING, FIRST, Hidden, draw, kind_of
-from compare.scoreboard.outside import KINDS
-from compare.scoreboard.page import figure, page
-from compare.scoreboard.record import make, recorded
-from compare.scoreboard.rigs import Bench, Plan, Rejected
-from compare.scoreboard.score import opened, score
-from compare.scoreboard.sizes import Planted, Sizer, natural
+from compare.evidence.scoreboard.board import FULL, run_all, seeds, thresholds
+from compare.evidence.scoreboard.hidden import COUNTS, DIAGNOSING, FIRST, Hidden, draw, kind_of
+from compare.evidence.scoreboard.outside import KINDS
+from compare.evidence.scoreboard.page import figure, page
+from compare.evidence.scoreboard.record import make, recorded
+from compare.evidence.scoreboard.rigs import Bench, Plan, Rejected
+from compare.evidence.scoreboard.score import opened, score
+from compare.evidence.scoreboard.sizes import Planted, Sizer, natural
 
 SPEED, ANGLE = 6.0, 0.4
-SENSORS = {"crank_angle": 5e-5, "follower_angle": 5e-5, "coupler_x": 1e-5, "drive_torque": 1e-3, "reaction_E_x": 0.02, "reaction_E_y": 0.02}
+SENSORS = {
+    "crank_angle": 5e-5,
+    "follower_angle": 5e-5,
+    "coupler_x": 1e-5,
+    "drive_torque": 1e-3,
+    "reaction_E_x": 0.02,
+    "reaction_E_y": 0.02,
+}
 
 
 def bench(*plans: Plan) -> Bench:
     m = load("crank-rocker")
-    rigid = [type(b).model_validate(b.model_dump(exclude_unset=True, exclude={"youngs_modulus", "shear_modulus"})) for b in m.bodies]
+    rigid = [
+        type(b).model_validate(b.model_dump(exclude_unset=True, exclude={"youngs_modulus", "shear_modulus"}))
+        for b in m.bodies
+    ]
     m = m.replace(gravity=(0.0, -9.81), bodies=tuple(rigid), loads=(Load(body="coupler", force=(5.0, -30.0)),))
     plan = Plan("slow", SPEED, ANGLE, np.linspace(0.0, 2 * math.pi / SPEED, 121), None)
     return Bench("crank-rocker", m, plans or (plan,), SENSORS, True, {})
@@ -84,7 +96,11 @@ def test_ripple_is_seen_by_the_encoder() -> None:
     ripple = {"amplitude": 1e-3, "harmonic": 2.0, "phase": 0.3}
     plan = bench().plans[0]
     command = plan.command(plan.time)
-    assert np.allclose(readings(Planted("speed_ripple", "drive", ripple))[0]["crank_angle"], command + 1e-3 * np.sin(2 * command + 0.3), atol=1e-12)
+    assert np.allclose(
+        readings(Planted("speed_ripple", "drive", ripple))[0]["crank_angle"],
+        command + 1e-3 * np.sin(2 * command + 0.3),
+        atol=1e-12,
+    )
 
 
 CASES = [
@@ -103,7 +119,9 @@ CASES = [
 
 @pytest.mark.parametrize("effect", CASES, ids=lambda e: e.name)
 def test_what_is_recorded_is_what_the_vocabulary_means(effect: Planted) -> None:
-    """Two independent ways to the same readings: an engine with sensors played here, and the diagnosis' own analytic model."""
+    """Two independent ways to the same readings: an engine with sensors played here, and the diagnosis' own analytic
+    model.
+    """
     variant = effect.values.get("harmonic", 0.0)
     truth = [(Term(VOCABULARY[effect.name], effect.where, variant), effect.values)]
     sizer = Sizer(bench())
@@ -138,7 +156,9 @@ def test_an_exact_alias_is_not_distinguishable_and_an_own_signature_is() -> None
     sizer = Sizer(bench())
     aliased = sizer.judged([(Term(VOCABULARY["load_torque"], "crank"), {"torque": 2e-3})])[0]
     assert aliased.distinct < 0.01 < 5 < aliased.total
-    own = sizer.judged([(Term(VOCABULARY["speed_ripple"], "drive", 5.0), {"amplitude": 5e-4, "harmonic": 5.0, "phase": 0.0})])[0]
+    own = sizer.judged(
+        [(Term(VOCABULARY["speed_ripple"], "drive", 5.0), {"amplitude": 5e-4, "harmonic": 5.0, "phase": 0.0})]
+    )[0]
     assert own.distinct > 20
 
 
@@ -214,7 +234,9 @@ def test_clearance_is_an_alias_of_length_until_the_load_reverses() -> None:
 
 
 def test_an_offset_of_its_own_for_each_run_is_drawn_too() -> None:
-    kinds = {len(e.values) for seed in range(15, 15 + 21 * 8, 21) for e in drawn(seed).truth if e.name == EncoderOffset.name}
+    kinds = {
+        len(e.values) for seed in range(15, 15 + 21 * 8, 21) for e in drawn(seed).truth if e.name == EncoderOffset.name
+    }
     assert 1 in kinds
     assert max(kinds) > 1
 
@@ -227,21 +249,33 @@ BIAS, GAIN, LENGTH = ("sensor_bias", "coupler_x"), ("sensor_gain", "coupler_x"),
 def truth(*keys: tuple[str, str], kind: str = "effects", **fields: Any) -> dict[str, Any]:
     sizes = {"total": 30.0, "linear": 20.0, "distinct": 20.0, "rival": None}
     effects = [{"name": n, "where": w, "parameters": {"bias": 1.0}, **sizes} for n, w in keys]
-    base = {"seed": 1, "kind": kind, "case": "paper", "source": {"name": "dart"}, "simulator": "mujoco", "effects": effects}
+    base = {
+        "seed": 1,
+        "kind": kind,
+        "case": "paper",
+        "source": {"name": "dart"},
+        "simulator": "mujoco",
+        "effects": effects,
+    }
     return base | {"outside": {"kind": "bent link"} if kind == "outside" else None, "reversed_load": False} | fields
 
 
 Key = tuple[str, str]
 
 
-def said(*named: tuple[Key, list[Key]], verdict: str = "explained", low: float | None = 0.9, high: float | None = 1.1) -> dict[str, Any]:
+def said(
+    *named: tuple[Key, list[Key]], verdict: str = "explained", low: float | None = 0.9, high: float | None = 1.1
+) -> dict[str, Any]:
     effects = [
         {
-            "name": n, "where": w, "parameters": {"bias": {"value": 1.02, "unit": "m", "low": low, "high": high}},
-            "ambiguous_with": [{"name": a, "where": b} for a, b in ties], "would_separate": "a run with the load reversed" if ties else "",
+            "name": n,
+            "where": w,
+            "parameters": {"bias": {"value": 1.02, "unit": "m", "low": low, "high": high}},
+            "ambiguous_with": [{"name": a, "where": b} for a, b in ties],
+            "would_separate": "a run with the load reversed" if ties else "",
         }
         for (n, w), ties in named
-    ]  # fmt: skip
+    ]
     return {"verdict": verdict, "effects": effects, "gap": {"before": 2.0, "after": 1.0, "noise_floor": 1.0}}
 
 
@@ -296,7 +330,13 @@ def test_the_page_lists_what_fell_short_with_its_seed_and_the_figure_is_drawn() 
     from compare.report.svg import draw as drawn_svg
 
     results = [score(said((BIAS, [])), truth(BIAS)), score(said((GAIN, [])), truth(BIAS)) | {"seed": 4711}]
-    board = {"versions": {"mujoco": "4"}, "code": "5eed", "thresholds": thresholds(results), "by_simulator": {}, "results": results}
+    board = {
+        "versions": {"mujoco": "4"},
+        "code": "5eed",
+        "thresholds": thresholds(results),
+        "by_simulator": {},
+        "results": results,
+    }
     text = page(json.loads(json.dumps(board)))
     assert "| 4711 | wrong | explained | sensor_bias@coupler_x (30, 20.0) | sensor_gain@coupler_x |" in text
     assert "code 5eed (a hash over" in text
@@ -305,8 +345,23 @@ def test_the_page_lists_what_fell_short_with_its_seed_and_the_figure_is_drawn() 
 
 @pytest.mark.slow
 def test_a_dozen_hidden_sets_are_named_rightly(tmp_path: Path) -> None:
-    """Sets whose effects can all be told from anything else, some without effect, one outside the vocabulary, and the alias."""
-    chosen = [2, 3, 25, 35, 39, 14, FIRST["none"], FIRST["none"] + 1, FIRST["none"] + 2, FIRST["outside"], FIRST["alias"], FIRST["alias"] + 1]
+    """Sets whose effects can all be told from anything else, some without effect, one outside the vocabulary, and the
+    alias.
+    """
+    chosen = [
+        2,
+        3,
+        25,
+        35,
+        39,
+        14,
+        FIRST["none"],
+        FIRST["none"] + 1,
+        FIRST["none"] + 2,
+        FIRST["outside"],
+        FIRST["alias"],
+        FIRST["alias"] + 1,
+    ]
     results = run_all(chosen, tmp_path, 2)
     short = {r["seed"]: (r["outcome"], r.get("why")) for r in results if not r["good"]}
     assert not short

@@ -14,7 +14,7 @@ import pytest
 
 from compare.faults import OptionError
 from compare.files import to_json
-from compare.provenance import Result, explain, read_result
+from compare.report.provenance import Result, explain, read_result
 from sample_result import sample_result, swinging
 
 
@@ -30,11 +30,18 @@ def shown(signal: str, at: float, raw: dict[str, Any] = PAPER, **choice: str) ->
 
 
 def compare(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "compare", *arguments], cwd=cwd, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(
+        [sys.executable, "-m", "compare", *arguments], cwd=cwd, capture_output=True, text=True, timeout=60, check=False
+    )
 
 
 def test_the_command_prints_both_sides_and_where_they_come_from(tmp_path: Path) -> None:
-    assert compare("--simulator", "mujoco", "--joint", "contact", "--motion", "static", "--out", "o", cwd=tmp_path).returncode == 0
+    assert (
+        compare(
+            "--simulator", "mujoco", "--joint", "contact", "--motion", "static", "--out", "o", cwd=tmp_path
+        ).returncode
+        == 0
+    )
     done = compare("show", "o/result.json", "--signal", "reaction_B_angle", "--at", "30", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     run = json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))["runs"][0]
@@ -48,8 +55,8 @@ def test_the_command_prints_both_sides_and_where_they_come_from(tmp_path: Path) 
         "compare --simulator mujoco --joint contact --motion static --out o",
         "force of coupler on follower",
         "crank angle 30 deg, sample 3 of 29",
-        "Eqs. 11-14, static force balance of the displaced linkage; analytic/kinetostatics.py",
-        "analytic/clearance.py",
+        "Eqs. 11-14, static force balance of the displaced linkage; analytic/paper/kinetostatics.py",
+        "analytic/paper/clearance.py",
         f"mujoco {run['simulator']['version']}, contact joints, static",
         "sim_models/mujoco/engine.py; clearance_B = 10 mm",
         "contact_stiffness = 1e+08 N/m",
@@ -119,7 +126,7 @@ def test_an_angle_outside_the_run_is_refused(at: float) -> None:
 def test_a_free_drive_is_asked_for_by_its_time() -> None:
     text = shown("reaction_O_angle", 1.011, swinging())
     assert "time 1.02 s, sample 52 of 101 (the nearest to 1.011 s; nothing is interpolated)" in text
-    assert "analytic/released.py" in text
+    assert "analytic/beyond_paper/released.py" in text
     with pytest.raises(OptionError, match="samples from 0 to 2 s"):
         shown("reaction_O_angle", 30, swinging())
 
@@ -136,13 +143,19 @@ def test_a_flagged_angle_has_a_reason_and_no_number() -> None:
 
 
 SOURCES = {
-    ("reaction_B_magnitude", "ideal"): "Eqs. 9-14, inertia forces and force balance of the ideal linkage; analytic/kinetostatics.py",
-    ("reaction_B_magnitude", "contact"): "Eqs. 9-14, inertia forces and force balance of the displaced linkage; analytic/kinetostatics.py",
-    ("drive_torque", "contact"): "analytic/kinetostatics.py",
-    ("clearance_B_x", "contact"): "Eq. 8 along the displaced linkage's own reaction; analytic/clearance.py",
+    (
+        "reaction_B_magnitude",
+        "ideal",
+    ): "Eqs. 9-14, inertia forces and force balance of the ideal linkage; analytic/paper/kinetostatics.py",
+    (
+        "reaction_B_magnitude",
+        "contact",
+    ): "Eqs. 9-14, inertia forces and force balance of the displaced linkage; analytic/paper/kinetostatics.py",
+    ("drive_torque", "contact"): "analytic/paper/kinetostatics.py",
+    ("clearance_B_x", "contact"): "Eq. 8 along the displaced linkage's own reaction; analytic/paper/clearance.py",
     ("coupler_rotation", "contact"): "the body's angle in the displaced linkage minus that in the ideal one",
-    ("follower_angle", "ideal"): "loop closure of the ideal linkage; analytic/kinematics.py",
-    ("follower_x", "contact"): "loop closure of the displaced linkage; analytic/kinematics.py",
+    ("follower_angle", "ideal"): "loop closure of the ideal linkage; analytic/kinematics/motion.py",
+    ("follower_x", "contact"): "loop closure of the displaced linkage; analytic/kinematics/motion.py",
 }
 
 
@@ -153,7 +166,9 @@ def test_the_equation_and_the_module_are_those_of_the_signal(signal: str, joint:
 
 def test_the_modules_that_are_named_exist() -> None:
     root = Path(__file__).parent.parent
-    text = "".join(shown(signal, 30, joint=joint) for signal, joint in SOURCES) + shown("reaction_O_angle", 1.0, swinging())
+    text = "".join(shown(signal, 30, joint=joint) for signal, joint in SOURCES) + shown(
+        "reaction_O_angle", 1.0, swinging()
+    )
     modules = set(re.findall(r"(?:analytic|sim_models)/\w+\.py", text))
     assert len(modules) >= 4
     assert all((root / module).is_file() for module in modules)

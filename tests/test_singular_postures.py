@@ -1,4 +1,6 @@
-"""Linkages assembled where their drive has no hold on them: refused, whatever kind of group is singular there, and right beside it."""
+"""Linkages assembled where their drive has no hold on them: refused, whatever kind of group is singular there, and
+right beside it.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from analytic.assembly import Assembly, AssemblyError
-from analytic.clearance import displaced
-from analytic.kinematics import kinematics
-from analytic.kinetostatics import kinetostatics
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import load, loads
+from analytic.mechanism.file import load, loads
+from analytic.paper.clearance import displaced
+from analytic.paper.kinetostatics import kinetostatics
 from linkages import INVERTED_SLIDER, six_bar_driven_from_the_rocker
 
 
@@ -28,27 +30,43 @@ def parallelogram(angle: float) -> Mechanism:
 
 
 def crank_rocker(away: float, stretched: bool = True) -> Mechanism:
-    """The crank-rocker driven at its rocker, so far (rad) from where crank and coupler are in line, on the side that it reaches."""
+    """The crank-rocker driven at its rocker, so far (rad) from where crank and coupler are in line, on the side that it
+    reaches.
+    """
     crank, coupler, rocker, ground = 0.05, 0.12, 0.10, 0.12
     far = coupler + crank if stretched else coupler - crank
     x = (far**2 - rocker**2 + ground**2) / (2 * ground)
     b = complex(x, np.sqrt(far**2 - x**2))
     follower = np.angle(b - ground) + (away if stretched else -away)
-    linkage = driven_at(load("crank-rocker"), "E", crank=np.angle(b) + (0 if stretched else np.pi), coupler=np.angle(b), follower=follower)
+    linkage = driven_at(
+        load("crank-rocker"),
+        "E",
+        crank=np.angle(b) + (0 if stretched else np.pi),
+        coupler=np.angle(b),
+        follower=follower,
+    )
     return linkage.replace(loads=[{"body": "coupler", "force": (3.0, 10.0)}])
 
 
 def slider_crank(away: float) -> Mechanism:
-    """A slider-crank whose slide is so high that the rod stands on it at a right angle when the crank points down; ``away`` (rad) of it."""
+    """A slider-crank whose slide is so high that the rod stands on it at a right angle when the crank points down;
+    ``away`` (rad) of it.
+    """
     m = load("slider-crank")
     ground = m.ground.model_copy(update={"points": {**m.ground.points, "S": (0.0, 0.07)}})
     return m.replace(ground=ground, assembly={"crank": -np.pi / 2 + away, "rod": np.pi / 2, "slider": 0.0})
 
 
 def over_its_pivot(angle: float) -> Mechanism:
-    """An inverted slider whose crank pin passes over the arm's pivot at 0 deg, where any angle of the arm closes the loop."""
-    text = INVERTED_SLIDER.replace("A = [0.0, 0.01], S", "A = [0.0, 0.0], S").replace("S = [0.02, 0.01], tip", "S = [0.0, 0.0], tip")
-    text = text.replace("C = [0.2, 0.05]", "C = [0.06, 0.0]").replace("axis = [3.0, 1.0]\nangle = 0.4", "axis = [1.0, 0.0]")
+    """An inverted slider whose crank pin passes over the arm's pivot at 0 deg, where any angle of the arm closes the
+    loop.
+    """
+    text = INVERTED_SLIDER.replace("A = [0.0, 0.01], S", "A = [0.0, 0.0], S").replace(
+        "S = [0.02, 0.01], tip", "S = [0.0, 0.0], tip"
+    )
+    text = text.replace("C = [0.2, 0.05]", "C = [0.06, 0.0]").replace(
+        "axis = [3.0, 1.0]\nangle = 0.4", "axis = [1.0, 0.0]"
+    )
     arm = angle / 2 + np.pi / 2
     return loads(text).replace(assembly={"crank": angle, "block": arm, "arm": arm})
 
@@ -57,7 +75,13 @@ def six_bar(away: float) -> Mechanism:
     """The six-bar driven at its rocker, where that turns back: one group of four bodies, solved by Newton's method."""
     m = load("six-bar")
     assembly = Assembly(m)
-    turn = brentq(lambda x: kinematics(assembly, np.array([x]), 1.0).angular_velocity("rocker")[0], 4.0, 4.2, xtol=1e-15, rtol=1e-14)
+    turn = brentq(
+        lambda x: kinematics(assembly, np.array([x]), 1.0).angular_velocity("rocker")[0],
+        4.0,
+        4.2,
+        xtol=1e-15,
+        rtol=1e-14,
+    )
     motion = kinematics(assembly, np.array([turn]))
     posture = {b.name: float(motion.angle(b.name)[0]) for b in m.bodies}
     posture["rocker"] -= away
@@ -84,7 +108,12 @@ def test_no_force_comes_from_a_linkage_assembled_at_a_singular_posture(mechanism
     with pytest.raises(AssemblyError, match=r"change point at crank angle|cannot be reached"):
         kinetostatics(kinematics(Assembly(mechanism), np.array([mechanism.assembly[mechanism.driven]]), 1.0))
     with pytest.raises(AssemblyError, match=r"change point at crank angle|cannot be reached"):
-        displaced(Assembly(mechanism), np.array([mechanism.assembly[mechanism.driven]]), 1.0, clearances={mechanism.joints[-2].name: 1e-5})
+        displaced(
+            Assembly(mechanism),
+            np.array([mechanism.assembly[mechanism.driven]]),
+            1.0,
+            clearances={mechanism.joints[-2].name: 1e-5},
+        )
 
 
 @pytest.mark.parametrize("stretched", [True, False])

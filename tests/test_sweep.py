@@ -1,4 +1,6 @@
-"""Many runs: the same numbers from any number of workers, nothing lost or repeated after a kill, and one bad run stays alone."""
+"""Many runs: the same numbers from any number of workers, nothing lost or repeated after a kill, and one bad run stays
+alone.
+"""
 
 from __future__ import annotations
 
@@ -17,12 +19,12 @@ from typing import Any
 import pytest
 
 import sweep_work
-from analytic.mechanism_file import load
-from compare.discrepancy import load_tolerances
+from analytic.mechanism.file import load
+from compare.domain_map.cell import examine
+from compare.domain_map.map import RPM, Grid, cells
+from compare.judge.discrepancy import load_tolerances
 from compare.runs import Failure, simulate_all
 from compare.sweep import AHEAD, ClusterError, Outcome, sweep
-from compare.validity.cell import examine
-from compare.validity.map import RPM, Grid, cells
 from sim_models.engine import Request
 
 HERE = Path(__file__).parent
@@ -91,7 +93,9 @@ def test_a_run_that_kills_its_process_is_reported_and_the_others_are_done(tmp_pa
     kinds = ["no"] * 3 + ["die"] + ["no"] * 4 + ["die"] + ["no"] * 3
     found = in_order(sweep(sweep_work.troubled, trouble(*kinds), tmp_path, workers=2))
     assert ["die" if "died" in outcome.failure else "no" for outcome in found] == kinds
-    assert [outcome.result for outcome in found] == [None if kind == "die" else {"seed": seed} for seed, kind in enumerate(kinds)]
+    assert [outcome.result for outcome in found] == [
+        None if kind == "die" else {"seed": seed} for seed, kind in enumerate(kinds)
+    ]
 
 
 @POSIX
@@ -204,7 +208,9 @@ def test_a_killed_sweep_goes_on_where_it_stopped(workers: int, tmp_path: Path) -
     assert all(int(square) == int(index) ** 2 for index, square, _ in lines)
     assert {int(index) for index, _, known in lines if known == "True"} == set(recorded)
     again = log.read_text(encoding="utf-8").split()[len(before) :]
-    assert Counter(map(int, again)) == Counter(set(range(40)) - set(recorded))  # none that was recorded is repeated, each other once
+    assert Counter(map(int, again)) == Counter(
+        set(range(40)) - set(recorded)
+    )  # none that was recorded is repeated, each other once
     assert {name: (folder / name).read_bytes() for name in kept} == kept
 
 
@@ -220,7 +226,11 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
 
     def start(program: str, *arguments: str) -> None:
         command = [sys.executable, "-m", "dask", program, *arguments]
-        started.append(subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+        started.append(
+            subprocess.Popen(
+                command, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            )
+        )
 
     there = tmp_path / "scheduler.json"
     start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(there))
@@ -230,7 +240,18 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
             time.sleep(0.05)
         address = json.loads(there.read_text(encoding="utf-8"))["address"]
         for name in ("one", "two"):
-            start("worker", address, "--name", name, "--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(tmp_path / name))
+            start(
+                "worker",
+                address,
+                "--name",
+                name,
+                "--nthreads",
+                "1",
+                "--no-nanny",
+                "--no-dashboard",
+                "--local-directory",
+                str(tmp_path / name),
+            )
         yield address, started[1:]
     finally:
         for process in reversed(started):
@@ -254,11 +275,15 @@ def test_a_cluster_gives_the_same_numbers_though_a_worker_is_killed_half_way(
     assert workers[0].wait(60) == -signal.SIGKILL
     assert results(iter(found)) == json.dumps([{"seed": seed, "square": seed**2} for seed in range(40)])
     assert len(list(folder.glob("*.json"))) == 40
-    assert all(outcome.recorded for outcome in sweep(sweep_work.logged, runs, folder))  # a cluster's records are anybody's
+    assert all(
+        outcome.recorded for outcome in sweep(sweep_work.logged, runs, folder)
+    )  # a cluster's records are anybody's
 
 
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
-def test_cells_of_a_map_are_the_same_to_the_last_bit_on_a_cluster_in_processes_and_here(cluster: tuple[str, list[subprocess.Popen[bytes]]]) -> None:
+def test_cells_of_a_map_are_the_same_to_the_last_bit_on_a_cluster_in_processes_and_here(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]],
+) -> None:
     paper = load("paper")
     runs = cells(Grid(paper, ("B",), (400 * RPM, 600 * RPM), (1e-4, 1e-2), ("mujoco",), "contact", load_tolerances()))
     here = results(sweep(examine, runs))

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from analytic.mechanism import Drive, Load, Mechanism
-from analytic.mechanism_file import load, shipped_cases
-from compare.baseline.runs import setups
+from analytic.mechanism.file import load, shipped_cases
 from compare.crosscheck import Job, crosscheck
-from compare.discrepancy import load_tolerances
-from compare.validation.scales import Scale, linkage, scale_rows, scales
+from compare.evidence.baseline.runs import setups
+from compare.evidence.validation.scales import Scale, linkage, scale_rows, scales
+from compare.judge.discrepancy import load_tolerances
 from linkages import inverted_slider
+from sim_models.common.contact_laws import DRIVEN_STIFFNESS, STATIC_STIFFNESS, default_stiffness
 from sim_models.common.units import SI, Units, dimension
 from sim_models.common.weights import with_equal_masses
-from sim_models.contact_laws import DRIVEN_STIFFNESS, STATIC_STIFFNESS, default_stiffness
 from sim_models.engine import ENGINES, Request, declared, engine
 
 TURN = np.radians(np.arange(0.0, 360.0, 30.0))
@@ -38,10 +38,20 @@ def everything() -> Mechanism:
     pin = next(j for j in m.joints if not j.prismatic and j is not m.drive_joint)
     m = m.with_joint(slide.name, friction_torque=0.3, damping=0.7, stiffness=11.0, rest_angle=0.02)
     elasticity = {"translation": 2e11, "rotation": 3e9}
-    m = m.with_joint(pin.name, clearance=1e-4, pin_radius=5e-3, contact_stiffness=3e6, contact_damping=40.0, stiffness=2.0, rest_angle=0.1)
+    m = m.with_joint(
+        pin.name,
+        clearance=1e-4,
+        pin_radius=5e-3,
+        contact_stiffness=3e6,
+        contact_damping=40.0,
+        stiffness=2.0,
+        rest_angle=0.1,
+    )
     m = m.with_joint(pin.name, elasticity=elasticity, damping=0.01, friction_torque=0.05)
     body = m.bodies[-1]
-    m = m.with_body(body.name, marker=(0.01, 0.02), section=(0.01, 0.02), inertia=1e-4, youngs_modulus=2e11, shear_modulus=8e10)
+    m = m.with_body(
+        body.name, marker=(0.01, 0.02), section=(0.01, 0.02), inertia=1e-4, youngs_modulus=2e11, shear_modulus=8e10
+    )
     drive = Drive(joint=m.drive_joint.name, speed=7.0, stiffness=500.0, ripple={"amplitude": 0.01, "harmonic": 2})
     return m.replace(gravity=(1.0, -9.0), drive=drive, loads=(Load(body=body.name, force=(3.0, -4.0), torque=0.6),))
 
@@ -56,10 +66,14 @@ def test_a_mechanism_comes_back_from_other_units_to_the_last_bit() -> None:
     assert there.loads[0].torque == 0.6 * OTHER.time**2 / (OTHER.mass * OTHER.length**2)
 
 
-@pytest.mark.parametrize(("joint_model", "motion"), [("ideal", "driven"), ("spring-damper", "driven"), ("contact", "static")])
+@pytest.mark.parametrize(
+    ("joint_model", "motion"), [("ideal", "driven"), ("spring-damper", "driven"), ("contact", "static")]
+)
 @pytest.mark.parametrize("name", ENGINES)
 def test_similar_linkages_have_the_same_digits(name: str, joint_model: str, motion: str) -> None:
-    """A micromechanism, and one whose lengths, masses and times are other powers of two: what is said of both differs in exponents only."""
+    """A micromechanism, and one whose lengths, masses and times are other powers of two: what is said of both differs
+    in exponents only.
+    """
     chosen = engine(installed(name))
     small = linkage(Scale(1e-5, 300.0, 1.0))
     smaller = Units(2.0**3, 2.0**7, 2.0**2).mechanism(small)
@@ -76,7 +90,9 @@ def test_units_are_those_of_si_where_engines_are_at_home() -> None:
     for case in shipped_cases():
         for setup in setups(load(case)):
             units = Units.of(setup.request)
-            assert units == (Units(time=2.0**-6) if (case, setup.request.motion) == ("slider-crank", "driven") else SI), setup.name  # 5000 rpm
+            assert units == (
+                Units(time=2.0**-6) if (case, setup.request.motion) == ("slider-crank", "driven") else SI
+            ), setup.name  # 5000 rpm
 
 
 def test_the_units_of_a_course_are_those_of_its_pace() -> None:
@@ -92,7 +108,14 @@ def test_a_crank_rocker_of_a_twentieth_agrees(name: str) -> None:
     """2.5 mm of crank at 60 rad/s: inertias of 3e-12 kg.m2, which an engine once raised to 1e-10."""
     m = linkage(Scale(0.006, 60.0, 1.0))
     assert min(b.moment_of_inertia for b in m.bodies) < 3e-12
-    result = crosscheck(Job(m.replace(gravity=(0.0, 0.0), loads=()).with_clearances({}), (installed(name),), load_tolerances(), theta=TURN))
+    result = crosscheck(
+        Job(
+            m.replace(gravity=(0.0, 0.0), loads=()).with_clearances({}),
+            (installed(name),),
+            load_tolerances(),
+            theta=TURN,
+        )
+    )
     assert result["verdict"] == "agrees"
 
 
@@ -100,7 +123,14 @@ def test_a_crank_rocker_of_a_twentieth_agrees(name: str) -> None:
 @pytest.mark.parametrize("name", ENGINES)
 def test_masses_of_nine_decades_agree_or_are_refused(name: str, ratio: float) -> None:
     for motion in ("driven", "static"):
-        job = Job(linkage(Scale(0.12, 30.0, ratio)), (installed(name),), load_tolerances(), motion, TURN[::2], joint_model="ideal")  # type: ignore[arg-type]
+        job = Job(
+            linkage(Scale(0.12, 30.0, ratio)),
+            (installed(name),),
+            load_tolerances(),
+            motion,
+            TURN[::2],
+            joint_model="ideal",
+        )  # type: ignore[arg-type]
         assert crosscheck(job)["verdict"] == "agrees"
 
 
@@ -132,7 +162,9 @@ def test_default_stiffness_is_that_of_shipped_cases_and_grows_with_the_forces_of
 def test_an_error_in_other_units_says_which() -> None:
     from sim_models.engine import SimulationError
 
-    with pytest.raises(SimulationError, match=r"would take .* steps .*\(numbers in units of [\d.e-]+ m, [\d.e-]+ kg and [\d.e-]+ s\)"):
+    with pytest.raises(
+        SimulationError, match=r"would take .* steps .*\(numbers in units of [\d.e-]+ m, [\d.e-]+ kg and [\d.e-]+ s\)"
+    ):
         engine("mujoco").simulate(Request(linkage(Scale(1e-6, 1e-3, 1.0)), "ideal", "driven", TURN))
 
 
@@ -141,5 +173,12 @@ def test_the_scales_of_the_report_span_what_they_should() -> None:
     assert {s.length for s in every} >= {1e-6, 30.0}
     assert {s.speed for s in every} >= {1e-3, 1e3}
     assert max(s.mass_ratio for s in every) / min(s.mass_ratio for s in every) >= 1e9
-    (row, *_) = scale_rows(("mujoco",), [Scale(1e-6, 1e3, 1.0)], 1)
-    assert row == {"length": 1e-6, "speed": 1e3, "mass_ratio": 1.0, "simulator": "mujoco", "run": "ideal, driven", "verdict": "agrees"}
+    row, *_ = scale_rows(("mujoco",), [Scale(1e-6, 1e3, 1.0)], 1)
+    assert row == {
+        "length": 1e-6,
+        "speed": 1e3,
+        "mass_ratio": 1.0,
+        "simulator": "mujoco",
+        "run": "ideal, driven",
+        "verdict": "agrees",
+    }

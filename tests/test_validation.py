@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 
+from compare.evidence.validation.page import page
+from compare.evidence.validation.runs import drawn, first_order
+from compare.evidence.validation.scales import checked
+from compare.evidence.validation.stored import differences, looked_at, other_versions, read, stale_page
 from compare.faults import OptionError
-from compare.validation.page import page
-from compare.validation.runs import drawn, first_order
-from compare.validation.scales import checked
-from compare.validation.stored import differences, looked_at, other_versions, read, stale_page
 from sample_result import sample_result
 
 REPORTS = Path(__file__).parents[1] / "reports"
@@ -38,7 +38,12 @@ def only(*engines: str) -> dict[str, Any]:
     runs = [run for run in STORED["runs"] if run["simulator"] in engines]
     beams = STORED["superposition"] if "exudyn" in engines else []
     scales = [row for row in STORED["scales"] if row["simulator"] in engines]
-    return STORED | {"runs": runs, "scales": scales, "versions": {name: STORED["versions"][name] for name in engines}, "superposition": beams}
+    return STORED | {
+        "runs": runs,
+        "scales": scales,
+        "versions": {name: STORED["versions"][name] for name in engines},
+        "superposition": beams,
+    }
 
 
 def test_the_committed_page_and_first_order_table_are_those_of_the_committed_numbers(tmp_path: Path) -> None:
@@ -53,11 +58,17 @@ def test_the_committed_page_and_first_order_table_are_those_of_the_committed_num
 
 def test_every_picture_that_the_page_shows_is_drawn() -> None:
     drawings = {f"figures/paper-{name}.svg" for name in drawn(sample_result("paper"))}
-    assert drawings == {line.split("](")[1].rstrip(")") for line in page(STORED).splitlines() if "](figures/paper-" in line}
+    assert drawings == {
+        line.split("](")[1].rstrip(")") for line in page(STORED).splitlines() if "](figures/paper-" in line
+    }
 
 
 TAMPERED: dict[str, tuple[tuple[Any, ...], Any, str]] = {
-    "a verdict": (("runs", 0, "verdict"), "disagrees", "crank-rocker, ideal, driven, mujoco: verdict was disagrees, is agrees"),
+    "a verdict": (
+        ("runs", 0, "verdict"),
+        "disagrees",
+        "crank-rocker, ideal, driven, mujoco: verdict was disagrees, is agrees",
+    ),
     "a count": (("runs", 0, "signals"), 11, "signals was 11, is 12"),
     "a share that is absurd": (("runs", 0, "share"), 1e9, "was 1e+11 % (reaction_D_angle), is 1 %"),
     "a share that is too good": (("runs", 7, "share"), 0.1, "was 10 %"),
@@ -79,7 +90,11 @@ def test_a_number_that_is_not_found_again_is_named(case: str) -> None:
 
 
 def test_what_is_rounding_may_differ() -> None:
-    (k,) = (k for k, run in enumerate(STORED["runs"]) if (run["case"], run["run"], run["simulator"]) == ("paper", "ideal, driven", "dart"))
+    (k,) = (
+        k
+        for k, run in enumerate(STORED["runs"])
+        if (run["case"], run["run"], run["simulator"]) == ("paper", "ideal, driven", "dart")
+    )
     assert STORED["runs"][k]["share"] < 1e-5
     rounded = changed("runs", k, "share", value=2e-6)
     rounded["runs"][k]["closest"] = "crank_angle"
@@ -90,7 +105,10 @@ def test_what_is_rounding_may_differ() -> None:
 
 def test_an_engine_that_is_not_here_is_said_to_be_left_out() -> None:
     scales = len(STORED["scales"])
-    assert looked_at(STORED, STORED) == (f"75 of 75 runs, {scales} of {scales} at scales, first_order and superposition made again", "")
+    assert looked_at(STORED, STORED) == (
+        f"75 of 75 runs, {scales} of {scales} at scales, first_order and superposition made again",
+        "",
+    )
     done, left_out = looked_at(STORED, only("mujoco"))
     assert done == f"20 of 75 runs, {scales // 28 * 8} of {scales} at scales, first_order made again"
     assert left_out == "20 runs of exudyn; 20 runs of pybullet; 15 runs of dart; superposition, which takes exudyn"
@@ -121,19 +139,32 @@ def test_a_damaged_report_is_refused_in_one_sentence(damage: str, tmp_path: Path
     assert "\n" not in str(caught.value)
 
 
-def test_the_command_makes_the_runs_of_the_engines_that_are_here_and_does_not_pass_for_those_that_are_not(tmp_path: Path) -> None:
+def test_the_command_makes_the_runs_of_the_engines_that_are_here_and_does_not_pass_for_those_that_are_not(
+    tmp_path: Path,
+) -> None:
     for name in ("README.md", "validation.json"):
         (tmp_path / name).write_text((REPORTS / name).read_text(encoding="utf-8"), encoding="utf-8")
     hide = (
-        "import sys, importlib.util as u; f = u.find_spec; u.find_spec = lambda n, p=None: None if n in ('exudyn', 'pybullet', 'dartpy') else f(n, p)"
+        "import sys, importlib.util as u; f = u.find_spec; u.find_spec = lambda n, p=None: None if n in ('exudyn',"
+        " 'pybullet', 'dartpy') else f(n, p)"
     )
-    run = f"{hide}; sys.argv = ['compare', 'validation', 'check', '--reports', '.']; from compare.cli import main; main()"
-    done = subprocess.run([sys.executable, "-c", run], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    run = (
+        f"{hide}; sys.argv = ['compare', 'validation', 'check', '--reports', '.']; from compare.cli.app import main;"
+        " main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", run], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
+    )
     assert done.returncode == 3, done.stdout + done.stderr
     again, scales = len(checked()) * 8, len(STORED["scales"])
-    assert done.stdout == f"20 of 75 runs, {again} of {scales} at scales, first_order made again; 0 differ from validation.json\n"
+    assert (
+        done.stdout
+        == f"20 of 75 runs, {again} of {scales} at scales, first_order made again; 0 differ from validation.json\n"
+    )
     assert "not looked at: 20 runs of exudyn; 20 runs of pybullet; 15 runs of dart" in done.stderr
-    tampered = changed("runs", 0, "share", value=1e9) | {"first_order": changed("first_order", 0, "angle", value=99.0)["first_order"]}
+    tampered = changed("runs", 0, "share", value=1e9) | {
+        "first_order": changed("first_order", 0, "angle", value=99.0)["first_order"]
+    }
     (tmp_path / "validation.json").write_text(json.dumps(tampered), encoding="utf-8")
     command = [sys.executable, "-m", "compare", "validation", "check", "--reports", ".", "--simulator", "mujoco"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)

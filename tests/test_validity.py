@@ -1,4 +1,6 @@
-"""``compare validity``: verdicts that must come out, what each assumption costs, and the command as a person runs it."""
+"""``compare validity``: verdicts that must come out, what each assumption costs, and the command as a person
+runs it.
+"""
 
 from __future__ import annotations
 
@@ -19,16 +21,16 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from analytic.assembly import Assembly
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import dumps, load
+from analytic.mechanism.file import dumps, load
 from compare.crosscheck import Job, crosscheck
-from compare.discrepancy import load_tolerances
-from compare.grid import default_angles
+from compare.domain_map.cell import Cell, examine
+from compare.domain_map.map import RPM, Grid, cells, clearance_joints, summarised, versions
+from compare.judge.discrepancy import load_tolerances
+from compare.judge.grid import default_angles
 from compare.report.validity_figure import BOUNDARIES, draw
 from compare.report.validity_text import brief, percent
-from compare.validity.cell import Cell, examine
-from compare.validity.map import RPM, Grid, cells, clearance_joints, summarised, versions
 from planted import Planted, truth, turned
 from sim_models.engine import ENGINES, declared, installed_version
 
@@ -43,7 +45,9 @@ def validity(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
 
 
-def grid(mechanism: Mechanism, speeds: tuple[float, ...], clearances: tuple[float, ...], simulator: str = "mujoco") -> Grid:
+def grid(
+    mechanism: Mechanism, speeds: tuple[float, ...], clearances: tuple[float, ...], simulator: str = "mujoco"
+) -> Grid:
     joints, _ = clearance_joints(mechanism, None)
     return Grid(mechanism, joints, tuple(rpm * RPM for rpm in speeds), clearances, (simulator,), "contact", TOLERANCES)
 
@@ -99,7 +103,9 @@ def test_a_contact_that_yields_more_than_the_clearance_is_the_cause() -> None:
 
 
 def test_the_contacts_give_explains_by_how_much_the_simulation_is_off() -> None:
-    """Near a change point the give's own motion tells at the drive: 1.8 x the tolerance at 200 rpm, whatever the clearance."""
+    """Near a change point the give's own motion tells at the drive: 1.8 x the tolerance at 200 rpm, whatever the
+    clearance.
+    """
     for rpm, clearance in ((200.0, 1e-5), (200.0, 1e-4), (250.0, 1e-5)):
         found = one("paper", rpm, clearance)
         assert found["cause"] == "rigid"
@@ -128,7 +134,11 @@ def test_an_engine_that_says_the_same_agrees_and_one_that_is_turned_does_not() -
     same = planted(15.0, 1e-4).verdict()
     assert (same["verdict"], same["agreeing_share"], same["cause"]) == ("agrees", 1.0, None)
     other = planted(15.0, 1e-4, turned("E", 0.01)).verdict()
-    assert (other["verdict"], other["agreeing_share"], other["cause"]) == ("disagrees", 0.0, None)  # nothing in the model explains it
+    assert (other["verdict"], other["agreeing_share"], other["cause"]) == (
+        "disagrees",
+        0.0,
+        None,
+    )  # nothing in the model explains it
     assert other["worst"]["signal"] == "reaction_E_angle"
     assert other["worst"]["max"] == pytest.approx(0.01)
 
@@ -145,7 +155,9 @@ def test_a_fault_at_some_angles_is_found_at_those() -> None:
 
 
 def test_first_order_costs_what_eq_8_is_off_by() -> None:
-    """At 20 deg the direction is off by 7.06 deg for 10 mm (see the paper's case); the tolerance is 0.05 deg at the peak force."""
+    """At 20 deg the direction is off by 7.06 deg for 10 mm (see the paper's case); the tolerance is 0.05 deg at the
+    peak force.
+    """
     cell = planted(0.015, 1e-2)
     eq_8, equilibrium = (cell.signals(cell.displaced(model)) for model in ("first_order", "equilibrium"))
     off = float(np.abs(np.angle(np.exp(1j * (eq_8["reaction_B_angle"] - equilibrium["reaction_B_angle"])))).max())
@@ -164,18 +176,26 @@ def test_the_gaps_own_motion_costs_more_with_the_square_of_the_speed() -> None:
 # ---------------------------------------------------------------- joints and cells
 
 
-@pytest.mark.parametrize(("case", "joint"), [("crank-rocker", "B"), ("slider-crank", "B"), ("six-bar", "C"), ("paper", "B")])
-def test_the_clearance_is_in_the_joint_farthest_from_the_ground_unless_the_case_has_its_own(case: str, joint: str) -> None:
+@pytest.mark.parametrize(
+    ("case", "joint"), [("crank-rocker", "B"), ("slider-crank", "B"), ("six-bar", "C"), ("paper", "B")]
+)
+def test_the_clearance_is_in_the_joint_farthest_from_the_ground_unless_the_case_has_its_own(
+    case: str, joint: str
+) -> None:
     assert clearance_joints(load(case), None)[0] == (joint,)
     assert clearance_joints(load(case).with_clearances({"A": 1e-4}), None) == (("A",), "the case's own")
 
 
 def test_a_cell_is_plain_data_with_one_contact_law_for_every_engine() -> None:
-    runs = cells(Grid(load("six-bar"), ("B", "F"), (1.0, 2.0), (1e-4, 2e-4, 3e-4), ("mujoco", "exudyn"), "contact", TOLERANCES))
+    runs = cells(
+        Grid(load("six-bar"), ("B", "F"), (1.0, 2.0), (1e-4, 2e-4, 3e-4), ("mujoco", "exudyn"), "contact", TOLERANCES)
+    )
     assert len(runs) == 12
     assert json.loads(json.dumps(runs)) == runs
     backwards = load("six-bar").replace(drive={"joint": "D", "speed": -3.0})
-    assert Mechanism.model_validate(cells(grid(backwards, (60.0,), (1e-4,)))[0]["mechanism"]).speed == pytest.approx(-2 * math.pi)
+    assert Mechanism.model_validate(cells(grid(backwards, (60.0,), (1e-4,)))[0]["mechanism"]).speed == pytest.approx(
+        -2 * math.pi
+    )
     for run in runs:
         m = Mechanism.model_validate(run["mechanism"])
         assert m.speed == run["speed"]
@@ -188,7 +208,11 @@ def test_a_cell_is_plain_data_with_one_contact_law_for_every_engine() -> None:
 
 def made_up(verdicts: list[list[str | None]]) -> dict[str, Any]:
     """validity.json of a map, speeds by clearances, whose cells agree, disagree or (None) failed."""
-    over = grid(load("crank-rocker"), tuple(60.0 * (i + 1) for i in range(len(verdicts))), tuple(1e-4 * (j + 1) for j in range(len(verdicts[0]))))
+    over = grid(
+        load("crank-rocker"),
+        tuple(60.0 * (i + 1) for i in range(len(verdicts))),
+        tuple(1e-4 * (j + 1) for j in range(len(verdicts[0]))),
+    )
     runs = cells(over)
     base = one("paper", 15.0, 1e-3) | {"fails": []}
     found = [
@@ -203,7 +227,9 @@ def test_the_boundary_is_drawn_between_cells_that_differ_and_nowhere_else() -> N
     def solid(result: dict[str, Any]) -> list[str]:
         stroke = BOUNDARIES[0][2]
         root = ET.fromstring(draw(result).replace(stroke, 'data-solid="yes"'))
-        return [p.attrib["d"] for p in root.iter("{http://www.w3.org/2000/svg}path") if p.attrib.get("data-solid")][1:]  # the first is the legend's
+        return [p.attrib["d"] for p in root.iter("{http://www.w3.org/2000/svg}path") if p.attrib.get("data-solid")][
+            1:
+        ]  # the first is the legend's
 
     assert solid(made_up([["agrees"] * 3] * 3)) == []
     (path,) = solid(made_up([["agrees", "agrees"], ["agrees", "disagrees"], [None, None]]))
@@ -227,7 +253,9 @@ def test_shares_are_never_rounded_to_none_or_all() -> None:
 
 
 def test_the_command_writes_a_map_that_meets_its_schema(tmp_path: Path) -> None:
-    done = validity("--case", "paper", "--speeds", "600,15", "--clearances", "1e-2,1e-4", "--workers", "2", cwd=tmp_path)
+    done = validity(
+        "--case", "paper", "--speeds", "600,15", "--clearances", "1e-2,1e-4", "--workers", "2", cwd=tmp_path
+    )
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "reports" / "paper-validity-speeds=600,15-clearances=1e-2,1e-4"
     assert sorted(path.name for path in folder.iterdir()) == ["validity.json", "validity.md", "validity.svg"]
@@ -244,7 +272,9 @@ def test_the_command_writes_a_map_that_meets_its_schema(tmp_path: Path) -> None:
     assert done.stderr == ""
 
 
-@pytest.mark.parametrize(("case", "rpm", "joint"), [("crank-rocker", "300", "B"), ("slider-crank", "3000", "B"), ("six-bar", "60", "C")])
+@pytest.mark.parametrize(
+    ("case", "rpm", "joint"), [("crank-rocker", "300", "B"), ("slider-crank", "3000", "B"), ("six-bar", "60", "C")]
+)
 def test_every_linkage_has_a_map(case: str, rpm: str, joint: str, tmp_path: Path) -> None:
     done = validity("--case", case, "--speeds", rpm, "--clearances", "1e-4", "--workers", "1", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -253,7 +283,9 @@ def test_every_linkage_has_a_map(case: str, rpm: str, joint: str, tmp_path: Path
     assert result["joints"] == [joint]
     assert "verdict" in result["cells"][0]
     assert result == json.loads(
-        (tmp_path / "reports" / f"{case}-validity-speeds={rpm}-clearances=1e-4" / "validity.json").read_text(encoding="utf-8")
+        (tmp_path / "reports" / f"{case}-validity-speeds={rpm}-clearances=1e-4" / "validity.json").read_text(
+            encoding="utf-8"
+        )
     )
 
 
@@ -262,7 +294,10 @@ def test_a_killed_map_goes_on_and_ends_as_an_undisturbed_one(tmp_path: Path) -> 
     asked = ["--speeds", "150,200,300,400", "--clearances", "1e-5,1e-4,1e-3", "--workers", "2"]
     assert validity(*asked, "--out", "whole", cwd=tmp_path).returncode == 0
     running = subprocess.Popen(
-        [sys.executable, "-m", "compare", "validity", *asked, "--out", "killed"], cwd=tmp_path, env=os.environ, stdout=subprocess.DEVNULL
+        [sys.executable, "-m", "compare", "validity", *asked, "--out", "killed"],
+        cwd=tmp_path,
+        env=os.environ,
+        stdout=subprocess.DEVNULL,
     )
     runs, until = tmp_path / "killed" / "runs", time.monotonic() + 60
     while len(list(runs.glob("*.json"))) < 3 and time.monotonic() < until:
@@ -273,7 +308,9 @@ def test_a_killed_map_goes_on_and_ends_as_an_undisturbed_one(tmp_path: Path) -> 
     assert 3 <= len(kept) < 12
     assert not (tmp_path / "killed" / "validity.json").exists()
     assert validity(*asked, "--out", "killed", cwd=tmp_path).returncode == 0
-    whole, killed = (json.loads((tmp_path / name / "validity.json").read_text(encoding="utf-8")) for name in ("whole", "killed"))
+    whole, killed = (
+        json.loads((tmp_path / name / "validity.json").read_text(encoding="utf-8")) for name in ("whole", "killed")
+    )
     assert {**killed, "command": ""} == {**whole, "command": ""}
     assert not runs.exists()
 
@@ -285,7 +322,10 @@ BAD_INPUT = {
     "a speed of nothing": (["--speeds", "0", "--clearances", "1e-4"], ["--speeds 0", "above 0"]),
     "a clearance below nothing": (["--speeds", "60", "--clearances", "1e-4,-1e-4"], ["-1e-4", "above 0"]),
     "an endless clearance": (["--speeds", "60", "--clearances", "inf"], ["--clearances inf", "above 0"]),
-    "a clearance larger than a link": (["--speeds", "60", "--clearances", "0.5"], ["joint 'B'", "0.5", "not smaller than body"]),
+    "a clearance larger than a link": (
+        ["--speeds", "60", "--clearances", "0.5"],
+        ["joint 'B'", "0.5", "not smaller than body"],
+    ),
     "unknown joint": ([*MAP, "--at", "Q"], ["--at Q", "D, A, B, E"]),
     "ideal joints": ([*MAP, "--joint", "ideal"], ["--joint ideal", "contact"]),
     "unknown engine": ([*MAP, "--simulator", "adams"], ["'adams'", "mujoco"]),
@@ -308,9 +348,14 @@ def test_bad_input_gets_one_sentence_and_status_2(arguments: list[str], words: l
 
 
 def test_an_engine_that_is_not_installed_is_status_3_with_the_install_command(tmp_path: Path) -> None:
-    hide = "import sys, importlib.util as u; f = u.find_spec; u.find_spec = lambda n, p=None: None if n == 'mujoco' else f(n, p)"
-    run = f"{hide}; sys.argv = ['compare', 'validity', *{MAP}]; from compare.cli import main; main()"
-    done = subprocess.run([sys.executable, "-c", run], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    hide = (
+        "import sys, importlib.util as u; f = u.find_spec; u.find_spec = lambda n, p=None: None if n == 'mujoco' else"
+        " f(n, p)"
+    )
+    run = f"{hide}; sys.argv = ['compare', 'validity', *{MAP}]; from compare.cli.app import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", run], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
     assert done.returncode == 3
     assert "pip install 'linkage-crosscheck[mujoco]'" in done.stderr
 
@@ -320,7 +365,11 @@ def test_a_map_without_a_single_cell_is_status_3(tmp_path: Path) -> None:
     assert done.returncode == 3
     assert "every cell failed" in done.stderr
     assert "cannot be reached" in done.stderr
-    result = json.loads((tmp_path / "reports" / "crank-rocker-validity-speeds=60-clearances=0.099" / "validity.json").read_text(encoding="utf-8"))
+    result = json.loads(
+        (tmp_path / "reports" / "crank-rocker-validity-speeds=60-clearances=0.099" / "validity.json").read_text(
+            encoding="utf-8"
+        )
+    )
     Draft202012Validator(SCHEMA).validate(result)
 
 
@@ -333,10 +382,14 @@ def test_a_cluster_that_is_not_there_is_bad_input(tmp_path: Path) -> None:
 
 
 def test_a_mechanism_file_is_mapped_like_a_shipped_case(tmp_path: Path) -> None:
-    """A crank-rocker that does work: its pin is pressed one way, so the model holds where the unloaded one's does not."""
+    """A crank-rocker that does work: its pin is pressed one way, so the model holds where the unloaded one's
+    does not.
+    """
     loaded = load("crank-rocker").replace(name="working", loads=[{"body": "follower", "torque": -2.0}])
     (tmp_path / "working.toml").write_text(dumps(loaded), encoding="utf-8")
-    done = validity("--case", "working.toml", "--speeds", "300,3000", "--clearances", "1e-4", "--out", "o", cwd=tmp_path)
+    done = validity(
+        "--case", "working.toml", "--speeds", "300,3000", "--clearances", "1e-4", "--out", "o", cwd=tmp_path
+    )
     assert done.returncode == 0, done.stderr
     slow, fast = json.loads((tmp_path / "o" / "validity.json").read_text(encoding="utf-8"))["cells"]
     assert slow["verdict"] == "agrees"

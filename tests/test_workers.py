@@ -1,4 +1,6 @@
-"""Processes that do the runs of a command: gone within seconds of it, however it ends, and without a word on the terminal."""
+"""Processes that do the runs of a command: gone within seconds of it, however it ends, and without a word on the
+terminal.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,12 @@ class Command:
         self.said = folder / "said.txt"
         with self.said.open("wb") as errors:
             self.process = subprocess.Popen(
-                [sys.executable, *arguments], cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=errors, start_new_session=True
+                [sys.executable, *arguments],
+                cwd=folder,
+                env=environment,
+                stdout=subprocess.DEVNULL,
+                stderr=errors,
+                start_new_session=True,
             )
 
     def processes(self) -> dict[int, str]:
@@ -70,7 +77,9 @@ class Command:
     def end(self, how: str) -> int:
         """End it; its exit status."""
         sent, everybody = ENDS[how]
-        for _ in range(3):  # Python drops an interrupt that falls into a callback of its own; a person presses the key again
+        for _ in range(
+            3
+        ):  # Python drops an interrupt that falls into a callback of its own; a person presses the key again
             if everybody:  # as the keyboard does
                 os.killpg(self.process.pid, sent)
             else:
@@ -127,7 +136,9 @@ def test_a_sweep_that_comes_to_its_end_leaves_no_process_and_says_nothing(tmp_pa
 @pytest.mark.slow
 @pytest.mark.parametrize("how", ENDS)
 @pytest.mark.parametrize("arguments", [ALL, MAP, BASELINE], ids=["cross-check", "validity", "baseline"])
-def test_a_command_that_ends_at_any_moment_leaves_no_process_and_no_chatter(arguments: list[str], how: str, tmp_path: Path) -> None:
+def test_a_command_that_ends_at_any_moment_leaves_no_process_and_no_chatter(
+    arguments: list[str], how: str, tmp_path: Path
+) -> None:
     moments = random.Random(7)
     for _ in range(5):
         command = Command(arguments, tmp_path)

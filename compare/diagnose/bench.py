@@ -42,7 +42,9 @@ class Confirmed:
     explained: Mechanism
     before: Mapping[str, Simulated]
     after: Mapping[str, Simulated]
-    agreement: Mapping[str, float]  # largest rms difference of a sensor between an engine and the analytic model, in noise
+    agreement: Mapping[
+        str, float
+    ]  # largest rms difference of a sensor between an engine and the analytic model, in noise
     agreement_before: float  # the same of the chosen engine on the nominal mechanism
     stretches: Sequence[Stretch]
 
@@ -106,7 +108,9 @@ class Bench:
         bounds = prepare.bounds(rig, measured.tolerance)
         allowed = prepare.allowed(terms, measured.tolerance, bounds)
         room = {t.key for t in allowed}
-        ruled_out = {t.key: "the tolerance leaves it no room" for t in terms if t.key not in room} | prepare.ruled_out(terms, only, exclude)
+        ruled_out = {t.key: "the tolerance leaves it no room" for t in terms if t.key not in room} | prepare.ruled_out(
+            terms, only, exclude
+        )
         terms = [t for t in terms if t in allowed or t.key in ruled_out]  # without the variants that are too far
         fitter = Fitter(model, data, rig, bounds)
         starts = prepare.starts(measured)
@@ -114,19 +118,27 @@ class Bench:
         begun = Fitter(Model(early.measured, rig, mechanism, courses), early, rig, bounds).fit(list(starts), starts)
         base = begun and fitter.at(begun.terms, dict(zip(begun.terms, begun.x, strict=True)))
         if base is None:
-            raise MeasuredError(f"{measured.source}: the nominal mechanism cannot make these runs; check drive_angle, start and assembly")
+            raise MeasuredError(
+                f"{measured.source}: the nominal mechanism cannot make these runs; check drive_angle, start and"
+                " assembly"
+            )
         bench = cls(
             measured, rig, mechanism, model, data, fitter, terms, ruled_out, simulator, engines, skipped,
             progress, notes, base, Referees(model, simulator, workers or min(2, os.cpu_count() or 1)),
         )  # fmt: skip
         _refuse_slips(bench)
         bench.notes += [
-            f"Run {run.name} starts from rest and is simulated in steady motion: leave its start-up out of the file, or it will look like a fault."
+            f"Run {run.name} starts from rest and is simulated in steady motion: leave its start-up out of the file, or"
+            " it will look like a fault."
             for run in measured.runs
             if run.from_rest
         ]
         if mechanism.clearances or any(t.effect.name == "joint_clearance" for t in terms):
-            bench.notes += [f"In run {run.name}, which is free, joints are taken without clearance." for run in measured.runs if run.drive == "free"]
+            bench.notes += [
+                f"In run {run.name}, which is free, joints are taken without clearance."
+                for run in measured.runs
+                if run.drive == "free"
+            ]
         bench.widen(noise)
         bench.nominal = bench.referees.begin(bench.base.values(rig), engines[1:])
         return bench
@@ -145,10 +157,14 @@ class Bench:
         return explanation.fit.chi2 + self.search.price(explanation.fit)
 
     def widen(self, noise: Mapping[tuple[str, str], float]) -> None:
-        """Simulate the nominal mechanism and let the noise floor be no lower than what the engine and the analytic model differ by."""
+        """Simulate the nominal mechanism and let the noise floor be no lower than what the engine and the analytic
+        model differ by.
+        """
         chosen = self.simulated(self.base)
         if chosen.readings is None:
-            raise SimulationError(f"{self.simulator} cannot simulate the nominal mechanism in these runs: {chosen.skipped}")
+            raise SimulationError(
+                f"{self.simulator} cannot simulate the nominal mechanism in these runs: {chosen.skipped}"
+            )
         analytic = self.analytic(self.base)
         floor = dict(noise)
         for run, said, reckoned in zip(self.measured.runs, chosen.readings, analytic, strict=True):
@@ -158,16 +174,21 @@ class Bench:
                 if spread_here > 0.5 * noise[run.name, signal]:
                     unit = unit_of(signal)
                     self.notes.append(
-                        f"In run {run.name}, {signal} differs between {self.simulator} and the analytic model by {amount(spread_here, unit)} (rms), "
-                        f"noise {amount(noise[run.name, signal], unit)}; the noise floor is raised to {amount(floor[run.name, signal], unit)}."
+                        f"In run {run.name}, {signal} differs between {self.simulator} and the analytic model by"
+                        f" {amount(spread_here, unit)} (rms), noise {amount(noise[run.name, signal], unit)}; the noise"
+                        f" floor is raised to {amount(floor[run.name, signal], unit)}."
                     )
         raised = Data(self.measured, floor, self.rig.encoder)
-        self.data = Data(self.measured, floor, self.rig.encoder, self.data.shared * (self.data.sigma / raised.sigma)[:, None])
+        self.data = Data(
+            self.measured, floor, self.rig.encoder, self.data.shared * (self.data.sigma / raised.sigma)[:, None]
+        )
         self.fitter = Fitter(self.model, self.data, self.rig, self.fitter.bounds)
         self.base = self.fitter.at(self.base.terms, dict(zip(self.base.terms, self.base.x, strict=True))) or self.base
 
     def settled(self) -> Explanation:
-        """The explanation; with the chosen engine's own difference to the analytic model taken along, where it has one."""
+        """The explanation; with the chosen engine's own difference to the analytic model taken along, where it
+        has one.
+        """
         self.progress("search", 1, 4)
         data, fit, shift = self.data, self.found(self.data), np.zeros(self.data.size)
         for _ in range(REFITS):
@@ -178,9 +199,10 @@ class Bench:
             if rms(simulated) > FAR * rms(fit.residual):
                 clearance = any(fit.terms[i].effect.name == "joint_clearance" for i in fit.named())
                 self.notes.append(
-                    f"With these effects {self.simulator} is {rms(simulated):.3g} times the noise off the data, the analytic model "
-                    f"{rms(fit.residual):.3g}. It moves otherwise, not a little differently"
-                    f"{' (pins that leave their bearings or bounce do that)' if clearance else ''}, so that nothing was fitted to it."
+                    f"With these effects {self.simulator} is {rms(simulated):.3g} times the noise off the data, the"
+                    f" analytic model {rms(fit.residual):.3g}. It moves otherwise, not a little"
+                    f" differently{' (pins that leave their bearings or bounce do that)' if clearance else ''}, so that"
+                    " nothing was fitted to it."
                 )
                 break
             difference = self.data.residual(self.analytic(fit)) - simulated
@@ -191,21 +213,27 @@ class Bench:
             closed = not shift.any() and rms(fit.residual) <= CLOSED and not has_structure(self.data, fit.residual)
             if not shift.any():
                 self.notes.append(
-                    f"With these effects {self.simulator} differs from the analytic model by up to {change:.2g} of a sensor's noise (rms); "
-                    f"{'they were fitted again' if closed else 'the search was repeated'} with that difference taken along."
+                    f"With these effects {self.simulator} differs from the analytic model by up to {change:.2g} of a"
+                    f" sensor's noise (rms); {'they were fitted again' if closed else 'the search was repeated'} with"
+                    " that difference taken along."
                 )
             shift, data = difference, self.data.shifted(difference)
-            # where these effects close the gap already, what else the engine's difference may want is the engine's and not the rig's
+            # where these effects close the gap already, what else the engine's difference may want is the engine's and
+            # not the rig's
             fit = self.found(data, [fit], again=closed)
         assert self.search is not None
         return explain(self.search, fit)
 
     def found(self, data: Data, first: Sequence[Fit] = (), again: bool = False) -> Fit:
-        """The best set of effects in these data, by the analytic model; or the first one ``again``, fitted to these data."""
+        """The best set of effects in these data, by the analytic model; or the first one ``again``, fitted to these
+        data.
+        """
         wanted = [t for t in self.terms if t.key not in self.ruled_out]
         cost = costs(wanted, self.rig, data.size)
         free = bool(self.base.terms)
-        for share in HORIZONS if free and not first else ():  # a free motion answers linearly only for a while: learn to walk first
+        for share in (
+            HORIZONS if free and not first else ()
+        ):  # a free motion answers linearly only for a while: learn to walk first
             search = self.prepared(data.until(share), cost, wanted, free)
             first = search.leaders(search.best(first))
         self.search = self.prepared(data, cost, wanted, free)
@@ -215,8 +243,14 @@ class Bench:
         return pruned(self.search, self.search.best(first))[0]
 
     def prepared(self, data: Data, cost: Mapping[Term, float], wanted: Sequence[Term], free: bool) -> Search:
-        """A search in these data, with signatures about the nominal model or, in free runs, about the fit it begins with."""
-        model = self.model if data.measured is self.measured else Model(data.measured, self.rig, self.mechanism, self.model.courses)
+        """A search in these data, with signatures about the nominal model or, in free runs, about the fit it begins
+        with.
+        """
+        model = (
+            self.model
+            if data.measured is self.measured
+            else Model(data.measured, self.rig, self.mechanism, self.model.courses)
+        )
         fitter = Fitter(model, data, self.rig, self.fitter.bounds)
         start = dict(zip(self.base.terms, self.base.x, strict=True))
         base = fitter.at(self.base.terms, start) or self.base
@@ -233,14 +267,18 @@ class Bench:
         self.progress("simulation", 3, 4)
         fit = explanation.fit
         hypothesis = fit.values(self.rig)
-        begin = self.base if explanation.named else fit  # free runs without a gap are released from where all of the data say
+        begin = (
+            self.base if explanation.named else fit
+        )  # free runs without a gap are released from where all of the data say
         known = begin.values(self.rig) == self.base.values(self.rig)
         nominal = self.nominal() if known else self.referees.simulate(begin.values(self.rig), self.engines[1:])
         before = {self.simulator: self.simulated(begin)} | nominal
         others = nominal if begin is fit else self.referees.simulate(hypothesis, self.engines[1:])
         after = {self.simulator: self.simulated(fit)} | others
         said = after[self.simulator].readings
-        if explanation.verdict in ("explained", "ambiguous") and (said is None or rms(self.data.residual(said)) > CLOSED):
+        if explanation.verdict in ("explained", "ambiguous") and (
+            said is None or rms(self.data.residual(said)) > CLOSED
+        ):
             explanation = replace(explanation, verdict="partly explained")
         explained = altered(self.measured.mechanism, [h for h in hypothesis if not h[0].effect.sensor])
         agreement = {name: self.agreement(s, explanation.fit) for name, s in after.items()}
@@ -248,13 +286,15 @@ class Bench:
         between = spread(self.measured, {name: s.readings for name, s in before.items() if s.readings is not None})
         stretches = locate(self.data, begin.residual, angles, {key: size for key, (size, _) in between.items()})
         self.notes += [
-            f"In run {run}, {signal} differs between {pair} by {amount(size, unit_of(signal))} (rms) on the nominal mechanism; "
-            f"deviations are listed only beyond that."
+            f"In run {run}, {signal} differs between {pair} by {amount(size, unit_of(signal))} (rms) on the nominal"
+            " mechanism; deviations are listed only beyond that."
             for (run, signal), (size, pair) in between.items()
             if size > self.data.noise[run, signal]
         ]
         self.progress("done", 4, 4)
-        return Confirmed(explanation, explained, before, after, agreement, self.agreement(before[self.simulator], begin), stretches)
+        return Confirmed(
+            explanation, explained, before, after, agreement, self.agreement(before[self.simulator], begin), stretches
+        )
 
     def simulated(self, fit: Fit) -> Simulated:
         """Every run by the chosen engine under a fit's hypothesis; the last one asked for is remembered."""
@@ -271,7 +311,9 @@ class Bench:
         return found
 
     def agreement(self, said: Simulated, fit: Fit) -> float:
-        """Largest rms difference of a sensor between an engine and the analytic model, in noise; NaN without readings."""
+        """Largest rms difference of a sensor between an engine and the analytic model, in noise; NaN without
+        readings.
+        """
         if said.readings is None:
             return math.nan
         reckoned = self.data.residual(self.analytic(fit))

@@ -1,7 +1,7 @@
 """Simulate in full: the readings of every run by an engine, with real clearance joints, friction, beams and all.
 
-Nothing here uses the analytic model, except for what an engine cannot represent: that part is then added as the analytic
-difference that it makes, and said so.
+Nothing here uses the analytic model, except for what an engine cannot represent: that part is then added as the
+analytic difference that it makes, and said so.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from analytic.assembly import Assembly, AssemblyError
-from analytic.drive import Motor
+from analytic.beyond_paper.drive import Motor
+from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Mechanism
 from compare.diagnose.data.recording import Run
 from compare.diagnose.effects.effect import Effect, Readings, Rig
 from compare.diagnose.predict import Hypothesis, Term, altered, motor_offset
-from compare.signals import with_derived
+from compare.judge.signals import with_derived
 from sim_models.engine import Engine, JointModel, Request, SimulationError, SimulatorMissing, Trace, Unsupported, engine
 
 COURSE_STEP = 2e-3  # of a run's length, at most, between the knots of a motor's course
@@ -64,8 +64,12 @@ def simulate(task: Task) -> tuple[dict[str, np.ndarray], str, Mapping[str, objec
     """Readings (N,) by signal, the engine's version and settings; or why the engine could not."""
     try:
         chosen = engine(task.engine)
-        mechanism = altered(task.mechanism if task.run.loads is None else task.mechanism.replace(loads=task.run.loads), task.hypothesis)
-        delays = {s: sum(t.effect.delay(task.run.name, s, t.where, v) for t, v in task.hypothesis) for s in task.run.channels}
+        mechanism = altered(
+            task.mechanism if task.run.loads is None else task.mechanism.replace(loads=task.run.loads), task.hypothesis
+        )
+        delays = {
+            s: sum(t.effect.delay(task.run.name, s, t.where, v) for t, v in task.hypothesis) for s in task.run.channels
+        }
         wanted = sorted(set(delays.values()))
         times = np.unique(np.concatenate([task.run.time - d for d in wanted]))
         if task.run.drive == "free":
@@ -90,12 +94,16 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
     drive = mechanism.drive
     offset = motor_offset(run, task.hypothesis)
     motor = task.course or Motor(run.speed or 0.0, run.angle or 0.0, drive)
-    fields = (drive.model_dump(exclude_unset=True) if drive else {"joint": mechanism.drive_joint.name}) | {"ripple": None}
+    fields = (drive.model_dump(exclude_unset=True) if drive else {"joint": mechanism.drive_joint.name}) | {
+        "ripple": None
+    }
     if run.drive == "measured" or (drive is not None and drive.ripple is not None):
         mechanism = mechanism.replace(drive=fields | {"speed": "measured"})
         margin = 1e-6 * float(times[-1] - times[0])
         knots = np.linspace(times[0] - margin, times[-1] + margin, max(2 * times.size, round(1 / COURSE_STEP)))
-        request = Request(mechanism, _joint_model(mechanism), "driven", time=times, course=(knots, motor.at(knots).theta - offset))
+        request = Request(
+            mechanism, _joint_model(mechanism), "driven", time=times, course=(knots, motor.at(knots).theta - offset)
+        )
     else:
         mechanism = mechanism.replace(drive=fields | {"speed": float(run.speed or 0.0)})
         request = Request(mechanism, _joint_model(mechanism), "driven", crank_angle=motor.at(times).theta)

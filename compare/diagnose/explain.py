@@ -29,7 +29,9 @@ RIVALS = 10  # fitted in full for each named effect
 STRUCTURE = 1e-6  # chance of as much structure in noise alone
 BINS = 24
 SLIGHT = 0.3  # of the noise: structure that is let pass
-MODEL = 1.0  # the same beside named effects, which the models of contact and bending do not follow to the last micrometre
+MODEL = (
+    1.0  # the same beside named effects, which the models of contact and bending do not follow to the last micrometre
+)
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,9 @@ class Explanation:
 
 
 def explain(search: Search, fit: Fit) -> Explanation:
-    """The explanation that a fit amounts to: which of its effects hold, how large, how sure, what else would do, and the verdict."""
+    """The explanation that a fit amounts to: which of its effects hold, how large, how sure, what else would do, and
+    the verdict.
+    """
     data = search.fitter.data
     for last in (False, False, True):
         fit, weights, found = pruned(search, fit)
@@ -137,12 +141,22 @@ def admitted(search: Search, fit: Fit, weights: np.ndarray) -> tuple[list[Named]
         gained = float(weights @ (held[0] ** 2 - held[1] ** 2))
         if gain < search.cost[term] or gained < HELD_OUT or (not closed and less.chi2 - fit.chi2 < DOMINANT * excess):
             failing.append((gain, i))
-        found.append(Named(term, intervals(search, fit, i, weights), gain, (rms(less.residual), rms(fit.residual)), (rms(held[0]), rms(held[1]))))
+        found.append(
+            Named(
+                term,
+                intervals(search, fit, i, weights),
+                gain,
+                (rms(less.residual), rms(fit.residual)),
+                (rms(held[0]), rms(held[1])),
+            )
+        )
     return found, min(failing)[1] if failing else None
 
 
 def held_out(data: Data, fit: Fit) -> np.ndarray:
-    """Residual (size,) of each block with the coordinates refitted to all other blocks (about the fit, to first order)."""
+    """Residual (size,) of each block with the coordinates refitted to all other blocks (about the fit, to first
+    order).
+    """
     columns = fit.jacobian[:, ~fit.bound]
     norm = np.linalg.norm(columns, axis=0)
     columns = columns[:, norm > 0] / norm[norm > 0]
@@ -209,7 +223,11 @@ def rivalled(search: Search, fit: Fit, weights: np.ndarray, named: Named) -> Nam
     ties: dict[tuple[str, str], tuple[Term, Fit]] = {}
     for _, _, k in sorted(b for b in behind if b[0] < margin)[:RIVALS]:
         rival = search.with_terms(fit, screen, [*others, screen.terms[k]])
-        if rival is not None and screen.terms[k].key not in ties and ties_with(search, screen, weights, fit, i, rival, screen.terms[k]):
+        if (
+            rival is not None
+            and screen.terms[k].key not in ties
+            and ties_with(search, screen, weights, fit, i, rival, screen.terms[k])
+        ):
             ties[screen.terms[k].key] = screen.terms[k], rival
     return Named(named.term, named.parameters, named.chi2_gain, named.gap, named.held_out, tuple(ties.values()))
 

@@ -34,10 +34,13 @@ class Part:
 class Data:
     """Everything measured as one vector, each sample over its noise.
 
-    ``shared`` (size, k), in units of noise, are errors that samples have in common: their covariance is 1 + shared shared^T.
+    ``shared`` (size, k), in units of noise, are errors that samples have in common: their covariance is 1 + shared
+    shared^T.
     """
 
-    def __init__(self, measured: Measured, noise: Mapping[tuple[str, str], float], encoder: str, shared: np.ndarray | None = None) -> None:
+    def __init__(
+        self, measured: Measured, noise: Mapping[tuple[str, str], float], encoder: str, shared: np.ndarray | None = None
+    ) -> None:
         self.measured, self.noise, self.encoder = measured, noise, encoder
         self.parts: list[Part] = []
         values, sigma, fold = [], [], []
@@ -58,7 +61,10 @@ class Data:
         self.size = at
         self.shared = np.zeros((at, 0)) if shared is None else shared
         basis, spread, _ = np.linalg.svd(self.shared, full_matrices=False)
-        self._basis, self._less = basis, 1 / np.sqrt(1 + spread**2) - 1  # whitens what the sensors' errors have in common
+        self._basis, self._less = (
+            basis,
+            1 / np.sqrt(1 + spread**2) - 1,
+        )  # whitens what the sensors' errors have in common
 
     def until(self, share: float) -> Data:
         """The same data without what free runs did after a share of their time."""
@@ -67,8 +73,14 @@ class Data:
             early = run.time <= run.time[0] + share * (run.time[-1] - run.time[0])
             cut = {s: replace(c, values=c.values[early]) for s, c in run.channels.items()}
             runs.append(replace(run, time=run.time[early], channels=cut) if run.drive == "free" else run)
-        kept = [run.time[part.used] <= runs[part.run].time[-1] for part in self.parts if (run := self.measured.runs[part.run])]
-        return Data(replace(self.measured, runs=tuple(runs)), self.noise, self.encoder, self.shared[np.concatenate(kept)])
+        kept = [
+            run.time[part.used] <= runs[part.run].time[-1]
+            for part in self.parts
+            if (run := self.measured.runs[part.run])
+        ]
+        return Data(
+            replace(self.measured, runs=tuple(runs)), self.noise, self.encoder, self.shared[np.concatenate(kept)]
+        )
 
     def shifted(self, difference: np.ndarray) -> Data:
         """The same data less a difference (size,) in units of noise."""
@@ -77,7 +89,9 @@ class Data:
         return other
 
     def residual(self, readings: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
-        """(measured - predicted) / noise, (size,); angles modulo a turn.  Where the model has no answer it is bridged."""
+        """(measured - predicted) / noise, (size,); angles modulo a turn.  Where the model has no answer it is
+        bridged.
+        """
         predicted = np.concatenate([bridged(readings[p.run][p.signal])[p.used] for p in self.parts])
         difference = self.values - predicted
         difference[self.turning] = wrapped(difference[self.turning])
@@ -88,7 +102,9 @@ class Data:
 
 
 def bridged(values: np.ndarray) -> np.ndarray:
-    """Values with straight lines across what is not a number; all NaN becomes a huge number, so that nothing fits it."""
+    """Values with straight lines across what is not a number; all NaN becomes a huge number, so that nothing
+    fits it.
+    """
     known = np.isfinite(values)
     if known.all():
         return values
@@ -105,7 +121,9 @@ class Fit:
     terms: tuple[Term, ...]
     x: tuple[np.ndarray, ...]  # natural coordinates by term
     residual: np.ndarray = field(repr=False)
-    jacobian: np.ndarray = field(repr=False)  # (size, n): change of the residual, all coordinates in order; not of those at a bound
+    jacobian: np.ndarray = field(
+        repr=False
+    )  # (size, n): change of the residual, all coordinates in order; not of those at a bound
     bound: np.ndarray = field(repr=False)  # (n,) whether a coordinate lies on its physical bound
 
     @property
@@ -185,7 +203,11 @@ class Fitter:
     def _fit(self, terms: tuple[Term, ...], x: list[np.ndarray], steps: int = STEPS) -> Fit | None:
         limits = [self.bounds(t) for t in terms]
         low, high = (np.concatenate([b[k] for b in limits]) if limits else np.zeros(0) for k in (0, 1))
-        scale = np.concatenate([np.asarray(t.effect.scales(self.rig, t.where, t.variant), float) for t in terms]) if terms else np.zeros(0)
+        scale = (
+            np.concatenate([np.asarray(t.effect.scales(self.rig, t.where, t.variant), float) for t in terms])
+            if terms
+            else np.zeros(0)
+        )
         sizes = np.cumsum([len(xi) for xi in x])[:-1]
         point = np.clip(np.concatenate(x) if x else np.zeros(0), low, high)
 
@@ -262,7 +284,9 @@ def _sorted(terms: Iterable[Term]) -> tuple[Term, ...]:
     return tuple(sorted(terms, key=lambda t: (t.label, t.variant)))
 
 
-def _step(jacobian: np.ndarray, residual: np.ndarray, low: np.ndarray, high: np.ndarray, damping: float, scale: np.ndarray) -> np.ndarray:
+def _step(
+    jacobian: np.ndarray, residual: np.ndarray, low: np.ndarray, high: np.ndarray, damping: float, scale: np.ndarray
+) -> np.ndarray:
     """Least-squares step (n,) within bounds: what would leave them stops there, and the others make up for it."""
     gradient = jacobian.T @ residual
     step = np.zeros(gradient.size)
@@ -278,7 +302,9 @@ def _step(jacobian: np.ndarray, residual: np.ndarray, low: np.ndarray, high: np.
 
 
 def _solve(jacobian: np.ndarray, residual: np.ndarray, damping: float, scale: np.ndarray) -> np.ndarray:
-    """Least squares with columns scaled to unit length; what the data hardly see pays for going far (in its own scale)."""
+    """Least squares with columns scaled to unit length; what the data hardly see pays for going far (in its own
+    scale).
+    """
     norm = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian / norm
     matrix = scaled.T @ scaled + np.diag(damping + RELUCTANCE / (scale * norm) ** 2)

@@ -22,7 +22,9 @@ VISIBLE = 1e-6  # sigmas by which a signature must show, at all, for the effect 
 
 @dataclass(frozen=True)
 class Signature:
-    """How the residual answers to a term: ``offset`` (size,) by its variant alone, ``columns`` (size, k) by its probes."""
+    """How the residual answers to a term: ``offset`` (size,) by its variant alone, ``columns`` (size, k) by its
+    probes.
+    """
 
     term: Term
     offset: np.ndarray
@@ -45,7 +47,9 @@ def candidates(rig: Rig, vocabulary: Mapping[str, Effect]) -> list[Term]:
 
 
 def signatures(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> dict[Term, Signature]:
-    """Signatures of all terms that the data can see, about a fit (mostly of the nominal model) that has none of them."""
+    """Signatures of all terms that the data can see, about a fit (mostly of the nominal model) that has none of
+    them.
+    """
     rig, found = fitter.rig, {}
     start = dict(zip(base.terms, base.x, strict=True))
     for term in terms:
@@ -90,13 +94,20 @@ class Screen:
         self.chi2 = float(left @ left)
         self.gram = stacked.T @ stacked
         self.wanted = -(stacked.T @ left)
-        # what a variant does by itself changes the residual before any column does: by how much it gains, and what is wanted then
-        self.offsets = {i: (self.chi2 - float((left + o) @ (left + o)), stacked.T @ o, o) for i, o in enumerate(offsets) if o.any()}
+        # what a variant does by itself changes the residual before any column does: by how much it gains, and what is
+        # wanted then
+        self.offsets = {
+            i: (self.chi2 - float((left + o) @ (left + o)), stacked.T @ o, o) for i, o in enumerate(offsets) if o.any()
+        }
 
     def unit(self, signature: Signature) -> np.ndarray:
         """What one of each column amounts to in the effect's own scales."""
         t = signature.term
-        return np.asarray(t.effect.scales(self.rig, t.where, t.variant), float) if signature.fitted else np.ones(signature.columns.shape[1])
+        return (
+            np.asarray(t.effect.scales(self.rig, t.where, t.variant), float)
+            if signature.fitted
+            else np.ones(signature.columns.shape[1])
+        )
 
     def gain(self, chosen: Sequence[int]) -> tuple[float, np.ndarray]:
         """Decrease of chi^2 by a set of terms, and the coefficients of their columns."""

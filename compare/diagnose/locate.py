@@ -32,9 +32,13 @@ class Stretch:
 
 
 def locate(
-    data: Data, residual: np.ndarray, angles: Mapping[str, np.ndarray], spread: Mapping[tuple[str, str], float] | None = None
+    data: Data,
+    residual: np.ndarray,
+    angles: Mapping[str, np.ndarray],
+    spread: Mapping[tuple[str, str], float] | None = None,
 ) -> list[Stretch]:
-    """Stretches where the residual (size,) is not noise, the surest first; ``angles`` are the runs' crank angles (N,) rad.
+    """Stretches where the residual (size,) is not noise, the surest first; ``angles`` are the runs' crank angles (N,)
+    rad.
 
     ``spread`` (SI), by run and signal, is what the engines differ by: a stretch that is not larger is none.
     """
@@ -57,17 +61,26 @@ def locate(
             mean = float(r[at].mean())
             if sign[k] and abs(mean) * float(sigma[0]) > (spread or {}).get((run.name, part.signal), 0.0):
                 sure = abs(mean) * math.sqrt(at.size / whiteness)
-                found.append(Stretch(run.name, part.signal, float(theta[at[0]]), float(theta[at[-1]]), mean * float(sigma[0]), sure))
+                found.append(
+                    Stretch(
+                        run.name, part.signal, float(theta[at[0]]), float(theta[at[-1]]), mean * float(sigma[0]), sure
+                    )
+                )
             k = last + 1
     return sorted(found, key=lambda s: -s.sigmas)[:MOST]
 
 
-def spread(measured: Measured, said: Mapping[str, Sequence[Mapping[str, np.ndarray]]]) -> dict[tuple[str, str], tuple[float, str]]:
+def spread(
+    measured: Measured, said: Mapping[str, Sequence[Mapping[str, np.ndarray]]]
+) -> dict[tuple[str, str], tuple[float, str]]:
     """Largest rms difference (SI) between two engines' readings, and which two, by run and signal."""
     found = {}
     for r, run in enumerate(measured.runs):
         for signal in run.channels:
-            pairs = [(apart(said[a][r][signal], said[b][r][signal], signal), f"{a} and {b}") for a, b in combinations(said, 2)]
+            pairs = [
+                (apart(said[a][r][signal], said[b][r][signal], signal), f"{a} and {b}")
+                for a, b in combinations(said, 2)
+            ]
             found[run.name, signal] = max(pairs, default=(0.0, ""))
     return found
 

@@ -1,7 +1,7 @@
 """What the sensors of a rig would read if the mechanism were so: the analytic model with any set of effects.
 
-The analytic model is fast enough (a millisecond a run) to try everything; that it says what the chosen simulator says is
-checked on every run of every diagnosis (:mod:`compare.diagnose.confirm`).
+The analytic model is fast enough (a millisecond a run) to try everything; that it says what the chosen simulator says
+is checked on every run of every diagnosis (:mod:`compare.diagnose.confirm`).
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.assembly import Assembly, AssemblyError
-from analytic.clearance import displaced
-from analytic.compliance import compliance
-from analytic.drive import Motor, Turning
-from analytic.frame import ComplianceError
-from analytic.freedom import Freedom, swing
-from analytic.kinematics import kinematics
-from analytic.kinetostatics import Reactions, kinetostatics
+from analytic.beyond_paper.drive import Motor, Turning
+from analytic.beyond_paper.freedom import Freedom, swing
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import kinematics
 from analytic.mechanism import GROUND, Mechanism
+from analytic.paper.clearance import displaced
+from analytic.paper.compliance import compliance
+from analytic.paper.frame import ComplianceError
+from analytic.paper.kinetostatics import Reactions, kinetostatics
 from compare.diagnose.data.recording import Measured, Run
 from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
 from compare.diagnose.effects.sensors import EncoderOffset
-from compare.grid import turns_fully
-from compare.signals import with_derived
+from compare.judge.grid import turns_fully
+from compare.judge.signals import with_derived
 
 TABLES = 500  # linkages whose freedom is kept
 CACHED = 400  # runs whose signals are kept
@@ -113,10 +113,16 @@ class Model:
 
     def readings(self, run: Run, hypothesis: Hypothesis, moved: Reactions | None) -> dict[str, np.ndarray]:
         """What the sensors of a run read."""
-        delays = {signal: sum(t.effect.delay(run.name, signal, t.where, v) for t, v in hypothesis) for signal in run.channels}
+        delays = {
+            signal: sum(t.effect.delay(run.name, signal, t.where, v) for t, v in hypothesis) for signal in run.channels
+        }
         seen: dict[str, np.ndarray] = {}
         for delay in sorted(set(delays.values())):
-            signals = self.signals(run, hypothesis, run.time - delay) if moved is None else _aged(moved, delays, run.time, delay)
+            signals = (
+                self.signals(run, hypothesis, run.time - delay)
+                if moved is None
+                else _aged(moved, delays, run.time, delay)
+            )
             seen |= {signal: signals[signal] for signal, d in delays.items() if d == delay}
         readings: Readings = seen
         for term, values in hypothesis:
@@ -165,7 +171,10 @@ class Model:
             tables.clear()
         keys = []
         for hypothesis in hypotheses:
-            key = (run.loads, tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor))
+            key = (
+                run.loads,
+                tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor),
+            )
             keys.append(key)
             if key not in tables:
                 try:
@@ -196,7 +205,11 @@ class Model:
 
 def motor_offset(run: Run, hypothesis: Hypothesis) -> float:
     """How far (rad) the motor is behind the encoder that it follows; zero in a run that does not follow one."""
-    return sum(EncoderOffset.offset(run.name, v) for t, v in hypothesis if t.effect.name == EncoderOffset.name) if run.drive == "measured" else 0.0
+    return (
+        sum(EncoderOffset.offset(run.name, v) for t, v in hypothesis if t.effect.name == EncoderOffset.name)
+        if run.drive == "measured"
+        else 0.0
+    )
 
 
 def altered(mechanism: Mechanism, hypothesis: Hypothesis) -> Mechanism:
@@ -211,12 +224,16 @@ def altered(mechanism: Mechanism, hypothesis: Hypothesis) -> Mechanism:
 
 def _balanced(assembly: Assembly, turning: Turning, clearances: Mapping[str, float]) -> Reactions:
     if clearances:
-        return displaced(assembly, turning.theta, turning.omega, alpha=turning.alpha, clearances=clearances).configuration
+        return displaced(
+            assembly, turning.theta, turning.omega, alpha=turning.alpha, clearances=clearances
+        ).configuration
     return kinetostatics(kinematics(assembly, turning.theta, turning.omega, turning.alpha))
 
 
 def derived(assembly: Assembly, crank: Turning) -> dict[str, np.ndarray]:
-    """Every signal of the contract with the crank so moving: clearances taken up, links bent where they have a modulus."""
+    """Every signal of the contract with the crank so moving: clearances taken up, links bent where they have a
+    modulus.
+    """
     mechanism = assembly.mechanism
     if mechanism.clearances:
         found = displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha)
@@ -230,7 +247,9 @@ def derived(assembly: Assembly, crank: Turning) -> dict[str, np.ndarray]:
 
 
 def _bent(signals: dict[str, np.ndarray], ideal: Reactions) -> dict[str, np.ndarray]:
-    """Elastic displacements on top (Fig. 7c): a link on the ground is read at its ground joint, a floating one at its com."""
+    """Elastic displacements on top (Fig. 7c): a link on the ground is read at its ground joint, a floating one at its
+    com.
+    """
     motion = ideal.motion
     bend = compliance(motion, inertia=True)
     mechanism = motion.structure.mechanism

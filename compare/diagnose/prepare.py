@@ -1,4 +1,6 @@
-"""Before anything is compared: the rig and the nominal model, the courses that runs follow, what may be blamed and how far."""
+"""Before anything is compared: the rig and the nominal model, the courses that runs follow, what may be blamed and how
+far.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from analytic.assembly import AssemblyError
-from analytic.drive import Motor
+from analytic.beyond_paper.drive import Motor
+from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Mechanism
 from compare.diagnose.data.quality import noise
 from compare.diagnose.data.recording import Fault, Measured, MeasuredError, Run
@@ -29,7 +31,9 @@ STRAY = 3.0  # sigmas (rms) by which it misses it then
 
 
 def thinned(measured: Measured) -> Measured:
-    """The measurement with about SAMPLES samples at most, one in so many of each run; a course is left whole if it needs its samples."""
+    """The measurement with about SAMPLES samples at most, one in so many of each run; a course is left whole if it
+    needs its samples.
+    """
     total = sum(run.time.size * len(run.channels) for run in measured.runs)
     every = math.ceil(total / SAMPLES)
     if every == 1:
@@ -40,14 +44,27 @@ def thinned(measured: Measured) -> Measured:
         if run.drive == "measured" and missed(run, thin, encoder):
             thin = run
         else:
-            text = f"run {run.name!r} has {run.time.size} samples of {len(run.channels)} sensors, {total} in all runs; one in {every} is used"
-            faults.append(Fault(run.name, "time", "thinned", run.time.size - thin.time.size, f"{text}, their noise is estimated from all"))
+            text = (
+                f"run {run.name!r} has {run.time.size} samples of {len(run.channels)} sensors, {total} in all runs; one"
+                f" in {every} is used"
+            )
+            faults.append(
+                Fault(
+                    run.name,
+                    "time",
+                    "thinned",
+                    run.time.size - thin.time.size,
+                    f"{text}, their noise is estimated from all",
+                )
+            )
         runs.append(thin)
     return replace(measured, runs=tuple(runs), faults=tuple(faults))
 
 
 def followed(measured: Measured) -> tuple[dict[str, Motor], Measured]:
-    """The motors of the runs that follow their encoder, by run, and the measurement with what they do not follow among its faults."""
+    """The motors of the runs that follow their encoder, by run, and the measurement with what they do not follow among
+    its faults.
+    """
     encoder = f"{measured.mechanism.driven}_angle"
     courses = {run.name: course(run, encoder) for run in measured.runs if run.drive == "measured"}
     strays = [strayed(run, encoder, courses[run.name]) for run in measured.runs if run.name in courses]
@@ -66,7 +83,9 @@ def _through(time: np.ndarray, smooth: CubicSpline) -> Motor:
 
 
 def strayed(run: Run, encoder: str, motor: Motor) -> Fault | None:
-    """Where a course misses the encoder that it should follow by more than the encoder's noise and counts; None if it does nowhere."""
+    """Where a course misses the encoder that it should follow by more than the encoder's noise and counts; None if it
+    does nowhere.
+    """
     channel = run.channels[encoder]
     known = np.flatnonzero(np.isfinite(channel.values))
     time, values = run.time[known], channel.values[known]
@@ -78,9 +97,9 @@ def strayed(run: Run, encoder: str, motor: Motor) -> Fault | None:
     first = int(np.argmax(near))
     worst = first + int(np.argmax(np.abs(off[first : first + TOGETHER])))
     text = (
-        f"the course that run {run.name!r} replays misses {encoder} by up to {math.degrees(abs(off[worst])):.3g} deg, near {time[worst]:.6g} s, and "
-        f"its noise and counts are {math.degrees(sigma):.2g} deg: it moves too abruptly there to be followed; do not trust what is found there, "
-        f"sample faster, or leave that part out"
+        f"the course that run {run.name!r} replays misses {encoder} by up to {math.degrees(abs(off[worst])):.3g} deg,"
+        f" near {time[worst]:.6g} s, and its noise and counts are {math.degrees(sigma):.2g} deg: it moves too abruptly"
+        " there to be followed; do not trust what is found there, sample faster, or leave that part out"
     )
     return Fault(run.name, encoder, "course", int(np.sum(np.abs(off) > STRAY * sigma)), text)
 
@@ -106,7 +125,9 @@ def shared(measured: Measured, floor: Mapping[tuple[str, str], float], model: Mo
     for _ in range(REDRAWN):
         courses = dict(model.courses)
         for run, known, smoother, lam in smoothed:
-            again = courses[run.name].at(run.time[known]).theta + run.channels[encoder].noise * draw.standard_normal(smoother.time.size)
+            again = courses[run.name].at(run.time[known]).theta + run.channels[encoder].noise * draw.standard_normal(
+                smoother.time.size
+            )
             courses[run.name] = _through(run.time, smoother.spline(again, lam))
         found = Model(measured, model.rig, model.mechanism, courses)([[]])[0]
         if found is not None and origin is not None:
@@ -118,7 +139,9 @@ def starts(measured: Measured) -> dict[Term, np.ndarray]:
     """The unknown starts of free runs."""
     driven = measured.mechanism.driven
     return {
-        Term(StartOfRun(), run.name): np.array([run.start[f"{driven}_angle"], run.start.get(f"{driven}_angular_velocity", 0.0)])
+        Term(StartOfRun(), run.name): np.array(
+            [run.start[f"{driven}_angle"], run.start.get(f"{driven}_angular_velocity", 0.0)]
+        )
         for run in measured.runs
         if run.drive == "free"
     }
@@ -130,7 +153,9 @@ def nominal(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Moto
     model = Model(measured, rig, mechanism, courses)
     if model([[(t, t.effect.values(rig, t.where, x)) for t, x in starts(measured).items()]])[0] is None:
         _explain_impossible(measured, mechanism, model)
-        raise MeasuredError(f"{measured.source}: the nominal mechanism cannot make these runs; check drive_angle, start and assembly")
+        raise MeasuredError(
+            f"{measured.source}: the nominal mechanism cannot make these runs; check drive_angle, start and assembly"
+        )
     return rig, model
 
 
@@ -141,7 +166,9 @@ def _explain_impossible(measured: Measured, mechanism: Mechanism, model: Model) 
             try:
                 model.signals(run, [], run.time)
             except AssemblyError as error:
-                raise MeasuredError(f"{measured.source}: run {run.name!r} cannot be made by the nominal mechanism: {error}") from None
+                raise MeasuredError(
+                    f"{measured.source}: run {run.name!r} cannot be made by the nominal mechanism: {error}"
+                ) from None
 
 
 def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor]) -> Rig:
@@ -149,7 +176,9 @@ def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor])
     signals = tuple(dict.fromkeys(s for run in measured.runs for s in run.channels))
     least = {s: min(run.channels[s].noise for run in measured.runs if s in run.channels) for s in signals}
     speeds = [abs(run.speed) for run in measured.runs if run.speed]
-    speeds += [float(np.abs(course.at(run.time).omega).max()) for run in measured.runs if (course := courses.get(run.name))]
+    speeds += [
+        float(np.abs(course.at(run.time).omega).max()) for run in measured.runs if (course := courses.get(run.name))
+    ]
     encoder = f"{mechanism.driven}_angle"
     speeds += [_swiftest(run, encoder) for run in measured.runs if run.drive == "free" and encoder in run.channels]
     speed = max([*speeds, 1e-3])
@@ -160,9 +189,16 @@ def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor])
     loads = [abs(complex(*load.force)) + abs(load.torque) / length for load in given]
     inertia = max(b.mass for b in mechanism.bodies) * length * speed**2
     return Rig(
-        mechanism, signals, tuple(r.name for r in measured.runs), tuple(r.name for r in measured.runs if r.drive != "free"),
-        tuple(r.name for r in measured.runs if r.drive == "measured"), length, max(weight, inertia, *loads, 1e-9), speed, least,
-    )  # fmt: skip
+        mechanism,
+        signals,
+        tuple(r.name for r in measured.runs),
+        tuple(r.name for r in measured.runs if r.drive != "free"),
+        tuple(r.name for r in measured.runs if r.drive == "measured"),
+        length,
+        max(weight, inertia, *loads, 1e-9),
+        speed,
+        least,
+    )
 
 
 def _swiftest(run: Run, signal: str) -> float:
@@ -196,7 +232,10 @@ def ruled_out(terms: Sequence[Term], only: Sequence[str], exclude: Sequence[str]
     for given in (*only, *exclude):
         if given not in known:
             close = difflib.get_close_matches(given, known, n=1)
-            raise MeasuredError(f"{given!r} is not an effect of these data{f'; did you mean {close[0]!r}' if close else ''}; see: compare effects")
+            raise MeasuredError(
+                f"{given!r} is not an effect of these data{f'; did you mean {close[0]!r}' if close else ''}; see:"
+                " compare effects"
+            )
     out = {}
     for t in terms:
         if {t.label, t.effect.name} & set(exclude):
@@ -229,8 +268,12 @@ def _limit(effect: Effect, p: Parameter, tolerance: Mapping[str, float]) -> floa
     return next((tolerance[key] for key in (f"{effect.name}.{p.name}", p.name, p.quantity) if key in tolerance), None)
 
 
-def allowed(terms: Sequence[Term], tolerance: Mapping[str, float], bounds: Callable[[Term], tuple[np.ndarray, np.ndarray]]) -> list[Term]:
-    """The terms to which the tolerances leave room: not of an effect whose first parameter has none, nor a variant beyond them."""
+def allowed(
+    terms: Sequence[Term], tolerance: Mapping[str, float], bounds: Callable[[Term], tuple[np.ndarray, np.ndarray]]
+) -> list[Term]:
+    """The terms to which the tolerances leave room: not of an effect whose first parameter has none, nor a variant
+    beyond them.
+    """
 
     def has_room(term: Term) -> bool:
         low, high = bounds(term)

@@ -1,4 +1,6 @@
-"""The engines as referees: every run under a hypothesis by some engines, in processes where there are several workers."""
+"""The engines as referees: every run under a hypothesis by some engines, in processes where there are several
+workers.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ Outcome = tuple[dict[str, np.ndarray], str, Mapping[str, object]] | str
 
 @dataclass(frozen=True)
 class Referees:
-    """Simulates the runs of a model's measurement.  ``chosen`` gets what it lacks from the model; other engines are left out then."""
+    """Simulates the runs of a model's measurement.  ``chosen`` gets what it lacks from the model; other engines are
+    left out then.
+    """
 
     model: Model
     chosen: str
@@ -32,7 +36,9 @@ class Referees:
         return self.answers(hypothesis, names, tasks, self.run(tasks))
 
     def begin(self, hypothesis: Hypothesis, names: Sequence[str]) -> Callable[[], dict[str, Simulated]]:
-        """The same, under way while the caller goes on, if there are processes for it; call what is returned to wait for it."""
+        """The same, under way while the caller goes on, if there are processes for it; call what is returned to wait
+        for it.
+        """
         if self.workers == 1 or not names:
             return lambda: self.simulate(hypothesis, names)
         tasks = self.tasks(hypothesis, names)
@@ -45,7 +51,9 @@ class Referees:
         """Every run by every engine that takes the hypothesis."""
         return [self.task(name, run, hypothesis) for name in names if self.takes(name, hypothesis) for run in self.runs]
 
-    def answers(self, hypothesis: Hypothesis, names: Sequence[str], tasks: Sequence[Task], outcomes: Sequence[Outcome]) -> dict[str, Simulated]:
+    def answers(
+        self, hypothesis: Hypothesis, names: Sequence[str], tasks: Sequence[Task], outcomes: Sequence[Outcome]
+    ) -> dict[str, Simulated]:
         """What came of tasks, by engine."""
         done = [(task.engine, outcome) for task, outcome in zip(tasks, outcomes, strict=True)]
         return {name: self.said(name, hypothesis, [outcome for who, outcome in done if who == name]) for name in names}
@@ -94,7 +102,9 @@ class Referees:
             readings = self.completed(readings, hypothesis, lacks)
         return Simulated(name, whole[0][1], readings, settings=tuple(o[2] for o in whole), added=tuple(what))
 
-    def completed(self, readings: list[dict[str, np.ndarray]], hypothesis: Hypothesis, lacks: Sequence[Term]) -> list[dict[str, np.ndarray]]:
+    def completed(
+        self, readings: list[dict[str, np.ndarray]], hypothesis: Hypothesis, lacks: Sequence[Term]
+    ) -> list[dict[str, np.ndarray]]:
         """Readings of an engine that lacks some effects, with the difference that these make in the analytic model."""
         m = self.model
         stiff = m if not self.stiffer(self.chosen) else Model(m.measured, m.rig, m.mechanism.rigid(), m.courses)

@@ -35,8 +35,14 @@ def as_result(bench: Bench, found: Confirmed, command: str) -> dict[str, Any]:
     before, after = _gap(bench, found.before[bench.simulator]), _gap(bench, found.after[bench.simulator])
     gap = (before if before is not None else e.gap[0], after if after is not None else e.gap[1])
     why = found.after[bench.simulator].skipped
-    failure = f"{bench.simulator} could not simulate that ({why}): the gap after is the analytic model's." if why else ""
-    noise = {(bench.measured.runs[p.run].name, p.signal): float(bench.data.sigma[p.place][0]) for p in bench.data.parts if p.used.size}
+    failure = (
+        f"{bench.simulator} could not simulate that ({why}): the gap after is the analytic model's." if why else ""
+    )
+    noise = {
+        (bench.measured.runs[p.run].name, p.signal): float(bench.data.sigma[p.place][0])
+        for p in bench.data.parts
+        if p.used.size
+    }
     effects = [_effect(bench, e.fit, n, noise) for n in e.named]
     result: dict[str, Any] = {
         "schema": SCHEMA,
@@ -65,7 +71,10 @@ def as_result(bench: Bench, found: Confirmed, command: str) -> dict[str, Any]:
             for name, said in found.after.items()
             if name != bench.simulator and said.readings is not None
         },
-        "faults": [{"run": f.run, "signal": f.signal, "kind": f.kind, "samples": f.samples, "text": f.text} for f in bench.measured.faults],
+        "faults": [
+            {"run": f.run, "signal": f.signal, "kind": f.kind, "samples": f.samples, "text": f.text}
+            for f in bench.measured.faults
+        ],
         "candidates": _candidates(bench, found),
         "inseparable": _inseparable(bench),
         "engines": _engines(bench, found),
@@ -89,13 +98,18 @@ def _effect(bench: Bench, fit: Fit, n: Named, noise: dict[tuple[str, str], float
     return {
         "name": n.term.effect.name,
         "where": n.term.where,
-        "parameters": {p: {"value": i.value, "unit": i.unit, "low": finite(i.low), "high": finite(i.high)} for p, i in n.parameters.items()},
+        "parameters": {
+            p: {"value": i.value, "unit": i.unit, "low": finite(i.low), "high": finite(i.high)}
+            for p, i in n.parameters.items()
+        },
         "gap_before": n.gap[0],
         "gap_after": n.gap[1],
         "held_out_before": n.held_out[0],
         "held_out_after": n.held_out[1],
         "ambiguous_with": [{"name": t.effect.name, "where": t.where} for t, _ in n.ties],
-        "would_separate": would_separate(bench.model, noise, fit, n.ties[0][1]) if n.ties else "",  # from the first of its rivals
+        "would_separate": (
+            would_separate(bench.model, noise, fit, n.ties[0][1]) if n.ties else ""
+        ),  # from the first of its rivals
     }
 
 
@@ -115,7 +129,13 @@ def _candidates(bench: Bench, found: Confirmed) -> list[dict[str, Any]]:
     for term in bench.terms:
         if any(r["name"] == term.effect.name and r["where"] == term.where for r in rows):
             continue
-        row: dict[str, Any] = {"name": term.effect.name, "where": term.where, "sigmas": 0.0, "remaining": None, "rival": None}
+        row: dict[str, Any] = {
+            "name": term.effect.name,
+            "where": term.where,
+            "sigmas": 0.0,
+            "remaining": None,
+            "rival": None,
+        }
         if term.key in bench.ruled_out:
             row |= {"status": "excluded", "why": bench.ruled_out[term.key]}
         elif term.key not in best:
@@ -131,7 +151,10 @@ def _candidates(bench: Bench, found: Confirmed) -> list[dict[str, Any]]:
             elif _unphysical(screen, shown, bench):
                 row |= {"status": "not physical", "why": "it would have to have the wrong sign"}
             else:
-                row |= {"status": "not needed", "why": "it brings no more than chance" + " once the rest is in" * bool(e.named)}
+                row |= {
+                    "status": "not needed",
+                    "why": "it brings no more than chance" + " once the rest is in" * bool(e.named),
+                }
         rows.append(row)
     return rows
 
@@ -153,7 +176,10 @@ def _nearest(bench: Bench, term: Term, fit: Any) -> tuple[str | None, float]:
     assert bench.search is not None
     for rival, s in bench.search.signatures.items():
         if rival.key != term.key and rival not in fit.terms:
-            left[rival.label] = min(left.get(rival.label, math.inf), left_of(signature, np.concatenate([others, s.columns], axis=1), weights))
+            left[rival.label] = min(
+                left.get(rival.label, math.inf),
+                left_of(signature, np.concatenate([others, s.columns], axis=1), weights),
+            )
     if not left:
         return None, left_of(signature, others, weights)
     name = min(left, key=lambda k: (left[k], k))
@@ -163,26 +189,45 @@ def _nearest(bench: Bench, term: Term, fit: Any) -> tuple[str | None, float]:
 def _inseparable(bench: Bench) -> list[list[Any]]:
     """Pairs of one-parameter effects whose signatures are the same on these data."""
     assert bench.search is not None
-    single = {t: s.columns[:, 0] for t, s in bench.search.signatures.items() if s.columns.shape[1] == 1 and not t.variant}
+    single = {
+        t: s.columns[:, 0] for t, s in bench.search.signatures.items() if s.columns.shape[1] == 1 and not t.variant
+    }
     terms = list(single)
     if not terms:
         return []
     columns = np.column_stack([single[t] / max(float(np.linalg.norm(single[t])), 1e-300) for t in terms])
     cosine = columns.T @ columns
-    pairs = [(abs(float(cosine[i, j])), i, j) for i in range(len(terms)) for j in range(i) if abs(cosine[i, j]) > INSEPARABLE]
-    return [[terms[j].label, terms[i].label, float(cosine[i, j])] for _, i, j in sorted(pairs, key=lambda p: (-p[0], p[1], p[2]))[:LISTED]]
+    pairs = [
+        (abs(float(cosine[i, j])), i, j) for i in range(len(terms)) for j in range(i) if abs(cosine[i, j]) > INSEPARABLE
+    ]
+    return [
+        [terms[j].label, terms[i].label, float(cosine[i, j])]
+        for _, i, j in sorted(pairs, key=lambda p: (-p[0], p[1], p[2]))[:LISTED]
+    ]
 
 
 def _engines(bench: Bench, found: Confirmed) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = [
         {
-            "name": name, "version": said.version or found.before[name].version, "agreement": finite(found.agreement[name]),
-            "before": _gap(bench, found.before[name]), "after": _gap(bench, said), "skipped": said.skipped, "added": list(said.added),
+            "name": name,
+            "version": said.version or found.before[name].version,
+            "agreement": finite(found.agreement[name]),
+            "before": _gap(bench, found.before[name]),
+            "after": _gap(bench, said),
+            "skipped": said.skipped,
+            "added": list(said.added),
             "settings": _settings(bench, said if said.settings else found.before[name]),
         }
         for name, said in found.after.items()
-    ]  # fmt: skip
-    nothing: dict[str, Any] = {"version": "", "before": None, "after": None, "agreement": None, "added": [], "settings": {}}
+    ]
+    nothing: dict[str, Any] = {
+        "version": "",
+        "before": None,
+        "after": None,
+        "agreement": None,
+        "added": [],
+        "settings": {},
+    }
     return rows + [{"name": name, **nothing, "skipped": why} for name, why in bench.skipped.items()]
 
 
@@ -194,7 +239,9 @@ def _settings(bench: Bench, said: Simulated) -> dict[str, dict[str, Any]]:
 def _run(bench: Bench, found: Confirmed, r: int, run: Run) -> dict[str, Any]:
     before, after = found.before[bench.simulator].readings, found.after[bench.simulator].readings
     segment = np.minimum(np.arange(run.time.size) * SEGMENTS // run.time.size, SEGMENTS - 1)
-    residual = {name: bench.data.residual(side) for name, side in (("before", before), ("after", after)) if side is not None}
+    residual = {
+        name: bench.data.residual(side) for name, side in (("before", before), ("after", after)) if side is not None
+    }
     signals: dict[str, Any] = {}
     for part in bench.data.parts:
         if part.run != r:
@@ -226,7 +273,11 @@ def _nulls(values: np.ndarray) -> list[float | None]:
 
 def _versions(found: Confirmed) -> dict[str, str]:
     packages = {name: installed_version(name) or "not installed" for name in ("linkage-crosscheck", "numpy", "scipy")}
-    return {"python": platform.python_version(), **packages, **{n: s.version for n, s in found.before.items() if s.version}}
+    return {
+        "python": platform.python_version(),
+        **packages,
+        **{n: s.version for n, s in found.before.items() if s.version},
+    }
 
 
 def _steps(bench: Bench, found: Confirmed, result: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -236,21 +287,28 @@ def _steps(bench: Bench, found: Confirmed, result: Mapping[str, Any]) -> list[di
     given = sum(c.noise_given for run in bench.measured.runs for c in run.channels.values())
     total = sum(len(run.channels) for run in bench.measured.runs)
     measured = [
-        f"{len(bench.measured.runs)} run(s), {total} sensor records, {samples} samples; the noise of {given} records is given, "
-        f"of {total - given} estimated from their own scatter.",
+        (
+            f"{len(bench.measured.runs)} run(s), {total} sensor records, {samples} samples; the noise of {given}"
+            f" records is given, of {total - given} estimated from their own scatter."
+        ),
         *(f["text"][:1].upper() + f["text"][1:] + "." for f in result["faults"]),
     ]
     places = [sentence(result, place) for place in result["located"][:8]]
     located = [f"{text[:1].upper()}{text[1:]}." for text in places] or ["No sensor leaves its noise floor anywhere."]
     visible = sum(c["status"] not in ("invisible", "excluded") for c in result["candidates"])
     isolated = [
-        f"{len(result['candidates'])} effects at their places were considered, {visible} of them would show in these data; their signatures come "
-        f"from the analytic model, which agrees with {bench.simulator} on the nominal mechanism within {found.agreement_before:.2g} of the noise.",
+        (
+            f"{len(result['candidates'])} effects at their places were considered, {visible} of them would show in"
+            f" these data; their signatures come from the analytic model, which agrees with {bench.simulator} on the"
+            f" nominal mechanism within {found.agreement_before:.2g} of the noise."
+        ),
         *bench.notes,
     ]
     if result["inseparable"]:
         pairs = ", ".join(f"{a} and {b}" for a, b, _ in result["inseparable"][:5])
-        isolated.append(f"These data cannot tell apart: {pairs}{' and others' if len(result['inseparable']) > 5 else ''}.")
+        isolated.append(
+            f"These data cannot tell apart: {pairs}{' and others' if len(result['inseparable']) > 5 else ''}."
+        )
     name = []
     for n, effect in zip(e.named, result["effects"], strict=True):
         name.append(
@@ -274,5 +332,9 @@ def _added(row: Mapping[str, Any]) -> str:
     """What the explanation does to the gap of one engine."""
     if row["before"] is None or row["after"] is None:
         return f"{row['name']}: {row['skipped']}."
-    lacking = f"; it has no {', '.join(row['added'])}, and got the difference that the analytic model makes of it" if row["added"] else ""
+    lacking = (
+        f"; it has no {', '.join(row['added'])}, and got the difference that the analytic model makes of it"
+        if row["added"]
+        else ""
+    )
     return f"{row['name']}: gap {row['before']:.3g} before, {row['after']:.3g} after{lacking}."

@@ -19,13 +19,16 @@ CHANCE = 1e-3  # probability that noise alone names anything at all
 MOST = 4  # effects at once
 FITTED = 9  # sets of each size that are fitted in full
 ROUNDS = 3
-MARGIN = 60.0  # of chi^2: sets that the screen puts farther behind its best are not fitted, unless they are among the first few
+# of chi^2: sets that the screen puts farther behind its best are not fitted, unless they are among the first few
+MARGIN = 60.0
 FIRST = 5
 LEADERS = 5  # sets of effects that go on from a part of the data to more of it
 
 
 def costs(terms: Sequence[Term], rig: Rig, samples: int) -> dict[Term, float]:
-    """Decrease of chi^2 that each term must bring: chance over the whole vocabulary, and a further parameter's share each."""
+    """Decrease of chi^2 that each term must bring: chance over the whole vocabulary, and a further parameter's share
+    each.
+    """
     places = len({t.key for t in terms}) or 1
     further = max(8.0, math.log(max(samples, 2)))
     alternatives = {key: sum(t.key == key for t in terms) for key in {t.key for t in terms}}
@@ -57,7 +60,9 @@ class Search:
         return sum(self.cost[fit.terms[i]] for i in fit.named())
 
     def beats(self, new: Fit | None, old: Fit) -> bool:
-        """Whether a fit is better than another, its price paid; samples count for what the better of the two makes of them."""
+        """Whether a fit is better than another, its price paid; samples count for what the better of the two makes of
+        them.
+        """
         if new is None or new is old:
             return False
         better = new if new.chi2 < old.chi2 else old
@@ -65,7 +70,9 @@ class Search:
         return float(weights @ (old.residual**2 - new.residual**2)) > self.price(new) - self.price(old) + 1e-6
 
     def best(self, first: Sequence[Fit] = ()) -> Fit:
-        """The set of effects with the smallest chi^2 and price; maybe none.  ``first`` are fits to other data to begin with."""
+        """The set of effects with the smallest chi^2 and price; maybe none.  ``first`` are fits to other data to begin
+        with.
+        """
         best = self.base
         for fit in first:
             begun = self.fitter.fit(fit.terms, dict(zip(fit.terms, fit.x, strict=True)))
@@ -80,14 +87,22 @@ class Search:
     def leaders(self, best: Fit) -> list[Fit]:
         """The best fits so far, best first."""
         weights = worth(self.fitter.data, best.residual)
-        others = sorted((float(weights @ f.residual**2) + self.price(f), k) for k, f in enumerate(self.fitter.done()) if f is not best)
+        others = sorted(
+            (float(weights @ f.residual**2) + self.price(f), k)
+            for k, f in enumerate(self.fitter.done())
+            if f is not best
+        )
         return [best, *(self.fitter.done()[k] for _, k in others[: LEADERS - 1])]
 
     def climb(self, screen: Screen, best: Fit) -> Fit:
         """Fit the screen's best sets of each size until one more effect does not pay."""
         behind = 0
         for level in screen.best_sets(MOST, self.cost):
-            fits = [self.fitted(screen, chosen) for k, (net, chosen) in enumerate(level[:FITTED]) if k < FIRST or net > level[0][0] - MARGIN]
+            fits = [
+                self.fitted(screen, chosen)
+                for k, (net, chosen) in enumerate(level[:FITTED])
+                if k < FIRST or net > level[0][0] - MARGIN
+            ]
             improved = False
             for fit in fits:
                 if fit is not None and self.beats(fit, best):
@@ -101,7 +116,9 @@ class Search:
         """A set of the screen, fitted in full."""
         start = self.base_start() | screen.starts(chosen)
         terms = [screen.terms[i] for i in chosen]
-        return self.fitter.fit([*self.base.terms, *terms], start, self.base_start() | self.none_of(terms), *self.second_start(start))
+        return self.fitter.fit(
+            [*self.base.terms, *terms], start, self.base_start() | self.none_of(terms), *self.second_start(start)
+        )
 
     def second_start(self, start: Mapping[Term, np.ndarray]) -> list[dict[Term, np.ndarray]]:
         """Another start for effects whose coordinates do not answer linearly."""
@@ -123,7 +140,9 @@ class Search:
             residual -= columns @ about.x[i]
             found[term] = Signature(term, np.zeros(residual.size), columns, fitted=True)
         always = [about.jacobian[:, about.columns(i)] for i in range(len(about.terms)) if i not in about.named()]
-        return Screen(self.rig, residual, np.concatenate(always, axis=1) if always else np.zeros((residual.size, 0)), found)
+        return Screen(
+            self.rig, residual, np.concatenate(always, axis=1) if always else np.zeros((residual.size, 0)), found
+        )
 
     def with_terms(self, about: Fit, screen: Screen, terms: Sequence[Term]) -> Fit | None:
         """A set of terms fitted from the screen's optimum, or from the fit it is about for terms that both have."""

@@ -38,7 +38,12 @@ class Trial:
         """The run as a [[run]] of measured.toml, under a name that no run has yet."""
         name = f"{self.run.name}-with-{self.sensor}" if self.sensor else self.run.name
         taken = {run.name for run in measured.runs} | {run.file.removesuffix(".csv") for run in measured.runs}
-        return as_toml(replace(self.run, name=next(n for k in itertools.count(1) if (n := name if k == 1 else f"{name}-{k}") not in taken)))
+        return as_toml(
+            replace(
+                self.run,
+                name=next(n for k in itertools.count(1) if (n := name if k == 1 else f"{name}-{k}") not in taken),
+            )
+        )
 
 
 def would_separate(model: Model, noise: dict[tuple[str, str], float], one: Fit, other: Fit) -> str:
@@ -48,11 +53,15 @@ def would_separate(model: Model, noise: dict[tuple[str, str], float], one: Fit, 
     tried: list[str] = []
     for trial in _trials(rig, model.measured):
         sigmas, sigma = _apart(model, noise, one, other, trial.run)
-        given = f", if its noise is {amount(sigma[trial.sensor], unit_of(trial.sensor))}" if sigmas and trial.sensor else ""
+        given = (
+            f", if its noise is {amount(sigma[trial.sensor], unit_of(trial.sensor))}" if sigmas and trial.sensor else ""
+        )
         if sigmas > ENOUGH:
             return f"{trial.words} (would part them by {sigmas:.0f} sigma{given}):\n{trial.as_toml(model.measured)}"
         tried += [trial.words] if not trial.sensor else []
-        best = max(best, (sigmas, f"{trial.words}, though only by {sigmas:.0f} sigma{given}:\n{trial.as_toml(model.measured)}"))
+        best = max(
+            best, (sigmas, f"{trial.words}, though only by {sigmas:.0f} sigma{given}:\n{trial.as_toml(model.measured)}")
+        )
     if best[0] > USEFUL:
         return best[1]
     sensors = "any further position, angle, reaction (x, y) or drive torque in a run like the first"
@@ -71,7 +80,9 @@ def _trials(rig: Rig, measured: Measured) -> Iterator[Trial]:
         def run(name: str, words: str, **change: object) -> Trial:
             now = replace(base, name=name, **change)  # type: ignore[arg-type]
             span = abs(base.speed or 1.0) * float(base.time[-1] - base.time[0])
-            return Trial(words, replace(now, time=np.linspace(0.0, span / abs(now.speed or 1.0), min(SAMPLES, base.time.size))))
+            return Trial(
+                words, replace(now, time=np.linspace(0.0, span / abs(now.speed or 1.0), min(SAMPLES, base.time.size)))
+            )
 
         if loads:
             reverse = tuple(_turned(load, -1) for load in loads)
@@ -83,7 +94,9 @@ def _trials(rig: Rig, measured: Measured) -> Iterator[Trial]:
             yield run("double-load", "double the load", loads=tuple(_turned(load, 2) for load in loads))
             yield run("no-load", "take the load off", loads=())
         else:
-            floating = next((b.name for b in reversed(rig.mechanism.bodies) if b.name != rig.mechanism.driven), rig.mechanism.driven)
+            floating = next(
+                (b.name for b in reversed(rig.mechanism.bodies) if b.name != rig.mechanism.driven), rig.mechanism.driven
+            )
             force = 10 * rig.force
             for sign in (1, -1):
                 pull = Load(body=floating, force=(0.0, sign * force))
@@ -110,8 +123,12 @@ def _sensors(mechanism: Mechanism) -> list[str]:
     return [*names, "drive_torque", *(f"reaction_{j.name}_{axis}" for j in mechanism.joints for axis in "xy")]
 
 
-def _apart(model: Model, noise: dict[tuple[str, str], float], one: Fit, other: Fit, run: Run) -> tuple[float, dict[str, float]]:
-    """Sigmas between two fits if the run were made too, after the second has been fitted to data and run again; the noise taken for it."""
+def _apart(
+    model: Model, noise: dict[tuple[str, str], float], one: Fit, other: Fit, run: Run
+) -> tuple[float, dict[str, float]]:
+    """Sigmas between two fits if the run were made too, after the second has been fitted to data and run again; the
+    noise taken for it.
+    """
     trial = Model(replace(model.measured, runs=(run,)), model.rig, model.mechanism, model.courses)
     terms, scale = other.terms, []
     for t in terms:
@@ -123,7 +140,9 @@ def _apart(model: Model, noise: dict[tuple[str, str], float], one: Fit, other: F
     if found[0] is None or found[1] is None:
         return 0.0, {}
     signals = list(run.channels)
-    coarse = math.sqrt(run.time.size / max(r.time.size for r in model.measured.runs))  # fewer samples than the run would have
+    coarse = math.sqrt(
+        run.time.size / max(r.time.size for r in model.measured.runs)
+    )  # fewer samples than the run would have
     single = {s: _noise(s, found[0][0][s], noise) for s in signals}
     sigma = {s: coarse * size for s, size in single.items()}
 
@@ -141,13 +160,18 @@ def _apart(model: Model, noise: dict[tuple[str, str], float], one: Fit, other: F
     second = stacked(found[1])
     new = difference(stacked(found[0]), second)
     steps = np.concatenate(scale or [np.zeros(0)])
-    columns = [np.zeros(new.size) if f is None else difference(stacked(f), second) / h for f, h in zip(found[2:], steps, strict=True)]
+    columns = [
+        np.zeros(new.size) if f is None else difference(stacked(f), second) / h
+        for f, h in zip(found[2:], steps, strict=True)
+    ]
     apart = np.concatenate([other.residual - one.residual, new])
     jacobian = np.concatenate([other.jacobian, -np.column_stack(columns) if columns else np.zeros((new.size, 0))])
     norm = np.linalg.norm(jacobian, axis=0)
     jacobian = jacobian[:, norm > 0] / norm[norm > 0]
     if jacobian.shape[1]:
-        apart = apart - jacobian @ np.linalg.solve(jacobian.T @ jacobian + 1e-10 * np.eye(jacobian.shape[1]), jacobian.T @ apart)
+        apart = apart - jacobian @ np.linalg.solve(
+            jacobian.T @ jacobian + 1e-10 * np.eye(jacobian.shape[1]), jacobian.T @ apart
+        )
     return float(np.linalg.norm(apart[-new.size :])), single
 
 
@@ -175,6 +199,11 @@ def as_toml(run: Run) -> str:
     if run.loads == ():
         lines.append("load = []")  # none, not the mechanism's own
     for load in run.loads or ():
-        lines += ["[[run.load]]", f"body = {_quoted(load.body)}", f"point = {_quoted(load.point)}", f"force = [{load.force[0]!r}, {load.force[1]!r}]"]
+        lines += [
+            "[[run.load]]",
+            f"body = {_quoted(load.body)}",
+            f"point = {_quoted(load.point)}",
+            f"force = [{load.force[0]!r}, {load.force[1]!r}]",
+        ]
         lines += [f"torque = {load.torque!r}"] if load.torque else []
     return "\n".join(lines)

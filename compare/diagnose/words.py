@@ -12,7 +12,9 @@ def named(n: Named) -> str:
     """A named effect in a sentence, its parameters with their 95 % intervals."""
     values = []
     for p, i in n.parameters.items():
-        name, value, interval = parameter(p, {"value": i.value, "unit": i.unit, "low": finite(i.low), "high": finite(i.high)})
+        name, value, interval = parameter(
+            p, {"value": i.value, "unit": i.unit, "low": finite(i.low), "high": finite(i.high)}
+        )
         values.append(f"{name} {value}" + (f" (95 %: {interval})" if i.low < i.high else ""))
     text = f"{says(*n.term.key)}: {'; '.join(values)}."
     return text[0].upper() + text[1:]
@@ -42,7 +44,11 @@ def statement(e: Explanation, gap: tuple[float, float], failure: str = "") -> st
     if e.verdict == "explained":
         return f"{what} {measure}"
     if e.verdict == "ambiguous":
-        ties = " ".join(f"These data would be explained as well if {tied(n)} (instead of {n.term.label})." for n in e.named if n.ties)
+        ties = " ".join(
+            f"These data would be explained as well if {tied(n)} (instead of {n.term.label})."
+            for n in e.named
+            if n.ties
+        )
         return f"{what} {ties} {measure}"
     if failure:
         return f"{what} {measure} {failure}"

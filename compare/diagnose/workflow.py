@@ -1,4 +1,6 @@
-"""The diagnosis from end to end: measured data in; where it disagrees, what is missing, and how far that closes the gap out."""
+"""The diagnosis from end to end: measured data in; where it disagrees, what is missing, and how far that closes the gap
+out.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ from compare.diagnose.result import as_result
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What a diagnosis found; ``result`` is the content of diagnosis.json and ``explained`` the mechanism with the effects."""
+    """What a diagnosis found; ``result`` is the content of diagnosis.json and ``explained`` the mechanism with the
+    effects.
+    """
 
     result: dict[str, Any]
     explained: Mechanism
@@ -49,19 +53,25 @@ def diagnose(
 ) -> Diagnosis:
     """Find which effects the data want that the mechanism lacks.
 
-    ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects beside the vocabulary.  With ``others``
-    every installed engine simulates the explanation too.  Raises MeasuredError for data that cannot be what they say,
-    Unsupported or SimulatorMissing for the simulator, SimulationError where it fails on the nominal mechanism.
+    ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects beside the vocabulary.  With
+    ``others`` every installed engine simulates the explanation too.  Raises MeasuredError for data that cannot be what
+    they say, Unsupported or SimulatorMissing for the simulator, SimulationError where it fails on the nominal
+    mechanism.
     """
     vocabulary = VOCABULARY | {e.name: e for e in own}
     stiff = measured.mechanism.rigid()
     bench = Bench.of(measured, stiff, simulator, vocabulary, only, exclude, others, workers, progress)
     explanation = bench.settled()
     if stiff != measured.mechanism and bench.sees(measured.mechanism):
-        bending = Bench.of(measured, measured.mechanism, simulator, vocabulary, only, exclude, others, workers, progress)
+        bending = Bench.of(
+            measured, measured.mechanism, simulator, vocabulary, only, exclude, others, workers, progress
+        )
         instead = bending.settled()
         nearer = bending.price(instead) < bench.price(explanation)
         bench, explanation = (bending, instead) if nearer else (bench, explanation)
-        bench.notes.append(f"The links' stated moduli of elasticity are {'used' if nearer else 'left out'}: that explains the data with less.")
+        bench.notes.append(
+            f"The links' stated moduli of elasticity are {'used' if nearer else 'left out'}: that explains the data"
+            " with less."
+        )
     found = bench.confirmed(explanation)
     return Diagnosis(as_result(bench, found, command), found.explained, found.explanation)

@@ -1,4 +1,6 @@
-"""What a sample is worth: one in white noise of the stated size, less where a residual is larger than that and coloured."""
+"""What a sample is worth: one in white noise of the stated size, less where a residual is larger than that and
+coloured.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ def rms(residual: np.ndarray) -> float:
 
 
 def worth(data: Data, residual: np.ndarray) -> np.ndarray:
-    """What each sample's squared residual counts, (size,): one in white noise of the stated size, less in what is not."""
+    """What each sample's squared residual counts, (size,): one in white noise of the stated size, less in what
+    is not.
+    """
     out = np.ones(residual.size)
     for part in data.parts:
         r = residual[part.place]

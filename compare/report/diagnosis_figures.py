@@ -56,7 +56,9 @@ class Map:
 
 @dataclass(frozen=True)
 class Panel:
-    """Measured minus simulated of one signal in one run: residuals in ``unit``, measured values in ``quantity.unit``."""
+    """Measured minus simulated of one signal in one run: residuals in ``unit``, measured values in
+    ``quantity.unit``.
+    """
 
     run: int
     signal: str
@@ -78,7 +80,10 @@ class Panel:
     def summary(self) -> str:
         """The text alternative."""
         sides = (("before", self.before), ("after", self.after))
-        worst = [f"{name} up to {number(max((abs(v) for v in side if v is not None), default=None))} {self.unit}" for name, side in sides]
+        worst = [
+            f"{name} up to {number(max((abs(v) for v in side if v is not None), default=None))} {self.unit}"
+            for name, side in sides
+        ]
         return f"Measured minus simulated over {self.x.label}: {'; '.join(worst)}; noise {self.noise_text}."
 
 
@@ -95,10 +100,29 @@ def panels(result: Result) -> list[Panel]:
             before, after = (_short(side, factor) for side in residuals.values())
             words = spoken(result, name)
             title = words[:1].upper() + words[1:]
-            said = amount(signal["noise"], signal["unit"]) + ("" if signal["noise_given"] else ", estimated from the data")
+            said = amount(signal["noise"], signal["unit"]) + (
+                "" if signal["noise_given"] else ", estimated from the data"
+            )
             gaps = (signal["gap_before"], signal["gap_after"])
             measured = scaled(signal["measured"], what.factor)
-            found.append(Panel(i, name, what, title, unit, x, over, measured, before, after, signal["noise"] * factor, said, *gaps, held))
+            found.append(
+                Panel(
+                    i,
+                    name,
+                    what,
+                    title,
+                    unit,
+                    x,
+                    over,
+                    measured,
+                    before,
+                    after,
+                    signal["noise"] * factor,
+                    said,
+                    *gaps,
+                    held,
+                )
+            )
     return found
 
 
@@ -152,8 +176,12 @@ def _map(result: Result, group: Sequence[tuple[int, Mapping[str, Any]]]) -> Map:
         columns = np.clip(np.floor((x - low) / wide * COLUMNS), 0, COLUMNS - 1).astype(int)
         for k, (name, signal) in enumerate(run["signals"].items()):
             words = spoken(result, name)
-            before, after = (_cells(_residual(name, signal, side), signal["noise"], columns) for side in ("before", "after"))
-            strips.append(Strip(offset + k, run["name"], words, before, after, signal["gap_before"], signal["gap_after"]))
+            before, after = (
+                _cells(_residual(name, signal, side), signal["noise"], columns) for side in ("before", "after")
+            )
+            strips.append(
+                Strip(offset + k, run["name"], words, before, after, signal["gap_before"], signal["gap_after"])
+            )
     return Map(axis, low, low + wide, tuple(strips))
 
 
@@ -211,7 +239,10 @@ def figure(panel: Panel, name: str) -> Figure:
     limit = BAND * panel.noise
     sides = ((panel.before, "before", BEFORE), (panel.after, "after", AFTER))
     lines = [Series(word, *_thinned(panel.over, side), role) for side, word, role in sides]
-    lines += [Series(f"noise ±{BAND:g} {SIGMA}" if v > 0 else "", ends, (v,) * len(ends), "frame", "dashed") for v in (limit, -limit)]
+    lines += [
+        Series(f"noise ±{BAND:g} {SIGMA}" if v > 0 else "", ends, (v,) * len(ends), "frame", "dashed")
+        for v in (limit, -limit)
+    ]
     title = f"{panel.title}: measured {MINUS} simulated"
     return Figure(name, title, panel.summary, panel.x, Axis(f"measured {MINUS} simulated", panel.unit), tuple(lines))
 
@@ -226,5 +257,5 @@ def _thinned(x: Numbers, y: Numbers) -> tuple[Numbers, Numbers]:
         column = range(start, min(start + step, len(x)))
         known = sorted((v, i) for i in column if (v := y[i]) is not None)
         gap = [i for i in column if y[i] is None][:1]
-        kept += sorted({i for _, i in (known[:1] + known[-1:])} | set(gap))
+        kept += sorted({i for _, i in known[:1] + known[-1:]} | set(gap))
     return tuple(x[i] for i in kept), tuple(y[i] for i in kept)

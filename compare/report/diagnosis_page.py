@@ -18,7 +18,13 @@ from compare.report.pages import script_json
 from compare.report.quantities import DASH, MINUS, number
 from compare.report.svg import NOT_XML, draw
 
-LOOKS = {"no gap": "agrees", "explained": "agrees", "partly explained": "known", "ambiguous": "known", "unexplained": "disagrees"}
+LOOKS = {
+    "no gap": "agrees",
+    "explained": "agrees",
+    "partly explained": "known",
+    "ambiguous": "known",
+    "unexplained": "disagrees",
+}
 PLACES = 10  # located deviations that are listed before one has to ask for the rest
 CANDIDATES = 12
 STATUS = {
@@ -49,7 +55,10 @@ def diagnosis_html(result: Mapping[str, Any]) -> str:
         "listed": PLACES,
         "panels": panels,
         "runs": _runs(result, panels),
-        "widest": max(range(len(result["runs"])), key=lambda i: max((p.gap_before or 0.0 for p in panels if p.run == i), default=0.0)),
+        "widest": max(
+            range(len(result["runs"])),
+            key=lambda i: max((p.gap_before or 0.0 for p in panels if p.run == i), default=0.0),
+        ),
         "drawings": [Markup(draw(figures.figure(panel, f"residual-{i}"))) for i, panel in enumerate(panels)],
         "candidates": candidates,
         "candidates_listed": CANDIDATES,
@@ -110,7 +119,9 @@ def _set(value: Any) -> Any:
     return value if np.any(value) else None
 
 
-def _runs(result: words.Result, panels: list[figures.Panel]) -> list[tuple[int, Mapping[str, Any], list[tuple[int, figures.Panel]]]]:
+def _runs(
+    result: words.Result, panels: list[figures.Panel]
+) -> list[tuple[int, Mapping[str, Any], list[tuple[int, figures.Panel]]]]:
     """Each run with its panels and their numbers, the widest gap first."""
     numbered = list(enumerate(panels))
     worst = sorted(numbered, key=lambda item: -(item[1].gap_before or 0.0))
@@ -140,9 +151,17 @@ def _data(result: words.Result, panels: list[figures.Panel], found: list[figures
         "colours": {"before": figures.BEFORE, "after": figures.AFTER},
         "band": figures.BAND,
         "runs": [
-            {"x": over[i].over, "label": over[i].x.label, "unit": over[i].x.unit, "held": over[i].held_out, "held_out": run["held_out"]}
-            if i in over
-            else None
+            (
+                {
+                    "x": over[i].over,
+                    "label": over[i].x.label,
+                    "unit": over[i].x.unit,
+                    "held": over[i].held_out,
+                    "held_out": run["held_out"],
+                }
+                if i in over
+                else None
+            )
             for i, run in enumerate(result["runs"])
         ],
         "panels": [
@@ -173,7 +192,9 @@ def _data(result: words.Result, panels: list[figures.Panel], found: list[figures
 
 
 def _environment(result: words.Result) -> Environment:
-    environment = Environment(loader=PackageLoader("compare.report"), autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
+    environment = Environment(
+        loader=PackageLoader("compare.report"), autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True
+    )
     environment.filters |= {
         "number": number,
         "signed": lambda value: number(value, 3, True),

@@ -32,7 +32,9 @@ from compare.report.quantities import DASH, MINUS, SUPERSCRIPT, TIMES, number
 SIGNS = {"no gap": "✓", "explained": "✓", "partly explained": "≈", "ambiguous": "?", "unexplained": "✗"}
 PLACES_SHOWN = 3  # in a terminal
 PLACES_LISTED = 12  # in the Markdown
-ASCII = {MINUS: "-", DASH: "-", "·": ".", "µ": "u", SIGMA: "sigma"} | {chr(small): chr(plain) for plain, small in SUPERSCRIPT.items()}
+ASCII = {MINUS: "-", DASH: "-", "·": ".", "µ": "u", SIGMA: "sigma"} | {
+    chr(small): chr(plain) for plain, small in SUPERSCRIPT.items()
+}
 
 
 def as_read(result: Result) -> dict[str, Any]:
@@ -41,7 +43,9 @@ def as_read(result: Result) -> dict[str, Any]:
 
 
 def terminal_lines(result: Result) -> list[str]:
-    """The verdict in a few lines: what is missing and how much, the gap, where it shows; ASCII but for names and given texts."""
+    """The verdict in a few lines: what is missing and how much, the gap, where it shows; ASCII but for names and given
+    texts.
+    """
     result = as_read(result)
     settled = result["effects"]  # whose lines say what the statement says
     out = [f"{result['case']}: {result['verdict'].upper()}" + ("" if settled else f". {_line(result['statement'])}")]
@@ -49,14 +53,21 @@ def terminal_lines(result: Result) -> list[str]:
         out += _effect_lines(result, group)
     gap = result["gap"]
     out.append(
-        f"gap: {number(gap['before'])} before, {number(gap['after'])} after, noise floor {number(gap['noise_floor'])} ({simulated_by(result)})"
+        f"gap: {number(gap['before'])} before, {number(gap['after'])} after, noise floor {number(gap['noise_floor'])}"
+        f" ({simulated_by(result)})"
     )
-    others = [f"{name} {number(g['before'])} before, {number(g['after'])} after" for name, g in result["other_simulators"].items()]
+    others = [
+        f"{name} {number(g['before'])} before, {number(g['after'])} after"
+        for name, g in result["other_simulators"].items()
+    ]
     out += [f"gap elsewhere: {'; '.join(others)}"] if others else []
     places = worst_first(result)
     out += [f"where: {sentence(result, place)} ({number(place['sigmas'])} sigma)" for place in places[:PLACES_SHOWN]]
     out += [f"where: {_others(len(places) - PLACES_SHOWN)}"] if len(places) > PLACES_SHOWN else []
-    out += [f"data: run {fault['run']}, {spoken(result, fault['signal'])}: {_line(fault['text'])}" for fault in result["faults"]]
+    out += [
+        f"data: run {fault['run']}, {spoken(result, fault['signal'])}: {_line(fault['text'])}"
+        for fault in result["faults"]
+    ]
     return [_ascii(line) for line in out]
 
 
@@ -69,7 +80,10 @@ def _effect_lines(result: Result, group: Sequence[Mapping[str, Any]]) -> list[st
         out.append(f"{lead}: {phrase(result, effect['name'], effect['where'])}" + (f", {values}" if values else ""))
     if len(group) > 1:
         words, block = separation(group[0].get("would_separate", ""))
-        out.append(f"to separate them: {words.rstrip(':') or 'no run of these sensors can'}" + (" (as a [[run]] in diagnosis.md)" if block else ""))
+        out.append(
+            f"to separate them: {words.rstrip(':') or 'no run of these sensors can'}"
+            + (" (as a [[run]] in diagnosis.md)" if block else "")
+        )
     return out
 
 
@@ -89,13 +103,26 @@ def diagnosis_md(result: Result) -> str:
     """The text of diagnosis.md."""
     result = as_read(result)
     gap = result["gap"]
-    shrinks = f"{number(gap['before'])} before → {number(gap['after'])} after (noise floor {number(gap['noise_floor'])})"
-    out = [f"# {SIGNS[result['verdict']]} Diagnosis of {md(result['case'])}: {result['verdict']}", "", md(result["statement"]), ""]
+    shrinks = (
+        f"{number(gap['before'])} before → {number(gap['after'])} after (noise floor {number(gap['noise_floor'])})"
+    )
+    out = [
+        f"# {SIGNS[result['verdict']]} Diagnosis of {md(result['case'])}: {result['verdict']}",
+        "",
+        md(result["statement"]),
+        "",
+    ]
     out += [f"- Gap (rms of residual over noise): {shrinks}, simulated by {md(simulated_by(result))}"]
-    out += [f"- In {md(name)}: {number(g['before'])} before → {number(g['after'])} after" for name, g in result["other_simulators"].items()]
+    out += [
+        f"- In {md(name)}: {number(g['before'])} before → {number(g['after'])} after"
+        for name, g in result["other_simulators"].items()
+    ]
     out += ["", *_effects(result), *_next(result), *_located(result), *_gaps(result)]
     if result["faults"]:
-        rows = [[md(f["run"]), md(spoken(result, f["signal"])), md(f["kind"]), str(f["samples"]), md(f["text"])] for f in result["faults"]]
+        rows = [
+            [md(f["run"]), md(spoken(result, f["signal"])), md(f["kind"]), str(f["samples"]), md(f["text"])]
+            for f in result["faults"]
+        ]
         out += ["## Data faults", "", *_table(["Run", "Signal", "Kind", "Samples", "What"], rows, (3,))]
     versions = ", ".join(f"{md(name)} {md(version)}" for name, version in result["versions"].items())
     out += ["## Provenance", "", code_block(result["command"], "sh"), "", f"Versions: {versions}", ""]
@@ -149,7 +176,15 @@ def _gaps(result: Result) -> list[str]:
     for run in result["runs"]:
         for name, signal in run["signals"].items():
             noise = amount(signal["noise"], signal["unit"]) + ("" if signal["noise_given"] else ", estimated")
-            rows.append([md(run["name"]), md(quantity(result, name).title), noise, number(signal["gap_before"]), number(signal["gap_after"])])
+            rows.append(
+                [
+                    md(run["name"]),
+                    md(quantity(result, name).title),
+                    noise,
+                    number(signal["gap_before"]),
+                    number(signal["gap_after"]),
+                ]
+            )
     free = " Runs without a commanded speed are compared over time." if any(map(over_time, result["runs"])) else ""
     head = ["Run", "Signal", f"Noise (1 {SIGMA})", "Gap before", "Gap after"]
     return ["## Gap per run and signal", "", f"1 is the noise floor.{free}", "", *_table(head, rows, (3, 4))]

@@ -1,4 +1,6 @@
-"""A diagnosis in an engineer's words: units that fit a number, names of effects and places, and the sentences about them."""
+"""A diagnosis in an engineer's words: units that fit a number, names of effects and places, and the sentences about
+them.
+"""
 
 from __future__ import annotations
 
@@ -149,19 +151,26 @@ def span(result: Result, place: Mapping[str, Any]) -> str:
 
 def sentence(result: Result, place: Mapping[str, Any]) -> str:
     """A located deviation: ``follower angle is late by 0.6 mrad between 40 and 110 deg in run slow-forward``."""
-    what = f"{spoken(result, place['signal'])} is {_direction(result, place)} by {amount(abs(place['size']), place['unit'], 2)}"
+    what = (
+        f"{spoken(result, place['signal'])} is {_direction(result, place)} by"
+        f" {amount(abs(place['size']), place['unit'], 2)}"
+    )
     return f"{what} {span(result, place)} in run {place['run']}"
 
 
 def _direction(result: Result, place: Mapping[str, Any]) -> str:
-    """``late`` or ``early`` of an angle that moves one way there, otherwise ``too high`` or ``too low``; as in the samples."""
+    """``late`` or ``early`` of an angle that moves one way there, otherwise ``too high`` or ``too low``; as in the
+    samples.
+    """
     run = _run(result, place["run"])
     signal = run["signals"].get(place["signal"]) if run else None
     if run is None or signal is None:
         return "too high" if place["size"] > 0 else "too low"
     low, high = sorted((place["crank_angle_from"], place["crank_angle_to"]))
     inside = [i for i, angle in enumerate(run["crank_angle"]) if low <= angle <= high]
-    inside = inside or [i for i, angle in enumerate(run["crank_angle"]) if (angle - low) % TURN <= high - low]  # said of another turn
+    inside = inside or [
+        i for i, angle in enumerate(run["crank_angle"]) if (angle - low) % TURN <= high - low
+    ]  # said of another turn
     above = place["size"] > 0
     way = _way(signal["before"], inside) if quantity(result, place["signal"]).name == "angle" else 0
     if way:
@@ -207,7 +216,9 @@ def separation(text: str) -> tuple[str, str]:
     lines = text.splitlines()
     start = next((i for i, line in enumerate(lines) if line.strip().startswith("[[run]]")), len(lines))
     end = start
-    while end < len(lines) and (not lines[end].strip() or lines[end].strip().startswith(TOML_STARTS) or "=" in lines[end]):
+    while end < len(lines) and (
+        not lines[end].strip() or lines[end].strip().startswith(TOML_STARTS) or "=" in lines[end]
+    ):
         end += 1
     words = " ".join(line.strip() for line in (*lines[:start], *lines[end:]) if line.strip())
     return words, "\n".join(lines[start:end]).strip()
@@ -216,7 +227,10 @@ def separation(text: str) -> tuple[str, str]:
 def next_steps(result: Result) -> list[str]:
     """What the person at the rig does now, a sentence each."""
     verdict = result["verdict"]
-    steps = [f"Check the data of run {fault['run']}, {spoken(result, fault['signal'])}: {fault['text']}." for fault in result["faults"]]
+    steps = [
+        f"Check the data of run {fault['run']}, {spoken(result, fault['signal'])}: {fault['text']}."
+        for fault in result["faults"]
+    ]
     if verdict == "no gap":
         return [*steps, "Nothing has to be added: the model explains these data down to their noise."]
     for group in ties(result):
@@ -225,7 +239,10 @@ def next_steps(result: Result) -> list[str]:
             tied = " and ".join(phrase(result, effect["name"], effect["where"]) for effect in group)
             steps.append(f"Separate {tied}: {words.rstrip(':.') or 'no run of these sensors can'}.")
     if verdict in ("explained", "partly explained"):
-        steps += [f"Confirm {phrase(result, e['name'], e['where'])} at the rig: expect {_values(e)}." for e in result["effects"]]
+        steps += [
+            f"Confirm {phrase(result, e['name'], e['where'])} at the rig: expect {_values(e)}."
+            for e in result["effects"]
+        ]
         if result["explained"] != result["mechanism"]:
             steps.append("Use explained.toml in place of the nominal mechanism.")
     if verdict in ("partly explained", "unexplained"):
@@ -234,14 +251,24 @@ def next_steps(result: Result) -> list[str]:
 
 
 def _values(effect: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name} {value}" for name, value, _ in (parameter(*item) for item in effect["parameters"].items()))
+    return ", ".join(
+        f"{name} {value}" for name, value, _ in (parameter(*item) for item in effect["parameters"].items())
+    )
 
 
 def remaining(result: Result) -> list[str]:
     """The signals whose gap is still above the noise floor, the largest first."""
     floor = 1.1 * result["gap"]["noise_floor"]
-    rows = [(s["gap_after"], run["name"], name) for run in result["runs"] for name, s in run["signals"].items() if (s["gap_after"] or 0) > floor]
-    return [f"{spoken(result, signal)} in run {run} still has a gap of {number(gap)}" for gap, run, signal in sorted(rows, reverse=True)]
+    rows = [
+        (s["gap_after"], run["name"], name)
+        for run in result["runs"]
+        for name, s in run["signals"].items()
+        if (s["gap_after"] or 0) > floor
+    ]
+    return [
+        f"{spoken(result, signal)} in run {run} still has a gap of {number(gap)}"
+        for gap, run, signal in sorted(rows, reverse=True)
+    ]
 
 
 def simulated_by(result: Result) -> str:
@@ -255,16 +282,26 @@ def remark(engine: Mapping[str, Any]) -> str:
     """What has to be known of an engine's numbers: that it has none, or what it lacks."""
     if engine["skipped"]:
         return f"skipped: {engine['skipped']}"
-    return f"has no {', '.join(engine['added'])}: got the difference that the analytic model makes of it" if engine["added"] else ""
+    return (
+        f"has no {', '.join(engine['added'])}: got the difference that the analytic model makes of it"
+        if engine["added"]
+        else ""
+    )
 
 
 def settings(result: Result) -> list[tuple[str, str, str]]:
-    """Engine, setting and value of every number with which an engine was set; one that differs between runs is said for each."""
+    """Engine, setting and value of every number with which an engine was set; one that differs between runs is said for
+    each.
+    """
     rows = []
     for engine in result["engines"]:
         for name in dict.fromkeys(name for found in engine["settings"].values() for name in found):
             values = {run: setting(found.get(name)) for run, found in engine["settings"].items()}
             alike = len(set(values.values())) == 1
-            said = next(iter(values.values())) if alike else ", ".join(f"{value} in {run}" for run, value in values.items())
+            said = (
+                next(iter(values.values()))
+                if alike
+                else ", ".join(f"{value} in {run}" for run, value in values.items())
+            )
             rows.append((engine["name"], name.replace("_", " "), said))
     return rows

@@ -1,4 +1,6 @@
-"""The figures of a report as data, made once; :mod:`compare.report.svg` draws them for a file, ``chart.js`` for the page."""
+"""The figures of a report as data, made once; :mod:`compare.report.svg` draws them for a file, ``chart.js`` for the
+page.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,9 @@ class Series:
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure: ``name`` is its file's stem, ``summary`` its text alternative, a ``plane`` has equal scales in x and y."""
+    """One figure: ``name`` is its file's stem, ``summary`` its text alternative, a ``plane`` has equal scales in x and
+    y.
+    """
 
     name: str
     title: str
@@ -65,7 +69,11 @@ def figures(result: Mapping[str, Any], summary: Summary) -> list[Figure]:
     if not result["runs"]:
         return []
     found = [reaction_directions(result, summary, joint) for joint in summary.joints]
-    found += [journal_path(result, summary, joint) for joint in summary.joints if any(_path(run, joint) for run in result["runs"])]
+    found += [
+        journal_path(result, summary, joint)
+        for joint in summary.joints
+        if any(_path(run, joint) for run in result["runs"])
+    ]
     found += [differences(result, summary, quantity) for quantity in summary.keys(False, result["mechanism"])]
     return [figure for figure in found if any(series.name for series in figure.series)]
 
@@ -109,7 +117,9 @@ def reaction_directions(result: Mapping[str, Any], summary: Summary, joint: str)
             name, role, mark = _analytic(run, summary)
             lines.setdefault(name, Series(name, over, direction(run["analytic"][quantity.signal]), role, mark))
         if quantity.signal in run["simulated"]:
-            marks.append(Series(**_simulated(result, run), x=over, y=marked(run["simulated"][quantity.signal]), mark="marker"))
+            marks.append(
+                Series(**_simulated(result, run), x=over, y=marked(run["simulated"][quantity.signal]), mark="marker")
+            )
     spans = [f"{s.name} {_span(s.y, quantity)}" for s in [*lines.values(), *marks]]
     title = f"Direction of the reaction at {joint}"
     text = f"{title} over {axis}. {'; '.join(spans)}."
@@ -144,7 +154,8 @@ def beside(angles: Numbers, reference: Numbers, turn: float = 360.0) -> Numbers:
 
 
 def same_turn(angles: Numbers, reference: Numbers, turn: float = 360.0) -> Numbers:
-    """Angles each shifted by whole turns to within half a turn of the reference's at its sample, so that their difference is the one judged.
+    """Angles each shifted by whole turns to within half a turn of the reference's at its sample, so that their
+    difference is the one judged.
 
     Where only one of the two is known, or the reference is of other samples, an angle stays.
     """
@@ -168,7 +179,12 @@ def journal_path(result: Mapping[str, Any], summary: Summary, joint: str) -> Fig
     runs = [run for run in result["runs"] if _path(run, joint)]
     radius = 1e3 * runs[0]["clearance"][joint]
     turn = [2 * math.pi * k / 120 for k in range(121)]
-    rim = Series("clearance circle", scaled(math.cos(a) * radius for a in turn), scaled(math.sin(a) * radius for a in turn), "frame")
+    rim = Series(
+        "clearance circle",
+        scaled(math.cos(a) * radius for a in turn),
+        scaled(math.sin(a) * radius for a in turn),
+        "frame",
+    )
     paths = []
     for run in runs:
         x, y = thinned(run["journal"][joint]["x"], run["journal"][joint]["y"], 1e-3 * radius)
@@ -178,10 +194,22 @@ def journal_path(result: Mapping[str, Any], summary: Summary, joint: str) -> Fig
     rim_x, rim_y = (scaled(runs[0]["analytic"].get(name, ()), 1e3) for name in names)
     points = Series(f"analytic, {model}", rim_x, rim_y, "analytic", "marker")
     unit = summary.signals[names[0]].unit
-    share = [f"{run.title} {number(dict(run.free).get(joint), 2)} % of the run without contact" for run in summary.runs if joint in dict(run.free)]
+    share = [
+        f"{run.title} {number(dict(run.free).get(joint), 2)} % of the run without contact"
+        for run in summary.runs
+        if joint in dict(run.free)
+    ]
     text = f"Path of the journal of {joint} in its clearance circle of radius {number(radius)} {unit}. {'; '.join(share)}".strip()
     axes = (Axis("displacement x", unit), Axis("displacement y", unit))
-    return Figure(f"journal_{joint}", f"Path of the journal in {joint}", text, *axes, (rim, *paths, points), "plane", "; ".join(share))
+    return Figure(
+        f"journal_{joint}",
+        f"Path of the journal in {joint}",
+        text,
+        *axes,
+        (rim, *paths, points),
+        "plane",
+        "; ".join(share),
+    )
 
 
 def thinned(x: Sequence[float], y: Sequence[float], step: float) -> tuple[list[float], list[float]]:
@@ -204,7 +232,9 @@ def thinned(x: Sequence[float], y: Sequence[float], step: float) -> tuple[list[f
 def difference(run: Mapping[str, Any], quantity: Quantity) -> Numbers:
     """Simulated minus analytic of one signal of a run, as it is judged, in the quantity's unit."""
     pairs = zip(run["simulated"][quantity.signal], run["analytic"][quantity.signal], strict=True)
-    return scaled((None if s is None or a is None else apart(s, a, quantity.angular) for s, a in pairs), quantity.factor)
+    return scaled(
+        (None if s is None or a is None else apart(s, a, quantity.angular) for s, a in pairs), quantity.factor
+    )
 
 
 def differences(result: Mapping[str, Any], summary: Summary, quantity: Quantity) -> Figure:
@@ -218,11 +248,19 @@ def differences(result: Mapping[str, Any], summary: Summary, quantity: Quantity)
         _, _, factor, x = abscissa(run, result["mechanism"])
         lines.append(Series(**_simulated(result, run), x=scaled(x, factor), y=difference(run, quantity)))
         limits |= {row.tolerance} if row and row.tolerance and row.quantity.unit == quantity.unit else set()
-    worst = [f"{line.name} up to {number(max((abs(v) for v in line.y if v is not None), default=None))} {quantity.unit}" for line in lines]
+    worst = [
+        f"{line.name} up to {number(max((abs(v) for v in line.y if v is not None), default=None))} {quantity.unit}"
+        for line in lines
+    ]
     note = f"Tolerance: {', '.join(f'±{number(t)}' for t in sorted(limits))} {quantity.unit}" if limits else ""
     over = [line.x for line in lines if line.x]
     ends = (over[0][0], over[0][-1]) if over else ()
-    bounds = [Series("", ends, (t, t), "frame", "dashed", scale=False) for limit in sorted(limits) if ends for t in (limit, -limit)]
+    bounds = [
+        Series("", ends, (t, t), "frame", "dashed", scale=False)
+        for limit in sorted(limits)
+        if ends
+        for t in (limit, -limit)
+    ]
     text = f"{quantity.title}, simulated minus analytic, over {axis}: {'; '.join(worst)}. {note}".strip()
     axes = (Axis(axis, unit), Axis(f"simulated {MINUS} analytic", quantity.unit))
     return Figure(f"difference_{quantity.signal}", quantity.title, text, *axes, (*lines, *bounds), note=note)

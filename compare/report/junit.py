@@ -9,7 +9,9 @@ from compare.report.svg import NOT_XML
 
 
 def junit(summary: Summary) -> str:
-    """JUnit XML: a disagreement is a failure with its numbers, and so is a run that is not judged; a known difference passes and says so."""
+    """JUnit XML: a disagreement is a failure with its numbers, and so is a run that is not judged; a known difference
+    passes and says so.
+    """
     suites = [_suite(summary.case, run) for run in summary.runs] + [_failed(summary)] * bool(summary.failures)
     root = ElementTree.Element("testsuites", _clean({"name": f"cross-check of {summary.case}", **_totals(suites)}))
     root.extend(suites)
@@ -29,9 +31,13 @@ def _suite(case: str, run: Run) -> ElementTree.Element:
 def _failed(summary: Summary) -> ElementTree.Element:
     """A suite of the runs that came to no end."""
     count = str(len(summary.failures))
-    suite = ElementTree.Element("testsuite", {"name": "simulations that failed", "tests": count, "failures": "0", "errors": count})
+    suite = ElementTree.Element(
+        "testsuite", {"name": "simulations that failed", "tests": count, "failures": "0", "errors": count}
+    )
     for i, why in enumerate(summary.failures, 1):
-        case = ElementTree.SubElement(suite, "testcase", _clean({"classname": f"{summary.case}.simulation", "name": f"failure {i}", "time": "0"}))
+        case = ElementTree.SubElement(
+            suite, "testcase", _clean({"classname": f"{summary.case}.simulation", "name": f"failure {i}", "time": "0"})
+        )
         ElementTree.SubElement(case, "error", _clean({"message": why, "type": "simulation"}))
     return suite
 

@@ -11,8 +11,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from analytic.assembly import Assembly, AssemblyError
-from analytic.kinematics import kinematics
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
 from compare.report.figures import Axis, Figure, Numbers, Series, beside, difference, same_turn, scaled
 from compare.report.quantities import Quantity, number
@@ -28,24 +28,35 @@ Poses = dict[str, dict[str, Numbers]]  # body -> x, y (m, marker) and angle (rad
 
 def explorer(result: Result, summary: Summary) -> dict[str, Any]:
     """Everything that ``explorer.js`` moves through: parts, and for each run the poses and the values to read."""
-    return {"parts": parts(result["mechanism"]), "runs": [_explored(result, summary, i) for i in range(len(result["runs"]))]}
+    return {
+        "parts": parts(result["mechanism"]),
+        "runs": [_explored(result, summary, i) for i in range(len(result["runs"]))],
+    }
 
 
 def parts(mechanism: Mapping[str, Any]) -> dict[str, Any]:
-    """Bodies' points relative to where their position is measured (marker, else com), ground points and joints, as plain data (m)."""
+    """Bodies' points relative to where their position is measured (marker, else com), ground points and joints, as
+    plain data (m).
+    """
     bodies = []
     for body in mechanism["body"]:
         points = {name: list(map(float, p)) for name, p in body["points"].items()}
         at = body.get("marker") or body.get("com") or [sum(p[k] for p in points.values()) / len(points) for k in (0, 1)]
         bodies.append({"name": body["name"], "points": {n: [p[0] - at[0], p[1] - at[1]] for n, p in points.items()}})
-    joints = [{"name": j["name"], "bodies": j["bodies"], "axis": j["axis"] if j["type"] == "prismatic" else None} for j in mechanism["joint"]]
+    joints = [
+        {"name": j["name"], "bodies": j["bodies"], "axis": j["axis"] if j["type"] == "prismatic" else None}
+        for j in mechanism["joint"]
+    ]
     ground = {name: list(map(float, p)) for name, p in mechanism["ground"]["points"].items()}
     return {"bodies": bodies, "ground": ground, "joints": joints, "size": typical_length(mechanism)}
 
 
 def typical_length(mechanism: Mapping[str, Any]) -> float:
     """The shortest link (m) that has a length, which is what a drawn gap must not outgrow."""
-    lengths = [max(math.dist(p, q) for p in body["points"].values() for q in body["points"].values()) for body in mechanism["body"]]
+    lengths = [
+        max(math.dist(p, q) for p in body["points"].values() for q in body["points"].values())
+        for body in mechanism["body"]
+    ]
     return min((length for length in lengths if length > 0), default=1.0)
 
 
@@ -58,7 +69,9 @@ def exaggeration(mechanism: Mapping[str, Any], run: Mapping[str, Any]) -> int:
 
 
 def ideal_poses(result: Result, run: Mapping[str, Any]) -> Poses | None:
-    """Poses of the linkage without clearance at a run's samples: from the ideal run, else assembled; None if neither can."""
+    """Poses of the linkage without clearance at a run's samples: from the ideal run, else assembled; None if neither
+    can.
+    """
     key = "time" if released(run, result["mechanism"]) else "crank_angle"
     for other in result["runs"]:
         if other["joint_model"] == "ideal" and other.get(key) == run[key]:
@@ -87,7 +100,11 @@ def _poses(mechanism: Mapping[str, Any], signals: Mapping[str, Any]) -> Poses | 
 def _explored(result: Result, summary: Summary, index: int) -> dict[str, Any]:
     run, told = result["runs"][index], summary.runs[index]
     label, unit, factor, x = abscissa(run, result["mechanism"])
-    shown = [q for q in summary.keys(False, result["mechanism"]) if q.signal in run["analytic"] and q.signal in run["simulated"]]
+    shown = [
+        q
+        for q in summary.keys(False, result["mechanism"])
+        if q.signal in run["analytic"] and q.signal in run["simulated"]
+    ]
     ideal = ideal_poses(result, run)
     return {
         "title": told.title,
@@ -108,7 +125,9 @@ def _explored(result: Result, summary: Summary, index: int) -> dict[str, Any]:
 
 
 def _read(quantity: Quantity, run: Mapping[str, Any], first: Sequence[float | None]) -> dict[str, Any]:
-    """Both sides of a signal as the page lists them; angles in the turn that the figures have them in, which is that of the first run."""
+    """Both sides of a signal as the page lists them; angles in the turn that the figures have them in, which is that of
+    the first run.
+    """
     analytic, simulated = (tuple(run[side][quantity.signal]) for side in ("analytic", "simulated"))
     if quantity.angular:
         analytic = beside(analytic, tuple(first), math.tau)
@@ -131,12 +150,18 @@ def _beside(poses: Poses | None, ideal: Poses | None) -> Poses | None:
     """Poses whose angles are in the turn of the ideal linkage's, as a drawing multiplies their difference."""
     if not poses or not ideal:
         return poses
-    return {body: {**values, "angle": same_turn(values["angle"], ideal[body]["angle"], math.tau)} for body, values in poses.items()}
+    return {
+        body: {**values, "angle": same_turn(values["angle"], ideal[body]["angle"], math.tau)}
+        for body, values in poses.items()
+    }
 
 
 def _gap(run: Mapping[str, Any], joint: str) -> dict[str, list[Numbers]]:
     """Displacement (mm) of a journal in its bearing, x and y, on both sides."""
-    return {side: [scaled(run[side][f"clearance_{joint}_{axis}"], 1e3) for axis in "xy"] for side in ("analytic", "simulated")}
+    return {
+        side: [scaled(run[side][f"clearance_{joint}_{axis}"], 1e3) for axis in "xy"]
+        for side in ("analytic", "simulated")
+    }
 
 
 def linkage_figure(result: Result, summary: Summary) -> Figure | None:
@@ -164,7 +189,9 @@ def linkage_figure(result: Result, summary: Summary) -> Figure | None:
     title = f"The linkage at {at}" + (f", gaps drawn {times} times as large" if gaps and times > 1 else "")
     sizes = ", ".join(f"{joint} {number(1e3 * size)} mm" for joint, size in run["clearance"].items() if size) or "none"
     text = f"{title}. Radial clearance: {sizes}."
-    return Figure("linkage", title, text, Axis("x", "mm"), Axis("y", "mm"), tuple(series), "plane", f"clearance: {sizes}")
+    return Figure(
+        "linkage", title, text, Axis("x", "mm"), Axis("y", "mm"), tuple(series), "plane", f"clearance: {sizes}"
+    )
 
 
 Pose = dict[str, tuple[complex, float]]
@@ -184,10 +211,15 @@ def _pose(poses: Poses | None, k: int) -> Pose:
 def _between(ideal: Pose, displaced: Pose, factor: float) -> Pose:
     if not ideal:
         return displaced
-    return {b: (ideal[b][0] + factor * (z - ideal[b][0]), ideal[b][1] + factor * (a - ideal[b][1])) for b, (z, a) in displaced.items()}
+    return {
+        b: (ideal[b][0] + factor * (z - ideal[b][0]), ideal[b][1] + factor * (a - ideal[b][1]))
+        for b, (z, a) in displaced.items()
+    }
 
 
-def _drawn(what: Mapping[str, Any], pose: Pose, name: str, role: str, gaps: Mapping[str, float] | None = None) -> list[Series]:
+def _drawn(
+    what: Mapping[str, Any], pose: Pose, name: str, role: str, gaps: Mapping[str, float] | None = None
+) -> list[Series]:
     """Links, slides, clearance circles, pivots and labelled joints of one configuration (mm)."""
 
     def place(body: str, point: str) -> complex:
@@ -210,7 +242,10 @@ def _drawn(what: Mapping[str, Any], pose: Pose, name: str, role: str, gaps: Mapp
         centre = place(second, joint["name"])
         block = [centre + along * corner for corner in (1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j, 1 + 0.6j)]
         named = (joint["name"],) if role != "ideal-line" else ()
-        series += [_series("", [centre - 4 * along, centre + 4 * along], "frame", "dashed"), _series("", block, role, labels=named)]
+        series += [
+            _series("", [centre - 4 * along, centre + 4 * along], "frame", "dashed"),
+            _series("", block, role, labels=named),
+        ]
     for joint_name, gap in (gaps or {}).items():
         bearing = next(j["bodies"][1] for j in what["joints"] if j["name"] == joint_name)
         rim = [place(bearing, joint_name) + cmath.rect(gap, 2 * math.pi * i / 60) for i in range(61)]

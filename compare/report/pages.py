@@ -40,10 +40,18 @@ def render(
         "signs": SIGNS,
         "engines": _once(f"{run.simulator} {run.version}" for run in runs),
         "joint_models": _once(run.joint_model for run in runs),
-        "motions": _once("swings freely" if released(run, result["mechanism"]) else run["motion"] for run in result["runs"]),
-        "models": [MODELS.get(name, name) for name in _once(run.analytic_model for run in runs if run.clearance != "none")] or ["ideal linkage"],
+        "motions": _once(
+            "swings freely" if released(run, result["mechanism"]) else run["motion"] for run in result["runs"]
+        ),
+        "models": (
+            [MODELS.get(name, name) for name in _once(run.analytic_model for run in runs if run.clearance != "none")]
+            or ["ideal linkage"]
+        ),
         "clearance": "; ".join(_once(run.clearance for run in runs if run.clearance != "none")) or "none",
-        "by_engine": [(name, _worst_first(run for run in runs if run.simulator == name)) for name in _once(run.simulator for run in runs)],
+        "by_engine": [
+            (name, _worst_first(run for run in runs if run.simulator == name))
+            for name in _once(run.simulator for run in runs)
+        ],
         "first_run": _worst_first(sorted(runs, key=lambda run: run.clearance == "none"))[0].index if runs else None,
         "runs_with_order": _first_per_clearance(summary),
         "same_order": _same_order(runs),
@@ -62,7 +70,9 @@ def render(
         data=script_json({"figures": [asdict(figure) for figure in figures], "explorer": explorer(result, summary)}),
         mechanism=json.dumps(result["mechanism"], indent=2, ensure_ascii=False),
     )
-    markdown = _environment(False).get_template("report.md.j2").render(context, keys=summary.keys(True, result["mechanism"]))
+    markdown = (
+        _environment(False).get_template("report.md.j2").render(context, keys=summary.keys(True, result["mechanism"]))
+    )
     return html, re.sub(r"\n{3,}", "\n\n", markdown)
 
 
@@ -94,7 +104,12 @@ def _grouped(flags: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
 
 
 def _environment(escaping: bool) -> Environment:
-    environment = Environment(loader=PackageLoader("compare.report"), autoescape=escaping, undefined=StrictUndefined, keep_trailing_newline=True)
+    environment = Environment(
+        loader=PackageLoader("compare.report"),
+        autoescape=escaping,
+        undefined=StrictUndefined,
+        keep_trailing_newline=True,
+    )
     environment.filters |= {
         "number": number,
         "signed": lambda value: number(value, 3, True),

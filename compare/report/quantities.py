@@ -1,4 +1,6 @@
-"""What a signal is called and in which unit a person reads it: degrees and millimetres, where files have radians and metres."""
+"""What a signal is called and in which unit a person reads it: degrees and millimetres, where files have radians and
+metres.
+"""
 
 from __future__ import annotations
 
@@ -79,13 +81,18 @@ def quantities(mechanism: Mapping[str, Any]) -> dict[str, Quantity]:
 
 
 def key_signals(mechanism: Mapping[str, Any], joints: list[str], loose: bool) -> list[str]:
-    """The signals that the paper is about, for these joints: gamma, |F|, the displacement, psi of the couplers and the drive torque.
+    """The signals that the paper is about, for these joints: gamma, |F|, the displacement, psi of the couplers and the
+    drive torque.
 
     Where no joint is ``loose`` (has clearance) the bodies' angles take the place of displacement and rotation.
     """
     names = [f"reaction_{j}_{part}" for j in joints for part in ("angle", "magnitude")]
     names += [f"clearance_{j}_{axis}" for j in joints for axis in "xy"]
-    turned = [f"{b}_rotation" for b in couplers(mechanism)] if loose else [f"{body['name']}_angle" for body in mechanism["body"]]
+    turned = (
+        [f"{b}_rotation" for b in couplers(mechanism)]
+        if loose
+        else [f"{body['name']}_angle" for body in mechanism["body"]]
+    )
     return [*names, *turned, "drive_torque"]
 
 

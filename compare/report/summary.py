@@ -1,6 +1,7 @@
 """One result as a reader takes it in: the verdict in words, rows in degrees and millimetres, and what goes beside them.
 
-Page, Markdown, JUnit file and terminal all show this summary; none of them looks into the result for numbers of its own.
+Page, Markdown, JUnit file and terminal all show this summary; none of them looks into the result for numbers of its
+own.
 """
 
 from __future__ import annotations
@@ -13,8 +14,17 @@ from typing import Any
 from compare.report.quantities import Quantity, key_signals, number, plain, quantities, shown
 
 Result = Mapping[str, Any]
-WORDS = {"agrees": "agrees", "disagrees": "disagrees", "known": "known difference", "unjudged": "not judged", "failed": "failed"}
-MODELS = {"first_order": "first order (Eq. 8: ideal reaction directions)", "equilibrium": "equilibrium (displaced linkage, self-consistent)"}
+WORDS = {
+    "agrees": "agrees",
+    "disagrees": "disagrees",
+    "known": "known difference",
+    "unjudged": "not judged",
+    "failed": "failed",
+}
+MODELS = {
+    "first_order": "first order (Eq. 8: ideal reaction directions)",
+    "equilibrium": "equilibrium (displaced linkage, self-consistent)",
+}
 
 
 @dataclass(frozen=True)
@@ -36,9 +46,14 @@ class Row:
 
     @property
     def sentence(self) -> str:
-        """The row in words, ASCII but for names: ``reaction angle at B: +0.2 deg at 30 deg, rms 0.1 deg (tolerance 0.05 deg)``."""
+        """The row in words, ASCII but for names: ``reaction angle at B: +0.2 deg at 30 deg, rms 0.1 deg (tolerance 0.05
+        deg)``.
+        """
         unit = self.quantity.unit.replace("·", ".")
-        numbers = f"{plain(self.maximum, 4, True)} {unit} at {self.at}, rms {plain(self.rms)} {unit} (tolerance {plain(self.tolerance)} {unit})"
+        numbers = (
+            f"{plain(self.maximum, 4, True)} {unit} at {self.at}, rms {plain(self.rms)} {unit} (tolerance"
+            f" {plain(self.tolerance)} {unit})"
+        )
         return f"{self.quantity.label}: {numbers}" + (f"; {self.reason}" if self.reason else "")
 
 
@@ -120,7 +135,9 @@ def summarise(result: Result) -> Summary:
     failures = tuple(failure["why"] for failure in result.get("failures", ()))
     verdict = "failed" if failures and all(run.verdict == "agrees" for run in runs) else result["verdict"]
     said = headline(runs, len(failures))
-    return Summary(result["case"], verdict, said, runs, signals, tuple(joints), spread, result.get("words", ""), failures)
+    return Summary(
+        result["case"], verdict, said, runs, signals, tuple(joints), spread, result.get("words", ""), failures
+    )
 
 
 def released(run: Mapping[str, Any], mechanism: Mapping[str, Any]) -> bool:
@@ -129,7 +146,9 @@ def released(run: Mapping[str, Any], mechanism: Mapping[str, Any]) -> bool:
 
 
 def abscissa(run: Mapping[str, Any], mechanism: Mapping[str, Any]) -> tuple[str, str, float, list[float]]:
-    """What a run's samples are plotted over: name, unit, factor to it, and the SI values (rad, or s in a free drive)."""
+    """What a run's samples are plotted over: name, unit, factor to it, and the SI values (rad, or s in a free
+    drive).
+    """
     if released(run, mechanism):
         return "time", "s", 1.0, list(run["time"])
     return "crank angle θ₂", "deg", math.degrees(1.0), list(run["crank_angle"])
@@ -142,7 +161,11 @@ def _run(index: int, run: Mapping[str, Any], mechanism: Mapping[str, Any], signa
     def place(row: Row | Order) -> int:
         return listed.index(row.quantity.signal)
 
-    order = tuple(_order(signals[s], fields, run, mechanism) for s, fields in (run.get("order_difference") or {}).items() if s in signals)
+    order = tuple(
+        _order(signals[s], fields, run, mechanism)
+        for s, fields in (run.get("order_difference") or {}).items()
+        if s in signals
+    )
     clearance = ", ".join(f"{joint} {plain(1e3 * size)} mm" for joint, size in run["clearance"].items() if size)
     return Run(
         index=index,
@@ -154,7 +177,9 @@ def _run(index: int, run: Mapping[str, Any], mechanism: Mapping[str, Any], signa
         clearance=clearance or "none",
         verdict=run["verdict"],
         rows=tuple(sorted((_row(d, run, mechanism, signals) for d in run["discrepancies"]), key=place)),
-        flags=tuple((f"{plain(factor * x[int(i)], 4)} {unit}", reason) for i, reason in (run.get("flags") or {}).items()),
+        flags=tuple(
+            (f"{plain(factor * x[int(i)], 4)} {unit}", reason) for i, reason in (run.get("flags") or {}).items()
+        ),
         free=tuple((joint, 100 * share) for joint, share in (run.get("free_share") or {}).items()),
         order=tuple(sorted(order, key=place)),
         settings=run.get("settings") or {},
@@ -162,14 +187,18 @@ def _run(index: int, run: Mapping[str, Any], mechanism: Mapping[str, Any], signa
     )
 
 
-def _row(d: Mapping[str, Any], run: Mapping[str, Any], mechanism: Mapping[str, Any], signals: Mapping[str, Quantity]) -> Row:
+def _row(
+    d: Mapping[str, Any], run: Mapping[str, Any], mechanism: Mapping[str, Any], signals: Mapping[str, Quantity]
+) -> Row:
     quantity = _in_unit(signals[d["signal"]], d["unit"])
     values = (None if d[key] is None else quantity.factor * d[key] for key in ("max", "rms", "tolerance"))
     maximum, rms, tolerance = values
     return Row(quantity, maximum, rms, _where(d, run, mechanism), tolerance, d["verdict"], d.get("reason") or "")
 
 
-def _order(quantity: Quantity, fields: Mapping[str, Any], run: Mapping[str, Any], mechanism: Mapping[str, Any]) -> Order:
+def _order(
+    quantity: Quantity, fields: Mapping[str, Any], run: Mapping[str, Any], mechanism: Mapping[str, Any]
+) -> Order:
     quantity = _in_unit(quantity, fields["unit"]) if "unit" in fields else quantity
     maximum, rms = (None if fields[key] is None else quantity.factor * fields[key] for key in ("max", "rms"))
     return Order(quantity, maximum, rms, _where(fields, run, mechanism))
@@ -178,7 +207,11 @@ def _order(quantity: Quantity, fields: Mapping[str, Any], run: Mapping[str, Any]
 def _in_unit(quantity: Quantity, unit: str) -> Quantity:
     """The quantity in the unit that a difference is given in, which need not be the signal's own."""
     name, factor = shown(unit)
-    return quantity if name == quantity.unit else Quantity(quantity.signal, quantity.name, quantity.symbol, quantity.place, name, factor)
+    return (
+        quantity
+        if name == quantity.unit
+        else Quantity(quantity.signal, quantity.name, quantity.symbol, quantity.place, name, factor)
+    )
 
 
 def _where(fields: Mapping[str, Any], run: Mapping[str, Any], mechanism: Mapping[str, Any]) -> str:
@@ -192,7 +225,9 @@ def _where(fields: Mapping[str, Any], run: Mapping[str, Any], mechanism: Mapping
 
 
 def headline(runs: tuple[Run, ...], failures: int = 0, say: Callable[..., str] = number) -> str:
-    """The verdict in a few sentences: runs that failed or are not judged, comparisons that disagree, and the worst (or closest) by its tolerance."""
+    """The verdict in a few sentences: runs that failed or are not judged, comparisons that disagree, and the worst (or
+    closest) by its tolerance.
+    """
     return " ".join(_sentences(runs, failures, say)) if runs else "No simulation came to its end: nothing was compared."
 
 
@@ -227,14 +262,20 @@ def _sentences(runs: tuple[Run, ...], failures: int, say: Callable[..., str]) ->
 
 
 def _share(some: Sequence[tuple[Run, Row]], rows: Sequence[tuple[Run, Row]], runs: tuple[Run, ...]) -> str:
-    return f"{len(some)} of {_counted(len(rows), 'comparison')} in {len({run.index for run, _ in some})} of {_counted(len(runs), 'run')}"
+    return (
+        f"{len(some)} of {_counted(len(rows), 'comparison')} in {len({run.index for run, _ in some})} of"
+        f" {_counted(len(runs), 'run')}"
+    )
 
 
 def _most(rows: Sequence[tuple[Run, Row]], say: Callable[..., str]) -> str:
     """The row that uses up most of its tolerance, in words."""
     run, row = max(rows, key=lambda pair: pair[1].share or 0.0)
     unit = row.quantity.unit
-    return f"{row.quantity.label} ({run.title}), {say(row.maximum, 3, True)} {unit} at {row.at}, tolerance {say(row.tolerance)} {unit}"
+    return (
+        f"{row.quantity.label} ({run.title}), {say(row.maximum, 3, True)} {unit} at {row.at}, tolerance"
+        f" {say(row.tolerance)} {unit}"
+    )
 
 
 def _counted(count: int, what: str) -> str:

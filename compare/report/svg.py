@@ -84,13 +84,20 @@ def draw(figure: Figure) -> str:
     label = quoteattr(NOT_XML.sub("", f"{figure.title}. {figure.summary}"))
     body = [_text(figure.title, 14, 22, size=15, weight="600"), *_drawn_legend(legend)]
     body += _axes(figure, x, y, height)
-    body.append(f'<clipPath id="{area}"><rect x="{LEFT}" y="{top}" width="{WIDTH - LEFT - RIGHT}" height="{height - BOTTOM - top}"/></clipPath>')
-    body += [f'<g clip-path="url(#{area})" fill="none">', *(_series(s, x, y) for s in figure.series), "</g>", *_labels(figure, x, y)]
+    body.append(
+        f'<clipPath id="{area}"><rect x="{LEFT}" y="{top}" width="{WIDTH - LEFT - RIGHT}"'
+        f' height="{height - BOTTOM - top}"/></clipPath>'
+    )
+    body += [
+        f'<g clip-path="url(#{area})" fill="none">',
+        *(_series(s, x, y) for s in figure.series),
+        "</g>",
+        *_labels(figure, x, y),
+    ]
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {height:g}" width="{WIDTH:g}" height="{height:g}" role="img" '
-        f'aria-label={label} font-family="system-ui, sans-serif" font-size="12"><rect width="100%" height="100%" fill="#fff"/>\n'
-        + "\n".join(body)
-        + "\n</svg>\n"
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {height:g}" width="{WIDTH:g}"'
+        f' height="{height:g}" role="img" aria-label={label} font-family="system-ui, sans-serif" font-size="12"><rect'
+        ' width="100%" height="100%" fill="#fff"/>\n' + "\n".join(body) + "\n</svg>\n"
     )
 
 
@@ -103,17 +110,25 @@ def _scales(figure: Figure, top: float) -> tuple[Scale, Scale, float]:
         (left, right), (low, high) = extent(xs, 0.015), extent(ys + [v for v in limits if abs(v) <= reach], 0.06)
         return Scale(left, right, LEFT, WIDTH - RIGHT), Scale(low, high, HEIGHT - BOTTOM, top), HEIGHT
     spare = 0.1 * max(max(v, default=1.0) - min(v, default=0.0) for v in (xs, ys)) or 1.0
-    (left, right), (low, high) = (extent([min(v, default=0.0) - spare, max(v, default=0.0) + spare], 0.0) for v in (xs, ys))
+    (left, right), (low, high) = (
+        extent([min(v, default=0.0) - spare, max(v, default=0.0) + spare], 0.0) for v in (xs, ys)
+    )
     wide = WIDTH - LEFT - RIGHT
     tall = min(max(wide * (high - low) / (right - left), 160.0), TALLEST - top - BOTTOM)
     per_unit = min(wide / (right - left), tall / (high - low))
     middle, half = (left + right) / 2, wide / per_unit / 2
     centre, rise = (low + high) / 2, tall / per_unit / 2
     height = top + tall + BOTTOM
-    return Scale(middle - half, middle + half, LEFT, WIDTH - RIGHT), Scale(centre - rise, centre + rise, height - BOTTOM, top), height
+    return (
+        Scale(middle - half, middle + half, LEFT, WIDTH - RIGHT),
+        Scale(centre - rise, centre + rise, height - BOTTOM, top),
+        height,
+    )
 
 
-def _text(words: str, x: float, y: float, anchor: str = "start", size: int = 12, weight: str = "400", extra: str = "") -> str:
+def _text(
+    words: str, x: float, y: float, anchor: str = "start", size: int = 12, weight: str = "400", extra: str = ""
+) -> str:
     style = f'text-anchor="{anchor}" font-size="{size}" font-weight="{weight}" fill="#1b1f24"'
     return f'<text x="{x:.1f}" y="{y:.1f}" {style}{extra}>{text(words)}</text>'
 
@@ -130,7 +145,9 @@ def _axes(figure: Figure, x: Scale, y: Scale, height: float) -> list[str]:
     out.append(f'<path d="M{x.start:.1f} {y.end:.1f}V{y.start:.1f}H{x.end:.1f}" fill="none" stroke="#8a919c"/>')
     out.append(_text(_axis_title(figure.x, power_x), (x.start + x.end) / 2, height - 12, "middle"))
     middle = (y.start + y.end) / 2
-    out.append(_text(_axis_title(figure.y, power_y), 16, middle, "middle", extra=f' transform="rotate(-90 16 {middle:.1f})"'))
+    out.append(
+        _text(_axis_title(figure.y, power_y), 16, middle, "middle", extra=f' transform="rotate(-90 16 {middle:.1f})"')
+    )
     return out
 
 
@@ -169,9 +186,17 @@ def _series(s: Series, x: Scale, y: Scale) -> str:
     colour = COLOURS.get(s.role, COLOURS["analytic"])
     if s.mark in ("marker", "joint", "pivot"):
         glyph = {"joint": "circle", "pivot": "pivot"}.get(s.mark) or SHAPES.get(s.role, "circle")
-        r = {"joint": 5.0, "pivot": 11.0}.get(s.mark) or {"dot": 3.5, "circle": 5.5, "square": 4.0}.get(glyph, 4.5) + 1.5 * s.level
-        path = f"m0 0l{r:g} {1.5 * r:g}h-{2 * r:g}z" if glyph == "pivot" else GLYPHS[glyph].format(r=f"{r:g}", d=f"{2 * r:g}")
-        points = "".join(f"M{x(a):.1f} {y(b):.1f}{path}" for a, b in zip(s.x, s.y, strict=True) if a is not None and b is not None)
+        r = {"joint": 5.0, "pivot": 11.0}.get(s.mark) or {"dot": 3.5, "circle": 5.5, "square": 4.0}.get(
+            glyph, 4.5
+        ) + 1.5 * s.level
+        path = (
+            f"m0 0l{r:g} {1.5 * r:g}h-{2 * r:g}z"
+            if glyph == "pivot"
+            else GLYPHS[glyph].format(r=f"{r:g}", d=f"{2 * r:g}")
+        )
+        points = "".join(
+            f"M{x(a):.1f} {y(b):.1f}{path}" for a, b in zip(s.x, s.y, strict=True) if a is not None and b is not None
+        )
         inside = "none" if s.mark == "marker" else "#fff"
         return f'<path d="{points}" stroke="{colour}" stroke-width="1.6" fill="{inside}"/>'
     width = {"link": 7.0, "dashed": 1.6}.get(s.mark, 2.0 if s.role == "analytic" else 1.7)
@@ -198,5 +223,15 @@ def _labels(figure: Figure, x: Scale, y: Scale) -> list[str]:
     for s in figure.series:
         for name, a, b in zip(s.labels, s.x, s.y, strict=False):
             if a is not None and b is not None:
-                out.append(_text(name, x(a) - 12, y(b) - 11, "end", 14, "600", ' paint-order="stroke" stroke="#fff" stroke-width="3"'))
+                out.append(
+                    _text(
+                        name,
+                        x(a) - 12,
+                        y(b) - 11,
+                        "end",
+                        14,
+                        "600",
+                        ' paint-order="stroke" stroke="#fff" stroke-width="3"',
+                    )
+                )
     return out

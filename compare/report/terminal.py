@@ -28,7 +28,13 @@ def print_table(result: Mapping[str, Any], console: Console) -> None:
     for run in summary.runs:
         table.add_row(Text(run.title, style="bold"), *[""] * 5, _word(run.verdict))
         for row in (row for quantity in keys if (row := run.row(quantity.signal))):
-            numbers = (plain(row.maximum, 3, True), row.quantity.unit.replace("·", "."), row.at, plain(row.rms), plain(row.tolerance))
+            numbers = (
+                plain(row.maximum, 3, True),
+                row.quantity.unit.replace("·", "."),
+                row.at,
+                plain(row.rms),
+                plain(row.tolerance),
+            )
             table.add_row(Text(f"  {row.quantity.label}"), *numbers, _word(row.verdict))
     if summary.runs:
         console.print(table)
@@ -53,6 +59,15 @@ def _notes(runs: tuple[Run, ...]) -> list[str]:
     models = ", ".join(dict.fromkeys(run.analytic_model.replace("_", " ") for run in runs))
     notes = [f"analytic model: {models}; differences are simulated minus analytic"]
     notes += [f"{run.title}: {row.quantity.label}: {row.reason}" for run in runs for row in run.rows if row.reason]
-    notes += [f"{run.title}: {len(run.flags)} positions flagged, first {run.flags[0][0]}: {run.flags[0][1]}" for run in runs if run.flags]
-    notes += [f"{run.title}: {joint} without contact {plain(share, 2)} % of the run" for run in runs for joint, share in run.free if share]
+    notes += [
+        f"{run.title}: {len(run.flags)} positions flagged, first {run.flags[0][0]}: {run.flags[0][1]}"
+        for run in runs
+        if run.flags
+    ]
+    notes += [
+        f"{run.title}: {joint} without contact {plain(share, 2)} % of the run"
+        for run in runs
+        for joint, share in run.free
+        if share
+    ]
     return notes

@@ -1,4 +1,6 @@
-"""A validity map as an SVG file: one panel an engine, a cell for each speed and clearance, the boundaries drawn between cells."""
+"""A validity map as an SVG file: one panel an engine, a cell for each speed and clearance, the boundaries drawn between
+cells.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,13 @@ from compare.report.validity_text import LETTERS, about, cells_of, legend, lette
 LEFT, RIGHT, TOP, BETWEEN = 76.0, 18.0, 84.0, 74.0
 CELL_WIDTH, CELL_HEIGHT, NARROWEST = 78.0, 48.0, 720.0
 INK, PAPER, GRID = "#1b1f24", "#fff", "#8a919c"
-SHADES = ((1.0, "#0b6e4f", PAPER), (0.75, "#4f9d7e", INK), (0.5, "#93c6ae", INK), (0.25, "#cbe3d7", INK), (0.0, "#f4f1ea", INK))
+SHADES = (
+    (1.0, "#0b6e4f", PAPER),
+    (0.75, "#4f9d7e", INK),
+    (0.5, "#93c6ae", INK),
+    (0.25, "#cbe3d7", INK),
+    (0.0, "#f4f1ea", INK),
+)
 FAILED = "#d0d4da"
 State = Callable[[Mapping[str, Any]], bool | None]  # None where a cell cannot say
 
@@ -32,7 +40,9 @@ def first_order(cell: Mapping[str, Any]) -> bool | None:
     return None if "failure" in cell else "first-order" not in cell["fails"]
 
 
-BOUNDARIES: tuple[tuple[str, State, str, float], ...] = (  # name, what changes there, its stroke, and how far beside the edge (px)
+BOUNDARIES: tuple[
+    tuple[str, State, str, float], ...
+] = (  # name, what changes there, its stroke, and how far beside the edge (px)
     ("equilibrium agrees / disagrees", agrees, f'stroke="{INK}" stroke-width="3.5" stroke-linecap="square"', 0.0),
     ("contact kept / lost", touches, 'stroke="#c2500a" stroke-width="2.5" stroke-dasharray="7 4"', 3.0),
     ("Eq. 8 within tolerance / not", first_order, 'stroke="#0067a5" stroke-width="2.5" stroke-dasharray="2 3"', -3.0),
@@ -42,7 +52,12 @@ BOUNDARIES: tuple[tuple[str, State, str, float], ...] = (  # name, what changes 
 def draw(result: Mapping[str, Any]) -> str:
     """The map as SVG text."""
     columns, rows = len(result["speeds"]), len(result["clearances"])
-    notes = [about(result), *result["words"], *legend(result), "in bold: why the equilibrium disagrees; free: share of the cycle without contact"]
+    notes = [
+        about(result),
+        *result["words"],
+        *legend(result),
+        "in bold: why the equilibrium disagrees; free: share of the cycle without contact",
+    ]
     width = max(NARROWEST, LEFT + RIGHT + columns * CELL_WIDTH)
     wrapped = [line for note in notes for line in _wrapped(note, int((width - 28) / 5.6))]
     panel = rows * CELL_HEIGHT + BETWEEN
@@ -55,10 +70,9 @@ def draw(result: Mapping[str, Any]) -> str:
     body += [_text(line, 14, end + 17 * k, size=11) for k, line in enumerate(wrapped)]
     label = quoteattr(NOT_XML.sub("", " ".join([title + ".", *(f"{line}." for line in result["words"])])))
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}" height="{height:g}" role="img" '
-        f'aria-label={label} font-family="system-ui, sans-serif" font-size="12"><rect width="100%" height="100%" fill="{PAPER}"/>\n'
-        + "\n".join(body)
-        + "\n</svg>\n"
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}"'
+        f' height="{height:g}" role="img" aria-label={label} font-family="system-ui, sans-serif" font-size="12"><rect'
+        f' width="100%" height="100%" fill="{PAPER}"/>\n' + "\n".join(body) + "\n</svg>\n"
     )
 
 
@@ -90,9 +104,18 @@ def _panel(result: Mapping[str, Any], simulator: str, top: float) -> list[str]:
 
 
 def _cell(cell: Mapping[str, Any], x: float, y: float) -> list[str]:
-    """A cell: shaded by the share that agrees; that share, the share without contact, and what fails, the cause in bold."""
-    shade, ink = (FAILED, INK) if "failure" in cell else next((fill, on) for least, fill, on in SHADES if cell["agreeing_share"] >= least)
-    out = [f'<rect x="{x:g}" y="{y:g}" width="{CELL_WIDTH:g}" height="{CELL_HEIGHT:g}" fill="{shade}" stroke="{GRID}" stroke-width="0.6"/>']
+    """A cell: shaded by the share that agrees; that share, the share without contact, and what fails, the cause in
+    bold.
+    """
+    shade, ink = (
+        (FAILED, INK)
+        if "failure" in cell
+        else next((fill, on) for least, fill, on in SHADES if cell["agreeing_share"] >= least)
+    )
+    out = [
+        f'<rect x="{x:g}" y="{y:g}" width="{CELL_WIDTH:g}" height="{CELL_HEIGHT:g}" fill="{shade}" stroke="{GRID}"'
+        ' stroke-width="0.6"/>'
+    ]
     middle = x + CELL_WIDTH / 2
     if "failure" in cell:
         return [*out, _text("failed", middle, y + 28, "middle")]
@@ -101,7 +124,10 @@ def _cell(cell: Mapping[str, Any], x: float, y: float) -> list[str]:
         out.append(_text(f"free {percent(lost(cell))} %", middle, y + 28, "middle", size=10, fill=ink))
     if cell["fails"]:
         style = f'text-anchor="middle" font-size="10" fill="{ink}"'
-        initials = "".join(f'<tspan font-weight="800">{x}</tspan>' if x == LETTERS.get(cell["cause"] or "") else x for x in letters(cell))
+        initials = "".join(
+            f'<tspan font-weight="800">{x}</tspan>' if x == LETTERS.get(cell["cause"] or "") else x
+            for x in letters(cell)
+        )
         out.append(f'<text x="{middle:.1f}" y="{y + 40:.1f}" {style}>{initials}</text>')
     return out
 
@@ -126,7 +152,9 @@ def _boundary(states: list[list[bool | None]], corner: Callable[[int, int], tupl
 def _key(x: float, y: float) -> list[str]:
     out, start = [], x
     for least, fill, _ in SHADES:
-        out.append(f'<rect x="{x:g}" y="{y - 10:g}" width="14" height="12" fill="{fill}" stroke="{GRID}" stroke-width="0.6"/>')
+        out.append(
+            f'<rect x="{x:g}" y="{y - 10:g}" width="14" height="12" fill="{fill}" stroke="{GRID}" stroke-width="0.6"/>'
+        )
         name = "all" if least == 1 else f"{100 * least:.0f} %" if least else "less"
         out.append(_text(name, x + 18, y, size=11))
         x += 26 + 6.4 * len(name)
@@ -139,7 +167,16 @@ def _key(x: float, y: float) -> list[str]:
     return out
 
 
-def _text(words: str, x: float, y: float, anchor: str = "start", size: int = 12, weight: str = "400", fill: str = INK, extra: str = "") -> str:
+def _text(
+    words: str,
+    x: float,
+    y: float,
+    anchor: str = "start",
+    size: int = 12,
+    weight: str = "400",
+    fill: str = INK,
+    extra: str = "",
+) -> str:
     style = f'text-anchor="{anchor}" font-size="{size}" font-weight="{weight}" fill="{fill}"'
     return f'<text x="{x:.1f}" y="{y:.1f}" {style}{extra}>{text(words)}</text>'
 

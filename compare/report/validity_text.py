@@ -53,16 +53,26 @@ def sentence(cell: Mapping[str, Any], mechanism: Mapping[str, Any]) -> str:
     """A cell in words."""
     if "failure" in cell:
         return f"failed: {cell['failure']}"
-    over = [f"{name} {plain(cell['cost'][name], 2)} x" for name in ("first-order", "quasi-static", "rigid") if cell["cost"][name] > 1]
+    over = [
+        f"{name} {plain(cell['cost'][name], 2)} x"
+        for name in ("first-order", "quasi-static", "rigid")
+        if cell["cost"][name] > 1
+    ]
     costs = f"costs over tolerance: {', '.join(over)}" if over else "every other assumption within tolerance"
     if cell["verdict"] == "agrees":
         return f"agrees; {costs.replace('other ', '')}"
-    lost = [f"{joint} is without contact for {percent(share)} % of the cycle" for joint, share in cell["free_share"].items() if share > 0]
+    lost = [
+        f"{joint} is without contact for {percent(share)} % of the cycle"
+        for joint, share in cell["free_share"].items()
+        if share > 0
+    ]
     swing = ["the pin stays in contact and swings along the rim"] if cell["swings"] else []
     silent = sum(cell["flagged_share"].values())
     flags = [f"no answer from the model at {percent(silent)} %"] if silent else []
     worst = [f"worst {_worst(cell['worst'], mechanism)}"] if cell["worst"] else []
-    return "; ".join([f"agrees at {percent(cell['agreeing_share'])} % of the angles", *lost, *swing, *flags, *worst, costs])
+    return "; ".join(
+        [f"agrees at {percent(cell['agreeing_share'])} % of the angles", *lost, *swing, *flags, *worst, costs]
+    )
 
 
 def _worst(worst: Mapping[str, Any], mechanism: Mapping[str, Any]) -> str:
@@ -70,7 +80,10 @@ def _worst(worst: Mapping[str, Any], mechanism: Mapping[str, Any]) -> str:
     at = f"at {math.degrees(worst['at_crank_angle']):.4g} deg"
     if worst["max"] is None or worst["over_tolerance"] is None:
         return f"{quantity.label} {at}"
-    return f"{quantity.label} {plain(worst['max'] * quantity.factor, 3, True)} {quantity.unit} ({plain(worst['over_tolerance'], 2)} x) {at}"
+    return (
+        f"{quantity.label} {plain(worst['max'] * quantity.factor, 3, True)} {quantity.unit}"
+        f" ({plain(worst['over_tolerance'], 2)} x) {at}"
+    )
 
 
 def legend(result: Mapping[str, Any]) -> list[str]:
@@ -84,7 +97,9 @@ def about(result: Mapping[str, Any]) -> str:
     laws = {f"{law['stiffness']:.3g} N/m and {law['damping']:.3g} N.s/m" for law in result["contact"].values()}
     contact = f", contact {' or '.join(sorted(laws))}" if laws else ""
     where = f"clearance in {', '.join(result['joints'])} ({result['joints_are']})"
-    return f"{result['case']}: {where}, {result['joint_model']} joints{contact}, {len(result['crank_angle'])} crank angles"
+    return (
+        f"{result['case']}: {where}, {result['joint_model']} joints{contact}, {len(result['crank_angle'])} crank angles"
+    )
 
 
 def print_table(result: Mapping[str, Any], console: Console) -> None:
@@ -104,7 +119,10 @@ def print_table(result: Mapping[str, Any], console: Console) -> None:
 
     for simulator in result["simulators"]:
         show(simulator, simulator, brief)
-    console.print("share of the crank angles at which model and simulation agree, and what fails of the paper's assumptions", soft_wrap=True)
+    console.print(
+        "share of the crank angles at which model and simulation agree, and what fails of the paper's assumptions",
+        soft_wrap=True,
+    )
     if any(lost(cell) for cell in result["cells"]):
         for simulator in result["simulators"]:
             show(simulator, f"{simulator}, no contact", lambda cell: f"{percent(lost(cell))} %" if lost(cell) else "-")
@@ -123,8 +141,14 @@ def markdown(result: Mapping[str, Any]) -> str:
     out += [f"- {_md(line)}" for line in result["words"]]
     out += ["", "![map of speed and clearance](validity.svg)", ""]
     out += [
-        "A cell says at which share of the crank angles the equilibrium and the simulation agree within tolerance, and by initials which of",
-        "the paper's assumptions fail, each tested by itself. The equilibrium does not need F and corrects Q once, so it may agree all the same.",
+        (
+            "A cell says at which share of the crank angles the equilibrium and the simulation agree within tolerance,"
+            " and by initials which of"
+        ),
+        (
+            "the paper's assumptions fail, each tested by itself. The equilibrium does not need F and corrects Q once,"
+            " so it may agree all the same."
+        ),
         "",
         *(f"- **{line[0]}** {_md(line[2:])}" for line in legend(result)),
     ]
@@ -134,15 +158,30 @@ def markdown(result: Mapping[str, Any]) -> str:
         rows = [[millimetres(c), *(brief(found[w, c]) for w in result["speeds"])] for c in result["clearances"]]
         out += _rows(["mm \\ rpm", *(rpm(w) for w in result["speeds"])], rows)
         if any(map(lost, found.values())):
-            rows = [[millimetres(c), *(f"{percent(lost(found[w, c]))} %" for w in result["speeds"])] for c in result["clearances"]]
-            out += ["", "Share of the cycle without contact:", "", *_rows(["mm \\ rpm", *(rpm(w) for w in result["speeds"])], rows)]
+            rows = [
+                [millimetres(c), *(f"{percent(lost(found[w, c]))} %" for w in result["speeds"])]
+                for c in result["clearances"]
+            ]
+            out += [
+                "",
+                "Share of the cycle without contact:",
+                "",
+                *_rows(["mm \\ rpm", *(rpm(w) for w in result["speeds"])], rows),
+            ]
         out += ["", "| rpm | mm | what was found |", "|---:|---:|---|"]
         out += [
             f"| {rpm(w)} | {millimetres(c)} | {_md(sentence(found[w, c], result['mechanism']))} |"
             for w in result["speeds"]
             for c in result["clearances"]
         ]
-    out += ["", f"Made by `{result['command']}` with {', '.join(f'{name} {version}' for name, version in result['versions'].items())}.", ""]
+    out += [
+        "",
+        (
+            f"Made by `{result['command']}` with"
+            f" {', '.join(f'{name} {version}' for name, version in result['versions'].items())}."
+        ),
+        "",
+    ]
     return "\n".join(out)
 
 

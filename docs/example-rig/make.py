@@ -1,4 +1,5 @@
-"""Play the rig: Exudyn with what measured.toml and nominal.toml do not say, sensors with noise, and a CSV file for each run.
+"""Play the rig: Exudyn with what measured.toml and nominal.toml do not say, sensors with noise, and a CSV file for each
+run.
 
 ``python docs/example-rig/make.py [FOLDER]`` writes the files into the folder, or beside itself.
 """
@@ -11,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import load
+from analytic.mechanism.file import load
 from compare.diagnose.data.measured_file import Entry, read_file
 from sim_models.engine import Request, engine
 

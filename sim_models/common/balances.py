@@ -26,7 +26,9 @@ class Sum:
         """An empty sum."""
         return cls(np.zeros(count, complex), np.zeros(count), np.zeros(count))
 
-    def add(self, values: np.ndarray | complex, size: np.ndarray | float | None = None, unknown: np.ndarray | float = 0.0) -> None:
+    def add(
+        self, values: np.ndarray | complex, size: np.ndarray | float | None = None, unknown: np.ndarray | float = 0.0
+    ) -> None:
         """Add to it; ``size`` is that of the parts of what is added, where they may cancel."""
         self.total = self.total + values
         self.sizes = self.sizes + (np.abs(values) if size is None else size)
@@ -50,11 +52,25 @@ def balances(seen: Seen) -> Iterator[Miss]:
         what = f"what acts on body {body.name!r} does not make up its"
         yield Miss("force", f"{what} mass times its acceleration", force.left, force.peak, "N", seen.nothing)
         lever = moment.peak + SHORT * seen.size * force.peak
-        yield Miss("moment", f"{what} moment of inertia times its angular acceleration", moment.left, lever, "N.m", seen.nothing * seen.size)
+        yield Miss(
+            "moment",
+            f"{what} moment of inertia times its angular acceleration",
+            moment.left,
+            lever,
+            "N.m",
+            seen.nothing * seen.size,
+        )
     if not seen.still:
         flow = power(seen)
         what = "what acts on the linkage is not what changes its kinetic energy"
-        yield Miss("power", what, flow.left, flow.peak, "W", seen.nothing * seen.size * seen.pace + seen.largest * seen.rounding)
+        yield Miss(
+            "power",
+            what,
+            flow.left,
+            flow.peak,
+            "W",
+            seen.nothing * seen.size * seen.pace + seen.largest * seen.rounding,
+        )
 
 
 def balance(seen: Seen, body: Body) -> tuple[Sum, Sum]:
@@ -74,14 +90,20 @@ def balance(seen: Seen, body: Body) -> tuple[Sum, Sum]:
             reaction, arm, kink = sign * seen.reaction(joint), seen.acts_at(joint, name) - centre, seen.kink(joint)
             turn, hidden = seen.turning(joint)
             force.add(reaction, unknown=kink)
-            moment.add(cross(arm, reaction) + sign * turn, np.abs(arm) * np.abs(reaction) + np.abs(turn), hidden + kink * np.abs(arm))
+            moment.add(
+                cross(arm, reaction) + sign * turn,
+                np.abs(arm) * np.abs(reaction) + np.abs(turn),
+                hidden + kink * np.abs(arm),
+            )
     if name == m.driven:
         moment.add(seen.signal("drive_torque"))
     return force, moment
 
 
 def power(seen: Seen) -> Sum:
-    """Powers (W) of inertia, weight, loads, drive and joints.  Ideal pins give none; a clearance's and a slide's force does, by its slip."""
+    """Powers (W) of inertia, weight, loads, drive and joints.  Ideal pins give none; a clearance's and a slide's force
+    does, by its slip.
+    """
     m, flow = seen.m, Sum.of(seen.count)
     for body in m.bodies:
         rates = seen.trace.rates[body.name]

@@ -1,9 +1,10 @@
 """What must be true of a run whatever the model: a run of which it is not has failed, and is no referee.
 
-A run is held to the mechanism that it was asked for (its masses and inertias, never the engine's), by its trace alone.  Each check has
-a scale of the run's own, of which LIMITS says the share that may be missed, in order of static runs, of moving ones with ideal
-joints, and with clearances.  "Left" is the largest share that good runs have left: the shipped cases, the linkages of the tests,
-their joint models and motions, released and compliant cranks, courses, joint friction, friction in contact, pins that fly, by every engine.
+A run is held to the mechanism that it was asked for (its masses and inertias, never the engine's), by its trace alone.
+Each check has a scale of the run's own, of which LIMITS says the share that may be missed, in order of static runs, of
+moving ones with ideal joints, and with clearances.  "Left" is the largest share that good runs have left: the shipped
+cases, the linkages of the tests, their joint models and motions, released and compliant cranks, courses, joint
+friction, friction in contact, pins that fly, by every engine.
 
 ========== ==================================================================== ======= =================================================
 check      what must be true                                                    left    scale
@@ -26,13 +27,16 @@ moment     and their moments its inertia its angular acceleration               
 power      all forces together change the kinetic energy                        7e-5    the same
 ========== ==================================================================== ======= =================================================
 
-DART and PyBullet leave most of the balances, by their first order in the step; MuJoCo most of what joints give, by its soft rows.
-Forces are judged to 1e-4 (static), 1e-3 (ideal) and 5e-3 (clearance) of their peak.  Not checked, because there is nothing to hold them to:
+DART and PyBullet leave most of the balances, by their first order in the step; MuJoCo most of what joints give, by its
+soft rows. Forces are judged to 1e-4 (static), 1e-3 (ideal) and 5e-3 (clearance) of their peak.  Not checked, because
+there is nothing to hold them to:
 
 * what is below REST times the linkage's mass (:mod:`sim_models.common.seen`): the verdict does not see it either;
 * the direction of Coulomb friction at rest and near a reversal: up to the whole of it may be missing in a moment;
-* forces in the very step in which a pin touches its rim or leaves it: up to stiffness times the way of that step may be missing;
-* how stiff a contact is, and what it gives back: engines have their own laws;  energy over time: reports are too far apart;
+* forces in the very step in which a pin touches its rim or leaves it: up to stiffness times the way of that step may be
+  missing;
+* how stiff a contact is, and what it gives back: engines have their own laws;  energy over time: reports are too far
+  apart;
 * links that bend, and traces that do not say where every body is; those without rates are not asked for balances.
 """
 
@@ -49,7 +53,8 @@ from sim_models.common.seen import REST, TINY, Miss, Seen, cross, dot
 from sim_models.engine import Request, SimulationError, Trace
 
 FREE = 0.1  # of the clearance, inside of the rim: a pin farther inside touches nothing in any engine
-RARE = 5e-3  # of a moving run's instants: where pins fly they touch and leave, and one such instant does not make the run wrong
+# of a moving run's instants: where pins fly they touch and leave, and one such instant does not make the run wrong
+RARE = 5e-3
 SINGULAR = 1e-9  # of the largest: a singular value of closed joints that says nothing
 
 
@@ -96,15 +101,22 @@ def check(request: Request, trace: Trace) -> None:
         limit = LIMITS[miss.check].of(trace)
         if not _spared(miss, trace).share <= limit:
             worst, allowed = int(np.argmax(miss.size)), max(limit * miss.scale, miss.floor)
-            at = f"crank angle {np.degrees(trace.crank_angle[worst]):.4g} deg" if worst < trace.crank_angle.size else "a crank angle between reports"
+            at = (
+                f"crank angle {np.degrees(trace.crank_angle[worst]):.4g} deg"
+                if worst < trace.crank_angle.size
+                else "a crank angle between reports"
+            )
             raise Implausible(
-                f"{trace.simulator} {trace.joint_model} {trace.motion} ({request.mechanism.name}): {miss.what} at {at}: {miss.size[worst]:.3g} "
-                f"{miss.unit} are missed, {allowed:.3g} are in order; this run is no evidence: use another simulator"
+                f"{trace.simulator} {trace.joint_model} {trace.motion} ({request.mechanism.name}): {miss.what} at {at}:"
+                f" {miss.size[worst]:.3g} {miss.unit} are missed, {allowed:.3g} are in order; this run is no evidence:"
+                " use another simulator"
             )
 
 
 def _spared(miss: Miss, trace: Trace) -> Miss:
-    """A miss but for the RARE instants at which an engine may have solved a step with a pin on the rim, and reported it off, or the reverse."""
+    """A miss but for the RARE instants at which an engine may have solved a step with a pin on the rim, and reported it
+    off, or the reverse.
+    """
     spare = int(RARE * miss.size.size) if trace.clearance and trace.motion == "driven" else 0
     return replace(miss, size=np.sort(miss.size)[: miss.size.size - spare]) if spare else miss
 
@@ -128,14 +140,27 @@ def pins(seen: Seen) -> Iterator[Miss]:
         gap = seen.gap(joint)
         if joint.name in seen.trace.clearance:
             off = np.abs(gap - seen.vector(f"clearance_{joint.name}"))
-            yield Miss("signal", f"the displacement of joint {joint.name!r} is not that of its pins", off, seen.trace.clearance[joint.name], "m")
+            yield Miss(
+                "signal",
+                f"the displacement of joint {joint.name!r} is not that of its pins",
+                off,
+                seen.trace.clearance[joint.name],
+                "m",
+            )
             continue
         what = f"the pins of joint {joint.name!r}"
         yield Miss("pins", f"{what} come apart", np.abs(gap), seen.size, "m")
         if seen.moves:
             speed, acceleration = seen.fastest
             yield Miss("parting", f"{what} move apart", np.abs(seen.slip(joint)), speed, "m/s", seen.rounding)
-            yield Miss("jolt", f"{what} accelerate apart", np.abs(seen.slip(joint, seen.acceleration)), acceleration, "m/s^2", REST)
+            yield Miss(
+                "jolt",
+                f"{what} accelerate apart",
+                np.abs(seen.slip(joint, seen.acceleration)),
+                acceleration,
+                "m/s^2",
+                REST,
+            )
 
 
 def slides(seen: Seen) -> Iterator[Miss]:
@@ -146,12 +171,23 @@ def slides(seen: Seen) -> Iterator[Miss]:
         first = joint.bodies[0]
         along, what = joint.direction * np.exp(1j * seen.angle(first)), f"slide {joint.name!r}"
         yield Miss("turned", f"the bodies of {what} turn against each other", np.abs(seen.turned(joint)), 1.0, "rad")
-        yield Miss("pins", f"the block of {what} leaves its line", np.abs(cross(along, seen.gap(joint))), seen.size, "m")
+        yield Miss(
+            "pins", f"the block of {what} leaves its line", np.abs(cross(along, seen.gap(joint))), seen.size, "m"
+        )
         if seen.moves:
             slip, spin, (speed, acceleration) = seen.slip(joint), seen.spin(first), seen.fastest
-            yield Miss("parting", f"the block of {what} moves off its line", np.abs(cross(along, slip)), speed, "m/s", seen.rounding)
+            yield Miss(
+                "parting",
+                f"the block of {what} moves off its line",
+                np.abs(cross(along, slip)),
+                speed,
+                "m/s",
+                seen.rounding,
+            )
             off = cross(along, seen.slip(joint, seen.acceleration)) - 2 * spin * dot(along, slip)
-            yield Miss("jolt", f"the block of {what} accelerates off its line", np.abs(off), acceleration, "m/s^2", REST)
+            yield Miss(
+                "jolt", f"the block of {what} accelerates off its line", np.abs(off), acceleration, "m/s^2", REST
+            )
 
 
 def closure(seen: Seen) -> Iterator[Miss]:
@@ -204,9 +240,22 @@ def crank(seen: Seen) -> Iterator[Miss]:
     off = np.abs(np.exp(1j * (seen.angle(name) + behind - motor)) - 1)
     yield Miss("crank", f"the crank {name!r} is not where its motor has it", off, 1.0, "rad")
     if not stiffness and not seen.still and m.speed:
-        yield Miss("speed", f"the crank {name!r} does not turn as its motor", np.abs(seen.spin(name) - m.speed), abs(m.speed), "rad/s")
+        yield Miss(
+            "speed",
+            f"the crank {name!r} does not turn as its motor",
+            np.abs(seen.spin(name) - m.speed),
+            abs(m.speed),
+            "rad/s",
+        )
         if seen.moves:
-            yield Miss("evenness", f"the crank {name!r} does not turn evenly", np.abs(seen.spin_up(name)), m.speed**2, "rad/s^2", REST / seen.size)
+            yield Miss(
+                "evenness",
+                f"the crank {name!r} does not turn evenly",
+                np.abs(seen.spin_up(name)),
+                m.speed**2,
+                "rad/s^2",
+                REST / seen.size,
+            )
 
 
 def bearings(seen: Seen) -> Iterator[Miss]:
@@ -219,14 +268,20 @@ def bearings(seen: Seen) -> Iterator[Miss]:
         if seen.trace.joint_model == "massless-link":
             yield Miss("rod", f"the massless link of {what} changes its length", np.abs(deep), clearance, "m")
         else:
-            yield Miss("bearing", f"the pin of {what} leaves its bearing", np.maximum(deep, 0.0), _shortest(seen, joint), "m")
+            yield Miss(
+                "bearing", f"the pin of {what} leaves its bearing", np.maximum(deep, 0.0), _shortest(seen, joint), "m"
+            )
             loose = np.where(np.abs(gap) < (1 - FREE) * clearance, np.abs(force), 0.0)
             yield Miss("loose", f"the free pin of {what} is pushed", loose, peak, "N", seen.nothing)
         if not seen.rubs(joint):
             across = np.abs(cross(gap, force)) / np.maximum(np.abs(gap), TINY)
-            yield Miss("line", f"the force of {what} is not along its pin's displacement", across, peak, "N", seen.nothing)
+            yield Miss(
+                "line", f"the force of {what} is not along its pin's displacement", across, peak, "N", seen.nothing
+            )
 
 
 def _shortest(seen: Seen, joint: Joint) -> float:
     """Length (m) of the shortest body at a joint that has one."""
-    return min((b.length for b in map(seen.m.body, joint.bodies) if isinstance(b, Body) and b.length), default=seen.size)
+    return min(
+        (b.length for b in map(seen.m.body, joint.bodies) if isinstance(b, Body) and b.length), default=seen.size
+    )

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-OFF_WALL = 1e-3  # of the clearance: a pin farther than this inside of the rim is off the wall; pressed pins may hover within it
+# of the clearance: a pin farther than this inside of the rim is off the wall; pressed pins may hover within it
+OFF_WALL = 1e-3
 
 
 def free_share(gaps: np.ndarray, clearance: float, time: np.ndarray | None = None) -> float:
-    """Share of the time that a pin is off the wall, from its displacements (M,) complex m; contact is where it is, not a force.
+    """Share of the time that a pin is off the wall, from its displacements (M,) complex m; contact is where it is, not
+    a force.
 
     ``time`` (M,) s says when; left out, all displacements count alike.
     """

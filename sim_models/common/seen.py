@@ -1,4 +1,6 @@
-"""A trace's bodies, joints and forces at its instants, in the mechanism's words, for those who check what a run must be."""
+"""A trace's bodies, joints and forces at its instants, in the mechanism's words, for those who check what a run must
+be.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint
-from sim_models.contact_laws import PIN_RADIUS, contact_parameters, longest
+from sim_models.common.contact_laws import PIN_RADIUS, contact_parameters, longest
 from sim_models.engine import Request, Trace
 
 FADING = 1e-2  # of the largest angular speed: slower joints may have let their Coulomb friction fade
@@ -88,7 +90,11 @@ class Seen:
 
     def velocity(self, body: str, arm: np.ndarray) -> np.ndarray:
         """Velocity (N,) m/s of a point of a body at an arm (N,) m from its centre of mass."""
-        return np.zeros(self.count, complex) if body == GROUND else self.trace.rates[body].velocity + 1j * self.spin(body) * arm
+        return (
+            np.zeros(self.count, complex)
+            if body == GROUND
+            else self.trace.rates[body].velocity + 1j * self.spin(body) * arm
+        )
 
     def acceleration(self, body: str, arm: np.ndarray) -> np.ndarray:
         """Acceleration (N,) m/s^2 of such a point."""
@@ -149,12 +155,18 @@ class Seen:
         return joint.name in self.trace.clearance and self.trace.joint_model == "contact" and joint.friction > 0
 
     def kink(self, joint: Joint) -> np.ndarray:
-        """Force (N,) N that a contact may have at another instant of the step in which its pin touches the rim, or leaves it; 0 elsewhere.
+        """Force (N,) N that a contact may have at another instant of the step in which its pin touches the rim, or
+        leaves it; 0 elsewhere.
 
         There an engine may have solved the step with the one, and report the other.
         """
         step = self.trace.settings.get("step")
-        if joint.name not in self.trace.clearance or self.trace.joint_model == "massless-link" or self.still or not step:
+        if (
+            joint.name not in self.trace.clearance
+            or self.trace.joint_model == "massless-link"
+            or self.still
+            or not step
+        ):
             return np.zeros(self.count)
         gap = self.gap(joint)
         inwards = step * np.abs(dot(gap, self.slip(joint))) / np.maximum(np.abs(gap), TINY)
@@ -164,8 +176,8 @@ class Seen:
     def turning(self, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
         """Torque (N,) N.m of a joint on its second body beside its force's, and what of it (N,) is not known.
 
-        A slide's moment; a pin's spring, damper and friction.  That is not known at rest, or near a reversal, where engines let
-        it fade or stick.
+        A slide's moment; a pin's spring, damper and friction.  That is not known at rest, or near a reversal, where
+        engines let it fade or stick.
         """
         if joint.prismatic:
             return self.signal(f"reaction_{joint.name}_moment"), np.zeros(self.count)
@@ -192,7 +204,9 @@ class Seen:
 
     @cached_property
     def fastest(self) -> tuple[float, float]:
-        """The largest speed (m/s) and acceleration (m/s^2) in the linkage, or thereabouts; where it is pressed, of its mass by its largest force."""
+        """The largest speed (m/s) and acceleration (m/s^2) in the linkage, or thereabouts; where it is pressed, of its
+        mass by its largest force.
+        """
         rates = [(self.trace.rates[b.name], self.spin(b.name)) for b in self.m.bodies]
         speed = max(float((np.abs(r.velocity) + self.size * np.abs(spin)).max(initial=0.0)) for r, spin in rates)
         turned = [np.abs(r.acceleration) + self.size * (np.abs(r.angular_acceleration) + spin**2) for r, spin in rates]
@@ -211,9 +225,13 @@ class Seen:
         return ROUNDING * self.size / step if step else 0.0
 
     def slip(self, joint: Joint, rate: Callable[[str, np.ndarray], np.ndarray] | None = None) -> np.ndarray:
-        """Velocity (or another ``rate``) (N,) of a joint's second body less its first, where its reaction acts on them."""
+        """Velocity (or another ``rate``) (N,) of a joint's second body less its first, where its reaction acts
+        on them.
+        """
         first, second = (
-            (rate or self.velocity)(body, self.acts_at(joint, body) - (self.place(body, MASS_CENTRE) if body != GROUND else 0.0))
+            (rate or self.velocity)(
+                body, self.acts_at(joint, body) - (self.place(body, MASS_CENTRE) if body != GROUND else 0.0)
+            )
             for body in joint.bodies
         )
         return second - first

@@ -1,9 +1,10 @@
-"""Each linkage is simulated in units of its own, so that an engine meets a micromechanism and a crane as it meets a bench model.
+"""Each linkage is simulated in units of its own, so that an engine meets a micromechanism and a crane as it meets a
+bench model.
 
 Engines have numbers of their own in them: a smallest inertia, a softness, a tolerance, a step.  They suit links of some
-decimetres and some hundred grams that turn in a fraction of a second.  A linkage far from that is given to its engine in
-other units of length, mass and time, powers of two of SI's, in which it is such a linkage; what comes back is put into
-SI again.  Nothing but the exponents of the numbers changes.
+decimetres and some hundred grams that turn in a fraction of a second.  A linkage far from that is given to its engine
+in other units of length, mass and time, powers of two of SI's, in which it is such a linkage; what comes back is put
+into SI again.  Nothing but the exponents of the numbers changes.
 """
 
 from __future__ import annotations
@@ -16,12 +17,13 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import Joint, Mechanism
+from sim_models.common.contact_laws import default_stiffness, heaviest, longest, power_of_two, turning_rate
+from sim_models.common.failed_starts import TooSoft
 from sim_models.common.weights import with_equal_masses
-from sim_models.contact_laws import default_stiffness, heaviest, longest, power_of_two, turning_rate
 from sim_models.engine import Rates, Request, SimulationError, Trace
-from sim_models.failed_starts import TooSoft
 
-# What an engine is at home with, in SI: where a linkage lies within, its units are SI's; else it is brought to the middle.
+# What an engine is at home with, in SI: where a linkage lies within, its units are SI's; else it is brought to the
+# middle.
 LENGTHS = (2.0**-6, 2.0**2)  # m, longest distance between two points of a body
 MASSES = (2.0**-7, 2.0**5)  # kg, the heaviest body
 RATES = (2.0**0, 2.0**7)  # 1/s, of the crank, or at which loads would turn the linkage
@@ -51,10 +53,21 @@ BODY = {
 }
 JOINT = {"clearance": LENGTH, "pin_radius": LENGTH, "contact_stiffness": STIFFNESS, "contact_damping": DAMPING}
 REVOLUTE = {"friction_torque": TORQUE, "damping": (2, 1, -1), "stiffness": TORQUE}
-PRISMATIC = {"friction": FORCE, "friction_torque": FORCE, "damping": DAMPING, "stiffness": STIFFNESS, "rest_angle": LENGTH}
+PRISMATIC = {
+    "friction": FORCE,
+    "friction_torque": FORCE,
+    "damping": DAMPING,
+    "stiffness": STIFFNESS,
+    "rest_angle": LENGTH,
+}
 SETTINGS = {
-    "step": TIME, "bounce_time": TIME, "start_speed": RATE, "contact_stiffness": STIFFNESS, "contact_damping": DAMPING, "minimum_impact_speed": SPEED,
-}  # fmt: skip
+    "step": TIME,
+    "bounce_time": TIME,
+    "start_speed": RATE,
+    "contact_stiffness": STIFFNESS,
+    "contact_damping": DAMPING,
+    "minimum_impact_speed": SPEED,
+}
 
 
 @dataclass(frozen=True)
@@ -89,21 +102,28 @@ class Units:
             return {name: self.from_si(at, LENGTH) for name, at in of.items()}
 
         def fields(part: Any, dimensions: Mapping[str, Dimension]) -> dict[str, Any]:
-            given = {name: getattr(part, name) for name in dimensions if name in part.model_fields_set and getattr(part, name) is not None}
+            given = {
+                name: getattr(part, name)
+                for name in dimensions
+                if name in part.model_fields_set and getattr(part, name) is not None
+            }
             return {name: self.from_si(value, dimensions[name]) for name, value in given.items()}
 
         def joint(j: Joint) -> Joint:
             new = fields(j, JOINT | (PRISMATIC if j.prismatic else REVOLUTE))
             if j.elasticity is not None:
                 translation, rotation = (
-                    self.from_si(getattr(j.elasticity, name), d) for name, d in (("translation", STIFFNESS), ("rotation", TORQUE))
+                    self.from_si(getattr(j.elasticity, name), d)
+                    for name, d in (("translation", STIFFNESS), ("rotation", TORQUE))
                 )
                 new["elasticity"] = j.elasticity.model_copy(update={"translation": translation, "rotation": rotation})
             return j.model_copy(update=new)
 
         drive = m.drive
         if drive is not None:
-            drive = drive.model_copy(update=fields(drive, {"stiffness": TORQUE} | ({"speed": RATE} if m.speed is not None else {})))
+            drive = drive.model_copy(
+                update=fields(drive, {"stiffness": TORQUE} | ({"speed": RATE} if m.speed is not None else {}))
+            )
         return m.replace(
             gravity=self.from_si(m.gravity, ACCELERATION),
             ground=m.ground.model_copy(update={"points": points(m.ground.points)}),
@@ -159,8 +179,8 @@ SI = Units()
 def in_own_units(run: Callable[[Request], Trace], request: Request) -> Trace:
     """Run a request in its linkage's own units; the trace is in SI, with the units in its settings.
 
-    Joints with clearance that say nothing of their stiffness are given the project's default first.  Raises what the run raises; where
-    units are not SI's, a SimulationError says in which its numbers are.
+    Joints with clearance that say nothing of their stiffness are given the project's default first.  Raises what the
+    run raises; where units are not SI's, a SimulationError says in which its numbers are.
     """
     whole = with_stiffness(request)
     if request.motion == "static":
@@ -189,7 +209,9 @@ def with_stiffness(request: Request) -> Request:
 
 
 def fastest(request: Request) -> float:
-    """The largest rate (rad/s) that a request prescribes beside the drive's constant speed: of a course, or at release."""
+    """The largest rate (rad/s) that a request prescribes beside the drive's constant speed: of a course, or at
+    release.
+    """
     rate = abs(request.start_speed)
     if request.course is not None:
         time, angle = (np.asarray(x, float) for x in request.course)

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analytic.mechanism import GROUND, Mechanism
-from sim_models.contact_laws import PIN_RADIUS, lighter_mass, restitution
-from sim_models.planar.parts import Pin
+from sim_models.common.contact_laws import PIN_RADIUS, lighter_mass, restitution
+from sim_models.leapfrog.parts import Pin
 
 if TYPE_CHECKING:
     from sim_models.dart.world import DartWorld
 
 RIM = 1e-9  # of the clearance: how far inside the rim a pin counts as touching
-HOLD = 1e-2  # of the clearance: a pin pressed to the rim in the last step that is no farther inside has not been lifted off
+# of the clearance: a pin pressed to the rim in the last step that is no farther inside has not been lifted off
+HOLD = 1e-2
 SEAT = 1e-5  # the same: farther inside than this, by the curvature of a step, it is put back on the rim
 TOUCH = 1e-13  # m, penetration that makes DART see a contact
 ANVIL = 0.1  # m, radius of the sphere that stands in for the bearing where the journal meets it
@@ -37,7 +38,8 @@ class Bearing:
 
     The anvil, a larger sphere, is put where the journal meets its circle before each step, so the contact has the place
     and the normal of a circle in a circle at the positions from which DART starts the step.  What happens in contact is
-    DART's: no speed into the bearing, and Newton's restitution above 0.1 m/s.  Friction is left out (DART's default is 1).
+    DART's: no speed into the bearing, and Newton's restitution above 0.1 m/s.  Friction is left out (DART's default is
+    1).
     """
 
     def __init__(self, world: DartWorld, name: str, floor: int) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from sim_models.common.simulate import simulate
 from sim_models.dart.world import DartWorld
 from sim_models.engine import COMMON_EFFECTS, JointModel, Motion, Request, Trace
-from sim_models.planar.runs import run
+from sim_models.leapfrog.runs import run
 
 MODELS: tuple[JointModel, ...] = ("ideal", "spring-damper", "contact")
 MOTIONS: tuple[Motion, ...] = ("driven", "static")
@@ -17,7 +17,9 @@ class DartEngine:
     name = "dart"
     package = "dartpy"
     effects = COMMON_EFFECTS | {"drive_compliance"}
-    supports: frozenset[tuple[JointModel, Motion]] = frozenset((model, motion) for model in MODELS for motion in MOTIONS)
+    supports: frozenset[tuple[JointModel, Motion]] = frozenset(
+        (model, motion) for model in MODELS for motion in MOTIONS
+    )
 
     def simulate(self, request: Request) -> Trace:
         """Run one request; see the protocol."""

@@ -3,7 +3,8 @@
 Joints with clearance close nothing: their two pins are free, and a spring-damper or DART's contact solver keeps them
 together.  Prismatic joints and the drive are always in the tree.  Notes on what DART does silently:
 
-* ``getWrenchToChildBodyNode`` and the constraint forces belong to the positions *before* the step, in that child's frame;
+* ``getWrenchToChildBodyNode`` and the constraint forces belong to the positions *before* the step, in that child's
+  frame;
 * ``getConstraintForces`` forgets every tree of a skeleton but its first, so each tree is a skeleton of its own;
 * a world puts slow bodies to sleep unless its deactivation options are switched off;
 * contact shapes have a friction coefficient of 1 unless told otherwise.
@@ -17,12 +18,12 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import GROUND, Joint
+from sim_models.common.start import Pose, poses
 from sim_models.dart.contact import Bearing, plane, vector
 from sim_models.dart.reactions import reactions
 from sim_models.engine import Request
-from sim_models.planar.bodies import PlanarWorld
-from sim_models.planar.parts import Branch, moving_body, spanning_tree
-from sim_models.start import Pose, poses
+from sim_models.leapfrog.bodies import PlanarWorld
+from sim_models.leapfrog.parts import Branch, moving_body, spanning_tree
 
 ERROR_REDUCTION = 1.0  # share of a closing pin's drift that DART removes in a step: all, so that no transient lingers
 SETTLING = 3  # steps in which a loop that was closed without drift gets the drift that belongs to its motion
@@ -57,7 +58,9 @@ class DartWorld(PlanarWorld):
         self.skeletons: list[Any] = []
         self.nodes: dict[str, Any] = {}
         self.roots: dict[str, Any] = {}  # DART joints by the body they carry
-        self.branches, self.closing = spanning_tree(self.mechanism, [j for j in self.mechanism.joints if j.name not in self.pins])
+        self.branches, self.closing = spanning_tree(
+            self.mechanism, [j for j in self.mechanism.joints if j.name not in self.pins]
+        )
         self.branch = {branch.child: branch for branch in self.branches}
         for branch in self.branches:
             if branch.joint is not None:
@@ -69,7 +72,9 @@ class DartWorld(PlanarWorld):
         self.motor = self.roots[self.mechanism.driven]
         self.hold(self.held)
         self.bearings: dict[str, Bearing] = {}
-        self.frames = {j.name: [self._frame(b, j.name) for b in j.bodies] for j in self.mechanism.joints if not j.prismatic}
+        self.frames = {
+            j.name: [self._frame(b, j.name) for b in j.bodies] for j in self.mechanism.joints if not j.prismatic
+        }
         self._close()
         self.world.setCollisionDetector(dart.collision.DARTCollisionDetector())
         for skeleton in self.skeletons:
@@ -81,7 +86,10 @@ class DartWorld(PlanarWorld):
     def settings(self) -> dict[str, Any]:
         if not self.bearings:
             return super().settings()
-        return {"contact_law": "rigid, Newton's restitution", "restitution": {name: bearing.restitution for name, bearing in self.bearings.items()}}
+        return {
+            "contact_law": "rigid, Newton's restitution",
+            "restitution": {name: bearing.restitution for name, bearing in self.bearings.items()},
+        }
 
     # ---------------------------------------------------------------- building
 
@@ -105,7 +113,9 @@ class DartWorld(PlanarWorld):
         if body != self.mechanism.driven:
             self._keep(body, *skeleton.createPlanarJointAndBodyNodePair(None, D.PlanarJointProperties()))
             return
-        self.carriage, between = skeleton.createTranslationalJoint2DAndBodyNodePair(None, D.TranslationalJoint2DProperties())
+        self.carriage, between = skeleton.createTranslationalJoint2DAndBodyNodePair(
+            None, D.TranslationalJoint2DProperties()
+        )
         between.setInertia(D.Inertia(TRIFLE, np.zeros(3), TRIFLE * np.eye(3)))
         properties = D.RevoluteJointProperties()
         properties.mAxis = np.array([0.0, 0.0, 1.0])
@@ -162,14 +172,23 @@ class DartWorld(PlanarWorld):
 
     def pose(self, body: str) -> Pose:
         node = self.nodes[body]
-        return Pose(plane(node.getTransform().translation()), self.angle(body), plane(node.getLinearVelocity()), float(node.getAngularVelocity()[2]))
+        return Pose(
+            plane(node.getTransform().translation()),
+            self.angle(body),
+            plane(node.getLinearVelocity()),
+            float(node.getAngularVelocity()[2]),
+        )
 
     def angle(self, body: str) -> float:
         """A body's angle (rad), summed along the tree and so never wrapped."""
         angle = 0.0
         while body != GROUND:
             branch, root = self.branch[body], self.roots[body]
-            angle += branch.twist if branch.joint is not None and branch.joint.prismatic else root.getPosition(root.getNumDofs() - 1)
+            angle += (
+                branch.twist
+                if branch.joint is not None and branch.joint.prismatic
+                else root.getPosition(root.getNumDofs() - 1)
+            )
             body = branch.parent
         return angle
 

@@ -9,18 +9,20 @@ from typing import Any, Literal
 
 import numpy as np
 
-from analytic.bars import POISSON, division
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism
-from sim_models.contact_laws import PIN_RADIUS, STATIC_STIFFNESS
+from analytic.mechanism.bars import POISSON, division
+from sim_models.common.contact_laws import PIN_RADIUS, STATIC_STIFFNESS
+from sim_models.common.start import Pose
 from sim_models.engine import Unsupported
 from sim_models.exudyn.settings import static_settings
-from sim_models.start import Pose
 
 Element = Literal["euler-bernoulli", "timoshenko"]
 
 SPAN_ELEMENTS = 4  # between two neighbouring points of a link; one is exact already for small displacements
 SHEAR_FACTOR = 5 / 6  # of a rectangular section
-ROUNDING = 3e-16  # m: what a position of this size is rounded to, so that a spring's force wavers by it times its stiffness
+ROUNDING = (
+    3e-16  # m: what a position of this size is rounded to, so that a spring's force wavers by it times its stiffness
+)
 STIFFEST = 1e10  # N/m of a contact, at most: Exudyn differentiates it numerically, and Newton's method fails beyond
 SOFT_DEPTH = 0.1  # of the clearance, to which a pin is pressed into a bearing that is soft at first
 STIFFENING = 0.25  # of the way from soft to stiff bearings, one solution after the other; halved where there is none
@@ -35,17 +37,25 @@ def refuse_what_is_not_modelled(m: Mechanism) -> None:
     for joint in m.joints:
         bent = [body.name for body in m.bodies if body.name in joint.bodies and is_flexible(body)]
         if joint.prismatic and bent:
-            raise Unsupported(f"{m.name}: beams are joined by revolute joints only; joint {joint.name!r} of {bent[0]!r} is prismatic")
+            raise Unsupported(
+                f"{m.name}: beams are joined by revolute joints only; joint {joint.name!r} of {bent[0]!r} is prismatic"
+            )
     if m.drive is not None and m.drive.stiffness is not None:
         raise Unsupported(f"{m.name}: the crank of a linkage of beams is held rigidly; leave out drive.stiffness")
     for body in m.bodies:
         if not is_flexible(body):
             continue
         if min(body.section) <= 0:
-            raise Unsupported(f"{m.name}: body {body.name!r} is elastic but has section {body.section}; give its height and depth in m")
+            raise Unsupported(
+                f"{m.name}: body {body.name!r} is elastic but has section {body.section}; give its height and depth"
+                " in m"
+            )
         for name, (_, arm) in division(body).places.items():
             if name in body.points and abs(arm) > BESIDE * body.length:
-                raise Unsupported(f"{m.name}: point {name!r} of body {body.name!r} lies {abs(arm):g} m beside its axis; a beam has its joints on it")
+                raise Unsupported(
+                    f"{m.name}: point {name!r} of body {body.name!r} lies {abs(arm):g} m beside its axis; a beam has"
+                    " its joints on it"
+                )
 
 
 def is_flexible(body: Body) -> bool:
@@ -54,25 +64,35 @@ def is_flexible(body: Body) -> bool:
 
 
 def pin_stiffness(joint: Joint) -> float:
-    """Stiffness (N/m) of a pin pressed into its bearing: the contact's, else the joint's spring of Eq. 4, at most STIFFEST."""
+    """Stiffness (N/m) of a pin pressed into its bearing: the contact's, else the joint's spring of Eq. 4, at most
+    STIFFEST.
+    """
     spring = joint.elasticity.translation if joint.elasticity is not None else STATIC_STIFFNESS
     return min(joint.contact_stiffness or spring, STIFFEST)
 
 
 def soft_stiffness(joint: Joint, force: float) -> float:
-    """Stiffness (N/m) of a bearing that this force (N) makes yield by a part of its clearance: Newton's method finds its way on its rim."""
+    """Stiffness (N/m) of a bearing that this force (N) makes yield by a part of its clearance: Newton's method finds
+    its way on its rim.
+    """
     return min(pin_stiffness(joint), force / (SOFT_DEPTH * joint.clearance))
 
 
 class BeamModel:
-    """The linkage as an Exudyn system whose reference configuration is undeformed, under ``pushes`` besides nothing else.
+    """The linkage as an Exudyn system whose reference configuration is undeformed, under ``pushes`` besides nothing
+    else.
 
-    A link is the bars of :func:`analytic.bars.division`: one along a straight link, a star welded at its hub otherwise; a com or
-    marker that is not on a bar is carried by a rigid arm.
+    A link is the bars of :func:`analytic.mechanism.bars.division`: one along a straight link, a star welded at its hub
+    otherwise; a com or marker that is not on a bar is carried by a rigid arm.
     """
 
     def __init__(
-        self, mechanism: Mechanism, element: Element, clearance: Mapping[str, float], start: Mapping[str, Pose], pushes: Iterable[Push]
+        self,
+        mechanism: Mechanism,
+        element: Element,
+        clearance: Mapping[str, float],
+        start: Mapping[str, Pose],
+        pushes: Iterable[Push],
     ) -> None:
         import exudyn
         import exudyn.itemInterface as items
@@ -82,9 +102,13 @@ class BeamModel:
         self._initial = exudyn.ConfigurationType.Initial
         self.container = exudyn.SystemContainer()
         self.mbs = self.container.AddSystem()
-        self.fixed = self.mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=self.mbs.AddNode(items.NodePointGround()), coordinate=0))
+        self.fixed = self.mbs.AddMarker(
+            items.MarkerNodeCoordinate(nodeNumber=self.mbs.AddNode(items.NodePointGround()), coordinate=0)
+        )
         self._marker: dict[tuple[str, str], Any] = {}
-        self._arm: dict[tuple[str, str], complex] = {}  # m, ground frame, from a point's marker to the point, undeformed
+        self._arm: dict[
+            tuple[str, str], complex
+        ] = {}  # m, ground frame, from a point's marker to the point, undeformed
         self._rigid: dict[str, Any] = {}
         self._axial: list[float] = []  # N/m, of the elements
         self._section: dict[tuple[str, str], tuple[Any, complex]] = {}  # a point's node, and its direction, undeformed
@@ -104,8 +128,12 @@ class BeamModel:
         return self.mbs.AddMarker(self.items.MarkerBodyRigid(bodyNumber=number, localHT=frame))
 
     def _add_rigid(self, body: Body, pose: Pose) -> None:
-        node = self.mbs.AddNode(self.items.NodeRigidBody2D(initialCoordinates=[pose.origin.real, pose.origin.imag, pose.angle]))
-        number = self.mbs.AddObject(self.items.ObjectRigidBody2D(mass=body.mass, inertia=body.moment_of_inertia or 1.0, nodeNumber=node))
+        node = self.mbs.AddNode(
+            self.items.NodeRigidBody2D(initialCoordinates=[pose.origin.real, pose.origin.imag, pose.angle])
+        )
+        number = self.mbs.AddObject(
+            self.items.ObjectRigidBody2D(mass=body.mass, inertia=body.moment_of_inertia or 1.0, nodeNumber=node)
+        )
         for name in _points(body):
             self._marker[body.name, name] = self._on_body(number, body.point(name))
             self._section[body.name, name] = node, cmath.exp(1j * pose.angle)
@@ -115,7 +143,9 @@ class BeamModel:
 
     def _add_beams(self, body: Body, pose: Pose) -> None:
         parts, turn = division(body), cmath.exp(1j * pose.angle)
-        sections: dict[int, list[tuple[Any, complex]]] = {}  # Exudyn's node and its direction, by node of the frame, for each bar that meets there
+        sections: dict[
+            int, list[tuple[Any, complex]]
+        ] = {}  # Exudyn's node and its direction, by node of the frame, for each bar that meets there
         for i, j in parts.bars:
             length = abs(parts.nodes[j] - parts.nodes[i])
             direction = (parts.nodes[j] - parts.nodes[i]) / length * turn
@@ -153,12 +183,18 @@ class BeamModel:
         ends = [self.mbs.AddMarker(self.items.MarkerNodeRigid(nodeNumber=node)) for node, _ in sections]
         z = sections[0][1] / sections[1][1]
         turn = np.array([[z.real, -z.imag, 0.0], [z.imag, z.real, 0.0], [0.0, 0.0, 1.0]])
-        self.mbs.AddObject(self.items.ObjectJointGeneric(markerNumbers=ends, constrainedAxes=[1, 1, 0, 0, 0, 1], rotationMarker1=turn))
+        self.mbs.AddObject(
+            self.items.ObjectJointGeneric(markerNumbers=ends, constrainedAxes=[1, 1, 0, 0, 0, 1], rotationMarker1=turn)
+        )
 
     def _node(self, place: complex, direction: complex) -> Any:
         if self.element == "timoshenko":
-            return self.mbs.AddNode(self.items.NodeRigidBody2D(referenceCoordinates=[place.real, place.imag, cmath.phase(direction)]))
-        return self.mbs.AddNode(self.items.NodePoint2DSlope1(referenceCoordinates=[place.real, place.imag, direction.real, direction.imag]))
+            return self.mbs.AddNode(
+                self.items.NodeRigidBody2D(referenceCoordinates=[place.real, place.imag, cmath.phase(direction)])
+            )
+        return self.mbs.AddNode(
+            self.items.NodePoint2DSlope1(referenceCoordinates=[place.real, place.imag, direction.real, direction.imag])
+        )
 
     def _element(self, body: Body, nodes: list[Any], length: float) -> None:
         height, depth = body.section
@@ -172,7 +208,9 @@ class BeamModel:
         else:
             inertia = body.mass / body.length * height**2 / 12
             self.mbs.AddObject(
-                self.items.ObjectBeamGeometricallyExact2D(**common, crossSectionInertia=inertia, shearStiffness=SHEAR_FACTOR * shear * area)
+                self.items.ObjectBeamGeometricallyExact2D(
+                    **common, crossSectionInertia=inertia, shearStiffness=SHEAR_FACTOR * shear * area
+                )
             )
 
     def _hold(self, node: Any, parts: list[tuple[int, float]], value: float = 0.0) -> None:
@@ -180,22 +218,31 @@ class BeamModel:
         (_, weight), *_ = parts = sorted(parts, key=lambda part: -abs(part[1]))
         markers = [self.mbs.AddMarker(self.items.MarkerNodeCoordinate(nodeNumber=node, coordinate=c)) for c, _ in parts]
         if len(parts) == 1:
-            self.mbs.AddObject(self.items.ObjectConnectorCoordinate(markerNumbers=[self.fixed, markers[0]], offset=value / weight))
+            self.mbs.AddObject(
+                self.items.ObjectConnectorCoordinate(markerNumbers=[self.fixed, markers[0]], offset=value / weight)
+            )
         else:  # first + (second / weight) = 0, written as factor1 * second - first
             factor = -parts[1][1] / weight
-            self.mbs.AddObject(self.items.ObjectConnectorCoordinate(markerNumbers=markers, factor1=factor, offset=value / weight))
+            self.mbs.AddObject(
+                self.items.ObjectConnectorCoordinate(markerNumbers=markers, factor1=factor, offset=value / weight)
+            )
 
     def _add_joint(self, joint: Joint) -> Any:
         if joint.prismatic:
             turns = cmath.phase(joint.direction), cmath.phase(joint.direction) - joint.angle
             ends = [
-                self._on_body(self._rigid[body], self.m.body(body).point(joint.name), turn) for body, turn in zip(joint.bodies, turns, strict=True)
+                self._on_body(self._rigid[body], self.m.body(body).point(joint.name), turn)
+                for body, turn in zip(joint.bodies, turns, strict=True)
             ]
-            return self.mbs.AddObject(self.items.ObjectJointGeneric(markerNumbers=ends, constrainedAxes=[0, 1, 0, 0, 0, 1]))
+            return self.mbs.AddObject(
+                self.items.ObjectJointGeneric(markerNumbers=ends, constrainedAxes=[0, 1, 0, 0, 0, 1])
+            )
         markers = [self._marker[body, joint.name] for body in joint.bodies]
         if joint.name in self.clearance:
             radius = joint.pin_radius or PIN_RADIUS
-            data = self.mbs.AddNode(self.items.NodeGenericData(initialCoordinates=[-1e-12, 0.0, 0.0, 0.0], numberOfDataCoordinates=4))
+            data = self.mbs.AddNode(
+                self.items.NodeGenericData(initialCoordinates=[-1e-12, 0.0, 0.0, 0.0], numberOfDataCoordinates=4)
+            )
             return self.mbs.AddObject(
                 self.items.ObjectContactSphereSphere(
                     markerNumbers=markers, nodeNumber=data, spheresRadii=[radius, radius + joint.clearance],
@@ -204,7 +251,9 @@ class BeamModel:
             )  # fmt: skip
         if joint.elasticity is not None:
             k = joint.elasticity.translation
-            return self.mbs.AddObject(self.items.ObjectConnectorCartesianSpringDamper(markerNumbers=markers, stiffness=[k, k, 0.0]))
+            return self.mbs.AddObject(
+                self.items.ObjectConnectorCartesianSpringDamper(markerNumbers=markers, stiffness=[k, k, 0.0])
+            )
         return self.mbs.AddObject(self.items.ObjectJointRevolute2D(markerNumbers=markers))
 
     def _push(self, body: str, point: str, force: complex, torque: float) -> None:
@@ -227,7 +276,9 @@ class BeamModel:
 
         def solved(share: float) -> bool:
             for name, number in stiff.items():
-                self.mbs.SetObjectParameter(self._joint[name], "contactStiffness", soft[name] * (number / soft[name]) ** share)
+                self.mbs.SetObjectParameter(
+                    self._joint[name], "contactStiffness", soft[name] * (number / soft[name]) ** share
+                )
             try:
                 return bool(self.mbs.SolveStatic(settings, updateInitialValues=True, storeSolver=False)) and upright()
             except self.exu.exudynCPP.SolverError:
@@ -272,7 +323,11 @@ class BeamModel:
         if joint.prismatic:
             value = self.mbs.GetObjectOutput(self._joint[joint.name], self.exu.OutputVariableType.ForceLocal)
             first = joint.bodies[0]
-            turn = cmath.exp(1j * self.rotation(first, joint.name)) * self._section[first, joint.name][1] if first != GROUND else 1.0
+            turn = (
+                cmath.exp(1j * self.rotation(first, joint.name)) * self._section[first, joint.name][1]
+                if first != GROUND
+                else 1.0
+            )
             return 1j * float(value[1]) * joint.direction * turn
         value = self.mbs.GetObjectOutput(self._joint[joint.name], self.exu.OutputVariableType.Force)
         sign = 1.0 if joint.name not in self.clearance and joint.elasticity is None else -1.0

@@ -1,7 +1,8 @@
-"""How the rigid linkage moves, for the loads that beams bear and what is read beside them: from the assembly's poses alone.
+"""How the rigid linkage moves, for the loads that beams bear and what is read beside them: from the assembly's poses
+alone.
 
-Rates and accelerations are differences over five crank angles, as those of :func:`sim_models.start.poses`, so that beams owe
-nothing to the analytic kinematics and kinetostatics that they are compared with.
+Rates and accelerations are differences over five crank angles, as those of :func:`sim_models.common.start.poses`, so
+that beams owe nothing to the analytic kinematics and kinetostatics that they are compared with.
 """
 
 from __future__ import annotations
@@ -10,33 +11,47 @@ from functools import cached_property
 
 import numpy as np
 
-from analytic.assembly import Assembly
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint
+from sim_models.common.start import poses
 from sim_models.exudyn.equilibria import Inertia
-from sim_models.start import poses
 
-STENCIL = 2e-3  # rad from one crank angle to the next: a second derivative's rounding and the cut-off fifth order weigh about the same
+# rad from one crank angle to the next: a second derivative's rounding and the cut-off fifth order weigh about the same
+STENCIL = 2e-3
 FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / (12 * STENCIL)
 SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / (12 * STENCIL**2)
 STANDSTILL = 1e-9  # of the crank's rate (of a slide: times the longest link): the rate of a joint that does not move
 
 
 class RigidMotion:
-    """The ideal rigid linkage at N crank angles ``theta`` (rad), its crank with a rate (rad/s) and acceleration (rad/s^2).
+    """The ideal rigid linkage at N crank angles ``theta`` (rad), its crank with a rate (rad/s) and acceleration
+    (rad/s^2).
 
-    Arrays are (N,), vectors complex in the ground frame.  Raises AssemblyError where it cannot be assembled; if it moves, two
-    STENCIL around, too.
+    Arrays are (N,), vectors complex in the ground frame.  Raises AssemblyError where it cannot be assembled; if it
+    moves, two STENCIL around, too.
     """
 
-    def __init__(self, assembly: Assembly, theta: np.ndarray, rate: np.ndarray | float = 0.0, acceleration: np.ndarray | float = 0.0) -> None:
+    def __init__(
+        self,
+        assembly: Assembly,
+        theta: np.ndarray,
+        rate: np.ndarray | float = 0.0,
+        acceleration: np.ndarray | float = 0.0,
+    ) -> None:
         self.m, self.theta = assembly.mechanism, theta
-        self._rate, self._acceleration = (np.broadcast_to(np.asarray(x, float), theta.shape) for x in (rate, acceleration))
+        self._rate, self._acceleration = (
+            np.broadcast_to(np.asarray(x, float), theta.shape) for x in (rate, acceleration)
+        )
         moves = np.any(self._rate) or np.any(self._acceleration)
         around = theta + STENCIL * np.arange(-2.0, 3.0)[:, None] * moves
         places = [[poses(assembly, float(at)) for at in row] for row in around]
         still = np.zeros(around.shape)
-        self._origin = {b.name: np.array([[pose[b.name].origin for pose in row] for row in places]) for b in self.m.bodies} | {GROUND: still}
-        self._angle = {b.name: np.array([[pose[b.name].angle for pose in row] for row in places]) for b in self.m.bodies} | {GROUND: still}
+        self._origin = {
+            b.name: np.array([[pose[b.name].origin for pose in row] for row in places]) for b in self.m.bodies
+        } | {GROUND: still}
+        self._angle = {
+            b.name: np.array([[pose[b.name].angle for pose in row] for row in places]) for b in self.m.bodies
+        } | {GROUND: still}
 
     def position(self, body: str, point: str) -> np.ndarray:
         """Position (m) of a body's point."""
@@ -52,10 +67,15 @@ class RigidMotion:
 
     def inertia(self, k: int) -> Inertia:
         """Accelerations of the bodies at one instant."""
-        return Inertia({name: complex(a[k]) for name, a in self._linear.items()}, {name: float(a[k]) for name, a in self._turning.items()})
+        return Inertia(
+            {name: complex(a[k]) for name, a in self._linear.items()},
+            {name: float(a[k]) for name, a in self._turning.items()},
+        )
 
     def law(self, joint: Joint, moving: bool) -> np.ndarray:
-        """Torque (N.m; prismatic: force along the slide, N) on a joint's second body of its spring, friction and, if ``moving``, damper."""
+        """Torque (N.m; prismatic: force along the slide, N) on a joint's second body of its spring, friction and, if
+        ``moving``, damper.
+        """
         travel = self._travel(joint)
         rate = self._in_time(travel)[0]
         longest = max(body.length for body in self.m.bodies) if joint.prismatic else 1.0

@@ -7,8 +7,8 @@ axis is held at the drive, weights and loads act at the com and at named points,
 rigid).  A joint with clearance and joint model ``contact`` is a journal in its bearing whose contact is as stiff as the
 joint's spring.
 
-:func:`flexible` is how a harness asks for flexible links: it answers a request, of a mechanism whose flexible bodies have
-``youngs_modulus``, as :meth:`sim_models.engine.Engine.simulate` does one for rigid links.
+:func:`flexible` is how a harness asks for flexible links: it answers a request, of a mechanism whose flexible bodies
+have ``youngs_modulus``, as :meth:`sim_models.engine.Engine.simulate` does one for rigid links.
 """
 
 from __future__ import annotations
@@ -20,17 +20,24 @@ from typing import Any, Literal
 
 import numpy as np
 
-from analytic.assembly import Assembly
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
+from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
+from sim_models.common.start import Course, poses, schedule
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
-from sim_models.exudyn.beam_model import BeamModel, Element, Push, pin_stiffness, refuse_what_is_not_modelled, soft_stiffness
+from sim_models.exudyn.beam_model import (
+    BeamModel,
+    Element,
+    Push,
+    pin_stiffness,
+    refuse_what_is_not_modelled,
+    soft_stiffness,
+)
 from sim_models.exudyn.beam_motion import RigidMotion
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.record import FLIPPED
 from sim_models.exudyn.settings import silence
-from sim_models.failed_starts import own_start
-from sim_models.start import Course, poses, schedule
 
 
 @dataclass(frozen=True)
@@ -44,19 +51,28 @@ class FlexibleLinkage:
 
 
 def flexible_static(
-    mechanism: Mechanism, theta: float, element: Element = "euler-bernoulli", joint_model: Literal["ideal", "contact"] = "ideal"
+    mechanism: Mechanism,
+    theta: float,
+    element: Element = "euler-bernoulli",
+    joint_model: Literal["ideal", "contact"] = "ideal",
 ) -> FlexibleLinkage:
     """Equilibrium of a linkage of beams under its loads and weights, crank held at angle theta (rad).
 
-    With ``contact`` every joint with clearance has it; with ``ideal`` clearances are ignored.  Raises what :func:`flexible` does.
+    With ``contact`` every joint with clearance has it; with ``ideal`` clearances are ignored.  Raises what
+    :func:`flexible` does.
     """
     at_rest = _Beams(Request(mechanism, joint_model, "static", np.array([theta])), element)
     with silence():
         model = at_rest.solved(0)
         named = [(b.name, point) for b in mechanism.bodies for point in (*b.points, "com")]
-        moved = {(body, point): model.place(body, point) - at_rest.motion.position(body, point)[0] for body, point in named}
+        moved = {
+            (body, point): model.place(body, point) - at_rest.motion.position(body, point)[0] for body, point in named
+        }
         force = {joint.name: model.force(joint) for joint in mechanism.joints}
-        gap = {joint.name: model.place(joint.bodies[0], joint.name) - model.place(joint.bodies[1], joint.name) for joint in mechanism.joints}
+        gap = {
+            joint.name: model.place(joint.bodies[0], joint.name) - model.place(joint.bodies[1], joint.name)
+            for joint in mechanism.joints
+        }
     return FlexibleLinkage(theta, {key: complex(value) for key, value in moved.items()}, force, gap)
 
 
@@ -64,9 +80,9 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
     """What a request's linkage shows with flexible links: an equilibrium at every crank angle, or instant of a course.
 
     The motion is quasi-static: the crank is where the motor is, and in ``driven`` motion the links bear the inertia
-    forces, dampers, springs and friction of the ideal rigid linkage, but do not vibrate; angular velocities are the rigid
-    linkage's too.  A link on a ground joint has the angle of its section there, a floating one that of its section at the com.
-    With ``contact`` joints with clearance have it, with ``ideal`` clearances are ignored.
+    forces, dampers, springs and friction of the ideal rigid linkage, but do not vibrate; angular velocities are the
+    rigid linkage's too.  A link on a ground joint has the angle of its section there, a floating one that of its
+    section at the com. With ``contact`` joints with clearance have it, with ``ideal`` clearances are ignored.
 
     Raises Unsupported for other joint models, compliant and free drives, prismatic joints of flexible links and links
     whose joints do not lie on one line; SimulationError where no equilibrium is found, AssemblyError where the linkage
@@ -78,18 +94,32 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
     signals = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     moving = request.motion == "driven"
     for body in request.mechanism.bodies:
-        signals[f"{body.name}_angular_velocity"] = beams.motion.angular_velocity(body.name) if moving else np.zeros(len(rows))
+        signals[f"{body.name}_angular_velocity"] = (
+            beams.motion.angular_velocity(body.name) if moving else np.zeros(len(rows))
+        )
     size = beams.clearance
     gaps = {name: np.column_stack([signals[f"clearance_{name}_{axis}"] for axis in "xy"]) for name in size}
-    used: dict[str, Any] = {"solver": "static Newton", "step": None, "links": f"{element} beams", "inertia": "rigid linkage" if moving else "none"}
+    used: dict[str, Any] = {
+        "solver": "static Newton",
+        "step": None,
+        "links": f"{element} beams",
+        "inertia": "rigid linkage" if moving else "none",
+    }
     if size:
         used["contact_stiffness"] = min(pin_stiffness(request.mechanism.joint(name)) for name in size)
     return Trace(
-        simulator="exudyn", version=installed_version("exudyn") or "unknown", joint_model=request.joint_model, motion=request.motion,
-        crank_angle=beams.motion.theta.copy(), time=beams.time, signals=signals, clearance=dict(size), journal=gaps,
+        simulator="exudyn",
+        version=installed_version("exudyn") or "unknown",
+        joint_model=request.joint_model,
+        motion=request.motion,
+        crank_angle=beams.motion.theta.copy(),
+        time=beams.time,
+        signals=signals,
+        clearance=dict(size),
+        journal=gaps,
         free_share={name: free_share(np.hypot(*gaps[name].T), size[name]) for name in size},
         settings=used,
-    )  # fmt: skip
+    )
 
 
 class _Beams:
@@ -105,7 +135,9 @@ class _Beams:
         self.assembly = Assembly(self.m)
         theta, rate, acceleration, self.time = _crank(request)
         self.motion = RigidMotion(self.assembly, theta, rate, acceleration)
-        self.law = {j.name: self.motion.law(j, self.moving) for j in self.m.joints}  # N.m (N along a slide) on the second body
+        self.law = {
+            j.name: self.motion.law(j, self.moving) for j in self.m.joints
+        }  # N.m (N along a slide) on the second body
 
     def signals(self, k: int) -> dict[str, float]:
         """All signals but the angular velocities, at one instant."""
@@ -130,20 +162,28 @@ class _Beams:
         """The linkage in equilibrium at one instant, in its assembly mode."""
         pressing = self._pressing(k)
         soft = {name: soft_stiffness(self.m.joint(name), abs(force)) for name, force in pressing.items()}
-        gaps = {name: (self.clearance[name] + abs(force) / soft[name]) * force / abs(force) for name, force in pressing.items()}
+        gaps = {
+            name: (self.clearance[name] + abs(force) / soft[name]) * force / abs(force)
+            for name, force in pressing.items()
+        }
         start = poses(self.assembly, float(self.motion.theta[k]), gaps=lambda _: gaps)
         model = BeamModel(self.m, self.element, self.clearance, start, self._pushes(k))
-        if not model.solve(soft, lambda: not any(abs(self._turned(model, body.name, k)) > FLIPPED for body in self.m.bodies)):
+        if not model.solve(
+            soft, lambda: not any(abs(self._turned(model, body.name, k)) > FLIPPED for body in self.m.bodies)
+        ):
             raise SimulationError(
-                f"exudyn {self.element} beams ({self.m.name}): no static equilibrium in the assembly mode found at crank angle "
-                f"{np.degrees(self.motion.theta[k]):.4g} deg; use a smaller clearance, keep clear of change points, or check "
-                "youngs_modulus, section and the loads"
+                f"exudyn {self.element} beams ({self.m.name}): no static equilibrium in the assembly mode found at"
+                f" crank angle {np.degrees(self.motion.theta[k]):.4g} deg; use a smaller clearance, keep clear of"
+                " change points, or check youngs_modulus, section and the loads"
             )
         return model
 
     def _turned(self, model: BeamModel, body: str, k: int) -> float:
         """Angle (rad) of a link where it is read, from the ideal rigid one's."""
-        return math.remainder(model.start[body].angle - self.motion.angle(body)[k] + model.rotation(body, self._read_at(body)), 2 * math.pi)
+        return math.remainder(
+            model.start[body].angle - self.motion.angle(body)[k] + model.rotation(body, self._read_at(body)),
+            2 * math.pi,
+        )
 
     def _pressing(self, k: int) -> dict[str, complex]:
         """Forces (N) of the rigid linkage that press its pins into their bearings."""
@@ -176,17 +216,24 @@ class _Beams:
         return complex(self.law[joint.name][k] * joint.direction * np.exp(1j * self.motion.angle(joint.bodies[0])[k]))
 
     def _drive_torque(self, model: BeamModel, k: int) -> float:
-        """What holds the crank against the moments about the drive of everything else on it, where the forces now act."""
+        """What holds the crank against the moments about the drive of everything else on it, where the forces
+        now act.
+        """
         crank, hub = self.m.driven, model.place(self.m.driven, self.m.drive_joint.name)
 
         def moment(force: complex, body: str, point: str) -> float:
             return float(((model.place(body, point) - hub).conjugate() * force).imag)
 
-        total = sum(moment(force, body, point) + torque for body, point, force, torque in self._pushes(k) if body == crank)
+        total = sum(
+            moment(force, body, point) + torque for body, point, force, torque in self._pushes(k) if body == crank
+        )
         for j in self.m.joints:
             if crank in j.bodies:
                 sign = 1.0 if j.bodies[1] == crank else -1.0
-                total += sign * (moment(model.force(j), j.bodies[1] if j.prismatic else crank, j.name) + (model.moment(j) if j.prismatic else 0.0))
+                total += sign * (
+                    moment(model.force(j), j.bodies[1] if j.prismatic else crank, j.name)
+                    + (model.moment(j) if j.prismatic else 0.0)
+                )
         return -total
 
     def _read_at(self, body: str) -> str:
@@ -195,7 +242,9 @@ class _Beams:
 
 
 def _crank(request: Request) -> tuple[np.ndarray, np.ndarray | float, np.ndarray | float, np.ndarray | None]:
-    """The crank's angle (rad), rate and acceleration at every instant, and its time (s); at rest, the rate only gives friction its direction."""
+    """The crank's angle (rad), rate and acceleration at every instant, and its time (s); at rest, the rate only gives
+    friction its direction.
+    """
     m = request.mechanism
     if m.drive is not None and m.drive.speed == "free" and request.motion == "driven":
         raise Unsupported(f"{m.name}: beams move with their crank; a free drive has no angle to put it at")

@@ -2,8 +2,9 @@
 
 ``ideal`` is a RevoluteJoint2D; ``massless-link`` a DistanceConstraint as long as the clearance (in statics a rod of
 1e10 N/m); ``spring-damper`` pushes with max(0, K d + C d') outside the gap; ``contact`` is a journal in its bearing
-(ObjectContactSphereSphere): K d + C d' where the mechanism gives ``contact_damping``, else a restitution law.
-That damping also pulls while the pin leaves, which the spring-damper's does not: with many impacts the pin is free 4-6 % less.
+(ObjectContactSphereSphere): K d + C d' where the mechanism gives ``contact_damping``, else a restitution law. That
+damping also pulls while the pin leaves, which the spring-damper's does not: with many impacts the pin is free 4-6 %
+less.
 """
 
 from __future__ import annotations
@@ -20,16 +21,19 @@ class Exudyn:
 
     name = "exudyn"
     package = "exudyn"
-    supports: frozenset[tuple[JointModel, Motion]] = frozenset((model, motion) for model in JOINT_MODELS for motion in ("static", "driven"))
+    supports: frozenset[tuple[JointModel, Motion]] = frozenset(
+        (model, motion) for model in JOINT_MODELS for motion in ("static", "driven")
+    )
     effects = COMMON_EFFECTS | {"drive_compliance", "link_flexibility"}
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.
 
         ``steady`` starts in the equilibrium of the same joint model under loads and inertia forces, moving as that
-        equilibrium moves with the crank.  Requested angles and courses are the motor's; with a compliant drive the crank lags
-        by torque / stiffness, and ``steady`` is :func:`sim_models.exudyn.steady.crank_behind`.  Links are rigid: flexible ones
-        are asked for from :func:`sim_models.exudyn.beams.flexible`.  Raises SimulationError, Unsupported or AssemblyError.
+        equilibrium moves with the crank.  Requested angles and courses are the motor's; with a compliant drive the
+        crank lags by torque / stiffness, and ``steady`` is :func:`sim_models.exudyn.steady.crank_behind`.  Links are
+        rigid: flexible ones are asked for from :func:`sim_models.exudyn.beams.flexible`.  Raises SimulationError,
+        Unsupported or AssemblyError.
         """
         from sim_models.exudyn.runs import Run
 
@@ -37,7 +41,9 @@ class Exudyn:
             return simulate(self, request, lambda r: Run(r).trace())
 
     def export(self, request: Request, folder: Path) -> list[Path]:
-        """Write a request, and what came of it, as files that run in Exudyn alone.  Raises what :meth:`simulate` does."""
+        """Write a request, and what came of it, as files that run in Exudyn alone.  Raises what
+        :meth:`simulate` does.
+        """
         from sim_models.exudyn.export import export
 
         check_supported(self, request)

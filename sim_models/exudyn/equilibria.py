@@ -8,18 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import newton
 
-from analytic.assembly import Assembly
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, Joint
+from sim_models.common.failed_starts import check_stiff_enough, where, who, why_no_equilibrium
+from sim_models.common.start import Pose, poses
 from sim_models.engine import Request, SimulationError
 from sim_models.exudyn.linkage import Linkage
 from sim_models.exudyn.record import Record
-from sim_models.failed_starts import check_stiff_enough, where, who, why_no_equilibrium
-from sim_models.start import Pose, poses
 
 STILL = 1e-12  # rad: last correction of a crank's angle behind a compliant drive
 NO_LOAD = 1e-9  # of the largest reaction: a smaller one has no direction
 
-Loads = tuple[dict[str, complex], dict[str, float], dict[str, float]]  # force at each com (N), torque on each body (N.m), force along each slide (N)
+Loads = tuple[
+    dict[str, complex], dict[str, float], dict[str, float]
+]  # force at each com (N), torque on each body (N.m), force along each slide (N)
 
 
 @dataclass(frozen=True)
@@ -33,9 +35,9 @@ class Inertia:
 class Equilibria:
     """Equilibria of a joint model with the crank held, at rest or (d'Alembert) with the inertia forces of a motion.
 
-    Friction and dampers are evaluated on the ideal linkage's motion at the same crank angle, its crank at ``speed`` (rad/s)
-    unless told otherwise; friction fades below ``creep`` (rad/s), as in a run.  From the ideal linkage's reactions rods are
-    placed, from theirs the real joints.
+    Friction and dampers are evaluated on the ideal linkage's motion at the same crank angle, its crank at ``speed``
+    (rad/s) unless told otherwise; friction fades below ``creep`` (rad/s), as in a run.  From the ideal linkage's
+    reactions rods are placed, from theirs the real joints.
     """
 
     def __init__(self, request: Request, assembly: Assembly, speed: float, creep: float = 0.0) -> None:
@@ -58,7 +60,11 @@ class Equilibria:
         ideal = self._solve(self.ideal, theta, {}, loads)
         if not self.clearance:
             return ideal
-        springs = {} if self.request.joint_model == "massless-link" else {name: abs(ideal.force[name][0]) for name in self.clearance}
+        springs = (
+            {}
+            if self.request.joint_model == "massless-link"
+            else {name: abs(ideal.force[name][0]) for name in self.clearance}
+        )
         check_stiff_enough("exudyn", self.request, theta, springs)
         rods = self._solve(self.rods, theta, self._taken_up(self.rods, ideal, theta), loads)
         try:
@@ -71,7 +77,8 @@ class Equilibria:
         return found
 
     def crank(self, theta: float) -> float:
-        """Angle (rad) at which the crank rests with the motor at ``theta``: behind by the torque over the drive's stiffness.
+        """Angle (rad) at which the crank rests with the motor at ``theta``: behind by the torque over the drive's
+        stiffness.
 
         Raises SimulationError.
         """
@@ -80,7 +87,11 @@ class Equilibria:
             return theta
         stiffness = drive.stiffness
         try:
-            return float(newton(lambda angle: angle - theta + self.at(float(angle)).drive_torque[0] / stiffness, theta, tol=STILL))
+            return float(
+                newton(
+                    lambda angle: angle - theta + self.at(float(angle)).drive_torque[0] / stiffness, theta, tol=STILL
+                )
+            )
         except RuntimeError:
             raise self._failure(f"a drive of {stiffness:g} N.m/rad holds the crank nowhere near", theta) from None
 
@@ -91,7 +102,9 @@ class Equilibria:
         for name, clearance in self.clearance.items():
             force = complex(near.force[name][0])
             if abs(force) <= NO_LOAD * scale or scale == 0:
-                raise self._failure(f"nothing presses the pin of joint {name}, so its equilibrium is undetermined", theta)
+                raise self._failure(
+                    f"nothing presses the pin of joint {name}, so its equilibrium is undetermined", theta
+                )
             gaps[name] = (clearance + abs(force) / linkage.stiffness(name)) * force / abs(force)
         return gaps
 
@@ -144,7 +157,10 @@ class Equilibria:
             rates[j.name] = b.angular_velocity - a.angular_velocity
             if j.prismatic:
                 along = j.direction * np.exp(1j * a.angle)
-                arms = [self.m.body(body).point(j.name) * np.exp(1j * p.angle) for body, p in zip(j.bodies, (a, b), strict=True)]
+                arms = [
+                    self.m.body(body).point(j.name) * np.exp(1j * p.angle)
+                    for body, p in zip(j.bodies, (a, b), strict=True)
+                ]
                 offset = b.origin + arms[1] - a.origin
                 slip = b.velocity + 1j * b.angular_velocity * arms[1] - a.velocity - 1j * a.angular_velocity * offset
                 rates[j.name] = float((slip * np.conj(along)).real)

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import MASS_CENTRE, Body, Joint
+from sim_models.common.export_files import expected, lines
 from sim_models.engine import Request, Unsupported
-from sim_models.export_files import expected, lines
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.linkage import HALVED, Linkage
 from sim_models.exudyn.motor import Motor
@@ -37,7 +37,9 @@ def export(request: Request, folder: Path) -> list[Path]:
     Raises Unsupported for a course: the script's motor has a constant speed.
     """
     if request.course is not None:
-        raise Unsupported(f"{request.mechanism.name}: a course is not exported; ask for crank angles at a constant drive.speed")
+        raise Unsupported(
+            f"{request.mechanism.name}: a course is not exported; ask for crank angles at a constant drive.speed"
+        )
     run = _Remembered(request)
     trace = run.trace()
     linkage, motion = _at_rest(run) if request.motion == "static" else _moving(run)
@@ -52,7 +54,9 @@ def export(request: Request, folder: Path) -> list[Path]:
     files = {
         "model.json": lines(model),
         "expected.csv": expected(trace),
-        "run.py": importlib.resources.files("sim_models.exudyn").joinpath("alone.py").read_text(encoding="utf-8"),
+        "run.py": (
+            importlib.resources.files("sim_models.standalone").joinpath("exudyn_run.py").read_text(encoding="utf-8")
+        ),
     }
     for name, content in files.items():
         (folder / name).write_text(content, encoding="utf-8", newline="\n")
@@ -60,7 +64,9 @@ def export(request: Request, folder: Path) -> list[Path]:
 
 
 class _Remembered(Run):
-    """A run that remembers its linkage, its stages (begin, end, steps, instants recorded), and the rows that it reports."""
+    """A run that remembers its linkage, its stages (begin, end, steps, instants recorded), and the rows that it
+    reports.
+    """
 
     def __init__(self, request: Request) -> None:
         super().__init__(request)
@@ -77,7 +83,9 @@ class _Remembered(Run):
         self.stages.append((begin, end, count, record.time.size))
         return record
 
-    def march(self, linkage: Linkage, times: np.ndarray, longest: float, motor: Motor | None = None) -> tuple[Record, np.ndarray]:
+    def march(
+        self, linkage: Linkage, times: np.ndarray, longest: float, motor: Motor | None = None
+    ) -> tuple[Record, np.ndarray]:
         history, self.marks = super().march(linkage, times, longest, motor)
         return history, self.marks
 
@@ -85,13 +93,17 @@ class _Remembered(Run):
 def _moving(run: _Remembered) -> tuple[Linkage, dict[str, Any]]:
     """The linkage of a run in time, its stages, and after which of them it is read (0: at the start)."""
     plan: dict[str, Any] = {"halved": HALVED, "stages": [stage[:3] for stage in run.stages], "after_stage": None}
-    last = np.cumsum([0, *(size - 1 for *_, size in run.stages[1:])])  # row that ends a stage; of the first, an instant, its start is kept
+    last = np.cumsum(
+        [0, *(size - 1 for *_, size in run.stages[1:])]
+    )  # row that ends a stage; of the first, an instant, its start is kept
     after = np.searchsorted(last, run.marks)
     return run.linkage, plan | {"after_stage": (after + (after > 0)).tolist()}
 
 
 def _at_rest(run: Run) -> tuple[Linkage, dict[str, Any]]:
-    """The linkage at rest, and where its bodies are put, and loaded with what besides the mechanism's loads, to find each equilibrium."""
+    """The linkage at rest, and where its bodies are put, and loaded with what besides the mechanism's loads, to find
+    each equilibrium.
+    """
     equilibria = Equilibria(run.request, run.assembly, run.m.speed or 1.0)
     near = []
     for motor in run.request.crank_angle.tolist():
@@ -104,7 +116,9 @@ def _at_rest(run: Run) -> tuple[Linkage, dict[str, Any]]:
                 "bodies": np.array(link.mbs.systemData.GetODE2Coordinates(initial)).tolist(),
                 "remembered": np.array(link.mbs.systemData.GetDataCoordinates(initial)).tolist(),
                 "loads": list(link.body_loads().values()),
-                "slides": {j.name: link.item(f"law {j.name}")["force"] for j in run.m.joints if j.prismatic and _has_law(j)},
+                "slides": {
+                    j.name: link.item(f"law {j.name}")["force"] for j in run.m.joints if j.prismatic and _has_law(j)
+                },
             }
         )
     return equilibria.real, {"residual": equilibria.real.residual, "equilibria": near}
@@ -117,7 +131,10 @@ def _parts(link: Linkage) -> dict[str, Any]:
         "ground": {"points": {name: _pair(m.ground.point(name)) for name in m.ground.points}},
         "bodies": {body.name: _body(link, body) for body in m.bodies},
         "loads": [
-            *({"body": b.name, "point": MASS_CENTRE, "force": [b.mass * g for g in m.gravity], "torque": 0.0} for b in m.bodies),
+            *(
+                {"body": b.name, "point": MASS_CENTRE, "force": [b.mass * g for g in m.gravity], "torque": 0.0}
+                for b in m.bodies
+            ),
             *({"body": load.body, "point": load.point, "force": load.force, "torque": load.torque} for load in m.loads),
         ],
         "joints": {joint.name: _joint(link, joint) for joint in m.joints},
@@ -154,7 +171,10 @@ def _joint(link: Linkage, joint: Joint) -> dict[str, Any]:
         if joint.prismatic:
             part |= {"law": law, "friction": friction, "creep": link.creep * max(body.length for body in link.m.bodies)}
         else:
-            part["law"] = law | {"dynamicFrictionForce": friction, "frictionProportionalZone": link.creep if friction else 0.0}
+            part["law"] = law | {
+                "dynamicFrictionForce": friction,
+                "frictionProportionalZone": link.creep if friction else 0.0,
+            }
     return part
 
 
@@ -173,7 +193,9 @@ def _closed_by(link: Linkage, joint: Joint) -> str:
 
 
 def _drive(link: Linkage) -> dict[str, Any] | None:
-    """The motor, or None where the linkage is released; its shaft's angle (rad) and speed at the start, if a spring is behind it."""
+    """The motor, or None where the linkage is released; its shaft's angle (rad) and speed at the start, if a spring is
+    behind it.
+    """
     if link.motion == "driven" and link.m.speed is None:
         return None
     item = link.item("drive")

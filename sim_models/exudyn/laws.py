@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 
 from analytic.mechanism import Joint, Mechanism
-from sim_models.contact_laws import KelvinVoigt, lighter_mass, restitution
+from sim_models.common.contact_laws import KelvinVoigt, lighter_mass, restitution
 from sim_models.exudyn.motor import Motor
 
 MINIMUM_IMPACT_SPEED = 1e-2  # m/s: slower touches are damped as one of this speed
 CONTACT_CREEP = 1e-3  # m/s, sliding speed below which contact friction falls to zero
-JOINT_CREEP = 1e-3  # of the drive's top speed (a free drive: 1 rad/s), below which a joint's Coulomb friction falls to zero
+JOINT_CREEP = (
+    1e-3  # of the drive's top speed (a free drive: 1 rad/s), below which a joint's Coulomb friction falls to zero
+)
 
 
 def contact_restitution(mechanism: Mechanism, joint: Joint, law: KelvinVoigt) -> float:

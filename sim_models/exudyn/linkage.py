@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE
+from sim_models.common.start import Pose
 from sim_models.exudyn.model import Model, gap_at, point_at
 from sim_models.exudyn.record import Record, locate
 from sim_models.exudyn.settings import quiet_settings, static_settings
-from sim_models.start import Pose
 
 HALVED = 256  # a step that Newton's method only manages when shorter than this part of it has failed
 
-# Of a coordinate: steps by which Exudyn differentiates a contact.  One that is as large as the contact's depth misses how its force turns.
+# Of a coordinate: steps by which Exudyn differentiates a contact.  One that is as large as the contact's depth misses
+# how its force turns.
 DIFFERENCES = (1e-7, 1e-8, 1e-9, 1e-10)
 
 
@@ -41,8 +42,12 @@ class Linkage(Model):
         if data:
             self.mbs.systemData.SetDataCoordinates(data, self.exu.ConfigurationType.Initial)
 
-    def load_bodies(self, force: Mapping[str, complex], torque: Mapping[str, float], slide: Mapping[str, float]) -> None:
-        """Force (N) at each body's com and torque (N.m) on it, besides the mechanism's loads; force (N) along each slide."""
+    def load_bodies(
+        self, force: Mapping[str, complex], torque: Mapping[str, float], slide: Mapping[str, float]
+    ) -> None:
+        """Force (N) at each body's com and torque (N.m) on it, besides the mechanism's loads; force (N) along each
+        slide.
+        """
         for body in self.m.bodies:
             total = force[body.name]
             self.mbs.SetLoadParameter(self._com_force[body.name], "loadVector", [total.real, total.imag, 0.0])
@@ -52,12 +57,17 @@ class Linkage(Model):
 
     def body_loads(self) -> dict[str, list[float]]:
         """What :meth:`load_bodies` put on each body: force x, y (N) at its com, and torque (N.m)."""
-        acting = {b.name: [self.mbs.GetLoad(load[b.name])["loadVector"] for load in (self._com_force, self._com_torque)] for b in self.m.bodies}
+        acting = {
+            b.name: [self.mbs.GetLoad(load[b.name])["loadVector"] for load in (self._com_force, self._com_torque)]
+            for b in self.m.bodies
+        }
         return {name: [*map(float, force[:2]), float(torque[2])] for name, (force, torque) in acting.items()}
 
     @property
     def residual(self) -> float:
-        """Force (N) that a static solution may leave unbalanced: what rounding of a position leaves on a stiff spring."""
+        """Force (N) that a static solution may leave unbalanced: what rounding of a position leaves on a stiff
+        spring.
+        """
         return 1e-9 + 1e-15 * max((self.stiffness(name) for name in self.clearance), default=0.0)
 
     def solve_static(self) -> bool:
@@ -75,10 +85,11 @@ class Linkage(Model):
     def advance(self, begin: float, end: float, steps: int, onward: bool = False) -> bool:
         """Integrate from time ``begin`` to ``end`` (s) and go on from there; False if a step fails.
 
-        Trapezoidal rule with constraints on velocity (index 2): no numerical damping, and a constraint on speed is exact.
-        Steps are equal but for those that Newton's method, stumbling over a contact's kink, only manages when halved.
-        ``onward`` starts with the accelerations of the step before; otherwise Exudyn computes them, for a motor at constant speed.
-        A course's reactions are then off by what Newton's method leaves of the jerk, unless it is told to leave less.
+        Trapezoidal rule with constraints on velocity (index 2): no numerical damping, and a constraint on speed is
+        exact. Steps are equal but for those that Newton's method, stumbling over a contact's kink, only manages when
+        halved. ``onward`` starts with the accelerations of the step before; otherwise Exudyn computes them, for a motor
+        at constant speed. A course's reactions are then off by what Newton's method leaves of the jerk, unless it is
+        told to leave less.
         """
         settings = quiet_settings()
         time = settings.timeIntegration
@@ -111,13 +122,22 @@ class Linkage(Model):
     # ---------------------------------------------------------------- reading
 
     def item(self, sensed: str) -> dict[str, Any]:
-        """Exudyn's own parameters of what a sensor looks at: ``Coordinates <body>``, ``force <joint>``, ``law <joint>``, ``drive``."""
+        """Exudyn's own parameters of what a sensor looks at: ``Coordinates <body>``, ``force <joint>``, ``law
+        <joint>``, ``drive``.
+        """
         sensor = self.mbs.GetSensor(self._sensor[sensed])
-        return self.mbs.GetNode(sensor["nodeNumber"]) if sensor["sensorType"] == "Node" else self.mbs.GetObject(sensor["objectNumber"])
+        return (
+            self.mbs.GetNode(sensor["nodeNumber"])
+            if sensor["sensorType"] == "Node"
+            else self.mbs.GetObject(sensor["objectNumber"])
+        )
 
     def now(self) -> Record:
         """The present state, as a record of one instant."""
-        return self._record({key: np.atleast_2d(np.asarray(self.mbs.GetSensorValues(number))) for key, number in self._sensor.items()}, np.zeros(1))
+        return self._record(
+            {key: np.atleast_2d(np.asarray(self.mbs.GetSensorValues(number))) for key, number in self._sensor.items()},
+            np.zeros(1),
+        )
 
     def history(self) -> Record:
         """Every step of the last :meth:`advance`, its first instant included."""
@@ -126,7 +146,10 @@ class Linkage(Model):
 
     def accelerations(self) -> dict[str, tuple[complex, float]]:
         """Acceleration (m/s^2) of each body's com and angular acceleration (rad/s^2), now."""
-        values = {body: self.mbs.GetNodeOutput(node, self.exu.OutputVariableType.Coordinates_tt) for body, node in self._node.items()}
+        values = {
+            body: self.mbs.GetNodeOutput(node, self.exu.OutputVariableType.Coordinates_tt)
+            for body, node in self._node.items()
+        }
         return {body: (complex(a[0], a[1]), float(a[2])) for body, a in values.items()}
 
     def _record(self, raw: Mapping[str, np.ndarray], time: np.ndarray) -> Record:
@@ -140,7 +163,9 @@ class Linkage(Model):
         pins = [j for j in self.m.joints if not j.prismatic]
         ends = {j.name: [locate(self.m, com, angle, body, j.name) for body in j.bodies] for j in pins}
         gap = {name: first - second for name, (first, second) in ends.items()}
-        multiplier = 1.0 if self.motion == "static" else -1.0  # Exudyn's static and dynamic solvers differ in a multiplier's sign
+        multiplier = (
+            1.0 if self.motion == "static" else -1.0
+        )  # Exudyn's static and dynamic solvers differ in a multiplier's sign
         force, moment = {}, {}
         for joint in self.m.joints:
             value = raw[f"force {joint.name}"]
@@ -152,9 +177,13 @@ class Linkage(Model):
             elif joint.name not in self.clearance:
                 force[joint.name] = multiplier * (value[:, 0] + 1j * value[:, 1])
             elif self.joint_model == "massless-link" and self.motion == "driven":
-                force[joint.name] = value[:, 0] * gap[joint.name] / np.abs(gap[joint.name])  # the multiplier is the tension
+                force[joint.name] = (
+                    value[:, 0] * gap[joint.name] / np.abs(gap[joint.name])
+                )  # the multiplier is the tension
             else:
                 force[joint.name] = -(value[:, 0] + 1j * value[:, 1])
-        torque = np.zeros(time.size) if self._drive is None else raw["drive"][:, 0] * (1.0 if self.compliant else multiplier)
+        torque = (
+            np.zeros(time.size) if self._drive is None else raw["drive"][:, 0] * (1.0 if self.compliant else multiplier)
+        )
         marker = {body: locate(self.m, com, angle, body, "com") for body in com}
         return Record(time, com, marker, angle, velocity, turning, acceleration, spin_up, gap, force, moment, torque)

@@ -14,21 +14,25 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
-from sim_models.contact_laws import PIN_RADIUS, contact_parameters
+from sim_models.common.contact_laws import PIN_RADIUS, contact_parameters
+from sim_models.common.start import Pose
 from sim_models.engine import JointModel, Motion
 from sim_models.exudyn.laws import CONTACT_CREEP, MINIMUM_IMPACT_SPEED, contact_restitution, hysteresis, joint_creep
 from sim_models.exudyn.motor import Motor
-from sim_models.start import Pose
 
-ROD_STIFFNESS = 1e10  # N/m of the static massless link: Exudyn's static Newton knows no geometric stiffness of a constraint
+ROD_STIFFNESS = (
+    1e10  # N/m of the static massless link: Exudyn's static Newton knows no geometric stiffness of a constraint
+)
 
 
 class Model:
-    """A mechanism assembled as an Exudyn system, in a given pose; ``static`` and ``driven`` differ in joint laws and drive.
+    """A mechanism assembled as an Exudyn system, in a given pose; ``static`` and ``driven`` differ in joint laws and
+    drive.
 
-    ``start`` are the bodies' poses and rates; ``motor`` turns the crank, or one end of the spring of a compliant drive whose
-    other end is the crank; without one the linkage is held or free.  Joints with clearance get the joint model, all others
-    are ideal; ``contact_for`` says whose contact parameters an equilibrium uses that a driven run starts from.
+    ``start`` are the bodies' poses and rates; ``motor`` turns the crank, or one end of the spring of a compliant drive
+    whose other end is the crank; without one the linkage is held or free.  Joints with clearance get the joint model,
+    all others are ideal; ``contact_for`` says whose contact parameters an equilibrium uses that a driven run starts
+    from.
     """
 
     def __init__(
@@ -49,7 +53,9 @@ class Model:
         self.items = items
         self.m, self.joint_model, self.motion = mechanism, joint_model, motion
         self.clearance = mechanism.clearances if joint_model != "ideal" else {}
-        self.laws = {name: contact_parameters(mechanism, mechanism.joint(name), contact_for or motion) for name in self.clearance}
+        self.laws = {
+            name: contact_parameters(mechanism, mechanism.joint(name), contact_for or motion) for name in self.clearance
+        }
         self.container = exudyn.SystemContainer()
         self.mbs = self.container.AddSystem()
         self._ground = self.mbs.AddObject(items.ObjectGround())
@@ -104,7 +110,9 @@ class Model:
 
     def _sense(self, key: str, sensor: Any, variable: str, **where: Any) -> None:
         variable_type = getattr(self.exu.OutputVariableType, variable)
-        self._sensor[key] = self.mbs.AddSensor(sensor(**where, storeInternal=True, writeToFile=False, outputVariableType=variable_type))
+        self._sensor[key] = self.mbs.AddSensor(
+            sensor(**where, storeInternal=True, writeToFile=False, outputVariableType=variable_type)
+        )
 
     def _marker(self, body: str, point: str, turn: float = 0.0) -> Any:
         """Marker at a body's point, its x axis turned by ``turn`` (rad) in the body."""
@@ -118,8 +126,12 @@ class Model:
         for body in self.m.bodies:
             com = self._marker(body.name, MASS_CENTRE)
             weight = [body.mass * g for g in self.m.gravity]
-            self._com_force[body.name] = self.mbs.AddLoad(self.items.LoadForceVector(markerNumber=com, loadVector=[*weight, 0.0]))
-            self._com_torque[body.name] = self.mbs.AddLoad(self.items.LoadTorqueVector(markerNumber=com, loadVector=[0.0, 0.0, 0.0]))
+            self._com_force[body.name] = self.mbs.AddLoad(
+                self.items.LoadForceVector(markerNumber=com, loadVector=[*weight, 0.0])
+            )
+            self._com_torque[body.name] = self.mbs.AddLoad(
+                self.items.LoadTorqueVector(markerNumber=com, loadVector=[0.0, 0.0, 0.0])
+            )
         for load in self.m.loads:
             marker = self._marker(load.body, load.point)
             self.mbs.AddLoad(self.items.LoadForceVector(markerNumber=marker, loadVector=[*load.force, 0.0]))
@@ -128,8 +140,13 @@ class Model:
     def _add_joint(self, joint: Joint, start: Mapping[str, Pose]) -> None:
         if joint.prismatic:
             turn = cmath.phase(joint.direction)
-            markers = [self._marker(joint.bodies[0], joint.name, turn), self._marker(joint.bodies[1], joint.name, turn - joint.angle)]
-            number = self.mbs.AddObject(self.items.ObjectJointGeneric(markerNumbers=markers, constrainedAxes=[0, 1, 0, 0, 0, 1]))
+            markers = [
+                self._marker(joint.bodies[0], joint.name, turn),
+                self._marker(joint.bodies[1], joint.name, turn - joint.angle),
+            ]
+            number = self.mbs.AddObject(
+                self.items.ObjectJointGeneric(markerNumbers=markers, constrainedAxes=[0, 1, 0, 0, 0, 1])
+            )
             self._sense(f"force {joint.name}", self.items.SensorObject, "ForceLocal", objectNumber=number)
             self._sense(f"moment {joint.name}", self.items.SensorObject, "TorqueLocal", objectNumber=number)
             return
@@ -138,7 +155,9 @@ class Model:
             number = self.mbs.AddObject(self.items.ObjectJointRevolute2D(markerNumbers=markers))
         elif self.joint_model == "contact":
             spin = [start[body].angular_velocity if body != GROUND else 0.0 for body in joint.bodies]
-            number = self._add_contact(joint, markers, joint.clearance - gap_at(self.m, start, joint.name), abs(spin[1] - spin[0]))
+            number = self._add_contact(
+                joint, markers, joint.clearance - gap_at(self.m, start, joint.name), abs(spin[1] - spin[0])
+            )
         elif self.joint_model == "spring-damper":
             number = self._add_spring_damper(joint, markers)
         else:
@@ -151,19 +170,36 @@ class Model:
             impact = {"impactModel": 0, "contactDamping": law.damping}
         else:
             restitution = contact_restitution(self.m, joint, law)
-            impact = {"impactModel": 2, "restitutionCoefficient": restitution, "minimumImpactVelocity": MINIMUM_IMPACT_SPEED}
-        data = [separation, spin * radius, self._impact_speed(joint, -separation), 0.0]  # gap, sliding speed, impact speed
+            impact = {
+                "impactModel": 2,
+                "restitutionCoefficient": restitution,
+                "minimumImpactVelocity": MINIMUM_IMPACT_SPEED,
+            }
+        data = [
+            separation,
+            spin * radius,
+            self._impact_speed(joint, -separation),
+            0.0,
+        ]  # gap, sliding speed, impact speed
         node = self.mbs.AddNode(self.items.NodeGenericData(initialCoordinates=data, numberOfDataCoordinates=4))
         self._touching.append(joint.name)
         return self.mbs.AddObject(
             self.items.ObjectContactSphereSphere(
-                markerNumbers=markers, nodeNumber=node, spheresRadii=[radius, radius + joint.clearance], isHollowSphere1=True,
-                contactStiffness=law.stiffness, **impact, dynamicFriction=joint.friction, frictionProportionalZone=CONTACT_CREEP,
+                markerNumbers=markers,
+                nodeNumber=node,
+                spheresRadii=[radius, radius + joint.clearance],
+                isHollowSphere1=True,
+                contactStiffness=law.stiffness,
+                **impact,
+                dynamicFriction=joint.friction,
+                frictionProportionalZone=CONTACT_CREEP,
             )
-        )  # fmt: skip
+        )
 
     def _impact_speed(self, joint: Joint, depth: float) -> float:
-        """Impact speed (m/s) of a pin that starts pressed in by ``depth`` (m): its damping is then the Kelvin-Voigt one."""
+        """Impact speed (m/s) of a pin that starts pressed in by ``depth`` (m): its damping is then the Kelvin-Voigt
+        one.
+        """
         law = self.laws[joint.name]
         if depth <= 0 or law.damping == 0:
             return 0.0
@@ -190,7 +226,9 @@ class Model:
     def _add_rod(self, joint: Joint, markers: list[Any]) -> Any:
         if self.motion == "static":
             return self.mbs.AddObject(
-                self.items.ObjectConnectorSpringDamper(markerNumbers=markers, referenceLength=joint.clearance, stiffness=ROD_STIFFNESS)
+                self.items.ObjectConnectorSpringDamper(
+                    markerNumbers=markers, referenceLength=joint.clearance, stiffness=ROD_STIFFNESS
+                )
             )
         return self.mbs.AddObject(self.items.ObjectConnectorDistance(markerNumbers=markers, distance=joint.clearance))
 
@@ -204,20 +242,33 @@ class Model:
         elif joint.stiffness or damping or friction:
             self.mbs.AddObject(
                 self.items.ObjectConnectorCoordinateSpringDamperExt(
-                    markerNumbers=[self._fixed if body == GROUND else self._coordinate(self._node[body], 2) for body in joint.bodies],
-                    stiffness=joint.stiffness, offset=joint.rest_angle, damping=damping,
-                    dynamicFrictionForce=friction, frictionProportionalZone=self.creep if friction else 0.0,
+                    markerNumbers=[
+                        self._fixed if body == GROUND else self._coordinate(self._node[body], 2)
+                        for body in joint.bodies
+                    ],
+                    stiffness=joint.stiffness,
+                    offset=joint.rest_angle,
+                    damping=damping,
+                    dynamicFrictionForce=friction,
+                    frictionProportionalZone=self.creep if friction else 0.0,
                 )
-            )  # fmt: skip
+            )
 
     def _add_slide_law(self, joint: Joint, damping: float, friction: float) -> None:
         from exudyn.utilities import CreateSymbolicUserFunction
 
         symbolic, creep = self.exu.symbolic, self.creep * self.size
-        markers = [self._marker(body, joint.name, cmath.phase(joint.direction) if k == 0 else 0.0) for k, body in enumerate(joint.bodies)]
+        markers = [
+            self._marker(body, joint.name, cmath.phase(joint.direction) if k == 0 else 0.0)
+            for k, body in enumerate(joint.bodies)
+        ]
         number = self.mbs.AddObject(
             self.items.ObjectConnectorLinearSpringDamper(
-                markerNumbers=markers, axisMarker0=[1.0, 0.0, 0.0], stiffness=joint.stiffness, offset=joint.rest_angle, damping=damping
+                markerNumbers=markers,
+                axisMarker0=[1.0, 0.0, 0.0],
+                stiffness=joint.stiffness,
+                offset=joint.rest_angle,
+                damping=damping,
             )
         )
         if friction:
@@ -227,7 +278,9 @@ class Model:
 
             self.mbs.SetObjectParameter(number, "springForceUserFunction", law)
             self.mbs.SetObjectParameter(
-                number, "springForceUserFunction", CreateSymbolicUserFunction(self.mbs, law, "springForceUserFunction", number)
+                number,
+                "springForceUserFunction",
+                CreateSymbolicUserFunction(self.mbs, law, "springForceUserFunction", number),
             )
         self._slide[joint.name] = number
         self._sense(f"law {joint.name}", self.items.SensorObject, "ForceLocal", objectNumber=number)
@@ -239,13 +292,17 @@ class Model:
         connector = self.items.ObjectConnectorCoordinate
         crank = self._coordinate(self._node[self.m.driven], 2)
         if motor is None:
-            self._drive = self.mbs.AddObject(connector(markerNumbers=[self._fixed, crank], offset=start[self.m.driven].angle))
+            self._drive = self.mbs.AddObject(
+                connector(markerNumbers=[self._fixed, crank], offset=start[self.m.driven].angle)
+            )
         else:
             stiffness = self.m.drive.stiffness if self.m.drive is not None else None
             self.compliant = stiffness is not None
             turned = self._add_shaft(motor) if self.compliant else crank
             speed = {"offset": float(motor.rate(0.0))} if motor.steady else {"offsetUserFunction_t": _called(motor)}
-            self._drive = self.mbs.AddObject(connector(markerNumbers=[self._fixed, turned], velocityLevel=True, **speed))
+            self._drive = self.mbs.AddObject(
+                connector(markerNumbers=[self._fixed, turned], velocityLevel=True, **speed)
+            )
             if self.compliant:
                 spring = self.items.ObjectConnectorCoordinateSpringDamper
                 self._drive = self.mbs.AddObject(spring(markerNumbers=[crank, turned], stiffness=stiffness))

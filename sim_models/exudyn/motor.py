@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PPoly
 
-from sim_models.start import Course
+from sim_models.common.start import Course
 
 INSTANT = 1e-9  # s, the first step of a run: it puts velocities right that are only nearly consistent
 SETTLING = 1e-7  # s, the step after which accelerations are consistent, where Exudyn does not know the motor's
@@ -56,8 +56,8 @@ class Motor:
     def knots_between(self, times: np.ndarray, step: float) -> np.ndarray:
         """Knots (s) before the last of these times (s, sorted), but for those that nearly coincide with one of them.
 
-        A step over a knot, where the jerk jumps, would leave the trapezoidal rule's accelerations alternating ever after; so
-        would, by rounding, a step far shorter than ``step`` (s).
+        A step over a knot, where the jerk jumps, would leave the trapezoidal rule's accelerations alternating ever
+        after; so would, by rounding, a step far shorter than ``step`` (s).
         """
         knots = self.path.x[self.path.x < times[-1]]
         after = np.searchsorted(times, knots)
@@ -78,7 +78,8 @@ class Motor:
 
     @property
     def longest_step(self) -> float:
-        """Step (s) with which the trapezoidal rule stays on the course: it loses h^2/12 of what the acceleration changes by.
+        """Step (s) with which the trapezoidal rule stays on the course: it loses h^2/12 of what the acceleration
+        changes by.
 
         A course with scatter, which sixth differences show, need not be followed closer than to a part of that.
         """

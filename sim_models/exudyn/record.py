@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from analytic.assembly import Assembly
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism
+from sim_models.common.start import poses
 from sim_models.engine import Rates
 from sim_models.exudyn.motor import Motor
-from sim_models.start import poses
 
 OPEN_LOOP = 1e-4  # of the largest link: gap at an ideal joint beyond which a run is garbage
 DEEP = 0.1  # of the shorter link at a joint: penetration beyond which a run is garbage
@@ -50,7 +50,11 @@ class Record:
         parts: list[Any] = []
         for f in fields(self):
             part = getattr(self, f.name)
-            parts.append(change(part) if isinstance(part, np.ndarray) else {name: change(values) for name, values in part.items()})
+            parts.append(
+                change(part)
+                if isinstance(part, np.ndarray)
+                else {name: change(values) for name, values in part.items()}
+            )
         return Record(*parts)
 
     def signals(self) -> dict[str, np.ndarray]:
@@ -67,7 +71,10 @@ class Record:
 
     def rates(self) -> dict[str, Rates]:
         """Rates of every body, for a Trace."""
-        return {body: Rates(v.copy(), self.acceleration[body].copy(), self.angular_acceleration[body].copy()) for body, v in self.velocity.items()}
+        return {
+            body: Rates(v.copy(), self.acceleration[body].copy(), self.angular_acceleration[body].copy())
+            for body, v in self.velocity.items()
+        }
 
 
 def join(records: Sequence[Record]) -> Record:
@@ -76,11 +83,15 @@ def join(records: Sequence[Record]) -> Record:
     for f in fields(Record):
         each = [getattr(record, f.name) for record in records]
         single = isinstance(each[0], np.ndarray)
-        parts.append(np.concatenate(each) if single else {name: np.concatenate([e[name] for e in each]) for name in each[0]})
+        parts.append(
+            np.concatenate(each) if single else {name: np.concatenate([e[name] for e in each]) for name in each[0]}
+        )
     return Record(*parts)
 
 
-def locate(m: Mechanism, com: Mapping[str, np.ndarray], angle: Mapping[str, np.ndarray], body: str, point: str) -> np.ndarray:
+def locate(
+    m: Mechanism, com: Mapping[str, np.ndarray], angle: Mapping[str, np.ndarray], body: str, point: str
+) -> np.ndarray:
     """Path (m, (M,) complex) of a body's named point."""
     if body == GROUND:
         return np.full_like(next(iter(com.values())), m.ground.point(point))
@@ -94,7 +105,9 @@ def travel(m: Mechanism, record: Record, joint: Joint) -> np.ndarray:
     angle = {**still, **record.angle}
     if not joint.prismatic:
         return angle[second] - angle[first]
-    apart = locate(m, record.com, record.angle, second, joint.name) - locate(m, record.com, record.angle, first, joint.name)
+    apart = locate(m, record.com, record.angle, second, joint.name) - locate(
+        m, record.com, record.angle, first, joint.name
+    )
     return np.real(apart * np.conj(joint.direction * np.exp(1j * angle[first])))
 
 
@@ -124,11 +137,15 @@ class Judge:
             excess, allowed = np.abs(gap), OPEN_LOOP * size
             if name in self.clearance:
                 links = [self.mechanism.body(body) for body in self.mechanism.joint(name).bodies]
-                shorter = min((link.length for link in links if isinstance(link, Body) and link.length > 0), default=size)
+                shorter = min(
+                    (link.length for link in links if isinstance(link, Body) and link.length > 0), default=size
+                )
                 excess, allowed = excess - self.clearance[name], DEEP * shorter
             worst = int(np.argmax(excess))
             if excess[worst] > allowed:
-                return f"the pins of joint {name} are {excess[worst]:.3g} m too far apart at {self._place(record, worst)}"
+                return (
+                    f"the pins of joint {name} are {excess[worst]:.3g} m too far apart at {self._place(record, worst)}"
+                )
         return None
 
     def in_assembly_mode(self, record: Record, assembly: Assembly) -> str | None:
@@ -143,16 +160,24 @@ class Judge:
         """Energy may be lost to friction, dampers and contact, but not come from nothing."""
         kinetic = np.zeros(record.time.size)
         for b in self.mechanism.bodies:
-            kinetic += b.mass / 2 * np.abs(record.velocity[b.name]) ** 2 + b.moment_of_inertia / 2 * record.angular_velocity[b.name] ** 2
+            kinetic += (
+                b.mass / 2 * np.abs(record.velocity[b.name]) ** 2
+                + b.moment_of_inertia / 2 * record.angular_velocity[b.name] ** 2
+            )
         stored = self._stored(record)
-        power = record.drive_torque * (record.angular_velocity[self.mechanism.driven] if self.motor is None else self.motor.rate(record.time))
+        power = record.drive_torque * (
+            record.angular_velocity[self.mechanism.driven] if self.motor is None else self.motor.rate(record.time)
+        )
         supplied = np.concatenate([[0.0], np.cumsum(np.diff(record.time) * (power[1:] + power[:-1]) / 2)])
         surplus = kinetic + stored - supplied
         created = surplus - np.minimum.accumulate(surplus)
         turned_over = max(np.ptp(kinetic), np.ptp(stored), np.ptp(supplied), 1e-12)
         worst = int(np.argmax(created))
         if created[worst] > ENERGY_FROM_NOTHING * turned_over:
-            return f"{created[worst]:.3g} J have come from nothing at {self._place(record, worst)}, of {turned_over:.3g} J turned over"
+            return (
+                f"{created[worst]:.3g} J have come from nothing at {self._place(record, worst)}, of {turned_over:.3g} J"
+                " turned over"
+            )
         return None
 
     def _stored(self, record: Record) -> np.ndarray:
@@ -174,4 +199,7 @@ class Judge:
         return energy
 
     def _place(self, record: Record, row: int) -> str:
-        return f"crank angle {math.degrees(record.angle[self.mechanism.driven][row]):.4g} deg (time {record.time[row]:.4g} s)"
+        return (
+            f"crank angle {math.degrees(record.angle[self.mechanism.driven][row]):.4g} deg (time"
+            f" {record.time[row]:.4g} s)"
+        )

@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from analytic.assembly import Assembly
+from analytic.kinematics.assembly import Assembly
+from sim_models.common.contact_laws import contact_parameters, lighter_mass
+from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
-from sim_models.contact_laws import contact_parameters, lighter_mass
+from sim_models.common.start import Course, check_steps, poses, schedule, substeps
 from sim_models.engine import (
     Request,
     SimulationError,
@@ -25,8 +27,6 @@ from sim_models.exudyn.linkage import Linkage
 from sim_models.exudyn.motor import INSTANT, SETTLING, Motor
 from sim_models.exudyn.record import Judge, Record, join
 from sim_models.exudyn.steady import steady_start
-from sim_models.failed_starts import own_start
-from sim_models.start import Course, check_steps, poses, schedule, substeps
 
 TURN_PER_STEP = 2e-3  # rad of crank angle in a step, at most
 SWING_PER_STEP = 5e-4  # rad, of a released linkage's time scale: it has no motor to keep its phase
@@ -49,11 +49,15 @@ def _check(request: Request) -> None:
     elif not request.crank_angle.size:
         raise Unsupported(f"{m.name}: no crank angle is asked for; give Request.crank_angle")
     if request.joint_model == "massless-link" and moving and request.start == "centred" and m.clearances:
-        raise Unsupported("exudyn: a massless link is as long as the clearance and cannot start with its pin centred; use start 'steady'")
+        raise Unsupported(
+            "exudyn: a massless link is as long as the clearance and cannot start with its pin centred; use start"
+            " 'steady'"
+        )
     rubbing = [j.name for j in m.joints if j.clearance and j.friction]
     if rubbing and request.joint_model == "contact" and not moving:
         raise Unsupported(
-            f"exudyn: contact friction (joint {rubbing[0]}) depends on the sliding speed and vanishes at rest; run it driven, or give friction_torque"
+            f"exudyn: contact friction (joint {rubbing[0]}) depends on the sliding speed and vanishes at rest; run it"
+            " driven, or give friction_torque"
         )
 
 
@@ -81,7 +85,9 @@ class Run:
         equilibria = Equilibria(self.request, self.assembly, self.m.speed or 1.0)
         order = np.argsort(self.request.crank_angle, kind="stable")
         found = join([equilibria.at(equilibria.crank(float(theta))) for theta in self.request.crank_angle[order]])
-        self.check(self.judge.finite(found), self.judge.joined(found), self.judge.in_assembly_mode(found, self.assembly))
+        self.check(
+            self.judge.finite(found), self.judge.joined(found), self.judge.in_assembly_mode(found, self.assembly)
+        )
         return self.report(found.rows(np.argsort(order)), found)
 
     def driven(self) -> Trace:
@@ -92,10 +98,14 @@ class Run:
         linkage, longest = self.launch(motor)
         history, marks = self.march(linkage, passing[order], longest, motor)
         self.check(self.judge.energy(history), self.judge.in_assembly_mode(history, self.assembly))
-        return self.report(history.rows(marks[np.argsort(order)]), history.rows(slice(int(marks[0]), None)), time, longest)
+        return self.report(
+            history.rows(marks[np.argsort(order)]), history.rows(slice(int(marks[0]), None)), time, longest
+        )
 
     def turn(self) -> tuple[Motor, np.ndarray, np.ndarray]:
-        """A motor of constant speed, when (s) in the run it passes each requested angle, and when after the first of them."""
+        """A motor of constant speed, when (s) in the run it passes each requested angle, and when after the first of
+        them.
+        """
         plan = schedule(self.request)
         start = float(plan.theta[0]) - math.copysign(self.request.lead_in, plan.speed)
         time = plan.time[np.argsort(plan.order)]
@@ -146,7 +156,9 @@ class Run:
         found = linkage.accelerations()
         return Inertia({name: a for name, (a, _) in found.items()}, {name: w for name, (_, w) in found.items()})
 
-    def longest_step(self, linkage: Linkage, motor: Motor | None, inertia: Inertia | None, pressing: Mapping[str, float]) -> float:
+    def longest_step(
+        self, linkage: Linkage, motor: Motor | None, inertia: Inertia | None, pressing: Mapping[str, float]
+    ) -> float:
         if motor is None:
             assert inertia is not None
             rate = max(math.sqrt(abs(w)) for w in inertia.angular.values())
@@ -154,15 +166,26 @@ class Run:
         else:
             steps = [TURN_PER_STEP / max(motor.top_speed, 1.0), motor.longest_step]
         for name, clearance in linkage.clearance.items():
-            stiffness = linkage.stiffness(name) if self.request.joint_model != "massless-link" else pressing[name] / clearance
-            steps.append(2 * math.pi * math.sqrt(lighter_mass(self.m, self.m.joint(name)) / stiffness) / STEPS_PER_PERIOD)
+            stiffness = (
+                linkage.stiffness(name) if self.request.joint_model != "massless-link" else pressing[name] / clearance
+            )
+            steps.append(
+                2 * math.pi * math.sqrt(lighter_mass(self.m, self.m.joint(name)) / stiffness) / STEPS_PER_PERIOD
+            )
         return min(steps)
 
     # ---------------------------------------------------------------- stepping
 
-    def march(self, linkage: Linkage, times: np.ndarray, longest: float, motor: Motor | None = None) -> tuple[Record, np.ndarray]:
+    def march(
+        self, linkage: Linkage, times: np.ndarray, longest: float, motor: Motor | None = None
+    ) -> tuple[Record, np.ndarray]:
         """Integrate from 0 through all times (s, sorted): every step, and the row of each time."""
-        check_steps(f"exudyn {self.request.joint_model} {self.request.motion} ({self.m.name})", float(times[-1]), longest, MOST_STEPS)
+        check_steps(
+            f"exudyn {self.request.joint_model} {self.request.motion} ({self.m.name})",
+            float(times[-1]),
+            longest,
+            MOST_STEPS,
+        )
         parts, clock = [self.advance(linkage, 0.0, INSTANT, 1).rows(slice(0, 1))], INSTANT
         onward, stops = motor is not None and not motor.steady, np.unique(times)
         if motor is not None and onward:
@@ -183,7 +206,10 @@ class Run:
     def advance(self, linkage: Linkage, begin: float, end: float, count: int, onward: bool = False) -> Record:
         """Integrate in ``count`` steps, or settle in one (count 0)."""
         if not (linkage.advance(begin, end, count, onward) if count else linkage.settle(begin, end)):
-            raise self.failure(f"the integrator gave up between {begin:.6g} and {end:.6g} s (step {(end - begin) / max(count, 1):.3g} s)")
+            raise self.failure(
+                f"the integrator gave up between {begin:.6g} and {end:.6g} s (step"
+                f" {(end - begin) / max(count, 1):.3g} s)"
+            )
         record = linkage.history()
         self.check(self.judge.finite(record), self.judge.joined(record))
         return record
@@ -192,7 +218,10 @@ class Run:
 
     def failure(self, why: str) -> SimulationError:
         r = self.request
-        return SimulationError(f"exudyn {r.joint_model} {r.motion} ({self.m.name}): {why}; use a smaller step or a softer, more damped contact")
+        return SimulationError(
+            f"exudyn {r.joint_model} {r.motion} ({self.m.name}): {why}; use a smaller step or a softer, more damped"
+            " contact"
+        )
 
     def check(self, *wrong: str | None) -> None:
         """Raise SimulationError with the first of the judge's objections."""
@@ -200,32 +229,50 @@ class Run:
             if why:
                 raise self.failure(why)
 
-    def report(self, sampled: Record, dense: Record, time: np.ndarray | None = None, step: float | None = None) -> Trace:
+    def report(
+        self, sampled: Record, dense: Record, time: np.ndarray | None = None, step: float | None = None
+    ) -> Trace:
         """The trace: signals at the sampled instants, the pins' paths and free share over the dense record."""
         r = self.request
         free = {name: free_share(dense.gap[name], clearance, dense.time) for name, clearance in self.clearance.items()}
         return Trace(
-            simulator="exudyn", version=installed_version("exudyn") or "unknown", joint_model=r.joint_model, motion=r.motion,
-            crank_angle=np.array(r.crank_angle, float) if r.crank_angle.size else sampled.angle[self.m.driven].copy(), time=time,
-            signals=sampled.signals(), clearance=dict(self.clearance), free_share=free,
+            simulator="exudyn",
+            version=installed_version("exudyn") or "unknown",
+            joint_model=r.joint_model,
+            motion=r.motion,
+            crank_angle=np.array(r.crank_angle, float) if r.crank_angle.size else sampled.angle[self.m.driven].copy(),
+            time=time,
+            signals=sampled.signals(),
+            clearance=dict(self.clearance),
+            free_share=free,
             journal={name: np.column_stack([dense.gap[name].real, dense.gap[name].imag]) for name in self.clearance},
-            settings=self.settings(step), rates=sampled.rates(),
-        )  # fmt: skip
+            settings=self.settings(step),
+            rates=sampled.rates(),
+        )
 
     def settings(self, step: float | None) -> dict[str, Any]:
         r = self.request
-        used: dict[str, Any] = {"solver": "static Newton" if r.motion == "static" else "trapezoidal rule, index 2", "step": step}
+        used: dict[str, Any] = {
+            "solver": "static Newton" if r.motion == "static" else "trapezoidal rule, index 2",
+            "step": step,
+        }
         laws = self.contact
         if not laws:
             return used
         joints = {name: self.m.joint(name) for name in laws}
         used["contact_stiffness"] = min(law.stiffness for law in laws.values())
-        linear = {name for name, joint in joints.items() if r.joint_model == "spring-damper" or joint.contact_damping is not None}
+        linear = {
+            name
+            for name, joint in joints.items()
+            if r.joint_model == "spring-damper" or joint.contact_damping is not None
+        }
         if linear:
             used["contact_law"] = "max(0, K d + C d')" if r.joint_model == "spring-damper" else "K d + C d'"
             used["contact_damping"] = {name: laws[name].damping for name in sorted(linear)}
         else:
             used["contact_law"] = "K d (1 + chi d'/v0), Carvalho-Martins 2019 (e > 1/3) or Gonthier et al. 2004"
             used["minimum_impact_speed"] = MINIMUM_IMPACT_SPEED
-        bouncing = {name: contact_restitution(self.m, joints[name], laws[name]) for name in joints if name not in linear}
+        bouncing = {
+            name: contact_restitution(self.m, joints[name], laws[name]) for name in joints if name not in linear
+        }
         return used | ({"restitution": bouncing} if bouncing else {})

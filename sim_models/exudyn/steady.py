@@ -5,25 +5,29 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
 
-from analytic.assembly import Assembly
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
+from sim_models.common.start import Pose, poses
 from sim_models.engine import Request
 from sim_models.exudyn.equilibria import Equilibria, Inertia
 from sim_models.exudyn.motor import Motor
 from sim_models.exudyn.record import Record
 from sim_models.exudyn.sway import sway
-from sim_models.start import Pose, poses
 
 NODES = 7  # instants around the first, on whose polynomial rates and accelerations are taken
 APART = 4e-3  # rad of crank angle from one to the next
-APART_COMPLIANT = 0.05  # rad, of a compliant drive: far enough for the derivatives of derivatives that its sway is found by
+APART_COMPLIANT = (
+    0.05  # rad, of a compliant drive: far enough for the derivatives of derivatives that its sway is found by
+)
 PASSES = 2  # the second has the inertia forces of the first one's gaps
 PASSES_COMPLIANT = 8  # at most
 STILL = 1e-11  # rad by which a crank that has been found moves from one pass to the next
 
 
 def instants(motor: Motor, compliant: bool) -> np.ndarray:
-    """Times (s), the first instant among them: around it at constant speed, from it on along a course or where they reach far."""
+    """Times (s), the first instant among them: around it at constant speed, from it on along a course or where they
+    reach far.
+    """
     turn = APART_COMPLIANT if compliant else APART
     first = NODES // 2 if motor.steady and not compliant else 0
     end = np.inf if motor.steady else motor.path.x[-1] / (NODES - 1)
@@ -41,7 +45,8 @@ def derivative(time: np.ndarray) -> np.ndarray:
 
 
 def steady_start(equilibria: Equilibria, motor: Motor, stiffness: float | None) -> tuple[dict[str, Pose], Record]:
-    """Poses and rates of the linkage at the first instant, and the equilibrium with inertia forces that it passes there.
+    """Poses and rates of the linkage at the first instant, and the equilibrium with inertia forces that it passes
+    there.
 
     Inertia forces are those of the motion with the gaps of the pass before.  The crank of a drive of ``stiffness``
     (N.m/rad) moves as :func:`crank_behind` says.
@@ -49,7 +54,9 @@ def steady_start(equilibria: Equilibria, motor: Motor, stiffness: float | None) 
     time = instants(motor, compliant=False)
     crank = motor.angle(time)
     if stiffness is not None:
-        crank = crank_behind(Equilibria(_ideal(equilibria), equilibria.assembly, 0.0, equilibria.creep), motor, stiffness, time)
+        crank = crank_behind(
+            Equilibria(_ideal(equilibria), equilibria.assembly, 0.0, equilibria.creep), motor, stiffness, time
+        )
     here, rate = int(np.argmin(np.abs(time))), derivative(time)
     gaps: list[dict[str, complex]] = [{} for _ in time]
     for _ in range(PASSES):
@@ -63,11 +70,12 @@ def _ideal(equilibria: Equilibria) -> Request:
 
 
 def crank_behind(equilibria: Equilibria, motor: Motor, stiffness: float, time: np.ndarray) -> np.ndarray:
-    """Angle (rad) at some times (s) near the first instant of the ideal linkage's crank on a drive of that stiffness (N.m/rad).
+    """Angle (rad) at some times (s) near the first instant of the ideal linkage's crank on a drive of that stiffness
+    (N.m/rad).
 
     Where revolution follows revolution, in the motion that they repeat.  Elsewhere in the motion without sway: the
-    limit of crank = motor - torque / stiffness, with the torque of the crank's own motion, as far as it converges; the crank's
-    natural frequency has to be well above that of its motion.
+    limit of crank = motor - torque / stiffness, with the torque of the crank's own motion, as far as it converges; the
+    crank's natural frequency has to be well above that of its motion.
     """
     repeating = sway(equilibria, motor, stiffness)
     if repeating is not None:
@@ -87,7 +95,9 @@ def crank_behind(equilibria: Equilibria, motor: Motor, stiffness: float, time: n
     return motor.angle(time) - np.asarray(BarycentricInterpolator(wide, lag)(time))
 
 
-def _passed(equilibria: Equilibria, crank: np.ndarray, gaps: list[dict[str, complex]], rate: np.ndarray) -> list[Record]:
+def _passed(
+    equilibria: Equilibria, crank: np.ndarray, gaps: list[dict[str, complex]], rate: np.ndarray
+) -> list[Record]:
     """Equilibria at every instant, under the inertia forces of the motion that passes them all."""
     inertia, turning = _inertia(equilibria.m, _places(equilibria.assembly, crank, gaps), rate), rate @ crank
     return [equilibria.at(float(theta), a, float(w)) for theta, a, w in zip(crank, inertia, turning, strict=True)]
@@ -109,10 +119,15 @@ def _inertia(m: Mechanism, places: list[dict[str, Pose]], rate: np.ndarray) -> l
         angle = np.array([place[body.name].angle for place in places])
         centre = np.array([place[body.name].origin for place in places]) + body.centre * np.exp(1j * angle)
         linear[body.name], angular[body.name] = rate @ (rate @ centre), rate @ (rate @ angle)
-    return [Inertia({b: complex(a[k]) for b, a in linear.items()}, {b: float(w[k]) for b, w in angular.items()}) for k in range(len(places))]
+    return [
+        Inertia({b: complex(a[k]) for b, a in linear.items()}, {b: float(w[k]) for b, w in angular.items()})
+        for k in range(len(places))
+    ]
 
 
-def _moving(assembly: Assembly, crank: np.ndarray, gaps: list[dict[str, complex]], rate: np.ndarray, here: int) -> dict[str, Pose]:
+def _moving(
+    assembly: Assembly, crank: np.ndarray, gaps: list[dict[str, complex]], rate: np.ndarray, here: int
+) -> dict[str, Pose]:
     """Poses at one of the instants, with their rates."""
     places = _places(assembly, crank, gaps)
     moving = {}

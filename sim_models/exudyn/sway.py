@@ -1,7 +1,7 @@
 """The steady motion of a crank that a compliant drive turns over and over: the one that each revolution repeats.
 
-The rigid linkage behind the drive has one freedom, whose drive torque is linear in the crank's acceleration and quadratic
-in its speed.  Exudyn's equilibria give its coefficients around the revolution; a Fourier series solves
+The rigid linkage behind the drive has one freedom, whose drive torque is linear in the crank's acceleration and
+quadratic in its speed.  Exudyn's equilibria give its coefficients around the revolution; a Fourier series solves
 stiffness (motor - crank) = torque, resonant harmonics included.
 """
 
@@ -14,10 +14,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from analytic.assembly import AssemblyError
+from analytic.kinematics.assembly import AssemblyError
+from sim_models.common.start import poses
 from sim_models.exudyn.equilibria import Equilibria, Inertia
 from sim_models.exudyn.motor import Motor
-from sim_models.start import poses
 
 AROUND = 96  # crank angles at which the torque is sampled
 GRID = 192  # instants of a revolution
@@ -47,7 +47,11 @@ def period(motor: Motor) -> float | None:
     if (float(motor.angle(end) - motor.angle(0.0)) - turn) * turn < -REPEATS:
         return None
     beyond = [float((motor.angle(t) - motor.angle(0.0) - turn) * turn) for t in (0.0, end)]
-    time = end if beyond[1] <= 0 else float(brentq(lambda t: float(motor.angle(t) - motor.angle(0.0) - turn), 0.0, end, xtol=1e-14))
+    time = (
+        end
+        if beyond[1] <= 0
+        else float(brentq(lambda t: float(motor.angle(t) - motor.angle(0.0) - turn), 0.0, end, xtol=1e-14))
+    )
     speed = 2 * math.pi / time
     again = np.linspace(0.0, end - time, 50)
     if np.abs(motor.angle(again + time) - motor.angle(again) - turn).max() > REPEATS:
@@ -56,12 +60,16 @@ def period(motor: Motor) -> float | None:
 
 
 def sway(equilibria: Equilibria, motor: Motor, stiffness: float) -> Sway | None:
-    """The repeating motion behind a drive of that stiffness (N.m/rad); None where nothing repeats itself, or it is not found."""
+    """The repeating motion behind a drive of that stiffness (N.m/rad); None where nothing repeats itself, or it is not
+    found.
+    """
     time = period(motor)
     if time is None or any(j.stiffness and _winds(equilibria, j.name) for j in equilibria.m.joints):
         return None
     try:
-        coefficients = _coefficients(equilibria, math.copysign(2 * math.pi / time, float(motor.angle(time) - motor.angle(0.0))))
+        coefficients = _coefficients(
+            equilibria, math.copysign(2 * math.pi / time, float(motor.angle(time) - motor.angle(0.0)))
+        )
     except AssemblyError:  # the crank does not turn fully
         return None
     grid = np.arange(GRID) * time / GRID
@@ -75,7 +83,8 @@ def sway(equilibria: Equilibria, motor: Motor, stiffness: float) -> Sway | None:
         by_angle = slopes[0] + slopes[1] * omega + slopes[2] * omega**2 + slopes[3] * alpha
         by_rate = linear + 2 * square * omega
         change = np.linalg.solve(
-            stiffness * np.eye(GRID) + np.diag(by_angle) + by_rate[:, None] * rate + inertia[:, None] * (rate @ rate), torque - stiffness * lag
+            stiffness * np.eye(GRID) + np.diag(by_angle) + by_rate[:, None] * rate + inertia[:, None] * (rate @ rate),
+            torque - stiffness * lag,
         )
         lag = lag + change
         if np.abs(change).max() < FOUND:
@@ -84,7 +93,9 @@ def sway(equilibria: Equilibria, motor: Motor, stiffness: float) -> Sway | None:
 
 
 def _coefficients(equilibria: Equilibria, speed: float) -> _Coefficients:
-    """Torque (N.m) without motion, by speed, speed squared and acceleration, at every crank angle.  Raises AssemblyError."""
+    """Torque (N.m) without motion, by speed, speed squared and acceleration, at every crank angle.  Raises
+    AssemblyError.
+    """
     m, assembly = equilibria.m, equilibria.assembly
     theta = assembly.start + 2 * np.pi * np.arange(AROUND) / AROUND
     places = [poses(assembly, float(at)) for at in theta]
@@ -101,7 +112,9 @@ def _coefficients(equilibria: Equilibria, speed: float) -> _Coefficients:
         second[body.name] = rate @ (rate @ centre), rate @ turning
     rows = []
     for k, at in enumerate(theta):
-        by_speed = [equilibria.at(float(at), _times(second, k, (s * speed) ** 2), s * speed).drive_torque[0] for s in SPEEDS]
+        by_speed = [
+            equilibria.at(float(at), _times(second, k, (s * speed) ** 2), s * speed).drive_torque[0] for s in SPEEDS
+        ]
         square, linear, still = np.polyfit(np.array(SPEEDS) * speed, by_speed, 2)
         scale = speed**2
         accelerated = equilibria.at(float(at), _times(first, k, scale), SPEEDS[1] * speed).drive_torque[0]
@@ -118,14 +131,19 @@ class _Coefficients:
 
 
 def _times(rates: dict[str, tuple[np.ndarray, np.ndarray]], k: int, factor: float) -> Inertia:
-    return Inertia({b: complex(v[k]) * factor for b, (v, _) in rates.items()}, {b: float(w[k]) * factor for b, (_, w) in rates.items()})
+    return Inertia(
+        {b: complex(v[k]) * factor for b, (v, _) in rates.items()},
+        {b: float(w[k]) * factor for b, (_, w) in rates.items()},
+    )
 
 
 def _fourier(n: int, span: float) -> np.ndarray:
     """Matrix (n, n), n even, from a periodic function's values, evenly over its period, to its derivative's."""
     k = np.arange(n)
     apart = k[:, None] - k
-    return np.where(apart == 0, 0.0, 0.5 * (-1.0) ** apart / np.tan(np.pi * apart / n + (apart == 0))) * 2 * np.pi / span
+    return (
+        np.where(apart == 0, 0.0, 0.5 * (-1.0) ** apart / np.tan(np.pi * apart / n + (apart == 0))) * 2 * np.pi / span
+    )
 
 
 def _winds(equilibria: Equilibria, joint: str) -> bool:
@@ -135,5 +153,7 @@ def _winds(equilibria: Equilibria, joint: str) -> bool:
         before, after = (poses(equilibria.assembly, at) for at in (start, start + 2 * math.pi))
     except AssemblyError:
         return True
-    turned = [after[body].angle - before[body].angle if body in after else 0.0 for body in equilibria.m.joint(joint).bodies]
+    turned = [
+        after[body].angle - before[body].angle if body in after else 0.0 for body in equilibria.m.joint(joint).bodies
+    ]
     return not equilibria.m.joint(joint).prismatic and abs(turned[1] - turned[0]) > math.pi

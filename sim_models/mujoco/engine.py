@@ -13,13 +13,16 @@ from sim_models.engine import COMMON_EFFECTS, JOINT_MODELS, JointModel, Motion, 
 class MujocoEngine:
     """MuJoCo.  Joints with clearance follow any of the four joint models, in driven and static motion.
 
-    With a drive that yields, the requested crank angles, or the course, are the motor's.  Where these repeat themselves with each
-    revolution, so does the crank of an ideal linkage from the start; else it starts where its motor's motion nearby has it.
+    With a drive that yields, the requested crank angles, or the course, are the motor's.  Where these repeat themselves
+    with each revolution, so does the crank of an ideal linkage from the start; else it starts where its motor's motion
+    nearby has it.
     """
 
     name = "mujoco"
     package = "mujoco"
-    supports: frozenset[tuple[JointModel, Motion]] = frozenset((model, motion) for model in JOINT_MODELS for motion in ("driven", "static"))
+    supports: frozenset[tuple[JointModel, Motion]] = frozenset(
+        (model, motion) for model in JOINT_MODELS for motion in ("driven", "static")
+    )
     effects = COMMON_EFFECTS | {"drive_compliance"}
 
     def simulate(self, request: Request) -> Trace:
@@ -30,7 +33,9 @@ class MujocoEngine:
             return simulate(self, request, lambda r: Run(r).trace())
 
     def export(self, request: Request, folder: Path) -> list[Path]:
-        """Write a request, and what came of it, as files that run in MuJoCo alone.  Raises what :meth:`simulate` does."""
+        """Write a request, and what came of it, as files that run in MuJoCo alone.  Raises what
+        :meth:`simulate` does.
+        """
         from sim_models.mujoco.export import export
 
         check_supported(self, request)

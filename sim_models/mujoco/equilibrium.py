@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from analytic.assembly import Assembly
+from analytic.kinematics.assembly import Assembly
+from sim_models.common.failed_starts import check_stiff_enough, where, who, why_no_equilibrium
+from sim_models.common.start import poses
 from sim_models.engine import Request, SimulationError
-from sim_models.failed_starts import check_stiff_enough, where, who, why_no_equilibrium
 from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.model import Linkage
 from sim_models.mujoco.state import contact_rows, gap, joint_forces, signals, touch
-from sim_models.start import poses
 
 NUDGE = 1e-7  # rad or m, of difference quotients
 SETTLED = 1e-9  # rad, or m over the linkage's size: Newton's last step; the error left is its square
@@ -128,12 +128,27 @@ def rest(link: Linkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mappi
 class Equilibria:
     """Equilibria of a request's mechanism, near the crank angle theta (rad).
 
-    ``step`` (s) sets how rigid the rigid rows are; ``direction`` (sign of the drive's motion, 0 at rest) that of friction.  ``forces`` are the
-    sizes (N) of the ideal linkage's reactions at the joints with clearance, as last asked for.
+    ``step`` (s) sets how rigid the rigid rows are; ``direction`` (sign of the drive's motion, 0 at rest) that of
+    friction.  ``forces`` are the sizes (N) of the ideal linkage's reactions at the joints with clearance, as last asked
+    for.
     """
 
-    def __init__(self, request: Request, assembly: Assembly, laws: Mapping[str, Contact], direction: float, theta: float, step: float) -> None:
-        self.request, self.mechanism, self.assembly, self.laws, self.direction = request, request.mechanism, assembly, laws, direction
+    def __init__(
+        self,
+        request: Request,
+        assembly: Assembly,
+        laws: Mapping[str, Contact],
+        direction: float,
+        theta: float,
+        step: float,
+    ) -> None:
+        self.request, self.mechanism, self.assembly, self.laws, self.direction = (
+            request,
+            request.mechanism,
+            assembly,
+            laws,
+            direction,
+        )
         pose = poses(assembly, theta)
         rows = "spring" if request.joint_model == "spring-damper" else request.joint_model
         self.ideal = Linkage(self.mechanism, {}, "ideal", pose, step, friction=False)
@@ -150,7 +165,9 @@ class Equilibria:
             return {j.name: 0.0 for j in self.mechanism.joints}
         link, h = self.ideal, math.copysign(1e-4, self.direction)
         back, ahead = (link.vector(link.coordinates(poses(self.assembly, theta + side * h))) for side in (-1, 1))
-        rates = {j.name: float(link.vector(link.across(j)) @ (ahead - back)) / abs(2 * h) for j in self.mechanism.joints}
+        rates = {
+            j.name: float(link.vector(link.across(j)) @ (ahead - back)) / abs(2 * h) for j in self.mechanism.joints
+        }
         return {name: math.copysign(1.0, w) if abs(w) > STANDSTILL else 0.0 for name, w in rates.items()}
 
     def signals(self, link: Linkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:
@@ -167,9 +184,13 @@ class Equilibria:
         return self.noted(self.signals(self.ideal, found, slip))
 
     def noted(self, seen: Mapping[str, float]) -> dict[str, complex]:
-        """Reactions (N) at the joints with clearance from the ideal linkage's signals; zero where there is no direction to them."""
+        """Reactions (N) at the joints with clearance from the ideal linkage's signals; zero where there is no direction
+        to them.
+        """
         forces = {name: complex(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"]) for name in self.laws}
-        largest = max(math.hypot(seen[f"reaction_{j.name}_x"], seen[f"reaction_{j.name}_y"]) for j in self.mechanism.joints)
+        largest = max(
+            math.hypot(seen[f"reaction_{j.name}_x"], seen[f"reaction_{j.name}_y"]) for j in self.mechanism.joints
+        )
         forces = {name: force if abs(force) > WEAK * largest else 0j for name, force in forces.items()}
         self.forces |= {name: abs(force) for name, force in forces.items()}
         return forces
@@ -178,13 +199,19 @@ class Equilibria:
         """Where these reactions press each pin (m): on the rim, and as far beyond as its stiffness lets it."""
         for name, force in forces.items():
             if force == 0:
-                raise self.failed(f"nothing presses the pin of joint {name!r}", theta, "give the linkage a load or gravity, or start it centred")
+                raise self.failed(
+                    f"nothing presses the pin of joint {name!r}",
+                    theta,
+                    "give the linkage a load or gravity, or start it centred",
+                )
         check_stiff_enough("mujoco", self.request, theta, self.on_springs(forces))
         return {name: self.rim(name, force) for name, force in forces.items()}
 
     def on_springs(self, forces: Mapping[str, complex]) -> dict[str, float]:
         """Sizes (N) of the forces that press a pin into a bearing that gives."""
-        giving = () if self.request.joint_model == "massless-link" else (name for name in forces if not self.laws[name].hard)
+        giving = (
+            () if self.request.joint_model == "massless-link" else (name for name in forces if not self.laws[name].hard)
+        )
         return {name: abs(forces[name]) for name in giving}
 
     def rim(self, name: str, force: complex) -> complex:
@@ -193,7 +220,9 @@ class Equilibria:
         return (self.mechanism.joint(name).clearance + give) * force / abs(force)
 
     def at_rest(self, theta: float) -> dict[str, float]:
-        """Signals of the equilibrium at one crank angle.  Raises SimulationError if there is none with the pins pressed."""
+        """Signals of the equilibrium at one crank angle.  Raises SimulationError if there is none with the pins
+        pressed.
+        """
         slip = self.slip(theta)
         still = np.zeros(self.ideal.model.nv)
         forces = self.reactions(theta, self.place(self.ideal, theta), still, still)
@@ -205,15 +234,23 @@ class Equilibria:
             raise soft or self.failed("no equilibrium was found", theta, "check the loads, or use a smaller clearance")
         for name, (force, _) in joint_forces(self.pressed, found.force).items():
             if name in self.laws and not _pressed(force, gap(self.pressed, name)):
-                raise self.failed(f"the only equilibrium found has the pin of joint {name!r} pulled, not pressed", theta, "check the loads")
+                raise self.failed(
+                    f"the only equilibrium found has the pin of joint {name!r} pulled, not pressed",
+                    theta,
+                    "check the loads",
+                )
         return self.signals(self.pressed, found, slip)
 
     def steady(self, angles: np.ndarray, q: np.ndarray, rate: np.ndarray) -> np.ndarray | None:
-        """Coordinates (angles, nq) of a motion without transients: equilibria beside each other give each other's rates."""
+        """Coordinates (angles, nq) of a motion without transients: equilibria beside each other give each other's
+        rates.
+        """
         slips = [self.slip(at) for at in angles]
         change = np.inf
         for _ in range(12):
-            found = [self.settled(at, v, a, slip) for at, v, a, slip in zip(q, rate @ q, rate @ rate @ q, slips, strict=True)]
+            found = [
+                self.settled(at, v, a, slip) for at, v, a, slip in zip(q, rate @ q, rate @ rate @ q, slips, strict=True)
+            ]
             ahead = np.array([one for one in found if one is not None])
             if len(ahead) < len(found):
                 return None

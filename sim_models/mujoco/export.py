@@ -1,4 +1,6 @@
-"""A request as files that run in MuJoCo without this project: model.xml, start.json, run.py, and what we got, expected.csv."""
+"""A request as files that run in MuJoCo without this project: model.xml, start.json, run.py, and what we got,
+expected.csv.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +13,13 @@ import mujoco
 import numpy as np
 
 from analytic.mechanism import Joint
+from sim_models.common.export_files import expected, lines
+from sim_models.common.start import poses
 from sim_models.engine import Request
-from sim_models.export_files import expected, lines
 from sim_models.mujoco.equilibrium import Equilibria, rest
 from sim_models.mujoco.model import Linkage
 from sim_models.mujoco.runs import STATIC_STEP, Run
 from sim_models.mujoco.state import contact_rows
-from sim_models.start import poses
 
 CLOSED_BY = {"massless-link": "massless link", "spring-damper": "spring-damper", "contact": "contact"}
 
@@ -40,7 +42,9 @@ def export(request: Request, folder: Path) -> list[Path]:
         "model.xml": text,
         "start.json": lines(start),
         "expected.csv": expected(trace),
-        "run.py": importlib.resources.files("sim_models.mujoco").joinpath("alone.py").read_text(encoding="utf-8"),
+        "run.py": (
+            importlib.resources.files("sim_models.standalone").joinpath("mujoco_run.py").read_text(encoding="utf-8")
+        ),
     }
     for name, content in files.items():
         (folder / name).write_text(content, encoding="utf-8", newline="\n")
@@ -48,7 +52,9 @@ def export(request: Request, folder: Path) -> list[Path]:
 
 
 def model_text(link: Linkage) -> str:
-    """The linkage as MJCF, with the numbers that it was given after compiling wherever MJCF has an attribute for them."""
+    """The linkage as MJCF, with the numbers that it was given after compiling wherever MJCF has an attribute
+    for them.
+    """
     m = link.model
     root = ElementTree.fromstring(link.mjcf())
     for bar in root.iterfind("equality/tendon"):
@@ -70,7 +76,11 @@ def _numbers(values: np.ndarray) -> str:
 def _beyond_mjcf(ours: mujoco.MjModel, compiled: mujoco.MjModel) -> dict[str, Any]:
     """Every array of our model that the MJCF alone does not compile to."""
     fields = [name for name in dir(ours) if isinstance(getattr(ours, name), np.ndarray)]
-    return {name: getattr(ours, name).tolist() for name in fields if not np.array_equal(getattr(ours, name), getattr(compiled, name))}
+    return {
+        name: getattr(ours, name).tolist()
+        for name in fields
+        if not np.array_equal(getattr(ours, name), getattr(compiled, name))
+    }
 
 
 def _meaning(link: Linkage) -> dict[str, Any]:
@@ -127,24 +137,31 @@ def _stages(run: Run) -> tuple[Linkage, dict[str, Any]]:
 
 
 def _equilibria(run: Run) -> tuple[Linkage, dict[str, Any]]:
-    """The model of a run at rest, and each equilibrium: coordinates, and dry friction as it acts against the drive's direction.
+    """The model of a run at rest, and each equilibrium: coordinates, and dry friction as it acts against the drive's
+    direction.
 
     The model has no dry friction of its own, because a simulation at rest has none; what acts is handed over as forces.
     """
     theta = run.request.crank_angle.tolist()
     near = run.near(theta[0])
-    link = Linkage(run.mechanism, run.laws, run.request.joint_model, poses(run.assembly, theta[0]), STATIC_STEP, friction=False)
+    link = Linkage(
+        run.mechanism, run.laws, run.request.joint_model, poses(run.assembly, theta[0]), STATIC_STEP, friction=False
+    )
     for con in link.touch.values():
         con.friction = np.zeros(5)
     return link, {"course": None, "equilibria": [_state(near, at) for at in theta]}
 
 
 def _state(near: Equilibria, theta: float) -> dict[str, Any]:
-    """Coordinates of one equilibrium, and dry friction: as generalised forces, and as torque or share of the normal force by joint."""
+    """Coordinates of one equilibrium, and dry friction: as generalised forces, and as torque or share of the normal
+    force by joint.
+    """
     near.at_rest(theta)
     link, slip = near.pressed, near.slip(theta)
     still = np.zeros(link.model.nv)
-    found = rest(link, link.data.qpos.copy(), still, still, slip)  # once more, from there: forces are taken from the position here
+    found = rest(
+        link, link.data.qpos.copy(), still, still, slip
+    )  # once more, from there: forces are taken from the position here
     if found is None:
         raise near.failed("the equilibrium cannot be found a second time", theta, "use a smaller clearance")
     dry = -sum((slip[name] * form for name, form in link.friction_forms.items()), still)

@@ -7,13 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sim_models.contact_laws import DAMPING_RATIO, contact_parameters, damping_ratio, lighter_mass
+from sim_models.common.contact_laws import DAMPING_RATIO, contact_parameters, damping_ratio, lighter_mass
 from sim_models.engine import Request
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Law of a clearance joint: stiffness (N/m) and damping (N.s/m), or ``hard``: period/2 pi (s) and damping ratio of a bounce.
+    """Law of a clearance joint: stiffness (N/m) and damping (N.s/m), or ``hard``: period/2 pi (s) and damping ratio of
+    a bounce.
 
     A hard contact counts from ``margin`` (m) before the rim: a pressed pin would otherwise flicker between in and out.
     """
@@ -42,7 +43,9 @@ def contact_laws(request: Request) -> dict[str, Contact]:
         joint = request.mechanism.joint(name)
         law = contact_parameters(request.mechanism, joint, request.motion)
         hard = None
-        stated = joint.contact_damping is not None or (joint.contact_stiffness is not None and name not in request.assumed)
+        stated = joint.contact_damping is not None or (
+            joint.contact_stiffness is not None and name not in request.assumed
+        )
         if request.joint_model == "contact" and request.motion == "driven" and not stated:
             ratio = DAMPING_RATIO if joint.restitution is None else damping_ratio(joint.restitution)
             hard = math.sqrt(lighter_mass(request.mechanism, joint) / law.stiffness), ratio
@@ -51,7 +54,9 @@ def contact_laws(request: Request) -> dict[str, Contact]:
 
 
 def law_settings(request: Request, laws: Mapping[str, Contact]) -> dict[str, Any]:
-    """What the joints with clearance were made of: the law in words, the softest stiffness, each joint's damping, a hard one's longest bounce (s)."""
+    """What the joints with clearance were made of: the law in words, the softest stiffness, each joint's damping, a
+    hard one's longest bounce (s).
+    """
     if not laws or request.joint_model == "massless-link":
         return {"contact_law": "massless link of fixed length, pulls and pushes"} if laws else {}
     soft = [law for law in laws.values() if not law.hard]

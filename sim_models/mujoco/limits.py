@@ -12,7 +12,9 @@ from sim_models.mujoco.model import Linkage
 
 DEEPEST = 0.1  # of the clearance: penetration that is in order without asking; more must be what the stiffness allows
 LOOSEST = 1e-5  # of the linkage's size, by which its rigid joints may come apart
-TURNED = 2e-6  # rad, by which that may turn any body: soft rows give by the square of the step, and poor transmission angles magnify it
+# rad, by which that may turn any body: soft rows give by the square of the step, and poor transmission angles magnify
+# it
+TURNED = 2e-6
 STRETCH = 1e-3  # of the clearance, by which a massless link may change its length
 
 
@@ -30,28 +32,39 @@ def check_together(request: Request, distance: float, room: float, step: float) 
     """Raise CameApart where rigid joints have come apart by more than is in order."""
     if distance > room:
         raise CameApart(
-            f"mujoco: {request.mechanism.name}, {request.joint_model} joints: a rigid joint came apart by {distance:.3g} m, "
-            f"{room:.3g} m is in order (step {step:.3g} s); use a smaller step"
+            f"mujoco: {request.mechanism.name}, {request.joint_model} joints: a rigid joint came apart by"
+            f" {distance:.3g} m, {room:.3g} m is in order (step {step:.3g} s); use a smaller step"
         )
 
 
 def check_closed(request: Request, turn: float, step: float) -> None:
-    """Raise CameApart where rigid joints have given so far that a body would have to turn by more than is in order (rad) to close them."""
+    """Raise CameApart where rigid joints have given so far that a body would have to turn by more than is in order
+    (rad) to close them.
+    """
     if turn > TURNED:
         raise CameApart(
-            f"mujoco: {request.mechanism.name}, {request.joint_model} joints: the rigid joints have given so far that a body is {turn:.3g} rad off, "
-            f"{TURNED:.3g} rad is in order (step {step:.3g} s); use a smaller step, or smaller loads"
+            f"mujoco: {request.mechanism.name}, {request.joint_model} joints: the rigid joints have given so far that a"
+            f" body is {turn:.3g} rad off, {TURNED:.3g} rad is in order (step {step:.3g} s); use a smaller step, or"
+            " smaller loads"
         )
 
 
-def check_depth(request: Request, laws: Mapping[str, Contact], gaps: Mapping[str, Sequence[complex]], forces: Mapping[str, Sequence[float]]) -> None:
-    """Raise SimulationError where a pin went deeper into its bearing than its law lets it; from samples of gaps (m) and forces (N)."""
+def check_depth(
+    request: Request,
+    laws: Mapping[str, Contact],
+    gaps: Mapping[str, Sequence[complex]],
+    forces: Mapping[str, Sequence[float]],
+) -> None:
+    """Raise SimulationError where a pin went deeper into its bearing than its law lets it; from samples of gaps (m) and
+    forces (N).
+    """
     for name, law in laws.items() if request.joint_model != "massless-link" else ():
         clearance = request.mechanism.joint(name).clearance
         deepest = float(np.abs(gaps[name]).max()) - clearance
         allowed = max(DEEPEST * clearance, 3 * max(forces[name]) / law.stiffness)
         if deepest > allowed:
             raise SimulationError(
-                f"mujoco: {request.mechanism.name}, {request.joint_model} joints: the pin of joint {name!r} is {deepest:.3g} m deep in its bearing, "
-                f"{allowed:.3g} m is in order (clearance {clearance:g} m, stiffness {law.stiffness:g} N/m); use a smaller step or a stiffer contact"
+                f"mujoco: {request.mechanism.name}, {request.joint_model} joints: the pin of joint {name!r} is"
+                f" {deepest:.3g} m deep in its bearing, {allowed:.3g} m is in order (clearance {clearance:g} m,"
+                f" stiffness {law.stiffness:g} N/m); use a smaller step or a stiffer contact"
             )

@@ -8,12 +8,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from sim_models.common.start import MOST_STEPS, check_steps, substeps
 from sim_models.engine import Request
 from sim_models.mujoco.limits import check_closed, check_depth, check_together, room_apart
 from sim_models.mujoco.model import Linkage
 from sim_models.mujoco.motor import Motor
-from sim_models.mujoco.state import apart, check_warnings, friction_torques, gap, joint_forces, look, misclosure, on_track, signals
-from sim_models.start import MOST_STEPS, check_steps, substeps
+from sim_models.mujoco.state import (
+    apart,
+    check_warnings,
+    friction_torques,
+    gap,
+    joint_forces,
+    look,
+    misclosure,
+    on_track,
+    signals,
+)
 
 MOST_STEPS_ALONE = 5_000_000  # of a run that MuJoCo steps by itself: half a minute
 SAMPLES = 600  # of a run's journal path, or somewhat more
@@ -40,7 +50,9 @@ class Log:
 
 @dataclass
 class Record:
-    """What a run stepped: the model, its state at the first ``time`` (s), then (steps, their size in s, whether signals were taken after them)."""
+    """What a run stepped: the model, its state at the first ``time`` (s), then (steps, their size in s, whether signals
+    were taken after them).
+    """
 
     link: Linkage
     time: float
@@ -52,16 +64,25 @@ class Record:
 def march(
     request: Request, link: Linkage, motor: Motor, state: tuple[np.ndarray, np.ndarray], marks: np.ndarray, lead: float
 ) -> tuple[dict[str, np.ndarray], Log, Record]:
-    """Step from mark to mark (s), after the lead-in (s), from a state (nq,), (nv,): signals at the marks, samples of the journals between them.
+    """Step from mark to mark (s), after the lead-in (s), from a state (nq,), (nv,): signals at the marks, samples of
+    the journals between them.
 
-    No step is longer than the linkage's.  Raises SimulationError: the run diverged, came apart, went too deep, or would take too long.
+    No step is longer than the linkage's.  Raises SimulationError: the run diverged, came apart, went too deep, or would
+    take too long.
     """
-    check_steps(f"mujoco: {link.mechanism.name}, {request.joint_model} joints", lead + float(marks[-1] - marks[0]), link.step, most_steps(link))
+    check_steps(
+        f"mujoco: {link.mechanism.name}, {request.joint_model} joints",
+        lead + float(marks[-1] - marks[0]),
+        link.step,
+        most_steps(link),
+    )
     m, d = link.model, link.data
     d.qpos[:], d.qvel[:] = state
     log = Log.of(link.contacts)
     reported: list[dict[str, float]] = []
-    half = 0.5 if link.stepped else 0.0  # the velocities of semi-implicit Euler are half a step older than its positions
+    half = (
+        0.5 if link.stepped else 0.0
+    )  # the velocities of semi-implicit Euler are half a step older than its positions
     time = float(marks[0]) - lead
     motor.place(link, time, 0.0)
     on_track(link)

@@ -20,13 +20,15 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from analytic.mechanism import GROUND, Joint, Mechanism
+from sim_models.common.start import Pose
 from sim_models.mujoco.tree import Branch, spanning_tree
-from sim_models.start import Pose
 
 MOTOR_INERTIA = 1e9  # kg.m^2 of armature: so much that no reaction changes a motor's speed
 RIGID = "0.9999 0.9999 0.001 0.5 2"  # solimp of a rigid row; 0.9999 is MuJoCo's largest impedance
 SMALLEST_INERTIA = 1e-14  # kg.m^2, for a point mass: MuJoCo accepts no less than 1e-15
-SOLVED = 1e-24  # of the solver, which measures by the model's inertia, the motor's armature included: 1e-14 left 0.6 % of a light contact's force
+# of the solver, which measures by the model's inertia, the motor's armature included: 1e-14 left 0.6 % of a light
+# contact's force
+SOLVED = 1e-24
 SETTLING = 8.0  # time constant of rigid rows, in steps: at 4 the stages of a step leave 17 times the error in forces
 STICKING = 4.0  # of friction's rows, which are the sharper the shorter it is
 
@@ -42,10 +44,10 @@ def _xy(z: complex) -> str:
 class Description:
     """A mechanism in MuJoCo's own words.
 
-    ``contacts`` names the joints that are not ideal; ``rows`` what closes them.  ``pose`` is the reference pose, ``step``
-    (s) the longest step, ``hold`` whether a motor sets the driven body's angle, ``follows`` whether along a course: its last actuator
-    then gives it the acceleration (rad/s^2) that is its activation.  With ``rows="spring"`` the spring-damper also pulls: a
-    smooth stand-in, to find where the real one rests.
+    ``contacts`` names the joints that are not ideal; ``rows`` what closes them.  ``pose`` is the reference pose,
+    ``step`` (s) the longest step, ``hold`` whether a motor sets the driven body's angle, ``follows`` whether along a
+    course: its last actuator then gives it the acceleration (rad/s^2) that is its activation.  With ``rows="spring"``
+    the spring-damper also pulls: a smooth stand-in, to find where the real one rests.
     """
 
     def __init__(
@@ -61,10 +63,17 @@ class Description:
     ) -> None:
         self.mechanism, self.closed_by, self.rows, self.pose = mechanism, tuple(contacts), rows, pose
         self.branches, self.closing = spanning_tree(mechanism, set(contacts))
-        self.stiffness = (mechanism.drive.stiffness or 0.0) if hold and mechanism.drive is not None and mechanism.drive.speed != "free" else 0.0
+        self.stiffness = (
+            (mechanism.drive.stiffness or 0.0)
+            if hold and mechanism.drive is not None and mechanism.drive.speed != "free"
+            else 0.0
+        )
         self.compliant = self.stiffness > 0  # N.m/rad between motor and crank
         self.hold, self.friction, self.step, self.follows = hold, friction, step, follows
-        self.stepped = rows in ("spring-damper", "contact")  # semi-implicit Euler: what is stiff allows no larger step, and RK4 four times the work
+        self.stepped = rows in (
+            "spring-damper",
+            "contact",
+        )  # semi-implicit Euler: what is stiff allows no larger step, and RK4 four times the work
         self.place = {GROUND: Pose(0j, 0.0), **pose}
         self.forms, self.twist = self._angles()
 
@@ -86,7 +95,10 @@ class Description:
         m = self.mechanism
         solref, sticking = _numbers(SETTLING * self.step, 1), _numbers(STICKING * self.step, 1)
         integrator = "implicitfast" if self.stepped else "RK4"
-        closed = "".join(f'<connect name="{j.name}" site1="{j.name}:{j.bodies[1]}" site2="{j.name}:{j.bodies[0]}"/>' for j in self.closing)
+        closed = "".join(
+            f'<connect name="{j.name}" site1="{j.name}:{j.bodies[1]}" site2="{j.name}:{j.bodies[0]}"/>'
+            for j in self.closing
+        )
         return f"""<mujoco model={quoteattr(m.name)}>
 <compiler angle="radian" inertiafromgeom="false"/>
 <option timestep="{self.step!r}" gravity="{_xy(complex(*m.gravity))}" integrator="{integrator}" cone="elliptic" impratio="100"
@@ -104,7 +116,9 @@ class Description:
         everything = {GROUND: Pose(0j, 0.0), **pose}
 
         def pin(j: Joint, body: str) -> complex:
-            return everything[body].origin + complex(np.exp(1j * everything[body].angle)) * self.mechanism.body(body).point(j.name)
+            return everything[body].origin + complex(np.exp(1j * everything[body].angle)) * self.mechanism.body(
+                body
+            ).point(j.name)
 
         for b in self.branches if branches is None else branches:
             name, here = b.body.name, everything[b.body.name]
@@ -121,7 +135,9 @@ class Description:
         return at
 
     def across(self, j: Joint) -> dict[str, float]:
-        """What a joint lets free, second body less first, as a linear form of coordinates: the angle but for a constant, or the travel."""
+        """What a joint lets free, second body less first, as a linear form of coordinates: the angle but for a
+        constant, or the travel.
+        """
         if j.prismatic:
             return {f"{next(b.body.name for b in self.branches if b.joint is j)}:slide": 1.0}
         first, second = (self.forms[b] for b in j.bodies)
@@ -136,21 +152,29 @@ class Description:
         half = (here.angle - parent.angle) / 2
         inertia = max(b.body.moment_of_inertia, SMALLEST_INERTIA)
         return (
-            f'<body name="{b.body.name}" pos="{_xy((here.origin - parent.origin) * turn)}" quat="{_numbers(np.cos(half), 0, 0, np.sin(half))}">'
-            f'<inertial pos="{_xy(b.body.centre)}" mass="{b.body.mass!r}" diaginertia="{_numbers(inertia, inertia, inertia)}"/>'
+            f'<body name="{b.body.name}" pos="{_xy((here.origin - parent.origin) * turn)}"'
+            f' quat="{_numbers(np.cos(half), 0, 0, np.sin(half))}">'
+            f'<inertial pos="{_xy(b.body.centre)}" mass="{b.body.mass!r}"'
+            f' diaginertia="{_numbers(inertia, inertia, inertia)}"/>'
             f"{self._freedom(b)}{self._places(b.body.name)}{self._children(b.body.name)}</body>"
         )
 
     def _freedom(self, b: Branch) -> str:
         name, here, at = b.body.name, self.place[b.body.name], self.coordinates(self.pose, [b])
-        motor = f' armature="{MOTOR_INERTIA!r}"' if self.hold and not self.compliant and name == self.mechanism.driven else ""
+        motor = (
+            f' armature="{MOTOR_INERTIA!r}"'
+            if self.hold and not self.compliant and name == self.mechanism.driven
+            else ""
+        )
         slides = {}
         if b.joint is None:
             slides = {f"{name}:x": np.exp(-1j * here.angle), f"{name}:y": 1j * np.exp(-1j * here.angle)}
         elif b.joint.prismatic:
             axis = b.joint.direction * np.exp(1j * (self.place[b.joint.bodies[0]].angle - here.angle))
             slides = {f"{name}:slide": axis if b.is_second else -axis}
-        text = "".join(f'<joint name="{n}" type="slide" axis="{_xy(axis)}" ref="{at[n]!r}"/>' for n, axis in slides.items())
+        text = "".join(
+            f'<joint name="{n}" type="slide" axis="{_xy(axis)}" ref="{at[n]!r}"/>' for n, axis in slides.items()
+        )
         if name not in at:
             return text
         pin = 0j if b.joint is None else b.body.point(b.joint.name)
@@ -163,9 +187,18 @@ class Description:
         text = "".join(f'<site name="{j.name}:{name}" pos="{_xy(body.point(j.name))}"/>' for j in pins)
         loads = {i: _xy(body.point(load.point)) for i, load in enumerate(self.mechanism.loads) if load.body == name}
         text += "".join(f'<site name="load{i}" pos="{at}"/>' for i, at in loads.items())
-        text += '<site name="world"/>' if name == GROUND else f'<site name="marker of {name}" pos="{_xy(body.point("com"))}"/>'
-        touching = {j.name: _xy(body.point(j.name)) for j in pins if j.name in self.closed_by and self.rows == "contact"}
-        return text + "".join(f'<geom name="{n}:{name}" size="0.01" pos="{at}" contype="0" conaffinity="0"/>' for n, at in touching.items())
+        text += (
+            '<site name="world"/>'
+            if name == GROUND
+            else f'<site name="marker of {name}" pos="{_xy(body.point("com"))}"/>'
+        )
+        touching = {
+            j.name: _xy(body.point(j.name)) for j in pins if j.name in self.closed_by and self.rows == "contact"
+        }
+        return text + "".join(
+            f'<geom name="{n}:{name}" size="0.01" pos="{at}" contype="0" conaffinity="0"/>'
+            for n, at in touching.items()
+        )
 
     def _motor(self) -> str:
         if not self.compliant:
@@ -184,7 +217,10 @@ class Description:
         if self.rows == "contact":
             return ""
         limited = self.rows == "spring-damper"
-        limit = {n: f' limited="true" range="-1 {self.mechanism.joint(n).clearance!r}"' if limited else "" for n in self.closed_by}
+        limit = {
+            n: f' limited="true" range="-1 {self.mechanism.joint(n).clearance!r}"' if limited else ""
+            for n in self.closed_by
+        }
         ends = {n: "".join(f'<site site="{n}:{b}"/>' for b in self.mechanism.joint(n).bodies) for n in self.closed_by}
         return "".join(f'<spatial name="{n}"{limit[n]}>{ends[n]}</spatial>' for n in self.closed_by)
 
@@ -202,14 +238,22 @@ class Description:
         return f'<fixed name="law:{j.name}" stiffness="{j.stiffness!r}" damping="{j.damping!r}"{loss}>{terms}</fixed>'
 
     def gives(self, j: Joint) -> bool:
-        """Whether a joint has friction, damping or a spring, and moves: slides may keep its bodies from turning against each other."""
+        """Whether a joint has friction, damping or a spring, and moves: slides may keep its bodies from turning against
+        each other.
+        """
         return bool(j.coulomb or j.damping or j.stiffness) and any(self.across(j).values())
 
     def _load(self, i: int) -> str:
         load = self.mechanism.loads[i]
         gear = _numbers(*load.force, 0, 0, 0, load.torque)
-        return f'<general name="load{i}" site="load{i}" refsite="world" gear="{gear}" biastype="affine" biasprm="1 0 0"/>'
+        return (
+            f'<general name="load{i}" site="load{i}" refsite="world" gear="{gear}" biastype="affine" biasprm="1 0 0"/>'
+        )
 
     def _course(self) -> str:
         joint = "drive:motor" if self.compliant else self.mechanism.driven
-        return f'<general name="drive:course" joint="{joint}" dyntype="integrator" gainprm="{MOTOR_INERTIA!r}"/>' if self.follows else ""
+        return (
+            f'<general name="drive:course" joint="{joint}" dyntype="integrator" gainprm="{MOTOR_INERTIA!r}"/>'
+            if self.follows
+            else ""
+        )

@@ -1,4 +1,6 @@
-"""A linkage compiled by MuJoCo: its model and data, with what MJCF has no attribute for, and where in them everything is."""
+"""A linkage compiled by MuJoCo: its model and data, with what MJCF has no attribute for, and where in them everything
+is.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +12,12 @@ import mujoco
 import numpy as np
 
 from analytic.mechanism import Body, Mechanism
-from sim_models.contact_laws import PIN_RADIUS
+from sim_models.common.contact_laws import PIN_RADIUS
+from sim_models.common.start import Pose
 from sim_models.engine import Unsupported
 from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.mjcf import RIGID, Description
 from sim_models.mujoco.tree import Branch
-from sim_models.start import Pose
 
 SOFT = 1e-4  # impedance of a row that is a spring and damper: MuJoCo's smallest, so that its reference is the force
 LIGHT = 1e2  # 1/kg times the lighter link's mass: makes the virtual mass of such a row 1e-6 of that link's
@@ -61,7 +63,10 @@ class Linkage(Description):
         super().__init__(mechanism, contacts, rows, pose, step, hold, friction, follows)
         light = [b for b in mechanism.bodies if b.mass <= mujoco.mjMINVAL]
         if light:
-            what = f"body {light[0].name!r} has mass = {light[0].mass:g} kg, of which MuJoCo wants more than {mujoco.mjMINVAL:g}"
+            what = (
+                f"body {light[0].name!r} has mass = {light[0].mass:g} kg, of which MuJoCo wants more than"
+                f" {mujoco.mjMINVAL:g}"
+            )
             raise Unsupported(f"mujoco: {what}; give it a mass that matters, or use another simulator")
         self.contacts = contacts
         self.model = m = mujoco.MjModel.from_xml_string(self.mjcf())
@@ -71,9 +76,13 @@ class Linkage(Description):
 
     def _name_things(self) -> None:
         m, joints = self.model, self.mechanism.joints
-        self.names = [m.joint(i).name for i in range(m.njnt)]  # every joint has one coordinate: qpos and qvel have the same index
+        self.names = [
+            m.joint(i).name for i in range(m.njnt)
+        ]  # every joint has one coordinate: qpos and qvel have the same index
         self.index = {name: i for i, name in enumerate(self.names)}
-        self.sites = {j.name: (m.site(f"{j.name}:{j.bodies[0]}").id, m.site(f"{j.name}:{j.bodies[1]}").id) for j in joints}
+        self.sites = {
+            j.name: (m.site(f"{j.name}:{j.bodies[0]}").id, m.site(f"{j.name}:{j.bodies[1]}").id) for j in joints
+        }
         self.driven = self.mechanism.driven if self.hold else ""
         self.body_id = {b.name: m.body(b.name).id for b in self.mechanism.bodies}
         self.motor = self.index["drive:motor" if self.compliant else self.mechanism.driven] if self.hold else -1
@@ -88,7 +97,11 @@ class Linkage(Description):
 
         self.size = max(b.length for b in self.mechanism.bodies) or 1.0  # m
         self.touching: list[str] = []  # joints in contact, in the order of MuJoCo's contacts
-        self.radii = {n: (j.clearance, (j.pin_radius or PIN_RADIUS) + j.clearance) for n in self.contacts for j in [self.mechanism.joint(n)]}
+        self.radii = {
+            n: (j.clearance, (j.pin_radius or PIN_RADIUS) + j.clearance)
+            for n in self.contacts
+            for j in [self.mechanism.joint(n)]
+        }
         self.friction_forms = {j.name: j.coulomb * self.vector(self.across(j)) for j in joints if j.coulomb}
 
     def _part(self, b: Branch) -> Part:
@@ -98,7 +111,19 @@ class Linkage(Description):
         slides = b.joint is not None and b.joint.prismatic
         marker = self.model.site(f"marker of {name}").id
         inertia = b.body.moment_of_inertia
-        return Part(name, b.parent, joint, sign, slides, self.body_id[name], marker, b.body.mass, inertia, self.twist[name], self.form[name])
+        return Part(
+            name,
+            b.parent,
+            joint,
+            sign,
+            slides,
+            self.body_id[name],
+            marker,
+            b.body.mass,
+            inertia,
+            self.twist[name],
+            self.form[name],
+        )
 
     def vector(self, form: Mapping[str, float]) -> np.ndarray:
         """A form (or a set of coordinates) as an array in MuJoCo's order (nq,)."""
@@ -125,10 +150,14 @@ class Linkage(Description):
                 m.tendon_solref_lim[t], m.tendon_solimp_lim[t] = self._spring(name, m.tendon_invweight0[t])
 
     def _lightness(self, name: str) -> float:
-        return sum(1 / b.mass for b in map(self.mechanism.body, self.mechanism.joint(name).bodies) if isinstance(b, Body))
+        return sum(
+            1 / b.mass for b in map(self.mechanism.body, self.mechanism.joint(name).bodies) if isinstance(b, Body)
+        )
 
     def _spring(self, name: str, invweight: float) -> tuple[list[float], list[float]]:
-        """solref and solimp of a row whose force is K d + C d' (the factor cancels MuJoCo's scaling by impedance and mass)."""
+        """solref and solimp of a row whose force is K d + C d' (the factor cancels MuJoCo's scaling by impedance and
+        mass).
+        """
         c = self.contacts[name]
         scale = (1 - SOFT) * invweight
         return [-c.stiffness * scale, -c.damping * scale], [SOFT, SOFT, 1e-3, 0.5, 2]
@@ -138,7 +167,9 @@ class Linkage(Description):
         con = mujoco.MjContact()
         con.dim = 3 if j.friction else 1
         con.friction = [j.friction, j.friction, 0, 0, 0]
-        geoms = [m.geom(f"{name}:{b}").id for b in (j.bodies[1], j.bodies[0])]  # the second body holds the bearing, the first the journal
+        geoms = [
+            m.geom(f"{name}:{b}").id for b in (j.bodies[1], j.bodies[0])
+        ]  # the second body holds the bearing, the first the journal
         con.geom = geoms
         con.flex = con.elem = con.vert = [-1, -1]
         if law.hard:

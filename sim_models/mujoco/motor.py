@@ -1,8 +1,8 @@
 """The motor of a driven run in MuJoCo: at constant speed, or along a course that it follows exactly.
 
-At constant speed an armature that no reaction slows is enough, if over minutes it is put back now and then.  On a course an
-actuator pushes that armature with its own inertia times an acceleration, which is an activation of the actuator: a constant, or
-linear in time over a step.
+At constant speed an armature that no reaction slows is enough, if over minutes it is put back now and then.  On a
+course an actuator pushes that armature with its own inertia times an acceleration, which is an activation of the
+actuator: a constant, or linear in time over a step.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
+from sim_models.common.start import Course
 from sim_models.mujoco.model import Linkage
 from sim_models.mujoco.state import advance
-from sim_models.start import Course
 
 BESIDE = 0.01  # rad, about, that a motor turns between the instants whose equilibria give the rates of a steady start
 AROUND = np.arange(-2, 3)  # those instants at constant speed, where the motion has a past
@@ -33,8 +33,9 @@ STANDSTILL = 1e-9  # of a course's largest rate or acceleration: nothing
 class Motor:
     """How a motor moves, and how it begins.
 
-    ``instants`` and ``angles`` (n,) are times (s, since the start) and the motor's angles (rad) then, close to the start, which is
-    number ``here`` of them.  ``direction`` is the sign of the rate at the start, or of the rate to come; 0 for a motor that stands.
+    ``instants`` and ``angles`` (n,) are times (s, since the start) and the motor's angles (rad) then, close to the
+    start, which is number ``here`` of them.  ``direction`` is the sign of the rate at the start, or of the rate to
+    come; 0 for a motor that stands.
     """
 
     angles: np.ndarray
@@ -63,7 +64,11 @@ class Motor:
             apart = min(apart, BEND * acceleration / jerk) if jerk else apart
         instants = apart * AHEAD
         begin = float(knots[0])
-        leading = [x for x, peak in ((course.rate(begin), rate), (course.acceleration(begin), acceleration)) if abs(x) > STANDSTILL * peak]
+        leading = [
+            x
+            for x, peak in ((course.rate(begin), rate), (course.acceleration(begin), acceleration))
+            if abs(x) > STANDSTILL * peak
+        ]
         direction = math.copysign(1.0, leading[0]) if leading else 0.0
         return cls(course.spline(begin + instants), instants, 0, direction, rate, begin, course)
 
@@ -110,7 +115,9 @@ class Motor:
             advance(link, 1)
 
     def place(self, link: Linkage, time: float, lag: float) -> None:
-        """Put the motor where it should be at this time (s), its velocity being ``lag`` (s) older; at constant speed, if it is ASIDE."""
+        """Put the motor where it should be at this time (s), its velocity being ``lag`` (s) older; at constant speed,
+        if it is ASIDE.
+        """
         if self.course is None:
             angle = float(self.angles[self.here]) + self.speed * (time - self.begin) if self.fastest else 0.0
             if self.fastest and abs(link.data.qpos[link.motor] - angle) > ASIDE:

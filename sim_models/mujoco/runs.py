@@ -10,11 +10,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from analytic.assembly import Assembly, AssemblyError
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
 from sim_models.common.rates import part_rates
+from sim_models.common.start import Course, poses, schedule
 from sim_models.engine import Request, SimulationError, Trace, Unsupported
-from sim_models.failed_starts import own_start
 from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.laws import contact_laws, law_settings
 from sim_models.mujoco.limits import CameApart
@@ -29,7 +30,6 @@ from sim_models.mujoco.state import (
     stiffest_law,
 )
 from sim_models.mujoco.steady import STENCIL, Revolution, derivative
-from sim_models.start import Course, poses, schedule
 
 STATIC_STEP = 1.25e-5  # s; nothing steps in statics, but it makes the rigid rows stiff
 LARGEST_STEP = 4e-4  # s
@@ -69,7 +69,9 @@ class Run:
         has = "no drive" if drive is None else f"drive.speed = {drive.speed!r}"
         if self.course is not None and (free or self.request.lead_in):
             has = f"a lead-in of {self.request.lead_in:g} rad" if not free else has
-            raise Unsupported(f"{self.mechanism.name}: a course is a motor's, which follows it from its first time on; this has {has}")
+            raise Unsupported(
+                f"{self.mechanism.name}: a course is a motor's, which follows it from its first time on; this has {has}"
+            )
         if self.course is None and self.mechanism.speed is None:
             ways = "drives a crank at constant speed or along a course, or releases it with times to report"
             raise Unsupported(f"{self.mechanism.name}: mujoco {ways}; this has {has}")
@@ -104,7 +106,9 @@ class Run:
         return self.report(theta, None, columns, log, {"step": None, "start": "equilibrium"})
 
     def begin(self, motor: Motor, step: float | None = None) -> tuple[np.ndarray, np.ndarray, float, str]:
-        """Coordinates, velocities, step (s; the longest that is in order, where none is given) and kind of a driven run's start."""
+        """Coordinates, velocities, step (s; the longest that is in order, where none is given) and kind of a driven
+        run's start.
+        """
         angles, here = motor.angles, motor.here
         near = self.near(angles[here])
         rate = derivative(motor.instants)
@@ -115,7 +119,10 @@ class Run:
             q, how = np.array([near.place(near.pressed, at) for at in angles]), "centred"
         else:
             gaps = [near.pressing(at, f) for at, f in zip(angles, forces, strict=True)]
-            q, how = np.array([near.place(near.pressed, at, gap) for at, gap in zip(angles, gaps, strict=True)]), "equilibrium"
+            q, how = (
+                np.array([near.place(near.pressed, at, gap) for at, gap in zip(angles, gaps, strict=True)]),
+                "equilibrium",
+            )
         step = self.longest_step(near, q[here]) if step is None else step
         if how == "equilibrium":
             settled = self.near(angles[here], step).steady(angles, q, rate)
@@ -123,7 +130,9 @@ class Run:
         v = (rate @ q)[here]
         v[near.pressed.motor] = motor.speed
         if near.pressed.compliant and not self.laws and motor.period is not None:
-            link = Linkage(self.mechanism, {}, "ideal", poses(self.assembly, angles[here]), step, follows=self.course is not None)
+            link = Linkage(
+                self.mechanism, {}, "ideal", poses(self.assembly, angles[here]), step, follows=self.course is not None
+            )
             revolution = Revolution(link, self.assembly, motor, motor.period)
             repeated = revolution.steady(q[here], v) if revolution.repeats() else None
             if repeated is not None:
@@ -136,10 +145,19 @@ class Run:
         return self.request.start == "centred" and bool(self.laws) and self.request.joint_model != "massless-link"
 
     def longest_step(self, near: Equilibria, q: np.ndarray) -> float:
-        """A step (s) that resolves the crank's turning, each contact's bounce, its pin's swing on the rim, and the joint laws."""
+        """A step (s) that resolves the crank's turning, each contact's bounce, its pin's swing on the rim, and the
+        joint laws.
+        """
         link = near.pressed
         if self.released:  # nothing holds the crank: pins are lighter
-            link = Linkage(self.mechanism, self.laws, self.request.joint_model, poses(self.assembly, self.assembly.start), STATIC_STEP, hold=False)
+            link = Linkage(
+                self.mechanism,
+                self.laws,
+                self.request.joint_model,
+                poses(self.assembly, self.assembly.start),
+                STATIC_STEP,
+                hold=False,
+            )
         limits = [LARGEST_STEP]
         if self.motor.fastest:
             limits.append(TURN_PER_STEP[self.request.joint_model] / self.motor.fastest)
@@ -149,11 +167,15 @@ class Run:
             asked = self.mechanism.joint(name).restitution is not None
             limits.append(0.6 / math.sqrt(max(near.forces.get(name, 0.0) * ease / clearance, 1e-12)))
             if law.hard:
-                sag = near.forces.get(name, 0.0) * ease * law.hard[0] ** 2  # under the load that it starts with, were it a spring
+                sag = (
+                    near.forces.get(name, 0.0) * ease * law.hard[0] ** 2
+                )  # under the load that it starts with, were it a spring
                 self.laws[name] = replace(law, margin=min(sag, 0.05 * clearance))
                 limits.append((FINE_BOUNCE if asked else BOUNCE) * law.hard[0])
             elif self.request.joint_model != "massless-link":
-                limits.append((FINE_BOUNCE if asked else 2 * BOUNCE) / max(math.sqrt(law.stiffness * ease), law.damping * ease))
+                limits.append(
+                    (FINE_BOUNCE if asked else 2 * BOUNCE) / max(math.sqrt(law.stiffness * ease), law.damping * ease)
+                )
         return self.request.step or min(*limits, 0.5 / max(stiffest_law(link, q), 1e-9))
 
     def driven(self) -> Trace:
@@ -177,7 +199,9 @@ class Run:
         return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
 
     def turned(self, motor: Motor, marks: np.ndarray, lead: float) -> tuple[dict[str, np.ndarray], Log, dict[str, Any]]:
-        """A run that a motor turns, reported at the marks (s), the first of them ``lead`` (s) after the start; with its settings."""
+        """A run that a motor turns, reported at the marks (s), the first of them ``lead`` (s) after the start; with its
+        settings.
+        """
         self.motor, self.direction = motor, motor.direction
         q, v, step, how = self.begin(motor)
 
@@ -192,13 +216,19 @@ class Run:
         time = np.asarray(self.request.time, float)
         order = np.argsort(time, kind="stable")
         if time.size == 0 or time[order[0]] < 0:
-            raise Unsupported(f"{self.mechanism.name}: a released linkage needs times to report at, none of them before 0 s")
+            raise Unsupported(
+                f"{self.mechanism.name}: a released linkage needs times to report at, none of them before 0 s"
+            )
         theta = self.assembly.start
         near = self.near(theta)
         gaps = self.gaps_at_release(near, theta) if self.laws else {}
         q = near.place(near.pressed, theta, gaps)
         step = self.longest_step(near, q)
-        around = np.array([near.place(near.pressed, theta + side, gaps) for side in STENCIL]) if self.request.start_speed else np.tile(q, (5, 1))
+        around = (
+            np.array([near.place(near.pressed, theta + side, gaps) for side in STENCIL])
+            if self.request.start_speed
+            else np.tile(q, (5, 1))
+        )
         v = (derivative(STENCIL) @ around)[2] * self.request.start_speed
         signals, log, step = self.run(theta, (q, v), lambda step: (q, v), step, time[order], float(time[order[0]]))
         columns = {name: _scatter(values, order) for name, values in signals.items()}
@@ -206,7 +236,9 @@ class Run:
         return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
 
     def gaps_at_release(self, near: Equilibria, theta: float) -> dict[str, complex]:
-        """Gaps (m) along the ideal linkage's reactions at the instant of release, x where there is none; zero to start centred."""
+        """Gaps (m) along the ideal linkage's reactions at the instant of release, x where there is none; zero to start
+        centred.
+        """
         link = Linkage(self.mechanism, {}, "ideal", poses(self.assembly, theta), STATIC_STEP, hold=False)
         look(link)
         forces = near.noted(signals(link, joint_forces(link, link.data.efc_force), {}))
@@ -215,7 +247,9 @@ class Run:
     def run(
         self, theta: float, state: State, begin: Callable[[float], State], step: float, marks: np.ndarray, lead: float
     ) -> tuple[dict[str, np.ndarray], Log, float]:
-        """A run with the engine's own step, halved while rigid joints come apart, each time begun anew; or with the request's."""
+        """A run with the engine's own step, halved while rigid joints come apart, each time begun anew; or with the
+        request's.
+        """
         for attempt in range(HALVINGS + 1):
             place = poses(self.assembly, theta)
             hold, follows = not self.released, self.course is not None
@@ -235,7 +269,14 @@ class Run:
         law = self.laws[name]
         return self.mechanism.joint(name).clearance - (law.margin if law.hard else 0.0)
 
-    def report(self, theta: np.ndarray, time: np.ndarray | None, signals: Mapping[str, np.ndarray], log: Log, settings: Mapping[str, Any]) -> Trace:
+    def report(
+        self,
+        theta: np.ndarray,
+        time: np.ndarray | None,
+        signals: Mapping[str, np.ndarray],
+        log: Log,
+        settings: Mapping[str, Any],
+    ) -> Trace:
         signals, rates = part_rates(signals)
         times = np.array(log.times) if log.times else None
         return Trace(

@@ -31,7 +31,9 @@ def touch(link: Linkage, always: bool = False) -> bool:
             con.pos = (x[second, 0] + nx * reach, x[second, 1] + ny * reach, 0.0)
             con.frame = (-nx, -ny, 0.0, ny, -nx, 0.0, 0.0, 0.0, 1.0)
             if mujoco.mj_addContact(link.model, link.data, con):
-                raise SimulationError(f"mujoco: no room for the contact of joint {name!r}; use fewer joints with clearance")
+                raise SimulationError(
+                    f"mujoco: no room for the contact of joint {name!r}; use fewer joints with clearance"
+                )
             link.touching.append(name)
     return bool(link.touching)
 
@@ -89,7 +91,12 @@ def contact_rows(link: Linkage) -> dict[str, int]:
     if not link.touching:
         return {}
     rows = first_rows(link)
-    return {name: row for i, name in enumerate(link.touching) for kind in CONTACT_ROWS if (row := rows.get((int(kind), i), -1)) >= 0}
+    return {
+        name: row
+        for i, name in enumerate(link.touching)
+        for kind in CONTACT_ROWS
+        if (row := rows.get((int(kind), i), -1)) >= 0
+    }
 
 
 def gap(link: Linkage, name: str) -> complex:
@@ -143,15 +150,22 @@ def law_torque(link: Linkage, name: str, friction: Mapping[str, float]) -> float
     if name not in link.laws:  # nothing, or a spring that slides keep from turning
         return 0.0 if j.prismatic else -j.stiffness * (link.twist[j.bodies[1]] - link.twist[j.bodies[0]] - j.rest_angle)
     m, d, t = link.model, link.data, link.laws[name]
-    return friction.get(name, 0.0) - j.stiffness * (d.ten_length[t] - m.tendon_lengthspring[t, 0]) - j.damping * d.ten_velocity[t]
+    return (
+        friction.get(name, 0.0)
+        - j.stiffness * (d.ten_length[t] - m.tendon_lengthspring[t, 0])
+        - j.damping * d.ten_velocity[t]
+    )
 
 
 def _cross(a: complex, b: complex) -> float:
     return (a.conjugate() * b).imag
 
 
-def signals(link: Linkage, forces: Mapping[str, Applied], friction: Mapping[str, float], velocity: np.ndarray | None = None) -> dict[str, float]:
-    """All signals of the present state, and its rates; accelerations are those that :func:`look` left in the data, or an equilibrium.
+def signals(
+    link: Linkage, forces: Mapping[str, Applied], friction: Mapping[str, float], velocity: np.ndarray | None = None
+) -> dict[str, float]:
+    """All signals of the present state, and its rates; accelerations are those that :func:`look` left in the data, or
+    an equilibrium.
 
     The closing joints' forces are the constraint rows'; those in the tree follow from them body by body, by Newton's
     and Euler's equations with MuJoCo's accelerations.  What then turns the crank is the drive.
@@ -160,7 +174,10 @@ def signals(link: Linkage, forces: Mapping[str, Applied], friction: Mapping[str,
     q, velocity = d.qpos, d.qvel if velocity is None else velocity
     site, centre = d.site_xpos[:, :2].tolist(), d.xipos[:, :2].tolist()
     out: dict[str, float] = {"drive_torque": 0.0}
-    push_on, turn_on = dict.fromkeys((GROUND, *link.body_id), 0j), dict.fromkeys((GROUND, *link.body_id), 0.0)  # about the ground's origin
+    push_on, turn_on = (
+        dict.fromkeys((GROUND, *link.body_id), 0j),
+        dict.fromkeys((GROUND, *link.body_id), 0.0),
+    )  # about the ground's origin
 
     def act(body: str, force: complex, moment: float) -> None:
         push_on[body] += force
@@ -182,7 +199,10 @@ def signals(link: Linkage, forces: Mapping[str, Applied], friction: Mapping[str,
         force = push - push_on[name]
         moment = part.inertia * float(motion[2]) + _cross(complex(*centre[part.number]), push) - turn_on[name]
         out[f"{name}_x"], out[f"{name}_y"] = site[part.marker]
-        out[f"{name}_angle"], out[f"{name}_angular_velocity"] = part.twist + float(part.form @ q), float(part.form @ velocity)
+        out[f"{name}_angle"], out[f"{name}_angular_velocity"] = (
+            part.twist + float(part.form @ q),
+            float(part.form @ velocity),
+        )
         mujoco.mj_jacBodyCom(m, d, carry, None, part.number)
         speed = carry[:2] @ velocity
         out |= rate_columns(name, complex(speed[0], speed[1]), push / part.mass + gravity, float(motion[2]))
@@ -246,7 +266,9 @@ def stiffest_law(link: Linkage, q: np.ndarray) -> float:
 
 
 def apart(link: Linkage) -> float:
-    """Largest distance (m) by which the pins of rigid closing joints, or the ends of massless links, miss each other."""
+    """Largest distance (m) by which the pins of rigid closing joints, or the ends of massless links, miss each
+    other.
+    """
     misses = [abs(gap(link, j.name)) for j in link.closing]
     if link.rows == "massless-link":
         misses += [abs(abs(gap(link, n)) - link.radii[n][0]) for n in link.contacts]
@@ -254,14 +276,18 @@ def apart(link: Linkage) -> float:
 
 
 def misclosure(link: Linkage) -> float:
-    """Largest angle (rad) by which a body would have to turn, the motor held, for the pins of rigid closing joints to meet."""
+    """Largest angle (rad) by which a body would have to turn, the motor held, for the pins of rigid closing joints to
+    meet.
+    """
     if not link.closing:
         return 0.0
     m, d, rows = link.model, link.data, first_rows(link)
     closed = [rows[int(ROW.mjCNSTR_EQUALITY), link.row_id[j.name]] + k for j in link.closing for k in (0, 1)]
     others = np.arange(m.nv) != link.motor
     turn = np.zeros(m.nv)
-    turn[others] = np.linalg.lstsq(d.efc_J.reshape(d.nefc, m.nv)[closed][:, others], d.efc_pos[closed], rcond=SINGULAR)[0]
+    turn[others] = np.linalg.lstsq(d.efc_J.reshape(d.nefc, m.nv)[closed][:, others], d.efc_pos[closed], rcond=SINGULAR)[
+        0
+    ]
     return max(abs(float(form @ turn)) for form in link.form.values())
 
 
@@ -271,4 +297,7 @@ def check_warnings(link: Linkage, where: str) -> None:
     if not d.warning.number.any() and math.isfinite(float(d.qpos.sum()) + float(d.qvel.sum())):
         return
     raised = [mujoco.mjtWarning(i).name.removeprefix("mjWARN_") for i in range(len(d.warning)) if d.warning[i].number]
-    raise SimulationError(f"mujoco: {where}: the run diverged ({', '.join(raised) or 'not a number'}); use a smaller step or a softer contact")
+    raise SimulationError(
+        f"mujoco: {where}: the run diverged ({', '.join(raised) or 'not a number'}); use a smaller step or a softer"
+        " contact"
+    )

@@ -1,8 +1,8 @@
 """The steady motion of a crank that a soft drive turns: the one that repeats itself with each revolution.
 
 Equilibria beside each other give rates, and these inertia forces, only as far as the crank follows them at once.  On a
-soft drive it also sways at a frequency of its own, which higher harmonics of the load excite for good; and where it begins off
-that motion, it sways for ever.
+soft drive it also sways at a frequency of its own, which higher harmonics of the load excite for good; and where it
+begins off that motion, it sways for ever.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ import math
 import mujoco
 import numpy as np
 
-from analytic.assembly import Assembly, AssemblyError
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from sim_models.common.start import check_steps, poses, substeps
 from sim_models.mujoco.model import Linkage
 from sim_models.mujoco.motor import Motor
 from sim_models.mujoco.state import on_track, stiffest_law
-from sim_models.start import check_steps, poses, substeps
 
 RETURNED = 5e-8  # rad: where it was, a revolution later
 NUDGE = 1e-5  # rad
@@ -60,7 +60,9 @@ class Revolution:
     def state(self, lag: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates and velocities at the start."""
         link = self.link
-        beside = np.array([link.vector(link.coordinates(poses(self.assembly, at))) for at in self.theta - lag[0] + STENCIL])
+        beside = np.array(
+            [link.vector(link.coordinates(poses(self.assembly, at))) for at in self.theta - lag[0] + STENCIL]
+        )
         q, v = beside[2], (derivative(STENCIL) @ beside)[2] * (self.motor.speed - lag[1] * self.sway)
         q[link.motor], v[link.motor] = self.theta, self.motor.speed
         return q, v
@@ -68,7 +70,12 @@ class Revolution:
     def lag(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The lag in this state."""
         link, crank = self.link, self.link.mechanism.driven
-        return np.array([q[link.motor] - link.twist[crank] - link.form[crank] @ q, (v[link.motor] - link.form[crank] @ v) / self.sway])
+        return np.array(
+            [
+                q[link.motor] - link.twist[crank] - link.form[crank] @ q,
+                (v[link.motor] - link.form[crank] @ v) / self.sway,
+            ]
+        )
 
     def after(self, lag: np.ndarray) -> np.ndarray:
         """The lag a revolution later."""
@@ -81,7 +88,9 @@ class Revolution:
         return self.lag(d.qpos, d.qvel)
 
     def steady(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Coordinates and velocities of the motion that repeats itself, near these; None where none is found, as in a resonance."""
+        """Coordinates and velocities of the motion that repeats itself, near these; None where none is found, as in a
+        resonance.
+        """
         lag, slope = self.lag(q, v), np.zeros((0, 2))
         for _ in range(ATTEMPTS):
             later = self.after(lag)

@@ -25,19 +25,25 @@ class Branch:
 def spanning_tree(mechanism: Mechanism, cut: set[str]) -> tuple[list[Branch], list[Joint]]:
     """Branches, parents first, and the ideal joints that are left to close loops; joints named in ``cut`` join nothing.
 
-    Rows that close a loop give by a part of what their bodies would accelerate by, so the joints of far lighter bodies are in the tree.
+    Rows that close a loop give by a part of what their bodies would accelerate by, so the joints of far lighter bodies
+    are in the tree.
     """
     part = {name: name for name in (GROUND, *(b.name for b in mechanism.bodies))}
     drive = mechanism.drive_joint
     edges, closing = [], []
-    for joint in sorted(mechanism.joints, key=lambda j: (not j.prismatic, j.name != drive.name, -_lightness(mechanism, j), GROUND not in j.bodies)):
+    for joint in sorted(
+        mechanism.joints,
+        key=lambda j: (not j.prismatic, j.name != drive.name, -_lightness(mechanism, j), GROUND not in j.bodies),
+    ):
         if joint.name in cut and joint.name != drive.name:
             continue
         a, b = (part[name] for name in joint.bodies)
         if a == b:
             closing.append(joint)
         else:
-            edges += [joint] if joint.name not in cut else []  # a drive joint with clearance leaves the crank floating, its angle a coordinate
+            edges += (
+                [joint] if joint.name not in cut else []
+            )  # a drive joint with clearance leaves the crank floating, its angle a coordinate
             part = {name: b if p == a else p for name, p in part.items()}
     branches: list[Branch] = []
     placed = {GROUND}
@@ -59,8 +65,12 @@ def spanning_tree(mechanism: Mechanism, cut: set[str]) -> tuple[list[Branch], li
 
 
 def _lightness(mechanism: Mechanism, joint: Joint) -> int:
-    """By how many hundredfolds a joint's lightest body is lighter than the heaviest of the linkage; the driven one is held by its motor."""
+    """By how many hundredfolds a joint's lightest body is lighter than the heaviest of the linkage; the driven one is
+    held by its motor.
+    """
     bodies = mechanism.moving
-    lightest = min((bodies[name].mass for name in joint.bodies if name in bodies and name != mechanism.driven), default=math.inf)
+    lightest = min(
+        (bodies[name].mass for name in joint.bodies if name in bodies and name != mechanism.driven), default=math.inf
+    )
     heaviest = max(body.mass for body in bodies.values())
     return max(0, int(math.log10(heaviest / lightest) // 2)) if lightest < heaviest else 0

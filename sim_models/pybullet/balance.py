@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE
-from sim_models.planar.parts import moving_body
-from sim_models.planar.rates import body_rates
+from sim_models.leapfrog.parts import moving_body
+from sim_models.leapfrog.rates import body_rates
 
 if TYPE_CHECKING:
     from sim_models.pybullet.world import BulletWorld
@@ -32,7 +32,9 @@ class Balance:
             self.moment[body.name] = moment
 
     def solve(self, pins: Mapping[str, complex]) -> tuple[dict[str, complex], dict[str, float], float]:
-        """All joints' forces, prismatic joints' moments and the drive torque, given the pins' forces (N, on the second body)."""
+        """All joints' forces, prismatic joints' moments and the drive torque, given the pins' forces (N, on the second
+        body).
+        """
         m = self.world.mechanism
         forces = dict(pins)
         moments: dict[str, float] = {}
@@ -50,7 +52,9 @@ class Balance:
             force = moving_body(m, child).mass * centre.acceleration - self.force[child]
             about_com = moving_body(m, child).moment_of_inertia * centre.spin_up - self.moment[child]
             if child == m.driven:
-                torque = about_com - _cross(self.place(child, m.drive_joint.name) - self.place(child, MASS_CENTRE), force)
+                torque = about_com - _cross(
+                    self.place(child, m.drive_joint.name) - self.place(child, MASS_CENTRE), force
+                )
             if joint is None:
                 continue
             pin = self.place(joint.bodies[1], joint.name)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sim_models.common.simulate import simulate
 from sim_models.engine import COMMON_EFFECTS, JointModel, Motion, Request, Trace, check_supported
-from sim_models.planar.runs import run
+from sim_models.leapfrog.runs import run
 from sim_models.pybullet.world import BulletWorld
 
 
@@ -32,7 +32,9 @@ class BulletEngine:
         return simulate(self, request, lambda r: run(BulletWorld, r, self.package))
 
     def export(self, request: Request, folder: Path) -> list[Path]:
-        """Write a request, and what came of it, as files that run in PyBullet alone.  Raises what :meth:`simulate` does."""
+        """Write a request, and what came of it, as files that run in PyBullet alone.  Raises what :meth:`simulate`
+        does.
+        """
         from sim_models.pybullet.export import export
 
         check_supported(self, request)

@@ -1,4 +1,6 @@
-"""A request as files that run in PyBullet without this project: a URDF for each part, start.json, run.py, and what we got, expected.csv."""
+"""A request as files that run in PyBullet without this project: a URDF for each part, start.json, run.py, and what we
+got, expected.csv.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +14,10 @@ from xml.etree import ElementTree
 import numpy as np
 
 from analytic.mechanism import GROUND, Joint
+from sim_models.common.export_files import expected, lines
 from sim_models.engine import Request, Trace, Unsupported
-from sim_models.export_files import expected, lines
-from sim_models.planar.bodies import WARM_UP
-from sim_models.planar.runs import run
+from sim_models.leapfrog.bodies import WARM_UP
+from sim_models.leapfrog.runs import run
 from sim_models.pybullet.parts import flat
 from sim_models.pybullet.world import FASTEST, STRENGTH, BulletWorld
 
@@ -36,7 +38,9 @@ class RecordedWorld(BulletWorld):
         self.constraints = {number: self.call("getConstraintInfo", number) for number in numbers}
 
     def _names(self) -> list[str]:
-        """Name of every link, in the order of the freedoms.  What carries a floating body has a dot in it, which no body's name has."""
+        """Name of every link, in the order of the freedoms.  What carries a floating body has a dot in it, which no
+        body's name has.
+        """
         kept = {number: body for body, own in self.own.items() for number in own}
         kept |= {number: f"{joint}.strut" for joint, strut in self.struts.items() for number in strut.own}
         owners = [kept[number] for number in range(len(self.freedoms))]
@@ -84,7 +88,13 @@ def export(request: Request, folder: Path) -> list[Path]:
     """
     drive = request.mechanism.drive
     if request.course is not None or (drive is not None and drive.stiffness is not None):
-        what = "a course" if request.course is not None else f"drive.stiffness = {drive.stiffness:g} N.m/rad" if drive is not None else ""
+        what = (
+            "a course"
+            if request.course is not None
+            else f"drive.stiffness = {drive.stiffness:g} N.m/rad"
+            if drive is not None
+            else ""
+        )
         raise Unsupported(f"pybullet's files drive the crank evenly and rigidly: leave out {what}")
     worlds: list[RecordedWorld] = []
 
@@ -99,7 +109,9 @@ def export(request: Request, folder: Path) -> list[Path]:
     files |= {
         "start.json": lines(_start(world, trace) | {"reports": _reports(world, order)}),
         "expected.csv": expected(trace, order),
-        "run.py": importlib.resources.files("sim_models.pybullet").joinpath("alone.py").read_text(encoding="utf-8"),
+        "run.py": (
+            importlib.resources.files("sim_models.standalone").joinpath("pybullet_run.py").read_text(encoding="utf-8")
+        ),
     }
     for name, content in files.items():
         (folder / name).write_text(content, encoding="utf-8", newline="\n")
@@ -120,7 +132,9 @@ def urdf(world: RecordedWorld, number: int) -> str:
         ElementTree.SubElement(joint, "axis", xyz=_numbers(how["axis"]))
         if how["slides"]:
             lower, upper = how.get("limits", FREE)
-            ElementTree.SubElement(joint, "limit", lower=repr(float(lower)), upper=repr(float(upper)), effort="0", velocity="0")
+            ElementTree.SubElement(
+                joint, "limit", lower=repr(float(lower)), upper=repr(float(upper)), effort="0", velocity="0"
+            )
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode") + "\n"
 
@@ -158,10 +172,19 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
         "joints": {j.name: _joint(world, j) for j in m.joints},
         "constraints": _constraints(world),
         "laws": {j.name: _law(world, j) for j in world.laws},
-        "markers": {name: _from_com(world, name, "com") if name in m.moving else [0.0, 0.0] for name in world.names.values()},
+        "markers": {
+            name: _from_com(world, name, "com") if name in m.moving else [0.0, 0.0] for name in world.names.values()
+        },
         "loads": [*_loads(world), *_weights(world)],
-        "spring_dampers": {name: {"clearance": pin.clearance} | asdict(pin.contact) for name, pin in world.pins.items() if world.compliant},
-        "runs": [run | {"time": begin, "state": dict(zip(world.names.values(), run["state"], strict=True))} for run in world.runs],
+        "spring_dampers": {
+            name: {"clearance": pin.clearance} | asdict(pin.contact)
+            for name, pin in world.pins.items()
+            if world.compliant
+        },
+        "runs": [
+            run | {"time": begin, "state": dict(zip(world.names.values(), run["state"], strict=True))}
+            for run in world.runs
+        ],
     }
 
 
@@ -190,12 +213,23 @@ def _constraints(world: RecordedWorld) -> list[dict[str, Any]]:
 
 
 def _law(world: RecordedWorld, j: Joint) -> dict[str, float]:
-    return {"friction": j.coulomb, "fades_below": world.zone[j.name], "damping": j.damping, "stiffness": j.stiffness, "rest": j.rest_angle}
+    return {
+        "friction": j.coulomb,
+        "fades_below": world.zone[j.name],
+        "damping": j.damping,
+        "stiffness": j.stiffness,
+        "rest": j.rest_angle,
+    }
 
 
 def _loads(world: RecordedWorld) -> list[dict[str, Any]]:
     return [
-        {"link": load.body, "point": _from_com(world, load.body, load.point), "force": load.force, "torque": load.torque}
+        {
+            "link": load.body,
+            "point": _from_com(world, load.body, load.point),
+            "force": load.force,
+            "torque": load.torque,
+        }
         for load in world.mechanism.loads
     ]
 
@@ -203,7 +237,12 @@ def _loads(world: RecordedWorld) -> list[dict[str, Any]]:
 def _weights(world: RecordedWorld) -> list[dict[str, Any]]:
     """What lifts the struts, which should be weightless."""
     return [
-        {"link": world.names[strut.number, part], "point": [0.0, 0.0], "force": [-strut.mass * g for g in world.mechanism.gravity], "torque": 0.0}
+        {
+            "link": world.names[strut.number, part],
+            "point": [0.0, 0.0],
+            "force": [-strut.mass * g for g in world.mechanism.gravity],
+            "torque": 0.0,
+        }
         for strut in world.struts.values()
         for part in range(2, strut.parts)
         if any(world.mechanism.gravity)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sim_models.contact_laws import lighter_mass
-from sim_models.planar.parts import AT_REST
-from sim_models.start import Pose
+from sim_models.common.contact_laws import lighter_mass
+from sim_models.common.start import Pose
+from sim_models.leapfrog.parts import AT_REST
 
 if TYPE_CHECKING:
     from sim_models.pybullet.world import BulletWorld
@@ -45,14 +45,21 @@ def flat(z: complex) -> list[float]:
 def floating(parent: int, number: int, com: complex, heavy: Mapping[str, float]) -> list[dict[str, Any]]:
     """Links of a body that floats in the plane: two slides and a hinge, the first two next to weightless."""
     between = {"mass": TRIFLE, "inertia": TRIFLE, "at": 0j, "twist": 0.0, "com": 0j}
-    slides = [between | {"parent": parent, "slides": True, "axis": SLIDE_X}, between | {"parent": number, "slides": True, "axis": SLIDE_Y}]
-    return [*slides, {**heavy, "at": 0j, "twist": 0.0, "com": com, "parent": number + 1, "slides": False, "axis": HINGE}]
+    slides = [
+        between | {"parent": parent, "slides": True, "axis": SLIDE_X},
+        between | {"parent": number, "slides": True, "axis": SLIDE_Y},
+    ]
+    return [
+        *slides,
+        {**heavy, "at": 0j, "twist": 0.0, "com": com, "parent": number + 1, "slides": False, "axis": HINGE},
+    ]
 
 
 class Strut:
     """A weightless bar from a joint's first pin to its second: as long as the clearance, or, for contact, at most that.
 
-    Where nothing moves its mass plays no part, so it is as heavy as the lighter link: a light one would spoil the solver.
+    Where nothing moves its mass plays no part, so it is as heavy as the lighter link: a light one would spoil the
+    solver.
     """
 
     def __init__(self, world: BulletWorld, name: str) -> None:
@@ -63,7 +70,18 @@ class Strut:
         tip = self.pin.clearance + 0j
         if world.request.joint_model == "contact":
             limits = -self.pin.clearance, self.pin.clearance * (1 - RIM)
-            links += [{**part, "parent": 2, "at": 0j, "twist": 0.0, "com": 0j, "slides": True, "axis": SLIDE_X, "limits": limits}]
+            links += [
+                {
+                    **part,
+                    "parent": 2,
+                    "at": 0j,
+                    "twist": 0.0,
+                    "com": 0j,
+                    "slides": True,
+                    "axis": SLIDE_X,
+                    "limits": limits,
+                }
+            ]
             tip = 0j
         begin, self.parts = len(world.freedoms), len(links)
         self.number = number = world.grow(links)
@@ -93,4 +111,6 @@ class Strut:
         angle = float(np.angle(q - p)) if q != p else 0.0
         rate = (q_rate - p_rate) * np.exp(-1j * angle)
         spin = rate.imag / abs(q - p) if q != p else 0.0
-        return [p.real, p.imag, angle, abs(q - p)][: len(self.own)], [p_rate.real, p_rate.imag, spin, rate.real][: len(self.own)]
+        return [p.real, p.imag, angle, abs(q - p)][: len(self.own)], [p_rate.real, p_rate.imag, spin, rate.real][
+            : len(self.own)
+        ]

@@ -1,9 +1,11 @@
-"""PyBullet (3.2.7): every body a multibody of its own joints, every pin between bodies one of Bullet's point constraints.
+"""PyBullet (3.2.7): every body a multibody of its own joints, every pin between bodies one of Bullet's point
+constraints.
 
 A body with a joint on the ground has that joint's coordinate; any other floats on two slides and a hinge, so that all
 motion stays in the plane.  Clearance joints are a spring-damper, or in static motion a weightless strut between the
-pins: of the clearance's length (massless link), or free to be shorter (contact).  Contact's pins rest where those rods do, if
-all of them pull; and where Bullet does not hold the one-sided struts there, it is the rods that are read.  What PyBullet does silently:
+pins: of the clearance's length (massless link), or free to be shorter (contact).  Contact's pins rest where those rods
+do, if all of them pull; and where Bullet does not hold the one-sided struts there, it is the rods that are read.  What
+PyBullet does silently:
 
 * ``changeDynamics(localInertiaDiagonal=...)`` is dropped when it comes with damping or maxJointVelocity in one call;
 * joints start with a damping and a velocity motor, and speeds are clamped;
@@ -21,17 +23,19 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE
+from sim_models.common.start import Pose
 from sim_models.engine import Request, SimulationError
-from sim_models.planar.bodies import PlanarWorld
-from sim_models.planar.parts import AT_REST, Branch, moving_body, spanning_tree
+from sim_models.leapfrog.bodies import PlanarWorld
+from sim_models.leapfrog.parts import AT_REST, Branch, moving_body, spanning_tree
 from sim_models.pybullet.balance import Balance
 from sim_models.pybullet.parts import HINGE, Link, Strut, Tie, flat, floating
-from sim_models.start import Pose
 
 ITERATIONS = 200  # of the direct solver, at most; a residual of 1e-20 ends them sooner
 SWEEPS = 5000  # of the sequential solver, always: a small residual once ended it, 16 % short of the force
 SOFTNESS = 1e-10  # Bullet's globalCFM: enough to keep its direct solver regular
-ERROR_REDUCTION = 1.0  # share of a pin's drift that Bullet removes in a step where it moves: all, so that no transient lingers
+ERROR_REDUCTION = (
+    1.0  # share of a pin's drift that Bullet removes in a step where it moves: all, so that no transient lingers
+)
 STRENGTH = 1e12  # N, N.m: what pins and the motor can take
 FASTEST = 1e9  # rad/s, m/s: in place of Bullet's clamp
 SETTLING = 3  # steps in which the direct solver's softness and what it undoes in the next step die away
@@ -49,9 +53,14 @@ class BulletWorld(PlanarWorld):
         self.p = pybullet
         self.client = pybullet.connect(pybullet.DIRECT)
         self.one_sided = request.joint_model == "contact" and bool(self.pins)
-        direct = request.joint_model != "contact"  # Bullet's direct solver fails with three one-sided limits, the sequential one with some four
+        direct = (
+            request.joint_model != "contact"
+        )  # Bullet's direct solver fails with three one-sided limits, the sequential one with some four
         solver = pybullet.CONSTRAINT_SOLVER_LCP_DANTZIG if direct else pybullet.CONSTRAINT_SOLVER_LCP_SI
-        effort = {"numSolverIterations": ITERATIONS if direct else SWEEPS, "solverResidualThreshold": 1e-20 if direct else 0.0}
+        effort = {
+            "numSolverIterations": ITERATIONS if direct else SWEEPS,
+            "solverResidualThreshold": 1e-20 if direct else 0.0,
+        }
         rigidity = {"globalCFM": SOFTNESS, "erp": 0.0 if self.static else ERROR_REDUCTION, "contactERP": 0.0}
         self.physics = {"numSubSteps": 0, "constraintSolverType": solver, **effort, **rigidity}
         self.call("setPhysicsEngineParameter", **self.physics)
@@ -67,11 +76,15 @@ class BulletWorld(PlanarWorld):
         self.links = {GROUND: Link(-1, -1)}
         self._plant()
         self.ties = {j.name: self._tie(j.name, *j.bodies) for j in ideal if j in rest or j not in trunk}
-        self.struts = {name: Strut(self, name) for name in self.pins if request.joint_model in ("massless-link", "contact")}
+        self.struts = {
+            name: Strut(self, name) for name in self.pins if request.joint_model in ("massless-link", "contact")
+        }
         self.step_size = 0.0
         self.commanded = 0.0  # rad/s, what the motor was last told
         self.settling = 1 if self.compliant else SETTLING
-        self.applied: dict[str, tuple[complex, float]] = {}  # force and moment about the com on each body, for the next step
+        self.applied: dict[
+            str, tuple[complex, float]
+        ] = {}  # force and moment about the com on each body, for the next step
         self.was_applied: dict[str, tuple[complex, float]] = {}  # in the last one
         self.poses: dict[str, Pose] = {}
         self.state: tuple[list[float], list[float]] | None = None
@@ -84,7 +97,10 @@ class BulletWorld(PlanarWorld):
         self.call("disconnect")
 
     def settings(self) -> dict[str, Any]:
-        laws = {"contact": "rigid, one-sided limit of a strut", "massless-link": "rigid, a strut of the clearance's length"}
+        laws = {
+            "contact": "rigid, one-sided limit of a strut",
+            "massless-link": "rigid, a strut of the clearance's length",
+        }
         return {"contact_law": laws[self.request.joint_model]} if self.struts else super().settings()
 
     # ---------------------------------------------------------------- building
@@ -120,27 +136,47 @@ class BulletWorld(PlanarWorld):
             at -= m.body(branch.parent).point(root.name)
         axis = (branch.axis.real, branch.axis.imag, 0.0) if joint.prismatic else HINGE
         com = body.centre - body.point(joint.name)
-        return [heavy | {"parent": parent, "at": at, "twist": branch.twist, "com": com, "slides": joint.prismatic, "axis": axis}]
+        return [
+            heavy
+            | {
+                "parent": parent,
+                "at": at,
+                "twist": branch.twist,
+                "com": com,
+                "slides": joint.prismatic,
+                "axis": axis,
+            }
+        ]
 
     def grow(self, links: list[dict[str, Any]]) -> int:
         """Make a multibody on a fixed base; returns its number.  Its joints are appended to the freedoms."""
         p = self.p
         number = self.call(
-            "createMultiBody", baseMass=0, linkMasses=[k["mass"] for k in links],
-            linkCollisionShapeIndices=[-1] * len(links), linkVisualShapeIndices=[-1] * len(links),
-            linkPositions=[flat(k["at"]) for k in links], linkOrientations=[p.getQuaternionFromEuler([0, 0, k["twist"]]) for k in links],
-            linkInertialFramePositions=[flat(k["com"]) for k in links], linkInertialFrameOrientations=[[0, 0, 0, 1]] * len(links),
-            linkParentIndices=[k["parent"] + 1 for k in links], linkJointAxis=[k["axis"] for k in links],
+            "createMultiBody",
+            baseMass=0,
+            linkMasses=[k["mass"] for k in links],
+            linkCollisionShapeIndices=[-1] * len(links),
+            linkVisualShapeIndices=[-1] * len(links),
+            linkPositions=[flat(k["at"]) for k in links],
+            linkOrientations=[p.getQuaternionFromEuler([0, 0, k["twist"]]) for k in links],
+            linkInertialFramePositions=[flat(k["com"]) for k in links],
+            linkInertialFrameOrientations=[[0, 0, 0, 1]] * len(links),
+            linkParentIndices=[k["parent"] + 1 for k in links],
+            linkJointAxis=[k["axis"] for k in links],
             linkJointTypes=[p.JOINT_PRISMATIC if k["slides"] else p.JOINT_REVOLUTE for k in links],
-        )  # fmt: skip
+        )
         for index, link in enumerate(links):
             self.call("changeDynamics", number, index, linearDamping=0, angularDamping=0, jointDamping=0)
             self.call("changeDynamics", number, index, maxJointVelocity=FASTEST)
-            self.call("changeDynamics", number, index, localInertiaDiagonal=[link["inertia"]] * 3)  # alone, or it is dropped
+            self.call(
+                "changeDynamics", number, index, localInertiaDiagonal=[link["inertia"]] * 3
+            )  # alone, or it is dropped
             self.call("setJointMotorControl2", number, index, p.VELOCITY_CONTROL, force=0)
             kept = self.call("getDynamicsInfo", number, index)[2][2]
             if not np.isclose(kept, link["inertia"], rtol=1e-12, atol=0):
-                raise SimulationError(f"pybullet: a link's moment of inertia is {kept:g} kg.m^2 where {link['inertia']:g} was set")
+                raise SimulationError(
+                    f"pybullet: a link's moment of inertia is {kept:g} kg.m^2 where {link['inertia']:g} was set"
+                )
             self.freedoms.append((number, index))
         self.multibodies.append(number)
         return number
@@ -157,7 +193,15 @@ class BulletWorld(PlanarWorld):
             first, p, second, q, sign = second, q, first, p, -1
         p, q = p - first.centre, q - second.centre
         number = self.call(
-            "createConstraint", first.body, first.index, second.body, second.index, self.p.JOINT_POINT2POINT, [0, 0, 0], flat(p), flat(q)
+            "createConstraint",
+            first.body,
+            first.index,
+            second.body,
+            second.index,
+            self.p.JOINT_POINT2POINT,
+            [0, 0, 0],
+            flat(p),
+            flat(q),
         )
         self.call("changeConstraint", number, maxForce=STRENGTH)
         return Tie(number, sign)
@@ -183,7 +227,12 @@ class BulletWorld(PlanarWorld):
     def _run_motor(self) -> None:
         body, index = self.freedoms[self.own[self.mechanism.driven][-1]]
         self.p.setJointMotorControl2(
-            body, index, self.p.VELOCITY_CONTROL, targetVelocity=self.command, force=STRENGTH if self.held else 0.0, physicsClientId=self.client
+            body,
+            index,
+            self.p.VELOCITY_CONTROL,
+            targetVelocity=self.command,
+            force=STRENGTH if self.held else 0.0,
+            physicsClientId=self.client,
         )
         self.commanded = self.command
 
@@ -224,7 +273,11 @@ class BulletWorld(PlanarWorld):
         base = self.pose(branch.parent)
         name = branch.joint.name
         slides = branch.joint.prismatic
-        angle, spin = (base.angle + branch.twist, base.angular_velocity) if slides else (base.angle + q[0], base.angular_velocity + v[0])
+        angle, spin = (
+            (base.angle + branch.twist, base.angular_velocity)
+            if slides
+            else (base.angle + q[0], base.angular_velocity + v[0])
+        )
         e = cmath.exp(1j * angle)
         arm = self.points[branch.parent, name] * cmath.exp(1j * base.angle)
         along = e * branch.axis if slides else 0j
@@ -248,7 +301,14 @@ class BulletWorld(PlanarWorld):
             return
         pose, link = self.pose(body), self.links[body]
         at = pose.origin + point * cmath.exp(1j * pose.angle)
-        self.p.applyExternalForce(link.body, link.index, (force.real, force.imag, 0.0), (at.real, at.imag, 0.0), self.p.WORLD_FRAME, self.client)
+        self.p.applyExternalForce(
+            link.body,
+            link.index,
+            (force.real, force.imag, 0.0),
+            (at.real, at.imag, 0.0),
+            self.p.WORLD_FRAME,
+            self.client,
+        )
         total, moment = self.applied.get(body, (0j, 0.0))
         arm = (point - link.centre) * cmath.exp(1j * pose.angle)
         self.applied[body] = total + force, moment + (arm.conjugate() * force).imag
@@ -271,7 +331,9 @@ class BulletWorld(PlanarWorld):
             strut.bear_up()
         self.p.stepSimulation(self.client)
         for number in self.multibodies:
-            self.p.getLinkState(number, 0, False, True, self.client)  # moves the frames that forces are applied in to the new positions
+            self.p.getLinkState(
+                number, 0, False, True, self.client
+            )  # moves the frames that forces are applied in to the new positions
         self.was_applied, self.applied = self.applied, {}
         self.state = None
         for name, strut in self.struts.items():

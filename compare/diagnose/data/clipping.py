@@ -17,8 +17,9 @@ BESIDE = 24  # samples on either side of a plateau that tell whether it is clipp
 def clipped(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
     """Samples (N,) bool at a level where the sensor saturates, and the level (NaN where it does not).
 
-    Equal extreme readings in a row are a clipped peak if the noise beside them would have made them differ, or if the signal comes
-    and goes at a slope that carries it further than its rounding there; a rest, a turning point, or a peak of a coarse sensor, is none.
+    Equal extreme readings in a row are a clipped peak if the noise beside them would have made them differ, or if the
+    signal comes and goes at a slope that carries it further than its rounding there; a rest, a turning point, or a peak
+    of a coarse sensor, is none.
     """
     here = np.flatnonzero(np.isfinite(values))
     x = values[here]
@@ -41,17 +42,26 @@ def clipped(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
 
 def _saturates(time: np.ndarray, x: np.ndarray, flat: np.ndarray, first: int, last: int) -> bool:
     """Whether a plateau of x (N,) is no turning point, by the noise and the rounding of the samples beside it."""
-    sides = [side[~flat[side]] for side in (np.arange(max(0, first - BESIDE), first), np.arange(last + 1, min(x.size, last + 1 + BESIDE)))]
+    sides = [
+        side[~flat[side]]
+        for side in (np.arange(max(0, first - BESIDE), first), np.arange(last + 1, min(x.size, last + 1 + BESIDE)))
+    ]
     sides = [side for side in sides if side.size >= 2 * PLATEAU] or [np.flatnonzero(~flat)]
     sigma = min(noise(time[side], x[side]) for side in sides)
     near = np.unique(np.append(x[np.concatenate(sides)], x[first]))
     near = near[np.argsort(np.abs(near - x[first]))][: 2 * PLATEAU]
-    step = max(quantum(near), float(np.min(np.abs(np.diff(near)))))  # a file of six digits is coarser at a high reading than at a low one
-    stays = np.mean(np.concatenate([np.diff(x[side]) == 0 for side in sides]))  # as what is reckoned from counts does, unevenly
+    step = max(
+        quantum(near), float(np.min(np.abs(np.diff(near))))
+    )  # a file of six digits is coarser at a high reading than at a low one
+    stays = np.mean(
+        np.concatenate([np.diff(x[side]) == 0 for side in sides])
+    )  # as what is reckoned from counts does, unevenly
     if sigma > max(step, 10 * FLOOR * np.ptp(x)) and stays < STAYS:
         return True
     limit = max(2 * step, 3 * sigma)
-    if min(first, x.size - 1 - last) < PLATEAU:  # at an end of the record a rest looks the same, but for the noise that a sensor at rest has
+    if (
+        min(first, x.size - 1 - last) < PLATEAU
+    ):  # at an end of the record a rest looks the same, but for the noise that a sensor at rest has
         noisy = sigma > 10 * max(quantum(x[~flat]), FLOOR * float(np.ptp(x)))
         return bool(noisy and stays < STAYS and _leaves(time, x, first, last) > limit)
     beyond, weight = _beyond(time, x, first, last)
@@ -60,7 +70,11 @@ def _saturates(time: np.ndarray, x: np.ndarray, flat: np.ndarray, first: int, la
 
 def _leaves(time: np.ndarray, x: np.ndarray, first: int, last: int) -> float:
     """How far a signal that goes on at the slope at the one edge of a plateau is beyond it in its middle."""
-    after = np.arange(last + 1, min(x.size, last + 1 + 2 * PLATEAU)) if first < PLATEAU else np.arange(max(0, first - 2 * PLATEAU), first)
+    after = (
+        np.arange(last + 1, min(x.size, last + 1 + 2 * PLATEAU))
+        if first < PLATEAU
+        else np.arange(max(0, first - 2 * PLATEAU), first)
+    )
     if after.size < PLATEAU:
         return 0.0
     edge = last if first < PLATEAU else first
@@ -77,8 +91,8 @@ def _plateaus(equal: np.ndarray) -> list[tuple[int, int]]:
 def _beyond(time: np.ndarray, x: np.ndarray, first: int, last: int) -> tuple[float, float]:
     """How far a signal would have gone beyond a plateau, and how many sigmas of the samples beside it one of that is.
 
-    It is the less of two: a parabola with the slopes at both edges (0 for what comes hard and rests, as at a stop), and a
-    polynomial of degree 4 through both sides, as flat as a pendulum turns at the top.
+    It is the less of two: a parabola with the slopes at both edges (0 for what comes hard and rests, as at a stop), and
+    a polynomial of degree 4 through both sides, as flat as a pendulum turns at the top.
     """
     m = min(max(PLATEAU, (last - first) // 2), first, x.size - 1 - last)
     before, after, inside = np.arange(first - m, first), np.arange(last + 1, last + 1 + m), np.arange(first, last + 1)

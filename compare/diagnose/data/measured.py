@@ -1,7 +1,8 @@
-"""Measured data: ``measured.toml`` and its CSV files as runs of channels in SI, checked, with the noise of every sensor.
+"""Measured data: ``measured.toml`` and its CSV files as runs of channels in SI, checked, with the noise of every
+sensor.
 
-What cannot be used is refused with one sentence (file, line or field, value, remedy); what can be mended is, and recorded as
-a :class:`Fault`.
+What cannot be used is refused with one sentence (file, line or field, value, remedy); what can be mended is, and
+recorded as a :class:`Fault`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism_file import MechanismError, load, shipped_cases
+from analytic.mechanism.file import MechanismError, load, shipped_cases
 from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured_file import Entry, read_file, tolerances
 from compare.diagnose.data.quality import FLOOR, gaps, noise, outliers, unwrapped
@@ -49,10 +50,14 @@ def load_measured(path: Path) -> Measured:
     names = [entry.name for entry in file.runs]
     twice = next((n for n in names if names.count(n) > 1), None)
     if twice is not None:
-        raise MeasuredError(f"{path.name}: run {twice!r} is there {names.count(twice)} times; give each run a name of its own")
+        raise MeasuredError(
+            f"{path.name}: run {twice!r} is there {names.count(twice)} times; give each run a name of its own"
+        )
     tolerance = tolerances(path.name, file.tolerance)
     read = [_run(path, entry, mechanism) for entry in file.runs]
-    return Measured(mechanism, tuple(run for run, _ in read), tolerance, tuple(f for _, faults in read for f in faults), str(path))
+    return Measured(
+        mechanism, tuple(run for run, _ in read), tolerance, tuple(f for _, faults in read for f in faults), str(path)
+    )
 
 
 def _mechanism(path: Path, name: str) -> Mechanism:
@@ -60,7 +65,9 @@ def _mechanism(path: Path, name: str) -> Mechanism:
     try:
         return load(file if file.is_file() or name not in shipped_cases() else name)
     except OSError as error:
-        raise MeasuredError(f"{path.name}: mechanism = {shown(name)} cannot be read ({error.strerror}); check the path") from None
+        raise MeasuredError(
+            f"{path.name}: mechanism = {shown(name)} cannot be read ({error.strerror}); check the path"
+        ) from None
     except MechanismError as error:
         raise MeasuredError(f"{path.name}: mechanism = {name!r}: {error}") from None
 
@@ -68,33 +75,50 @@ def _mechanism(path: Path, name: str) -> Mechanism:
 def _run(path: Path, entry: Entry, mechanism: Mechanism) -> tuple[Run, list[Fault]]:
     """A run and what was wrong with it."""
     where = f"{path.name}: run {entry.name!r}"
-    meant = {field: {canonical(k, mechanism): v for k, v in named.items()} for field in ("noise", "start") if (named := getattr(entry, field))}
+    meant = {
+        field: {canonical(k, mechanism): v for k, v in named.items()}
+        for field in ("noise", "start")
+        if (named := getattr(entry, field))
+    }
     entry = entry.model_copy(update=meant)
     drive, speed, angle = _command(where, entry, mechanism)
     _check_fields(where, entry, mechanism, drive)
     table = read_table(path.parent / entry.file, mechanism)
     for signal in entry.noise:
         if signal not in table.values:
-            raise MeasuredError(f"{where}: noise.{signal} is not a column of {entry.file}; the columns are {listed(table.values)}")
+            raise MeasuredError(
+                f"{where}: noise.{signal} is not a column of {entry.file}; the columns are {listed(table.values)}"
+            )
     encoder = f"{mechanism.driven}_angle"
     if drive == "measured" and encoder not in table.values:
-        raise MeasuredError(f"{where}: drive is measured, but {entry.file} has no column {encoder!r}; add the encoder or give drive_speed")
+        raise MeasuredError(
+            f"{where}: drive is measured, but {entry.file} has no column {encoder!r}; add the encoder or give"
+            " drive_speed"
+        )
     faults = _gap_fault(entry.name, table.time)
     if drive == "measured":
         table, absent = _held(entry.name, table, encoder)
         faults += absent
     channels: dict[str, Channel] = {}
     for column in table.columns:
-        command = angle + speed * table.time if column.signal == encoder and angle is not None and speed is not None else None
+        command = (
+            angle + speed * table.time if column.signal == encoder and angle is not None and speed is not None else None
+        )
         channel, found = _channel(entry, column, table, command)
         faults += found
         if channel is not None:
             channels[column.signal] = channel
     if drive == "measured" and encoder not in channels:
-        raise MeasuredError(f"{where}: drive is measured, but {encoder!r} in {entry.file} does not move; check the encoder or give drive_speed")
+        raise MeasuredError(
+            f"{where}: drive is measured, but {encoder!r} in {entry.file} does not move; check the encoder or give"
+            " drive_speed"
+        )
     if not set(channels) - ({encoder} if drive == "measured" else set()):
         told = f" ({faults[-1].text})" if faults else ""
-        raise MeasuredError(f"{where}: {entry.file} has no usable signal{' besides the encoder' * (drive == 'measured')}{told}; add a sensor")
+        raise MeasuredError(
+            f"{where}: {entry.file} has no usable signal{' besides the encoder' * (drive == 'measured')}{told}; add a"
+            " sensor"
+        )
     if speed is not None and encoder in channels:
         _check_speed(where, entry.file, table.time, channels[encoder], speed, angle or 0.0)
     start = _start(entry, mechanism, table.time, channels) if drive == "free" else {}
@@ -105,18 +129,31 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism) -> tuple[Run, list[Faul
 def _command(where: str, entry: Entry, mechanism: Mechanism) -> tuple[Drive, float | None, float | None]:
     """Kind of drive, speed (rad/s) and angle at time 0 (rad): the run's, or else the mechanism's own."""
     if entry.drive is not None and entry.drive_speed is not None:
-        raise MeasuredError(f"{where}: drive = {entry.drive!r} and drive_speed = {entry.drive_speed:g} exclude each other; keep one")
+        raise MeasuredError(
+            f"{where}: drive = {entry.drive!r} and drive_speed = {entry.drive_speed:g} exclude each other; keep one"
+        )
     if entry.drive_speed == 0:
-        raise MeasuredError(f"{where}: drive_speed = 0; give the commanded speed in rad/s, or drive = 'measured' or 'free'")
+        raise MeasuredError(
+            f"{where}: drive_speed = 0; give the commanded speed in rad/s, or drive = 'measured' or 'free'"
+        )
     own = "free" if mechanism.drive is None else mechanism.drive.speed
     said = entry.drive or (own if entry.drive_speed is None else entry.drive_speed)
     if said != "free" and mechanism.drive is None:
-        raise MeasuredError(f"{where}: is driven, but {mechanism.name!r} has no [drive]; add one, or say drive = 'free'")
+        raise MeasuredError(
+            f"{where}: is driven, but {mechanism.name!r} has no [drive]; add one, or say drive = 'free'"
+        )
     if said == "free" or said == "measured":
         if entry.drive_angle is not None:
-            raise MeasuredError(f"{where}: drive_angle = {entry.drive_angle:g} belongs to a drive_speed, and the drive is {said}; leave it out")
+            raise MeasuredError(
+                f"{where}: drive_angle = {entry.drive_angle:g} belongs to a drive_speed, and the drive is {said}; leave"
+                " it out"
+            )
         return said, None, None
-    return "speed", float(said), mechanism.assembly[mechanism.driven] if entry.drive_angle is None else entry.drive_angle
+    return (
+        "speed",
+        float(said),
+        mechanism.assembly[mechanism.driven] if entry.drive_angle is None else entry.drive_angle,
+    )
 
 
 def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) -> None:
@@ -128,23 +165,37 @@ def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) 
     for applied in entry.loads or ():
         if not all(abs(value) < LARGEST for value in (*applied.force, applied.torque)):
             raise MeasuredError(
-                f"{where}: load on {shown(applied.body)} has {applied.force} N and {applied.torque} N.m; give what is below {LARGEST:g}"
+                f"{where}: load on {shown(applied.body)} has {applied.force} N and {applied.torque} N.m; give what is"
+                f" below {LARGEST:g}"
             )
     states = [f"{body}_{part}" for body in mechanism.moving for part in ("angle", "angular_velocity")]
     for name in entry.start or {}:
         if name not in states:
             close = difflib.get_close_matches(name, states, n=1)
-            raise MeasuredError(f"{where}: start.{name} is not a state; {f'did you mean {close[0]!r}' if close else f'use {listed(states)}'}")
+            raise MeasuredError(
+                f"{where}: start.{name} is not a state;"
+                f" {f'did you mean {close[0]!r}' if close else f'use {listed(states)}'}"
+            )
     given = entry.start or {}
-    if given and f"{mechanism.driven}_angle" not in given and not set(given) <= {f"{mechanism.driven}_angular_velocity"}:
-        raise MeasuredError(f"{where}: start has {listed(given)}; give {mechanism.driven}_angle, from which the others follow")
+    if (
+        given
+        and f"{mechanism.driven}_angle" not in given
+        and not set(given) <= {f"{mechanism.driven}_angular_velocity"}
+    ):
+        raise MeasuredError(
+            f"{where}: start has {listed(given)}; give {mechanism.driven}_angle, from which the others follow"
+        )
     try:
         mechanism.replace(loads=entry.loads or ())
     except ValidationError as error:
-        raise MeasuredError(f"{where}: {'; '.join(fault['msg'].removeprefix('Value error, ') for fault in error.errors())}") from None
+        raise MeasuredError(
+            f"{where}: {'; '.join(fault['msg'].removeprefix('Value error, ') for fault in error.errors())}"
+        ) from None
 
 
-def _channel(entry: Entry, column: Column, table: Table, command: np.ndarray | None) -> tuple[Channel | None, list[Fault]]:
+def _channel(
+    entry: Entry, column: Column, table: Table, command: np.ndarray | None
+) -> tuple[Channel | None, list[Fault]]:
     """A column as a channel, without what is faulty in it; None if nothing is left."""
     run, signal, values = entry.name, column.signal, table.values[column.signal]
     faults: list[Fault] = []
@@ -158,7 +209,10 @@ def _channel(entry: Entry, column: Column, table: Table, command: np.ndarray | N
             fault("wrapped", jumps, f"jumps by a turn {jumps} times; it is continued instead")
     full, level = clipped(table.time, values)
     if np.any(full):
-        text = f"is clipped at {level / column.factor:.5g} {column.unit} in {100 * np.mean(full):.2g} % of its samples, which are left out"
+        text = (
+            f"is clipped at {level / column.factor:.5g} {column.unit} in {100 * np.mean(full):.2g} % of its samples,"
+            " which are left out"
+        )
         fault("clipped", int(np.sum(full)), text)
         values = np.where(full, math.nan, values)
     given = entry.noise.get(signal)
@@ -166,25 +220,42 @@ def _channel(entry: Entry, column: Column, table: Table, command: np.ndarray | N
     spikes = outliers(table.time, values, max(estimate, given or 0.0))
     if spikes.size:
         first = table.time[spikes[0]]
-        fault("outliers", spikes.size, f"has {spikes.size} isolated spike{'s' * (spikes.size > 1)}, the first at {first:.6g} s, left out")
+        fault(
+            "outliers",
+            spikes.size,
+            f"has {spikes.size} isolated spike{'s' * (spikes.size > 1)}, the first at {first:.6g} s, left out",
+        )
         values = values.copy()
         values[spikes] = math.nan
         estimate = noise(table.time, values)
     present = values[np.isfinite(values)]
     if present.size < ROWS:
-        fault("absent", values.size, f"has {present.size} usable samples, and at least {ROWS} are needed; it is left out")
+        fault(
+            "absent", values.size, f"has {present.size} usable samples, and at least {ROWS} are needed; it is left out"
+        )
         return None, faults
     if np.ptp(present) == 0:
-        fault("constant", present.size, f"is {present[0] / column.factor:.6g} {column.unit} throughout; a sensor that does not move is left out")
+        fault(
+            "constant",
+            present.size,
+            f"is {present[0] / column.factor:.6g} {column.unit} throughout; a sensor that does not move is left out",
+        )
         return None, faults
     if given is not None and estimate > 3 * max(given, FLOOR * float(np.ptp(present))):
-        fault("noise", present.size, f"has a noise of {estimate:.3g} (SI) by its own scatter, and {given:.3g} is given; the given one is used")
+        fault(
+            "noise",
+            present.size,
+            f"has a noise of {estimate:.3g} (SI) by its own scatter, and {given:.3g} is given; the given one is used",
+        )
     return Channel(signal, frozen(values), given or estimate, given is not None, column.unit), faults
 
 
 def _gap_fault(run: str, time: np.ndarray) -> list[Fault]:
     count, samples, longest = gaps(time)
-    text = f"run {run!r} has {count} gap{'s' * (count > 1)} in time, the longest {longest:.4g} s; nothing is assumed in between"
+    text = (
+        f"run {run!r} has {count} gap{'s' * (count > 1)} in time, the longest {longest:.4g} s; nothing is assumed in"
+        " between"
+    )
     return [Fault(run, "time", "gap", samples, text)] if count else []
 
 
@@ -194,22 +265,34 @@ def _held(run: str, table: Table, encoder: str) -> tuple[Table, list[Fault]]:
     if np.all(keep):
         return table, []
     lost = np.flatnonzero(~keep)
-    text = f"run {run!r} follows {encoder}, which is absent for a while from {table.time[lost[0]]:.6g} s; {lost.size} rows without it are left out"
-    return Table(table.columns, table.time[keep], {s: v[keep] for s, v in table.values.items()}), [Fault(run, encoder, "absent", lost.size, text)]
+    text = (
+        f"run {run!r} follows {encoder}, which is absent for a while from {table.time[lost[0]]:.6g} s; {lost.size} rows"
+        " without it are left out"
+    )
+    return Table(table.columns, table.time[keep], {s: v[keep] for s, v in table.values.items()}), [
+        Fault(run, encoder, "absent", lost.size, text)
+    ]
 
 
 def _check_speed(where: str, file: str, time: np.ndarray, encoder: Channel, speed: float, angle: float) -> None:
     """The encoder does not contradict the command by a clean factor, by a multiple, or by a large angle."""
     here = np.flatnonzero(np.isfinite(encoder.values))
     lag = max(1, here.size // 2)  # far apart, so that a coarse encoder has moved
-    found = float(np.median((encoder.values[here[lag:]] - encoder.values[here[:-lag]]) / (time[here[lag:]] - time[here[:-lag]])))
-    away = float(np.median(np.remainder(encoder.values[here] - angle - speed * time[here] + math.pi, 2 * math.pi) - math.pi))
+    found = float(
+        np.median((encoder.values[here[lag:]] - encoder.values[here[:-lag]]) / (time[here[lag:]] - time[here[:-lag]]))
+    )
+    away = float(
+        np.median(np.remainder(encoder.values[here] - angle - speed * time[here] + math.pi, 2 * math.pi) - math.pi)
+    )
     if abs(found / speed - 1) < 0.03 and abs(away) > ASTRAY:
         text = f"{encoder.signal} in {file} is {math.degrees(away):.4g} deg ahead of its command throughout"
         raise MeasuredError(f"{where}: {text}; check drive_angle = {angle:g} rad, which is the angle at time 0")
     for ratio, remedy in SLIPS.items():
         if abs(found / speed / ratio - 1) < 0.03:
-            text = f"drive_speed = {speed:g} rad/s, but {encoder.signal} in {file} turns at {found:.5g} rad/s, {found / speed:.4g} times as fast"
+            text = (
+                f"drive_speed = {speed:g} rad/s, but {encoder.signal} in {file} turns at {found:.5g} rad/s,"
+                f" {found / speed:.4g} times as fast"
+            )
             raise MeasuredError(f"{where}: {text}; {remedy}")
     if not 1 / MULTIPLE < found / speed < MULTIPLE:
         text = f"drive_speed = {speed:g} rad/s, but {encoder.signal} in {file} turns at {found:.5g} rad/s"
@@ -217,7 +300,9 @@ def _check_speed(where: str, file: str, time: np.ndarray, encoder: Channel, spee
 
 
 def _start(entry: Entry, mechanism: Mechanism, time: np.ndarray, channels: Mapping[str, Channel]) -> dict[str, float]:
-    """State at the first sample: as given; left out, the driven body's from its first readings, or assembled and at rest without any."""
+    """State at the first sample: as given; left out, the driven body's from its first readings, or assembled and at
+    rest without any.
+    """
     angle, rate = f"{mechanism.driven}_angle", f"{mechanism.driven}_angular_velocity"
     found = {angle: mechanism.assembly[mechanism.driven], rate: 0.0}
     if angle in channels:
@@ -234,8 +319,8 @@ def _thinned(where: str, run: Run, encoder: str, faults: list[Fault]) -> tuple[R
         return thin, faults
     if run.drive == "measured" and (error := missed(run, thin, encoder)) > 0:
         raise MeasuredError(
-            f"{where}: {run.time.size} samples are more than the {SAMPLES} that can be used, and one in {every} does not hold the "
-            f"motion of {encoder} ({error:.2g} rad off); cut the run into shorter ones"
+            f"{where}: {run.time.size} samples are more than the {SAMPLES} that can be used, and one in {every} does"
+            f" not hold the motion of {encoder} ({error:.2g} rad off); cut the run into shorter ones"
         )
     text = f"run {run.name!r} has {run.time.size} samples; one in {every} is used, their noise is estimated from all"
     return thin, [*faults, Fault(run.name, "time", "thinned", run.time.size - thin.time.size, text)]

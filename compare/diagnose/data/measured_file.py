@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from analytic.mechanism import Load
-from analytic.mechanism_file import describe
-from analytic.reading import ReadingError, read_toml
+from analytic.mechanism.file import describe
+from analytic.mechanism.reading import ReadingError, read_toml
 from compare.diagnose.data.recording import LARGEST, MeasuredError
 from compare.diagnose.data.units import listed
 from compare.diagnose.effects.vocabulary import VOCABULARY
@@ -19,8 +19,20 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 LINE = 500  # characters of a message
 DIGITS = "has a whole number of too many digits, which cannot be read; write it as a decimal"
 QUANTITIES = (
-    "mass", "length", "inertia", "force", "torque", "angle", "time", "damping", "stiffness", "clearance", "modulus", "gain", "gravity",
-)  # fmt: skip
+    "mass",
+    "length",
+    "inertia",
+    "force",
+    "torque",
+    "angle",
+    "time",
+    "damping",
+    "stiffness",
+    "clearance",
+    "modulus",
+    "gain",
+    "gravity",
+)
 
 
 def _as_tuple(value: Any) -> Any:
@@ -84,7 +96,8 @@ def _described(error: ValidationError, fields: dict[str, Any]) -> str:
 
 
 def tolerances(source: str, given: Mapping[str, float | Mapping[str, float]]) -> dict[str, float]:
-    """Tolerances (SI) by quantity, parameter or effect.parameter; ``effect = { parameter = x }`` is ``"effect.parameter" = x``.
+    """Tolerances (SI) by quantity, parameter or effect.parameter; ``effect = { parameter = x }`` is
+    ``"effect.parameter" = x``.
 
     Raises MeasuredError for a key that is none of them.
     """
@@ -97,9 +110,18 @@ def tolerances(source: str, given: Mapping[str, float | Mapping[str, float]]) ->
     for key in flat:
         if key not in known:
             close = difflib.get_close_matches(key, known, n=1)
-            remedy = f"did you mean {close[0]!r}" if close else f"use a quantity ({listed(quantities)}), a parameter or effect.parameter"
-            raise MeasuredError(f"{source}: tolerance.{key} is neither a quantity nor a parameter of an effect; {remedy}")
+            remedy = (
+                f"did you mean {close[0]!r}"
+                if close
+                else f"use a quantity ({listed(quantities)}), a parameter or effect.parameter"
+            )
+            raise MeasuredError(
+                f"{source}: tolerance.{key} is neither a quantity nor a parameter of an effect; {remedy}"
+            )
         meant = [(effect, p) for effect, p in parameters if key in (f"{effect}.{p.name}", p.name, p.quantity)]
         if flat[key] and meant and not any(VOCABULARY[effect].blames(p.name) for effect, p in meant):
-            raise MeasuredError(f"{source}: tolerance.{key} = {flat[key]:g} bounds nothing; give 0 to rule {meant[0][0]} out, or leave it out")
+            raise MeasuredError(
+                f"{source}: tolerance.{key} = {flat[key]:g} bounds nothing; give 0 to rule {meant[0][0]} out, or leave"
+                " it out"
+            )
     return flat

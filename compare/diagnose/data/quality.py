@@ -1,8 +1,8 @@
 """What a measured channel is worth: its noise, and the faults of sensors and recordings.
 
-Noise is what is left of a channel when its smooth part is taken out by divided differences, which are exact for any spacing
-of the samples.  A fault is found in one channel by itself; two that only a model can see, swapped columns and a wrong unit,
-are :func:`suspicious_swaps` and :func:`suspicious_units`.
+Noise is what is left of a channel when its smooth part is taken out by divided differences, which are exact for any
+spacing of the samples.  A fault is found in one channel by itself; two that only a model can see, swapped columns and a
+wrong unit, are :func:`suspicious_swaps` and :func:`suspicious_units`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ from compare.diagnose.data.units import dimension
 
 ORDERS = (3, 4, 6, 8, 10)  # of differences, tried for the noise
 FLOOR = 1e-7  # of a channel's range: what a noise-free signal is taken to be good for
-SHARES = 12  # parts of the smallest difference between two values that may be the step of a converter: no value need be one step from another
+# parts of the smallest difference between two values that may be the step of a converter: no value need be one step
+# from another
+SHARES = 12
 EXACT = 1e-6  # relative, by which the steps of a converter may miss being multiples of the smallest
 SPIKE = 8.0  # sigmas of an outlier
 JUDGED = 12  # samples, at least, among which a spike is told
@@ -28,25 +30,46 @@ TELLING = 5.0  # how much better another column's prediction must fit, and by ho
 ENOUGH = 50_000  # samples that noise is estimated from
 # Slopes of a channel on its prediction that are conversions, and what the reader may have done.
 CONVERSIONS: dict[str, dict[str, float]] = {
-    "angle": {"in degrees": 180 / math.pi, "converted from degrees twice": math.pi / 180, "in turns": 0.5 / math.pi, "of the other sign": -1.0},
-    "length": {"in millimetres": 1e3, "divided by 1000 twice": 1e-3, "in inches": 1 / 0.0254, "of the other sign": -1.0},
-    "force": {"in millinewtons": 1e3, "in kilonewtons": 1e-3, "in kilogram-force": 1 / 9.80665, "in pound-force": 1 / 4.4482216},
+    "angle": {
+        "in degrees": 180 / math.pi,
+        "converted from degrees twice": math.pi / 180,
+        "in turns": 0.5 / math.pi,
+        "of the other sign": -1.0,
+    },
+    "length": {
+        "in millimetres": 1e3,
+        "divided by 1000 twice": 1e-3,
+        "in inches": 1 / 0.0254,
+        "of the other sign": -1.0,
+    },
+    "force": {
+        "in millinewtons": 1e3,
+        "in kilonewtons": 1e-3,
+        "in kilogram-force": 1 / 9.80665,
+        "in pound-force": 1 / 4.4482216,
+    },
     "torque": {
-        "in newton millimetres": 1e3, "in kilonewton metres": 1e-3, "in pound-force inches": 1 / 0.1129848, "of the other sign": -1.0,
+        "in newton millimetres": 1e3,
+        "in kilonewton metres": 1e-3,
+        "in pound-force inches": 1 / 0.1129848,
+        "of the other sign": -1.0,
     },
     "angular velocity": {
-        "in degrees per second": 180 / math.pi, "converted from degrees twice": math.pi / 180,
-        "in revolutions per minute": 30 / math.pi, "converted from rpm twice": math.pi / 30,
-        "in revolutions per second": 0.5 / math.pi, "of the other sign": -1.0,
+        "in degrees per second": 180 / math.pi,
+        "converted from degrees twice": math.pi / 180,
+        "in revolutions per minute": 30 / math.pi,
+        "converted from rpm twice": math.pi / 30,
+        "in revolutions per second": 0.5 / math.pi,
+        "of the other sign": -1.0,
     },
-}  # fmt: skip
+}
 
 
 def noise(time: np.ndarray, values: np.ndarray) -> float:
     """Standard deviation of the white noise on a smooth signal (N,) at times (N,) s, increasing; NaN is absent.
 
-    The lowest order of differences that no higher one undercuts by more than chance; never less than the rounding of the
-    values allows, nor than FLOOR of their range (or size, for a constant).
+    The lowest order of differences that no higher one undercuts by more than chance; never less than the rounding of
+    the values allows, nor than FLOOR of their range (or size, for a constant).
     """
     here = np.flatnonzero(np.isfinite(values))
     if here.size == 0:
@@ -56,7 +79,10 @@ def noise(time: np.ndarray, values: np.ndarray) -> float:
     orders = [p for p in ORDERS if here.size > 2 * p + 1] or [1]
     found = [_scale(differences(time[here], values[here], p)) for p in orders]
     for k, estimate in enumerate(found):
-        if all(estimate <= other * (1 + chance(q, here.size)) for q, other in zip(orders[k + 1 :], found[k + 1 :], strict=True)):
+        if all(
+            estimate <= other * (1 + chance(q, here.size))
+            for q, other in zip(orders[k + 1 :], found[k + 1 :], strict=True)
+        ):
             return float(max(estimate, floor))
     return float(max(found[-1], floor))
 
@@ -68,7 +94,9 @@ def chance(order: int, samples: int) -> float:
 
 
 def differences(time: np.ndarray, values: np.ndarray, order: int) -> np.ndarray:
-    """(N - order,) divided differences of values (N,) at times (N,), scaled so that white noise keeps its size in them."""
+    """(N - order,) divided differences of values (N,) at times (N,), scaled so that white noise keeps its size
+    in them.
+    """
     n = values.size - order
     step = (time[order:] - time[:n]) / order
     total, square = np.zeros(n), np.zeros(n)
@@ -83,7 +111,9 @@ def differences(time: np.ndarray, values: np.ndarray, order: int) -> np.ndarray:
 
 
 def quantum(values: np.ndarray) -> float:
-    """The step that all values are multiples apart of (a converter's, an encoder's counts, or the decimals in a file); 0 if there is none."""
+    """The step that all values are multiples apart of (a converter's, an encoder's counts, or the decimals in a file);
+    0 if there is none.
+    """
     present = values[np.isfinite(values)]
     present = present[_stretches(present.size)]
     levels = np.sort(present)
@@ -103,7 +133,9 @@ def quantum(values: np.ndarray) -> float:
 
 
 def _stair(present: np.ndarray, step: float) -> float:
-    """The height of the stairs that a slow signal climbs one by one, even if decimals (of ``step``, or 0) blur it; 0 if it climbs none."""
+    """The height of the stairs that a slow signal climbs one by one, even if decimals (of ``step``, or 0) blur it; 0 if
+    it climbs none.
+    """
     climbed = np.abs(np.diff(present))
     climbs = climbed > step / 2
     edge = np.concatenate([[False], climbs, [False]])
@@ -118,7 +150,8 @@ def _stair(present: np.ndarray, step: float) -> float:
 def outliers(time: np.ndarray, values: np.ndarray, sigma: float) -> np.ndarray:
     """Indices of isolated spikes (SPIKE sigmas): without such a sample its neighbours are smooth.
 
-    A step, an edge or a steep end stays rough whichever sample is left out; the two samples at either end cannot be judged.
+    A step, an edge or a steep end stays rough whichever sample is left out; the two samples at either end cannot be
+    judged.
     """
     here = np.flatnonzero(np.isfinite(values))
     t, x = time[here], values[here]
@@ -144,7 +177,9 @@ def outliers(time: np.ndarray, values: np.ndarray, sigma: float) -> np.ndarray:
 
 
 def _local_median(d: np.ndarray, block: int = 16) -> np.ndarray:
-    """(N,) the largest median of the whole block that a value is in (the last for a rest) and of the blocks beside it."""
+    """(N,) the largest median of the whole block that a value is in (the last for a rest) and of the blocks
+    beside it.
+    """
     count = max(1, d.size // block)
     level = np.pad(np.median(d[: count * block].reshape(count, -1), axis=1), 1, mode="edge")
     return np.max([level[:-2], level[1:-1], level[2:]], axis=0)[np.minimum(np.arange(d.size) // block, count - 1)]
@@ -158,9 +193,13 @@ def unwrapped(angle: np.ndarray, command: np.ndarray | None = None) -> tuple[np.
     here = np.flatnonzero(np.isfinite(angle))
     step = np.diff(angle[here])
     jump = np.abs(step) > math.pi
-    if not np.any(jump) or np.ptp(angle[here]) > 2 * math.pi * 1.01:  # what turns further than once is continued already
+    if (
+        not np.any(jump) or np.ptp(angle[here]) > 2 * math.pi * 1.01
+    ):  # what turns further than once is continued already
         return angle, 0
-    turn = jump & (np.abs(np.abs(step) - 2 * math.pi) < max(0.1, 10 * float(np.median(np.abs(step)))))  # another jump is a spike
+    turn = jump & (
+        np.abs(np.abs(step) - 2 * math.pi) < max(0.1, 10 * float(np.median(np.abs(step))))
+    )  # another jump is a spike
     out = angle.copy()
     if command is None:
         out[here[1:]] -= 2 * math.pi * np.cumsum(np.where(turn, np.sign(step), 0.0))
@@ -187,7 +226,10 @@ def suspicious_swaps(run: Run, predicted: Mapping[str, np.ndarray]) -> list[Faul
         other = {s: _misfit(run, s, predicted[t]) for s, t in ((a, b), (b, a))}
         if all(own[s] > TELLING * max(other[s], run.channels[s].noise) for s in (a, b)):
             samples = int(sum(np.sum(np.isfinite(run.channels[s].values)) for s in (a, b)))
-            text = f"{a} and {b} of run {run.name!r} each fit the other's prediction and not their own: the columns look swapped in {run.file}"
+            text = (
+                f"{a} and {b} of run {run.name!r} each fit the other's prediction and not their own: the columns look"
+                f" swapped in {run.file}"
+            )
             faults.append(Fault(run.name, a, "swapped", samples, text))
     return faults
 
@@ -199,7 +241,9 @@ def suspicious_units(run: Run, predicted: Mapping[str, np.ndarray]) -> list[Faul
     """
     faults = []
     for signal, channel in run.channels.items():
-        here = np.flatnonzero(np.isfinite(channel.values) & np.isfinite(predicted.get(signal, np.full(channel.values.shape, math.nan))))
+        here = np.flatnonzero(
+            np.isfinite(channel.values) & np.isfinite(predicted.get(signal, np.full(channel.values.shape, math.nan)))
+        )
         if here.size < 3:
             continue
         measured, model = channel.values[here], predicted[signal][here]
@@ -208,7 +252,10 @@ def suspicious_units(run: Run, predicted: Mapping[str, np.ndarray]) -> list[Faul
         slope = float(np.polyfit(model, measured, 1)[0])
         for what, factor in CONVERSIONS.get(dimension(signal), {}).items():
             if abs(slope / factor - 1) < 0.03:
-                text = f"{signal} of run {run.name!r} is {slope:.4g} times its prediction: it looks {what}, but {run.file} says {channel.unit}"
+                text = (
+                    f"{signal} of run {run.name!r} is {slope:.4g} times its prediction: it looks {what}, but {run.file}"
+                    f" says {channel.unit}"
+                )
                 faults.append(Fault(run.name, signal, "unit", here.size, text))
     return faults
 

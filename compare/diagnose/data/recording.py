@@ -1,4 +1,6 @@
-"""What was recorded on a bench: channels in runs, in SI, with the noise of every sensor and what was wrong with the data."""
+"""What was recorded on a bench: channels in runs, in SI, with the noise of every sensor and what was wrong with the
+data.
+"""
 
 from __future__ import annotations
 
@@ -26,10 +28,11 @@ def shown(text: str) -> str:
 
 @dataclass(frozen=True)
 class Fault:
-    """Something wrong with the data of a run that was handled; ``samples`` are affected and ``text`` says it in a sentence.
+    """Something wrong with the data of a run that was handled; ``samples`` are affected and ``text`` says it in a
+    sentence.
 
-    ``kind`` is clipped, outliers, constant, absent, noise, wrapped, course (one signal), gap, thinned (the run, ``signal`` is
-    ``time``), swapped or unit.
+    ``kind`` is clipped, outliers, constant, absent, noise, wrapped, course (one signal), gap, thinned (the run,
+    ``signal`` is ``time``), swapped or unit.
     """
 
     run: str
@@ -41,7 +44,8 @@ class Fault:
 
 @dataclass(frozen=True)
 class Channel:
-    """One sensor in one run: ``values`` (N,) SI, NaN where absent or faulty, angles continued; ``noise`` is one sigma, SI, > 0.
+    """One sensor in one run: ``values`` (N,) SI, NaN where absent or faulty, angles continued; ``noise`` is one sigma,
+    SI, > 0.
 
     ``noise_given`` says whether measured.toml gave it (else it is estimated); ``unit`` is the header's, for people.
     """
@@ -57,9 +61,9 @@ class Channel:
 class Run:
     """One recording: ``time`` (N,) s, strictly increasing, and channels by signal.
 
-    ``speed`` (rad/s) and ``angle`` (rad, at time 0) are the command of a ``speed`` run, else None; ``start`` is the state at
-    the first sample of a ``free`` one: what was given, and for the driven body at least an estimate.  ``loads`` replace the
-    mechanism's; None keeps them.
+    ``speed`` (rad/s) and ``angle`` (rad, at time 0) are the command of a ``speed`` run, else None; ``start`` is the
+    state at the first sample of a ``free`` one: what was given, and for the driven body at least an estimate.
+    ``loads`` replace the mechanism's; None keeps them.
     """
 
     name: str
@@ -76,8 +80,9 @@ class Run:
 
 @dataclass(frozen=True)
 class Measured:
-    """A nominal mechanism, the runs measured on it, what may be blamed at most (``tolerance``, by quantity, parameter or
-    effect.parameter, SI), and what was wrong with the data."""
+    """A nominal mechanism, the runs measured on it, what may be blamed at most (``tolerance``, by quantity, parameter
+    or effect.parameter, SI), and what was wrong with the data.
+    """
 
     mechanism: Mechanism
     runs: tuple[Run, ...]

@@ -1,7 +1,8 @@
 """A data file as a table: header of ``signal [unit]``, numbers in SI, every fault with its line and column.
 
-Blocks of lines go through numpy's reader; a block that it does not take is read again cell by cell, which finds the fault
-or forgives it (blank lines, quotes).  So a long file is read at numpy's speed, and in memory that is bounded by CELLS.
+Blocks of lines go through numpy's reader; a block that it does not take is read again cell by cell, which finds the
+fault or forgives it (blank lines, quotes).  So a long file is read at numpy's speed, and in memory that is bounded by
+CELLS.
 """
 
 from __future__ import annotations
@@ -57,9 +58,13 @@ def read_table(path: Path, mechanism: Mechanism) -> Table:
         with path.open(encoding="utf-8-sig") as file:
             return _read(path.name, file, mechanism)
     except UnicodeDecodeError as error:
-        raise MeasuredError(f"{path.name}: is not UTF-8 text (byte 0x{error.object[error.start]:02x}); save it as a CSV file in UTF-8") from None
+        raise MeasuredError(
+            f"{path.name}: is not UTF-8 text (byte 0x{error.object[error.start]:02x}); save it as a CSV file in UTF-8"
+        ) from None
     except csv.Error as error:
-        raise MeasuredError(f"{path.name}: is not a CSV file ({error}); give rows of numbers separated by commas") from None
+        raise MeasuredError(
+            f"{path.name}: is not a CSV file ({error}); give rows of numbers separated by commas"
+        ) from None
     except OSError as error:
         raise MeasuredError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from None
 
@@ -69,14 +74,19 @@ def _check_size(path: Path) -> None:
     with path.open("rb") as file:
         head = file.read(BLOCK)
         if not head.strip():
-            raise MeasuredError(f"{path.name}: is empty; it needs a header of 'signal [unit]' columns and at least {ROWS} rows")
+            raise MeasuredError(
+                f"{path.name}: is empty; it needs a header of 'signal [unit]' columns and at least {ROWS} rows"
+            )
         if b"\0" in head:
             raise MeasuredError(f"{path.name}: is not text but binary (or UTF-16); save it as a CSV file in UTF-8")
         line = head.split(b"\n", 1)[0]
         columns = 1 + max(line.count(d.encode()) for d in DELIMITERS)
         rows = head.count(b"\n") + sum(block.count(b"\n") for block in iter(lambda: file.read(BLOCK), b"")) - 1
     if path.stat().st_size > HEADER * (rows + 2):
-        raise MeasuredError(f"{path.name}: has lines longer than {HEADER} characters; give a CSV file with a header of 'signal [unit]' columns")
+        raise MeasuredError(
+            f"{path.name}: has lines longer than {HEADER} characters; give a CSV file with a header of 'signal [unit]'"
+            " columns"
+        )
     if rows * columns > CELLS:
         keep = math.ceil(rows * columns / CELLS)
         raise MeasuredError(
@@ -88,14 +98,19 @@ def _check_size(path: Path) -> None:
 def _read(name: str, file: TextIO, mechanism: Mechanism) -> Table:
     header = file.readline(HEADER)
     if len(header) == HEADER:
-        raise MeasuredError(f"{name}: line 1 is longer than {HEADER} characters; give a CSV file with a header of 'signal [unit]' columns")
+        raise MeasuredError(
+            f"{name}: line 1 is longer than {HEADER} characters; give a CSV file with a header of 'signal [unit]'"
+            " columns"
+        )
     delimiter = max(DELIMITERS, key=header.count)
     time, columns = _columns(name, header, delimiter, mechanism)
     names = [f"time [{time.unit}]", *(f"{c.signal} [{c.unit}]" for c in columns)]
     blocks = [_block(name, lines, first, delimiter, names) for first, lines in _blocks(file)]
     numbers = np.concatenate([b for b, _ in blocks]) if blocks else np.zeros((0, len(names)))
     if len(numbers) < ROWS:
-        raise MeasuredError(f"{name}: has {len(numbers)} row{'s' * (len(numbers) != 1)} of numbers; at least {ROWS} are needed")
+        raise MeasuredError(
+            f"{name}: has {len(numbers)} row{'s' * (len(numbers) != 1)} of numbers; at least {ROWS} are needed"
+        )
     stamps = numbers[:, 0]
     lines = np.concatenate([n for _, n in blocks])
     _check_order(name, stamps, lines, time.unit)
@@ -107,14 +122,19 @@ def _columns(name: str, header: str, delimiter: str, mechanism: Mechanism) -> tu
     """The header's columns: time, and the others."""
     cells = [cell.strip() for cell in next(csv.reader([header], delimiter=delimiter))]
     if all(_number(cell) is not None for cell in cells):
-        raise MeasuredError(f"{name}: line 1 has numbers where the header should be; begin with a line such as 'time [s],crank_angle [deg]'")
+        raise MeasuredError(
+            f"{name}: line 1 has numbers where the header should be; begin with a line such as 'time [s],crank_angle"
+            " [deg]'"
+        )
     columns = [_column(name, k, cell, mechanism) for k, cell in enumerate(cells, 1)]
     signals = [c.signal for c in columns]
     if signals[0] != "time":
         raise MeasuredError(f"{name}: line 1: column 1 is {cells[0]!r}; the first column must be 'time [s]'")
     twice = next((s for s in signals if signals.count(s) > 1), None)
     if twice is not None:
-        raise MeasuredError(f"{name}: line 1: {twice!r} is there {signals.count(twice)} times; give each signal one column")
+        raise MeasuredError(
+            f"{name}: line 1: {twice!r} is there {signals.count(twice)} times; give each signal one column"
+        )
     if len(columns) == 1:
         raise MeasuredError(f"{name}: line 1: has no column but time; add the measured signals, separated by commas")
     return columns[0], tuple(columns[1:])
@@ -123,10 +143,15 @@ def _columns(name: str, header: str, delimiter: str, mechanism: Mechanism) -> tu
 def _column(name: str, k: int, cell: str, mechanism: Mechanism) -> Column:
     found = re.fullmatch(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?", cell)
     if found is None or not found[1]:
-        raise MeasuredError(f"{name}: line 1: column {k} is {shown(cell)}; write 'signal [unit]', such as 'crank_angle [deg]'")
+        raise MeasuredError(
+            f"{name}: line 1: column {k} is {shown(cell)}; write 'signal [unit]', such as 'crank_angle [deg]'"
+        )
     signal, unit = canonical(found[1], mechanism), (found[2] or "").strip()
     if signal != "time" and signal not in readable(mechanism):
-        raise MeasuredError(f"{name}: line 1: column {k}, {shown(signal)}, is not a signal of {mechanism.name!r}; {suggestion(signal, mechanism)}")
+        raise MeasuredError(
+            f"{name}: line 1: column {k}, {shown(signal)}, is not a signal of {mechanism.name!r};"
+            f" {suggestion(signal, mechanism)}"
+        )
     try:
         return Column(signal, unit, factor(unit, dimension(signal)))
     except UnitError as error:
@@ -134,9 +159,15 @@ def _column(name: str, k: int, cell: str, mechanism: Mechanism) -> Column:
 
 
 def canonical(signal: str, mechanism: Mechanism) -> str:
-    """``crank_angle`` stands for the driven body's angle, ``crank_angular_velocity`` for its rate, unless another body is called crank."""
+    """``crank_angle`` stands for the driven body's angle, ``crank_angular_velocity`` for its rate, unless another body
+    is called crank.
+    """
     body, _, part = signal.partition("_")
-    return f"{mechanism.driven}_{part}" if body == "crank" and body not in mechanism.moving and part in ("angle", "angular_velocity") else signal
+    return (
+        f"{mechanism.driven}_{part}"
+        if body == "crank" and body not in mechanism.moving and part in ("angle", "angular_velocity")
+        else signal
+    )
 
 
 def suggestion(signal: str, mechanism: Mechanism) -> str:
@@ -153,21 +184,33 @@ def _blocks(file: TextIO) -> Iterator[tuple[int, list[str]]]:
         first += len(lines)
 
 
-def _block(name: str, lines: list[str], first: int, delimiter: str, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+def _block(
+    name: str, lines: list[str], first: int, delimiter: str, names: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray]:
     """Numbers (rows, columns) of a block, in the units of the file, and the line number (rows,) of each row."""
     try:
         text = "".join(lines)
         for before, after in ((delimiter, delimiter), (delimiter, "\n")):  # an empty cell is an absent value
             text = text.replace(before + after, f"{before}nan{after}").replace(before + after, f"{before}nan{after}")
-        numbers = np.loadtxt(io.StringIO(text), delimiter=delimiter, comments=None, ndmin=2) if not text.isspace() else np.zeros((0, 0))
-        if numbers.shape == (len(lines), len(names)) and np.all(np.isfinite(numbers[:, 0])) and not np.any(np.isinf(numbers)):
+        numbers = (
+            np.loadtxt(io.StringIO(text), delimiter=delimiter, comments=None, ndmin=2)
+            if not text.isspace()
+            else np.zeros((0, 0))
+        )
+        if (
+            numbers.shape == (len(lines), len(names))
+            and np.all(np.isfinite(numbers[:, 0]))
+            and not np.any(np.isinf(numbers))
+        ):
             return numbers, np.arange(first, first + len(lines))
     except ValueError:  # said below, with line and column
         pass
     return _cell_by_cell(name, lines, first, delimiter, names)
 
 
-def _cell_by_cell(name: str, lines: list[str], first: int, delimiter: str, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+def _cell_by_cell(
+    name: str, lines: list[str], first: int, delimiter: str, names: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray]:
     rows, numbers = [], []
     for number, line in enumerate(lines, first):
         cells = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
@@ -176,7 +219,10 @@ def _cell_by_cell(name: str, lines: list[str], first: int, delimiter: str, names
         where = f"{name}: line {number}"
         if len(cells) != len(names):
             hint = "; a decimal comma must be a decimal point" if delimiter == "," and len(cells) > len(names) else ""
-            raise MeasuredError(f"{where} has {len(cells)} cells and the header {len(names)}; leave an absent cell empty between commas{hint}")
+            raise MeasuredError(
+                f"{where} has {len(cells)} cells and the header {len(names)}; leave an absent cell empty between"
+                f" commas{hint}"
+            )
         rows.append([_value(f"{where}, column {column!r}", cell) for column, cell in zip(names, cells, strict=True)])
         numbers.append(number)
         if not math.isfinite(rows[-1][0]):
@@ -191,7 +237,9 @@ def _value(where: str, cell: str) -> float:
     if value is None and re.fullmatch(r"[-+]?\d+,\d+(e[-+]?\d+)?", cell, re.IGNORECASE):
         raise MeasuredError(f"{where}: {shown(cell)} has a decimal comma; write a decimal point")
     if value is None or math.isinf(value):
-        raise MeasuredError(f"{where}: {shown(cell)} is not a finite number; leave the cell empty where there is no reading")
+        raise MeasuredError(
+            f"{where}: {shown(cell)} is not a finite number; leave the cell empty where there is no reading"
+        )
     return value
 
 
@@ -208,12 +256,15 @@ def _check_range(name: str, numbers: np.ndarray, lines: np.ndarray, names: Seque
     if wrong.size:
         row, k = wrong[0]
         raise MeasuredError(
-            f"{name}: line {lines[row]}, column {names[k]!r}: {numbers[row, k]:g} is no reading; leave the cell empty where there is none"
+            f"{name}: line {lines[row]}, column {names[k]!r}: {numbers[row, k]:g} is no reading; leave the cell empty"
+            " where there is none"
         )
     short = np.flatnonzero(np.diff(numbers[:, 0]) < SHORTEST / factors[0])
     if short.size:
         step = float(np.diff(numbers[:, 0])[short[0]]) * float(factors[0])
-        raise MeasuredError(f"{name}: line {lines[short[0] + 1]}: {step:.3g} s after the row before; check the unit of time")
+        raise MeasuredError(
+            f"{name}: line {lines[short[0] + 1]}: {step:.3g} s after the row before; check the unit of time"
+        )
 
 
 def _check_order(name: str, stamps: np.ndarray, lines: np.ndarray, unit: str) -> None:
@@ -223,5 +274,11 @@ def _check_order(name: str, stamps: np.ndarray, lines: np.ndarray, unit: str) ->
     k = int(wrong[0])
     before, after = f"{stamps[k]:.10g} {unit}", f"{stamps[k + 1]:.10g} {unit}"
     if stamps[k + 1] == stamps[k]:
-        raise MeasuredError(f"{name}: line {lines[k + 1]} has the time of the row before, {after}; delete the repeated row or give it its own time")
-    raise MeasuredError(f"{name}: line {lines[k + 1]}: time runs back from {before} to {after}; put the rows in order of time, one run in a file")
+        raise MeasuredError(
+            f"{name}: line {lines[k + 1]} has the time of the row before, {after}; delete the repeated row or give it"
+            " its own time"
+        )
+    raise MeasuredError(
+        f"{name}: line {lines[k + 1]}: time runs back from {before} to {after}; put the rows in order of time, one run"
+        " in a file"
+    )

@@ -12,7 +12,9 @@ from compare.diagnose.data.smooth import Smoother
 
 
 def picked(run: Run, every: int) -> Run:
-    """A run with one in so many of its samples: the same rows of all sensors, and more where a sensor has few in those."""
+    """A run with one in so many of its samples: the same rows of all sensors, and more where a sensor has few
+    in those.
+    """
     keep = np.zeros(run.time.size, bool)
     keep[::every] = True
     for channel in run.channels.values():
@@ -24,7 +26,9 @@ def picked(run: Run, every: int) -> Run:
 
 
 def held(time: np.ndarray, encoder: np.ndarray) -> np.ndarray:
-    """Samples (N,) bool at which a drive that follows the encoder (N,), NaN where absent, is held by it: not before, after, or in a gap."""
+    """Samples (N,) bool at which a drive that follows the encoder (N,), NaN where absent, is held by it: not before,
+    after, or in a gap.
+    """
     known = np.flatnonzero(np.isfinite(encoder))
     if known.size < 2:
         return np.isfinite(encoder)
@@ -35,7 +39,9 @@ def held(time: np.ndarray, encoder: np.ndarray) -> np.ndarray:
 
 
 def missed(run: Run, thin: Run, encoder: str) -> float:
-    """By how much (rms, rad) a drive that follows the encoder misses its motion with these samples of it; 0 for no more than noise."""
+    """By how much (rms, rad) a drive that follows the encoder misses its motion with these samples of it; 0 for no more
+    than noise.
+    """
     sides = []
     for each in (run, thin):
         values = each.channels[encoder].values

@@ -17,7 +17,14 @@ if TYPE_CHECKING:
     import pint
 
 Dimension = Literal["time", "angle", "angular velocity", "length", "force", "torque"]
-SI: dict[Dimension, str] = {"time": "s", "angle": "rad", "angular velocity": "rad/s", "length": "m", "force": "N", "torque": "N.m"}
+SI: dict[Dimension, str] = {
+    "time": "s",
+    "angle": "rad",
+    "angular velocity": "rad/s",
+    "length": "m",
+    "force": "N",
+    "torque": "N.m",
+}
 # What messages offer; any other unit of the dimension that pint knows is accepted as well.
 ACCEPTED: dict[Dimension, str] = {
     "time": "s, ms, us or min",
@@ -58,7 +65,11 @@ def readable(mechanism: Mechanism) -> list[str]:
     names = [f"{body.name}_{part}" for body in mechanism.bodies for part in ("angle", "x", "y", "angular_velocity")]
     for joint in mechanism.joints:
         names += [f"reaction_{joint.name}_{part}" for part in ("x", "y", "angle", "magnitude")]
-        names += [f"reaction_{joint.name}_moment"] if joint.prismatic else [f"clearance_{joint.name}_{axis}" for axis in "xy"]
+        names += (
+            [f"reaction_{joint.name}_moment"]
+            if joint.prismatic
+            else [f"clearance_{joint.name}_{axis}" for axis in "xy"]
+        )
     return [*names, "drive_torque"]
 
 
@@ -76,7 +87,9 @@ def factor(unit: str, kind: Dimension) -> float:
     except (_pint().PintError, ValueError):  # such as of nan, which is a number
         raise UnitError(f"unit {unit!r} is unknown; {accepted}") from None
     wanted = _in_base_units(SI[kind].replace(".", "*"))
-    if quantity.units != wanted.units:  # base units keep radians apart from plain numbers: neither % nor Hz passes for an angle or a speed
+    if (
+        quantity.units != wanted.units
+    ):  # base units keep radians apart from plain numbers: neither % nor Hz passes for an angle or a speed
         raise UnitError(f"unit {unit!r} is of another dimension; {accepted}")
     return float(quantity.magnitude / wanted.magnitude)
 

@@ -33,7 +33,11 @@ class Payload(Effect):
     """A point mass riding on a body; marker and loads stay where the nominal com is."""
 
     name = "payload"
-    parameters = (Parameter("mass", "kg", "mass", 0.0), Parameter("along", "m", "position"), Parameter("normal", "m", "position"))
+    parameters = (
+        Parameter("mass", "kg", "mass", 0.0),
+        Parameter("along", "m", "position"),
+        Parameter("normal", "m", "position"),
+    )
 
     def places(self, rig: Rig) -> Sequence[str]:
         return _bodies(rig)
@@ -45,7 +49,9 @@ class Payload(Effect):
 
     def probes(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
         m, a, n = self.scales(rig, where)
-        return np.array([[m, 0, 0], [m, a, 0], [m, -a, 0], [m, 0, n]])  # mass, both moments, and the inertia of being off centre
+        return np.array(
+            [[m, 0, 0], [m, a, 0], [m, -a, 0], [m, 0, n]]
+        )  # mass, both moments, and the inertia of being off centre
 
     def start(self, rig: Rig, where: str, coefficients: np.ndarray, variant: float = 0.0) -> np.ndarray:
         m, a, n = self.scales(rig, where)
@@ -62,7 +68,11 @@ class Payload(Effect):
         arm, m = complex(values["along"], values["normal"]), values["mass"]
         mass = body.mass + m
         centre = body.centre + m * (body.point("com") + arm - body.centre) / mass
-        inertia = body.moment_of_inertia + body.mass * abs(centre - body.centre) ** 2 + m * abs(body.point("com") + arm - centre) ** 2
+        inertia = (
+            body.moment_of_inertia
+            + body.mass * abs(centre - body.centre) ** 2
+            + m * abs(body.point("com") + arm - centre) ** 2
+        )
         return mechanism.with_body(where, **_pinned(body) | {"mass": mass, "com": _pair(centre), "inertia": inertia})
 
 
@@ -80,7 +90,9 @@ class ComOffset(Effect):
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         body = _body(mechanism, where)
-        return mechanism.with_body(where, **_pinned(body) | {"com": _pair(body.centre + complex(values["along"], values["normal"]))})
+        return mechanism.with_body(
+            where, **_pinned(body) | {"com": _pair(body.centre + complex(values["along"], values["normal"]))}
+        )
 
 
 class MomentOfInertia(Effect):
@@ -123,7 +135,9 @@ class LinkLength(Effect):
         body = _body(mechanism, where)
         last = list(body.points)[-1]
         x, y = body.points[last]
-        return mechanism.with_body(where, **_pinned(body) | {"points": {**body.points, last: (x + values["length_error"], y)}})
+        return mechanism.with_body(
+            where, **_pinned(body) | {"points": {**body.points, last: (x + values["length_error"], y)}}
+        )
 
 
 class PivotPosition(Effect):
@@ -201,7 +215,9 @@ def _bends(body: Body) -> bool:
 
 
 def _flexible(body: Body, modulus: float) -> Body:
-    return Body.model_validate(body.model_dump(exclude_unset=True) | {"youngs_modulus": modulus}) if _bends(body) else body
+    return (
+        Body.model_validate(body.model_dump(exclude_unset=True) | {"youngs_modulus": modulus}) if _bends(body) else body
+    )
 
 
 def _bodies(rig: Rig) -> list[str]:

@@ -22,7 +22,9 @@ Readings = Mapping[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter as reported: its unit, what kind of quantity it is (for ``tolerance``), and its smallest physical value."""
+    """A parameter as reported: its unit, what kind of quantity it is (for ``tolerance``), and its smallest physical
+    value.
+    """
 
     name: str
     unit: str
@@ -60,10 +62,16 @@ class Effect(ABC):
 
     name: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
-    special_case_of: ClassVar[tuple[str, ...]] = ()  # richer effects that must earn their extra parameter against this one
+    special_case_of: ClassVar[
+        tuple[str, ...]
+    ] = ()  # richer effects that must earn their extra parameter against this one
     sensor: ClassVar[bool] = False  # of the measurement, not of the mechanism
-    needs_engine: ClassVar[bool] = False  # only engines that declare it have it; the others are fields that each must honour
-    slow: ClassVar[bool] = False  # costs the analytic model many times what the others do, and changes their signatures little
+    needs_engine: ClassVar[bool] = (
+        False  # only engines that declare it have it; the others are fields that each must honour
+    )
+    slow: ClassVar[bool] = (
+        False  # costs the analytic model many times what the others do, and changes their signatures little
+    )
 
     @abstractmethod
     def places(self, rig: Rig) -> Sequence[str]:
@@ -74,7 +82,9 @@ class Effect(ABC):
         """A small amount of each natural coordinate."""
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
-        """Discrete choices that come before the coordinates (a harmonic, a quarter turn); one of them is enough for most."""
+        """Discrete choices that come before the coordinates (a harmonic, a quarter turn); one of them is enough for
+        most.
+        """
         return (0.0,)
 
     def probes(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
@@ -110,7 +120,9 @@ class Effect(ABC):
         return 0.0
 
     def blames(self, parameter: str) -> bool:
-        """Whether a tolerance on a parameter bounds its natural coordinate: where that is how far the parameter is off."""
+        """Whether a tolerance on a parameter bounds its natural coordinate: where that is how far the parameter
+        is off.
+        """
         return True
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:

@@ -1,4 +1,6 @@
-"""Effects in joints and in the drive: play, friction, springs, a soft or uneven motor, as pure functions on the mechanism."""
+"""Effects in joints and in the drive: play, friction, springs, a soft or uneven motor, as pure functions on the
+mechanism.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ HARMONICS = range(1, 13)
 
 
 class OnJoint(Effect):
-    """Effects that are one field of a joint; the value is the whole field, the natural coordinate what the model lacks of it."""
+    """Effects that are one field of a joint; the value is the whole field, the natural coordinate what the model lacks
+    of it.
+    """
 
     field_name: ClassVar[str]
 
@@ -129,7 +133,11 @@ class SpeedRipple(Effect):
     """A motor that turns unevenly: command plus amplitude sin(harmonic command + phase).  Natural: a cos p, a sin p."""
 
     name = "speed_ripple"
-    parameters = (Parameter("amplitude", "rad", "angle", 0.0), Parameter("harmonic", "1", "harmonic"), Parameter("phase", "rad", "phase"))
+    parameters = (
+        Parameter("amplitude", "rad", "angle", 0.0),
+        Parameter("harmonic", "1", "harmonic"),
+        Parameter("phase", "rad", "phase"),
+    )
 
     def places(self, rig: Rig) -> Sequence[str]:
         uneven = rig.mechanism.drive is not None and rig.mechanism.drive.ripple is not None
@@ -156,7 +164,11 @@ class SpeedRipple(Effect):
 
 
 def _with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:
-    drive = mechanism.drive.model_dump(exclude_unset=True) if mechanism.drive else {"joint": mechanism.drive_joint.name, "speed": "measured"}
+    drive = (
+        mechanism.drive.model_dump(exclude_unset=True)
+        if mechanism.drive
+        else {"joint": mechanism.drive_joint.name, "speed": "measured"}
+    )
     return mechanism.replace(drive=drive | fields)
 
 
@@ -165,6 +177,8 @@ def _joints(rig: Rig) -> list[str]:
 
 
 def _unit(rig: Rig, where: str, revolute: str) -> str:
-    """The unit of a revolute joint's parameter in a joint: a prismatic one has forces and travels for torques and angles."""
+    """The unit of a revolute joint's parameter in a joint: a prismatic one has forces and travels for torques and
+    angles.
+    """
     prismatic = {"N.m": "N", "N.m.s/rad": "N.s/m", "N.m/rad": "N/m", "rad": "m"}
     return prismatic.get(revolute, revolute) if rig.mechanism.joint(where).prismatic else revolute

@@ -12,7 +12,8 @@ from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Va
 
 
 class EncoderOffset(Effect):
-    """A constant error of the driven body's angle, the motor's encoder; one value, or one for each run (``offset@run``).
+    """A constant error of the driven body's angle, the motor's encoder; one value, or one for each run
+    (``offset@run``).
 
     In a run that follows the encoder the motor is at column minus offset, so the offset moves the whole linkage.
     """
@@ -114,7 +115,9 @@ class SensorFrame(Effect):
     sensor = True
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return [j.name for j in rig.mechanism.joints if {f"reaction_{j.name}_x", f"reaction_{j.name}_y"} <= set(rig.signals)]
+        return [
+            j.name for j in rig.mechanism.joints if {f"reaction_{j.name}_x", f"reaction_{j.name}_y"} <= set(rig.signals)
+        ]
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-4,)
@@ -153,4 +156,11 @@ class ClockOffset(Effect):
         return values["offset"] if run == where else 0.0
 
 
-SENSOR_EFFECTS: tuple[Effect, ...] = (EncoderOffset(), SensorBias(), SensorGain(), SensorDelay(), SensorFrame(), ClockOffset())
+SENSOR_EFFECTS: tuple[Effect, ...] = (
+    EncoderOffset(),
+    SensorBias(),
+    SensorGain(),
+    SensorDelay(),
+    SensorFrame(),
+    ClockOffset(),
+)

@@ -1,0 +1,1 @@
+"""What the paper leaves out: drives that yield, free motion, tolerances by Monte Carlo."""

@@ -1,0 +1,96 @@
+"""A linkage without a motor, released: its own motion under gravity, loads and joint laws, until friction holds it.
+
+With one freedom, Coulomb friction in all joints turns with the crank: the motion goes in stretches of one direction,
+and each ends where the crank comes to rest, to turn back or, where friction is the larger, to stay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from analytic.beyond_paper.freedom import coefficients
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import kinematics
+from analytic.paper.kinetostatics import Reactions, kinetostatics
+
+ACCURACY = 1e-10  # relative, of the integration
+# s to either side of where the crank turns back and friction with it: presliding there, and a simulation's step
+TURNING = 1e-3
+BARELY = 1e-150  # rad/s: gives friction its direction and nothing else a size
+
+
+@dataclass(frozen=True)
+class Released:
+    """A released motion; ``held`` (N,) says at which times friction holds the linkage at rest, ``turning`` at which it
+    turns back.
+    """
+
+    reactions: Reactions
+    held: np.ndarray
+    turning: np.ndarray
+
+
+def released(assembly: Assembly, time: np.ndarray, theta: float | None = None, omega: float = 0.0) -> Released:
+    """Motion and reactions at times (N,) s after release, ascending, at crank angle theta (rad; the assembly angle) and
+    speed omega (rad/s).
+
+    Raises AssemblyError where the motion meets a change point.
+    """
+    rubs = any(joint.coulomb for joint in assembly.mechanism.joints)
+    angles, speeds, accelerations = np.empty((3, time.size))
+    grip, held = np.ones(time.size), np.zeros(time.size, bool)
+    angle, speed, now, k = assembly.start if theta is None else theta, omega, 0.0, 0
+    while k < time.size:
+        *_, friction, rest = coefficients(assembly, np.array([angle]))[:, 0]
+        direction = float(np.sign(speed) or -np.sign(rest)) if rubs else 0.0
+        if rubs and speed == 0 and abs(rest) <= friction:
+            angles[k:], speeds[k:], accelerations[k:] = angle, direction * BARELY, 0.0
+            grip[k:], held[k:] = abs(rest) / friction if friction else 1.0, True
+            break
+        found = _stretch(assembly, time[k:], now, (angle, speed), direction)
+        part = slice(k, k + found.t.size)
+        angles[part], speeds[part] = found.y
+        speeds[part] += direction * BARELY  # at rest for an instant, friction is that of the motion to come
+        accelerations[part] = _acceleration(assembly, angles[part], speeds[part], direction)
+        if found.status == 1:
+            now, angle, speed = float(found.t_events[0][0]), float(found.y_events[0][0, 0]), 0.0
+        k = part.stop
+    turning = ~held & rubs & (np.abs(speeds) <= TURNING * np.abs(accelerations))
+    return Released(kinetostatics(kinematics(assembly, angles, speeds, accelerations), grip=grip), held, turning)
+
+
+def _stretch(assembly: Assembly, time: np.ndarray, now: float, state: tuple[float, float], direction: float) -> Any:
+    """The motion from a state (rad, rad/s) at ``now`` (s) on, at the times, until it would turn back; with direction 0
+    it may.
+    """
+    from scipy.integrate import solve_ivp
+
+    def rate(_: float, state: np.ndarray) -> list[float]:
+        angle, speed = state
+        return [speed, float(_acceleration(assembly, np.array([angle]), np.array([speed]), direction)[0])]
+
+    def onward(_: float, state: np.ndarray) -> float:
+        return float(direction * state[1])
+
+    onward.terminal, onward.direction = True, -1.0  # type: ignore[attr-defined]  # scipy's way to say so
+    span = (now, max(float(time[-1]), now + 1e-12))
+    found = solve_ivp(
+        rate, span, state, "DOP853", t_eval=time, events=onward if direction else None, rtol=ACCURACY, atol=ACCURACY
+    )
+    if not found.success:
+        reached = found.t[-1] if found.t.size else now
+        raise AssemblyError(
+            f"{assembly.mechanism.name}: the released motion cannot be followed beyond {reached:g} s ({found.message})"
+        )
+    return found
+
+
+def _acceleration(assembly: Assembly, angle: np.ndarray, speed: np.ndarray, direction: float) -> np.ndarray:
+    """Acceleration (rad/s^2) of the free crank at angles (rad) and speeds (rad/s), (N,) each, friction against
+    ``direction``.
+    """
+    mass, half, damping, friction, rest = coefficients(assembly, angle)
+    return -(half * speed**2 + damping * speed + friction * direction + rest) / mass

@@ -1,0 +1,1 @@
+"""Structure, loop closure, assembly and motion of a planar linkage."""

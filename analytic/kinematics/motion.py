@@ -1,0 +1,234 @@
+"""Positions, velocities and accelerations of a linkage, for all crank angles at once.
+
+Rates come from differentiating the loop closures once and twice (exactly, not by differences); each Assur group is
+solved after the ones it hangs on.  Gaps of joints with clearance enter as known vectors with rates of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly, Path
+from analytic.kinematics.closure import AssemblyError, partials
+from analytic.kinematics.structure import Group, Structure
+from analytic.mechanism import Joint
+
+BLOCK = 4096  # crank angles worked on at once: their temporary arrays stay in the processor's cache
+# glibc keeps freed memory for the next array up to twice the largest that it has ever seen freed, at first next to
+# nothing; the rest goes back to the system, and comes again page by page, which takes longer than all that is computed
+# here.  Nothing is written to these.
+np.empty(2**21)
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Gap of a revolute joint, first pin centre minus second (m, ground frame, x + iy), and its time derivatives; (N,)
+    each.
+    """
+
+    value: np.ndarray
+    rate: np.ndarray | float = 0.0
+    acceleration: np.ndarray | float = 0.0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A linkage in motion at N crank angles; arrays are (N,), vectors complex in the ground frame."""
+
+    assembly: Assembly
+    theta: np.ndarray  # rad, of the driven body
+    coordinates: np.ndarray  # (n, N) angles (rad, continued) and travels (m)
+    rates: np.ndarray  # (n, N) rad/s, m/s
+    accelerations: np.ndarray  # (n, N)
+    columns: np.ndarray  # (n_columns, N) complex, see analytic.kinematics.structure
+    column_rates: np.ndarray
+    column_accelerations: np.ndarray
+    jacobians: Mapping[Group, np.ndarray]  # (unknowns, loops, N) derivative of each group's loops
+
+    @property
+    def structure(self) -> Structure:
+        """The linkage's structure."""
+        return self.assembly.structure
+
+    def part(self, block: slice, live: int | None = None) -> Motion:
+        """The same motion at some of its crank angles, or only its first ``live`` columns: views of its arrays."""
+        u, rates, accelerations = (x[:, block] for x in (self.coordinates, self.rates, self.accelerations))
+        columns, turns, bends = (x[:live, block] for x in (self.columns, self.column_rates, self.column_accelerations))
+        jacobians = {group: jacobian[..., block] for group, jacobian in self.jacobians.items()}
+        return Motion(self.assembly, self.theta[block], u, rates, accelerations, columns, turns, bends, jacobians)
+
+    def position(self, body: str, point: str = "com") -> np.ndarray:
+        """Position (m) of a body's point."""
+        return self.assembly.form(body, point) @ self.columns
+
+    def velocity(self, body: str, point: str = "com") -> np.ndarray:
+        """Velocity (m/s) of a body's point."""
+        return self.assembly.form(body, point) @ self.column_rates
+
+    def acceleration(self, body: str, point: str = "com") -> np.ndarray:
+        """Acceleration (m/s^2) of a body's point."""
+        return self.assembly.form(body, point) @ self.column_accelerations
+
+    def angle(self, body: str) -> np.ndarray:
+        """Angle (rad) of a body, continued from the assembly angle."""
+        return self._turn(self.coordinates, body) + self.structure.twist[self.structure.body_column(body)]
+
+    def angular_velocity(self, body: str) -> np.ndarray:
+        """Angular velocity (rad/s) of a body."""
+        return self._turn(self.rates, body)
+
+    def angular_acceleration(self, body: str) -> np.ndarray:
+        """Angular acceleration (rad/s^2) of a body."""
+        return self._turn(self.accelerations, body)
+
+    def travel(self, joint: str) -> tuple[np.ndarray, np.ndarray]:
+        """Travel (m) of a prismatic joint and its rate (m/s)."""
+        i = self._slide(joint)
+        return self.coordinates[i], self.rates[i]
+
+    def slip(self, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
+        """Rate and acceleration of a joint's second body on its first: rad/s and rad/s^2, or m/s and m/s^2."""
+        if joint.prismatic:
+            i = self._slide(joint.name)
+            return self.rates[i], self.accelerations[i]
+        first, second = joint.bodies
+        return (
+            self.angular_velocity(second) - self.angular_velocity(first),
+            self.angular_acceleration(second) - self.angular_acceleration(first),
+        )
+
+    def _slide(self, joint: str) -> int:
+        return next(i for i, c in enumerate(self.structure.coordinates) if c.joint == joint and not c.bodies)
+
+    def _turn(self, values: np.ndarray, body: str) -> np.ndarray:
+        column = self.structure.body_column(body)
+        for i, c in enumerate(self.structure.coordinates):
+            if column in c.bodies:
+                return values[i]
+        return np.zeros(values.shape[1])  # the ground, or a body that a prismatic joint holds parallel to it
+
+
+def kinematics(
+    assembly: Assembly,
+    theta: np.ndarray,
+    omega: np.ndarray | float = 0.0,
+    alpha: np.ndarray | float = 0.0,
+    gaps: Mapping[str, Gap] | None = None,
+    path: Path | None = None,
+) -> Motion:
+    """Motion at crank angles theta (N,) rad, angular velocity omega (rad/s) and acceleration alpha (rad/s^2).
+
+    Raises AssemblyError at a change point or an angle that cannot be reached.
+    """
+    s = assembly.structure
+    u, columns = assembly.open(theta, {name: gap.value for name, gap in (gaps or {}).items()})
+    theta = np.atleast_1d(np.asarray(theta, float))
+    path = path or assembly.path(theta.min(), theta.max())
+    drive = np.broadcast_to(omega, theta.shape), np.broadcast_to(alpha, theta.shape)
+    rates, bends = (_gap_columns(s, gaps, order, theta.size) for order in ("rate", "acceleration"))
+    jacobians = {g: np.empty((len(g.coordinates), len(g.loops), theta.size), complex) for g in s.groups}
+    motion = Motion(assembly, theta, u, np.empty_like(u), np.empty_like(u), columns, rates, bends, jacobians)
+    live = s.n_columns if gaps else len(s.bodies) + len(s.slides)  # memory of zeros that nobody looks at costs nothing
+    for block in blocks(theta.size):
+        part = motion.part(block, live)
+        assembly.close(part.coordinates, part.columns, path, bool(gaps))
+        _set_in_motion(part, drive[0][block], drive[1][block])
+    return motion
+
+
+def blocks(n: int) -> Iterator[slice]:
+    """Slices of at most BLOCK crank angles that make up n."""
+    return (slice(i, min(i + BLOCK, n)) for i in range(0, n, BLOCK))
+
+
+def _set_in_motion(motion: Motion, omega: np.ndarray, alpha: np.ndarray) -> None:
+    """Fill in the rates and accelerations (and the loops' Jacobians) of a motion whose positions are known, gaps'
+    included.
+    """
+    s, columns, rates, spin = motion.structure, motion.columns, motion.column_rates, motion.rates
+    for group, jacobian in motion.jacobians.items():
+        for k, i in enumerate(group.coordinates):
+            jacobian[k] = partials(s, i, s.loops[list(group.loops)], columns)
+    _differentiate(motion, omega, spin, rates)
+    centripetal = motion.column_accelerations
+    for i, c in enumerate(s.coordinates):
+        if c.bodies:
+            turning = motion.assembly.turning[i]
+            for k in turning:
+                centripetal[k] -= spin[i] ** 2 * columns[k]
+            for k in turning[len(c.bodies) :]:  # Coriolis: twice the spin times the sliding
+                centripetal[k] += 2j * spin[i] * (rates[k] - 1j * spin[i] * columns[k])
+    _differentiate(motion, alpha, motion.accelerations, centripetal)
+
+
+def _gap_columns(s: Structure, gaps: Mapping[str, Gap] | None, order: str, n: int) -> np.ndarray:
+    columns = np.zeros((s.n_columns, n), complex)
+    for name, gap in (gaps or {}).items():
+        columns[s.gap_column(name)] = getattr(gap, order)
+    return columns
+
+
+def _differentiate(motion: Motion, driven: np.ndarray, result: np.ndarray, out: np.ndarray) -> None:
+    """Solve the differentiated loop closures for the coordinates' derivatives (n, N) and the columns' (n_columns, N),
+    in place.
+
+    ``out`` holds what is known of the columns' derivatives already.
+    """
+    s = motion.structure
+    result[0] = driven
+    _spread(motion, 0, driven, out)
+    for group, jacobian in motion.jacobians.items():
+        solved = solve_loops(jacobian, s.loops[list(group.loops), : len(out)] @ out, s, group)
+        for i, value in zip(group.coordinates, solved, strict=True):
+            result[i] = value
+            _spread(motion, i, value, out)
+
+
+def _spread(motion: Motion, i: int, value: np.ndarray, out: np.ndarray) -> None:
+    """Add to ``out`` what a rate of coordinate i does to the columns."""
+    s, columns, c = motion.structure, motion.columns, motion.structure.coordinates[i]
+    if c.bodies:
+        for k in motion.assembly.turning[i]:
+            out[k] += 1j * value * columns[k]
+    else:
+        out[c.column] += value * columns[s.slide_body[c.column - len(s.bodies)]]
+
+
+def solve_loops(jacobian: np.ndarray, right: np.ndarray, s: Structure, group: Group) -> np.ndarray:
+    """Unknown rates x (unknowns, N) with ``sum_i jacobian[i] x_i + right = 0`` for each loop (loops, N), complex."""
+    if len(jacobian) == 2:
+        a, b, r = jacobian[0, 0], jacobian[1, 0], right[0]
+        c = cross(a, b)
+        if not np.all(c):
+            raise _singular(s, group)
+        return np.array([cross(b, r) / c, cross(r, a) / c])
+    matrix = np.concatenate([jacobian.real, jacobian.imag], axis=1).transpose(2, 1, 0)
+    try:
+        return -np.linalg.solve(matrix, np.concatenate([right.real, right.imag]).T[..., None])[..., 0].T
+    except np.linalg.LinAlgError:
+        raise _singular(s, group) from None
+
+
+def solve_forces(jacobian: np.ndarray, work: np.ndarray, s: Structure, group: Group) -> np.ndarray:
+    """Closing forces (loops, N), complex, whose work with the generalised forces ``work`` (unknowns, N) vanishes."""
+    if len(jacobian) == 2:
+        a, b = jacobian[0, 0], jacobian[1, 0]
+        return (1j * (work[0] * b - work[1] * a) / cross(a, b))[None]
+    matrix = np.concatenate([jacobian.real, jacobian.imag], axis=1).transpose(2, 0, 1)
+    solved = -np.linalg.solve(matrix, work.T[..., None])[..., 0].T
+    n = len(group.loops)
+    return solved[:n] + 1j * solved[n:]
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """z component of the cross product of two planar vectors x + iy."""
+    return a.real * b.imag - a.imag * b.real
+
+
+def _singular(s: Structure, group: Group) -> AssemblyError:
+    return AssemblyError(
+        f"{s.mechanism.name}: {' and '.join(group.bodies)} are at a change point; keep the crank angles clear of it"
+    )

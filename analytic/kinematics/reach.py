@@ -1,0 +1,73 @@
+"""How far the crank of a linkage turns, and the crank angles at which one looks at a linkage that nobody has chosen
+others for.
+
+They depend on the linkage alone, so that what is measured against its largest forces there is the same whatever was
+asked.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analytic.kinematics.assembly import PATH_STEP, Assembly, AssemblyError
+
+STEP = np.radians(5.0)
+CLEAR = np.radians(20.0)  # how far the usual angles keep from a change point or the end of the crank's reach
+SAME = 1e-6  # rad, of a body's direction
+PRECISE = 1e-4  # rad, of the end of the reach
+
+
+def turns_fully(assembly: Assembly) -> bool:
+    """Whether the crank can make a whole revolution without meeting a change point, and the linkage is then where it
+    was.
+
+    A group of four bodies may come back in another assembly mode, from which another revolution is another matter.
+    """
+    if _beyond(assembly, 2 * np.pi) is not None:
+        return False
+    round_trip = assembly.start + np.array([0.0, 2 * np.pi])
+    before, after = assembly.columns(assembly.path(*round_trip).near(round_trip))[: len(assembly.structure.bodies)].T
+    return bool(np.abs(after - before).max() < SAME)
+
+
+def usual_angles(assembly: Assembly) -> np.ndarray:
+    """Crank angles (rad): 0 to 355 deg in steps of 5 where it turns fully, else its reach less 20 deg at either end
+    (paper: 20 to 160).
+    """
+    if turns_fully(assembly):
+        return np.arange(72) * STEP
+    ends = [_reach(assembly, sign) for sign in (-1.0, 1.0)]
+    clear = min(CLEAR, (ends[1] - ends[0]) / 4)
+    low, high = np.ceil((ends[0] + clear) / STEP - 0.01), np.floor((ends[1] - clear) / STEP + 0.01)
+    return np.arange(low, high + 1) * STEP if high >= low else np.array([assembly.start])
+
+
+def _reach(assembly: Assembly, sign: float) -> float:
+    """Crank angle (rad) that can be reached in one direction from the assembly angle.
+
+    Just before the change point that a failure names, or by bisection: of the step in which no loop closes any more, as
+    a rule.
+    """
+    near, far = 0.0, 2 * np.pi
+    failed = _beyond(assembly, sign * far)
+    if failed is None:
+        return float(assembly.start + sign * far)
+    far = abs(failed - assembly.start)
+    for before in (far - PRECISE, far - PATH_STEP):
+        if before > 0 and _beyond(assembly, sign * before) is None:
+            near = before
+            break
+        far = max(before, 0.0)
+    while far - near > PRECISE:
+        middle = (near + far) / 2
+        near, far = (middle, far) if _beyond(assembly, sign * middle) is None else (near, middle)
+    return float(assembly.start + sign * near)
+
+
+def _beyond(assembly: Assembly, turn: float) -> float | None:
+    """Crank angle (rad) at which the way to so far (rad) from the assembly angle ends; None where it does not."""
+    try:
+        assembly.path(assembly.start, assembly.start + turn)
+    except AssemblyError as error:
+        return error.at
+    return None

@@ -1,0 +1,35 @@
+"""The one description of a planar linkage, its checks and its files."""
+
+from analytic.mechanism.checks import MechanismWarning
+from analytic.mechanism.model import Mechanism
+from analytic.mechanism.parts import (
+    FARTHEST,
+    GROUND,
+    LARGEST,
+    MASS_CENTRE,
+    SMALLEST,
+    Body,
+    Drive,
+    Elasticity,
+    Ground,
+    Joint,
+    Load,
+    Ripple,
+)
+
+__all__ = [
+    "FARTHEST",
+    "GROUND",
+    "LARGEST",
+    "MASS_CENTRE",
+    "SMALLEST",
+    "Body",
+    "Drive",
+    "Elasticity",
+    "Ground",
+    "Joint",
+    "Load",
+    "Mechanism",
+    "MechanismWarning",
+    "Ripple",
+]

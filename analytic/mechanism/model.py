@@ -1,0 +1,138 @@
+"""The one description of a planar linkage: bodies, joints, drive, loads and assembly mode.
+
+SI units and radians throughout.  Every object is frozen and checked when it is made; change one with
+:meth:`Mechanism.replace`, which checks again.  Files are read and written in :mod:`analytic.mechanism.file`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from analytic.mechanism.checks import check
+from analytic.mechanism.parts import (
+    FARTHEST,
+    GROUND,
+    Body,
+    Drive,
+    Ground,
+    Joint,
+    Load,
+    Name,
+    Part,
+    Vector,
+    as_tuple,
+    titled,
+)
+
+
+class Mechanism(Part):
+    """A planar linkage.  Raises :class:`pydantic.ValidationError` where it contradicts itself."""
+
+    name: Annotated[str, BeforeValidator(titled)]
+    gravity: Vector = (0.0, 0.0)  # m/s^2
+    ground: Ground
+    bodies: Annotated[tuple[Body, ...], BeforeValidator(as_tuple), Field(alias="body", min_length=1)]
+    joints: Annotated[tuple[Joint, ...], BeforeValidator(as_tuple), Field(alias="joint", min_length=1)]
+    drive: Drive | None = None
+    loads: Annotated[tuple[Load, ...], BeforeValidator(as_tuple), Field(alias="load")] = ()
+    assembly: Mapping[Name, Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]] = Field(default_factory=dict)  # rad
+
+    def body(self, name: str) -> Body | Ground:
+        """The body, or the ground, of that name (KeyError if there is none)."""
+        return self.parts[name]
+
+    def joint(self, name: str) -> Joint:
+        """The joint of that name (KeyError if there is none)."""
+        for joint in self.joints:
+            if joint.name == name:
+                return joint
+        raise KeyError(name)
+
+    @property
+    def moving(self) -> dict[str, Body]:
+        """The moving bodies by name."""
+        return {b.name: b for b in self.bodies}
+
+    @property
+    def parts(self) -> dict[str, Body | Ground]:
+        """The ground and the moving bodies by name."""
+        return {GROUND: self.ground, **self.moving}
+
+    @property
+    def drive_joint(self) -> Joint:
+        """The joint that turns the driven body; without a drive, the first revolute joint on the ground."""
+        if self.drive is not None:
+            return self.joint(self.drive.joint)
+        return next(j for j in self.joints if not j.prismatic and GROUND in j.bodies)
+
+    @property
+    def driven(self) -> str:
+        """Name of the driven body: the crank."""
+        first, second = self.drive_joint.bodies
+        return second if first == GROUND else first
+
+    @property
+    def speed(self) -> float | None:
+        """The drive's constant speed (rad/s), or None if it has none."""
+        return self.drive.speed if self.drive is not None and isinstance(self.drive.speed, float) else None
+
+    @property
+    def clearances(self) -> dict[str, float]:
+        """Radial clearance (m) of each joint that has one."""
+        return {j.name: j.clearance for j in self.joints if j.clearance > 0}
+
+    @property
+    def bends(self) -> bool:
+        """Whether any link has a modulus of elasticity."""
+        return any(b.youngs_modulus is not None for b in self.bodies)
+
+    def rigid(self) -> Mechanism:
+        """A checked copy with the moduli of its links left out."""
+        return self.replace(bodies=tuple(_rigid(b) for b in self.bodies))
+
+    def replace(self, **fields: Any) -> Mechanism:
+        """A checked copy with top-level fields replaced."""
+        return Mechanism.model_validate(
+            {name: fields.get(name, getattr(self, name)) for name in type(self).model_fields}
+        )
+
+    def with_joint(self, name: str, **fields: Any) -> Mechanism:
+        """A checked copy with fields of one joint replaced."""
+        return self.replace(joints=_edited(self.joints, name, fields))
+
+    def with_body(self, name: str, **fields: Any) -> Mechanism:
+        """A checked copy with fields of one body replaced."""
+        return self.replace(bodies=_edited(self.bodies, name, fields))
+
+    def with_clearances(self, clearances: Mapping[str, float]) -> Mechanism:
+        """A checked copy with exactly these radial clearances (m); every other joint is ideal."""
+        unknown = sorted(set(clearances) - {j.name for j in self.joints})
+        if unknown:
+            raise ValueError(
+                f"clearance names joint {unknown[0]!r}; the joints are {', '.join(j.name for j in self.joints)}"
+            )
+        return self.replace(
+            joints=tuple(_with_fields(j, {"clearance": float(clearances.get(j.name, 0.0))}) for j in self.joints)
+        )
+
+    @model_validator(mode="after")
+    def _check(self) -> Mechanism:
+        check(self)
+        return self
+
+
+def _edited(parts: tuple[Any, ...], name: str, fields: Mapping[str, Any]) -> tuple[Any, ...]:
+    if name not in [p.name for p in parts]:
+        raise KeyError(name)
+    return tuple(_with_fields(p, fields) if p.name == name else p for p in parts)
+
+
+def _rigid(body: Body) -> Body:
+    return Body.model_validate(body.model_dump(exclude_unset=True, exclude={"youngs_modulus", "shear_modulus"}))
+
+
+def _with_fields(part: Any, fields: Mapping[str, Any]) -> Any:
+    return type(part).model_validate({**part.model_dump(exclude_unset=True), **fields})

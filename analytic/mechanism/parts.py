@@ -1,0 +1,191 @@
+"""What a planar linkage is described by: ground, bodies, joints, drive and loads.
+
+SI units and radians throughout.  Every object is frozen and checked when it is made; change one with
+:meth:`Mechanism.replace`, which checks again.  Files are read and written in :mod:`analytic.mechanism.file`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+
+GROUND = "ground"
+SMALLEST = 1e-100  # in any SI unit, of what is divided by: below it, the quotient's square is no number any more
+LONGEST = 100  # characters of a name: it is part of files' names, which may have 255 bytes
+
+
+def as_tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _named(value: Any) -> Any:
+    if isinstance(value, str) and not (value.replace("-", "_").isidentifier() and len(value) <= LONGEST):
+        raise ValueError(
+            f"a name is made of letters, digits, '_' and '-', starts with a letter, and has at most {LONGEST}"
+            " characters"
+        )
+    return value
+
+
+def titled(value: Any) -> Any:
+    if isinstance(value, str) and not (value.strip() and value.isprintable() and len(value) <= LONGEST):
+        raise ValueError(
+            f"a mechanism is called by one line of text that can be printed, of at most {LONGEST} characters"
+        )
+    return value
+
+
+def _divisible(value: float) -> float:
+    if 0 < value < SMALLEST:
+        raise ValueError(
+            f"nothing can be divided by a number that small; give at least {SMALLEST:g}, or 0 where that is accepted"
+        )
+    return value
+
+
+LARGEST = 1e40  # in any SI unit: beyond all linkages, and still a number when it is squared and multiplied
+FARTHEST = 1e4  # rad, of an assembly angle: 1600 turns
+MASS_CENTRE = (  # of a body, as a point's name; "com" is its marker, which is elsewhere if the two were parted
+    "centre of mass"
+)
+
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Vector = Annotated[tuple[Number, Number], BeforeValidator(as_tuple)]
+Name = Annotated[str, BeforeValidator(_named)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST), AfterValidator(_divisible)]
+NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
+
+
+class Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
+
+
+class Ground(Part):
+    """The fixed link; ``points`` (m) are in the ground frame."""
+
+    points: Mapping[Name, Vector]
+
+    name: Literal["ground"] = Field(default="ground", exclude=True)
+
+    def point(self, name: str) -> complex:
+        """A ground point as x + iy (m)."""
+        return complex(*self.points[name])
+
+
+class Body(Part):
+    """A moving link.  ``points`` and ``com`` (m) are in the body's frame; a point is named after its joint."""
+
+    name: Name
+    points: Mapping[Name, Vector]
+    mass: Positive  # kg
+    com: Vector | None = None  # left out: the middle of the points
+    marker: Vector | None = None  # where <body>_x, <body>_y and loads at "com" are taken; left out: the com
+    section: Annotated[tuple[NotNegative, NotNegative], BeforeValidator(as_tuple)] = (
+        0.0,
+        0.0,
+    )  # m, in-plane height, depth
+    inertia: NotNegative | None = None  # kg.m^2 about the com; left out: a uniform bar
+    youngs_modulus: Positive | None = None  # Pa; left out: rigid
+    shear_modulus: Positive | None = None  # Pa
+
+    def point(self, name: str) -> complex:
+        """A body point as x + iy (m, body frame); ``"com"`` is the marker, MASS_CENTRE the centre of mass itself."""
+        if name == MASS_CENTRE:
+            return self.centre
+        if name == "com":
+            return self.centre if self.marker is None else complex(*self.marker)
+        return complex(*self.points[name])
+
+    @property
+    def centre(self) -> complex:
+        """The centre of mass (m, body frame): ``com``, or the middle of the points."""
+        if self.com is not None:
+            return complex(*self.com)
+        return sum((complex(*p) for p in self.points.values()), 0j) / len(self.points)
+
+    @property
+    def length(self) -> float:
+        """The largest distance between two of the body's points (m)."""
+        points = [complex(*p) for p in self.points.values()]
+        return max(abs(p - q) for p in points for q in points)
+
+    @property
+    def moment_of_inertia(self) -> float:
+        """Moment of inertia (kg.m^2) about the com: as given, or of a uniform bar, m (L^2 + h^2)/12 (Eq. 13,
+        corrected).
+        """
+        if self.inertia is not None:
+            return self.inertia
+        return self.mass * (self.length**2 + self.section[0] ** 2) / 12
+
+
+class Elasticity(Part):
+    """Stiffness of a joint as a six-dof spring (Eq. 4): N/m and N.m/rad; rotation about z stays free."""
+
+    translation: Positive
+    rotation: Positive
+
+
+class Joint(Part):
+    """A revolute or prismatic joint; its reaction is the force of the first body on the second."""
+
+    name: Name
+    type: Literal["revolute", "prismatic"]
+    bodies: Annotated[tuple[Name, Name], BeforeValidator(as_tuple)]
+    axis: Vector | None = None  # prismatic: direction of sliding in the first body's frame
+    angle: Number = 0.0  # rad, prismatic: the second body's angle minus the first's
+    clearance: Annotated[NotNegative, AfterValidator(_divisible)] = 0.0  # m, radial
+    pin_radius: Positive | None = None  # m
+    friction: NotNegative = 0.0  # revolute: Coulomb coefficient in contact; prismatic: N, as friction_torque
+    contact_stiffness: Positive | None = None  # N/m
+    contact_damping: NotNegative | None = None  # N.s/m
+    restitution: Annotated[float, Field(ge=0, le=1)] | None = None
+    friction_torque: NotNegative = 0.0  # N.m (prismatic: N), constant Coulomb
+    damping: NotNegative = 0.0  # N.m.s/rad (prismatic: N.s/m)
+    stiffness: NotNegative = 0.0  # N.m/rad (prismatic: N/m)
+    rest_angle: Number = 0.0  # rad (prismatic: m)
+    elasticity: Elasticity | None = None
+
+    @property
+    def prismatic(self) -> bool:
+        """Whether the joint slides."""
+        return self.type == "prismatic"
+
+    @property
+    def direction(self) -> complex:
+        """Unit vector of sliding in the first body's frame, as x + iy."""
+        axis = complex(*(self.axis or (1.0, 0.0)))
+        return axis / abs(axis)
+
+    @property
+    def coulomb(self) -> float:
+        """Constant Coulomb friction: N.m, or N for a prismatic joint."""
+        return self.friction_torque or (self.friction if self.prismatic else 0.0)
+
+
+class Ripple(Part):
+    """Unevenness of a motor: its angle is the command plus amplitude (rad) times sin(harmonic * command + phase)."""
+
+    amplitude: Number
+    harmonic: Annotated[int, Field(ge=1)]
+    phase: Number = 0.0  # rad
+
+
+class Drive(Part):
+    """The motor: a constant speed (rad/s), ``"free"`` (released) or ``"measured"`` (follows data)."""
+
+    joint: Name
+    speed: Number | Literal["free", "measured"]
+    ripple: Ripple | None = None
+    stiffness: Positive | None = None  # N.m/rad between motor and crank; left out: rigid
+
+
+class Load(Part):
+    """A force (N, ground frame, fixed in direction) at a point of a body, or a torque (N.m) on it."""
+
+    body: Name
+    point: Name = "com"
+    force: Vector = (0.0, 0.0)
+    torque: Number = 0.0

@@ -1,0 +1,117 @@
+"""Signals: what a simulation, an analytic answer or a sensor says of a linkage, each by one name.
+
+A name is never taken apart to learn what a signal is: :func:`signals` lists all that a linkage has, and
+:class:`Signals` looks one up.  The names are those of the contract, such as ``reaction_B_x`` and ``crank_angle``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from analytic.mechanism.parts import Body, Joint
+
+Kind = Literal["pose", "rate", "rotation", "reaction", "clearance", "drive", "time"]
+Component = Literal["x", "y", "angle", "magnitude", "moment", "angular_velocity", "torque", "time"]
+Unit = Literal["m", "rad", "rad/s", "N", "N.m", "s"]
+DRIVE_TORQUE = "drive_torque"
+REACTION: tuple[Component, ...] = ("angle", "magnitude", "x", "y")
+POSE: tuple[Component, ...] = ("angle", "x", "y")
+_UNITS: dict[tuple[Kind, Component], Unit] = {
+    ("pose", "x"): "m",
+    ("pose", "y"): "m",
+    ("pose", "angle"): "rad",
+    ("rate", "angular_velocity"): "rad/s",
+    ("rotation", "angle"): "rad",
+    ("reaction", "x"): "N",
+    ("reaction", "y"): "N",
+    ("reaction", "angle"): "rad",
+    ("reaction", "magnitude"): "N",
+    ("reaction", "moment"): "N.m",
+    ("clearance", "x"): "m",
+    ("clearance", "y"): "m",
+    ("drive", "torque"): "N.m",
+    ("time", "time"): "s",
+}
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One signal: a ``component`` of some ``kind`` of quantity at a ``place`` (body, joint, or "" for the drive)."""
+
+    kind: Kind
+    place: str
+    component: Component
+
+    @property
+    def name(self) -> str:
+        """The signal's name in files."""
+        if self.kind in ("drive", "time"):
+            return DRIVE_TORQUE if self.kind == "drive" else "time"
+        if self.kind in ("reaction", "clearance"):
+            return f"{self.kind}_{self.place}_{self.component}"
+        return f"{self.place}_rotation" if self.kind == "rotation" else f"{self.place}_{self.component}"
+
+    @property
+    def unit(self) -> Unit:
+        """SI unit."""
+        return _UNITS[self.kind, self.component]
+
+    @property
+    def wraps(self) -> bool:
+        """Whether two values that are a whole number of turns apart are the same."""
+        return self.unit == "rad"
+
+    @property
+    def owner(self) -> str:
+        """What it is a signal of, for messages: ``joint 'B'``."""
+        if self.kind in ("reaction", "clearance"):
+            return f"joint {self.place!r}"
+        return f"body {self.place!r}" if self.place else "the drive"
+
+    def sibling(self, component: Component) -> Signal:
+        """Another component at the same place."""
+        return Signal(self.kind, self.place, component)
+
+    def apart(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """One series (N,) of this signal minus another; angles modulo a turn, in [-pi, pi)."""
+        difference = np.asarray(one, float) - np.asarray(other, float)
+        return wrapped(difference) if self.wraps else difference
+
+
+def signals(bodies: Iterable[Body], joints: Iterable[Joint]) -> Iterator[Signal]:
+    """Every signal that a linkage of these bodies and joints can have, joints first, in the order of a report."""
+    for joint in joints:
+        yield from (Signal("reaction", joint.name, component) for component in REACTION)
+        if joint.prismatic:
+            yield Signal("reaction", joint.name, "moment")
+        else:
+            yield Signal("clearance", joint.name, "x")
+            yield Signal("clearance", joint.name, "y")
+    for body in bodies:
+        yield Signal("rotation", body.name, "angle")
+        yield from (Signal("pose", body.name, component) for component in POSE)
+        yield Signal("rate", body.name, "angular_velocity")
+    yield Signal("drive", "", "torque")
+
+
+def named(bodies: Iterable[Body], joints: Iterable[Joint]) -> Mapping[str, Signal]:
+    """The same by name; the checks of a mechanism see to it that no two have one name."""
+    return {signal.name: signal for signal in signals(bodies, joints)}
+
+
+def wrapped(angle: np.ndarray) -> np.ndarray:
+    """Angles (rad) of any shape brought into [-pi, pi) by whole turns."""
+    return (np.asarray(angle, float) + np.pi) % (2 * np.pi) - np.pi
+
+
+def continued(angle: np.ndarray) -> np.ndarray:
+    """An angle (N,) rad without jumps by a turn between one number and the next; NaN stays."""
+    out = np.array(angle, float)
+    known = np.flatnonzero(np.isfinite(out))
+    out[known] = np.unwrap(out[known])
+    return out

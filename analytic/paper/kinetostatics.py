@@ -1,0 +1,196 @@
+"""Reactions of all joints and the drive torque, for any planar linkage (Eqs. 9-14 without the four-bar).
+
+D'Alembert's inertia forces (Eqs. 9, 10) make every instant a statics problem, which is solved by virtual work on the
+structure's columns: the closing forces of each Assur group from its own coordinates, last group first, then every
+reaction as the dual of its joint's gap.  For the four-bar this is Eq. 11 with its load in the right row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic.kinematics.motion import BLOCK, Motion, blocks, solve_forces
+from analytic.kinematics.structure import Structure
+from analytic.mechanism import MASS_CENTRE, Joint
+
+DEAD_CENTRE = 1e-12  # of the crank's rate: below it, a joint's (rad/s; prismatic: m/s) is what rounding makes of none
+
+
+@dataclass(frozen=True)
+class Reactions:
+    """Kinetostatic equilibrium of a motion; arrays are (N,)."""
+
+    motion: Motion
+    forces: Mapping[str, np.ndarray]  # N, complex, ground frame: force of each joint's first body on its second
+    moments: Mapping[str, np.ndarray]  # N.m of each prismatic joint on its second body, at that body's point
+    drive_torque: np.ndarray  # N.m, motor on driven body
+
+    def signals(self) -> dict[str, np.ndarray]:
+        """Every signal of the contract that an ideal or displaced configuration has, by name (SI units)."""
+        m, s = self.motion, self.motion.structure
+        out: dict[str, np.ndarray] = {}
+        for body in s.bodies[1:]:
+            com = m.position(body)
+            out |= {
+                f"{body}_x": com.real,
+                f"{body}_y": com.imag,
+                f"{body}_angle": m.angle(body),
+                f"{body}_angular_velocity": m.angular_velocity(body),
+            }
+        for joint, force in self.forces.items():
+            out |= {f"reaction_{joint}_x": force.real, f"reaction_{joint}_y": force.imag}
+        out |= {f"reaction_{joint}_moment": moment for joint, moment in self.moments.items()}
+        for joint in s.pins:
+            gap = m.columns[s.gap_column(joint)]
+            out |= {f"clearance_{joint}_x": gap.real, f"clearance_{joint}_y": gap.imag}
+        return out | {"drive_torque": self.drive_torque}
+
+
+def kinetostatics(motion: Motion, inertia: bool = True, grip: np.ndarray | None = None) -> Reactions:
+    """Reactions and drive torque for gravity, loads, joint springs, friction, dampers and, with ``inertia``, motion.
+
+    Without ``inertia`` the linkage is in static equilibrium at each angle; the motion's velocities then only give
+    Coulomb friction its direction and dampers do nothing.  ``grip`` (N,) is the share of it that acts: all, unless the
+    linkage sticks.
+    """
+    s, n = motion.structure, motion.theta.size
+    order = [j.name for j in s.mechanism.joints]
+    found = {name: np.empty(n, complex) for name in order}, {name: np.empty(n) for name in s.slides}
+    drive_torque = np.empty(n)
+    work = np.empty((s.n_columns, min(n, BLOCK)), complex)  # the same memory for every block
+    for block in blocks(n):
+        share = 1.0 if grip is None else grip[block]
+        *parts, drive_torque[block] = _balance(motion.part(block), inertia, share, work[:, : block.stop - block.start])
+        for whole, part in zip(found, parts, strict=True):
+            for name, values in part.items():
+                whole[name][block] = values
+    return Reactions(motion, *found, drive_torque)
+
+
+def _balance(
+    motion: Motion, inertia: bool, grip: np.ndarray | float, work: np.ndarray
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
+    """Forces and moments of the joints and the drive torque, as in Reactions; ``work`` (n_columns, N) complex is
+    written over.
+    """
+    s = motion.structure
+    _work_of_forces(motion, inertia, work)
+    torque = _torques(motion, inertia, grip)
+    travel_force = {
+        j.name: joint_law(j, *motion.travel(j.name), motion.rates[0], inertia, grip)
+        for j in s.mechanism.joints
+        if j.prismatic
+    }
+    for group in reversed(s.groups):
+        generalised = np.array([_generalised(motion, i, work, torque, travel_force) for i in group.coordinates])
+        closing = solve_forces(motion.jacobians[group], generalised, s, group)
+        for row, force in zip(group.loops, closing, strict=True):
+            for k in np.flatnonzero(s.loops[row]):
+                work[k] += s.loops[row, k] * np.conj(force)
+    forces = {name: np.conj(work[s.gap_column(name)]) for name in s.pins}
+    forces |= {name: -np.conj(work[s.slide_column(name)]) * s.mechanism.joint(name).direction for name in s.slides}
+    moments = {}
+    for name, carried, far_is_second in zip(s.slides, s.turned_by, s.far_is_second, strict=True):
+        riding = tuple(len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in carried)
+        moment = _turning_work(motion, tuple(carried), riding, work, torque)
+        moments[name] = -moment if far_is_second else moment
+    return forces, moments, -_generalised(motion, 0, work, torque, travel_force)
+
+
+def _work_of_forces(motion: Motion, inertia: bool, work: np.ndarray) -> None:
+    """Set ``work`` (n_columns, N) to conj(force) times form, summed over all applied and inertia forces."""
+    m = motion.structure.mechanism
+    work[:] = 0.0
+
+    def add(body: str, point: str, force: np.ndarray | complex) -> None:
+        force = np.conj(force)
+        for k, arm in enumerate(motion.assembly.form(body, point).tolist()):
+            if arm:
+                work[k] += arm * force
+
+    for body in m.bodies:
+        force: np.ndarray | complex = body.mass * complex(*m.gravity)
+        if inertia:
+            force = force - body.mass * motion.acceleration(body.name, MASS_CENTRE)
+        add(body.name, MASS_CENTRE, force)
+    for load in m.loads:
+        add(load.body, load.point, complex(*load.force))
+
+
+def _torques(motion: Motion, inertia: bool, grip: np.ndarray | float) -> np.ndarray:
+    """(bodies, N) applied and inertia torques (N.m) on each body."""
+    s = motion.structure
+    torque = np.zeros((len(s.bodies), motion.theta.size))
+    for body in s.mechanism.bodies:
+        if inertia:
+            torque[s.body_column(body.name)] -= body.moment_of_inertia * motion.angular_acceleration(body.name)
+    for load in s.mechanism.loads:
+        torque[s.body_column(load.body)] += load.torque
+    for joint in s.mechanism.joints:
+        if not joint.prismatic and (joint.coulomb or joint.damping or joint.stiffness):
+            first, second = joint.bodies
+            law = joint_law(
+                joint,
+                motion.angle(second) - motion.angle(first),
+                motion.angular_velocity(second) - motion.angular_velocity(first),
+                motion.rates[0],
+                inertia,
+                grip,
+            )
+            torque[s.body_column(second)] += law
+            torque[s.body_column(first)] -= law
+    return torque
+
+
+def joint_law(
+    joint: Joint,
+    position: np.ndarray,
+    rate: np.ndarray,
+    crank: np.ndarray,
+    moving: bool,
+    grip: np.ndarray | float = 1.0,
+) -> np.ndarray:
+    """Torque (N.m; prismatic: force, N) of a joint's friction, damper and spring on its second body; no friction at a
+    dead centre.
+    """
+    damping = joint.damping if moving else 0.0
+    slip = np.sign(rate) * (np.abs(rate) > DEAD_CENTRE * np.abs(crank))
+    return -joint.coulomb * grip * slip - damping * rate - joint.stiffness * (position - joint.rest_angle)
+
+
+def friction_turns(motion: Motion, within: float = 0.0) -> dict[str, np.ndarray]:
+    """Where (N,) a joint's Coulomb friction has no direction, by joint with friction: its slip reverses within so many
+    rad of crank.
+
+    For a crank that turns evenly.  With 0 it is only at the reversal itself.
+    """
+    found = {}
+    for joint in motion.structure.mechanism.joints:
+        if joint.coulomb:
+            rate, bend = motion.slip(joint)
+            crank = np.abs(motion.rates[0])
+            found[joint.name] = np.abs(rate) * crank <= np.maximum(DEAD_CENTRE * crank**2, within * np.abs(bend))
+    return found
+
+
+def _turning_work(
+    motion: Motion, bodies: tuple[int, ...], riding: tuple[int, ...], work: np.ndarray, torque: np.ndarray
+) -> np.ndarray:
+    """Work (N,) of everything on a unit turn of these columns: bodies, and the travels along them."""
+    turned = sum(torque[k] for k in bodies) - sum((work[k] * motion.columns[k]).imag for k in (*bodies, *riding))
+    return np.asarray(turned)
+
+
+def _generalised(
+    motion: Motion, i: int, work: np.ndarray, torque: np.ndarray, travel_force: Mapping[str, np.ndarray]
+) -> np.ndarray:
+    """Work (N,) of everything on a unit change of coordinate i."""
+    s: Structure = motion.structure
+    c = s.coordinates[i]
+    if c.bodies:
+        return _turning_work(motion, c.bodies, motion.assembly.turning[i][len(c.bodies) :], work, torque)
+    along = motion.columns[s.slide_body[c.column - len(s.bodies)]]
+    return (work[c.column] * along).real + travel_force[c.joint]

@@ -1,0 +1,214 @@
+"""Displacement of a linkage by clearance and compliance: their superposition (Fig. 7c), and how far it can be
+trusted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly, Path
+from analytic.kinematics.motion import kinematics
+from analytic.paper.clearance import Displaced, Model, displaced
+from analytic.paper.compliance import Compliance, compliance
+from analytic.paper.envelope import (
+    Output,
+    SideChange,
+    condition,
+    displacement,
+    farthest,
+    side_changes,
+    unit_reactions,
+    worst_case,
+)
+from analytic.paper.kinetostatics import kinetostatics
+
+SWEEP_STEP = np.radians(0.25)  # crank angle between looks for a contact that changes side
+ILL_CONDITIONED = 10.0  # loop Jacobian; a dyad's at a transmission angle of 11.4 deg
+NONLINEAR = (
+    0.05  # of the worst case (of the clearance if that is larger), between first order and the finite gaps' equilibrium
+)
+
+
+@dataclass(frozen=True)
+class Total:
+    """Both displacements of a linkage at N crank angles, and their sum."""
+
+    clearance: Displaced
+    compliance: Compliance
+
+    def by_clearance(self, body: str, point: str = "com") -> np.ndarray:
+        """Displacement x + iy (m) of a body's point by the joints' clearance, (N,) complex."""
+        return self.clearance.configuration.motion.position(body, point) - self.clearance.ideal.motion.position(
+            body, point
+        )
+
+    def displacement(self, body: str, point: str = "com") -> np.ndarray:
+        """Displacement x + iy (m) of a body's point by clearance and compliance together, (N,) complex."""
+        return self.by_clearance(body, point) + self.compliance.displacement(body, point)
+
+
+def total_displacement(
+    assembly: Assembly,
+    theta: np.ndarray,
+    omega: float = 1.0,
+    *,
+    model: Model = "first_order",
+    inertia: bool = False,
+    clearances: Mapping[str, float] | None = None,
+) -> Total:
+    """Superpose clearance (``model``) and the ideal configuration's compliance at crank angles theta (N,) rad.
+
+    With ``first_order`` this is the paper's procedure.  Raises what :func:`analytic.paper.clearance.displaced` and
+    :func:`analytic.paper.compliance.compliance` raise.
+    """
+    moved = displaced(assembly, theta, omega, model=model, inertia=inertia, clearances=clearances)
+    return Total(moved, compliance(moved.ideal.motion, inertia))
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """What clearance and compliance do to a linkage's outputs at N crank angles; methods return (N,) in the output's
+    unit.
+
+    ``flags`` maps the index of an angle at which there is no equilibrium with the pins in contact to the reason: it is
+    NaN there.  ``cautions`` does so for angles whose numbers stand but are not to be relied on.
+    """
+
+    assembly: Assembly
+    path: Path
+    total: Total  # its clearance part is the equilibrium with the finite gaps
+    pins: tuple[str, ...]
+    clearances: np.ndarray  # (pins,) m
+    unit_reactions: Mapping[Output, np.ndarray]  # (pins, N) complex
+    directions: np.ndarray  # (pins, N) complex of length 1: where the ideal linkage's reactions press; see _directions
+    condition: np.ndarray  # of the loop Jacobian
+    side_changes: Sequence[SideChange]
+    jumps: Mapping[Output, np.ndarray]  # (side changes,): what each one does to the output
+    flags: Mapping[int, str]
+
+    @property
+    def theta(self) -> np.ndarray:
+        """Crank angles (rad)."""
+        return self.total.clearance.ideal.motion.theta
+
+    def nominal(self, d: Output) -> np.ndarray:
+        """First-order displacement with every pin along its reaction, sum R . c F/|F|; NaN where one has no
+        direction.
+        """
+        return displacement(self.unit_reactions[d], self.clearances[:, None] * self.directions)
+
+    def equilibrium(self, d: Output) -> np.ndarray:
+        """The same with finite gaps, each along the reaction of the linkage that they displace; NaN where flagged."""
+        moved = self.total.clearance
+        apart = d.value(moved.configuration.motion) - d.value(moved.ideal.motion)
+        apart[list(self.flags)] = np.nan
+        return apart
+
+    def worst_case(self, d: Output) -> np.ndarray:
+        """Largest displacement to either side, wherever the pins lie within their clearance: sum c |R|."""
+        return worst_case(self.unit_reactions[d], self.clearances)
+
+    def sensitivity(self, d: Output) -> dict[str, np.ndarray]:
+        """|R| of every revolute joint, with or without clearance: displacement per clearance."""
+        return dict(zip(self.pins, np.abs(self.unit_reactions[d]), strict=True))
+
+    def compliance(self, d: Output) -> np.ndarray:
+        """Elastic displacement of the ideal configuration."""
+        return d.elastic(self.total.compliance)
+
+    def farthest(self, x: Output, y: Output) -> np.ndarray:
+        """Farthest displacement of a point, x + iy, in any direction of the plane; complex (N,)."""
+        return farthest(self.unit_reactions[x], self.unit_reactions[y], self.clearances)
+
+    @property
+    def cautions(self) -> dict[int, str]:
+        """Angles near a singularity, or where the gaps are too large for first order."""
+        found: dict[int, str] = {}
+        size = max(body.length for body in self.assembly.mechanism.bodies)
+        for d in self.unit_reactions:
+            away = np.abs(self.equilibrium(d) - self.nominal(d))
+            least = self.clearances.max() / (size if d.axis == "angle" else 1.0)
+            for i in np.flatnonzero(away > NONLINEAR * np.maximum(self.worst_case(d), least)):
+                found.setdefault(
+                    int(i),
+                    f"first order is {away[i]:.2g} {d.unit} away from the equilibrium of the finite gaps in {d.name}",
+                )
+        for i in np.flatnonzero(self.condition > ILL_CONDITIONED):
+            found[int(i)] = f"near a singularity: the loops' condition number is {self.condition[i]:.3g}"
+        return dict(sorted(found.items()))
+
+
+def accuracy(
+    assembly: Assembly,
+    theta: np.ndarray,
+    outputs: Sequence[Output],
+    clearances: Mapping[str, float],
+    omega: float = 1.0,
+    inertia: bool = False,
+) -> Accuracy:
+    """Analyse outputs with these radial clearances (m) at crank angles theta (N,) rad.
+
+    ``omega`` and ``inertia`` are those of :func:`analytic.paper.clearance.displaced`, and so is what is raised,
+    ComplianceError besides.
+    """
+    total = total_displacement(assembly, theta, omega, model="equilibrium", inertia=inertia, clearances=clearances)
+    sweep = _closely(theta)
+    path = assembly.path(sweep[0], sweep[-1])
+    moved = total.clearance
+    changes = side_changes(
+        kinetostatics(kinematics(assembly, sweep, omega, path=path), inertia),
+        clearances,
+        moved.faint,
+        _whole_turn(theta),
+    )
+    pins = assembly.structure.pins
+    sizes = np.array([clearances.get(pin, 0.0) for pin in pins])
+    crossings = np.array([change.crank_angle for change in changes])
+    return Accuracy(
+        assembly=assembly,
+        path=path,
+        total=total,
+        pins=pins,
+        clearances=sizes,
+        unit_reactions=unit_reactions(assembly, theta, outputs, path),
+        directions=np.array(
+            [
+                _directions(moved.ideal.forces[pin], moved.faint[pin]) if pin in moved.gaps else np.zeros(theta.size)
+                for pin in pins
+            ]
+        ),
+        condition=condition(moved.ideal.motion),
+        side_changes=changes,
+        jumps=_jumps(changes, unit_reactions(assembly, crossings, outputs) if changes else {}, pins),
+        flags=moved.flags,
+    )
+
+
+def _directions(force: np.ndarray, faint: float) -> np.ndarray:
+    """Unit vectors (N,) of a joint's reactions; NaN where near zero."""
+    size = np.abs(force)
+    clear = size > faint
+    return np.where(clear, force / np.where(clear, size, 1.0), np.nan)
+
+
+def _jumps(
+    changes: Sequence[SideChange], at_changes: Mapping[Output, np.ndarray], pins: Sequence[str]
+) -> dict[Output, np.ndarray]:
+    rows = [pins.index(change.joint) for change in changes]
+    gaps = np.array([change.jump for change in changes])
+    return {d: displacement(r[rows, range(len(rows))][None], gaps[None]) for d, r in at_changes.items()}
+
+
+def _whole_turn(theta: np.ndarray) -> bool:
+    """Whether the step after theta's last crank angle would close a turn."""
+    return bool(theta.size > 1 and np.ptp(theta) + np.diff(np.sort(theta)).max() >= 2 * np.pi - 1e-9)
+
+
+def _closely(theta: np.ndarray) -> np.ndarray:
+    """Crank angles SWEEP_STEP apart over theta's range, or over a whole turn less its closing angle."""
+    low, whole = theta.min(), _whole_turn(theta)
+    high = low + 2 * np.pi if whole else theta.max()
+    return np.linspace(low, high, int(np.ceil((high - low) / SWEEP_STEP)) + (not whole), endpoint=not whole)

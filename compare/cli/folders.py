@@ -1,0 +1,110 @@
+"""Folders of results: what they are called, and that no command silently replaces what another one has left."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shlex
+from collections.abc import Mapping
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from compare.files import OutputError, file_name
+
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what another command has left in the folder.")]
+
+ASIDE = {"out", "overwrite", "json", "workers", "dask", "version"}  # where and how an answer is given, and not which
+STEM = {"case", "measured"}  # whose mechanism a name begins with
+BARE = {"simulator", "clearance"}  # options whose value says in a name what it is
+LONGEST = 150  # characters of a name; file systems take 255 bytes
+REMEDY = "choose another folder with --out, or add --overwrite"
+
+
+def result_folder(context: typer.Context, stem: str, file: str, out: Path | None, overwrite: bool) -> Path:
+    """The folder of a command's result: ``out``, or ``reports/<stem>`` and each option that is not at its default.
+
+    ``file`` in it is the result (JSON that has its ``command``).  Raises OutputError where that is there and is not of
+    the same command; the same command again, however it is written, may replace its own.
+    """
+    folder = out or Path("reports") / _named(context, stem)
+    if overwrite or not os.path.exists(folder / file):
+        return folder
+    made_by = _made_by(folder / file)
+    if made_by is None:
+        raise OutputError(f"--out {folder}: there is a {file} that does not say which command made it; {REMEDY}")
+    if _asked(context, made_by) != (context.info_name if context.parent else "", _question(context.params)):
+        said = "".join(c if c.isprintable() else "?" for c in made_by[:200])
+        raise OutputError(f"--out {folder}: its {file} is of another command ({said}); {REMEDY}")
+    return folder
+
+
+def refuse_others(folder: Path, texts: Mapping[str, str], overwrite: bool) -> None:
+    """Raises OutputError if a file that is to be written is there with another content."""
+    for name, text in texts.items():
+        path = folder / name
+        if not overwrite and path.exists() and not (path.is_file() and path.read_bytes() == text.encode()):
+            raise OutputError(
+                f"--out {folder}: there is another {name}, which is not what this command writes; {REMEDY}"
+            )
+
+
+def _named(context: typer.Context, stem: str) -> str:
+    """A default folder's name: ``paper-mujoco``, ``paper-mujoco-static-B=2e-4``."""
+    parts = [file_name(stem)]
+    for option in context.command.params:
+        value = context.params.get(option.name or "")
+        if (
+            option.name not in ASIDE | STEM
+            and value not in (None, (), [])
+            and str(value) != str(option.get_default(context))
+        ):
+            parts.append(_part(str(option.name), value))
+    name = "".join(c if c.isalnum() or c in "-_=+.,@" else "_" for c in "-".join(parts))
+    return name if len(name) <= LONGEST else f"{name[: LONGEST - 9]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+
+
+def _part(option: str, value: Any) -> str:
+    """An option that is not at its default, as a part of a name: ``static``, ``B=2e-4``, ``flexible``, ``seed=7``."""
+    if value is True:
+        return option
+    if isinstance(value, Enum) or option in BARE:
+        return str(value)
+    return f"{option}={','.join(map(str, value)) if isinstance(value, list | tuple) else value}"
+
+
+def _made_by(path: Path) -> str | None:
+    """The command that a result says it is of; None where it says none."""
+    from analytic.mechanism.reading import ReadingError, read_json
+
+    try:
+        command = read_json(path).get("command")
+    except ReadingError:
+        return None
+    return command if isinstance(command, str) else None
+
+
+def _asked(context: typer.Context, line: str) -> tuple[str, dict[str, str]] | None:
+    """The command of a line as it was typed, and the value of every option of it, given or not; None if it is no such
+    line.
+    """
+    try:
+        words = shlex.split(line)[1:]
+    except ValueError:
+        return None
+    root = context.find_root().command
+    commands = getattr(root, "commands", {})
+    name = words[0] if words and words[0] in commands else ""
+    command, words = (commands[name], words[1:]) if name else (root, words)
+    return name, _question(command.make_context(name, words, resilient_parsing=True).params)
+
+
+def _question(options: Mapping[str, Any]) -> dict[str, str]:
+    """What a command was asked, from its options."""
+    return {
+        name: str(list(value) if isinstance(value, tuple) else value)
+        for name, value in options.items()
+        if name not in ASIDE
+    }

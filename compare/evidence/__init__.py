@@ -1,0 +1,1 @@
+"""Evidence that is stored, made again and compared: baselines, validation, scoreboard."""

@@ -1,0 +1,235 @@
+"""A baseline file, one for each case and engine: TOML to be reviewed line by line."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from analytic.mechanism.file import describe
+from analytic.mechanism.reading import ReadingError, parse_toml, read_text, read_toml
+from compare.faults import OptionError
+
+PLACES = ("crank_angle [deg]", "time [s]")
+NO_DIRECTION = 0.02  # of a joint's peak force, below which its direction is left open (nan)
+
+
+class BaselineError(OptionError):
+    """A baseline file is missing, damaged or of another case; the message says what to do."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run's table: ``rows`` (N, columns), or why there is none.  A column's unit is in its name; NaN is no
+    direction.
+    """
+
+    name: str
+    added: Mapping[str, Any] = field(default_factory=dict)  # what the run has that its case has not
+    columns: tuple[str, ...] = ()
+    rows: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    skipped: str = ""
+
+    @property
+    def places(self) -> np.ndarray | None:
+        """Where the rows are: crank angle (deg) or time (s); None for averages over the run."""
+        return self.rows[:, 0] if self.columns and self.columns[0] in PLACES else None
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+Limit = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class Tolerance(_Part):
+    """How far a number may be from the baseline's before it has moved."""
+
+    angle: Limit = 0.005  # deg; half of what must be seen
+    magnitude: Limit = 1e-4  # of the joint's largest force in the run
+    rms: Limit = 0.15  # of the stored value; runs whose starts differ in rounding spread by 0.02 (1 sigma)
+    free_share: Limit = 0.25  # these by 0.04
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The content of a file."""
+
+    case: str
+    simulator: str
+    version: str
+    runs: tuple[Run, ...]
+    tolerance: Tolerance = field(default_factory=Tolerance)
+
+
+class _Run(_Part):
+    name: str
+    added: dict[str, Any] = {}
+    skipped: str = ""
+    columns: list[str] = []
+    rows: list[list[float]] = []
+
+
+class _File(_Part):
+    format: Literal[1] = Field(alias="schema")
+    case: str
+    simulator: str
+    version: str
+    tolerance: Tolerance
+    runs: list[_Run] = Field(alias="run", min_length=1)
+
+
+def owned(path: Path, case: str, simulator: str) -> None:
+    """Refuse a file that says it is another baseline, be the rest of it damaged: its name is also this one's.  Raises
+    BaselineError.
+    """
+    try:
+        text = read_text(path)
+    except ReadingError:
+        return
+    said = tuple(_said(text, name) for name in ("case", "simulator"))
+    for mine, other in zip((case, simulator), said, strict=True):
+        if other not in (mine, None):
+            raise BaselineError(f"{path}: {_another(said[0] or case, said[1] or simulator, case, simulator)}")
+
+
+def _said(text: str, name: str) -> str | None:
+    """What a file's line gives as this name."""
+    line = re.search(rf"(?m)^{name} *=.*$", text)
+    try:
+        return str(parse_toml(line[0])[name]) if line else None
+    except ReadingError:
+        return None
+
+
+def _another(its_case: str, its_simulator: str, case: str, simulator: str) -> str:
+    remedy = "both would have this file, so rename one of them, or keep this one in another folder with --baselines"
+    return f"is the baseline of {its_case!r} in {its_simulator}, not of {case!r} in {simulator}; {remedy}"
+
+
+def read(path: Path, case: str, simulator: str, again: str) -> Baseline:
+    """The baseline of a case in an engine; ``again`` is the command that writes it anew.  Raises BaselineError."""
+    remedy = f"write it with: {again}"
+    if not os.path.exists(path):
+        raise BaselineError(f"{path}: there is no such baseline; {remedy}")
+    try:
+        fields = read_toml(path)
+    except ReadingError as error:
+        raise BaselineError(f"{path}: {error}; restore it, or {remedy}") from None
+    try:
+        file = _File.model_validate(fields)
+    except ValidationError as error:
+        raise BaselineError(f"{path}: {'; '.join(describe(error, fields, _File))}; restore it, or {remedy}") from None
+    if (file.case, file.simulator) != (case, simulator):
+        raise BaselineError(f"{path}: {_another(file.case, file.simulator, case, simulator)}")
+    faults = [f"run {run.name!r} {fault}" for run in file.runs for fault in _faults(run)]
+    if faults:
+        raise BaselineError(f"{path}: {faults[0]}; restore it, or {remedy}")
+    runs = tuple(
+        Run(r.name, r.added, tuple(r.columns), np.array(r.rows, float).reshape(len(r.rows), len(r.columns)), r.skipped)
+        for r in file.runs
+    )
+    return Baseline(case, simulator, file.version, runs, file.tolerance)
+
+
+def _faults(run: _Run) -> Iterator[str]:
+    """What a table cannot be."""
+    if not run.rows and not run.skipped:
+        yield "has neither rows nor a reason ('skipped')"
+    for k, row in enumerate(run.rows, 1):
+        if len(row) != len(run.columns):
+            yield f"has {len(row)} numbers for {len(run.columns)} columns in row {k}"
+        for name, value in zip(run.columns, row, strict=False):
+            if not math.isfinite(value) and not (math.isnan(value) and name.endswith("_angle [deg]")):
+                yield f"has {name} = {value} in row {k}, which is no number"
+
+
+def write(baseline: Baseline, check: str) -> str:
+    """The text of a baseline file: a line for each crank angle, in aligned columns; ``check`` is the command that
+    checks it.
+    """
+    t = baseline.tolerance
+    lines = [
+        f"# Reaction forces of {baseline.case} in {baseline.simulator}.",
+        f"# To check them: {_printable(check)}",
+        (
+            "# Written by `compare baseline update`.  A number that changes here is a force that moved: the change"
+            " wants a reason."
+        ),
+        "schema = 1",
+        f"case = {_string(baseline.case)}",
+        f"simulator = {_string(baseline.simulator)}",
+        f"version = {_string(baseline.version)}",
+        "",
+        "[tolerance]",
+        f"angle = {t.angle:<10}     # deg",
+        f"magnitude = {t.magnitude:<10} # of the joint's largest force in the run",
+        f"rms = {t.rms:<10}       # of the stored value",
+        f"free_share = {t.free_share}",
+    ]
+    for run in baseline.runs:
+        lines += ["", "[[run]]", f"name = {_string(run.name)}"]
+        if run.added:
+            lines.append(f"added = {inline(run.added)}  # to the case, SI units")
+        lines += (
+            [f"skipped = {_string(run.skipped)}"]
+            if run.skipped
+            else [f"columns = {inline(run.columns)}", "rows = [", *_rows(run), "]"]
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _rows(run: Run) -> list[str]:
+    cells = [
+        [_number(value, digits) for value in column] for column, digits in zip(run.rows.T, _decimals(run), strict=True)
+    ]
+    if run.places is not None:
+        cells[0] = [f"{round(place, 6):.8g}" for place in run.places]
+    widths = [max(map(len, column)) for column in cells]
+    return [
+        "  [" + ", ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) + "],"
+        for row in zip(*cells, strict=True)
+    ]
+
+
+def _decimals(run: Run) -> list[int]:
+    """Digits after the point, by column: 1e-4 deg, and the sixth digit of the run's largest force."""
+    forces = [j for j, name in enumerate(run.columns) if name.endswith("[N]")]
+    largest = float(np.max(run.rows[:, forces], initial=0.0))
+    return [
+        max(0, 5 - math.floor(math.log10(largest))) if j in forces and largest else 4 for j in range(len(run.columns))
+    ]
+
+
+def _number(value: float, digits: int) -> str:
+    text = f"{value:.{digits}f}"
+    return text.removeprefix("-") if float(text) == 0 else text
+
+
+def _string(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False).replace(
+        "\x7f", "\\u007f"
+    )  # but for this a JSON string is a TOML basic string
+
+
+def _printable(text: str) -> str:
+    """Text that stays in its line of comment."""
+    return "".join(c if c.isprintable() else _string(c)[1:-1] if c < " " else " " for c in text)
+
+
+def inline(value: Any) -> str:
+    """A value as TOML, in one line."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {inline(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return "[" + ", ".join(map(inline, value)) + "]"
+    return _string(value) if isinstance(value, str) else repr(value)

@@ -1,0 +1,157 @@
+"""What a baseline holds of a case: which runs, and each run's reaction forces as a table.
+
+Ideal joints are driven; joints with clearance rest in static equilibrium under load, the only motion in which every
+engine gives the same direction to many digits.  A pin that bounces repeats only on average, so such a run keeps two
+numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism import Drive, Load, Mechanism
+from analytic.mechanism.file import load, shipped_cases
+from compare.evidence.baseline.file import NO_DIRECTION, Run
+from compare.judge.grid import FREE_TIME, default_angles
+from compare.runs import Failure, Resolve, simulate
+from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported
+
+ROWS = 36  # of a table, at most
+NO_FORCE = 1e-6  # of the run's largest force: a joint below it carries none
+LOOSE: tuple[JointModel, ...] = ("massless-link", "spring-damper", "contact")
+BOUNCING: tuple[JointModel, ...] = ("spring-damper", "contact")
+REVOLUTIONS = 40  # of an impacting run
+SAMPLES = 360  # of each of them
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """What a shipped case is given so that its pins rest against their bearings: clearance (m), and loads beside its
+    own.
+    """
+
+    clearance: Mapping[str, float]
+    loads: tuple[Load, ...] = ()
+
+
+LOADED = {
+    "crank-rocker": Loaded({"B": 5e-4}, (Load(body="follower", torque=-2.0),)),
+    "pendulum": Loaded({"O": 5e-4}),
+    "six-bar": Loaded({"B": 5e-4}),
+    "slider-crank": Loaded({"B": 5e-4}, (Load(body="slider", force=(-100.0, 0.0)),)),
+}
+
+
+@dataclass(frozen=True)
+class Setup:
+    """One run to make; ``added`` is what it has that the case has not, as the file says it."""
+
+    request: Request
+    added: Mapping[str, Any] = field(default_factory=dict)
+    impacting: bool = False
+
+    @property
+    def name(self) -> str:
+        """What the run is called in the file."""
+        return f"{self.request.joint_model}, {'impacting' if self.impacting else self.request.motion}"
+
+
+def setups(mechanism: Mechanism) -> list[Setup]:
+    """The runs of a case, ideal first.  Raises AssemblyError where the case cannot be assembled."""
+    assembly = Assembly(mechanism)
+    theta = _thinned(default_angles(assembly))
+    found = []
+    if mechanism.speed is not None:
+        found.append(Setup(Request(mechanism.with_clearances({}), "ideal", "driven", theta)))
+    else:
+        found.append(Setup(Request(mechanism.with_clearances({}), "ideal", "driven", time=_thinned(FREE_TIME))))
+    shipped = mechanism.name in shipped_cases() and mechanism == load(mechanism.name)
+    loaded = LOADED[mechanism.name] if shipped and mechanism.name in LOADED else Loaded(mechanism.clearances)
+    if loaded.clearance:
+        added: dict[str, Any] = {"clearance": dict(loaded.clearance)}
+        if loaded.loads:
+            added["load"] = [load.model_dump(exclude_unset=True, mode="json") for load in loaded.loads]
+        at_rest = mechanism.with_clearances(loaded.clearance).replace(loads=mechanism.loads + loaded.loads)
+        found += [Setup(Request(at_rest, model, "static", theta), added) for model in LOOSE]
+    if shipped and mechanism.name == "crank-rocker":
+        found += _impacting(mechanism)
+    return found
+
+
+def _impacting(mechanism: Mechanism) -> Iterator[Setup]:
+    """600 rpm, 0.5 mm in B: its pin loses contact several times a revolution, and damping is too weak to hold
+    it down.
+    """
+    fast = mechanism.with_clearances({"B": 5e-4}).with_joint("B", contact_damping=30.0)
+    fast = fast.replace(drive=Drive(joint=mechanism.drive_joint.name, speed=20 * np.pi))
+    added = {"speed": 20 * np.pi, "clearance": {"B": 5e-4}, "contact_damping": 30.0, "revolutions": REVOLUTIONS}
+    theta = np.arange(SAMPLES * REVOLUTIONS) * (2 * np.pi / SAMPLES)
+    for model in BOUNCING:
+        yield Setup(Request(fast, model, "driven", theta, lead_in=2 * np.pi), added, impacting=True)
+
+
+def _thinned(grid: np.ndarray) -> np.ndarray:
+    return grid[:: -(-grid.size // ROWS)]
+
+
+def simulated(mechanism: Mechanism, simulator: str, resolve: Resolve) -> tuple[str, list[Run]]:
+    """The engine's version, and the runs of a case in it; what it does not support is listed without a table.
+
+    Raises SimulatorMissing or Unsupported for the engine, SimulationError where a run fails.
+    """
+    engine, version, runs = resolve(simulator), "", []
+    for setup in setups(mechanism):
+        request = setup.request
+        if (request.joint_model, request.motion) not in engine.supports:
+            why = f"{simulator} does not simulate {request.joint_model} joints in {request.motion} motion"
+            runs.append(Run(setup.name, setup.added, skipped=why))
+            continue
+        trace = _trace(engine, request)
+        version = trace.version
+        runs.append(_averages(setup, trace) if setup.impacting else _table(setup, trace))
+    return version, runs
+
+
+def _trace(engine: Engine, request: Request) -> Trace:
+    outcome = simulate(engine.name, request, lambda name: engine)
+    if isinstance(outcome, Failure):
+        raise Unsupported(outcome.why) if outcome.unsupported else SimulationError(outcome.why)
+    return outcome
+
+
+def _force(trace: Trace, joint: str) -> np.ndarray:
+    return trace.signals[f"reaction_{joint}_x"] + 1j * trace.signals[f"reaction_{joint}_y"]
+
+
+def _table(setup: Setup, trace: Trace) -> Run:
+    """Direction (deg) and size (N) of every reaction, a row for each crank angle (deg), or time (s) of a released
+    linkage.
+    """
+    forces = {joint.name: _force(trace, joint.name) for joint in setup.request.mechanism.joints}
+    largest = max(float(np.abs(f).max()) for f in forces.values())
+    time = setup.request.time
+    columns = {"crank_angle [deg]": np.degrees(trace.crank_angle)} if time is None else {"time [s]": time}
+    for joint, force in forces.items():
+        size = np.abs(force)
+        known = size > max(NO_DIRECTION * size.max(), NO_FORCE * largest)
+        columns[f"reaction_{joint}_angle [deg]"] = np.where(known, np.degrees(np.angle(force)), np.nan)
+        columns[f"reaction_{joint}_magnitude [N]"] = size
+    return Run(setup.name, setup.added, tuple(columns), np.column_stack(list(columns.values())))
+
+
+def _averages(setup: Setup, trace: Trace) -> Run:
+    """Root mean square force (N) of each joint with clearance, and the share of time its pin spends without contact.
+
+    A rigid contact (no stiffness in its settings) has impulses, whose force is a matter of the time step: none is kept.
+    """
+    columns: dict[str, float] = {}
+    for joint, share in trace.free_share.items():
+        if "contact_stiffness" in trace.settings:
+            columns[f"reaction_{joint}_rms [N]"] = float(np.sqrt(np.mean(np.abs(_force(trace, joint)) ** 2)))
+        columns[f"free_share_{joint} [1]"] = share
+    return Run(setup.name, setup.added, tuple(columns), np.array([list(columns.values())]))

@@ -1,0 +1,259 @@
+"""Hidden sets: a bench, what is wrong with it, the engine that plays the rig and the one that diagnoses.  One seed is
+one set.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from analytic.beyond_paper.drive import Turning
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism import Load, Mechanism
+from compare.diagnose.effects.effect import Rig
+from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.diagnose.fit import Data, Fit, Fitter
+from compare.diagnose.isolate import candidates, signatures
+from compare.diagnose.predict import Term, derived
+from compare.evidence.scoreboard.outside import KINDS, Course, Outside, draw_outside, resized
+from compare.evidence.scoreboard.rigs import CASES, Bench, Plan, Rejected, draw_bench, draw_log, ideal
+from compare.evidence.scoreboard.sizes import LARGEST, SMALLEST, Growth, Planted, Sizer, Values, growth, left, solve
+
+FIRST = {"effects": 0, "none": 100_000, "outside": 200_000, "alias": 300_000}  # first seed of each kind of set
+DIAGNOSING = (
+    "mujoco",
+    "exudyn",
+    "mujoco",
+    "dart",
+    "mujoco",
+    "pybullet",
+    "mujoco",
+    "mujoco",
+    "mujoco",
+    "mujoco",
+)  # by seed
+COUNTS = (0.6, 0.3, 0.1)  # of sets with one, two, three effects
+SPECIAL = ("joint_clearance", "link_flexibility", "drive_compliance", "speed_ripple")  # one of them in a set at most
+WITH_BEAMS = ("gravity", "external_force", "load_torque")  # and everything on sensors
+KEPT = 0.15  # of its peak, that the reaction of a joint with clearance never falls below
+STRANGE = (60.0, 160.0)  # sigmas that the best rival leaves of a thing outside the vocabulary
+TOGETHER = 4  # effects that may not describe it either:
+GAP = 0.6  # of the noise's mean square is what they leave at least
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """A set and its truth.  ``source`` is the engine that makes the data, ``simulator`` the one that diagnoses."""
+
+    seed: int
+    kind: str
+    bench: Bench
+    source: str
+    simulator: str
+    truth: tuple[Planted, ...] = ()
+    outside: Outside | None = None
+    strange: float = 0.0  # sigmas of it that no single effect describes
+    reversed_load: bool = False  # alias sets: whether a run has it
+
+
+def kind_of(seed: int) -> str:
+    """What kind of set a seed stands for."""
+    return max((first, kind) for kind, first in FIRST.items() if first <= seed)[1]
+
+
+def draw(seed: int, attempt: int) -> Hidden:
+    """The set of a seed; raises Rejected where this attempt makes none, for the next one to be tried."""
+    rng = np.random.default_rng([seed, attempt])
+    kind, simulator = kind_of(seed), DIAGNOSING[seed % len(DIAGNOSING)]
+    if kind == "effects":
+        return _with_effects(seed, simulator, rng)
+    if kind == "outside":
+        return _with_outside(seed, simulator, rng)
+    if kind == "alias":
+        return _with_alias(seed, simulator, rng)
+    bench = draw_bench(rng, list(CASES), (), False, True)
+    return Hidden(seed, kind, bench, draw_source(rng, simulator, ()), simulator)
+
+
+def draw_source(rng: np.random.Generator, simulator: str, names: Sequence[str]) -> str:
+    """An engine that has these effects and is not the diagnosing one."""
+    weights = {
+        "exudyn": 1.0,
+        "mujoco": 1.0,
+        "dart": 0.3 if "joint_clearance" in names else 1.0,
+        "pybullet": 0.25,
+    }  # the slower the rarer
+    able = {
+        "joint_clearance": {"mujoco", "exudyn", "dart"},
+        "link_flexibility": {"exudyn"},
+        "drive_compliance": {"mujoco", "exudyn"},
+    }
+    for name in names:
+        weights = {e: w for e, w in weights.items() if e in able.get(name, weights)}
+    weights.pop(simulator, None)
+    engines = list(weights)
+    p = np.array([weights[e] for e in engines])
+    return str(rng.choice(engines, p=p / p.sum()))
+
+
+# ---------------------------------------------------------------- effects of the vocabulary
+
+
+def _with_effects(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
+    names = [list(VOCABULARY)[seed % len(VOCABULARY)]]
+    count = 1 + int(rng.choice(3, p=COUNTS))
+    while len(names) < count:
+        names.append(str(rng.choice([n for n in VOCABULARY if _goes_with(n, names)])))
+    if "link_flexibility" in names and simulator == "exudyn":
+        simulator = "mujoco"  # only Exudyn has beams to make the data with
+    sensors = [w for n, w in (("encoder_offset", "encoder"), ("sensor_frame", "cell")) if n in names]
+    cases = ["crank-rocker"] if "link_flexibility" in names else list(CASES)
+    bench = draw_bench(
+        rng, cases, sensors, "joint_clearance" in names, not {"clock_offset", "speed_ripple"} & set(names)
+    )
+    sizer = Sizer(bench)
+    truth: list[tuple[Term, Values]] = []
+    for name in names:
+        way = _placed(name, bench, sizer.rig, rng, [t.key for t, _ in truth])
+        truth.append((way.term, sizer.grown(way, draw_log(rng, SMALLEST, LARGEST))))
+    return Hidden(seed, "effects", bench, draw_source(rng, simulator, names), simulator, tuple(sizer.judged(truth)))
+
+
+def _goes_with(name: str, names: Sequence[str]) -> bool:
+    """Whether an engine can be found that has them all."""
+    if name in SPECIAL and set(SPECIAL) & set(names):
+        return False
+    flexible = "link_flexibility" in (name, *names)
+    return not flexible or all(
+        VOCABULARY[n].sensor or n in WITH_BEAMS or n == "link_flexibility" for n in (name, *names)
+    )
+
+
+def _placed(name: str, bench: Bench, rig: Rig, rng: np.random.Generator, taken: Sequence[tuple[str, str]]) -> Growth:
+    places = [w for w in VOCABULARY[name].places(rig) if (name, w) not in taken]
+    if name == "joint_clearance":
+        places = [w for w in places if _stays_in_contact(bench, w)]
+    if not places:
+        raise Rejected(f"{name} has no place here")
+    return growth(name, str(rng.choice(places)), bench, rig, rng)
+
+
+def _stays_in_contact(bench: Bench, joint: str) -> bool:
+    sizes = [ideal(bench.nominal, p)[f"reaction_{joint}_magnitude"] for p in bench.plans]
+    return all(size.min() > KEPT * size.max() for size in sizes)
+
+
+# ---------------------------------------------------------------- outside the vocabulary
+
+
+def _with_outside(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
+    kind = KINDS[seed % len(KINDS)]
+    bench = draw_bench(
+        rng, ["crank-rocker", "six-bar"] if kind != "periodic torque" else list(CASES), ("torque", "cell"), False, False
+    )
+    outside = draw_outside(kind, bench, rng)
+    target, strange, gap = draw_log(rng, *STRANGE), 0.0, 0.0
+    for _ in range(4):
+        strange, gap = _strange(bench, outside)
+        if strange < 1e-6:
+            raise Rejected(f"{kind} does not show")
+        if abs(strange / target - 1) < 0.05 or gap * (target / strange) ** 2 < 0.8 * GAP:
+            break
+        outside = resized(outside, min(target / strange, 100.0))
+    if abs(strange / target - 1) > 0.2 or gap < GAP:
+        raise Rejected(f"{kind} at {outside.where} is nearly described by the vocabulary")
+    return Hidden(seed, "outside", bench, draw_source(rng, simulator, ()), simulator, outside=outside, strange=strange)
+
+
+def _strange(bench: Bench, outside: Outside) -> tuple[float, float]:
+    """Sigmas of it that the best single effect leaves, and the mean square that the best few leave, found one after the
+    other.
+    """
+    sizer = Sizer(bench)
+    seen = []
+    for plan in bench.plans:
+        signals = outside.signals(bench.nominal, plan, plan.time, analytic)
+        seen.append({s: plan.command(plan.time) if s == bench.encoder else signals[s] for s in bench.noise})
+    measured = bench.measured(seen)
+    data = Data(measured, {(r.name, s): c.noise for r in measured.runs for s, c in r.channels.items()}, bench.encoder)
+    fitter = Fitter(sizer.model([]), data, sizer.rig, sizer.bounds)
+    residual = fitter.residuals([], [[]])[0]
+    assert residual is not None
+    base = Fit((), (), residual, np.zeros((residual.size, 0)), np.zeros(0, bool))
+    columns = [s.columns for s in signatures(fitter, base, candidates(sizer.rig, VOCABULARY)).values()]
+    rest, after = residual, []
+    for _ in range(TOGETHER):
+        best = min(columns, key=lambda c: left(rest, c))
+        rest = rest + best @ solve(best, rest)
+        after.append(float(np.linalg.norm(rest)))
+        columns = [c - best @ np.linalg.lstsq(best, c, rcond=None)[0] for c in columns]
+    return after[0], after[-1] ** 2 / residual.size
+
+
+def analytic(mechanism: Mechanism, plan: Plan, time: np.ndarray, course: Course | None) -> Mapping[str, np.ndarray]:
+    """The analytic model as a way to run a plan."""
+    if course is None:
+        theta = plan.command(time)
+        turning = Turning(theta, np.full_like(theta, plan.speed), np.zeros_like(theta))
+    else:
+        grid = course_grid(plan, time)
+        spline = CubicSpline(grid, course(grid))
+        turning = Turning(spline(time), spline(time, 1), spline(time, 2))
+    return derived(Assembly(mechanism), turning)
+
+
+def course_grid(plan: Plan, time: np.ndarray) -> np.ndarray:
+    """Times (s) dense enough for a course: 720 a revolution, a little beyond the reports."""
+    period = 2 * math.pi / abs(plan.speed)
+    spare = 0.02 * period
+    count = math.ceil(720 * (np.ptp(time) + 2 * spare) / period) + 1
+    return np.linspace(time.min() - spare, time.max() + spare, count)
+
+
+# ---------------------------------------------------------------- clearance or length?
+
+
+def _with_alias(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
+    """Clearance in B of a four-bar whose load never reverses, beside the same with a run in which it does (odd
+    seeds).
+    """
+    bench = draw_bench(rng, ["crank-rocker"], ("encoder", "torque"), True, False)
+    m = bench.nominal
+    load = Load(body="coupler", force=(0.0, -rng.uniform(35.0, 70.0)))
+    m = m.replace(gravity=(0.0, 0.0), loads=(load,))
+    first = bench.plans[0]
+    speeds = {"slow": 4.0, "fast": 6.5}
+    plans = [
+        replace(first, name=name, speed=speed, time=first.time * abs(first.speed / speed), loads=None)
+        for name, speed in speeds.items()
+    ]
+    if seed % 2:
+        lifted = load.model_copy(update={"force": (0.0, -load.force[1])})
+        plans.append(replace(plans[0], name="slow-lifted", loads=(lifted,)))
+    noise = {
+        "crank_angle": 4e-5,
+        "follower_angle": 6e-5,
+        "coupler_angle": 6e-5,
+        "coupler_x": 1e-5,
+        "drive_torque": 4e-3 * bench.rig.torque,
+    }
+    bench = replace(bench, nominal=m, plans=tuple(plans), noise=noise, units={})
+    if not _stays_in_contact(bench, "B"):
+        raise Rejected("the load on B reverses")
+    sizer = Sizer(bench)
+    way = growth("joint_clearance", "B", bench, sizer.rig, rng)
+    truth = [(way.term, sizer.grown(way, draw_log(rng, 25.0, 100.0)))]
+    planted = sizer.judged(truth)
+    return Hidden(
+        seed,
+        "alias",
+        bench,
+        draw_source(rng, simulator, ["joint_clearance"]),
+        simulator,
+        tuple(planted),
+        reversed_load=bool(seed % 2),
+    )

@@ -1,0 +1,211 @@
+"""Play the rig: run an engine, read its sensors, add noise, and write what a person would have measured; the truth goes
+elsewhere.
+
+``python -m compare.evidence.scoreboard.record SEED OUT`` writes OUT/data (measured.toml, nominal.toml, CSV files) and
+OUT/seal/truth.json.  What sensors, clocks and the encoder do is written here anew, from the contract and not from the
+diagnosis' own code: a delay is a question to the engine about another time, a turned load cell has axes of its own.
+"""
+
+from __future__ import annotations
+
+import cmath
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analytic.kinematics.assembly import AssemblyError
+from analytic.mechanism import Mechanism
+from analytic.mechanism.file import dumps
+from compare.diagnose.data.units import SI, dimension, factor
+from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.evidence.scoreboard.hidden import Hidden, course_grid, draw
+from compare.evidence.scoreboard.outside import Course
+from compare.evidence.scoreboard.rigs import Plan, Rejected
+from compare.evidence.scoreboard.sizes import Planted
+from compare.files import output_folder, to_json, write_atomically
+from sim_models.engine import JointModel, Request, SimulationError, Trace, engine, installed_version
+
+ATTEMPTS = 200
+Readings = dict[str, np.ndarray]
+
+
+def make(seed: int, data: Path, seal: Path) -> Hidden:
+    """Draw the set of a seed, record it, and write the data into one folder and the truth into the other.
+
+    Raises Rejected where no attempt made a usable set.
+    """
+    for attempt in range(ATTEMPTS):
+        try:
+            hidden = draw(seed, attempt)
+            clean = [recorded(hidden, plan) for plan in hidden.bench.plans]
+        except (Rejected, SimulationError, AssemblyError):
+            continue
+        noisy = with_noise(hidden, clean, np.random.default_rng([seed, attempt, 1]))
+        write_data(hidden, noisy, output_folder(data))
+        write_atomically(output_folder(seal) / "truth.json", to_json(truth(hidden, attempt), indent=1) + "\n")
+        return hidden
+    raise Rejected(f"seed {seed}: none of {ATTEMPTS} attempts made a usable set")
+
+
+# ---------------------------------------------------------------- the rig
+
+
+def recorded(hidden: Hidden, plan: Plan) -> Readings:
+    """What noiseless sensors read in a run, by signal."""
+    bench, effects = hidden.bench, hidden.truth
+    late = sum(e.values["offset"] for e in effects if e.name == "clock_offset" and e.where == plan.name)
+    age = {
+        s: late + sum(e.values["delay"] for e in effects if e.name == "sensor_delay" and e.where == s)
+        for s in bench.noise
+    }
+    seen: Readings = {}
+    for delay in sorted(set(age.values())):
+        signals = moved(hidden, plan, plan.time - delay)
+        seen |= {s: signals[s] for s in age if age[s] == delay}
+    for e in effects:
+        seen = read(e, seen, plan.name, bench.encoder)
+    return seen
+
+
+def moved(hidden: Hidden, plan: Plan, time: np.ndarray) -> Mapping[str, np.ndarray]:
+    """Every signal (N,) at times (N,) s, the encoder on the motor, by the engine that plays the rig."""
+
+    def simulate(m: Mechanism, plan: Plan, time: np.ndarray, course: Course | None) -> Mapping[str, np.ndarray]:
+        return run(hidden.source, m, plan, time, course).signals
+
+    encoder = hidden.bench.encoder
+    if hidden.outside is not None:
+        found = hidden.outside.signals(hidden.bench.nominal, plan, time, simulate)
+        return {**found, encoder: plan.command(time)}
+    m = hidden.bench.nominal if plan.loads is None else hidden.bench.nominal.replace(loads=plan.loads)
+    ripple = next((e.values for e in hidden.truth if e.name == "speed_ripple"), None)
+    for e in hidden.truth:
+        if e.name != "speed_ripple":
+            m = VOCABULARY[e.name].on_mechanism(m, e.where, e.values)
+    if ripple is None:
+        return {**simulate(m, plan, time, None), encoder: plan.command(time)}
+    a, h, p = ripple["amplitude"], ripple["harmonic"], ripple["phase"]
+
+    def motor(t: np.ndarray) -> np.ndarray:
+        return np.asarray(plan.command(t) + a * np.sin(h * plan.command(t) + p))
+
+    return {**simulate(m, plan, time, motor), encoder: motor(time)}
+
+
+def run(name: str, m: Mechanism, plan: Plan, time: np.ndarray, course: Course | None) -> Trace:
+    """One simulation, clearance by contact (in Exudyn by a link as long as it, as stiff contact takes long).
+
+    Raises Rejected where a pin leaves its bearing.
+    """
+    from sim_models.exudyn.beams import flexible
+
+    assert m.drive is not None
+    m = m.replace(drive=m.drive.model_copy(update={"speed": plan.speed}))
+    with_clearance: JointModel = "massless-link" if name == "exudyn" else "contact"
+    joint_model: JointModel = with_clearance if m.clearances else "ideal"
+    if course is None:
+        request = Request(m, joint_model, crank_angle=plan.command(time))
+    else:
+        grid = course_grid(plan, time)
+        request = Request(m, joint_model, time=time, course=(grid, course(grid)))
+    trace = flexible(request) if m.bends else engine(name).simulate(request)
+    if any(trace.free_share.values()):
+        raise Rejected(f"a pin flies free in {plan.name}")
+    return trace
+
+
+def read(effect: Planted, seen: Readings, run: str, encoder: str) -> Readings:
+    """What an effect of a sensor makes of the readings (delays and clocks apart)."""
+    v, where = effect.values, effect.where
+    if effect.name == "encoder_offset" and encoder in seen:
+        return {**seen, encoder: seen[encoder] + v.get("offset", v.get(f"offset@{run}", 0.0))}
+    if effect.name == "sensor_bias":
+        return {**seen, where: seen[where] + v["bias"]}
+    if effect.name == "sensor_gain":
+        return {**seen, where: seen[where] + v["gain_error"] * seen[where]}
+    if effect.name == "sensor_frame":
+        x, y = f"reaction_{where}_x", f"reaction_{where}_y"
+        axis = cmath.exp(1j * v["rotation"])  # the cell's own x, in the ground frame
+        along = seen[x] * axis.real + seen[y] * axis.imag
+        across = seen[y] * axis.real - seen[x] * axis.imag
+        return {**seen, x: along, y: across}
+    return seen
+
+
+def with_noise(hidden: Hidden, clean: list[Readings], rng: np.random.Generator) -> list[Readings]:
+    """Readings with each sensor's noise."""
+    return [
+        {s: values + hidden.bench.noise[s] * rng.standard_normal(values.size) for s, values in run.items()}
+        for run in clean
+    ]
+
+
+# ---------------------------------------------------------------- files
+
+
+def write_data(hidden: Hidden, noisy: list[Readings], folder: Path) -> None:
+    """measured.toml, nominal.toml and a CSV file for each run."""
+    import tomli_w
+
+    bench, entries = hidden.bench, []
+    for plan, readings in zip(bench.plans, noisy, strict=True):
+        units = {s: bench.units.get(s, SI[dimension(s)]) for s in readings}
+        columns = [plan.time, *(readings[s] / factor(units[s], dimension(s)) for s in readings)]
+        header = ",".join(["time [s]", *(f"{s} [{units[s]}]" for s in readings)])
+        rows = (",".join(f"{v:.12g}" for v in row) for row in np.column_stack(columns).tolist())
+        write_atomically(folder / f"{plan.name}.csv", "\n".join([header, *rows]) + "\n")
+        entry: dict[str, Any] = {"name": plan.name, "file": f"{plan.name}.csv"}
+        entry |= {"drive": "measured"} if plan.follows else {"drive_speed": plan.speed, "drive_angle": plan.angle}
+        if bench.noise_given:
+            entry["noise"] = {s: float(f"{sigma:.6g}") for s, sigma in bench.noise.items()}
+        if plan.loads is not None:
+            entry["load"] = [load.model_dump(mode="json", exclude_unset=True) for load in plan.loads]
+        entries.append(entry)
+    write_atomically(folder / "nominal.toml", dumps(bench.nominal))
+    write_atomically(folder / "measured.toml", tomli_w.dumps({"mechanism": "nominal.toml", "run": entries}))
+
+
+def truth(hidden: Hidden, attempt: int) -> dict[str, Any]:
+    """What is sealed."""
+    effects = [
+        {"name": e.name, "where": e.where, "parameters": dict(e.values)}
+        | {"total": e.total, "linear": e.linear, "distinct": e.distinct, "rival": e.rival}
+        for e in hidden.truth
+    ]
+    other = hidden.outside
+    version = installed_version(engine(hidden.source).package)
+    strange = (
+        None
+        if other is None
+        else {"kind": other.kind, "where": other.where, "size": other.size, "left": hidden.strange, **other.shape}
+    )
+    return {
+        "schema": 1,
+        "seed": hidden.seed,
+        "attempt": attempt,
+        "kind": hidden.kind,
+        "case": hidden.bench.case,
+        "source": {"name": hidden.source, "version": version},
+        "simulator": hidden.simulator,
+        "effects": effects,
+        "noise": hidden.bench.noise,
+        "reversed_load": hidden.reversed_load,
+        "outside": strange,
+    }
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 3 or not sys.argv[1].isdigit():
+        sys.exit(
+            "usage: python -m compare.evidence.scoreboard.record SEED OUT   (0.. effects, 100000.. none, 200000.."
+            " outside, 300000.. alias)"
+        )
+    out = Path(sys.argv[2])
+    made = make(int(sys.argv[1]), out / "data", out / "seal")
+    print(
+        f"{made.kind}: {made.bench.case}, played by {made.source}, for {made.simulator} to diagnose:"
+        f" {out / 'data' / 'measured.toml'}"
+    )

@@ -1,0 +1,256 @@
+"""Test rigs drawn at random: linkages, runs, sensors and their noise, as an engineer's bench might have them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from analytic.beyond_paper.drive import Turning
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism import Load, Mechanism
+from analytic.mechanism.file import load
+from compare.diagnose.data.recording import Channel, Measured, Run
+from compare.diagnose.data.units import SI, dimension
+from compare.diagnose.effects.effect import Rig
+from compare.diagnose.predict import derived
+from compare.judge.grid import turns_fully
+
+CASES = {"crank-rocker": 0.45, "slider-crank": 0.3, "six-bar": 0.25}  # and how often each is drawn
+SPEEDS = {"crank-rocker": (4.0, 30.0), "slider-crank": (10.0, 90.0), "six-bar": (4.0, 16.0)}  # rad/s
+LOADED = {
+    "crank-rocker": ("coupler", 50.0),
+    "slider-crank": ("slider", 60.0),
+    "six-bar": ("coupler", 30.0),
+}  # body and force (N)
+SAMPLES = (120, 240)
+SENSORS = (5, 9)
+
+
+class Rejected(ValueError):
+    """A draw that makes no usable set; the next one is tried."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A run to be recorded: ``time`` (N,) s; ``loads`` replace the mechanism's; with ``follows`` it is given as
+    ``measured``.
+    """
+
+    name: str
+    speed: float  # rad/s
+    angle: float  # rad at time 0
+    time: np.ndarray
+    loads: tuple[Load, ...] | None
+    follows: bool = False
+
+    def command(self, time: np.ndarray) -> np.ndarray:
+        """Commanded angle (rad) at times (N,) s."""
+        return self.angle + self.speed * time
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A nominal mechanism, the runs made on it, and its sensors' noise (1-sigma, SI, by signal)."""
+
+    case: str
+    nominal: Mechanism
+    plans: tuple[Plan, ...]
+    noise: dict[str, float]
+    noise_given: bool
+    units: dict[str, str]  # what the data files are written in
+
+    @property
+    def encoder(self) -> str:
+        """The motor's encoder."""
+        return f"{self.nominal.driven}_angle"
+
+    @property
+    def rig(self) -> Rig:
+        """What effects need to know of the bench."""
+        names = tuple(plan.name for plan in self.plans)
+        following = tuple(plan.name for plan in self.plans if plan.follows)
+        length = max(b.length for b in self.nominal.bodies)
+        speed = max(abs(plan.speed) for plan in self.plans)
+        force = max(np.abs(f).max() for plan in self.plans for f in _forces(self.nominal, plan).values())
+        return Rig(self.nominal, tuple(self.noise), names, names, following, length, float(force), speed, self.noise)
+
+    def measured(self, values: Sequence[dict[str, np.ndarray]] | None = None) -> Measured:
+        """The bench's measurement with these readings (by run and signal), or zeros."""
+        runs = []
+        for i, p in enumerate(self.plans):
+            channels = {
+                s: Channel(
+                    s, values[i][s] if values is not None else np.zeros(p.time.size), sigma, True, SI[dimension(s)]
+                )
+                for s, sigma in self.noise.items()
+            }
+            speed, angle = (None, None) if p.follows else (p.speed, p.angle)
+            runs.append(
+                Run(
+                    p.name,
+                    p.time,
+                    channels,
+                    "measured" if p.follows else "speed",
+                    speed,
+                    angle,
+                    {},
+                    p.loads,
+                    False,
+                    f"{p.name}.csv",
+                )
+            )
+        return Measured(self.nominal, tuple(runs), {}, (), "")
+
+
+def ideal(mechanism: Mechanism, plan: Plan) -> dict[str, np.ndarray]:
+    """Every signal (N,) of a nominal run, without sensors."""
+    theta = plan.command(plan.time)
+    m = mechanism if plan.loads is None else mechanism.replace(loads=plan.loads)
+    return derived(Assembly(m), Turning(theta, np.full_like(theta, plan.speed), np.zeros_like(theta)))
+
+
+def _forces(mechanism: Mechanism, plan: Plan) -> dict[str, np.ndarray]:
+    signals = ideal(mechanism, plan)
+    return {j.name: signals[f"reaction_{j.name}_magnitude"] for j in mechanism.joints}
+
+
+# ---------------------------------------------------------------- drawing
+
+
+def draw_bench(
+    rng: np.random.Generator, cases: Sequence[str], wanted: Sequence[str], slow: bool, may_follow: bool
+) -> Bench:
+    """A bench of one of the cases whose sensors include the ``wanted`` kinds; ``slow`` keeps it far from losing
+    contact.
+
+    Raises Rejected where the linkage that was drawn does not turn.
+    """
+    weights = np.array([CASES[c] for c in cases])
+    case = str(rng.choice(list(cases), p=weights / weights.sum()))
+    nominal = draw_mechanism(rng, case)
+    plans = draw_plans(rng, case, nominal, slow, may_follow)
+    peaks: dict[str, float] = {}
+    for plan in plans:
+        for signal, values in ideal(nominal, plan).items():
+            peaks[signal] = max(peaks.get(signal, 0.0), float(np.abs(values).max()))
+    signals = draw_sensors(rng, nominal, peaks, [*wanted, *(["encoder"] if plans[0].follows else [])])
+    noise = {s: draw_noise(rng, s, peaks) for s in signals}
+    for s in signals:  # the two axes of a load cell are of one kind
+        if s.startswith("reaction_") and s.endswith("_y"):
+            noise[s] = noise.get(s[:-1] + "x", noise[s])
+    units = {s: draw_unit(rng, s) for s in signals}
+    return Bench(case, nominal, plans, noise, bool(rng.random() < 0.5), units)
+
+
+def draw_mechanism(rng: np.random.Generator, case: str) -> Mechanism:
+    """A shipped case, scaled, with lengths and masses of its own; rigid.  Raises Rejected where its crank does not
+    turn.
+    """
+    m = load(case).rigid()
+    scale, heavier = draw_log(rng, 0.7, 1.6), draw_log(rng, 0.6, 1.65)
+    stretch = {b.name: scale * rng.uniform(0.95, 1.05) for b in m.bodies}
+    ground = {name: (scale * x, scale * y) for name, (x, y) in m.ground.points.items()}
+    bodies = []
+    for b in m.bodies:
+        k = stretch[b.name]
+        fields = b.model_dump(exclude_unset=True)
+        fields["points"] = {name: (k * x, k * y) for name, (x, y) in b.points.items()}
+        fields["mass"] = b.mass * heavier * rng.uniform(0.8, 1.25)
+        if b.com is not None:
+            fields["com"] = (k * b.com[0], k * b.com[1])
+        if b.inertia is not None:
+            fields["inertia"] = b.inertia * k**2 * fields["mass"] / b.mass
+        bodies.append(type(b).model_validate(fields))
+    body, force = LOADED[case]
+    angle = math.pi if case == "slider-crank" else -math.pi / 2 + rng.uniform(-0.6, 0.6)
+    push = force * rng.uniform(0.5, 1.5)
+    loads = (
+        [*m.loads, Load(body=body, force=(push * math.cos(angle), push * math.sin(angle)))]
+        if rng.random() < 0.75
+        else list(m.loads)
+    )
+    gravity = (0.0, -9.81) if rng.random() < 0.5 else (0.0, 0.0)
+    found = m.replace(ground={"points": ground}, bodies=tuple(bodies), loads=tuple(loads), gravity=gravity)
+    if not turns_fully(Assembly(found)):
+        raise Rejected(f"{case}: the crank does not turn")
+    return found
+
+
+def draw_plans(
+    rng: np.random.Generator, case: str, nominal: Mechanism, slow: bool, may_follow: bool
+) -> tuple[Plan, ...]:
+    """Two or three runs that differ in speed, and some in direction or load."""
+    low, high = SPEEDS[case]
+    high = math.sqrt(low * high) if slow else high
+    count = int(rng.integers(2, 4))
+    speeds = np.exp(np.linspace(math.log(low), math.log(high), count) + rng.uniform(-0.15, 0.15, count))
+    signs = np.where(np.arange(count) == (count - 1 if rng.random() < 0.6 else -1), -1, 1)
+    follows = may_follow and bool(rng.random() < 0.1)
+    n, turns = int(rng.integers(SAMPLES[0], SAMPLES[1] + 1)), 1 if slow else int(rng.integers(1, 3))
+    plans = []
+    for i, (speed, sign) in enumerate(zip(speeds, signs, strict=True)):
+        time = np.linspace(0.0, turns * 2 * math.pi / speed, n)
+        loads = None
+        if i and nominal.loads and rng.random() < 0.3:
+            k = rng.uniform(0.4, 1.3)
+            loads = tuple(
+                Load.model_validate({**x.model_dump(), "force": (k * x.force[0], k * x.force[1])})
+                for x in nominal.loads
+            )
+        name = f"{('slow', 'middle', 'fast')[i] if count == 3 else ('slow', 'fast')[i]}-{'forward' if sign > 0 else 'reverse'}"
+        plans.append(Plan(name, float(sign * speed), float(rng.uniform(-math.pi, math.pi)), time, loads, follows))
+    return tuple(plans)
+
+
+def draw_sensors(rng: np.random.Generator, m: Mechanism, peaks: dict[str, float], wanted: Sequence[str]) -> list[str]:
+    """Five to nine signals: most rigs have the encoder and the drive torque, all something of motion and of force."""
+    encoder = f"{m.driven}_angle"
+    cells = [(f"reaction_{j.name}_x", f"reaction_{j.name}_y") for j in m.joints if not j.prismatic]
+    others = [b.name for b in m.bodies if b.name != m.driven and peaks[f"{b.name}_angular_velocity"] > 1e-9]
+    motion = [f"{b}_angle" for b in others] + [
+        f"{b.name}_{axis}" for b in m.bodies for axis in "xy" if peaks[f"{b.name}_{axis}"] > 1e-9
+    ]
+    rates = [f"{b}_angular_velocity" for b in others]
+    chosen = dict.fromkeys([encoder] if "encoder" in wanted or rng.random() < 0.85 else [])
+    if "torque" in wanted or rng.random() < 0.85:
+        chosen["drive_torque"] = None
+    if "cell" in wanted or "drive_torque" not in chosen or rng.random() < 0.6:
+        chosen |= dict.fromkeys(cells[int(rng.integers(len(cells)))])
+    chosen[motion[int(rng.integers(len(others)))] if others else motion[0]] = None
+    pool = [*motion, *motion, *rates, *(x for cell in cells for x in cell)]
+    target = int(rng.integers(SENSORS[0], SENSORS[1] + 1))
+    while len(chosen) < target:
+        new = pool[int(rng.integers(len(pool)))]
+        pair = [new[:-1] + axis for axis in "xy"] if new.startswith("reaction_") else [new]
+        if len(chosen) + len(pair) <= SENSORS[1]:
+            chosen |= dict.fromkeys(pair)
+    return list(chosen)
+
+
+def draw_noise(rng: np.random.Generator, signal: str, peaks: dict[str, float]) -> float:
+    """A sensor's 1-sigma, SI."""
+    if signal.endswith("_angle"):
+        low, high, unit = 2e-5, 1e-4, 1.0
+    elif signal.endswith(("_angular_velocity", "drive_torque")) or signal.startswith("reaction_"):
+        low, high, unit = 1e-3, 5e-3, peaks[signal]
+        if signal.startswith("reaction_"):
+            unit = max(peaks[signal[:-1] + axis] for axis in "xy")
+    else:
+        low, high, unit = 5e-6, 2e-5, 1.0
+    return unit * draw_log(rng, low, high)
+
+
+def draw_unit(rng: np.random.Generator, signal: str) -> str:
+    """A unit that such a sensor's file might be written in."""
+    other: dict[Any, str] = {"angle": "deg", "length": "mm", "angular velocity": "rpm", "torque": "N.mm", "force": "N"}
+    kind = dimension(signal)
+    return other[kind] if rng.random() < 0.3 else SI[kind]
+
+
+def draw_log(rng: np.random.Generator, low: float, high: float) -> float:
+    """A number whose logarithm is uniform."""
+    return math.exp(rng.uniform(math.log(low), math.log(high)))

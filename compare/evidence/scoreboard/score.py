@@ -1,0 +1,148 @@
+"""Open the seal: what a diagnosis said, held against the truth.
+
+``exact``        the same effects at the same places, no more and no less
+``tie``          every true effect is named or in an ``ambiguous_with``; what else is named has a true one in its own.  A true effect
+                 that these data do not tell from a simpler special case of it (a payload from a moment of inertia) counts as
+                 named if that one is: a richer effect is only named where its further parameters earn their place
+``incomplete``   what is named is true or ties with it, but a true effect is left out
+``missed``       no gap was seen, though there was something
+``wrong``        something is named that is neither true nor tied with it
+``abstained``    nothing is named, and a gap reported (also the right answer to what is outside the vocabulary)
+``partly``       outside the vocabulary: something is named, and that it does not explain the data is said
+``clear``, ``false alarm``   effect-free: nothing is named; something is
+``failed``       there was no diagnosis
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from compare.diagnose.effects.vocabulary import VOCABULARY
+
+Key = tuple[str, str]
+DISTINCT = 8.0  # sigmas left after the best rival, from which on an effect can be told from all others
+GOOD = {"effects": ("exact", "tie"), "none": ("clear",), "outside": ("abstained", "partly"), "alias": ("exact", "tie")}
+DISCRETE = ("harmonic",)
+CIRCULAR = ("phase", "rotation")
+
+
+def opened(seal: Path) -> dict[str, Any]:
+    """The truth of a set."""
+    return dict(json.loads((seal / "truth.json").read_text(encoding="utf-8")))
+
+
+def score(diagnosis: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, Any]:
+    """How a diagnosis did on a set: its outcome, its parameters, and its gap."""
+    found = {
+        (e["name"], e["where"]): {(t["name"], t["where"]) for t in e["ambiguous_with"]} for e in diagnosis["effects"]
+    }
+    true = {(e["name"], e["where"]) for e in truth["effects"]}
+    result = judged(truth, diagnosis, found, true)
+    return {
+        "seed": truth["seed"],
+        "kind": truth["kind"],
+        "case": truth["case"],
+        "source": truth["source"]["name"],
+        "simulator": truth["simulator"],
+        "truth": [
+            {"effect": f"{e['name']}@{e['where']}", **{k: e[k] for k in ("total", "linear", "distinct", "rival")}}
+            for e in truth["effects"]
+        ],
+        "outside": truth["outside"]["kind"] if truth["outside"] else None,
+        "distinguishable": bool(true) and all(e["distinct"] >= DISTINCT for e in truth["effects"]),
+        "outcome": result,
+        "good": result in GOOD[truth["kind"]],
+        "verdict": diagnosis["verdict"],
+        "named": [
+            {"effect": "@".join(key), "ambiguous_with": sorted("@".join(t) for t in ties)}
+            for key, ties in found.items()
+        ],
+        "parameters": parameters(diagnosis, truth) if result == "exact" else [],
+        "gap": {k: diagnosis["gap"][k] for k in ("before", "after", "noise_floor")},
+    }
+
+
+def judged(
+    truth: Mapping[str, Any], diagnosis: Mapping[str, Any], found: Mapping[Key, set[Key]], true: set[Key]
+) -> str:
+    """The outcome."""
+    kind, verdict = truth["kind"], diagnosis["verdict"]
+    distinct = {(e["name"], e["where"]): e["distinct"] for e in truth["effects"]}
+    if kind == "none":
+        return "false alarm" if found else "clear"
+    if not found:
+        return "missed" if verdict == "no gap" else "abstained"
+    if kind == "outside":
+        return "partly" if verdict == "partly explained" else "wrong"
+    if kind == "alias":
+        return _alias(truth, diagnosis, found, true)
+    if set(found) == true:
+        return "exact"
+    said = set(found) | set().union(*found.values())
+    simpler = {
+        key: {other for other in said if is_special_case(other, key)} for key in true if distinct[key] < DISTINCT
+    }
+    right = true.union(*simpler.values())
+    if any(key not in right and not ties & right for key, ties in found.items()):
+        return "wrong"
+    return "tie" if all(key in said or simpler.get(key) for key in true) else "incomplete"
+
+
+def is_special_case(simple: Key, rich: Key) -> bool:
+    """Whether an effect is the simpler form of another: at the same place, where both are of a body; a length of any
+    pivot's.
+    """
+    effect = VOCABULARY.get(simple[0])
+    return effect is not None and rich[0] in effect.special_case_of and (simple[1] == rich[1] or rich[0] != "payload")
+
+
+def _alias(
+    truth: Mapping[str, Any], diagnosis: Mapping[str, Any], found: Mapping[Key, set[Key]], true: set[Key]
+) -> str:
+    """Clearance or length of the follower: both while the load never reverses, with "reverse the load"; else clearance
+    only.
+    """
+    reached = set(found) | set().union(*found.values())
+    length = ("link_length", "follower") in reached
+    if not true <= reached:
+        return "wrong"
+    if truth["reversed_load"]:
+        return "wrong" if length else "exact" if set(found) == true else "tie"
+    advised = any("revers" in e["would_separate"] for e in diagnosis["effects"] if e["would_separate"])
+    return "tie" if diagnosis["verdict"] == "ambiguous" and length and advised else "incomplete"
+
+
+def parameters(diagnosis: Mapping[str, Any], truth: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """True and found value of every continuous parameter of effects that are named rightly, and whether the interval
+    has it.
+    """
+    answers = {(e["name"], e["where"]): e["parameters"] for e in diagnosis["effects"]}
+    rows = []
+    for effect in truth["effects"]:
+        said, known = answers.get((effect["name"], effect["where"]), {}), effect["parameters"]
+        for name in sorted(set(said) | set(known) if not set(said) & set(known) else set(said) & set(known)):
+            plain = name.split("@")[0]
+            value, answer = known.get(name, known.get(plain)), said.get(name, said.get(plain))
+            if plain in DISCRETE or value is None or answer is None:
+                continue
+            low, high = (
+                answer[end] if answer[end] is not None else side * math.inf for end, side in (("low", -1), ("high", 1))
+            )
+            middle = answer["value"]
+            if plain in CIRCULAR:
+                value = middle + math.remainder(value - middle, 2 * math.pi)
+            rows.append(
+                {"parameter": f"{effect['name']}.{name}", "true": value, "found": middle}
+                | {"error": (middle - value) / abs(value) if value else math.inf, "covered": bool(low <= value <= high)}
+            )
+    return rows
+
+
+def failed(truth: Mapping[str, Any], why: str) -> dict[str, Any]:
+    """The score of a set that the diagnosis gave up on."""
+    nothing = {"effects": [], "verdict": "failed", "gap": {"before": None, "after": None, "noise_floor": None}}
+    return score(nothing, truth) | {"outcome": "failed", "good": False, "why": why}

@@ -1,0 +1,139 @@
+"""The validation report as a page, of validation.json and nothing else."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from compare.evidence.validation.scales import CLEARANCE, EVERY
+
+
+def page(found: Mapping[str, Any]) -> str:
+    """The report as Markdown."""
+    agree = sum(run["verdict"] == "agrees" for run in found["runs"])
+    cases = list(dict.fromkeys(run["case"] for run in found["runs"]))
+    lines = [
+        "# Validation report",
+        "",
+        f"{agree} of {len(found['runs'])} runs agree with the analytic `equilibrium` within"
+        " `compare/judge/tolerances.toml`. Engines: "
+        + ", ".join(f"{name} {version}" for name, version in found["versions"].items())
+        + ". Written by `compare validation update`; CI makes every run again with `compare validation check`, and"
+        " holds each reaction force to `reports/baselines/` with `compare baseline check`.",
+        "",
+        (
+            "Each run has its engine's verdict and the largest share of a tolerance that any of its signals uses up."
+            " Ideal joints are"
+        ),
+        (
+            "driven; joints with clearance rest in equilibrium under load (`compare/evidence/baseline/runs.py` says"
+            " which clearance and load)."
+        ),
+    ]
+    for case in cases:
+        lines += ["", f"## {case}", "", *_table([run for run in found["runs"] if run["case"] == case])]
+        lines += [
+            "",
+            f"![{case}: ideal and displaced by clearance](figures/{case}-linkage.svg)",
+            f"![{case}: directions of the reaction](figures/{case}-gamma.svg)",
+        ]
+    lines += ["", "## At every scale", "", *_scales(found["scales"])]
+    lines += [
+        "",
+        "## How far the paper's Eq. 8 is off",
+        "",
+        "| clearance in B of the paper's case | direction | size |",
+        "|---|--:|--:|",
+    ]
+    lines += [
+        f"| {1000 * r['clearance']:g} mm | {r['angle']:.2g} deg | {100 * r['magnitude']:.2g} % |"
+        for r in found["first_order"]
+    ]
+    if found["superposition"]:
+        lines += ["", "## How good superposition is (Fig. 7c)", "", *_superposed(found["superposition"])]
+    return "\n".join(lines) + "\n"
+
+
+def _superposed(rows: list[dict[str, float]]) -> Iterator[str]:
+    yield (
+        "Clearance and compliance added up, against Exudyn's Euler-Bernoulli beams with a real journal in its bearing,"
+        " at 50 N: largest"
+    )
+    yield (
+        "error of a pin's or the coupler's middle's displacement over the largest displacement, with `equilibrium` /"
+        " with `first_order`"
+    )
+    yield "(Eq. 8). Without clearance what is left is geometric nonlinearity: at 0.5 N it is a hundred times smaller."
+    yield ""
+    angles = [math.degrees(angle) for angle in dict.fromkeys(row["crank_angle"] for row in rows)]
+    yield "| clearance in B | " + " | ".join(f"{angle:g} deg" for angle in angles) + " |"
+    yield "|---|" + "---|" * len(angles)
+    for gap in dict.fromkeys(row["clearance"] for row in rows):
+        cells = [
+            f"{100 * r['equilibrium']:.2f} / {100 * r['first_order']:.2f} %" for r in rows if r["clearance"] == gap
+        ]
+        yield f"| {1000 * gap:g} mm | " + " | ".join(cells) + " |"
+
+
+def _scales(rows: list[dict[str, Any]]) -> Iterator[str]:
+    """A table for each engine: its joint models over the scales; below it, what it said where it refused."""
+    yield (
+        "The crank-rocker of steel at every size, lifting its weight and a torque that presses its pins; radial"
+        f" clearance in B is {CLEARANCE:g}"
+    )
+    yield (
+        "of its coupler. Scales are the coupler's length, the crank's speed, and the coupler's mass relative to a steel"
+        " bar's. A cell says, for"
+    )
+    yield (
+        "driven / static motion, whether the run agrees, or by a letter why it was refused. `compare validation check`"
+        " makes every"
+    )
+    yield f"{EVERY}th scale again."
+    for engine in dict.fromkeys(row["simulator"] for row in rows):
+        mine = [row for row in rows if row["simulator"] == engine]
+        reasons = {why: chr(ord("a") + k) for k, why in enumerate(sorted({reason(row) for row in mine} - {""}))}
+        models = list(dict.fromkeys(row["run"].split(", ")[0] for row in mine))
+        yield ""
+        yield f"| {engine} | " + " | ".join(models) + " |"
+        yield "|---|" + "---|" * len(models)
+        for key in dict.fromkeys((row["length"], row["speed"], row["mass_ratio"]) for row in mine):
+            said = {
+                row["run"]: reasons.get(reason(row), row["verdict"])
+                for row in mine
+                if (row["length"], row["speed"], row["mass_ratio"]) == key
+            }
+            cells = (
+                " / ".join(said.get(f"{model}, {motion}", "-") for motion in ("driven", "static")) for model in models
+            )
+            yield f"| {key[0]:g} m, {key[1]:g} rad/s, {key[2]:g} | " + " | ".join(cells) + " |"
+        yield ""
+        yield from (f"- {letter}: {why}" for why, letter in reasons.items())
+
+
+def reason(row: Mapping[str, Any]) -> str:
+    """Why a run at a scale was refused, without its numbers; empty where it was not."""
+    if " steps of " in row.get("why", ""):
+        return "it would take more steps than an engine is let take"
+    return (
+        re.sub(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?", "...", row["why"].split(": ", 1)[-1].split("; ")[0])
+        if row["verdict"] == "refused"
+        else ""
+    )
+
+
+def _table(runs: list[dict[str, Any]]) -> Iterator[str]:
+    engines = list(dict.fromkeys(run["simulator"] for run in runs))
+    yield "| run | " + " | ".join(engines) + " |"
+    yield "|---|" + "---|" * len(engines)
+    for name in dict.fromkeys(run["run"] for run in runs):
+        cells = {run["simulator"]: _cell(run) for run in runs if run["run"] == name}
+        yield f"| {name} | " + " | ".join(cells.get(engine, "not supported") for engine in engines) + " |"
+
+
+def _cell(run: dict[str, Any]) -> str:
+    return (
+        f"{run['verdict']}, at most {100 * run['share']:g} % ({run['closest']})" if "share" in run else run["verdict"]
+    )

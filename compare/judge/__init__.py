@@ -1,0 +1,1 @@
+"""Analytic reference, tolerances, discrepancies, and which party stands apart."""

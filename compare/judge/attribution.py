@@ -1,0 +1,133 @@
+"""Which party stands apart: the analytic model, one engine, or none.
+
+A party stands apart on a signal when all the others agree with each other within the signal's tolerance and it agrees
+with none of them.  It takes three parties to say so; the spread between engines is the uncertainty of what they say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations, permutations
+from typing import Any
+
+import numpy as np
+
+from analytic.mechanism import Mechanism
+from compare.judge.discrepancy import ANGULAR, Rule, difference
+from compare.judge.signals import UNITS, Kind, compared
+
+ANALYTIC = "analytic"
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Largest difference between any two engines on a signal (its unit), where, and which two."""
+
+    max: float
+    at: int
+    between: tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Apart:
+    """A party that stands apart on a signal: by how much from the nearest other, and how far the others are spread."""
+
+    party: str
+    signal: str
+    kind: Kind
+    by: float  # in the signal's unit, signed
+    share: float  # the same, over the tolerance
+    others_spread: float
+
+
+def spread(kind: Kind, engines: Mapping[str, np.ndarray], tolerance: np.ndarray) -> Spread | None:
+    """Spread of a signal between engines; None with fewer than two, or no common sample."""
+    pairs = [
+        (a, b, found)
+        for a, b in combinations(engines, 2)
+        if (found := difference(engines[a], engines[b], kind in ANGULAR, tolerance))
+    ]
+    if not pairs:
+        return None
+    a, b, widest = max(pairs, key=lambda pair: pair[2].share)
+    return Spread(abs(widest.max), widest.at, (a, b))
+
+
+def stands_apart(signal: str, kind: Kind, parties: Mapping[str, np.ndarray], tolerance: np.ndarray) -> Apart | None:
+    """The one party that stands apart on a signal, or None; ``tolerance`` (N,) is what each sample may differ by."""
+    if len(parties) < 3:
+        return None
+    distance = {}
+    for a, b in permutations(parties, 2):
+        found = difference(parties[a], parties[b], kind in ANGULAR, tolerance)
+        if found is None:
+            return None
+        distance[a, b] = found
+    for party in parties:
+        others = [p for p in parties if p != party]
+        widest = max((distance[pair] for pair in combinations(others, 2)), key=lambda d: d.share)
+        nearest = min((distance[party, other] for other in others), key=lambda d: d.share)
+        if widest.share <= 1 < nearest.share:
+            return Apart(party, signal, kind, nearest.max, nearest.share, abs(widest.max))
+    return None
+
+
+def odd_one_out(found: Sequence[Apart]) -> str | None:
+    """The party that stands apart on the most signals, if no other party stands apart on any as clearly."""
+    parties = {apart.party for apart in found}
+    if len(parties) == 1:
+        return parties.pop()
+    counts = sorted(((sum(a.party == p for a in found), p) for p in parties), reverse=True)
+    return counts[0][1] if counts and counts[0][0] >= 3 * counts[1][0] else None
+
+
+def attribute(judged: Sequence[tuple[Mapping[str, Any], Mapping[str, Rule]]], mechanism: Mechanism) -> dict[str, Any]:
+    """The part of a result that only several engines have: ``spread``, ``odd_one_out`` and ``words``.
+
+    ``judged`` are the result's runs with the rules by which each was held to the analytic side; engines are compared
+    within each joint model, by the widest rule among them.
+    """
+    runs = [run for run, _ in judged]
+    widest: dict[str, dict[str, Any]] = {}
+    apart: list[Apart] = []
+    for joint_model in dict.fromkeys(run["joint_model"] for run in runs):
+        group = [run for run in runs if run["joint_model"] == joint_model]
+        rules = [rule for run, rule in judged if run["joint_model"] == joint_model]
+        theta, analytic = group[0]["crank_angle"], group[0]["analytic"]
+        for name, kind in compared(mechanism, group[0]["clearance"]).items():
+            tolerance = np.max([rule[name].tolerance(name, analytic) for rule in rules], axis=0)
+            engines = {run["simulator"]["name"]: run["simulated"][name] for run in group}
+            wide = spread(kind, engines, tolerance)
+            if wide is None:
+                continue
+            if name not in widest or wide.max > widest[name]["max"]:
+                widest[name] = {
+                    "max": wide.max,
+                    "at_crank_angle": float(theta[wide.at]),
+                    "between": list(wide.between),
+                    "joint_model": joint_model,
+                }
+            found = stands_apart(name, kind, {ANALYTIC: analytic[name], **engines}, tolerance)
+            if found is not None:
+                apart.append(found)
+    odd = odd_one_out(apart)
+    differ = any(run["verdict"] == "disagrees" for run in runs)
+    return {
+        "spread": widest,
+        "odd_one_out": odd,
+        "words": _words(odd, apart, differ) if widest else "nothing could be compared",
+    }
+
+
+def _words(odd: str | None, apart: Sequence[Apart], differ: bool) -> str:
+    if odd is None:
+        return "they differ, and no single one stands apart" if differ else "all agree within the tolerances"
+    worst = max((a for a in apart if a.party == odd), key=lambda a: a.share)
+    name = "the analytic model" if odd == ANALYTIC else odd
+    by, others = (_said(worst.kind, value) for value in (worst.by, worst.others_spread))
+    return f"{name} stands apart, most clearly in {worst.signal}: off by {by}, the others agree within {others}"
+
+
+def _said(kind: Kind, value: float) -> str:
+    return f"{np.degrees(value):.3g} deg" if kind in ANGULAR else f"{value:.3g} {UNITS[kind]}"

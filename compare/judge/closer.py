@@ -1,0 +1,169 @@
+"""A disagreement near its tolerance is looked at more closely before it counts.
+
+An engine's own error falls with its step, and with the give of a contact whose stiffness is this project's choice; what
+is wrong with a model does not.  So a run that disagrees by little is made again, finer: where the disagreement goes
+away, it was the engine's; where it stays as it was, it stands; where it keeps falling and is not gone, the engine is no
+referee at this point, and the run has failed.
+
+A contact that lets its pin far beyond the rim says nothing of the clearance: it is made harder where it is this
+project's, and has failed where it is not, or is too soft still.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from compare.judge.discrepancy import Rule
+from compare.runs import Failure
+from sim_models.common.contact_laws import default_stiffness
+from sim_models.common.failed_starts import STIFF
+from sim_models.engine import Request, Trace
+
+NEAR = 1e3  # tolerances: a run that is off by more is not off by its step
+NEAR_LOOSE = 10.0  # the same with clearance, where pins that fly do so differently in every step
+ROUNDS = 2
+FALLS = 0.6  # of a disagreement that is an engine's, at most, is left in a finer run
+HARDER = 16.0  # times as stiff
+SOFT = 0.5  # of a clearance: a pin that is seen farther beyond its rim hardly shows it
+HIDDEN = 1.0  # the same: it does not show it at all
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A run that was judged: its trace, its entry in the result, and the rules that it was judged by."""
+
+    trace: Trace
+    run: dict[str, Any]
+    rules: dict[str, Rule]
+
+    @property
+    def share(self) -> float:
+        """The largest disagreement, in tolerances; 0 where the run agrees, infinite where no number says how far it is
+        off.
+        """
+        worst = [
+            (abs(d["max"]) / d["tolerance"] if d["tolerance"] and not d.get("reason") else math.inf) for d in self._off
+        ]
+        return max((share if math.isfinite(share) else math.inf for share in worst), default=0.0)
+
+    @property
+    def soft(self) -> float:
+        """How far a pin is seen beyond its rim, in clearances."""
+        return max((depth / self.run["clearance"][joint] for joint, depth in beyond_rim(self.run).items()), default=0.0)
+
+    @property
+    def _off(self) -> list[dict[str, Any]]:
+        return [d for d in self.run["discrepancies"] if d["verdict"] == "disagrees"]
+
+    @property
+    def words(self) -> str:
+        """Which signal is off by most, in words."""
+        worst = max(self._off, key=lambda d: abs(d["max"]) / d["tolerance"])
+        return f"{worst['signal']} by {worst['max']:.2g} {worst['unit']}"
+
+
+def settle(
+    judged: Mapping[int, Judged],
+    requests: Mapping[int, Request],
+    simulate: Callable[[Mapping[int, Request]], Mapping[int, Trace | Failure]],
+    judge: Callable[[Trace], Judged],
+) -> dict[int, Judged | Failure]:
+    """The runs, those that disagree by little made again until they agree, stay as they are, or have failed.
+
+    ``requests`` are those of the runs that may be made again.
+    """
+    settled: dict[int, Judged | Failure] = dict(judged)
+    looking = {
+        i: one
+        for i, one in judged.items()
+        if 0 < one.share <= (NEAR_LOOSE if one.trace.clearance else NEAR) or one.soft > SOFT
+    }
+    asked = dict(requests)
+    for round_ in range(1, ROUNDS + 1):
+        again = {
+            i: request
+            for i, one in looking.items()
+            if i in asked and (request := finer(asked[i], one.trace)) is not None
+        }
+        asked |= again
+        found = simulate(again) if again else {}
+        before, looking = looking, {}
+        for i, outcome in found.items():
+            if isinstance(outcome, Failure):
+                settled[i] = _no_referee(before[i], f"a finer run of it failed ({outcome.why})")
+                continue
+            one = judge(replace(outcome, settings={**outcome.settings, "refinements": round_}))
+            settled[i] = one
+            if one.soft > SOFT:
+                looking[i] = one
+            elif 0 < one.share <= FALLS * before[i].share:
+                looking[i] = one
+                settled[i] = _no_referee(
+                    one, f"it was {before[i].share / one.share:.1f} times that in a coarser run, and still falls"
+                )
+    return {i: _too_soft(one) if isinstance(one, Judged) and one.soft > HIDDEN else one for i, one in settled.items()}
+
+
+def beyond_rim(run: Mapping[str, Any]) -> dict[str, float]:
+    """How far (m) each pin of a run is seen beyond the rim of its bearing, at its samples and on the way
+    between them.
+    """
+    found = {}
+    for joint, clearance in run["clearance"].items():
+        path = [np.hypot(run["simulated"][f"clearance_{joint}_x"], run["simulated"][f"clearance_{joint}_y"])]
+        path += [np.hypot(seen["x"], seen["y"]) for name, seen in run["journal"].items() if name == joint]
+        found[joint] = float(np.nanmax(np.concatenate(path), initial=0.0)) - clearance
+    return found
+
+
+def stiff_enough(run: Mapping[str, Any], joint: str) -> str:
+    """The contact stiffness that would let a pin by no more than STIFF of its clearance beyond its rim, in words for a
+    remedy.
+    """
+    stiffness = run["settings"].get("contact_stiffness")
+    if not isinstance(stiffness, int | float):
+        return f"give joint {joint} a higher contact_stiffness"
+    wanted = stiffness * beyond_rim(run)[joint] / (STIFF * run["clearance"][joint])
+    return f"give joint {joint} contact_stiffness = {wanted:.1e} (N/m) or more"
+
+
+def _too_soft(one: Judged) -> Failure:
+    t, depths = one.trace, beyond_rim(one.run)
+    joint = max(depths, key=lambda name: depths[name] / one.run["clearance"][name])
+    what = (
+        f"{t.simulator} {t.joint_model} {t.motion}: contact too soft for this load: the pin of joint {joint} is seen"
+        f" {depths[joint]:.2g} m"
+    )
+    times = f"{depths[joint] / one.run['clearance'][joint]:.2g} times its clearance"
+    return Failure(
+        t.simulator, t.joint_model, f"{what} beyond its rim, {times}; {stiff_enough(one.run, joint)}, or a smaller load"
+    )
+
+
+def finer(request: Request, trace: Trace) -> Request | None:
+    """The same run with a harder contact where its stiffness is this project's own, else with half the step; None where
+    it has neither.
+    """
+    m = request.mechanism
+    ours = [name for name in trace.clearance if name in request.assumed or m.joint(name).contact_stiffness is None]
+    if ours and ("contact_stiffness" in trace.settings or "bounce_time" in trace.settings):
+        for name in ours:
+            now = m.joint(name).contact_stiffness or default_stiffness(m, request.motion)
+            m = m.with_joint(name, contact_stiffness=HARDER * now)
+        return replace(request, mechanism=m, assumed=frozenset(ours))
+    step = trace.settings.get("step")
+    return replace(request, step=step / 2) if step and request.motion == "driven" else None
+
+
+def _no_referee(one: Judged, why: str) -> Failure:
+    t = one.trace
+    return Failure(
+        t.simulator,
+        t.joint_model,
+        f"{t.simulator} {t.joint_model} {t.motion}: {one.words} is its own error: {why}; use another simulator",
+    )

@@ -1,0 +1,80 @@
+"""Cross-checks with flexible links: engines that build them of beams, and how far the paper's superposition may be off.
+
+The analytic side is of first order in the elastic displacement d.  A link whose two ends move by d each turns by up to
+2 d over its length; taken of the shortest link, that turn is the share of a force and of a displacement that the
+superposition neglects, and its square what it neglects of a body's angle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from analytic.mechanism import Mechanism
+from compare.judge.discrepancy import Rule
+from compare.judge.reference import Yardstick
+from sim_models.engine import Engine, JointModel, Motion, Request, Trace, Unsupported, check_supported, engine
+
+OF_DISPLACEMENT = 1e-3  # of a body's displacement: what beams of few elements may be off by
+OF_LENGTH = 1e-9  # of the longest body: rounding, all that there is where nothing moves
+
+
+class Beams:
+    """An engine, as one whose bodies with a modulus of elasticity bend."""
+
+    supports: frozenset[tuple[JointModel, Motion]] = frozenset({("ideal", "static"), ("contact", "static")})
+
+    def __init__(self, chosen: Engine) -> None:
+        self.name, self.package, self.effects = chosen.name, chosen.package, chosen.effects
+
+    @classmethod
+    def of(cls, name: str) -> Beams:
+        """The engine of that name.  Raises Unsupported if it has no beams, and what :func:`sim_models.engine.engine`
+        raises.
+        """
+        chosen = engine(name)
+        if "link_flexibility" not in chosen.effects:
+            raise Unsupported(
+                f"--flexible: simulator {name!r} has rigid links only; give --simulator exudyn, or leave --flexible out"
+            )
+        return cls(chosen)
+
+    def simulate(self, request: Request) -> Trace:
+        """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""
+        from sim_models.exudyn.beams import flexible
+
+        check_supported(self, request)
+        return flexible(request)
+
+
+def softened(
+    rules: Mapping[str, Rule], side: Yardstick, clearances: Mapping[str, float], mechanism: Mechanism
+) -> dict[str, Rule]:
+    """Rules with what superposition neglects allowed on top, and rules for where the bodies are.
+
+    The elastic displacement is that of the linkage without clearance, so that what it and the bodies' rotations may be
+    off by counts the clearances in.
+    """
+    shortest = min(length for body in mechanism.bodies if (length := body.length) > 0)
+    moved = side.elastic + sum(clearances.values())
+    force, place = 2 * side.elastic / shortest, 2 * moved / shortest  # rad
+    found = {}
+    for name, rule in rules.items():
+        if rule.kind == "angle":
+            found[name] = replace(rule, absolute=rule.absolute + force)
+        elif rule.kind == "position":
+            found[name] = replace(rule, absolute=rule.absolute + place**2)
+        elif rule.kind == "rotation":
+            found[name] = replace(rule, absolute=rule.absolute + place**2, relative=rule.relative + place)
+        else:
+            found[name] = replace(rule, relative=rule.relative + force)
+    rounding = OF_LENGTH * max(body.length for body in mechanism.bodies)
+    of_place = replace(
+        rules["drive_torque"],
+        kind="displacement",
+        absolute=rounding,
+        relative=OF_DISPLACEMENT + place,
+        clearance=moved,
+        window=0.0,
+    )
+    return found | {f"{body.name}_{axis}": of_place for body in mechanism.bodies for axis in "xy"}

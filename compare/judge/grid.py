@@ -1,0 +1,50 @@
+"""Which crank angles a comparison looks at."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.reach import turns_fully
+from analytic.kinematics.reach import usual_angles as default_angles
+
+FARTHEST = 1e6  # deg: the crank is followed there from where it is assembled
+FREE_TIME = np.linspace(0.0, 2.0, 101)  # s, for a released linkage
+
+
+class GridError(ValueError):
+    """``--angles`` cannot be used; the message says what is accepted."""
+
+
+def parse_angles(text: str) -> np.ndarray:
+    """Crank angles (rad) from ``start:stop:step`` in degrees, stop included.  Raises GridError."""
+    try:
+        start, stop, step = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise GridError(f"--angles {text}: give start:stop:step in degrees, such as 20:160:5") from None
+    if not (np.isfinite([start, stop, step]).all() and step > 0 and stop >= start):
+        raise GridError(f"--angles {text}: stop must not be below start, and step must be positive (degrees)")
+    if max(abs(start), abs(stop)) > FARTHEST:
+        raise GridError(f"--angles {text}: a crank angle (degrees) must not be beyond {FARTHEST:g}")
+    if (stop - start) / step > 1e6:
+        raise GridError(f"--angles {text}: that is more than a million angles; use a larger step")
+    return np.radians(start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1))
+
+
+def chosen_angles(assembly: Assembly, text: str | None) -> np.ndarray:
+    """Crank angles (rad) of ``--angles``, or the default ones; the linkage reaches them.  Raises GridError, or
+    AssemblyError by default.
+    """
+    if text is None:
+        theta = default_angles(assembly)
+        assembly.path(theta.min(), theta.max())
+        return theta
+    theta = parse_angles(text)
+    try:
+        assembly.path(theta.min(), theta.max())
+    except AssemblyError as error:
+        raise GridError(f"--angles {text}: {error}") from None
+    return theta
+
+
+__all__ = ["FARTHEST", "FREE_TIME", "GridError", "chosen_angles", "default_angles", "parse_angles", "turns_fully"]

@@ -1,0 +1,156 @@
+"""The analytic side of a comparison: every signal at the run's crank angles, and where the model has no answer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from analytic.beyond_paper.released import released
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import kinematics
+from analytic.kinematics.reach import usual_angles
+from analytic.mechanism import GROUND
+from analytic.paper.clearance import Displaced, Model, displaced
+from analytic.paper.compliance import compliance
+from analytic.paper.kinetostatics import friction_turns
+from compare.judge.discrepancy import ANGULAR, difference, largest
+from compare.judge.signals import UNITS, compared, with_derived
+from sim_models.engine import Motion
+
+REVERSAL = (
+    5e-3  # rad of crank to either side of where a joint's sliding reverses: presliding there, and a simulation's step
+)
+
+
+@dataclass(frozen=True)
+class Yardstick:
+    """Analytic signals (N,), NaN where flagged; ``ideal_angles`` (rad) are the bodies' without clearance.
+
+    ``order_difference`` says for each compared signal how far the paper's first order is from the equilibrium,
+    ``elastic`` (m) how far flexible links let any of their points move at most; 0 if they are rigid.  ``peaks`` are the
+    signals' largest sizes at the linkage's usual crank angles; what is missing there is measured by the run itself.
+    """
+
+    signals: Mapping[str, np.ndarray]
+    ideal_angles: Mapping[str, np.ndarray]
+    order_difference: Mapping[str, Any]
+    flags: Mapping[int, str]
+    elastic: float = 0.0
+    peaks: Mapping[str, float] = field(default_factory=dict)
+
+
+def yardstick(
+    assembly: Assembly, theta: np.ndarray, motion: Motion, model: Model, clearances: Mapping[str, float]
+) -> Yardstick:
+    """The analytic model at crank angles theta (N,) rad with these clearances (m; none for ideal joints)."""
+    mechanism = assembly.mechanism
+    speed = mechanism.speed or 1.0  # without a speed only statics is left, where its sign is all that matters
+
+    def at(angles: np.ndarray, model: Model) -> Displaced:
+        return displaced(assembly, angles, speed, model=model, inertia=motion == "driven", clearances=clearances)
+
+    models: tuple[Model, ...] = ("equilibrium", "first_order") if clearances else (model,)
+    sides = {each: at(theta, each) for each in models}
+    found = sides[model]
+    signals = {each: with_derived(side.signals(), mechanism) for each, side in sides.items()}
+    order: dict[str, Any] = {}
+    for name, kind in compared(mechanism, clearances).items() if clearances else ():
+        apart = difference(signals["first_order"][name], signals["equilibrium"][name], kind in ANGULAR)
+        if apart is not None:
+            order[name] = {
+                "unit": UNITS[kind],
+                "max": apart.max,
+                "rms": apart.rms,
+                "at_crank_angle": float(theta[apart.at]),
+            }
+    ideal = {body.name: found.ideal.motion.angle(body.name) for body in mechanism.bodies}
+    turning = friction_turns(found.ideal.motion, REVERSAL if motion == "driven" else 0.0)
+    usual = usual_angles(assembly)
+    peaks = {}
+    if np.array_equal(usual, theta):
+        peaks = largest(signals[model])
+    else:
+        with suppress(AssemblyError):  # the displaced linkage does not reach all of them
+            peaks = largest(with_derived(at(usual, model).signals(), mechanism))
+    side = Yardstick(signals[model], ideal, order, found.flags, peaks=peaks)
+    return _without({i: why for i, why in _reversals(turning).items() if i not in found.flags}, side)
+
+
+def with_flexible_links(side: Yardstick, assembly: Assembly, theta: np.ndarray) -> Yardstick:
+    """The paper's superposition (Fig. 7c): a side at rest with the elastic displacement of the ideal linkage (Eqs. 1-7)
+    on top.
+
+    Reactions stay, as they change in second order only, and have the peaks that they had.  A link on a ground joint has
+    its angle read there, another at its com.
+    """
+    m = assembly.mechanism
+    found = compliance(kinematics(assembly, theta, m.speed or 1.0))
+    signals = dict(side.signals)
+    for body in m.bodies:
+        moved = found.displacement(body.name)
+        at = next((j.name for j in m.joints if body.name in j.bodies and GROUND in j.bodies), "com")
+        parts = {
+            "x": moved.real,
+            "y": moved.imag,
+            "angle": found.rotation(body.name, at),
+            "rotation": found.rotation(body.name, at),
+        }
+        signals |= {
+            name: signals[name] + part for key, part in parts.items() if (name := f"{body.name}_{key}") in signals
+        }
+    for joint in assembly.structure.pins:  # the joints' own springs yield too
+        first, second = (found.displacement(body, joint) for body in m.joint(joint).bodies)
+        signals |= {
+            f"clearance_{joint}_{axis}": signals[f"clearance_{joint}_{axis}"] + part
+            for axis, part in _axes(first - second)
+        }
+    peaks = {name: peak for name, peak in side.peaks.items() if name.startswith(("reaction_", "drive_"))}
+    return replace(
+        side,
+        signals=signals,
+        peaks=peaks,
+        elastic=max(float(np.abs(found.displacement(*place)).max()) for place in found.motions),
+    )
+
+
+def _axes(vector: np.ndarray) -> tuple[tuple[str, np.ndarray], tuple[str, np.ndarray]]:
+    return ("x", vector.real), ("y", vector.imag)
+
+
+def released_yardstick(assembly: Assembly, time: np.ndarray) -> Yardstick:
+    """The analytic motion of a linkage released at rest, at times (N,) s."""
+    found = released(assembly, time)
+    mechanism, reactions = assembly.mechanism, found.reactions
+    ideal = {body.name: reactions.motion.angle(body.name) for body in mechanism.bodies}
+    signals = with_derived(reactions.signals(), mechanism)
+    rubbing = [joint.name for joint in mechanism.joints if joint.coulomb]
+    why = f"at rest, where nothing says how friction in {' and '.join(rubbing)} share what they hold"
+    flags = {int(i): why for i in np.flatnonzero(found.held)} if len(rubbing) > 1 else {}
+    flags |= {
+        int(i): "the linkage turns back here, and its friction has no direction" for i in np.flatnonzero(found.turning)
+    }
+    return _without(flags, Yardstick(signals, ideal, {}, {}))
+
+
+def _reversals(turning: Mapping[str, np.ndarray]) -> dict[int, str]:
+    """Why there is no answer where a joint's friction has no direction, by sample."""
+    return {
+        int(i): f"the sliding at {joint} reverses here, and its friction has no direction"
+        for joint, here in turning.items()
+        for i in np.flatnonzero(here)
+    }
+
+
+def _without(flags: Mapping[int, str], side: Yardstick) -> Yardstick:
+    """A side without the samples that are flagged."""
+    if not flags:
+        return side
+    silent = list(flags)
+    signals = {name: np.array(values) for name, values in side.signals.items()}
+    for values in signals.values():
+        values[silent] = np.nan
+    return replace(side, signals=signals, flags={**side.flags, **flags})

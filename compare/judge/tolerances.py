@@ -1,0 +1,158 @@
+"""Tolerance files: the shipped one, a user's laid over it, and the differences that are declared as known.
+
+``tolerances.toml`` says what each field means.  Every fault of a file is a :class:`ToleranceError`: file, field, value,
+remedy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from analytic.mechanism import Mechanism
+from analytic.mechanism.file import describe
+from analytic.mechanism.reading import ReadingError, read_toml
+from analytic.paper.clearance import Model
+from compare.judge.signals import compared
+from sim_models.engine import ENGINES, JointModel, Motion
+
+NotNegative = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(ge=0, lt=1)]
+Text = Annotated[str, Field(min_length=1)]
+Several = BeforeValidator(
+    lambda value: (value,) if isinstance(value, str) else tuple(value) if isinstance(value, list) else value
+)
+MOTIONS = ("static", "driven")
+SCALARS = ("floor", "noise", "rest")
+
+
+class ToleranceError(ValueError):
+    """A tolerance file cannot be used; the message says why."""
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Line(_Part):
+    """What one kind of signal may differ by: ``absolute`` in its SI unit, ``relative`` to its peak, ``window`` in rad
+    of crank angle.
+    """
+
+    absolute: NotNegative = 0.0
+    relative: NotNegative = 0.0
+    window: Annotated[float, Field(ge=0, le=0.0175)] = 0.0  # a degree is no longer a matter of timing
+
+    @model_validator(mode="after")
+    def _says_something(self) -> Line:
+        if not self.model_fields_set & {"absolute", "relative"}:
+            raise ValueError("give absolute, relative, or both")
+        return self
+
+
+class _Lines(_Part):
+    angle: Line | None = None
+    magnitude: Line | None = None
+    displacement: Line | None = None
+    rotation: Line | None = None
+    torque: Line | None = None
+    position: Line | None = None
+
+
+class _Models(_Part):
+    ideal: _Lines | None = None
+    massless_link: _Lines | None = Field(default=None, alias="massless-link")
+    spring_damper: _Lines | None = Field(default=None, alias="spring-damper")
+    contact: _Lines | None = None
+
+
+class Known(_Part):
+    """A difference that is there for a stated reason: it must exceed the ordinary tolerance and stay within ``bound``.
+
+    ``bound`` is in the signal's SI unit.  The selectors take one name or several; one that is left out holds for all.
+    """
+
+    case: Text
+    signal: Text
+    reason: Text
+    bound: Annotated[float, Field(gt=0)]
+    simulator: Annotated[tuple[Text, ...], Several] = ()
+    joint_model: Annotated[tuple[JointModel, ...], Several] = ()
+    motion: Annotated[tuple[Motion, ...], Several] = ()
+    analytic_model: Annotated[tuple[Model, ...], Several] = ()
+
+    def applies(self, case: str, **run: str) -> bool:
+        """Whether this is about a run of that case with these selectors."""
+        return case == self.case and all(
+            not getattr(self, name) or value in getattr(self, name) for name, value in run.items()
+        )
+
+
+class _File(_Part):
+    floor: Share | None = None
+    noise: Share | None = None
+    rest: NotNegative | None = None
+    static: _Models | None = None
+    driven: _Models | None = None
+    known: list[Known] = []
+
+
+def load_tolerances(path: Path | None = None) -> dict[str, Any]:
+    """The shipped tolerances, with a file's laid over them; ``known`` are :class:`Known`.  Raises ToleranceError.
+
+    A line that the file gives replaces the shipped line whole, and its known differences come after the shipped ones.
+    """
+    with resources.as_file(resources.files("compare.judge").joinpath("tolerances.toml")) as own:
+        shipped = _read(own, "compare/judge/tolerances.toml")
+    return shipped if path is None else _overlaid(shipped, _read(path, f"--tolerance {path}"))
+
+
+def _read(path: Path, name: str) -> dict[str, Any]:
+    try:
+        fields = read_toml(path)
+    except ReadingError as error:
+        raise ToleranceError(f"{name}: {error}; give a TOML file like compare/judge/tolerances.toml") from None
+    try:
+        checked = _File.model_validate(fields)
+    except ValidationError as error:
+        raise ToleranceError(f"{name}: {'; '.join(describe(error, fields, _File))}") from None
+    for i, known in enumerate(checked.known):
+        for simulator in known.simulator:
+            if simulator not in ENGINES:
+                raise ToleranceError(
+                    f"{name}: known[{i}].simulator = {simulator!r}: there is no such simulator; they are"
+                    f" {', '.join(ENGINES)}"
+                )
+    return fields | {"known": tuple(checked.known)}
+
+
+def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    out = {**base, **{name: over[name] for name in SCALARS if name in over}, "known": (*base["known"], *over["known"])}
+    for motion in MOTIONS:
+        models = {model: {**lines, **over.get(motion, {}).get(model, {})} for model, lines in base[motion].items()}
+        out[motion] = models
+    return out
+
+
+def known_differences(
+    tolerances: Mapping[str, Any], case: str, simulator: str, joint_model: str, motion: str, analytic_model: str
+) -> dict[str, Known]:
+    """Known differences of a run by signal; where several are about the same one, the last counts."""
+    run = {"simulator": simulator, "joint_model": joint_model, "motion": motion, "analytic_model": analytic_model}
+    return {known.signal: known for known in tolerances.get("known", ()) if known.applies(case, **run)}
+
+
+def check_known(tolerances: Mapping[str, Any], mechanism: Mechanism) -> None:
+    """Refuse a known difference of this case whose signal is never compared.  Raises ToleranceError."""
+    pins = [j.name for j in mechanism.joints if not j.prismatic]
+    signals = dict.fromkeys([*compared(mechanism, ()), *compared(mechanism, pins)])
+    for known in tolerances.get("known", ()):
+        if known.case == mechanism.name and known.signal not in signals:
+            raise ToleranceError(
+                f"tolerance file: known.signal = {known.signal!r} is not compared in {mechanism.name}; the signals are"
+                f" {', '.join(signals)}"
+            )

@@ -1,0 +1,1 @@
+"""The way in from Python: ``import linkage_crosscheck as lc``."""

@@ -1,0 +1,134 @@
+"""Contact parameters that every engine shares: Kelvin-Voigt stiffness and damping of a clearance joint.
+
+A journal that penetrates its bearing by d at rate d' is pushed back with max(0, K d + C d').
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from analytic.mechanism import Body, Joint, Mechanism
+from sim_models.engine import Motion
+
+STATIC_STIFFNESS = 1e8  # N/m, where the mechanism gives none and nothing moves
+DRIVEN_STIFFNESS = 1e7  # N/m, where the mechanism gives none and the crank turns
+SUITED = (
+    2.0**0,
+    2.0**14,
+)  # N/m, of force over length of the linkages that these suit; for others they are harder or softer in proportion
+STIFFEST = 1e30  # N/m, of those
+DAMPING_RATIO = 0.5  # of the lighter link on that stiffness, where the mechanism gives neither damping nor restitution
+PIN_RADIUS = 0.01  # m, where the mechanism gives none; matters only with friction
+
+
+@dataclass(frozen=True)
+class KelvinVoigt:
+    """Contact stiffness (N/m) and damping (N.s/m) outside the gap."""
+
+    stiffness: float
+    damping: float
+
+
+def contact_parameters(mechanism: Mechanism, joint: Joint, motion: Motion) -> KelvinVoigt:
+    """What a joint's contact is made of: as the mechanism says, or this project's defaults.
+
+    Damping comes from ``contact_damping``, else from ``restitution`` (delivered, for the lighter of the two links
+    bouncing alone), else from DAMPING_RATIO.
+    """
+    stiffness = joint.contact_stiffness or default_stiffness(mechanism, motion)
+    if joint.contact_damping is not None:
+        return KelvinVoigt(stiffness, joint.contact_damping)
+    ratio = DAMPING_RATIO if joint.restitution is None else damping_ratio(joint.restitution)
+    return KelvinVoigt(stiffness, 2 * ratio * math.sqrt(stiffness * lighter_mass(mechanism, joint)))
+
+
+def default_stiffness(mechanism: Mechanism, motion: Motion) -> float:
+    """Contact stiffness (N/m) of a joint that gives none.
+
+    A linkage whose forces over its length lie outside SUITED has it multiplied by the power of two that brings them
+    into the middle.
+    """
+    ordinary = STATIC_STIFFNESS if motion == "static" else DRIVEN_STIFFNESS
+    return min(
+        ordinary * power_of_two(sum(b.mass for b in mechanism.bodies) * turning_rate(mechanism, motion) ** 2, SUITED),
+        STIFFEST,
+    )
+
+
+def turning_rate(mechanism: Mechanism, motion: Motion) -> float:
+    """Rate (rad/s) of a linkage's motion: its drive's, or that at which gravity and loads would turn it where that is
+    faster, or it rests.
+    """
+    mass, length = sum(b.mass for b in mechanism.bodies), longest(mechanism)
+    force = sum(math.hypot(*load.force) + abs(load.torque) / length for load in mechanism.loads)
+    driven = abs(mechanism.speed or 0.0) if motion == "driven" else 0.0
+    return max(driven, math.sqrt((math.hypot(*mechanism.gravity) + force / mass) / length))
+
+
+def longest(mechanism: Mechanism) -> float:
+    """Length (m) of the longest body; of one with a single point, from there to its centre of mass."""
+    return max(max(b.length, *(abs(b.point(name) - b.centre) for name in b.points)) for b in mechanism.bodies) or 1.0
+
+
+def heaviest(mechanism: Mechanism) -> float:
+    """Mass (kg) of the heaviest body."""
+    return max(b.mass for b in mechanism.bodies)
+
+
+def power_of_two(value: float, within: tuple[float, float]) -> float:
+    """The power of two by which a value must be divided to lie in the middle of a range; 1 where it lies within, or is
+    0.
+    """
+    low, high = within
+    if low <= value <= high or value == 0:
+        return 1.0
+    return 2.0 ** round(math.log2(value / math.sqrt(low * high)))
+
+
+def lighter_mass(mechanism: Mechanism, joint: Joint) -> float:
+    """Mass (kg) of the lighter moving link at a joint."""
+    links = [mechanism.body(name) for name in joint.bodies]
+    return min(body.mass for body in links if isinstance(body, Body))
+
+
+def restitution(ratio: float) -> float:
+    """Restitution that a Kelvin-Voigt contact of this damping ratio delivers when it never pulls.
+
+    The journal leaves where the force vanishes, not where the penetration does (Schwager and Poeschel 2007, Eq. 15
+    ff.).
+    """
+    if ratio < 1:
+        root = math.sqrt(1 - ratio**2)
+        return math.exp(-ratio / root * (math.pi - math.atan2(2 * ratio * root, 1 - 2 * ratio**2)))
+    if ratio == 1:
+        return math.exp(-2)
+    root = math.sqrt(ratio**2 - 1)
+    return math.exp(-ratio / root * math.log((ratio + root) / (ratio - root)))
+
+
+def damping_ratio(delivered: float) -> float:
+    """Damping ratio of a Kelvin-Voigt contact that delivers this restitution (0 < e <= 1); 0 gives a ratio of 20 (e =
+    0.0006).
+    """
+    low, high = 0.0, 20.0
+    for _ in range(80):
+        middle = (low + high) / 2
+        low, high = (middle, high) if restitution(middle) > delivered else (low, middle)
+    return (low + high) / 2
+
+
+def hertz_stiffness(bearing_radius: float, journal_radius: float, youngs_modulus: float, poisson: float = 0.3) -> float:
+    """Generalised stiffness K (N/m^1.5) of a journal in a bearing of the same material, F = K d^1.5.
+
+    The radii (m) subtract because the bearing is hollow (Lankarani and Nikravesh 1990, Eq. 7).  For
+    ``contact_stiffness`` linearise it at the working load: dF/dd = 1.5 K^(2/3) F^(1/3).  Raises ValueError unless the
+    journal fits.
+    """
+    if not 0 < journal_radius < bearing_radius:
+        raise ValueError(
+            f"journal_radius = {journal_radius} m does not fit into bearing_radius = {bearing_radius} m; make it"
+            " smaller"
+        )
+    flexibility = 2 * (1 - poisson**2) / youngs_modulus
+    return 4 / (3 * flexibility) * math.sqrt(bearing_radius * journal_radius / (bearing_radius - journal_radius))

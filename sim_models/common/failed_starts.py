@@ -1,0 +1,145 @@
+"""Starts that fail: a contact too soft for its load, and poses that the run, not its request, asks of the linkage.
+
+A run begins a little before its first crank angle, and with its pins where its loads press them.  A linkage that cannot
+be assembled there is that run's failure.  One that cannot be assembled at the angles asked for is a fault of the
+request.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.mechanism import Mechanism
+from sim_models.common.contact_laws import contact_parameters
+from sim_models.common.start import Course
+from sim_models.engine import Motion, Request, SimulationError
+
+NO_CONTACT = 0.1  # of the shortest link at a joint: a contact that gives more has become another link
+HIDDEN = 0.5  # of the clearance: a contact that gives more may well be why there is no equilibrium
+STIFF = 0.1  # of the clearance: what a contact that is stiff enough gives
+SAME = 1e-6  # rad: angles that are one and the same
+
+
+class TooSoft(SimulationError):
+    """Contact that gives by ``times`` its joint's clearance under the load of a start.
+
+    The message is in the mechanism's units; :meth:`of` says the same of the same linkage in other units.
+    """
+
+    def __init__(self, who: str, mechanism: Mechanism, motion: Motion, joint: str, times: float, where: str) -> None:
+        super().__init__(who, mechanism, motion, joint, times, where)
+        self.who, self.mechanism, self.motion, self.joint, self.times, self.where = (
+            who,
+            mechanism,
+            motion,
+            joint,
+            times,
+            where,
+        )
+
+    def __str__(self) -> str:
+        clearance = self.mechanism.joint(self.joint).clearance
+        stiffness = contact_parameters(self.mechanism, self.mechanism.joint(self.joint), self.motion).stiffness
+        return (
+            f"{self.who}: contact too soft for this load: {self.times * clearance * stiffness:.3g} N press the pin of"
+            f" joint {self.joint!r} {self.times * clearance:.3g} m into its bearing {self.where} (clearance"
+            f" {clearance:g} m, stiffness {stiffness:.3g} N/m); give joint {self.joint!r} contact_stiffness ="
+            f" {_rounded_up(self.times / STIFF * stiffness):.1e} (N/m) or more, or a smaller load"
+        )
+
+    def of(self, mechanism: Mechanism) -> TooSoft:
+        """The same failure of the same linkage in other units."""
+        return TooSoft(self.who, mechanism, self.motion, self.joint, self.times, self.where)
+
+
+def _rounded_up(stiffness: float) -> float:
+    """Two digits that are no less."""
+    unit = 10.0 ** (math.floor(math.log10(stiffness)) - 1)
+    return math.ceil(stiffness / unit) * unit
+
+
+def check_stiff_enough(engine: str, request: Request, theta: float, forces: Mapping[str, float]) -> None:
+    """Raise TooSoft where the ideal linkage's reactions (N) at a crank angle (rad) press a pin through its bearing."""
+    m = request.mechanism
+    for name, depth in _depths(request, forces).items():
+        shortest = min((b.length for b in m.bodies if b.name in m.joint(name).bodies and b.length), default=math.inf)
+        if not depth < NO_CONTACT * shortest:
+            raise _too_soft(engine, request, theta, name, depth)
+
+
+def why_no_equilibrium(
+    engine: str, request: Request, theta: float, forces: Mapping[str, float]
+) -> SimulationError | None:
+    """TooSoft where contact that gives may be why no equilibrium was found under these reactions (N); None where it
+    hardly gives.
+    """
+    m = request.mechanism
+    times = {name: depth / m.joint(name).clearance for name, depth in _depths(request, forces).items()}
+    worst = max(times, key=lambda name: times[name], default=None)
+    if worst is None or times[worst] < HIDDEN:
+        return None
+    return _too_soft(engine, request, theta, worst, times[worst] * m.joint(worst).clearance)
+
+
+def _depths(request: Request, forces: Mapping[str, float]) -> dict[str, float]:
+    """How far (m) each contact gives under its force (N)."""
+    m = request.mechanism
+    return {
+        name: force / contact_parameters(m, m.joint(name), request.motion).stiffness for name, force in forces.items()
+    }
+
+
+def _too_soft(engine: str, request: Request, theta: float, joint: str, depth: float) -> TooSoft:
+    m = request.mechanism
+    return TooSoft(
+        who(engine, request), m, request.motion, joint, depth / m.joint(joint).clearance, where(request, theta)
+    )
+
+
+def who(engine: str, request: Request) -> str:
+    """What ran, as every failure begins."""
+    return f"{engine} {request.joint_model} {request.motion} ({request.mechanism.name})"
+
+
+def where(request: Request, theta: float) -> str:
+    """A crank angle (rad) in words: one that was asked for, or one of the run's own."""
+    here, asked = f"at crank angle {np.degrees(theta):.4g} deg", np.degrees(request.crank_angle)
+    if asked.size == 0 or asked.min() - SAME <= np.degrees(theta) <= asked.max() + SAME:
+        return here
+    wanted = f"{asked[0]:.4g} deg" if asked.size == 1 else f"{asked.min():.4g} to {asked.max():.4g} deg"
+    return f"{here}, where the run starts that was asked for {wanted}"
+
+
+@contextmanager
+def own_start(engine: str, request: Request, assembly: Assembly) -> Iterator[None]:
+    """Within this, a linkage that cannot be assembled raises SimulationError; AssemblyError at a crank angle that was
+    asked for.
+    """
+    asked = _asked(request)
+    if asked.size:
+        assembly.coordinates(asked)
+    try:
+        yield
+    except AssemblyError as error:
+        said, _, _ = str(error).rpartition("; ")  # the rest speaks of the angles that were asked for
+        raise SimulationError(
+            f"{who(engine, request)}: the angles asked for can be reached, but the run could not be started or held:"
+            f" {said or error}; use a smaller clearance or a stiffer contact, or keep clear of where the linkage locks"
+        ) from None
+
+
+def _asked(request: Request) -> np.ndarray:
+    """Crank angles (rad) that a request names, the start of its lead-in among them; none of a released linkage."""
+    if request.course is not None and request.time is not None and request.motion == "driven":
+        spline, last = Course.of(request).spline, np.max(request.time)
+        return np.asarray(spline(np.union1d(request.time, spline.x[spline.x <= last])))
+    theta = np.asarray(request.crank_angle, float)
+    speed = request.mechanism.speed
+    if not theta.size or not speed or request.motion == "static":
+        return theta
+    return np.append(theta, theta.min() - request.lead_in if speed > 0 else theta.max() + request.lead_in)

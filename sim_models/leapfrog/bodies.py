@@ -1,0 +1,330 @@
+"""What DART and PyBullet share: a linkage of planar bodies advanced by an engine's semi-implicit Euler step.
+
+Both engines step ``v += a h; x += v h``.  Read as a leapfrog (velocities half a step before positions) that is second
+order, and positions, forces and the mean of two velocities belong to the same instant; :class:`PlanarWorld` does the
+reading, and applies what neither engine has: loads, joint laws and spring-damper clearance.  Forces keep an error of
+first order in the step, because the engines reckon Coriolis forces with the velocities half a step before.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism import GROUND, MASS_CENTRE, Joint
+from sim_models.common.contact_laws import contact_parameters
+from sim_models.common.start import Pose, poses
+from sim_models.engine import Request, Unsupported
+from sim_models.leapfrog.courses import Even, Grid, course_of, pace
+from sim_models.leapfrog.parts import AT_REST, Branch, Pin, moving_body, travel_of
+from sim_models.leapfrog.rates import centre_rates
+
+PROBE = 1e-5  # s, the step from which accelerations are read
+SLIDING_ZONE = 1e-3  # of the drive's speed: relative speed below which Coulomb friction fades out
+FREE_SPEED = 1.0  # rad/s, in its place where nothing is driven
+WARM_UP = 4  # steps towards the first instant
+
+
+class PlanarWorld(ABC):
+    """A linkage in an engine.  Points are complex (m), in a body's frame; velocities trail positions by half a step."""
+
+    engine: str
+    branch: Mapping[str, Branch]  # of every moving body
+    one_sided = False  # whether its pins rest on rigid rims that they may leave
+    by_rods = False  # whether what was last seen of such pins is that of rods of the clearance's length in their place
+    settling = 1  # steps after which the engine's constraints exert what they should
+
+    def __init__(self, request: Request) -> None:
+        m = self.mechanism = request.mechanism
+        self.request = request
+        self.static, self.speed = request.motion == "static", m.speed or 0.0
+        self.course = course_of(request)
+        self.pace = pace(self.course or Even(0.0, self.speed))  # rad/s, of the crank at its fastest
+        self.turned = not self.static and (m.speed is not None or self.course is not None)  # by a motor
+        self.drive_stiffness = (m.drive.stiffness or 0.0) if m.drive is not None and m.drive.speed != "free" else 0.0
+        self.held = (
+            self.static or self.turned
+        )  # the crank's motion is prescribed: of a drive that yields, until the run begins
+        self.assembly = Assembly(m)
+        self.points = {(GROUND, name): m.ground.point(name) for name in m.ground.points}  # m, in the body's frame
+        self.points |= {(b.name, name): b.point(name) for b in m.bodies for name in (*b.points, "com", MASS_CENTRE)}
+        self.pins = {
+            j.name: Pin(j, j.clearance, contact_parameters(m, j, request.motion))
+            for j in m.joints
+            if j.clearance > 0 and request.joint_model != "ideal"
+        }
+        rough = [pin.joint for pin in self.pins.values() if pin.joint.friction]
+        if rough:
+            raise Unsupported(
+                f"{self.engine} has no friction in contact: leave out friction = {rough[0].friction:g} of joint"
+                f" {rough[0].name!r}, or use mujoco"
+            )
+        self.laws = [j for j in m.joints if j.coulomb or j.damping or j.stiffness]
+        self.grid: Grid | None = None  # of a moving run
+        self.trailing = 0.0  # s by which velocities trail positions
+        self.command = 0.0  # rad/s, the crank's in the next step
+        self.spin_up = 0.0  # rad/s^2, the crank's while nothing is aimed at
+        self.aim: float | None = (
+            None  # rad: the crank's angle at the next step's end, or the angle now of a motor that it lags
+        )
+        self.motor_torque = 0.0  # N.m, of a drive that yields
+        self.pin_forces: dict[str, complex] = {}
+        self.pin_gaps: dict[str, complex] = {}  # m, of the driven pins as the last step began
+        self.slide_forces: dict[str, complex] = {}  # of the prismatic joints' laws, on their second bodies
+        self.sliding: dict[str, float] = {}  # direction of each joint's sliding where nothing moves
+        zone = SLIDING_ZONE * (self.pace or FREE_SPEED)
+        self.zone = {j.name: zone * (moving_body(m, m.driven).length if j.prismatic else 1.0) for j in m.joints}
+
+    # ---------------------------------------------------------------- what an engine provides
+
+    @abstractmethod
+    def place(self, bodies: Mapping[str, Pose]) -> None:
+        """Put every moving body at its pose, velocities included; the driven body keeps its angular velocity."""
+
+    @abstractmethod
+    def pose(self, body: str) -> Pose:
+        """A moving body's pose now."""
+
+    def angle(self, body: str) -> float:
+        """A moving body's angle (rad) now."""
+        return self.pose(body).angle
+
+    @abstractmethod
+    def gap(self, joint: str) -> tuple[complex, complex]:
+        """First pin centre minus second (m) and its rate (m/s), now."""
+
+    @abstractmethod
+    def velocities(self) -> np.ndarray:
+        """The engine's own velocities (n,)."""
+
+    @abstractmethod
+    def set_velocities(self, velocities: np.ndarray) -> None:
+        """Replace the engine's own velocities (n,)."""
+
+    @abstractmethod
+    def shift(self, change: np.ndarray) -> None:
+        """Move the engine's own positions by velocity times time (n,)."""
+
+    @abstractmethod
+    def push(self, body: str, point: complex, force: complex) -> None:
+        """Apply a force (N, ground frame) at a point of a body during the next step; the ground takes it."""
+
+    @abstractmethod
+    def turn(self, body: str, torque: float) -> None:
+        """Apply a torque (N.m) on a body during the next step; the ground takes it."""
+
+    @abstractmethod
+    def hold(self, held: bool) -> None:
+        """Prescribe the crank's motion from now on, or leave it to forces."""
+
+    @abstractmethod
+    def advance(self, h: float) -> None:
+        """One step of the engine (s)."""
+
+    @abstractmethod
+    def reactions(self) -> tuple[dict[str, complex], dict[str, float], float]:
+        """Of the last step: force of every joint, moment of every prismatic one, drive torque; see Trace.
+
+        Without what :meth:`step` applied for a joint's law.
+        """
+
+    def coordinates(self, branch: Branch, bodies: Mapping[str, Pose]) -> tuple[list[float], list[float]]:
+        """A branch's coordinates and their rates: [travel], [relative angle], or [x, y, angle] of the body's frame."""
+        here = bodies[branch.child]
+        if branch.joint is None:
+            return [here.origin.real, here.origin.imag, here.angle], [
+                here.velocity.real,
+                here.velocity.imag,
+                here.angular_velocity,
+            ]
+        if branch.joint.prismatic:
+            a, b = (bodies.get(name, AT_REST) for name in branch.joint.bodies)
+            travel, rate = travel_of(self.mechanism, branch.joint, a, b)
+            return [travel], [rate]
+        base = bodies.get(branch.parent, AT_REST)
+        return [here.angle - base.angle], [here.angular_velocity - base.angular_velocity]
+
+    def close(self) -> None:  # noqa: B027
+        """Give back what the engine holds."""
+
+    def before_observing(self) -> None:  # noqa: B027
+        """Keep what reading the next step's reactions needs."""
+
+    @property
+    def compliant(self) -> bool:
+        """Whether a pin's depth in its bearing is part of its equilibrium, rather than given."""
+        return self.request.joint_model == "spring-damper"
+
+    def settings(self) -> dict[str, Any]:
+        """The numbers used, for Trace."""
+        if not self.compliant or not self.pins:
+            return {}
+        contacts = [pin.contact for pin in self.pins.values()]
+        return {
+            "contact_law": "Kelvin-Voigt, max(0, K d + C d')",
+            "contact_stiffness": min(c.stiffness for c in contacts),
+            "contact_damping": max(c.damping for c in contacts),
+        }
+
+    # ---------------------------------------------------------------- stepping
+
+    def step(self, h: float) -> None:
+        """Apply loads, joint laws, clearance forces and the motor at the positions now, and advance by h (s)."""
+        for load in self.mechanism.loads:
+            if load.force != (0.0, 0.0):
+                self.push(load.body, self.points[load.body, load.point], complex(*load.force))
+            if load.torque:
+                self.turn(load.body, load.torque)
+        for joint in self.laws:
+            self._apply_law(joint)
+        if self.request.joint_model == "spring-damper":
+            for name, pin in self.pins.items():
+                self.pin_gaps[name], rate = self.gap(name)
+                force = self.pin_forces[name] = pin.spring_damper(self.pin_gaps[name], rate)
+                if force:
+                    self.pull(pin.joint, force)
+        self._steer(h)
+        self.advance(h)
+
+    def _steer(self, h: float) -> None:
+        """Give the crank the speed that takes it to its aim in the next step (s), or, where it lags a motor, the torque
+        of that.
+        """
+        if self.aim is None:
+            self.command += self.spin_up * h
+        elif self.held:
+            self.command = (self.aim - self.angle(self.mechanism.driven)) / h
+        else:
+            self.motor_torque = self.drive_stiffness * (self.aim - self.angle(self.mechanism.driven))
+            self.turn(self.mechanism.driven, self.motor_torque)
+
+    def pull(self, joint: Joint, force: complex) -> None:
+        """Apply a force (N) on a joint's second body at its pin, and the opposite on the first."""
+        first, second = joint.bodies
+        self.push(second, self.points[second, joint.name], force)
+        self.push(first, self.points[first, joint.name], -force)
+
+    def _apply_law(self, j: Joint) -> None:
+        first, second = j.bodies
+        a, b = self._any_pose(first), self._any_pose(second)
+        if not j.prismatic:
+            torque = self._law(j, b.angle - a.angle, b.angular_velocity - a.angular_velocity)
+            self.turn(second, torque)
+            self.turn(first, -torque)
+            return
+        travel, rate = travel_of(self.mechanism, j, a, b)
+        along = j.direction * np.exp(1j * a.angle)
+        force = self.slide_forces[j.name] = self._law(j, travel, rate) * along
+        self.push(second, self.points[second, j.name], force)
+        self.push(first, self.points[first, j.name] + travel * j.direction, -force)
+
+    def _law(self, j: Joint, position: float, rate: float) -> float:
+        """Torque (N.m; prismatic: force, N) of friction, damper and spring on the second body."""
+        slip = self.sliding.get(j.name, 0.0) if self.static else max(-1.0, min(1.0, rate / self.zone[j.name]))
+        damping = 0.0 if self.static else j.damping * rate
+        return -j.coulomb * slip - damping - j.stiffness * (position - j.rest_angle)
+
+    def _any_pose(self, body: str) -> Pose:
+        return AT_REST if body == GROUND else self.pose(body)
+
+    def observe(self, h: float) -> dict[str, float]:
+        """Advance by h (s) and return every signal, and every body's rates, at the instant from which the step
+        started.
+        """
+        names = [b.name for b in self.mechanism.bodies]
+        here = {name: self.pose(name) for name in names}
+        gaps = {j.name: self.gap(j.name)[0] for j in self.mechanism.joints if not j.prismatic}
+        self.before_observing()
+        self.step(h)
+        forces, moments, torque = self.reactions()
+        lag = self.trailing / h
+        out: dict[str, float] = {"drive_torque": torque if self.held else self.motor_torque}
+        for name in names:
+            com = here[name].origin + self.points[name, "com"] * np.exp(1j * here[name].angle)
+            spin = here[name].angular_velocity * (1 - lag) + self.pose(name).angular_velocity * lag
+            out |= {
+                f"{name}_x": com.real,
+                f"{name}_y": com.imag,
+                f"{name}_angle": here[name].angle,
+                f"{name}_angular_velocity": spin,
+            }
+        for name, gap in gaps.items():
+            out |= {f"clearance_{name}_x": gap.real, f"clearance_{name}_y": gap.imag}
+        for name, force in forces.items():
+            force += self.slide_forces.get(name, 0j)  # a slide's reaction holds its friction, damper and spring too
+            out |= {f"reaction_{name}_x": force.real, f"reaction_{name}_y": force.imag}
+        out |= {f"reaction_{name}_moment": moment for name, moment in moments.items()}
+        return out | centre_rates(self, here, h)
+
+    def start(
+        self,
+        bodies: Mapping[str, Pose],
+        h: float,
+        spin_up: float = 0.0,
+        aims: Sequence[float | None] = (None,) * WARM_UP,
+    ) -> None:
+        """Place the bodies and take their velocities half a step (s) back, as a leapfrog wants them.
+
+        Engines close loops and contacts by the drift and speed at a step's beginning, so a few steps must have been
+        made towards the poses for the next one to accelerate as it should.  ``spin_up`` is the crank's acceleration
+        (rad/s^2), ``aims`` (WARM_UP,) are those of the steps towards the poses.
+        """
+        self.aim = None
+        self.approach(bodies, h, spin_up)
+        before = self.velocities()
+        self.step(h)
+        change = self.velocities() - before
+        self.place(bodies)
+        speeds = self.velocities()
+        self.shift(-WARM_UP * h * (speeds - WARM_UP / 2 * change))
+        self.set_velocities(speeds - (WARM_UP + 0.5) * change)
+        self.spin_up = 0.0
+        for self.aim in aims:
+            self.step(h)
+        self.trailing = h / 2
+
+    def approach(self, bodies: Mapping[str, Pose], h: float, spin_up: float = 0.0) -> None:
+        """Place the bodies a few steps (s) before these poses, and step; the crank accelerates by ``spin_up``
+        (rad/s^2).
+        """
+        self.place(bodies)
+        self.spin_up = spin_up
+        self.command -= (self.settling - 1) * spin_up * h
+        self.shift(-self.settling * h * self.velocities())
+        for _ in range(self.settling):
+            self.step(h)
+
+    # ---------------------------------------------------------------- equilibria
+
+    def forces_at(self, bodies: Mapping[str, Pose], spin_up: float) -> tuple[dict[str, complex], float]:
+        """Reactions (N) and drive torque (N.m) in these poses, with these velocities and the crank's acceleration
+        (rad/s^2).
+        """
+        self.approach(bodies, PROBE, spin_up)
+        self.before_observing()
+        self.step(PROBE)
+        forces, _, torque = self.reactions()
+        return forces, torque
+
+    def set_sliding(self, theta: float) -> None:
+        """Let static friction oppose the ideal motion in the drive's direction at this crank angle (rad)."""
+        if not any(j.coulomb for j in self.laws):
+            return
+        moving = poses(self.assembly, theta, -1.0 if self.speed < 0 else 1.0) | {GROUND: AT_REST}
+        for j in self.laws:
+            a, b = (moving[name] for name in j.bodies)
+            rate = travel_of(self.mechanism, j, a, b)[1] if j.prismatic else b.angular_velocity - a.angular_velocity
+            self.sliding[j.name] = float(np.sign(round(rate, 9)))
+
+    def gap_accelerations(self, bodies: Mapping[str, Pose], spin_up: float) -> dict[str, complex]:
+        """Acceleration (m/s^2) of every pin's gap from these poses, velocities and the crank's acceleration
+        (rad/s^2).
+        """
+        self.approach(bodies, PROBE, spin_up)
+        before = {name: self.gap(name)[1] for name in self.pins}
+        self.step(PROBE)
+        return {name: (self.gap(name)[1] - before[name]) / PROBE for name in self.pins}

@@ -1,0 +1,206 @@
+"""How a crank is to move, evenly or along a course, and the steps in which a run follows it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from analytic.kinematics.assembly import Assembly
+from sim_models.common.start import Course, Pose, poses, substeps
+from sim_models.engine import Request, Unsupported
+
+STENCIL = 1e-3  # rad of crank angle, for rates of positions and of the pins' equilibria
+KNOT_SHARE = 0.125  # of the time between a course's knots: below it a course has nothing new to say
+ON_GRID = 1e-6  # of a step: a report no farther from one is at it
+
+Changes = Mapping[str, complex]
+NONE: Changes = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class Even:
+    """Constant speed (rad/s), from an angle (rad) at time 0."""
+
+    begin: float
+    speed: float = 0.0
+
+    def angle(self, time: float) -> float:
+        """Angle (rad)."""
+        return self.begin + self.speed * time
+
+    def rate(self, time: float) -> float:
+        """Angular velocity (rad/s)."""
+        return self.speed
+
+    def acceleration(self, time: float) -> float:
+        """Angular acceleration (rad/s^2)."""
+        return 0.0
+
+
+@dataclass(frozen=True)
+class Behind:
+    """A crank that lags its motor by a polynomial (rad) in time (s)."""
+
+    motor: Even | Course
+    lag: Polynomial
+
+    def angle(self, time: float) -> float:
+        """Angle (rad)."""
+        return self.motor.angle(time) - float(self.lag(time))
+
+    def rate(self, time: float) -> float:
+        """Angular velocity (rad/s)."""
+        return self.motor.rate(time) - float(self.lag.deriv()(time))
+
+    def acceleration(self, time: float) -> float:
+        """Angular acceleration (rad/s^2)."""
+        return self.motor.acceleration(time) - float(self.lag.deriv(2)(time))
+
+
+Motor = Even | Course
+Path = Motor | Behind
+
+
+def course_of(request: Request) -> Course | None:
+    """The course that a request's motor follows, if it has one.  Raises Unsupported where motor and course do not go
+    together.
+    """
+    m = request.mechanism
+    if request.course is None:
+        if m.drive is not None and m.drive.speed == "measured" and request.motion == "driven":
+            raise Unsupported(
+                f"{m.name}: a measured drive follows a course; give the request one, or drive.speed in rad/s, or 'free'"
+            )
+        return None
+    if request.motion == "static" or m.drive is None or m.drive.speed == "free":
+        raise Unsupported(
+            f"{m.name}: only a driven motor follows a course; leave the course out of a static or released run"
+        )
+    if request.lead_in:
+        raise Unsupported(f"{m.name}: a course leads in by itself; leave out lead_in = {request.lead_in:g} rad")
+    return Course.of(request)
+
+
+def angles(path: Path, time: np.ndarray) -> np.ndarray:
+    """Angles (N,) rad at times (N,) s."""
+    if isinstance(path, Behind):
+        return angles(path.motor, time) - path.lag(time)
+    return path.begin + path.speed * time if isinstance(path, Even) else np.asarray(path.spline(time))
+
+
+def pace(path: Motor) -> float:
+    """The largest angular speed (rad/s)."""
+    if isinstance(path, Even):
+        return abs(path.speed)
+    knots = path.spline.x
+    return float(np.abs(path.spline(np.concatenate([knots, (knots[1:] + knots[:-1]) / 2]), 1)).max())
+
+
+def duration(path: Path, angle: float, knots: float = KNOT_SHARE) -> float:
+    """The time (s) in which a crank turns by at most an angle (rad), and by at most a share of that between a course's
+    ``knots``.
+    """
+    motor = path.motor if isinstance(path, Behind) else path
+    fastest = pace(motor)
+    turning = angle / fastest if fastest else np.inf
+    return turning if isinstance(motor, Even) else min(turning, knots * float(np.median(np.diff(motor.spline.x))))
+
+
+def moving(
+    assembly: Assembly, path: Path, time: float, gaps: Callable[[float], Changes] = lambda time: NONE
+) -> dict[str, Pose]:
+    """Pose of every moving body at a time (s) of a path, with gaps (m) that depend on the time.
+
+    Rates are central differences in time (five points).
+    """
+
+    def at(moment: float) -> dict[str, Pose]:
+        return poses(assembly, path.angle(moment), gaps=lambda _: gaps(moment))
+
+    here, apart = at(time), duration(path, STENCIL)
+    if np.isinf(apart):
+        return here
+    around = [(weight / (12 * apart), at(time + k * apart)) for k, weight in ((-2, 1), (-1, -8), (1, 8), (2, -1))]
+    return {
+        name: Pose(
+            pose.origin,
+            pose.angle,
+            sum((w * side[name].origin for w, side in around), 0j),
+            sum(w * side[name].angle for w, side in around),
+        )
+        for name, pose in here.items()
+    }
+
+
+def near(gaps: Changes, time: float, rate: Changes = NONE, bend: Changes = NONE) -> Callable[[float], Changes]:
+    """Gaps (m) as a parabola in time about ``time`` (s), by their first two derivatives there."""
+    return lambda t: {
+        n: g + rate.get(n, 0j) * (t - time) + bend.get(n, 0j) * (t - time) ** 2 / 2 for n, g in gaps.items()
+    }
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Equal steps from ``begin`` (s), and how reports between them follow from those around: a cubic through four.
+
+    A step that changes spoils what an engine, which closes loops by the drift of the step before, makes of
+    accelerations.
+    """
+
+    begin: float  # s
+    step: float  # s
+    lead: int  # steps before the first report
+    nodes: np.ndarray  # (N, 4) steps whose beginnings a report is made of
+    weights: np.ndarray  # (N, 4)
+
+    @classmethod
+    def of(cls, times: np.ndarray, begin: float, longest: float, early: bool) -> Grid:
+        """A grid of steps no longer than ``longest`` (s) for reports at times (N,) s, none before ``begin`` (s).
+
+        A grid that may begin up to a step ``early`` has a step at the first report, and at all that are equally far
+        apart.
+        """
+        stops = np.unique(times)
+        _, step = substeps(float(np.median(np.diff(stops))) if stops.size > 1 else longest, longest)
+        lead = max(0, int(np.ceil((stops[0] - begin) / step - ON_GRID)))
+        start = float(stops[0]) - lead * step if early else begin
+        place = (times - start) / step
+        close = np.abs(place - np.rint(place)) < ON_GRID
+        place = np.where(close, np.rint(place), place)
+        nodes = np.maximum(np.floor(place).astype(int) - 1, 0)[:, None] + np.arange(4)
+        nodes = np.where(close[:, None], np.rint(place).astype(int)[:, None], nodes)
+        weights = np.where(close[:, None], np.eye(4)[0], _lagrange(place - nodes[:, 0]))
+        return cls(start, step, lead, nodes, weights)
+
+    @property
+    def last(self) -> int:
+        """The last step that a report needs."""
+        return int(self.nodes.max())
+
+    def rows(self, seen: Mapping[int, Mapping[str, float]]) -> list[dict[str, float]]:
+        """Signals at the reports, from those at the steps."""
+        names = list(seen[int(self.nodes[0, 0])])
+        table = {k: np.array([row[name] for name in names]) for k, row in seen.items()}
+        mixed = [
+            sum(
+                (w * table[k] for k, w in zip(nodes.tolist(), weights.tolist(), strict=True) if w), np.zeros(len(names))
+            )
+            for nodes, weights in zip(self.nodes, self.weights, strict=True)
+        ]
+        return [dict(zip(names, values.tolist(), strict=True)) for values in mixed]
+
+
+def _lagrange(x: np.ndarray) -> np.ndarray:
+    """(N, 4) weights of values at 0, 1, 2 and 3 in the cubic through them, at x (N,)."""
+    return np.column_stack(
+        [
+            (1 - x) * (2 - x) * (3 - x) / 6,
+            x * (2 - x) * (3 - x) / 2,
+            x * (x - 1) * (3 - x) / 2,
+            x * (x - 1) * (x - 2) / 6,
+        ]
+    )

@@ -1,0 +1,201 @@
+"""Where the pins of a :class:`~sim_models.leapfrog.bodies.PlanarWorld` rest, and how far a crank lags a drive that
+yields.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from analytic.kinematics.assembly import AssemblyError
+from sim_models.common.failed_starts import check_stiff_enough, where, who, why_no_equilibrium
+from sim_models.common.start import Course, Pose
+from sim_models.engine import SimulationError
+from sim_models.leapfrog.bodies import PlanarWorld
+from sim_models.leapfrog.courses import NONE, STENCIL, Behind, Changes, Motor, Path, duration, moving, near
+
+NO_LOAD = 1e-9  # of the largest reaction: one below it leaves its pin loose
+NO_FORCE = 1e-6  # N, the same where all vanish: the engines' rounding
+NUDGE = 1e-4  # rad; of a depth, ten times that: differences for Newton's Jacobian
+SETTLED = 1e-7  # of a Newton step's limit (0.3 rad, 0.7 of a depth): the last step that is worth taking
+CLOSE = 1e-4  # of the same: below it a step that is no longer halved is the engine's rounding
+SAMPLES = 24  # instants at which a run's largest reactions are looked for
+LAG_DEGREE = 6  # of the polynomial in time that a crank's lag is
+LAG_PERIODS = 6.0  # of the crank's own oscillation, in radians: half of the time that it is fitted over
+LAG_REACH = 0.3  # rad of crank angle in the same, at most
+LAG_SETTLED = 1e-6  # of itself; and
+LAG_ROUNDING = 1e-10  # rad
+LARGEST_LAG = 1.0  # rad
+
+
+class Nowhere(Exception):
+    """Newton's method found no equilibrium."""
+
+
+@dataclass
+class Equilibria:
+    """Finds where the pins rest: the gaps at which none accelerates, by Newton's method on one step of the engine.
+
+    A gap is searched as direction and depth; a rigid contact has no depth.  The search starts from the reaction of the
+    same engine's ideal linkage, turned and scaled as the last answer was.  Both linkages are driven rigidly.
+    """
+
+    world: PlanarWorld
+    ideal: PlanarWorld
+    last: dict[str, tuple[complex, float]] = field(default_factory=dict)
+
+    def gaps(self, path: Path, time: float, rate: Changes = NONE, bend: Changes = NONE) -> dict[str, complex]:
+        """Gap (m) of every pin at a time (s) of the crank's path.
+
+        ``rate`` and ``bend`` are the gaps' first two derivatives in time (m/s, m/s^2).  Raises SimulationError where no
+        force presses a pin, or no equilibrium is found.
+        """
+        world = self.world
+        if not world.pins:
+            return {}
+        theta, spin_up = path.angle(time), path.acceleration(time)
+        forces, _ = self.ideal_forces(path, time)
+        names = list(world.pins)
+        loose = [
+            name for name in names if abs(forces[name]) <= max(NO_FORCE, NO_LOAD * max(abs(f) for f in forces.values()))
+        ]
+        if loose:
+            raise self.failed(
+                f"nothing presses the pin of joint {loose[0]!r}",
+                theta,
+                "give the linkage a load or gravity, or start it centred",
+            )
+        springs = {name: abs(forces[name]) for name in names if world.compliant}
+        check_stiff_enough(world.engine, world.request, theta, springs)
+        begin = np.array([self._guess(name, forces[name]) for name in names])
+        n = len(names)
+
+        def gaps_at(x: np.ndarray) -> dict[str, complex]:
+            depth = x[n:] if world.compliant else np.zeros(n)
+            return {
+                name: (world.pins[name].clearance + d) * np.exp(1j * phi)
+                for name, phi, d in zip(names, x[:n], depth, strict=True)
+            }
+
+        def miss(x: np.ndarray) -> np.ndarray:
+            found = world.gap_accelerations(
+                moving(world.assembly, path, time, near(gaps_at(x), time, rate, bend)), spin_up
+            )
+            polar = [
+                (found[name] - bend.get(name, 0j)) * np.exp(-1j * phi) for name, phi in zip(names, x[:n], strict=True)
+            ]
+            return np.array([p.imag for p in polar] + ([p.real for p in polar] if world.compliant else []))
+
+        try:
+            x = self._newton(begin.T.ravel() if world.compliant else begin[:, 0], miss, n)
+        except (Nowhere, AssemblyError):
+            self.last.clear()
+            what = f"no equilibrium of the pins at {', '.join(world.pins)} was found"
+            remedy = "use a smaller clearance, leave the angle out, or run it driven with start 'centred'"
+            raise why_no_equilibrium(world.engine, world.request, theta, springs) or self.failed(
+                what, theta, remedy
+            ) from None
+        settled = gaps_at(x)
+        for name in names:
+            self.last[name] = (
+                settled[name] / forces[name],
+                (abs(settled[name]) - world.pins[name].clearance) / abs(forces[name]),
+            )
+        return settled
+
+    def _guess(self, name: str, force: complex) -> tuple[float, float]:
+        """Direction (rad) and depth (m) to start from, given the ideal linkage's reaction (N)."""
+        turn, give = self.last.get(name, (1 + 0j, 1 / self.world.pins[name].contact.stiffness))
+        return float(np.angle(turn * force)), give * abs(force)
+
+    def _newton(self, x: np.ndarray, miss: Callable[[np.ndarray], np.ndarray], angles: int) -> np.ndarray:
+        turns = np.arange(x.size) < angles
+        previous = np.inf
+        for _ in range(60):
+            error = miss(x)
+            nudge = np.where(turns, NUDGE, 10 * NUDGE * np.abs(x))
+            jacobian = np.column_stack(
+                [(miss(x + nudge * unit) - error) / nudge[k] for k, unit in enumerate(np.eye(x.size))]
+            )
+            if not np.all(np.isfinite(jacobian)) or np.linalg.matrix_rank(jacobian) < x.size:
+                break
+            change = -np.linalg.solve(jacobian, error)
+            relative = float((np.abs(change) / np.where(turns, 0.3, 0.7 * np.abs(x))).max())
+            x = x + change / max(1.0, relative)
+            if relative < SETTLED or CLOSE > relative > previous / 2:
+                return x
+            previous = relative
+        raise Nowhere
+
+    def failed(self, what: str, theta: float, remedy: str) -> SimulationError:
+        """The error that says what went wrong at which crank angle."""
+        request = self.world.request
+        return SimulationError(f"{who(self.world.engine, request)}: {what} {where(request, theta)}; {remedy}")
+
+    def ideal_forces(self, path: Path, time: float) -> tuple[dict[str, complex], float]:
+        """Reactions (N) and drive torque (N.m) of the ideal linkage at a time (s) of the crank's path."""
+        return self.ideal.forces_at(moving(self.ideal.assembly, path, time), path.acceleration(time))
+
+    def steady(self, path: Path, time: float) -> dict[str, Pose]:
+        """Poses and velocities of the linkage with its pins in steady contact at a time (s) of the crank's path."""
+        rate: dict[str, complex] = {}
+        bend: dict[str, complex] = {}
+        here = self.gaps(path, time)
+        apart = duration(path, STENCIL)
+        for _ in range(2 if here and np.isfinite(apart) else 0):
+            before, after = (self.gaps(path, time + side * apart, rate, bend) for side in (-1, 1))
+            rate = {n: (after[n] - before[n]) / (2 * apart) for n in here}
+            bend = {n: (after[n] - 2 * here[n] + before[n]) / apart**2 for n in here}
+            here = self.gaps(path, time, rate, bend)
+        return moving(self.world.assembly, path, time, near(here, time, rate, bend))
+
+    def peaks(self, path: Path, times: np.ndarray) -> dict[str, float]:
+        """Largest reaction (N) of each pin in the ideal linkage over times (s) of the crank's path."""
+        seen = (
+            [self.ideal_forces(path, float(t))[0] for t in times[:: max(1, times.size // SAMPLES)]]
+            if self.world.pins
+            else []
+        )
+        return {name: max(abs(forces[name]) for forces in seen) for name in self.world.pins}
+
+    def lagging(self, motor: Motor, time: float, stiffness: float, inertia: float) -> Behind:
+        """The crank's path about a time (s) behind a motor on a spring (N.m/rad), in steady motion: no oscillation of
+        its own.
+
+        The lag is the drive torque over the stiffness, and its rates are part of the motion that this torque belongs
+        to.  It is sought as a polynomial, over a time in which ``inertia`` (kg.m^2) on the spring would turn a few
+        times.  Raises SimulationError where there is none.
+        """
+        times = self._window(
+            motor, time, min(LAG_PERIODS * math.sqrt(inertia / stiffness), duration(motor, LAG_REACH, knots=np.inf))
+        )
+        crank, last = Behind(motor, Polynomial([0.0])), np.inf
+        for _ in range(20):
+            lag = np.array([self.ideal_forces(crank, float(t))[1] for t in times]) / stiffness
+            crank = Behind(motor, Polynomial.fit(times, lag, LAG_DEGREE))
+            here = float(crank.lag(time))
+            if abs(here - last) < LAG_ROUNDING + LAG_SETTLED * abs(here):
+                return self._with_gaps(crank, time, stiffness) if self.world.pins else crank
+            if not np.abs(lag).max() < LARGEST_LAG:
+                break
+            last = here
+        why = f"no steady motion of the crank on a drive.stiffness of {stiffness:g} N.m/rad was found"
+        raise self.failed(why, motor.angle(time), "it is near a resonance: give a stiffer drive or a slower one")
+
+    def _with_gaps(self, crank: Behind, time: float, stiffness: float) -> Behind:
+        """The same crank with a lag (rad) that holds what the pins' gaps add to the drive torque at a time (s)."""
+        if self.world.request.start == "centred":
+            return crank
+        _, torque = self.world.forces_at(self.steady(crank, time), crank.acceleration(time))
+        return Behind(crank.motor, crank.lag + (torque / stiffness - float(crank.lag(time))))
+
+    @staticmethod
+    def _window(motor: Motor, time: float, reach: float) -> np.ndarray:
+        """Times (s) on both sides of one, within a course."""
+        first, last = (motor.spline.x[0], motor.spline.x[-1]) if isinstance(motor, Course) else (-np.inf, np.inf)
+        low = max(first, min(time, last - reach) - reach)
+        return np.linspace(low, min(low + 2 * reach, last), 2 * LAG_DEGREE + 1)

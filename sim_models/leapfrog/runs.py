@@ -1,0 +1,259 @@
+"""Runs of a :class:`~sim_models.leapfrog.bodies.PlanarWorld`: static, driven and released."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sim_models.common.failed_starts import own_start
+from sim_models.common.journal import free_share
+from sim_models.common.rates import part_rates
+from sim_models.common.silence import silence
+from sim_models.common.start import check_steps, schedule
+from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
+from sim_models.leapfrog.bodies import PROBE, WARM_UP, PlanarWorld
+from sim_models.leapfrog.courses import Changes, Even, Grid, Motor, Path, angles, moving, near
+from sim_models.leapfrog.equilibria import Equilibria
+from sim_models.leapfrog.steps import drive_inertia, longest_step
+
+JOURNAL_SAMPLES = 4000  # at least, where a run has as many steps
+AT_REST = 1e-9  # rad, of a crank on a spring
+OFF_COURSE = 1e-7  # rad, what a rigidly driven crank may be off its course
+HELD = 1e-3  # of the largest reaction: what one-sided pins and rods may differ by where both hold the same equilibrium
+TOO_DEEP = 0.1  # of the shortest link at a joint: a penetration that means divergence
+
+
+def run(make: Callable[[Request], PlanarWorld], request: Request, package: str) -> Trace:
+    """Run a request in worlds that ``make`` builds.  Raises SimulationError, Unsupported or AssemblyError."""
+    with silence(), contextlib.ExitStack() as stack:
+        world = stack.enter_context(contextlib.closing(make(request)))
+        ideal = (
+            stack.enter_context(contextlib.closing(make(replace(request, joint_model="ideal"))))
+            if world.pins
+            else world
+        )
+        found, rods = Equilibria(world, ideal), None
+        if world.one_sided:
+            rods = Equilibria(
+                stack.enter_context(contextlib.closing(make(replace(request, joint_model="massless-link")))), ideal
+            )
+        with own_start(world.engine, request, world.assembly):
+            trace = _static(world, found, rods) if request.motion == "static" else _moving(world, found)
+    return replace(trace, version=installed_version(package) or "unknown")
+
+
+# -------------------------------------------------------------------- runs
+
+
+def _static(world: PlanarWorld, found: Equilibria, rods: Equilibria | None) -> Trace:
+    asked = world.request.crank_angle
+    rows: list[dict[str, float]] = [{}] * asked.size
+    by_rods = 0
+    for k in np.argsort(asked if world.speed >= 0 else -asked, kind="stable"):
+        rows[k] = _rest(world, found, rods, float(asked[k]))
+        by_rods += world.by_rods
+    trace = _trace(world, rows, asked, None, PROBE)
+    if by_rods:
+        trace = replace(trace, settings={**trace.settings, "read_from_rods": f"{by_rods} of {asked.size} angles"})
+    gaps = {n: trace.signals[f"clearance_{n}_x"] + 1j * trace.signals[f"clearance_{n}_y"] for n in world.pins}
+    free = {n: free_share(g, world.pins[n].clearance) for n, g in gaps.items()}
+    return replace(trace, free_share=free, journal={n: np.column_stack([g.real, g.imag]) for n, g in gaps.items()})
+
+
+def _rest(world: PlanarWorld, found: Equilibria, rods: Equilibria | None, motor: float) -> dict[str, float]:
+    """Signals at rest with the motor at an angle (rad), which a crank on a spring lags."""
+    theta = motor
+    for _ in range(50):
+        for each in (world, found.ideal, *([rods.world] if rods else [])):
+            each.set_sliding(theta)
+        row = _one_sided(found, rods, theta) if rods else _still(world, theta, found.gaps(Even(theta), 0.0))
+        _check_depth(world, theta)
+        lagging = motor - row["drive_torque"] / world.drive_stiffness if world.drive_stiffness else theta
+        if abs(lagging - theta) < AT_REST:
+            return row
+        theta = lagging
+    raise SimulationError(
+        f"{world.engine}: no rest of the crank on its drive.stiffness was found near crank angle"
+        f" {np.degrees(motor):.6g} deg"
+    )
+
+
+def _still(world: PlanarWorld, theta: float, gaps: Changes) -> dict[str, float]:
+    """Signals with the crank at rest at an angle (rad), and the pins off centre by these gaps (m)."""
+    world.approach(moving(world.assembly, Even(theta), 0.0, near(gaps, 0.0)), PROBE)
+    return world.observe(PROBE)
+
+
+def _one_sided(found: Equilibria, rods: Equilibria, theta: float) -> dict[str, float]:
+    """Signals of pins that may leave their rims: their own, or, where the engine does not hold them there, those of
+    rods, all of which pull.
+    """
+    gaps = rods.gaps(Even(theta), 0.0)
+    sure, found.last = _still(rods.world, theta, gaps), dict(rods.last)
+    forces = _reactions(sure, gaps)
+    lifted = [name for name, gap in gaps.items() if (forces[name] * gap.conjugate()).real <= 0]
+    if lifted:
+        raise found.failed(
+            f"the only equilibrium found has the pin of joint {lifted[0]!r} pulled off its rim",
+            theta,
+            "check the loads",
+        )
+    with contextlib.suppress(SimulationError):
+        gaps = found.gaps(Even(theta), 0.0)
+    row = _still(found.world, theta, gaps)
+    apart = max(abs(force - forces[name]) for name, force in _reactions(row, gaps).items())
+    found.world.by_rods = not apart < HELD * max(map(abs, forces.values()))
+    return sure if found.world.by_rods else row
+
+
+def _reactions(row: Mapping[str, float], joints: Iterable[str]) -> dict[str, complex]:
+    return {name: complex(row[f"reaction_{name}_x"], row[f"reaction_{name}_y"]) for name in joints}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """When a moving run reports, from where it starts, and how its motor moves."""
+
+    times: np.ndarray  # (N,) s in the request's order: from the first report, from release, or of the course
+    begin: float  # s
+    motor: Motor  # of a released linkage: as it starts
+    seen: np.ndarray  # (M,) s at which the motor is known to be on its path
+
+    @classmethod
+    def of(cls, world: PlanarWorld) -> Plan:
+        """Raises Unsupported where a request's angles or times make no run."""
+        request = world.request
+        if world.course is not None:
+            times, knots = np.asarray(request.time, float), world.course.spline.x
+            return cls(times, float(knots[0]), world.course, knots[knots <= times.max()])
+        if not world.speed:
+            times = np.zeros(0) if request.time is None else np.asarray(request.time, float)
+            if times.size == 0 or not np.all(times >= 0):
+                raise Unsupported(
+                    f"{world.mechanism.name}: a released linkage needs request.time, from 0 s on; it is {request.time}"
+                )
+            return cls(times, 0.0, Even(world.assembly.start, request.start_speed), np.zeros(1))
+        if request.crank_angle.size == 0:
+            raise Unsupported(
+                f"{world.mechanism.name}: a driven run needs crank angles to report at; give at least one"
+            )
+        plan = schedule(request)
+        times = np.empty(plan.order.size)
+        times[plan.order] = np.round(plan.time, 12)  # equal angles, at equal times
+        return cls(times, -abs(request.lead_in / plan.speed), Even(float(plan.theta[0]), plan.speed), plan.time)
+
+
+def _moving(world: PlanarWorld, found: Equilibria) -> Trace:
+    """Drive the crank, or release it, and observe on the way."""
+    request, plan = world.request, Plan.of(world)
+    longest = request.step or longest_step(world, plan.motor.angle(plan.begin), found.peaks(plan.motor, plan.seen))
+    check_steps(
+        f"{world.engine} {request.joint_model} ({world.mechanism.name})", float(plan.times.max()) - plan.begin, longest
+    )
+    grid = world.grid = Grid.of(plan.times, plan.begin, longest, early=world.turned)
+    _start(world, found, plan, grid)
+    tally = Tally(world, max(1, (grid.last - grid.lead) // JOURNAL_SAMPLES))
+    rows = grid.rows(_follow(world, plan, grid, tally))
+    theta = np.array([row[f"{world.mechanism.driven}_angle"] for row in rows])
+    if world.turned and world.held:
+        off = float(np.abs(theta - angles(plan.motor, plan.times)).max())
+        if not off < OFF_COURSE:
+            raise SimulationError(f"{world.engine}: the crank is {off:.3g} rad off its course; use a smaller step")
+    trace = _trace(world, rows, request.crank_angle if request.crank_angle.size else theta, plan.times, grid.step)
+    return replace(trace, free_share=tally.free_share(), journal=tally.journal())
+
+
+def _start(world: PlanarWorld, found: Equilibria, plan: Plan, grid: Grid) -> None:
+    """Bring the linkage to its first poses, a crank that will lag its motor with the speed and acceleration of its
+    steady motion.
+    """
+    begin = grid.begin
+    crank: Path = plan.motor
+    if world.drive_stiffness:
+        crank = found.lagging(plan.motor, begin, world.drive_stiffness, drive_inertia(world, plan.motor.angle(begin)))
+    steady = world.request.start == "steady"
+    bodies = found.steady(crank, begin) if steady else moving(world.assembly, crank, begin)
+    even = isinstance(crank, Even)
+    towards = begin + grid.step * np.arange(1.0 - WARM_UP, 1.0)
+    world.start(
+        bodies, grid.step, crank.acceleration(begin), [None] * WARM_UP if even else angles(crank, towards).tolist()
+    )
+    if world.drive_stiffness:
+        world.hold(False)
+
+
+def _follow(world: PlanarWorld, plan: Plan, grid: Grid, tally: Tally) -> dict[int, dict[str, float]]:
+    """Signals at the beginnings of the grid's steps that reports need."""
+    seen: dict[int, dict[str, float]] = {}
+    wanted = set(grid.nodes.ravel().tolist())
+    steers = world.drive_stiffness or world.course is not None
+    ahead = 1 if world.held else 0
+    aims = (
+        angles(plan.motor, grid.begin + grid.step * np.arange(ahead, grid.last + 1 + ahead)).tolist()
+        if steers
+        else [None] * (grid.last + 1)
+    )
+    for k, world.aim in enumerate(aims):
+        if k in wanted:
+            seen[k] = world.observe(grid.step)
+            _check_depth(world, seen[k][f"{world.mechanism.driven}_angle"])
+        else:
+            world.step(grid.step)
+        if k >= grid.lead:
+            tally.add()
+    return seen
+
+
+class Tally:
+    """Samples the pins' paths, and every step of them for the time without contact."""
+
+    def __init__(self, world: PlanarWorld, stride: int) -> None:
+        self.world, self.stride = world, stride
+        self.paths: dict[str, list[complex]] = {name: [] for name in world.pins}
+
+    def add(self) -> None:
+        """Take in where the pins were as the step that was just made began."""
+        for name, path in self.paths.items():
+            path.append(self.world.pin_gaps[name])
+
+    def free_share(self) -> dict[str, float]:
+        """Share of the time that each pin spent without contact."""
+        return {name: free_share(np.array(path), self.world.pins[name].clearance) for name, path in self.paths.items()}
+
+    def journal(self) -> dict[str, np.ndarray]:
+        """Path (M, 2) of every pin (m)."""
+        return {name: np.array([(g.real, g.imag) for g in path[:: self.stride]]) for name, path in self.paths.items()}
+
+
+def _check_depth(world: PlanarWorld, theta: float) -> None:
+    for name, pin in world.pins.items():
+        gap = abs(world.gap(name)[0])
+        shortest = min(b.length for b in world.mechanism.bodies if b.name in pin.joint.bodies and b.length)
+        if not gap < pin.clearance + TOO_DEEP * shortest:
+            raise SimulationError(
+                f"{world.engine} {world.request.joint_model}: the pin at {name} is {gap:.3g} m off its centre"
+                f" (clearance {pin.clearance:g} m) near crank angle {np.degrees(theta):.4g} deg: the run diverged; use"
+                " a smaller step or softer contact"
+            )
+
+
+def _trace(
+    world: PlanarWorld, rows: list[dict[str, float]], theta: np.ndarray, time: np.ndarray | None, step: float
+) -> Trace:
+    request = world.request
+    signals, rates = part_rates({name: np.array([row[name] for row in rows]) for name in rows[0]})
+    return Trace(
+        simulator=world.engine,
+        version="",
+        joint_model=request.joint_model,
+        motion=request.motion,
+        crank_angle=theta,
+        time=time,
+        signals=signals,
+        clearance={name: pin.clearance for name, pin in world.pins.items()},
+        settings={"step": step} | world.settings(),
+        rates=rates,
+    )

@@ -1,0 +1,315 @@
+"""A linkage with clearance in bare Exudyn: `python run.py` needs exudyn and numpy, and nothing else.
+
+model.json    bodies, loads, joints and drive, each to become an Exudyn item; how the linkage starts, and how it is stepped
+expected.csv  what the cross-check got; this script writes what it gets to signals.csv and prints the largest differences
+
+SI units and rad.  reaction_<joint> is the force of the joint's first body on its second.  A body's node is at its centre
+of mass, and its points are measured from there, "com" too: it is where <body>_x and <body>_y are taken.  What closes a joint:
+    pin             an ideal joint (RevoluteJoint2D)
+    slide           a prismatic joint, along the x axis of its two markers
+    massless link   a constraint on the distance between the two pin centres, the clearance: it pulls and pushes, and on velocity
+                    (index 2), as all constraints here, it keeps the distance of the start
+    stiff rod       the same at rest, but a spring of 1e10 N/m: Exudyn's static solver overlooks how a constraint's force turns
+    spring-damper   between the pin centres; beyond the clearance it pulls with max(0, K d + C d'), within it is slack
+    contact         a journal in its bearing: one sphere in another, hollow one
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import exudyn
+import exudyn.itemInterface as item
+import numpy as np
+from exudyn.utilities import CreateSymbolicUserFunction
+
+HERE = Path(__file__).resolve().parent
+Signals = dict[str, np.ndarray]
+exu: Any = exudyn  # whose stubs leave out its symbolic functions
+
+
+class Linkage:
+    """Exudyn's system, built item by item, with a sensor on every body, joint and drive."""
+
+    def __init__(self) -> None:
+        self.model = json.loads((HERE / "model.json").read_text(encoding="utf-8"))
+        self.bodies, self.joints, self.static = (
+            self.model["bodies"],
+            self.model["joints"],
+            self.model["motion"] == "static",
+        )
+        self.points = {name: body["points"] for name, body in {"ground": self.model["ground"], **self.bodies}.items()}
+        self.container = exu.SystemContainer()
+        self.mbs = self.container.AddSystem()
+        self.object: dict[str, Any] = {"ground": self.mbs.AddObject(item.ObjectGround())}
+        self.node: dict[str, Any] = {}
+        self.sensor: dict[str, Any] = {}
+        self.law: dict[str, Any] = {}  # of slides
+        self.still = self.coordinate(self.mbs.AddNode(item.NodePointGround()), 0)
+        for name, body in self.bodies.items():
+            node = self.mbs.AddNode(
+                item.NodeRigidBody2D(initialCoordinates=body["start"], initialVelocities=body["rates"])
+            )
+            self.object[name] = self.mbs.AddObject(
+                item.ObjectRigidBody2D(mass=body["mass"], inertia=body["inertia"], nodeNumber=node)
+            )
+            self.sense(f"place {name}", item.SensorNode, "Coordinates", nodeNumber=node)
+            self.sense(f"speed {name}", item.SensorNode, "Coordinates_t", nodeNumber=node)
+            self.node[name] = node
+        self.loads = [self.add_load(**load) for load in self.model["loads"]]  # first the weights, one for each body
+        for name, joint in self.joints.items():
+            self.add_slide(name, joint) if joint["closed_by"] == "slide" else self.add_pin(name, joint)
+        self.motor = self.add_drive(**self.model["drive"]) if self.model["drive"] else None
+        self.mbs.Assemble()
+
+    def coordinate(self, node: Any, number: int) -> Any:
+        """Marker of a node's coordinate; 2 is a body's angle."""
+        return self.mbs.AddMarker(item.MarkerNodeCoordinate(nodeNumber=node, coordinate=number))
+
+    def marker(self, body: str, point: str, turn: float = 0.0) -> Any:
+        """Marker at a body's point, its axes turned in the body."""
+        c, s, (x, y) = math.cos(turn), math.sin(turn), self.points[body][point]
+        place = np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, 0], [0, 0, 0, 1]])
+        return self.mbs.AddMarker(item.MarkerBodyRigid(bodyNumber=self.object[body], localHT=place))
+
+    def sense(self, name: str, kind: Any, variable: str, **where: Any) -> None:
+        """Record a variable in every step."""
+        of = getattr(exu.OutputVariableType, variable)
+        self.sensor[name] = self.mbs.AddSensor(
+            kind(**where, storeInternal=True, writeToFile=False, outputVariableType=of)
+        )
+
+    def add_load(self, body: str, point: str, force: list[float], torque: float) -> tuple[Any, Any]:
+        """A force fixed in direction, and a torque."""
+        at = self.marker(body, point)
+        push = self.mbs.AddLoad(item.LoadForceVector(markerNumber=at, loadVector=[*force, 0.0]))
+        return push, self.mbs.AddLoad(item.LoadTorqueVector(markerNumber=at, loadVector=[0.0, 0.0, torque]))
+
+    def add_pin(self, name: str, joint: Mapping[str, Any]) -> None:
+        """What closes a revolute joint; then the spring, damper and dry friction that it has besides."""
+        numbers = {"markerNumbers": [self.marker(body, name) for body in joint["bodies"]], **joint["parameters"]}
+        if "remembered" in joint:  # by a contact, from step to step: gap, sliding speed, speed of impact
+            numbers["nodeNumber"] = self.mbs.AddNode(
+                item.NodeGenericData(initialCoordinates=joint["remembered"], numberOfDataCoordinates=4)
+            )
+        closure = self.mbs.AddObject(getattr(item, joint["item"])(**numbers))
+        if joint["closed_by"] == "spring-damper":
+
+            def pull(mbs: Any, t: Any, number: Any, stretch: Any, rate: Any, k: Any, d: Any, force: Any) -> Any:
+                return exu.symbolic.IfThenElse(
+                    stretch > 0.0, exu.symbolic.max(k * stretch + d * rate, 0.0), exu.symbolic.Real(0.0)
+                )
+
+            self.set_force(closure, pull)
+        self.sense(f"force {name}", item.SensorObject, "Force", objectNumber=closure)
+        if "law" in joint:
+            angles = [
+                self.still if body == "ground" else self.coordinate(self.node[body], 2) for body in joint["bodies"]
+            ]
+            self.mbs.AddObject(item.ObjectConnectorCoordinateSpringDamperExt(markerNumbers=angles, **joint["law"]))
+
+    def add_slide(self, name: str, joint: Mapping[str, Any]) -> None:
+        """A prismatic joint, and the spring, damper and dry friction along it; friction fades below the creep speed."""
+        (first, second), along, angle = joint["bodies"], joint["direction"], joint["angle"]
+        ends = [self.marker(first, name, along), self.marker(second, name, along - angle)]
+        slide = self.mbs.AddObject(item.ObjectJointGeneric(markerNumbers=ends, constrainedAxes=[0, 1, 0, 0, 0, 1]))
+        self.sense(f"force {name}", item.SensorObject, "ForceLocal", objectNumber=slide)
+        self.sense(f"moment {name}", item.SensorObject, "TorqueLocal", objectNumber=slide)
+        if "law" not in joint:
+            return
+        ends, friction, creep = (
+            [self.marker(first, name, along), self.marker(second, name)],
+            joint["friction"],
+            joint["creep"],
+        )
+        law = self.mbs.AddObject(
+            item.ObjectConnectorLinearSpringDamper(markerNumbers=ends, axisMarker0=[1.0, 0.0, 0.0], **joint["law"])
+        )
+        if friction:
+
+            def push(mbs: Any, t: Any, number: Any, travel: Any, rate: Any, k: Any, d: Any, rest: Any) -> Any:
+                return (
+                    k * (travel - rest)
+                    + d * rate
+                    + friction * exu.symbolic.max(exu.symbolic.min(rate / creep, 1.0), -1.0)
+                )
+
+            self.set_force(law, push)
+        self.sense(f"law {name}", item.SensorObject, "ForceLocal", objectNumber=law)
+        self.law[name] = law
+
+    def set_force(self, number: Any, force: Any) -> None:
+        """Give a connector a force of its own, compiled by Exudyn."""
+        compiled = CreateSymbolicUserFunction(self.mbs, force, "springForceUserFunction", number)
+        self.mbs.SetObjectParameter(number, "springForceUserFunction", compiled)
+
+    def add_drive(self, offset: float, shaft: list[float] | None = None, stiffness: float = 0.0) -> Any:
+        """The motor holds the crank at an angle (at rest), at a speed, or a shaft at a speed that has a spring to the
+        crank.
+        """
+        crank = held = self.coordinate(self.node[self.model["crank"]], 2)
+        if shaft is not None:
+            node = self.mbs.AddNode(item.Node1D(initialCoordinates=shaft[:1], initialVelocities=shaft[1:]))
+            self.mbs.AddObject(item.ObjectRotationalMass1D(physicsInertia=1.0, nodeNumber=node))
+            held = self.coordinate(node, 0)
+            self.sense("shaft", item.SensorNode, "Coordinates", nodeNumber=node)
+        holding = item.ObjectConnectorCoordinate(
+            markerNumbers=[self.still, held], offset=offset, velocityLevel=not self.static
+        )
+        motor = self.mbs.AddObject(holding)
+        if shaft is not None:
+            motor = self.mbs.AddObject(
+                item.ObjectConnectorCoordinateSpringDamper(markerNumbers=[crank, held], stiffness=stiffness)
+            )
+        self.sense("drive", item.SensorObject, "Force", objectNumber=motor)
+        return motor
+
+    def settings(self) -> Any:
+        """Trapezoidal rule with constraints on velocity (index 2); at rest, Newton's method in one go.  No files."""
+        s = exu.SimulationSettings()
+        s.solution.file.write, s.solution.sensors.writePeriod = False, 0.0
+        s.timeIntegration.generalizedAlpha.useIndex2Constraints = s.timeIntegration.generalizedAlpha.useNewmark = True
+        s.timeIntegration.adaptiveStep, s.timeIntegration.discontinuous.useRecommendedStepSize = True, False
+        s.staticSolver.useLoadFactor = s.staticSolver.adaptiveStep = False
+        s.staticSolver.newton.maxIterations, s.staticSolver.newton.relativeTolerance = 100, 1e-12
+        s.staticSolver.newton.absoluteTolerance = self.model.get("residual", 0.0)
+        s.staticSolver.discontinuous.maxIterations, s.staticSolver.discontinuous.ignoreMaxIterations = 20, False
+        return s
+
+    def driven(self) -> Signals:
+        """Step through every stage; the signals after those of them for which model.json asks."""
+        parts: list[Signals] = []
+        s = self.settings()
+        for begin, end, steps in self.model["stages"]:
+            s.timeIntegration.startTime, s.timeIntegration.endTime, s.timeIntegration.numberOfSteps = begin, end, steps
+            s.timeIntegration.minimumStepSize = (
+                (end - begin) / steps / self.model["halved"]
+            )  # where Newton's method stumbles over a contact
+            if not self.mbs.SolveDynamic(s, updateInitialValues=True, storeSolver=False):
+                sys.exit(f"Exudyn gave up between {begin} and {end} s")
+            stored = {
+                name: np.asarray(self.mbs.GetSensorStoredData(number))[bool(parts) :]
+                for name, number in self.sensor.items()
+            }
+            parts.append(
+                self.signals(
+                    {name: values[:, 1:] for name, values in stored.items()}, next(iter(stored.values()))[:, 0]
+                )
+            )
+        run = joined(parts)
+        last = np.array(
+            [0, *np.cumsum([part["time"].size for part in parts]) - 1]
+        )  # row of the start, and the last of every stage
+        found = {name: values[last[self.model["after_stage"]]] for name, values in run.items()}
+        return found | {"time": found["time"] - (found["time"][0] if self.model["drive"] else 0.0)}
+
+    def equilibria(self) -> Signals:
+        """The signals of every equilibrium, found anew from where the bodies are put."""
+        parts, initial = [], exu.ConfigurationType.Initial
+        for near in self.model["equilibria"]:
+            self.mbs.systemData.SetODE2Coordinates(near["bodies"], initial)
+            self.mbs.systemData.SetDataCoordinates(near["remembered"], initial)
+            self.mbs.SetObjectParameter(self.motor, "offset", near["crank_angle"])
+            for (push, turn), (x, y, torque) in zip(
+                self.loads, near["loads"], strict=False
+            ):  # weight, friction and damping
+                self.mbs.SetLoadParameter(push, "loadVector", [x, y, 0.0])
+                self.mbs.SetLoadParameter(turn, "loadVector", [0.0, 0.0, torque])
+            for name, force in near["slides"].items():
+                self.mbs.SetObjectParameter(self.law[name], "force", force)
+            if not any(self.at_rest(difference) for difference in (1e-7, 1e-8, 1e-9, 1e-10)):
+                sys.exit(f"Exudyn finds no equilibrium at crank angle {near['crank_angle']} rad")
+            now = {
+                name: np.atleast_2d(np.asarray(self.mbs.GetSensorValues(number)))
+                for name, number in self.sensor.items()
+            }
+            parts.append(self.signals(now, np.zeros(1)))
+        return joined(parts)
+
+    def at_rest(self, difference: float) -> bool:
+        """Newton's method, contacts differentiated by steps of that size (of a coordinate), which have to be smaller
+        than they are deep.
+        """
+        s = self.settings()
+        s.staticSolver.newton.numericalDifferentiation.relativeEpsilon = difference
+        try:
+            return bool(self.mbs.SolveStatic(s, storeSolver=False))
+        except exu.exudynCPP.SolverError:
+            return False
+
+    def signals(self, seen: Mapping[str, np.ndarray], time: np.ndarray) -> Signals:
+        """All signals, from the sensors.  A constraint's force has one sign in Exudyn's static solver, the other in its
+        dynamic one.
+        """
+        sign, crank = 1.0 if self.static else -1.0, self.model["crank"]
+        out = {"crank_angle": seen[f"place {crank}"][:, 2], "time": time, "drive_torque": np.zeros(time.size)}
+        if "shaft" in seen:  # behind a spring the crank is not where its motor is asked to be
+            out["crank_angle"] = seen["shaft"][:, 0]
+        if self.motor is not None:
+            out["drive_torque"] = seen["drive"][:, 0] * (1.0 if "shaft" in self.model["drive"] else sign)
+        centre, turn = (
+            {"ground": np.zeros(1, complex)},
+            {"ground": np.ones(1, complex)},
+        )  # the plane's vectors are complex, x + iy
+        for body in self.bodies:
+            (x, y, angle), rate = seen[f"place {body}"].T, seen[f"speed {body}"][:, 2]
+            centre[body], turn[body] = x + 1j * y, np.exp(1j * angle)
+            com = centre[body] + complex(*self.points[body]["com"]) * turn[body]
+            out |= {
+                f"{body}_x": com.real,
+                f"{body}_y": com.imag,
+                f"{body}_angle": angle,
+                f"{body}_angular_velocity": rate,
+            }
+        for name, joint in self.joints.items():
+            first, second = (centre[body] + complex(*self.points[body][name]) * turn[body] for body in joint["bodies"])
+            value, how, gap = seen[f"force {name}"], joint["closed_by"], first - second
+            if how == "slide":
+                axial = -seen[f"law {name}"][:, 0] if name in self.law else 0.0
+                force = (axial + 1j * sign * value[:, 1]) * np.exp(1j * joint["direction"]) * turn[joint["bodies"][0]]
+                out[f"reaction_{name}_moment"] = -sign * seen[f"moment {name}"][:, 2]
+            elif how == "massless link":  # its force is the tension
+                force = value[:, 0] * gap / np.abs(gap)
+            else:
+                force = (sign if how == "pin" else -1.0) * (value[:, 0] + 1j * value[:, 1])
+            for vector, signal in ((force, "reaction"), (gap, "clearance")):
+                out |= {f"{signal}_{name}_x": vector.real, f"{signal}_{name}_y": vector.imag}
+        return out
+
+
+def joined(parts: list[Signals]) -> Signals:
+    """Signals one part after the other."""
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def main() -> None:
+    """Run, write signals.csv, and say how far it is from expected.csv."""
+    exu.config.printToConsole = False
+    linkage = Linkage()
+    found = linkage.equilibria() if linkage.static else linkage.driven()
+    header, *rows = (HERE / "expected.csv").read_text(encoding="utf-8").splitlines()
+    expected = dict(zip(header.split(","), np.array([row.split(",") for row in rows], float).T, strict=True))
+    np.savetxt(
+        HERE / "signals.csv",
+        np.column_stack([found[name] for name in expected]),
+        "%.17g",
+        ",",
+        header=header,
+        comments="",
+    )
+    print(
+        f"{linkage.model['title']}: {len(rows)} samples, Exudyn {exu.__version__} (expected.csv:"
+        f" {linkage.model['version']})"
+    )
+    print(f"{'signal':32} {'largest difference':>20} {'largest value':>15}")
+    for name, theirs in expected.items():
+        print(f"{name:32} {np.abs(found[name] - theirs).max():20.2g} {np.abs(theirs).max():15.6g}")
+
+
+if __name__ == "__main__":
+    main()

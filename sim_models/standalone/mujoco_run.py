@@ -1,0 +1,313 @@
+"""A linkage with clearance in bare MuJoCo: `python run.py` needs mujoco and numpy, and nothing else.
+
+model.xml     the linkage: bodies hang in a tree of hinges and slides, constraints close its loops
+start.json    where it starts, how it is stepped, what closes each joint, and the few numbers that MJCF has no attribute for
+expected.csv  what the cross-check got; this script writes what it gets to signals.csv and prints the largest differences
+
+SI units and rad.  A vector in the plane is complex, x + iy; reaction_<joint> is the force of the joint's first body on its second.
+What closes a joint:
+    connect         an ideal pin
+    massless link   a bar between the two pin centres, as long as the clearance: it pulls and pushes
+    spring-damper   a cord between them, as long as the clearance; beyond it stretches with K and C, and it never pushes
+    contact         a journal in a bearing: one contact point where the circles touch, handed to MuJoCo's contact solver
+The motor is an armature so heavy that no reaction changes its speed.  One that follows a course, a piecewise cubic in start.json, is
+pushed by an actuator whose activation is the acceleration, and put where it belongs at the end of every stage.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+ROW = mujoco.mjtConstraint  # what a row of the solver stands for
+Forces = dict[str, tuple[complex, complex]]  # by joint: on its second body (N), and the point where it acts (m)
+
+
+class Linkage:
+    """MuJoCo's model and data, and what their names stand for: bodies, parents first, and joints, with (first, second)
+    body.
+    """
+
+    def __init__(self) -> None:
+        self.start = json.loads((HERE / "start.json").read_text(encoding="utf-8"))
+        self.bodies, self.joints, self.contacts = (self.start[part] for part in ("bodies", "joints", "contacts"))
+        self.model = mujoco.MjModel.from_xml_path(str(HERE / "model.xml"))
+        for field, values in self.start["after_compiling"].items():
+            getattr(self.model, field)[:] = values
+        self.data = mujoco.MjData(self.model)
+        self.motor, self.course = self.model.joint(self.start["motor"]).id, self.start["course"]
+
+    def pins(self, joint: str) -> list[complex]:
+        """Centres of a joint's pin on its first and on its second body."""
+        return [
+            complex(*self.data.site_xpos[self.model.site(f"{joint}:{body}").id, :2])
+            for body in self.joints[joint]["bodies"]
+        ]
+
+    def rows(self, kind: int, number: int) -> np.ndarray:
+        """Forces in the solver's rows of one constraint."""
+        return self.data.efc_force[(self.data.efc_type == kind) & (self.data.efc_id == number)]
+
+    def first_half(self) -> list[str]:
+        """First half of a step (mj_step2 is the other), with a contact point for each journal that has left its gap;
+        the joints in contact.
+        """
+        mujoco.mj_step1(self.model, self.data)
+        touching = []
+        for joint, law in self.contacts.items():
+            journal, bearing = self.pins(joint)
+            gap = math.hypot((journal - bearing).real, (journal - bearing).imag)
+            if gap <= law["clearance"] - law["margin"]:
+                continue
+            normal, point = (journal - bearing) / gap, mujoco.MjContact()
+            at = bearing + normal * law["bearing_radius"]
+            point.dist, point.pos = law["clearance"] - gap, (at.real, at.imag, 0)
+            point.frame = (
+                -normal.real,
+                -normal.imag,
+                0,
+                normal.imag,
+                -normal.real,
+                0,
+                0,
+                0,
+                1,
+            )  # its x axis: the push on the journal
+            point.geom = [self.model.geom(f"{joint}:{body}").id for body in reversed(self.joints[joint]["bodies"])]
+            point.flex = point.elem = point.vert = [-1, -1]
+            point.dim, point.friction = 3 if law["friction"] else 1, [law["friction"]] * 2 + [0, 0, 0]
+            point.solref, point.solimp = (
+                law["solref"],
+                law["solimp"],
+            )  # stiffness and damping, scaled by mass as MuJoCo wants them
+            mujoco.mj_addContact(self.model, self.data, point)
+            touching.append(joint)
+        if touching:
+            mujoco.mj_makeConstraint(self.model, self.data)
+            mujoco.mj_referenceConstraint(self.model, self.data)
+        for i, joint in enumerate(touching):
+            friction, row = self.contacts[joint]["friction"], self.data.contact[i].efc_address
+            if friction:  # MuJoCo's convex cone lifts sliding surfaces at friction times slip: taken back
+                self.data.efc_aref[row] -= friction * abs(self.data.efc_aref[row + 1])
+        return touching
+
+    def evaluate(self) -> Forces:
+        """Accelerations and forces at the present state, without a step; the forces of the joints that close loops."""
+        touching = self.first_half()
+        mujoco.mj_fwdActuation(self.model, self.data)
+        mujoco.mj_fwdAcceleration(self.model, self.data)
+        mujoco.mj_fwdConstraint(self.model, self.data)
+        mujoco.mj_rnePostConstraint(self.model, self.data)
+        forces: Forces = {}
+        for joint, how in self.joints.items():
+            first, second = self.pins(joint)
+            along = (first - second) / abs(first - second) if first != second else 0j
+            if how["closed_by"] == "connect":
+                forces[joint] = complex(*self.rows(ROW.mjCNSTR_EQUALITY, self.model.equality(joint).id)[:2]), second
+            elif how["closed_by"] == "massless link":
+                forces[joint] = -along * self.rows(ROW.mjCNSTR_EQUALITY, self.model.equality(joint).id)[0], second
+            elif how["closed_by"] == "spring-damper":  # a slack cord has no row
+                forces[joint] = along * self.rows(ROW.mjCNSTR_LIMIT_TENDON, self.model.tendon(joint).id).sum(), second
+            elif joint in touching:
+                point = self.data.contact[touching.index(joint)]
+                normal, *sliding = self.data.efc_force[point.efc_address :][: point.dim]
+                forces[joint] = along * complex(normal, sliding[0] if sliding else 0.0), complex(*point.pos[:2])
+            elif how["closed_by"] == "contact":
+                forces[joint] = 0j, second
+        return forces
+
+    def own_torque(self, joint: str) -> float:
+        """Spring, damper and dry friction of a joint's own law, on its second body."""
+        t = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_TENDON, f"law:{joint}")
+        if t < 0:
+            return 0.0
+        spring = self.model.tendon_stiffness[t] * (self.data.ten_length[t] - self.model.tendon_lengthspring[t, 0])
+        return (
+            self.rows(ROW.mjCNSTR_FRICTION_TENDON, t).sum()
+            - spring
+            - self.model.tendon_damping[t] * self.data.ten_velocity[t]
+        )
+
+    def signals(self, forces: Forces, velocity: np.ndarray, friction: Mapping[str, float]) -> dict[str, float]:
+        """All signals.  Forces in the joints of the tree follow from Newton's and Euler's equations, body by body, tips
+        first.
+        """
+        model, data = self.model, self.data
+        out = {"crank_angle": data.qpos[self.motor], "time": data.time, "drive_torque": 0.0}
+        force_on, moment_on = dict.fromkeys(("ground", *self.bodies), 0j), dict.fromkeys(("ground", *self.bodies), 0.0)
+
+        def act(body: str, force: complex, at: complex, torque: float = 0.0) -> None:
+            force_on[body] += force
+            moment_on[body] += torque + (at.conjugate() * force).imag  # about the ground's origin
+
+        for i in range(model.nu - bool(self.course)):  # loads are actuators of constant force
+            site, (fx, fy, *_, torque) = model.actuator_trnid[i, 0], model.actuator_gear[i]
+            act(model.body(model.site_bodyid[site]).name, complex(fx, fy), complex(*data.site_xpos[site, :2]), torque)
+        for joint, (force, at) in forces.items():
+            first, second = self.joints[joint]["bodies"]
+            torque = self.own_torque(joint) + friction.get(joint, 0.0)
+            act(first, -force, at, -torque)
+            act(second, force, at, torque)
+            out[f"reaction_{joint}_x"], out[f"reaction_{joint}_y"] = force.real, force.imag
+        for body, how in reversed(self.bodies.items()):
+            number, acceleration = model.body(body).id, np.zeros(6)
+            mujoco.mj_objectAcceleration(
+                model, data, mujoco.mjtObj.mjOBJ_BODY, number, acceleration, 0
+            )  # gravity is in it
+            com, hinges = complex(*data.xipos[number, :2]), [model.joint(name).id for name in how["hinges"]]
+            out[f"{body}_x"], out[f"{body}_y"] = data.site_xpos[model.site(f"marker of {body}").id, :2]
+            out[f"{body}_angle"], out[f"{body}_angular_velocity"] = (
+                how["twist"] + data.qpos[hinges].sum(),
+                velocity[hinges].sum(),
+            )
+            inertia = model.body_mass[number] * complex(*acceleration[3:5])
+            force = inertia - force_on[body]
+            moment = (
+                model.body_inertia[number, 2] * acceleration[2] + (com.conjugate() * inertia).imag - moment_on[body]
+            )
+            joint = how["joint"]
+            if joint is not None:  # else only joints with clearance hold this body
+                act(how["parent"], -force, 0j, -moment)
+                sign, at = 1 if self.joints[joint]["bodies"][1] == body else -1, self.pins(joint)[1]
+                moment -= (at.conjugate() * force).imag
+                out[f"reaction_{joint}_x"], out[f"reaction_{joint}_y"] = sign * force.real, sign * force.imag
+                out[f"reaction_{joint}_moment"] = sign * moment
+                moment -= sign * (self.own_torque(joint) + friction.get(joint, 0.0))
+            if body == self.start["driven"]:  # what turns it beside joint forces and the joint's own law
+                out["drive_torque"] = moment
+        if self.course:
+            out["crank_angle"] = out[f"{self.start['driven']}_angle"]
+        for joint, how in self.joints.items():
+            gap = self.pins(joint)[0] - self.pins(joint)[1] if how["clearance"] else 0j
+            out[f"clearance_{joint}_x"], out[f"clearance_{joint}_y"] = gap.real, gap.imag
+        return out
+
+    def driven(self) -> Iterator[dict[str, float]]:
+        """Step from the start; the signals wherever they were asked for.
+
+        Forces are evaluated at the end of every stage, asked for or not: MuJoCo's solver begins each step at its last
+        solution.
+        """
+        model, data, start = self.model, self.data, self.start
+        data.time, data.qpos[:], data.qvel[:] = start["time"], start["qpos"], start["qvel"]
+        half = (
+            0.5 if start["half_step"] else 0.0
+        )  # semi-implicit Euler holds velocities half a step older than its positions
+        time, lag = data.time, 0.0
+        self.place(time, lag)
+        self.evaluate()
+        for steps, model.opt.timestep, asked in start["stages"]:
+            data.qvel[:] += (lag - half * model.opt.timestep) * data.qacc
+            lag = half * model.opt.timestep
+            for _ in self.pushes(time, steps):
+                if self.contacts:
+                    self.first_half()
+                    mujoco.mj_step2(model, data)
+                else:
+                    mujoco.mj_step(model, data)
+            time += steps * model.opt.timestep
+            self.place(time, lag)
+            forces = self.evaluate()
+            if asked:
+                yield self.signals(forces, data.qvel + lag * data.qacc, {})
+
+    def along(self, time: np.ndarray | float, order: int = 0) -> np.ndarray:
+        """The motor's angle on its course at these times, or the angle's derivative of that order."""
+        knots, pieces = (
+            np.array(self.course["times"]),
+            np.array(self.course["cubics"]),
+        )  # highest power first, from each piece's first time
+        piece = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(pieces) - 1)
+        cubic = pieces[piece].T
+        for _ in range(order):
+            cubic = cubic[:-1] * np.arange(len(cubic) - 1, 0, -1).reshape((-1,) + (1,) * (cubic.ndim - 1))
+        return np.polyval(cubic, time - knots[piece])
+
+    def place(self, time: float, lag: float) -> None:
+        """Put a motor where it belongs on its course, its velocity being ``lag`` older; at constant speed, if reactions
+        have moved it.
+        """
+        start = self.start
+        if start["driven"] and not self.course:
+            speed = start["qvel"][self.motor]
+            angle = start["qpos"][self.motor] + speed * (time - start["time"])
+            if abs(self.data.qpos[self.motor] - angle) > 1e-7:
+                self.data.qpos[self.motor], self.data.qvel[self.motor] = angle, speed
+        if self.course:
+            self.data.qpos[self.motor], self.data.act[0], self.data.ctrl[-1] = (
+                self.along(time),
+                self.along(time, 2),
+                0.0,
+            )
+            self.data.qvel[self.motor] = self.along(time, 1) - lag * self.along(time, 2)
+
+    def pushes(self, time: float, steps: int) -> Iterator[None]:
+        """Set, before each step, what keeps a motor on its course: an acceleration, or two, at either end of
+        the step.
+        """
+        if not self.course:
+            yield from [None] * steps
+            return
+        h = self.model.opt.timestep
+        times = time + h * np.arange(-1, steps + 1)
+        x, v = self.along(times), self.along(times[1:], 1)
+        if self.start["half_step"]:  # each velocity is that between two positions
+            self.data.qvel[self.motor] = (x[1] - x[0]) / h
+            push, change = np.diff(x, 2) / h**2, np.zeros(steps)
+        else:  # the cubic with the course's angle and rate at either end
+            mean = np.diff(x[1:]) / h
+            push, change = (6 * mean - 4 * v[:-1] - 2 * v[1:]) / h, (6 * (v[:-1] + v[1:]) - 12 * mean) / h**2
+        for k in range(steps):
+            self.data.act[0], self.data.ctrl[-1] = push[k], change[k]
+            yield
+
+    def static(self) -> Iterator[dict[str, float]]:
+        """The signals of each equilibrium.  That it is one is MuJoCo's word: the largest acceleration it finds there is
+        printed.
+        """
+        largest = 0.0
+        for state in self.start["equilibria"]:
+            self.data.qpos[:], self.data.qfrc_applied[:] = (
+                state["qpos"],
+                state["dry_friction"],
+            )  # friction acts against the drive's direction
+            forces = self.evaluate()
+            for joint, share in state["sliding"].items():
+                forces[joint] = forces[joint][0] * complex(1, share), forces[joint][1]
+            largest = max(largest, np.abs(self.data.qacc).max())
+            yield self.signals(forces, self.data.qvel, state["joint_friction"])
+        print(f"largest acceleration at rest: {largest:.2g} m/s^2 or rad/s^2")
+
+
+def main() -> None:
+    """Run, write signals.csv, and say how far it is from expected.csv."""
+    linkage = Linkage()
+    with (HERE / "expected.csv").open(encoding="utf-8", newline="") as file:
+        expected = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+    found = list(linkage.static() if linkage.start["motion"] == "static" else linkage.driven())
+    if any(warning.number for warning in linkage.data.warning):
+        sys.exit("MuJoCo warned: this run is not valid")
+    with (HERE / "signals.csv").open("w", encoding="utf-8", newline="") as file:
+        table = csv.DictWriter(file, list(expected[0]), lineterminator="\n")
+        table.writeheader()
+        table.writerows({name: float(row[name]) for name in expected[0]} for row in found)
+    print(
+        f"{linkage.start['title']}: {len(found)} samples, MuJoCo {mujoco.__version__} (expected.csv:"
+        f" {linkage.start['version']})"
+    )
+    print(f"{'signal':32} {'largest difference':>20} {'largest value':>15}")
+    for name in expected[0]:
+        mine, theirs = (np.array([row[name] for row in side]) for side in (found, expected))
+        print(f"{name:32} {np.abs(mine - theirs).max():20.2g} {np.abs(theirs).max():15.6g}")
+
+
+if __name__ == "__main__":
+    main()

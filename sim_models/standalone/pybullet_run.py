@@ -1,0 +1,289 @@
+"""A linkage with clearance in bare PyBullet: `python run.py` needs pybullet and numpy, and nothing else.
+
+<part>.urdf   bodies that hang on the ground in a tree of hinges and slides; one that floats has two weightless slides and a hinge
+start.json    the solver's settings, the point constraints that close loops, loads, joint laws, clearances, the motor, and the runs
+expected.csv  what the cross-check got; this script writes what it gets to signals.csv and prints the largest differences
+
+SI units and rad.  A vector in the plane is complex, x + iy; reaction_<joint> is the force of the joint's first body on its second.
+What holds a joint together:
+    tree           a joint of a URDF; its force is what Newton and Euler leave over (PyBullet's sensors are wrong in longer chains)
+    constraint     one of Bullet's point constraints
+    strut          a URDF of its own between the pins, as long as the clearance, or (contact) with a limit there
+    spring-damper  beyond the clearance max(0, K d + C d') along the gap, applied here as an external force in each step
+Bullet steps v += a h; x += v h.  A moving run reads that as a leapfrog: velocities belong to half a step before positions.
+Its steps are equal; what is asked for between two of them follows from four by a cubic.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from cmath import exp
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pybullet as p
+
+HERE = Path(__file__).resolve().parent
+
+
+class Link(NamedTuple):
+    """A link of a multibody, and the joint that carries it, as Bullet tells them."""
+
+    at: tuple[int, int]  # Bullet's numbers
+    parent: str
+    mass: float
+    inertia: float
+    com: complex  # in the link's frame, which is its joint's
+    slides: complex | None  # direction, in the link's frame
+    twist: float  # angle from its parent where the joint is at zero
+
+
+class Place(NamedTuple):
+    """Where a link is: its com, its joint's frame, its angle (in full turns, too), and the com's velocity and
+    the spin.
+    """
+
+    com: complex = 0j
+    hinge: complex = 0j
+    angle: float = 0.0
+    velocity: complex = 0j
+    spin: float = 0.0
+
+
+class Linkage:
+    """The linkage in PyBullet; its links are in the order of their trees, parents first."""
+
+    def __init__(self) -> None:
+        self.start: dict[str, Any] = json.loads((HERE / "start.json").read_text(encoding="utf-8"))
+        self.joints, self.motor, self.static = (
+            self.start["joints"],
+            self.start["motor"],
+            self.start["motion"] == "static",
+        )
+        self.links: dict[str, Link] = {}
+        p.connect(p.DIRECT)
+        p.setPhysicsEngineParameter(
+            enableFileCaching=0, constraintSolverType=getattr(p, self.start["solver"]), **self.start["physics"]
+        )
+        p.setGravity(*self.start["gravity"], 0)
+        for part in self.start["parts"]:
+            self.load(part)
+        numbers = [self.constrain(**how["between"]) for how in self.start["constraints"]]
+        self.carriers = {
+            n: how["carries"] for n, how in zip(numbers, self.start["constraints"], strict=True) if how["carries"]
+        }
+        self.trailing = 0.0  # s by which velocities trail positions
+        if self.motor["runs"]:
+            motor = self.links[self.motor["link"]].at
+            p.setJointMotorControl2(
+                *motor, p.VELOCITY_CONTROL, targetVelocity=self.motor["speed"], force=self.start["strength"]
+            )
+
+    def load(self, part: str) -> None:
+        """Load a URDF.  PyBullet would take moments of inertia from collision shapes, and damp and brake the joints:
+        none of that here.
+        """
+        body = p.loadURDF(str(HERE / f"{part}.urdf"), useFixedBase=True, flags=p.URDF_USE_INERTIA_FROM_FILE)
+        names = {-1: "ground"}
+        for k in range(p.getNumJoints(body)):
+            p.changeDynamics(body, k, linearDamping=0, angularDamping=0, jointDamping=0)
+            p.changeDynamics(body, k, maxJointVelocity=self.start["fastest"])
+            p.setJointMotorControl2(body, k, p.VELOCITY_CONTROL, force=0)
+            joint, dynamics = p.getJointInfo(body, k), p.getDynamicsInfo(body, k)
+            names[k] = joint[12].decode()
+            slides = complex(*joint[13][:2]) if joint[2] == p.JOINT_PRISMATIC else None
+            twist = -2 * math.atan2(joint[15][2], joint[15][3])  # Bullet tells the turn from the link to its parent
+            self.links[names[k]] = Link(
+                (body, k), names[joint[16]], dynamics[0], dynamics[2][2], complex(*dynamics[3][:2]), slides, twist
+            )
+
+    def constrain(self, first: str, second: str, pivots: list[list[float]]) -> int:
+        """Hold a point of one link and a point of another together, each given from its link's com."""
+        ends = [self.links[name].at if name != "ground" else (-1, -1) for name in (first, second)]
+        number = p.createConstraint(
+            *ends[0], *ends[1], p.JOINT_POINT2POINT, [0, 0, 0], *([*point, 0] for point in pivots)
+        )
+        p.changeConstraint(number, maxForce=self.start["strength"])
+        return number
+
+    def coordinates(self) -> np.ndarray:
+        """Position and velocity of every link's joint, in two rows."""
+        return np.array([p.getJointState(*link.at)[:2] for link in self.links.values()]).T
+
+    def look(self) -> None:
+        """See where everything is.  Unless asked for it, Bullet would apply forces where the links were a step ago."""
+        self.places = {"ground": Place()}
+        for (name, link), turned in zip(self.links.items(), self.coordinates()[0], strict=True):
+            com, *_, velocity, spin = p.getLinkState(*link.at, computeLinkVelocity=True, computeForwardKinematics=True)
+            angle = self.places[link.parent].angle + link.twist + (turned if link.slides is None else 0.0)
+            hinge = complex(*com[:2]) - link.com * exp(
+                1j * angle
+            )  # Bullet tells a link's frame in single precision, its com in double
+            self.places[name] = Place(complex(*com[:2]), hinge, angle, complex(*velocity[:2]), spin[2])
+
+    def point(self, body: str, point: list[float]) -> tuple[complex, complex]:
+        """Position and velocity of a body's point, given from its com."""
+        place = self.places[body]
+        arm = complex(*point) * exp(1j * place.angle)
+        return place.com + arm, place.velocity + 1j * place.spin * arm
+
+    def pins(self, joint: str) -> list[tuple[complex, complex]]:
+        """Position and velocity of a joint's pin on its first and on its second body."""
+        return [self.point(body, point) for body, point in self.joints[joint]["bodies"].items()]
+
+    def act(self, body: str, at: complex, force: complex, torque: float = 0.0) -> None:
+        """Count a force at a place, and a torque, among what acts on a body."""
+        self.force[body] += force
+        self.moment[body] += torque + ((at - self.places[body].com).conjugate() * force).imag  # about the com
+
+    def push(self, body: str, at: complex, force: complex, torque: float = 0.0) -> None:
+        """Apply a force at a place, and a torque, in the next step."""
+        self.act(body, at, force, torque)
+        if body != "ground":
+            p.applyExternalForce(
+                *self.links[body].at, [force.real, force.imag, 0], [at.real, at.imag, 0], p.WORLD_FRAME
+            )
+            p.applyExternalTorque(*self.links[body].at, [0, 0, torque], p.WORLD_FRAME)
+
+    def step(self, h: float) -> None:
+        """Apply loads, the joints' laws and what acts in their clearance, and let Bullet make a step."""
+        self.look()
+        self.force, self.moment = dict.fromkeys(self.places, 0j), dict.fromkeys(self.places, 0.0)
+        self.forces: dict[str, complex] = {}  # of joints, on their second bodies
+        self.forces_of_laws = {joint: self.apply_law(joint, **law) for joint, law in self.start["laws"].items()}
+        for load in self.start["loads"]:
+            self.push(load["link"], self.point(load["link"], load["point"])[0], complex(*load["force"]), load["torque"])
+        for joint, gap in self.start["spring_dampers"].items():
+            first, second = self.joints[joint]["bodies"]
+            (a, a_rate), (b, b_rate) = self.pins(joint)
+            depth, normal = abs(a - b) - gap["clearance"], (a - b) / abs(a - b) if a != b else 0j
+            size = gap["stiffness"] * depth + gap["damping"] * (normal.conjugate() * (a_rate - b_rate)).real
+            force = self.forces[joint] = size * normal if depth > 0 and size > 0 else 0j
+            self.push(second, b, force)
+            self.push(first, a, -force)
+        p.setTimeStep(h)
+        p.stepSimulation()
+
+    def apply_law(
+        self, joint: str, friction: float, fades_below: float, damping: float, stiffness: float, rest: float
+    ) -> complex:
+        """Dry friction, damper and spring of a joint, on its second body: a force along a slide (returned), or a torque
+        about a hinge.
+        """
+        (first, second), slides = self.joints[joint]["bodies"], self.joints[joint]["slides"]
+        a, b, ((p1, v1), (p2, v2)) = self.places[first], self.places[second], self.pins(joint)
+        along = complex(*slides) * exp(1j * a.angle) if slides else 0j
+        travel = ((p2 - p1) * along.conjugate()).real if slides else b.angle - a.angle
+        rate = ((v2 - v1 - 1j * a.spin * (p2 - p1)) * along.conjugate()).real if slides else b.spin - a.spin
+        slip = (
+            self.sliding.get(joint, 0.0) if self.static else max(-1.0, min(1.0, rate / fades_below))
+        )  # at rest, friction acts against the drive
+        size = -friction * slip - (0.0 if self.static else damping * rate) - stiffness * (travel - rest)
+        self.push(second, p2, size * along, 0.0 if slides else size)
+        self.push(first, p1 + travel * along, -size * along, 0.0 if slides else -size)
+        return size * along
+
+    def report(self, h: float) -> dict[str, float]:
+        """Make a step, and say how everything was at its beginning.  Forces in the trees follow body by body, tips
+        first.
+        """
+        before = self.coordinates()[1]
+        self.step(h)
+        after, forces = self.coordinates()[1], self.forces
+        for number, (joint, sign) in self.carriers.items():
+            forces[joint] = sign * complex(*p.getConstraintState(number)[:2])
+            for body, (at, _), side in zip(self.joints[joint]["bodies"], self.pins(joint), (-1, 1), strict=True):
+                self.act(body, at, side * forces[joint])
+        change = (after - before) / h
+        motion = self.motion(change, before + self.trailing * change)
+        out = {"crank_angle": self.places[self.motor["link"]].angle, "drive_torque": 0.0}
+        for body, link in reversed(self.links.items()):
+            here, (acceleration, spin_up, spin) = self.places[body], motion[body]
+            marker = self.point(body, self.start["markers"][body])[0]
+            out |= {
+                f"{body}_x": marker.real,
+                f"{body}_y": marker.imag,
+                f"{body}_angle": here.angle,
+                f"{body}_angular_velocity": spin,
+            }
+            force = link.mass * (acceleration - complex(*self.start["gravity"])) - self.force[body]
+            moment = link.inertia * spin_up - self.moment[body]
+            joint = next((name for name, how in self.joints.items() if how["carries"] == body), None)
+            at = self.pins(joint)[1][0] if joint else here.hinge
+            moment -= ((at - here.com).conjugate() * force).imag
+            if body == self.motor["link"] and self.motor["runs"]:
+                out["drive_torque"] = moment
+            if joint:
+                sign = 1 if list(self.joints[joint]["bodies"])[1] == body else -1
+                forces[joint], out[f"reaction_{joint}_moment"] = sign * force, sign * moment
+            self.act(link.parent, at, -force, -moment)
+        for joint in self.joints:
+            gap, force = (
+                self.pins(joint)[0][0] - self.pins(joint)[1][0],
+                forces[joint] + self.forces_of_laws.get(joint, 0j),
+            )
+            out |= {f"clearance_{joint}_x": gap.real, f"clearance_{joint}_y": gap.imag}
+            out |= {f"reaction_{joint}_x": force.real, f"reaction_{joint}_y": force.imag}
+        return out
+
+    def motion(self, change: np.ndarray, rates: np.ndarray) -> dict[str, tuple[complex, float, float]]:
+        """Acceleration of every com, angular acceleration and angular velocity, from the joints' accelerations and
+        velocities.
+        """
+        found = {"ground": (0j, 0.0, 0.0)}
+        for (name, link), a, v in zip(self.links.items(), change, rates, strict=True):
+            here, (acceleration, spin_up, spin) = self.places[name], found[link.parent]
+            acceleration += (1j * spin_up - spin**2) * (here.hinge - self.places[link.parent].com)
+            if link.slides is None:
+                spin_up, spin = spin_up + a, spin + v
+            else:
+                acceleration += (a + 2j * spin * v) * link.slides * exp(1j * here.angle)
+            found[name] = acceleration + (1j * spin_up - spin**2) * (here.com - here.hinge), spin_up, spin
+        return found
+
+    def run(self) -> Iterator[dict[str, float]]:
+        """Every run's reports: a stage is a number of steps of one size, with or without a report at its beginning."""
+        for run in self.start["runs"]:
+            time, self.sliding = run["time"], run["sliding"]
+            for name, (position, velocity) in run["state"].items():
+                p.resetJointState(*self.links[name].at, position, velocity)
+            self.trailing = 0.0 if self.static else run["stages"][0][1] / 2
+            for steps, h, asked in run["stages"]:
+                if asked:
+                    yield {"time": time, **self.report(h)}
+                for _ in range(steps - asked):
+                    self.step(h)
+                time += steps * h
+
+
+def main() -> None:
+    """Run, write signals.csv, and say how far it is from expected.csv."""
+    linkage = Linkage()
+    with (HERE / "expected.csv").open(encoding="utf-8", newline="") as file:
+        expected = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+    samples = list(linkage.run())
+    found = [
+        {name: sum(weight * samples[k][name] for k, weight in report) for name in samples[0]}
+        for report in linkage.start["reports"]
+    ]
+    with (HERE / "signals.csv").open("w", encoding="utf-8", newline="") as file:
+        table = csv.DictWriter(file, list(expected[0]), lineterminator="\n")
+        table.writeheader()
+        table.writerows({name: float(row[name]) for name in expected[0]} for row in found)
+    print(
+        f"{linkage.start['title']}: {len(found)} samples, PyBullet {version('pybullet')} (expected.csv:"
+        f" {linkage.start['version']})"
+    )
+    print(f"{'signal':32} {'largest difference':>20} {'largest value':>15}")
+    for name in expected[0]:
+        mine, theirs = (np.array([row[name] for row in side]) for side in (found, expected))
+        print(f"{name:32} {np.abs(mine - theirs).max():20.2g} {np.abs(theirs).max():15.6g}")
+
+
+if __name__ == "__main__":
+    main()
