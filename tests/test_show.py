@@ -169,7 +169,7 @@ def test_the_modules_that_are_named_exist() -> None:
     text = "".join(shown(signal, 30, joint=joint) for signal, joint in SOURCES) + shown(
         "reaction_O_angle", 1.0, swinging()
     )
-    modules = set(re.findall(r"(?:analytic|sim_models)/\w+\.py", text))
+    modules = set(re.findall(r"(?:analytic|sim_models)/[\w/]+\.py", text))
     assert len(modules) >= 4
     assert all((root / module).is_file() for module in modules)
 

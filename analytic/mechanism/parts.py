@@ -17,6 +17,7 @@ LONGEST = 100  # characters of a name: it is part of files' names, which may hav
 
 
 def as_tuple(value: Any) -> Any:
+    """A list as a tuple; anything else as it is."""
     return tuple(value) if isinstance(value, list) else value
 
 
@@ -30,6 +31,7 @@ def _named(value: Any) -> Any:
 
 
 def titled(value: Any) -> Any:
+    """A mechanism's name, if it may be one.  Raises ValueError."""
     if isinstance(value, str) and not (value.strip() and value.isprintable() and len(value) <= LONGEST):
         raise ValueError(
             f"a mechanism is called by one line of text that can be printed, of at most {LONGEST} characters"
@@ -59,6 +61,8 @@ NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 
 
 class Part(BaseModel):
+    """Frozen, strict and without infinite numbers: what every part of a mechanism is."""
+
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
 
 
