@@ -82,7 +82,7 @@ def edited(old: str, new: str) -> str:
         ),
         (
             PAPER.replace('"coupler"', '"reaction_B"').replace("coupler =", "reaction_B ="),
-            ["body 'reaction_B'", "joints", "call it something else"],
+            ["reaction_B_angle", "joint 'B'", "body 'reaction_B'", "another name"],
         ),
         (PAPER.replace('name = "paper"', 'name = ""'), ["name = ''", "one line of text"]),
         (PAPER.replace('name = "paper"', 'name = "pa\\u0007per"'), ["name = ", "can be printed"]),
