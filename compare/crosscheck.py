@@ -1,10 +1,17 @@
-"""The cross-check: the analytic model and the engines' joint models at the same crank angles, and what differs."""
+"""The cross-check: the analytic model and the engines' joint models at the same crank angles, and what differs.
+
+:func:`crosscheck` is the question as a person asks it; :class:`Job` is what it comes to, and :func:`crosscheck_job`
+does it.
+"""
 
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from os import PathLike
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
@@ -12,17 +19,41 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.paper.clearance import Model
+from compare.arguments import (
+    Linkage,
+    Metres,
+    Simulators,
+    cores,
+    crank_angles,
+    engines,
+    linkage,
+    noted,
+    rigidly_and_evenly_driven,
+)
+from compare.faults import ArgumentError
+from compare.judge.assumptions import failing_assumption
 from compare.judge.attribution import attribute
 from compare.judge.closer import SOFT, Judged, beyond_rim, settle, stiff_enough
-from compare.judge.discrepancy import Discrepancy, Rule, Scales, check_known, judge, known_differences
+from compare.judge.discrepancy import (
+    Discrepancy,
+    Rule,
+    Scales,
+    check_known,
+    judge,
+    known_differences,
+    load_tolerances,
+)
 from compare.judge.flexible import Beams, softened
-from compare.judge.grid import turns_fully
+from compare.judge.grid import FREE_TIME, turns_fully
 from compare.judge.reference import Yardstick, released_yardstick, with_flexible_links, yardstick
 from compare.judge.signals import compared, missing, with_derived, with_rotations
+from compare.judge.tolerances import Tolerances
+from compare.results.crosscheck import CrossCheck, Path, Run, Simulator, Verdict
+from compare.results.crosscheck import Discrepancy as Judgement
+from compare.results.crosscheck import Failure as Failed
 from compare.runs import Failure, Resolve, simulate_all
 from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Trace, Unsupported, engine, installed_version
 
-SCHEMA = 1
 Progress = Callable[[str, int, int], None]
 Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Yardstick]
 
@@ -37,7 +68,7 @@ class Job:
 
     mechanism: Mechanism
     simulators: tuple[str, ...]
-    tolerances: Mapping[str, Any]
+    tolerances: Tolerances
     motion: Motion = "driven"
     theta: np.ndarray = field(default_factory=lambda: np.zeros(0))
     time: np.ndarray | None = None
@@ -51,12 +82,139 @@ class Job:
 
 
 def crosscheck(
+    mechanism: Linkage = "paper",
+    simulators: Simulators = "mujoco",
+    *,
+    joint_model: JointModel | None = None,
+    motion: Motion = "driven",
+    clearance: Metres | None = None,
+    angles: Sequence[float] | np.ndarray | None = None,
+    analytic: Model = "equilibrium",
+    flexible: bool = False,
+    tolerances: Tolerances | str | PathLike[str] | None = None,
+    workers: int | None = None,
+    progress: Progress = lambda what, done, total: None,
+) -> CrossCheck:
+    """Hold the analytic model of a linkage against simulations of it.
+
+    ``clearance`` (m by joint) replaces the case's own; ``angles`` (N,) are crank angles in rad, by default those of the
+    case.  Without a ``joint_model`` every one that an engine has is run, ideal first.  ``tolerances`` are a file's laid
+    over the shipped ones, or :class:`~compare.judge.tolerances.Tolerances`.  With ``flexible`` bodies that have a
+    modulus of elasticity bend, in static motion.  With several engines the runs are spread over ``workers`` processes,
+    one a core by default.
+
+    Raises MechanismError, ArgumentError, ToleranceError, AssemblyError, Unsupported or SimulatorMissing; a simulation that
+    fails is among the result's ``failures``.
+    """
+    with noted() as warned:
+        job = question(
+            linkage(mechanism, clearance),
+            simulators,
+            joint_model=joint_model,
+            motion=motion,
+            angles=angles,
+            analytic=analytic,
+            flexible=flexible,
+            tolerances=tolerances,
+            workers=workers,
+        )
+    return crosscheck_job(replace(job, warnings=(*warned, *job.warnings)), progress)
+
+
+def question(
+    mechanism: Mechanism,
+    simulators: Simulators,
+    *,
+    joint_model: JointModel | None,
+    motion: Motion,
+    angles: Sequence[float] | np.ndarray | None,
+    analytic: Model,
+    flexible: bool,
+    tolerances: Tolerances | str | PathLike[str] | None,
+    workers: int | None,
+) -> Job:
+    """The job that a question comes to.  Warns, and raises, as :func:`crosscheck` does."""
+    names, left_out = engines(simulators)
+    if flexible:
+        names, without = _with_beams(names, simulators == "all", mechanism, motion)
+        left_out += without
+    mechanism = rigidly_and_evenly_driven(mechanism)
+    released = mechanism.speed is None and motion == "driven"
+    if released:
+        if angles is not None:
+            raise ArgumentError("angles", f"{mechanism.name} swings freely and is compared over time; leave angles out")
+        _with_ideal_joints(mechanism, joint_model)
+    theta = np.zeros(0) if released else crank_angles(Assembly(mechanism), angles)
+    read = (
+        tolerances
+        if isinstance(tolerances, Tolerances)
+        else load_tolerances(FilePath(tolerances) if tolerances else None)
+    )
+    return Job(
+        mechanism=mechanism,
+        simulators=names,
+        workers=workers or (cores() if len(names) > 1 else 1),
+        tolerances=read,
+        motion=motion,
+        theta=theta,
+        time=FREE_TIME if released else None,
+        joint_model=joint_model,
+        model=analytic,
+        warnings=tuple(left_out),
+        flexible=flexible,
+    )
+
+
+def _with_ideal_joints(mechanism: Mechanism, joint_model: JointModel | None) -> None:
+    """A linkage that swings freely has an analytic side with ideal joints only.  Raises ArgumentError; warns of clearance
+    that is left out.
+    """
+    if joint_model not in (None, "ideal"):
+        raise ArgumentError(
+            "joint_model",
+            f"{mechanism.name} swings freely and is compared with ideal joints, as the analytic"
+            " model has no clearance in a free motion; leave the joint model out, or give drive.speed in rad/s",
+        )
+    if mechanism.clearances:
+        text = f"{mechanism.name} swings freely and is compared with ideal joints only: clearance in"
+        warnings.warn(f"{text} {', '.join(mechanism.clearances)} is left out", stacklevel=4)
+
+
+def _with_beams(
+    names: tuple[str, ...], every: bool, mechanism: Mechanism, motion: Motion
+) -> tuple[tuple[str, ...], list[str]]:
+    """Those of the engines that bend links; of ``every`` one, the others and why.  Raises ArgumentError or Unsupported."""
+    if motion != "static":
+        raise ArgumentError(
+            "flexible", f"flexible links are compared at rest, not in {motion} motion; ask for static motion"
+        )
+    if not mechanism.bends:
+        raise ArgumentError(
+            "flexible",
+            f"no body of {mechanism.name} has a youngs_modulus (Pa); give the flexible ones theirs, and a section",
+        )
+    if not every:
+        return tuple(Beams.of(name).name for name in names), []
+    found, left_out = [], []
+    for name in names:
+        try:
+            found.append(Beams.of(name).name)
+        except Unsupported as why:
+            left_out.append(f"left out: {why}")
+    if not found:
+        raise ArgumentError(
+            "flexible", "no simulator that is installed bends links; run: pip install 'linkage-crosscheck[exudyn]'"
+        )
+    return tuple(found), left_out
+
+
+def crosscheck_job(
     job: Job,
     progress: Progress = lambda what, done, total: None,
     resolve: Resolve | None = None,
     measure: Measure = yardstick,
-) -> dict[str, Any]:
-    """Run a job; the dict is the content of result.json.
+) -> CrossCheck:
+    """Run a job.
 
     ``resolve`` and ``measure`` are where engines and the analytic side come from; tests plant faults there.  Raises
     SimulatorMissing, Unsupported or AssemblyError; a simulation that fails is listed under ``failures``.
@@ -100,22 +258,23 @@ def crosscheck(
     )
     failed += [one for one in settled.values() if isinstance(one, Failure)]
     judged = [(one.run, one.rules) for one in settled.values() if isinstance(one, Judged)]
-    runs = [run for run, _ in judged]
-    failures = [{"simulator": f.simulator, "joint_model": f.joint_model, "why": f.why} for f in failed]
-    result: dict[str, Any] = {
-        "schema": SCHEMA,
-        "case": job.mechanism.name,
-        "verdict": _verdict(runs, failures),
-        "command": job.command,
-        "versions": _versions(runs),
-        "mechanism": job.mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json"),
-        "warnings": [*job.warnings, *(f"left out: {why}" for why in left_out), *_too_soft(runs)],
-        "runs": runs,
-        "failures": failures,
-    }
-    if len({run["simulator"]["name"] for run in runs}) > 1:
-        result |= attribute(judged, job.mechanism)
-    return result
+    runs = tuple(run for run, _ in judged)
+    failures = tuple(Failed(simulator=f.simulator, joint_model=f.joint_model, why=f.why) for f in failed)
+    result = CrossCheck(
+        case=job.mechanism.name,
+        verdict=_verdict(runs, failures),
+        command=job.command,
+        versions=_versions(runs),
+        mechanism=job.mechanism,
+        warnings=(*job.warnings, *(f"left out: {why}" for why in left_out), *_too_soft(runs)),
+        runs=tuple(_explained(job, run) for run in runs),
+        failures=failures,
+    )
+    if len({run.simulator.name for run in runs}) == 1 or not runs:
+        return result
+    found = attribute(judged, job.mechanism)
+    several = {"spread": found.spread, "odd_one_out": found.odd_one_out, "words": found.words}
+    return result.model_copy(update=several)
 
 
 def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) -> list[Request]:
@@ -153,10 +312,8 @@ def _whole(outcome: Trace | Failure, mechanism: Mechanism) -> Trace | Failure:
     )
 
 
-def _run(job: Job, side: Yardstick, trace: Trace) -> tuple[dict[str, Any], dict[str, Rule]]:
-    """One entry of ``runs``: both sides, flagged samples blanked on both, and the verdict; and the rules by which it
-    was judged.
-    """
+def _run(job: Job, side: Yardstick, trace: Trace) -> tuple[Run, dict[str, Rule]]:
+    """Both sides of one run, flagged samples blanked on both, and the verdict; and the rules by which it was judged."""
     simulated = with_derived(trace.signals, job.mechanism)
     if trace.clearance:
         simulated = with_rotations(simulated, side.ideal_angles)
@@ -165,40 +322,46 @@ def _run(job: Job, side: Yardstick, trace: Trace) -> tuple[dict[str, Any], dict[
     theta = trace.crank_angle if job.time is not None else job.theta
     rules = _rules(job, side, trace, simulated)
     found = _discrepancies(job, side, trace, simulated, rules)
-    run = {
-        "simulator": {"name": trace.simulator, "version": trace.version},
-        "joint_model": trace.joint_model,
-        "motion": trace.motion,
-        "clearance": dict(trace.clearance),
-        "analytic_model": job.model,
-        "settings": dict(trace.settings),
-        "crank_angle": theta,
-        "flags": {str(i): why for i, why in sorted(side.flags.items())},
-        "analytic": dict(side.signals),
-        "simulated": simulated,
-        "discrepancies": [_public(d, theta) for d in found],
-        "verdict": "disagrees" if any(d.verdict == "disagrees" for d in found) else "agrees" if found else "unjudged",
-        "order_difference": dict(side.order_difference),
-        "journal": {name: {"x": path[:, 0], "y": path[:, 1]} for name, path in trace.journal.items()},
-        "free_share": dict(trace.free_share),
-    }
-    if trace.time is not None:
-        run["time"] = trace.time
+    optional: dict[str, Any] = {} if trace.time is None else {"time": trace.time}
     if len(side.flags) == theta.size:
         first, *others = dict.fromkeys(why for _, why in sorted(side.flags.items()))
-        run["reason"] = (
-            f"the analytic model has no answer at any crank angle: {first}"
-            + f", and {len(others)} such reasons more" * bool(others)
-        )
+        more = f", and {len(others)} such reasons more" * bool(others)
+        optional["reason"] = f"the analytic model has no answer at any crank angle: {first}{more}"
+    run = Run(
+        simulator=Simulator(name=trace.simulator, version=trace.version),
+        joint_model=trace.joint_model,
+        motion=trace.motion,
+        clearance=dict(trace.clearance),
+        analytic_model=job.model,
+        settings=dict(trace.settings),
+        crank_angle=theta,
+        flags={str(i): why for i, why in sorted(side.flags.items())},
+        analytic=dict(side.signals),
+        simulated=simulated,
+        discrepancies=tuple(_public(d, theta) for d in found),
+        verdict="disagrees" if any(d.verdict == "disagrees" for d in found) else "agrees" if found else "unjudged",
+        order_difference=dict(side.order_difference),
+        journal={name: Path(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
+        free_share=dict(trace.free_share),
+        **optional,
+    )
     return run, rules
 
 
-def _verdict(runs: list[dict[str, Any]], failures: list[Any]) -> str:
+def _verdict(runs: Sequence[Run], failures: Sequence[Failed]) -> Verdict:
     """Of the whole result: what is not judged does not agree."""
-    verdicts = {run["verdict"] for run in runs}
+    verdicts = {run.verdict for run in runs}
     if failures or not runs or "disagrees" in verdicts:
         return "disagrees"
     return "unjudged" if "unjudged" in verdicts else "agrees"
+
+
+def _explained(job: Job, run: Run) -> Run:
+    """A run that disagrees with the assumption that fails in it, where one is known to."""
+    if run.verdict != "disagrees" or not run.clearance or job.as_it_is:
+        return run
+    because = failing_assumption(run, job.mechanism, job.tolerances)
+    return run.model_copy(update={"because": because}) if because else run
 
 
 def _rules(job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.ndarray]) -> dict[str, Rule]:
@@ -234,32 +397,40 @@ def _give(settings: Mapping[str, Any], clearances: Mapping[str, float], simulate
     )
 
 
-def _too_soft(runs: list[dict[str, Any]]) -> Iterator[str]:
+def _too_soft(runs: Sequence[Run]) -> Iterator[str]:
     """A warning for each pin whose path was seen to go so far beyond its clearance that this is hidden, whatever its
     contact is made of.
     """
     for run in runs:
         for joint, depth in beyond_rim(run).items():
-            clearance = run["clearance"][joint]
+            clearance = run.clearance[joint]
             if depth > SOFT * clearance:
                 yield (
-                    f"{run['simulator']['name']}, {run['joint_model']}: the pin of joint {joint} is seen"
+                    f"{run.title}: the pin of joint {joint} is seen"
                     f" {1e3 * depth:.2g} mm beyond its rim, {depth / clearance:.1f} times its clearance: too soft to"
                     f" see this clearance; {stiff_enough(run, joint)}"
                 )
 
 
-def _public(d: Discrepancy, theta: np.ndarray) -> dict[str, Any]:
-    return {
-        "signal": d.signal, "kind": d.kind, "unit": d.unit, "max": d.max, "rms": d.rms,
-        "at_crank_angle": float(theta[d.at]) if d.at >= 0 else None, "tolerance": d.tolerance, "verdict": d.verdict,
-    } | ({"reason": d.reason} if d.reason else {})  # fmt: skip
+def _public(d: Discrepancy, theta: np.ndarray) -> Judgement:
+    reason: dict[str, Any] = {"reason": d.reason} if d.reason else {}
+    return Judgement(
+        signal=d.signal,
+        kind=d.kind,
+        unit=d.unit,
+        max=d.max,
+        rms=d.rms,
+        at_crank_angle=float(theta[d.at]) if d.at >= 0 else None,
+        tolerance=d.tolerance,
+        verdict=d.verdict,
+        **reason,
+    )
 
 
-def _versions(runs: list[dict[str, Any]]) -> dict[str, str]:
+def _versions(runs: Sequence[Run]) -> dict[str, str]:
     packages = {name: installed_version(name) or "not installed" for name in ("linkage-crosscheck", "numpy")}
     return {
         "python": platform.python_version(),
         **packages,
-        **{run["simulator"]["name"]: run["simulator"]["version"] for run in runs},
+        **{run.simulator.name: run.simulator.version for run in runs},
     }

@@ -22,9 +22,23 @@ class Exit(IntEnum):
     SIMULATOR_FAILED = 3
 
 
+OPTIONS = {  # a function's argument, where its option has another name
+    "clearance_tolerance": "clearance_tolerance",
+    "joint_model": "joint",
+    "joints": "at",
+    "mechanism": "case",
+    "outputs": "output",
+    "simulators": "simulator",
+    "tolerances": "tolerance",
+}
+
+
 @contextmanager
-def complaints() -> Iterator[list[str]]:
-    """Turn every foreseen fault into one sentence on standard error and its exit status; collect warnings."""
+def complaints(context: typer.Context | None = None) -> Iterator[list[str]]:
+    """Turn every foreseen fault into one sentence on standard error and its exit status; collect warnings.
+
+    With the ``context`` of a command a fault of an argument is told as one of the option that it was typed in.
+    """
     caught: list[str] = []
 
     def note(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
@@ -43,16 +57,19 @@ def complaints() -> Iterator[list[str]]:
     from compare.files import OutputError
     from compare.judge.discrepancy import ToleranceError
     from compare.judge.grid import GridError
+    from compare.results.document import DocumentError
     from sim_models.engine import SimulationError, SimulatorMissing, Unsupported
 
     bad_input = (
         MechanismError, AssemblyError, ComplianceError, StructureError, ToleranceError,
-        OutputError, GridError, MeasuredError, Unsupported, OptionError,
+        OutputError, GridError, MeasuredError, DocumentError, Unsupported, OptionError,
     )  # fmt: skip
     try:
         with warnings.catch_warnings():
             warnings.showwarning = note
             yield caught
+    except ArgumentError as error:
+        raise stop(_as_typed(error, context), Exit.BAD_INPUT) from None
     except bad_input as error:
         raise stop(error, Exit.BAD_INPUT) from None
     except ValidationError as error:
@@ -63,6 +80,24 @@ def complaints() -> Iterator[list[str]]:
 
 class OptionError(ValueError):
     """A command-line option cannot be used; the message says what is accepted."""
+
+
+class ArgumentError(OptionError):
+    """An argument of a function cannot be used; the message says what is accepted."""
+
+    def __init__(self, argument: str, why: str) -> None:
+        super().__init__(f"{argument}: {why}")
+        self.argument, self.why = argument, why
+
+
+def _as_typed(error: ArgumentError, context: typer.Context | None) -> str:
+    """A fault of an argument, as one of the option that it came from."""
+    name = OPTIONS.get(error.argument, error.argument)
+    if context is None or name not in context.params:
+        return str(error)
+    value = context.params[name]
+    typed = "" if value in (None, True) else f" {','.join(map(str, value)) if isinstance(value, list) else value}"
+    return f"--{name.replace('_', '-')}{typed}: {error.why}"
 
 
 def reason(error: ValueError) -> str:

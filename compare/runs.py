@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from compare.sweep import Died, spread
-from sim_models.engine import Engine, Request, SimulationError, SimulatorMissing, Trace, Unsupported, engine
+from sim_models.engine import Engine, JointModel, Request, SimulationError, SimulatorMissing, Trace, Unsupported, engine
 
 Resolve = Callable[[str], Engine]
 Numbered = tuple[int, str, Request]
@@ -24,7 +24,7 @@ class Failure:
     """
 
     simulator: str
-    joint_model: str
+    joint_model: JointModel
     why: str
     unsupported: bool = False
 

@@ -1,1 +1,87 @@
-"""The way in from Python: ``import linkage_crosscheck as lc``."""
+"""Accuracy of planar linkages with joint clearance, cross-checked against multibody simulations.
+
+    import numpy as np
+    import linkage_crosscheck as lc
+
+    result = lc.crosscheck("paper", simulators="mujoco", clearance={"B": 1e-4}, angles=np.radians(np.arange(20, 161, 5)))
+    result.verdict, result.run("mujoco", "contact").simulated["reaction_B_angle"]
+    result.plot(); result.to_dataframe(); result.write("my-report")
+
+SI units and radians throughout.  Every name here is imported when it is first used, so that importing this costs
+nothing; the command line (``compare``, ``linkage-crosscheck``) is a thin layer over the same functions.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from analytic.mechanism import Body, Drive, Joint, Load, Mechanism
+    from analytic.mechanism.file import load
+    from compare.accuracy import accuracy
+    from compare.analyse import analyse, simulate
+    from compare.catalogue import cases, effects, simulators
+    from compare.crosscheck import crosscheck
+    from compare.diagnose.data.measured import load_measured as read_measured
+    from compare.diagnose.workflow import diagnose
+    from compare.domain_map.validity import validity
+    from compare.export import export
+
+_WHERE = {
+    "Body": "analytic.mechanism",
+    "Drive": "analytic.mechanism",
+    "Joint": "analytic.mechanism",
+    "Load": "analytic.mechanism",
+    "Mechanism": "analytic.mechanism",
+    "accuracy": "compare.accuracy",
+    "analyse": "compare.analyse",
+    "cases": "compare.catalogue",
+    "check_baselines": "compare.evidence.baseline.check",
+    "crosscheck": "compare.crosscheck",
+    "diagnose": "compare.diagnose.workflow",
+    "effects": "compare.catalogue",
+    "export": "compare.export",
+    "load": "analytic.mechanism.file",
+    "read_measured": "compare.diagnose.data.measured:load_measured",
+    "simulate": "compare.analyse",
+    "simulators": "compare.catalogue",
+    "validity": "compare.domain_map.validity",
+}
+
+__all__ = [
+    "Body",
+    "Drive",
+    "Joint",
+    "Load",
+    "Mechanism",
+    "accuracy",
+    "analyse",
+    "cases",
+    "check_baselines",
+    "crosscheck",
+    "diagnose",
+    "effects",
+    "export",
+    "load",
+    "read_measured",
+    "simulate",
+    "simulators",
+    "validity",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name == "__version__":
+        return importlib.metadata.version("linkage-crosscheck")
+    if name not in _WHERE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it has {', '.join(__all__)}")
+    module, _, other = _WHERE[name].partition(":")
+    found = getattr(importlib.import_module(module), other or name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -186,6 +186,11 @@ def broken(package: str) -> str:
     return ""
 
 
+def engine_names() -> tuple[str, ...]:
+    """Names of the engines that there are, installed or not."""
+    return ENGINES
+
+
 def declared(name: str) -> Engine:
     """The engine's declaration, installed or not."""
     return cast(Engine, importlib.import_module(f"sim_models.{name}.engine").ENGINE)

@@ -64,8 +64,7 @@ def test_a_driven_mujoco_run(benchmark, joint_model: str) -> None:  # type: igno
 
 
 def test_writing_the_report_of_two_engines(benchmark, tmp_path) -> None:  # type: ignore[no-untyped-def]
-    from compare.report import write_report
-    from sample_result import sample_result
+    from sample_result import sample_result, write_report
 
     result = sample_result("crank-rocker", {"B": 2e-4, "E": 1e-4}, ("mujoco", "exudyn"))
     report(benchmark, lambda: write_report(result, tmp_path), 1, "us per report")

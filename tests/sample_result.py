@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from compare.judge.signals import UNITS, compared, with_derived
+from compare.results.crosscheck import CrossCheck
 
 ERROR = {"ideal": 1e-7, "massless-link": 2e-6, "spring-damper": 3e-5, "contact": 4e-4}  # of a signal's peak
 DELIVERED = {"rad": 2e-3, "N": 0.1, "m": 2e-5, "N.m": 0.02}  # tolerances
@@ -79,15 +81,34 @@ def sample_result(
         "case": case,
         "verdict": "disagrees" if any(r["verdict"] == "disagrees" for r in runs) else "agrees",
         "runs": runs,
-        "spread": {s: {"max": 1e-4, "at_crank_angle": theta[3]} for s in ("drive_torque",)} if len(engines) > 1 else {},
-        "odd_one_out": engines[-1] if len(engines) > 1 else None,
-        "words": f"{engines[-1]} stands apart" if len(engines) > 1 else "",
+        **(between(engines, float(theta[3])) if len(engines) > 1 else {}),
         "failures": [],
         "command": f"compare --simulator {'all' if len(engines) > 1 else engines[0]} --case {case}",
         "versions": {"linkage-crosscheck": "0.1.0", "numpy": "2.4.0", "mujoco": "4.0.0"},
         "mechanism": mechanism.model_dump(by_alias=True, exclude_none=True, mode="json"),
         "warnings": [],
     }
+
+
+def between(engines: tuple[str, ...], at: float) -> dict[str, Any]:
+    """What only several engines say."""
+    wide = {"max": 1e-4, "at_crank_angle": at, "between": list(engines[:2]), "joint_model": "ideal"}
+    return {
+        "spread": {"drive_torque": wide},
+        "odd_one_out": engines[-1],
+        "words": f"{engines[-1]} stands apart",
+    }
+
+
+def as_document(content: dict[str, Any]) -> CrossCheck:
+    """The document of such a result."""
+    return CrossCheck.model_validate(content)
+
+
+def write_report(content: dict[str, Any], folder: Path) -> list[Path]:
+    """Write such a result and its report; the files."""
+    document = as_document(content)
+    return [document.write(folder) / name for name in document.files()]
 
 
 def swinging() -> dict[str, Any]:

@@ -13,7 +13,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import load
 from analytic.paper import printed
 from analytic.paper.clearance import Model
-from compare.crosscheck import Job, crosscheck
+from compare.crosscheck import Job, crosscheck_job
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.reference import Yardstick, yardstick
 from compare.judge.signals import with_derived
@@ -49,9 +49,9 @@ def test_an_engine_with_a_mass_5_percent_off_stands_apart(culprit: str) -> None:
         return HeavyCoupler(engine(name)) if name == culprit else engine(name)  # type: ignore[return-value]
 
     job = Job(load("crank-rocker"), INSTALLED, load_tolerances(), "driven", TURN)
-    result = crosscheck(job, resolve=resolve)
-    assert result["odd_one_out"] == culprit
-    assert result["words"].startswith(f"{culprit} stands apart")
+    result = crosscheck_job(job, resolve=resolve)
+    assert result.odd_one_out == culprit
+    assert result.words.startswith(f"{culprit} stands apart")
 
 
 def printed_side(
@@ -69,9 +69,9 @@ def printed_side(
 
 def test_the_printed_equation_11_stands_apart_as_the_analytic_model() -> None:
     job = Job(load("paper").with_clearances({}), INSTALLED, load_tolerances(), "driven", PAPER)
-    result = crosscheck(job, measure=printed_side)
-    assert result["odd_one_out"] == "analytic"
-    assert result["words"].startswith("the analytic model stands apart")
+    result = crosscheck_job(job, measure=printed_side)
+    assert result.odd_one_out == "analytic"
+    assert result.words.startswith("the analytic model stands apart")
 
 
 def test_what_agrees_with_its_contact_yielding_does_not_stand_apart() -> None:
@@ -86,36 +86,36 @@ def test_what_agrees_with_its_contact_yielding_does_not_stand_apart() -> None:
         PAPER[:3],
         joint_model="spring-damper",
     )
-    result = crosscheck(job)
-    assert result["verdict"] == "agrees"
-    assert result["odd_one_out"] is None
-    assert result["words"] == "all agree within the tolerances"
+    result = crosscheck_job(job)
+    assert result.verdict == "agrees"
+    assert result.odd_one_out is None
+    assert result.words == "all agree within the tolerances"
 
 
 def test_an_engine_that_lacks_something_is_left_out_and_the_others_go_on() -> None:
     rubbing = load("paper").with_joint("B", friction=0.1)
-    result = crosscheck(
+    result = crosscheck_job(
         Job(rubbing, ("mujoco", "exudyn"), load_tolerances(), "static", PAPER[:2], joint_model="contact")
     )
-    assert {run["simulator"]["name"] for run in result["runs"]} == {"mujoco"}
-    (warning,) = result["warnings"]
+    assert {run.simulator.name for run in result.runs} == {"mujoco"}
+    (warning,) = result.warnings
     assert warning.startswith("left out: exudyn")
     assert "friction" in warning
-    assert result["failures"] == []
+    assert result.failures == ()
     with pytest.raises(Unsupported, match="friction"):
-        crosscheck(Job(rubbing, ("exudyn",), load_tolerances(), "static", PAPER[:2], joint_model="contact"))
+        crosscheck_job(Job(rubbing, ("exudyn",), load_tolerances(), "static", PAPER[:2], joint_model="contact"))
 
 
 def test_nobody_stands_apart_where_nothing_was_planted() -> None:
-    result = crosscheck(Job(load("crank-rocker"), INSTALLED, load_tolerances(), "driven", TURN))
-    assert result["verdict"] == "agrees"
-    assert result["odd_one_out"] is None
-    assert result["words"] == "all agree within the tolerances"
-    assert set(result["spread"]["reaction_B_angle"]["between"]) <= set(INSTALLED)
+    result = crosscheck_job(Job(load("crank-rocker"), INSTALLED, load_tolerances(), "driven", TURN))
+    assert result.verdict == "agrees"
+    assert result.odd_one_out is None
+    assert result.words == "all agree within the tolerances"
+    assert set(result.spread["reaction_B_angle"].between) <= set(INSTALLED)
 
 
 def test_the_papers_first_order_stands_apart_at_large_clearance() -> None:
     job = Job(load("paper"), INSTALLED, load_tolerances(), "static", PAPER, joint_model="contact", model="first_order")
-    result = crosscheck(job)
-    assert result["verdict"] == "disagrees"
-    assert result["odd_one_out"] == "analytic"
+    result = crosscheck_job(job)
+    assert result.verdict == "disagrees"
+    assert result.odd_one_out == "analytic"

@@ -44,7 +44,7 @@ BAD_INPUT = {
     "a clearance larger than a link": (["--clearance", "B=0.5"], ["joint 'B'", "0.5", "not smaller than body"]),
     "a clearance joint model for a linkage that swings freely": (
         ["--case", "pendulum", "--clearance", "O=1e-4", "--joint", "contact"],
-        ["--joint contact", "pendulum swings freely", "leave --joint out"],
+        ["--joint contact", "pendulum swings freely", "leave the joint model out"],
     ),
     "a missing tolerance file": (["--tolerance", "none.toml"], ["--tolerance none.toml", "cannot be read"]),
     "angles out of all bounds": (["--joint", "ideal", "--angles", "1e17:1e17:1"], ["--angles 1e17", "1e+06"]),

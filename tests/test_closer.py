@@ -11,7 +11,7 @@ import pytest
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
-from compare.crosscheck import Job, crosscheck
+from compare.crosscheck import Job, crosscheck_job
 from compare.judge.closer import HARDER
 from compare.judge.discrepancy import load_tolerances
 from sim_models.common.contact_laws import STATIC_STIFFNESS
@@ -51,38 +51,40 @@ class Faulty:
 def checked(fault: Callable[[float], float]) -> tuple[dict[str, Any], list[float]]:
     faulty = Faulty(fault, engine("mujoco"), [])
     return (
-        crosscheck(Job(load("crank-rocker"), ("mujoco",), load_tolerances(), theta=TURN), resolve=lambda name: faulty),
+        crosscheck_job(
+            Job(load("crank-rocker"), ("mujoco",), load_tolerances(), theta=TURN), resolve=lambda name: faulty
+        ),
         faulty.steps,
     )
 
 
 def test_what_stays_in_a_finer_run_disagrees() -> None:
     result, steps = checked(lambda step: 5e-4)
-    assert result["verdict"] == "disagrees"
+    assert result.verdict == "disagrees"
     assert steps[1:] == [steps[0] / 2]
-    assert result["runs"][0]["settings"]["refinements"] == 1
+    assert result.runs[0].settings["refinements"] == 1
 
 
 def test_what_goes_with_the_square_of_the_step_was_the_engines() -> None:
     result, steps = checked(lambda step: 5e-4 * (step / 6.37e-5) ** 2)
-    assert result["verdict"] == "agrees"
+    assert result.verdict == "agrees"
     assert steps == [steps[0], steps[0] / 2]
-    assert result["runs"][0]["settings"]["step"] == steps[1]
+    assert result.runs[0].settings["step"] == steps[1]
 
 
 def test_what_falls_and_is_not_gone_makes_the_engine_no_referee() -> None:
     result, steps = checked(lambda step: 1.2e-3 * step / 6.37e-5)
     assert len(steps) == 3
-    assert result["runs"] == []
-    (failure,) = result["failures"]
-    assert "reaction_B_angle by 0.0003 rad is its own error: it was 2.0 times that in a coarser run" in failure["why"]
+    assert result.runs == ()
+    (failure,) = result.failures
+    assert "reaction_B_angle by 0.0003 rad is its own error: it was 2.0 times that in a coarser run" in failure.why
 
 
 @pytest.mark.parametrize(("fault", "runs"), [(0.0, 1), (1.0, 1)])
 def test_what_agrees_or_is_far_off_is_not_run_again(fault: float, runs: int) -> None:
     result, steps = checked(lambda step: fault)
     assert len(steps) == runs
-    assert "refinements" not in result["runs"][0]["settings"]
+    assert "refinements" not in result.runs[0].settings
 
 
 def light_contact() -> Mechanism:
@@ -111,21 +113,21 @@ def test_a_contact_that_hides_its_clearance_has_failed_where_it_is_the_mechanism
     m = load("paper").with_clearances({"B": 1e-5})
     theta = np.radians([30.0, 60.0, 120.0])
     soft = m.with_joint("B", contact_stiffness=1e5)
-    result = crosscheck(Job(soft, ("mujoco",), load_tolerances(), "static", theta, joint_model="contact"))
-    assert result["runs"] == []
-    (failure,) = result["failures"]
+    result = crosscheck_job(Job(soft, ("mujoco",), load_tolerances(), "static", theta, joint_model="contact"))
+    assert result.runs == ()
+    (failure,) = result.failures
     assert (
         "contact too soft for this load: the pin of joint B is seen 0.0005 m beyond its rim, 50 times its clearance"
-        in failure["why"]
+        in failure.why
     )
-    assert "give joint B contact_stiffness = 5.0e+07 (N/m) or more" in failure["why"]
+    assert "give joint B contact_stiffness = 5.0e+07 (N/m) or more" in failure.why
     enough = m.with_joint("B", contact_stiffness=5.1e7)
     assert (
-        crosscheck(Job(enough, ("mujoco",), load_tolerances(), "static", theta, joint_model="contact"))["verdict"]
+        crosscheck_job(Job(enough, ("mujoco",), load_tolerances(), "static", theta, joint_model="contact")).verdict
         == "agrees"
     )
-    ours = crosscheck(
+    ours = crosscheck_job(
         Job(m.with_clearances({"B": 5e-7}), ("mujoco",), load_tolerances(), "static", theta, joint_model="contact")
     )
-    assert ours["runs"][0]["settings"]["contact_stiffness"] == HARDER * STATIC_STIFFNESS
-    assert ours["verdict"] == "agrees"
+    assert ours.runs[0].settings["contact_stiffness"] == HARDER * STATIC_STIFFNESS
+    assert ours.verdict == "agrees"

@@ -13,7 +13,7 @@ import pytest
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
-from compare.crosscheck import Job, crosscheck
+from compare.crosscheck import Job, crosscheck_job
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import default_angles
 from sim_models.engine import ENGINES, JOINT_MODELS, JointModel, Motion, Request, declared, engine
@@ -87,13 +87,13 @@ def test_an_engine_agrees_with_the_analytic_model(name: str, model: JointModel, 
     if importlib.util.find_spec(declared(name).package) is None:
         pytest.skip(f"{name} is not installed")
     mechanism, theta = CASES[case]
-    result = crosscheck(Job(mechanism, (name,), load_tolerances(), motion, theta, joint_model=model))
-    assert not result["failures"], result["failures"][0]["why"]
-    (run,) = result["runs"]
+    result = crosscheck_job(Job(mechanism, (name,), load_tolerances(), motion, theta, joint_model=model))
+    assert not result.failures, result.failures[0].why
+    (run,) = result.runs
     differ = [
-        f"{d['signal']} {d['max']:+.3g} ({d['tolerance']:.3g}) at {np.degrees(d['at_crank_angle']):.0f} deg"
-        for d in run["discrepancies"]
-        if d["verdict"] != "agrees"
+        f"{d.signal} {d.max:+.3g} ({d.tolerance:.3g}) at {np.degrees(d.at_crank_angle):.0f} deg"
+        for d in run.discrepancies
+        if d.verdict != "agrees"
     ]
     assert not differ, "; ".join(differ)
 

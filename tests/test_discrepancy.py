@@ -24,7 +24,7 @@ from compare.judge.discrepancy import (
 from compare.judge.grid import default_angles
 from compare.judge.reference import yardstick
 from compare.judge.signals import compared
-from compare.judge.tolerances import Known
+from compare.judge.tolerances import Known, Line
 
 THETA = np.linspace(0.3, 2.8, 51)
 ANGLE, SIZE = THETA.copy(), 50.0 + 20 * np.cos(THETA)
@@ -255,11 +255,11 @@ def test_a_known_difference_of_a_signal_without_a_sample_to_compare_does_not_van
 
 def test_a_file_is_laid_over_the_shipped_one_line_by_line(tmp_path: Path) -> None:
     mine = overlay(tmp_path, "noise = 1e-6\n[static.contact]\nangle = { absolute = 0.01 }\n")
-    assert mine["noise"] == 1e-6
-    assert mine["static"]["contact"]["angle"] == {"absolute": 0.01}
-    assert mine["static"]["contact"]["magnitude"] == TOLERANCES["static"]["contact"]["magnitude"]
-    assert (mine["driven"], mine["floor"]) == (TOLERANCES["driven"], TOLERANCES["floor"])
-    assert TOLERANCES["static"]["contact"]["angle"] != {"absolute": 0.01}  # the shipped one is left alone
+    assert mine.noise == 1e-6
+    assert mine.line("static", "contact", "angle") == Line(absolute=0.01)
+    assert mine.line("static", "contact", "magnitude") == TOLERANCES.line("static", "contact", "magnitude")
+    assert (mine.driven, mine.floor) == (TOLERANCES.driven, TOLERANCES.floor)
+    assert TOLERANCES.line("static", "contact", "angle") != Line(absolute=0.01)  # the shipped one is left alone
 
 
 FAULTY = {
@@ -302,7 +302,9 @@ def test_a_faulty_tolerance_file_is_refused_with_its_field(text: str, tmp_path: 
 
 
 def test_a_file_saved_by_a_windows_editor_is_read(tmp_path: Path) -> None:
-    assert overlay(tmp_path, "\ufeffnoise = 1e-6\nrest = 2e-5\n") == TOLERANCES | {"noise": 1e-6, "rest": 2e-5}
+    assert overlay(tmp_path, "\ufeffnoise = 1e-6\nrest = 2e-5\n") == TOLERANCES.model_copy(
+        update={"noise": 1e-6, "rest": 2e-5}
+    )
 
 
 def test_a_missing_tolerance_file_is_refused(tmp_path: Path) -> None:

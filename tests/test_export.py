@@ -213,7 +213,7 @@ def test_the_command_that_is_printed_can_be_pasted_where_the_folder_has_a_space(
         (
             ["--simulator", "mujoco", "--case", "crank-rocker", "--joint", "contact"],
             2,
-            ["--joint contact", "--clearance"],
+            ["--joint contact", "give a clearance"],
         ),
         (["--simulator", "mujoco", "--angles", "20:200:5"], 2, ["change point"]),
         (

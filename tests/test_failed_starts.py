@@ -16,7 +16,7 @@ import pytest
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import dumps, load
-from compare.crosscheck import Job, crosscheck
+from compare.crosscheck import Job, crosscheck_job
 from compare.domain_map.cell import examine
 from compare.domain_map.map import RPM, Grid, cells
 from compare.judge.discrepancy import load_tolerances
@@ -97,14 +97,14 @@ def test_a_load_that_only_hides_the_clearance_is_simulated() -> None:
 def test_one_engines_soft_start_leaves_the_other_runs_their_verdicts() -> None:
     available("exudyn")
     job = Job(soft(100.0), ("mujoco", "exudyn"), load_tolerances(None), theta=ANGLES)
-    found = crosscheck(job)
-    assert {(r["simulator"]["name"], r["joint_model"]) for r in found["runs"]} >= {
+    found = crosscheck_job(job)
+    assert {(r.simulator.name, r.joint_model) for r in found.runs} >= {
         ("mujoco", "ideal"),
         ("exudyn", "ideal"),
         ("mujoco", "massless-link"),
     }
-    assert {f["joint_model"] for f in found["failures"]} == {"spring-damper", "contact"}
-    assert all("contact too soft for this load" in f["why"] for f in found["failures"])
+    assert {f.joint_model for f in found.failures} == {"spring-damper", "contact"}
+    assert all("contact too soft for this load" in f.why for f in found.failures)
 
 
 def test_the_command_writes_the_other_runs_and_leaves_with_status_3(tmp_path: Path) -> None:
@@ -114,7 +114,7 @@ def test_the_command_writes_the_other_runs_and_leaves_with_status_3(tmp_path: Pa
     assert "contact too soft for this load" in done.stderr
     assert "cannot be reached" not in done.stderr
     written = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
-    assert {r["joint_model"]: r["verdict"] for r in written["runs"]}["ideal"] == "agrees"
+    assert {r.joint_model: r.verdict for r in written.runs}["ideal"] == "agrees"
 
 
 def test_an_absurd_speed_of_a_map_is_a_cell_that_failed_for_a_reason() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from analytic.mechanism.file import dumps, load
-from compare.crosscheck import Job, crosscheck
+from compare.crosscheck import Job, crosscheck_job
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.flexible import Beams
 from sim_models.engine import Request, Trace
@@ -27,21 +27,21 @@ def checked(resolve: Any = None, **changes: Any) -> dict[str, Any]:
     """The paper's case with flexible links at rest."""
     mechanism = load("paper").with_clearances({"B": 1e-3})
     fields = {"mechanism": mechanism, "motion": "static", "theta": THETA, "flexible": True} | changes
-    return crosscheck(Job(simulators=("exudyn",), tolerances=load_tolerances(None), **fields), resolve=resolve)
+    return crosscheck_job(Job(simulators=("exudyn",), tolerances=load_tolerances(None), **fields), resolve=resolve)
 
 
 def outside(run: dict[str, Any]) -> set[str]:
-    return {d["signal"] for d in run["discrepancies"] if d["verdict"] != "agrees"}
+    return {d.signal for d in run.discrepancies if d.verdict != "agrees"}
 
 
 @pytest.mark.parametrize("joint_model", ["ideal", "contact"])
 def test_beams_and_superposition_agree_on_where_the_bodies_are(joint_model: Any) -> None:
-    (run,) = checked(joint_model=joint_model)["runs"]
+    (run,) = checked(joint_model=joint_model).runs
     assert not outside(run)
-    assert {"coupler_x", "coupler_y", "follower_y"} <= {d["signal"] for d in run["discrepancies"]}
-    (rigid,) = checked(joint_model=joint_model, flexible=False)["runs"]
-    sagged = np.abs(np.array(run["simulated"]["coupler_y"]) - np.array(rigid["simulated"]["coupler_y"])).max()
-    allowed = next(d["tolerance"] for d in run["discrepancies"] if d["signal"] == "coupler_y")
+    assert {"coupler_x", "coupler_y", "follower_y"} <= {d.signal for d in run.discrepancies}
+    (rigid,) = checked(joint_model=joint_model, flexible=False).runs
+    sagged = np.abs(np.array(run.simulated["coupler_y"]) - np.array(rigid.simulated["coupler_y"])).max()
+    allowed = next(d.tolerance for d in run.discrepancies if d.signal == "coupler_y")
     assert sagged > 1e-3  # m: 50 N on these links
     assert allowed < sagged / 20
 
@@ -66,24 +66,24 @@ class Softer:
 
 
 def test_links_a_tenth_softer_on_one_side_are_noticed() -> None:
-    (run,) = checked(Softer, joint_model="ideal")["runs"]
+    (run,) = checked(Softer, joint_model="ideal").runs
     assert {"coupler_y", "follower_angle"} <= outside(run)
     assert not {name for name in outside(run) if name.startswith("reaction_")}  # forces hardly change
 
 
 def test_small_loads_leave_little_to_allow() -> None:
     light = load("paper").replace(loads=tuple(x.model_copy(update={"force": (0.0, 0.5)}) for x in load("paper").loads))
-    (run,) = checked(joint_model="ideal", mechanism=light)["runs"]
+    (run,) = checked(joint_model="ideal", mechanism=light).runs
     assert not outside(run)
-    tolerances = {d["signal"]: d["tolerance"] for d in run["discrepancies"]}
+    tolerances = {d.signal: d.tolerance for d in run.discrepancies}
     assert tolerances["reaction_B_magnitude"] < 3e-4  # N, of 0.7
     assert tolerances["coupler_y"] < 2e-8  # m, of 1e-5
 
 
 def test_a_linkage_that_nothing_loads_agrees() -> None:
     found = checked(joint_model="ideal", mechanism=load("crank-rocker"))
-    assert found["verdict"] == "agrees"
-    assert all(d["tolerance"] > 0 for d in found["runs"][0]["discrepancies"])
+    assert found.verdict == "agrees"
+    assert all(d.tolerance > 0 for d in found.runs[0].discrepancies)
 
 
 def compare(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -95,7 +95,7 @@ def compare(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     ("arguments", "words"),
     [
         (["--simulator", "pybullet", "--motion", "static"], ["'pybullet' has rigid links only", "--simulator exudyn"]),
-        (["--simulator", "exudyn"], ["--flexible --motion driven", "--motion static"]),
+        (["--simulator", "exudyn"], ["--flexible: flexible links are compared at rest", "static motion"]),
         (
             ["--simulator", "exudyn", "--motion", "static", "--joint", "massless-link", "--clearance", "B=1e-4"],
             ["massless-link", "contact static"],

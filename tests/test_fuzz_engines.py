@@ -16,7 +16,7 @@ import pytest
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps
-from compare.crosscheck import Job, crosscheck
+from compare.crosscheck import Job, crosscheck_job
 from compare.judge.discrepancy import load_tolerances
 from multiplier_oracle import LeftOut, Oracle
 from random_linkages import HUMAN, WIDE, seeded
@@ -57,23 +57,22 @@ def outcomes(m: Mechanism, theta: np.ndarray) -> Iterator[tuple[str, str, str]]:
             run = f"{name} {model} {motion}"
             try:
                 engine(name)
-                result = crosscheck(Job(m, (name,), load_tolerances(), motion, theta, joint_model=model))
+                result = crosscheck_job(Job(m, (name,), load_tolerances(), motion, theta, joint_model=model))
             except SimulatorMissing:
                 continue
             except (Unsupported, AssemblyError) as why:
                 yield run, "refused", str(why)
                 continue
-            if result["failures"]:
-                yield run, "failed", result["failures"][0]["why"]
+            if result.failures:
+                yield run, "failed", result.failures[0].why
                 continue
-            (one,) = result["runs"]
+            (one,) = result.runs
             differ = [
-                f"{d['signal']} {d['max']:+.3g} {d['unit']} ({d['tolerance']:.3g}) at"
-                f" {np.degrees(d['at_crank_angle']):.2f} deg"
-                for d in one["discrepancies"]
-                if d["verdict"] == "disagrees"
+                f"{d.signal} {d.max:+.3g} {d.unit} ({d.tolerance:.3g}) at {np.degrees(d.at_crank_angle):.2f} deg"
+                for d in one.discrepancies
+                if d.verdict == "disagrees"
             ]
-            yield run, one["verdict"], "; ".join(differ) or one.get("reason", "")
+            yield run, one.verdict, "; ".join(differ) or one.get("reason", "")
 
 
 def conditioned(number: int) -> tuple[int, Mechanism, np.ndarray]:

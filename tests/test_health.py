@@ -11,7 +11,7 @@ import pytest
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load, shipped_cases
-from compare.crosscheck import Job, _too_soft, crosscheck
+from compare.crosscheck import Job, _too_soft, crosscheck_job
 from compare.evidence.baseline.runs import setups
 from compare.judge.discrepancy import load_tolerances
 from linkages import inverted_slider, jansen_leg
@@ -270,13 +270,13 @@ def test_a_trace_without_rates_is_held_to_its_positions(runs: dict[str, Trace]) 
 def test_mujoco_takes_the_steps_that_jansens_leg_asks_for(push: float) -> None:
     """Its foot was 2e-5 rad off with steps of 0.5 ms and a push of 20 N, and the model was blamed for it."""
     theta = np.radians(np.arange(0.0, 360.0, 10.0))
-    result = crosscheck(Job(jansen_leg(push), ("mujoco",), load_tolerances(), "driven", theta, joint_model="ideal"))
-    assert result["verdict"] == "agrees", result["failures"]
-    assert result["runs"][0]["settings"]["step"] < 5e-4
+    result = crosscheck_job(Job(jansen_leg(push), ("mujoco",), load_tolerances(), "driven", theta, joint_model="ideal"))
+    assert result.verdict == "agrees", result.failures
+    assert result.runs[0].settings["step"] < 5e-4
     off = [
-        abs(d["max"])
-        for d in result["runs"][0]["discrepancies"]
-        if d["signal"].endswith("_angle") and not d["signal"].startswith("reaction")
+        abs(d.max)
+        for d in result.runs[0].discrepancies
+        if d.signal.endswith("_angle") and not d.signal.startswith("reaction")
     ]
     assert max(off) < 3e-6
 
@@ -304,11 +304,11 @@ def test_a_pin_seen_far_beyond_its_rim_is_warned_of_whatever_its_settings_say() 
         None,
     ):  # N/m: at 5000 rpm the first lets the pin 0.8 mm into the wall, and what suits the linkage does not
         soft = m if stiffness is None else m.with_joint("B", contact_stiffness=stiffness)
-        result = crosscheck(Job(soft, ("mujoco",), load_tolerances(), theta=theta, joint_model="contact"))
-        for settings in (result["runs"][0]["settings"], {}):
+        result = crosscheck_job(Job(soft, ("mujoco",), load_tolerances(), theta=theta, joint_model="contact"))
+        for settings in (result.runs[0].settings, {}):
             warned = [
                 w
-                for w in _too_soft([result["runs"][0] | {"settings": settings}])
+                for w in _too_soft([result.runs[0] | {"settings": settings}])
                 if "beyond its rim" in w and "joint B" in w
             ]
             assert len(warned) == (stiffness is not None)

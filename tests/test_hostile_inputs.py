@@ -669,7 +669,7 @@ ARGUMENTS = {
     "an engine's name in two lines": Row(["--simulator", "mu\njoco", "--out", "out"], ["mujoco, exudyn"]),
     "a joint model that there is not": option("--joint", "rubber", words=["'--joint'", "'rubber'"]),
     "a joint model without clearance": Row(
-        [*CHECK, "--case", "crank-rocker", "--joint", "contact"], ["--joint contact", "--clearance JOINT=m"]
+        [*CHECK, "--case", "crank-rocker", "--joint", "contact"], ["nothing to run", "--clearance JOINT=m"]
     ),
     "a motion that there is not": option("--motion", "flying", words=["'--motion'", "'flying'"]),
     "an analytic model that there is not": option(
@@ -684,7 +684,7 @@ ARGUMENTS = {
         [*CHECK, "--case", "pendulum", "--clearance", "O=1e-4", "--joint", "contact"],
         ["--joint contact", "swings freely"],
     ),
-    "links that bend in motion": option("--flexible", words=["--flexible --motion driven", "--motion static"]),
+    "links that bend in motion": option("--flexible", words=["--flexible: ", "ask for static motion"]),
     "a folder under a file": Row(
         ["--simulator", "mujoco", "--out", "file/out"], ["--out file/out", "another folder"], {"file": ""}
     ),
@@ -769,7 +769,7 @@ ARGUMENTS = {
     ),
     "accuracy --clearance-tolerance too large": Row(
         [*ACCURACY, "--clearance", "B=1e-4", "--clearance-tolerance", "B=2e-4"],
-        ["--clearance-tolerance B=0.0002", "more than"],
+        ["--clearance-tolerance", "B=0.0002 is more than"],
     ),
     "accuracy --output twice": Row(
         [*ACCURACY, "--output", "coupler,coupler"], ["--output coupler,coupler: coupler is there twice"]
@@ -785,7 +785,7 @@ ARGUMENTS = {
     ),
     "export of contact without clearance": Row(
         ["export", "--simulator", "mujoco", "--case", "crank-rocker", "--joint", "contact", "--out", "out"],
-        ["--joint contact", "--clearance JOINT=m"],
+        ["--joint contact", "give a clearance (m)"],
     ),
     "export to nowhere": Row(["export", "--simulator", "mujoco"], ["'--out'"]),
     "export out of reach": Row(

@@ -12,7 +12,7 @@ import pytest
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import load
-from compare.crosscheck import Job, crosscheck
+from compare.crosscheck import Job, crosscheck_job
 from compare.judge.discrepancy import ToleranceError, load_tolerances
 from compare.judge.grid import default_angles
 from compare.judge.tolerances import Known
@@ -33,7 +33,7 @@ def result(
     mechanism = load(case)
     theta = default_angles(Assembly(mechanism))
     asked = Job(mechanism, ("planted",), tolerances, motion=motion, theta=theta, joint_model=joint_model, **job)
-    return crosscheck(asked, resolve=lambda name: Planted(fault))
+    return crosscheck_job(asked, resolve=lambda name: Planted(fault))
 
 
 def shifted(signals: Signals, only: str = "") -> Signals:
@@ -98,14 +98,14 @@ FAULTS: dict[str, Fault] = {
 @pytest.mark.parametrize("fault", MATCHING.values(), ids=MATCHING)
 def test_a_matching_simulation_agrees(run: tuple[str, Motion, JointModel], fault: Fault) -> None:
     found = result(*run, fault)
-    assert found["verdict"] == "agrees"
-    assert found["failures"] == []
+    assert found.verdict == "agrees"
+    assert found.failures == ()
 
 
 @pytest.mark.parametrize("run", RUNS, ids=" ".join)
 @pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
 def test_a_faulty_simulation_is_caught(run: tuple[str, Motion, JointModel], fault: Fault) -> None:
-    assert result(*run, fault)["verdict"] == "disagrees"
+    assert result(*run, fault).verdict == "disagrees"
 
 
 @pytest.mark.parametrize("run", RUNS, ids=" ".join)
@@ -114,32 +114,32 @@ def test_an_angle_off_by_two_hundredths_of_a_degree_is_found_at_its_joint_and_no
 ) -> None:
     for joint in load(run[0]).joints:
         found = result(*run, turned(joint.name, np.radians(0.02)))
-        wrong = [d for d in found["runs"][0]["discrepancies"] if d["verdict"] == "disagrees"]
-        assert [d["signal"] for d in wrong] == [f"reaction_{joint.name}_angle"]
-        assert wrong[0]["max"] == pytest.approx(np.radians(0.02), rel=1e-6)
+        wrong = [d for d in found.runs[0].discrepancies if d.verdict == "disagrees"]
+        assert [d.signal for d in wrong] == [f"reaction_{joint.name}_angle"]
+        assert wrong[0].max == pytest.approx(np.radians(0.02), rel=1e-6)
 
 
 def test_what_is_missing_or_no_number_is_named() -> None:
-    missing = result("paper", "static", "contact", FAULTS["a missing signal"])["failures"]
-    assert [f["why"] for f in missing] == ["planted contact: the simulation reports no reaction_B_y"]
-    (spoilt_run,) = result("paper", "static", "contact", FAULTS["a NaN"])["failures"]
-    assert "reaction_B_x is nan at crank angle 35 deg" in spoilt_run["why"]
+    missing = result("paper", "static", "contact", FAULTS["a missing signal"]).failures
+    assert [f.why for f in missing] == ["planted contact: the simulation reports no reaction_B_y"]
+    (spoilt_run,) = result("paper", "static", "contact", FAULTS["a NaN"]).failures
+    assert "reaction_B_x is nan at crank angle 35 deg" in spoilt_run.why
 
 
 # -------------------------------------------------------------------- known differences, end to end
 
 
 def first_order(known: tuple[Known, ...] = ()) -> dict[str, Any]:
-    return result("paper", "static", "contact", tolerances=TOLERANCES | {"known": known}, model="first_order")
+    return result("paper", "static", "contact", tolerances=TOLERANCES.with_known(*known), model="first_order")
 
 
 def declared(rows: list[dict[str, Any]], factor: float) -> tuple[Known, ...]:
-    wrong = [row for row in rows if row["verdict"] == "disagrees"]
+    wrong = [row for row in rows if row.verdict == "disagrees"]
     return tuple(
         Known(
             case="paper",
-            signal=row["signal"],
-            bound=factor * abs(row["max"]),
+            signal=row.signal,
+            bound=factor * abs(row.max),
             reason="Eq. 8 at 10 mm",
             analytic_model=("first_order",),
         )
@@ -148,28 +148,24 @@ def declared(rows: list[dict[str, Any]], factor: float) -> tuple[Known, ...]:
 
 
 def test_the_papers_first_order_agrees_once_its_differences_are_declared_and_bounded() -> None:
-    rows = first_order()["runs"][0]["discrepancies"]
+    rows = first_order().runs[0].discrepancies
     assert len(declared(rows, 1.0)) >= 10
     found = first_order(declared(rows, 3.0))
-    assert found["verdict"] == "agrees"
-    shown = [row for row in found["runs"][0]["discrepancies"] if row["verdict"] == "known"]
+    assert found.verdict == "agrees"
+    shown = [row for row in found.runs[0].discrepancies if row.verdict == "known"]
     assert len(shown) == len(declared(rows, 1.0))
-    assert all(row["reason"].startswith("Eq. 8 at 10 mm (bound") for row in shown)
+    assert all(row.reason.startswith("Eq. 8 at 10 mm (bound") for row in shown)
     left = first_order(declared(rows, 0.9))
-    assert left["verdict"] == "disagrees"
-    assert all(
-        "has left its bound" in row["reason"]
-        for row in left["runs"][0]["discrepancies"]
-        if row["verdict"] == "disagrees"
-    )
+    assert left.verdict == "disagrees"
+    assert all("has left its bound" in row.reason for row in left.runs[0].discrepancies if row.verdict == "disagrees")
 
 
 def test_a_known_difference_that_is_not_there_fails() -> None:
     known = Known(case="paper", signal="reaction_B_angle", bound=0.2, reason="once it was so")
-    found = result("paper", "static", "contact", tolerances=TOLERANCES | {"known": (known,)})
-    (row,) = (row for row in found["runs"][0]["discrepancies"] if row["verdict"] == "disagrees")
-    assert (row["signal"], found["verdict"]) == ("reaction_B_angle", "disagrees")
-    assert "has vanished" in row["reason"]
+    found = result("paper", "static", "contact", tolerances=TOLERANCES.with_known(known))
+    (row,) = (row for row in found.runs[0].discrepancies if row.verdict == "disagrees")
+    assert (row.signal, found.verdict) == ("reaction_B_angle", "disagrees")
+    assert "has vanished" in row.reason
 
 
 def test_a_known_difference_of_a_signal_that_is_never_compared_is_refused() -> None:
@@ -177,7 +173,7 @@ def test_a_known_difference_of_a_signal_that_is_never_compared_is_refused() -> N
     with pytest.raises(
         ToleranceError, match=r"'reaction_Q_angle' is not compared in paper; the signals are reaction_D_angle"
     ):
-        result("paper", "static", "contact", tolerances=TOLERANCES | {"known": (known,)})
+        result("paper", "static", "contact", tolerances=TOLERANCES.with_known(known))
 
 
 @pytest.mark.parametrize(("push", "expected"), [(1e-7, "agrees"), (1e-4, "disagrees")])
@@ -188,8 +184,6 @@ def test_where_nothing_is_loaded_an_engines_rounding_agrees_and_a_force_does_not
         }
 
     found = result("crank-rocker", "static", "ideal", pushed)
-    assert found["verdict"] == expected
-    assert all(row["tolerance"] > 0 for row in found["runs"][0]["discrepancies"])
-    assert not any(
-        row["kind"] == "angle" and row["signal"].startswith("reaction_") for row in found["runs"][0]["discrepancies"]
-    )
+    assert found.verdict == expected
+    assert all(row.tolerance > 0 for row in found.runs[0].discrepancies)
+    assert not any(row.kind == "angle" and row.signal.startswith("reaction_") for row in found.runs[0].discrepancies)

@@ -17,9 +17,8 @@ from rich.console import Console
 
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
-from analytic.mechanism.file import load
+from analytic.mechanism.file import dumps, load, loads
 from compare.files import OutputError
-from compare.report import write_report
 from compare.report.figures import Axis, Figure, Series, beside, figures, same_turn, thinned
 from compare.report.linkage import exaggeration, linkage_figure, parts
 from compare.report.pages import escape_markdown, script_json
@@ -27,7 +26,9 @@ from compare.report.quantities import number, quantities
 from compare.report.summary import headline, summarise
 from compare.report.svg import draw, exponent, ticks
 from compare.report.terminal import print_table
-from sample_result import sample_result, swinging
+from compare.results.crosscheck import CrossCheck
+from compare.results.document import DocumentError
+from sample_result import as_document, sample_result, swinging, write_report
 
 WRONG = "reaction_B_angle"
 SVG = "{http://www.w3.org/2000/svg}"
@@ -73,9 +74,10 @@ def test_a_result_that_cannot_be_shown_leaves_no_file(disagreeing: dict[str, Any
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_does_not_exist_is_named(disagreeing: dict[str, Any], tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="nowhere"):
-        write_report(disagreeing, tmp_path / "nowhere")
+def test_a_folder_that_cannot_be_made_is_named(disagreeing: dict[str, Any], tmp_path: Path) -> None:
+    (tmp_path / "a-file").touch()
+    with pytest.raises(OutputError, match="a-file"):
+        write_report(disagreeing, tmp_path / "a-file" / "nowhere")
 
 
 def test_arrays_and_nan_are_written_like_the_json_of_them(
@@ -128,7 +130,7 @@ def test_the_markdown_links_only_figures_that_were_written(report: Path) -> None
 
 
 def test_the_headline_names_the_worst_signal_or_the_closest(disagreeing: dict[str, Any]) -> None:
-    bad, good = summarise(disagreeing), summarise(sample_result())
+    bad, good = summarise(as_document(disagreeing)), summarise(as_document(sample_result()))
     assert bad.headline.startswith("1 of ")
     assert "Worst: reaction angle at B (mujoco, contact)" in bad.headline
     assert good.headline.startswith("All ")
@@ -163,7 +165,7 @@ def test_junit_fails_what_disagrees_with_its_numbers_and_passes_what_is_known(
 
 def test_the_terminal_table_is_ascii_fits_eighty_columns_and_says_the_verdict(disagreeing: dict[str, Any]) -> None:
     out = io.StringIO()
-    print_table(disagreeing, Console(file=out, width=80))
+    print_table(as_document(disagreeing), Console(file=out, width=80))
     lines = out.getvalue().splitlines()
     assert out.getvalue().isascii()
     assert max(map(len, lines)) <= 80
@@ -199,8 +201,8 @@ def test_flagged_angles_break_the_curves_and_say_why(tmp_path: Path) -> None:
         for side in ("analytic", "simulated"):
             for values in run[side].values():
                 values[4] = values[5] = None
-    summary = summarise(result)
-    gamma = next(f for f in figures(result, summary) if f.name == "gamma_B")
+    summary = summarise(as_document(result))
+    gamma = next(f for f in figures(as_document(result), summary) if f.name == "gamma_B")
     line = next(s for s in gamma.series if s.name == "analytic, equilibrium")
     assert line.y[4] is None
     path = max(
@@ -214,10 +216,10 @@ def test_flagged_angles_break_the_curves_and_say_why(tmp_path: Path) -> None:
 
 def test_a_free_drive_is_shown_over_time(tmp_path: Path) -> None:
     result = swinging()
-    summary = summarise(result)
+    summary = summarise(as_document(result))
     assert all(row.at.endswith(" s") for row in summary.runs[0].rows if row.maximum)
-    assert {f.x.title for f in figures(result, summary)} == {"time (s)"}
-    assert exaggeration(result["mechanism"], result["runs"][0]) == 1
+    assert {f.x.title for f in figures(as_document(result), summary)} == {"time (s)"}
+    assert exaggeration(as_document(result).mechanism, as_document(result).runs[0]) == 1
     write_report(result, tmp_path)
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
     assert "pendulum" in text
@@ -244,15 +246,14 @@ def test_a_signal_with_nothing_to_compare_is_a_dash_and_not_a_zero(tmp_path: Pat
     ],
 )
 def test_names_from_files_are_only_ever_text(nasty: str, tmp_path: Path) -> None:
-    text = json.dumps(sample_result()).replace("coupler", "COUPLER")
-    result = json.loads(
-        text.replace("COUPLER", json.dumps(nasty)[1:-1])
-        .replace('"B"', json.dumps(nasty))
-        .replace("_B_", f"_{json.dumps(nasty)[1:-1]}_")
-    )
-    result |= {"case": nasty, "warnings": [nasty], "command": f"compare {nasty}"}
-    result["mechanism"]["name"] = nasty
-    result["runs"][0]["flags"] = {"0": nasty}
+    result = sample_result(engines=("mujoco", "exudyn"))
+    result |= {"case": nasty, "warnings": [nasty], "command": f"compare {nasty}", "words": nasty}
+    result["mechanism"]["name"] = nasty if nasty.isprintable() else "printable"
+    result["versions"][nasty] = nasty
+    run = result["runs"][0]
+    run |= {"flags": {"0": nasty}, "settings": {nasty: nasty}, "simulator": {"name": nasty, "version": nasty}}
+    run["discrepancies"][0] |= {"verdict": "known", "reason": nasty}
+    run["because"] = {"assumption": "unknown", "joint": None, "words": nasty}
     files = write_report(result, tmp_path)
     assert all(f.parent == tmp_path for f in files)
     for file in files:
@@ -263,7 +264,14 @@ def test_names_from_files_are_only_ever_text(nasty: str, tmp_path: Path) -> None
     markdown = (tmp_path / "report.md").read_text(encoding="utf-8")
     tables = [line for line in markdown.splitlines() if line.startswith("| Reaction")]
     assert {len(re.findall(r"(?<!\\)\|", line)) for line in tables} <= {6, 8}
-    print_table(result, Console(file=io.StringIO(), width=80))
+    print_table(as_document(result), Console(file=io.StringIO(), width=80))
+
+
+def test_names_that_no_mechanism_may_have_are_refused_when_a_result_is_read(tmp_path: Path) -> None:
+    text = json.dumps(sample_result()).replace("coupler", "<!--")
+    (tmp_path / "result.json").write_text(text, encoding="utf-8")
+    with pytest.raises(DocumentError, match="a name is made of letters, digits"):
+        CrossCheck.read(tmp_path / "result.json")
 
 
 def test_the_page_asks_for_nothing_outside_itself(report: Path) -> None:
@@ -294,20 +302,21 @@ def test_markdown_is_escaped() -> None:
 
 
 def test_a_signal_is_looked_up_and_not_parsed() -> None:
-    mechanism = {"joint": [{"name": "x_y", "bodies": []}], "body": [{"name": "reaction_x"}]}
-    named = quantities(mechanism)
+    text = dumps(load("paper")).replace("coupler", "reaction_x").replace('"B"', '"x_y"').replace("B = ", "x_y = ")
+    named = quantities(loads(text))
+    assert named["reaction_x_x"].label == "position x of reaction_x"
+    assert named["reaction_x_y_x"].label == "reaction x at x_y"
     assert named["reaction_x_y_y"].label == "reaction y at x_y"
-    assert named["reaction_x_angle"].label == "angle of reaction_x"
 
 
 # ------------------------------------------------------------------ figures
 
 
 def test_the_drawn_gap_is_the_clearance_times_the_factor_that_the_title_gives(disagreeing: dict[str, Any]) -> None:
-    summary = summarise(disagreeing)
-    figure = linkage_figure(disagreeing, summary)
+    summary = summarise(as_document(disagreeing))
+    figure = linkage_figure(as_document(disagreeing), summary)
     assert figure is not None
-    factor = exaggeration(disagreeing["mechanism"], disagreeing["runs"][1])
+    factor = exaggeration(as_document(disagreeing).mechanism, as_document(disagreeing).runs[1])
     assert factor > 1
     assert f"gaps drawn {factor} times as large" in figure.title
     assert "30 deg" in figure.title
@@ -351,7 +360,11 @@ def test_a_curve_is_drawn_where_its_axes_say() -> None:
 
 
 def test_the_same_difference_is_drawn_that_is_judged(disagreeing: dict[str, Any]) -> None:
-    figure = next(f for f in figures(disagreeing, summarise(disagreeing)) if f.name == f"difference_{WRONG}")
+    figure = next(
+        f
+        for f in figures(as_document(disagreeing), summarise(as_document(disagreeing)))
+        if f.name == f"difference_{WRONG}"
+    )
     contact = next(s for s in figure.series if s.role == "contact")
     worst = max((v for v in contact.y if v is not None), key=abs)
     judged = next(d for d in disagreeing["runs"][-1]["discrepancies"] if d["signal"] == WRONG)
@@ -369,7 +382,9 @@ def test_marks_lie_in_the_turn_of_the_line_at_every_sample() -> None:
     for run in result["runs"]:
         gamma = run["simulated"]["reaction_B_angle"]
         run["simulated"]["reaction_B_angle"] = [v - 2 * math.tau * (i > 9) for i, v in enumerate(gamma)]
-    line, *marks = next(f for f in figures(result, summarise(result)) if f.name == "gamma_B").series
+    line, *marks = next(
+        f for f in figures(as_document(result), summarise(as_document(result))) if f.name == "gamma_B"
+    ).series
     loose = next(s for s in (line, *marks) if s.name == "analytic, equilibrium")
     contact = next(s for s in marks if s.role == "contact")
     assert contact.y == pytest.approx(loose.y, abs=1.0)
@@ -379,7 +394,7 @@ def test_thinning_a_path_keeps_its_shape() -> None:
     angle = np.linspace(0.0, math.tau, 20_001)
     x, y = 1e-3 * np.cos(angle), 1e-3 * np.sin(angle)
     x[7000] = y[7000] = 0.0  # one free flight
-    thin_x, thin_y = thinned(x.tolist(), y.tolist(), 2e-3)
+    thin_x, thin_y = thinned(x, y, 2e-3)
     assert len(thin_x) < 3500
     assert (0.0, 0.0) in set(zip(thin_x, thin_y, strict=True))
     steps = np.hypot(np.diff(thin_x), np.diff(thin_y))
@@ -404,7 +419,7 @@ def test_small_axes_name_their_power_of_ten() -> None:
 @pytest.mark.parametrize("case", ["slider-crank", "paper"])
 def test_every_joint_has_its_name_in_the_drawing(case: str) -> None:
     result = sample_result(case)
-    figure = linkage_figure(result, summarise(result))
+    figure = linkage_figure(as_document(result), summarise(as_document(result)))
     assert figure is not None
     assert sorted(name for series in figure.series for name in series.labels) == sorted(
         j["name"] for j in result["mechanism"]["joint"]
@@ -416,8 +431,7 @@ def test_a_body_is_drawn_from_its_marker_where_its_position_is_measured() -> Non
     m = load("paper")
     marked = m.with_body("coupler", com=(0.25, 0.0), marker=(0.2, 0.0))
     for each in (m, marked):
-        plain = each.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json")
-        (coupler,) = (body for body in parts(plain)["bodies"] if body["name"] == "coupler")
+        (coupler,) = (body for body in parts(each)["bodies"] if body["name"] == "coupler")
         motion = kinematics(Assembly(each), np.array([0.5]))
         at, turn = complex(motion.position("coupler")[0]), np.exp(1j * motion.angle("coupler")[0])
         for joint in ("A", "B"):

@@ -15,8 +15,7 @@ import pytest
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import load
-from compare.crosscheck import Job, crosscheck
-from compare.files import to_json
+from compare.crosscheck import Job, crosscheck_job
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import FREE_TIME, default_angles
 from compare.judge.tolerances import Known
@@ -43,7 +42,7 @@ def written(case: str, motion: Motion = "driven", clearance: dict[str, float] | 
         job |= {"time": FREE_TIME}
     else:
         job = {"theta": default_angles(Assembly(mechanism))[::4]} | job
-    return json.loads(to_json(crosscheck(Job(mechanism, ("mujoco",), TOLERANCES, motion=motion, **job))))
+    return json.loads(crosscheck_job(Job(mechanism, ("mujoco",), TOLERANCES, motion=motion, **job)).to_json())
 
 
 @pytest.fixture(scope="module")
@@ -110,11 +109,11 @@ def test_several_engines_a_failure_and_a_known_difference_are_in_the_schema() ->
     job = Job(
         mechanism,
         tuple(engines),
-        TOLERANCES | {"known": (known,)},
+        TOLERANCES.with_known(known),
         motion="static",
         theta=np.radians(np.arange(20.0, 161.0, 20.0)),
     )
-    result = json.loads(to_json(crosscheck(job, resolve=lambda name: engines[name])))
+    result = json.loads(crosscheck_job(job, resolve=lambda name: engines[name]).to_json())
     assert faults(result) == []
     assert {"spread", "odd_one_out", "words"} <= set(result)
     assert len(result["failures"]) == 2

@@ -14,12 +14,14 @@ import pytest
 
 from compare.faults import OptionError
 from compare.files import to_json
-from compare.report.provenance import Result, explain, read_result
+from compare.report.provenance import explain
+from compare.results.crosscheck import CrossCheck
+from compare.results.document import DocumentError
 from sample_result import sample_result, swinging
 
 
-def loaded(raw: dict[str, Any]) -> Result:
-    return Result.model_validate(json.loads(to_json(raw)))
+def loaded(raw: dict[str, Any]) -> CrossCheck:
+    return CrossCheck.model_validate(json.loads(to_json(raw)))
 
 
 PAPER = sample_result()
@@ -214,8 +216,8 @@ def test_a_file_that_is_no_result_is_refused(fault: str, tmp_path: Path) -> None
     path = tmp_path / "result.json"
     if text is not None:
         path.write_text(text, encoding="utf-8")
-    with pytest.raises(OptionError) as caught:
-        read_result(path)
+    with pytest.raises(DocumentError) as caught:
+        CrossCheck.read(path)
     assert str(caught.value).startswith(f"{path}: ")
     assert words in str(caught.value)
     assert "give the result.json of a cross-check" in str(caught.value)

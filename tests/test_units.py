@@ -11,7 +11,7 @@ import pytest
 
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load, shipped_cases
-from compare.crosscheck import Job, crosscheck
+from compare.crosscheck import Job, crosscheck_job
 from compare.evidence.baseline.runs import setups
 from compare.evidence.validation.scales import Scale, linkage, scale_rows, scales
 from compare.judge.discrepancy import load_tolerances
@@ -108,7 +108,7 @@ def test_a_crank_rocker_of_a_twentieth_agrees(name: str) -> None:
     """2.5 mm of crank at 60 rad/s: inertias of 3e-12 kg.m2, which an engine once raised to 1e-10."""
     m = linkage(Scale(0.006, 60.0, 1.0))
     assert min(b.moment_of_inertia for b in m.bodies) < 3e-12
-    result = crosscheck(
+    result = crosscheck_job(
         Job(
             m.replace(gravity=(0.0, 0.0), loads=()).with_clearances({}),
             (installed(name),),
@@ -116,7 +116,7 @@ def test_a_crank_rocker_of_a_twentieth_agrees(name: str) -> None:
             theta=TURN,
         )
     )
-    assert result["verdict"] == "agrees"
+    assert result.verdict == "agrees"
 
 
 @pytest.mark.parametrize("ratio", [1e-9, 1e-3, 1e3])
@@ -131,7 +131,7 @@ def test_masses_of_nine_decades_agree_or_are_refused(name: str, ratio: float) ->
             TURN[::2],
             joint_model="ideal",
         )  # type: ignore[arg-type]
-        assert crosscheck(job)["verdict"] == "agrees"
+        assert crosscheck_job(job).verdict == "agrees"
 
 
 def test_at_rest_unequal_masses_are_weights_on_equal_ones() -> None:

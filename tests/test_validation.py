@@ -17,7 +17,7 @@ from compare.evidence.validation.runs import drawn, first_order
 from compare.evidence.validation.scales import checked
 from compare.evidence.validation.stored import differences, looked_at, other_versions, read, stale_page
 from compare.faults import OptionError
-from sample_result import sample_result
+from sample_result import as_document, sample_result
 
 REPORTS = Path(__file__).parents[1] / "reports"
 STORED = read(REPORTS / "validation.json")
@@ -57,7 +57,7 @@ def test_the_committed_page_and_first_order_table_are_those_of_the_committed_num
 
 
 def test_every_picture_that_the_page_shows_is_drawn() -> None:
-    drawings = {f"figures/paper-{name}.svg" for name in drawn(sample_result("paper"))}
+    drawings = {f"figures/paper-{name}.svg" for name in drawn(as_document(sample_result("paper")))}
     assert drawings == {
         line.split("](")[1].rstrip(")") for line in page(STORED).splitlines() if "](figures/paper-" in line
     }

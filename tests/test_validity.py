@@ -24,13 +24,16 @@ from jsonschema import Draft202012Validator
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load
-from compare.crosscheck import Job, crosscheck
-from compare.domain_map.cell import Cell, examine
+from compare.crosscheck import Job, crosscheck_job
+from compare.domain_map.cell import Task, examined, judged
 from compare.domain_map.map import RPM, Grid, cells, clearance_joints, summarised, versions
+from compare.files import to_json
+from compare.judge.assumptions import Examined
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import default_angles
 from compare.report.validity_figure import BOUNDARIES, draw
 from compare.report.validity_text import brief, percent
+from compare.results.validity import Cell, Failed, Validity
 from planted import Planted, truth, turned
 from sim_models.engine import ENGINES, declared, installed_version
 
@@ -55,7 +58,7 @@ def grid(
 def one(case: str, rpm: float, clearance: float, simulator: str = "mujoco") -> dict[str, Any]:
     """A cell of a shipped case."""
     (run,) = cells(grid(load(case), (rpm,), (clearance,), simulator))
-    return examine(run)
+    return examined(run).model_dump()
 
 
 # ---------------------------------------------------------------- verdicts that must come out
@@ -70,7 +73,7 @@ def test_the_papers_case_agrees_at_its_own_speed_and_first_order_does_not(simula
     assert found["verdict"] == "agrees"
     assert found["agreeing_share"] == 1
     assert found["free_share"] == {"B": 0}
-    assert found["fails"] == ["first-order"]
+    assert found["fails"] == ("first-order",)
     assert found["cause"] is None
 
 
@@ -97,7 +100,7 @@ def test_a_contact_that_yields_more_than_the_clearance_is_the_cause() -> None:
     assert found["cause"] == "rigid"
     stiff = load("paper").with_joint("B", contact_stiffness=1e9)
     (run,) = cells(grid(stiff, (600.0,), (1e-5,)))
-    again = examine(run)
+    again = examined(run).model_dump()
     assert again["give"] < found["give"] / 50
     assert again["cost"]["rigid"] < found["cost"]["rigid"] / 10
 
@@ -115,25 +118,32 @@ def test_the_contacts_give_explains_by_how_much_the_simulation_is_off() -> None:
 
 def test_a_simulation_that_cannot_be_made_is_a_failed_cell() -> None:
     (run,) = cells(grid(load("crank-rocker"), (60.0,), (0.099,)))
-    assert set(examine(run)) == {"failure"}
-    assert "cannot be reached" in examine(run)["failure"]
+    found = examined(run)
+    assert isinstance(found, Failed)
+    assert "cannot be reached" in found.failure
 
 
 # ---------------------------------------------------------------- what assumptions cost
 
 
-def planted(rpm: float, clearance: float, fault: Callable[[Any], Any] = truth) -> Cell:
+def planted(rpm: float, clearance: float, fault: Callable[[Any], Any] = truth) -> Examined:
     """A cell of the paper's case in an engine that says what the equilibrium says, but for a fault."""
     linkage = grid(load("paper"), (rpm,), (clearance,)).linkage(rpm * RPM, clearance)
     job = Job(linkage, ("planted",), TOLERANCES, theta=default_angles(Assembly(linkage)), joint_model="contact")
-    run = crosscheck(job, resolve=lambda name: Planted(fault, supports=DRIVEN))["runs"][0]
-    return Cell(linkage, job.theta, run, TOLERANCES)
+    run = crosscheck_job(job, resolve=lambda name: Planted(fault, supports=DRIVEN)).runs[0]
+    return Examined(linkage, job.theta, run, TOLERANCES)
+
+
+def verdict(held: Examined) -> dict[str, Any]:
+    """The cell of a map that such a run makes."""
+    (task,) = cells(grid(load("paper"), (15.0,), (1e-4,)))
+    return judged(task, held).model_dump()
 
 
 def test_an_engine_that_says_the_same_agrees_and_one_that_is_turned_does_not() -> None:
-    same = planted(15.0, 1e-4).verdict()
+    same = verdict(planted(15.0, 1e-4))
     assert (same["verdict"], same["agreeing_share"], same["cause"]) == ("agrees", 1.0, None)
-    other = planted(15.0, 1e-4, turned("E", 0.01)).verdict()
+    other = verdict(planted(15.0, 1e-4, turned("E", 0.01)))
     assert (other["verdict"], other["agreeing_share"], other["cause"]) == (
         "disagrees",
         0.0,
@@ -149,7 +159,7 @@ def test_a_fault_at_some_angles_is_found_at_those() -> None:
         torque[[4, 9, 20]] += 1.0
         return signals | {"drive_torque": torque}
 
-    found = planted(15.0, 1e-4, at_three).verdict()
+    found = verdict(planted(15.0, 1e-4, at_three))
     assert found["agreeing_share"] == pytest.approx(26 / 29)
     assert found["worst"]["signal"] == "drive_torque"
 
@@ -191,40 +201,44 @@ def test_a_cell_is_plain_data_with_one_contact_law_for_every_engine() -> None:
         Grid(load("six-bar"), ("B", "F"), (1.0, 2.0), (1e-4, 2e-4, 3e-4), ("mujoco", "exudyn"), "contact", TOLERANCES)
     )
     assert len(runs) == 12
-    assert json.loads(json.dumps(runs)) == runs
+    assert [Task.model_validate(json.loads(to_json(run.model_dump()))).model_dump_json() for run in runs] == [
+        run.model_dump_json() for run in runs
+    ]
     backwards = load("six-bar").replace(drive={"joint": "D", "speed": -3.0})
-    assert Mechanism.model_validate(cells(grid(backwards, (60.0,), (1e-4,)))[0]["mechanism"]).speed == pytest.approx(
-        -2 * math.pi
-    )
+    assert cells(grid(backwards, (60.0,), (1e-4,)))[0].mechanism.speed == pytest.approx(-2 * math.pi)
     for run in runs:
-        m = Mechanism.model_validate(run["mechanism"])
-        assert m.speed == run["speed"]
-        assert m.clearances == {"B": run["clearance"], "F": run["clearance"]}
+        m = run.mechanism
+        assert m.speed == run.speed
+        assert m.clearances == {"B": run.clearance, "F": run.clearance}
         assert all(m.joint(name).contact_stiffness == 1e7 and m.joint(name).contact_damping for name in "BF")
 
 
 # ---------------------------------------------------------------- the map
 
 
-def made_up(verdicts: list[list[str | None]]) -> dict[str, Any]:
-    """validity.json of a map, speeds by clearances, whose cells agree, disagree or (None) failed."""
+def made_up(verdicts: list[list[str | None]]) -> Validity:
+    """A map, speeds by clearances, whose cells agree, disagree or (None) failed."""
     over = grid(
         load("crank-rocker"),
         tuple(60.0 * (i + 1) for i in range(len(verdicts))),
         tuple(1e-4 * (j + 1) for j in range(len(verdicts[0]))),
     )
-    runs = cells(over)
+    tasks = cells(over)
     base = one("paper", 15.0, 1e-3) | {"fails": []}
-    found = [
-        {"failure": "it diverged"} if v is None else base | {"verdict": v, "agreeing_share": float(v == "agrees")}
-        for column in verdicts
-        for v in column
-    ]
-    return summarised(over, "as asked", runs, found) | {"command": "compare validity", "warnings": []}
+
+    def cell(task: Task, verdict: str | None) -> Cell | Failed:
+        if verdict is None:
+            return task.failed("it diverged")
+        place = {"speed": task.speed, "clearance": task.clearance, "simulator": task.simulator}
+        agreeing = {"verdict": verdict, "agreeing_share": float(verdict == "agrees")}
+        return Cell.model_validate(base | place | agreeing)
+
+    found = [cell(task, v) for task, v in zip(tasks, (v for column in verdicts for v in column), strict=True)]
+    return summarised(over, tasks, found)
 
 
 def test_the_boundary_is_drawn_between_cells_that_differ_and_nowhere_else() -> None:
-    def solid(result: dict[str, Any]) -> list[str]:
+    def solid(result: Validity) -> list[str]:
         stroke = BOUNDARIES[0][2]
         root = ET.fromstring(draw(result).replace(stroke, 'data-solid="yes"'))
         return [p.attrib["d"] for p in root.iter("{http://www.w3.org/2000/svg}path") if p.attrib.get("data-solid")][
@@ -239,14 +253,14 @@ def test_the_boundary_is_drawn_between_cells_that_differ_and_nowhere_else() -> N
 
 def test_a_map_says_up_to_which_speed_the_model_holds() -> None:
     result = made_up([["agrees", "agrees"], ["agrees", "disagrees"], ["disagrees", "agrees"]])
-    found = result["holds_up_to"]["mujoco"]["equilibrium"]
+    found = result.holds_up_to["mujoco"].equilibrium
     assert [round(speed / RPM) for speed in found] == [120, 60]
-    assert made_up([["disagrees"], ["agrees"]])["holds_up_to"]["mujoco"]["equilibrium"] == [None]
+    assert made_up([["disagrees"], ["agrees"]]).holds_up_to["mujoco"].equilibrium == (None,)
 
 
 def test_shares_are_never_rounded_to_none_or_all() -> None:
     assert [percent(v) for v in (0.0, 0.0004, 0.004, 0.2, 0.9996, 1.0)] == ["0", "0.1", "0.4", "20", "99.9", "100"]
-    assert brief({"failure": "x"}) == "failed"
+    assert brief(Failed(simulator="x", speed=1.0, clearance=1e-4, failure="x")) == "failed"
 
 
 # ---------------------------------------------------------------- the command
@@ -258,7 +272,12 @@ def test_the_command_writes_a_map_that_meets_its_schema(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "reports" / "paper-validity-speeds=600,15-clearances=1e-2,1e-4"
-    assert sorted(path.name for path in folder.iterdir()) == ["validity.json", "validity.md", "validity.svg"]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "validity.csv",
+        "validity.json",
+        "validity.md",
+        "validity.svg",
+    ]
     result = json.loads((folder / "validity.json").read_text(encoding="utf-8"))
     Draft202012Validator.check_schema(SCHEMA)
     Draft202012Validator(SCHEMA).validate(result)

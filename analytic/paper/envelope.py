@@ -48,7 +48,7 @@ class Output:
         return self.body if self.point == "com" else f"{self.body}.{self.point}"
 
     @property
-    def unit(self) -> str:
+    def unit(self) -> Literal["m", "rad"]:
         """``m`` or ``rad``."""
         return "rad" if self.axis == "angle" else "m"
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from compare.cli.options import engines_named, load_case
+from compare.cli.options import load_case, said
 from compare.faults import Exit, complaints
 from compare.files import file_name, output_folder, write_atomically
 
@@ -56,12 +56,14 @@ def _each(case: str | None, simulator: str | None, work: Callable[[Mechanism, st
     """Work on every pair of case and engine, whatever becomes of the others; leave with the gravest status."""
     with complaints():
         from analytic.mechanism.file import shipped_cases
+        from compare.arguments import engines
 
         mechanisms = [load_case(name) for name in ([case] if case is not None else shipped_cases())]
-        engines = engines_named(simulator or "all")
+        names, left_out = engines(simulator or "all")
+        said(left_out)
     worst = Exit.AGREES
     for mechanism in mechanisms:
-        for engine in engines:
+        for engine in names:
             try:
                 with complaints():
                     status = Exit.AGREES if work(mechanism, engine) else Exit.DISAGREES

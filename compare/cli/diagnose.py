@@ -1,4 +1,4 @@
-"""``compare diagnose`` and ``compare effects``."""
+"""``compare diagnose``: which effect the model lacks."""
 
 from __future__ import annotations
 
@@ -84,34 +84,3 @@ def publish(result: dict[str, Any], explained: Any, folder: Path, json: bool) ->
     for line in terminal_lines(result):
         typer.echo(line)
     typer.echo(f"report: {folder / 'diagnosis.html'}")
-
-
-def effects(json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False) -> None:
-    """List the vocabulary of effects: parameters, units, and which installed engines represent each."""
-    with complaints():
-        from compare.diagnose.confirm import represents
-        from compare.diagnose.effects.vocabulary import VOCABULARY
-        from compare.report.diagnosis_words import says
-        from sim_models.engine import ENGINES, declared
-
-        rows = []
-        for effect in VOCABULARY.values():
-            rows.append(
-                {
-                    "name": effect.name,
-                    "says": says(effect.name, "<where>"),
-                    "parameters": [{"name": p.name, "unit": p.unit or "of the signal"} for p in effect.parameters],
-                    "simulators": [n for n in ENGINES if represents(declared(n), effect)],
-                }
-            )
-        if json:
-            typer.echo(to_json({"schema": 1, "effects": rows}))
-            return
-        for row in rows:
-            typer.echo(_listed(row))
-
-
-def _listed(row: dict[str, Any]) -> str:
-    """An effect in two lines."""
-    values = ", ".join(f"{p['name']} [{p['unit']}]" for p in row["parameters"])
-    return f"{row['name']:<18} {row['says']}\n{'':<18} {values}; simulated by {', '.join(row['simulators'])}"

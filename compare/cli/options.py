@@ -1,11 +1,10 @@
-"""What several commands take: choices, engines by name, clearances by joint."""
+"""What several commands take: choices, lists, clearances by joint, as they were typed."""
 
 from __future__ import annotations
 
-import os
-import warnings
+from collections.abc import Iterable
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +12,12 @@ from compare.faults import OptionError, reason
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
+
+
+Json = Annotated[
+    bool, typer.Option("--json", help="Print the result file (JSON) to standard output, and nothing else there.")
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing to standard output; the files are written.")]
 
 
 class JointChoice(StrEnum):
@@ -76,15 +81,9 @@ def load_case(case: str, clearance: str | None = None) -> Mechanism:
     It is proven here that it can be assembled, where the file is known that says it.  Raises MechanismError or
     OptionError.
     """
-    from analytic.kinematics.assembly import Assembly, AssemblyError
-    from analytic.kinematics.structure import StructureError
-    from analytic.mechanism.file import MechanismError, load
+    from compare.arguments import linkage
 
-    mechanism = load(case)
-    try:
-        Assembly(mechanism)
-    except (AssemblyError, StructureError) as error:
-        raise MechanismError(f"{case}: {error}") from None
+    mechanism = linkage(case)
     if clearance is None:
         return mechanism
     given = metres_by_joint(clearance, "--clearance", mechanism)
@@ -94,36 +93,7 @@ def load_case(case: str, clearance: str | None = None) -> Mechanism:
         raise OptionError(f"--clearance {clearance}: {reason(error)}") from None
 
 
-def engines_named(name: str) -> tuple[str, ...]:
-    """The engine of that name, or for ``all`` every installed one, saying which are left out.
-
-    Raises Unsupported for an unknown name, SimulatorMissing where none is installed.
-    """
-    from sim_models.engine import ENGINES, SimulatorMissing, engine
-
-    if name != "all":
-        return (engine(name).name,)
-    found = []
-    for each in ENGINES:
-        try:
-            found.append(engine(each).name)
-        except SimulatorMissing as missing:
-            typer.echo(f"left out: {missing}", err=True)
-    if not found:
-        raise SimulatorMissing(f"no simulator is installed; run: pip install 'linkage-crosscheck[{ENGINES[0]}]'")
-    return tuple(found)
-
-
-def rigidly_and_evenly_driven(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with a drive as cross-checks have it; warns of what its own has besides."""
-    drive = mechanism.drive
-    for field, checks in (("stiffness", "are rigid"), ("ripple", "turn evenly")):
-        if drive is not None and getattr(drive, field) is not None:
-            warnings.warn(f"{mechanism.name}: cross-checks {checks}; drive.{field} is left out", stacklevel=3)
-            drive = drive.model_copy(update={field: None})
-    return mechanism if drive is mechanism.drive else mechanism.replace(drive=drive)
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+def said(sentences: Iterable[str]) -> None:
+    """What is left out, on standard error."""
+    for sentence in sentences:
+        typer.echo(sentence, err=True)

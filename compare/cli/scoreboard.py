@@ -12,7 +12,6 @@ from typing import Annotated, Any
 
 import typer
 
-from compare.cli.options import cores
 from compare.faults import Exit, OptionError, complaints
 
 scoreboard = typer.Typer(
@@ -39,6 +38,7 @@ def update(
     where it stopped.
     """
     with complaints():
+        from compare.arguments import cores
         from compare.cli.progress import progress_bar
         from compare.evidence.scoreboard.board import FULL, run_all, seeds
         from compare.files import output_folder
@@ -65,6 +65,7 @@ def check(
 ) -> None:
     """Do a share of the sets again; exit 1 and say which, where the outcome is worse than in the committed report."""
     with complaints():
+        from compare.arguments import cores
         from compare.evidence.scoreboard.board import digest, run_all
 
         board = read(folder / "scoreboard.json")

@@ -23,6 +23,7 @@ def show(
     Exit status: 0 shown, 2 bad input.
     """
     with complaints():
-        from compare.report.provenance import explain, read_result
+        from compare.report.provenance import explain
+        from compare.results.crosscheck import CrossCheck
 
-        typer.echo(explain(read_result(result), signal, at, joint, simulator))
+        typer.echo(explain(CrossCheck.read(result), signal, at, joint, simulator))

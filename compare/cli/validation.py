@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from compare.cli.options import engines_named
+from compare.cli.options import said
 from compare.faults import Exit, complaints
 
 validation = typer.Typer(
@@ -26,13 +26,16 @@ WHERE = Path("reports")
 def update(folder: Folder = WHERE) -> None:
     """Run everything and write README.md, validation.json and figures."""
     with complaints():
+        from compare.arguments import engines
         from compare.evidence.validation.page import page
         from compare.evidence.validation.runs import run_all
         from compare.evidence.validation.scales import scales
         from compare.files import output_folder, to_json, write_together
 
         output_folder(folder / "figures", "--reports")
-        found = run_all(engines_named("all"), scales())
+        names, left_out = engines("all")
+        said(left_out)
+        found = run_all(names, scales())
         drawings = {f"figures/{name}": drawing for name, drawing in found.pop("figures").items()}
         write_together(
             folder, drawings | {"validation.json": to_json(found, indent=1) + "\n", "README.md": page(found)}
@@ -53,12 +56,15 @@ def check(
     Exit status: 0 all as it was, 1 something differs, 2 the report is damaged, 3 a simulator of the report is missing.
     """
     with complaints():
+        from compare.arguments import engines
         from compare.evidence.validation.runs import run_all
         from compare.evidence.validation.scales import checked
         from compare.evidence.validation.stored import differences, looked_at, other_versions, read, stale_page
 
         stored = read(folder / "validation.json")
-        found = run_all(engines_named(simulator or "all"), checked())
+        names, not_installed = engines(simulator or "all")
+        said(not_installed)
+        found = run_all(names, checked())
         changed = [*stale_page(folder / "README.md", stored), *differences(stored, found)]
         for line in [*changed, *other_versions(stored, found)]:
             typer.echo(line)

@@ -1,27 +1,28 @@
-"""The cells of a validity map as plain runs, and what their results come to."""
+"""The cells of a validity map, and what their results come to."""
 
 from __future__ import annotations
 
 import math
 import platform
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Literal
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, Mechanism
-from compare.cli.options import listed_once
-from compare.domain_map.cell import ASSUMPTIONS
-from compare.faults import OptionError
+from compare.domain_map.cell import Task
+from compare.faults import ArgumentError
+from compare.judge.assumptions import ASSUMPTIONS
 from compare.judge.grid import default_angles, turns_fully
-from compare.judge.tolerances import SCALARS
+from compare.judge.tolerances import Tolerances
+from compare.results.validity import Between, Cell, Failed, Law, Limits, Meaning, Validity
 from sim_models.common.contact_laws import contact_parameters
-from sim_models.engine import JointModel, declared, installed_version
+from sim_models.engine import declared, installed_version
 
-SCHEMA = 1
+RealJoint = Literal["massless-link", "spring-damper", "contact"]
 RPM = math.pi / 30  # rad/s
 MEANS = {
     "contact": "the pin never leaves its bearing",
@@ -41,8 +42,10 @@ class Grid:
     speeds: tuple[float, ...]  # rad/s
     clearances: tuple[float, ...]  # m
     simulators: tuple[str, ...]
-    joint_model: JointModel
-    tolerances: Mapping[str, Any]
+    joint_model: RealJoint
+    tolerances: Tolerances
+    joints_are: str = "as asked"  # why these joints
+    warnings: tuple[str, ...] = ()
 
     def linkage(self, speed: float, clearance: float) -> Mechanism:
         """The mechanism of a cell: driven the way that it is, and its contact as stiff and as damped in every
@@ -59,17 +62,16 @@ class Grid:
         return found
 
 
-def clearance_joints(mechanism: Mechanism, at: str | None) -> tuple[tuple[str, ...], str]:
-    """The joints that carry the clearance, and why these.  Raises OptionError."""
+def clearance_joints(mechanism: Mechanism, at: Sequence[str] | None) -> tuple[tuple[str, ...], str]:
+    """The joints that carry the clearance, and why these.  Raises ArgumentError."""
     pins = [joint.name for joint in mechanism.joints if not joint.prismatic]
     if at is not None:
-        joints = listed_once(at, "--at")
-        for name in joints:
+        for name in at:
             if name not in pins:
-                raise OptionError(
-                    f"--at {at}: {name!r} is not a revolute joint of {mechanism.name}; they are {', '.join(pins)}"
+                raise ArgumentError(
+                    "joints", f"{name!r} is not a revolute joint of {mechanism.name}; they are {', '.join(pins)}"
                 )
-        return tuple(joints), "as asked"
+        return tuple(dict.fromkeys(at)), "as asked"
     if mechanism.clearances:
         return tuple(mechanism.clearances), "the case's own"
     away = _distances(mechanism)
@@ -94,26 +96,23 @@ def _distances(mechanism: Mechanism) -> dict[str, int]:
     return away
 
 
-def cells(grid: Grid) -> list[dict[str, Any]]:
-    """The runs of a map, engine by engine: everything that a cell's result depends on, as plain data."""
-    assembly = Assembly(grid.mechanism)
-    theta, skip = _angles(assembly)
-    lines = {name: grid.tolerances[name] for name in SCALARS} | {
-        "driven": {grid.joint_model: grid.tolerances["driven"][grid.joint_model]}
-    }
-    linkages = {(w, c): _plain(grid.linkage(w, c)) for w in grid.speeds for c in grid.clearances}
+def cells(grid: Grid) -> list[Task]:
+    """The runs of a map, engine by engine."""
+    theta, skip = _angles(Assembly(grid.mechanism))
+    tolerances = grid.tolerances.only("driven", grid.joint_model)
+    linkages = {(w, c): grid.linkage(w, c) for w in grid.speeds for c in grid.clearances}
     return [
-        {
-            "simulator": simulator,
-            "joint_model": grid.joint_model,
-            "speed": speed,
-            "clearance": clearance,
-            "mechanism": linkages[speed, clearance],
-            "crank_angle": theta.tolist(),
-            "skip": skip,
-            "tolerances": lines,
-            "versions": versions(simulator),
-        }
+        Task(
+            simulator=simulator,
+            joint_model=grid.joint_model,
+            speed=speed,
+            clearance=clearance,
+            mechanism=linkages[speed, clearance],
+            crank_angle=theta,
+            skip=skip,
+            tolerances=tolerances,
+            versions=versions(simulator),
+        )
         for simulator in grid.simulators
         for speed in grid.speeds
         for clearance in grid.clearances
@@ -130,10 +129,6 @@ def _angles(assembly: Assembly) -> tuple[np.ndarray, int]:
     return theta, 0 if turns_fully(assembly) or theta.size == 1 else 1
 
 
-def _plain(mechanism: Mechanism) -> dict[str, Any]:
-    return mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json")
-
-
 def versions(*simulators: str) -> dict[str, str]:
     """Versions of what a result comes from."""
     packages = {name: name for name in ("linkage-crosscheck", "numpy")} | {
@@ -145,132 +140,111 @@ def versions(*simulators: str) -> dict[str, str]:
 # ---------------------------------------------------------------- what they come to
 
 
-def summarised(
-    grid: Grid, chosen: str, runs: Sequence[Mapping[str, Any]], found: Sequence[Mapping[str, Any]]
-) -> dict[str, Any]:
-    """The content of validity.json, but for the command; ``found`` are the results of ``runs``, in their order."""
-    each = [
-        {name: run[name] for name in ("simulator", "speed", "clearance")} | dict(result)
-        for run, result in zip(runs, found, strict=True)
-    ]
-    between = _between(grid, each)
-    return {
-        "schema": SCHEMA,
-        "case": grid.mechanism.name,
-        "mechanism": _plain(grid.mechanism),
-        "versions": {"python": platform.python_version(), **versions(*grid.simulators)},
-        "simulators": list(grid.simulators),
-        "joint_model": grid.joint_model,
-        "motion": "driven",
-        "analytic_model": "equilibrium",
-        "joints": list(grid.joints),
-        "joints_are": chosen,
-        "speeds": list(grid.speeds),
-        "clearances": list(grid.clearances),
-        "crank_angle": runs[0]["crank_angle"][runs[0]["skip"] :],
-        "contact": _contact(grid),
-        "assumptions": {name: {"means": MEANS[name], "examined": name in ASSUMPTIONS} for name in MEANS},
-        "cells": each,
-        "holds_up_to": {
-            name: _holds(grid, [cell for cell in each if cell["simulator"] == name]) for name in grid.simulators
-        },
-        **({"between_simulators": between} if between else {}),
-        "words": _words(grid, each, between),
-    }
+def summarised(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed]) -> Validity:
+    """The map, but for the command and warnings; ``found`` are the cells of ``tasks``, in their order."""
+    between = _between(grid, found)
+    result = Validity(
+        case=grid.mechanism.name,
+        mechanism=grid.mechanism,
+        versions={"python": platform.python_version(), **versions(*grid.simulators)},
+        simulators=grid.simulators,
+        joint_model=grid.joint_model,
+        motion="driven",
+        analytic_model="equilibrium",
+        joints=grid.joints,
+        joints_are=grid.joints_are,
+        speeds=grid.speeds,
+        clearances=grid.clearances,
+        crank_angle=tasks[0].crank_angle[tasks[0].skip :],
+        contact=_contact(grid),
+        assumptions={name: Meaning(means=MEANS[name], examined=name in ASSUMPTIONS) for name in MEANS},
+        cells=tuple(found),
+        holds_up_to={name: _holds(grid, [c for c in found if c.simulator == name]) for name in grid.simulators},
+        words=_words(grid, found, between),
+        command="",
+        warnings=(),
+    )
+    return result.model_copy(update={"between_simulators": between}) if between else result
 
 
-def _contact(grid: Grid) -> dict[str, dict[str, float]]:
+def _contact(grid: Grid) -> dict[str, Law]:
     linkage = grid.linkage(grid.speeds[0], grid.clearances[0])
     laws = {name: linkage.joint(name) for name in grid.joints}
     return {
-        name: {"stiffness": j.contact_stiffness, "damping": j.contact_damping or 0.0}
+        name: Law(stiffness=j.contact_stiffness, damping=j.contact_damping or 0.0)
         for name, j in laws.items()
         if j.contact_stiffness
     }
 
 
-def equation_8_is_enough(cell: Mapping[str, Any]) -> bool:
-    """Whether the paper's formula itself is within tolerance of a simulation that agrees."""
-    return cell.get("verdict") == "agrees" and "first-order" not in cell["fails"]
-
-
-def _holds(grid: Grid, each: Sequence[Mapping[str, Any]]) -> dict[str, list[float | None]]:
+def _holds(grid: Grid, each: Sequence[Cell | Failed]) -> Limits:
     """By clearance the highest speed (rad/s) up to which the equilibrium, and Eq. 8, hold at every speed of the map;
     None if at none.
     """
 
-    def highest(test: Any) -> list[float | None]:
+    def highest(test: Callable[[Cell], bool]) -> tuple[float | None, ...]:
         out: list[float | None] = []
         for clearance in grid.clearances:
             holding: float | None = None
-            for cell in sorted((c for c in each if c["clearance"] == clearance), key=lambda c: c["speed"]):
-                if not test(cell):
+            for cell in sorted((c for c in each if c.clearance == clearance), key=lambda c: c.speed):
+                if isinstance(cell, Failed) or not test(cell):
                     break
-                holding = cell["speed"]
+                holding = cell.speed
             out.append(holding)
-        return out
+        return tuple(out)
 
-    return {
-        "equilibrium": highest(lambda cell: cell.get("verdict") == "agrees"),
-        "first_order": highest(equation_8_is_enough),
-    }
+    return Limits(
+        equilibrium=highest(lambda cell: cell.agrees), first_order=highest(lambda cell: cell.first_order_is_enough)
+    )
 
 
-def _between(grid: Grid, each: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """How far the engines are from one another; empty for one engine."""
-    groups = [
-        [c for c in each if (c["speed"], c["clearance"]) == (w, x) and "verdict" in c]
-        for w in grid.speeds
-        for x in grid.clearances
-    ]
+def _between(grid: Grid, each: Sequence[Cell | Failed]) -> Between | None:
+    """How far the engines are from one another; None for one engine."""
+    judged = [cell for cell in each if isinstance(cell, Cell)]
+    groups = [[c for c in judged if (c.speed, c.clearance) == (w, x)] for w in grid.speeds for x in grid.clearances]
     groups = [group for group in groups if len(group) > 1]
     if not groups:
-        return {}
-    return {
-        "cells": len(groups),
-        "same_verdict": sum(len({cell["verdict"] for cell in group}) == 1 for group in groups),
-        "same_cause": sum(len({(cell["verdict"], cell["cause"]) for cell in group}) == 1 for group in groups),
-        "free_share_spread": max(float(np.ptp([free(cell) for cell in group])) for group in groups),
-        "agreeing_share_spread": max(float(np.ptp([cell["agreeing_share"] for cell in group])) for group in groups),
-    }
+        return None
+    return Between(
+        cells=len(groups),
+        same_verdict=sum(len({cell.verdict for cell in group}) == 1 for group in groups),
+        same_cause=sum(len({(cell.verdict, cell.cause) for cell in group}) == 1 for group in groups),
+        free_share_spread=max(float(np.ptp([cell.free for cell in group])) for group in groups),
+        agreeing_share_spread=max(float(np.ptp([cell.agreeing_share for cell in group])) for group in groups),
+    )
 
 
-def free(cell: Mapping[str, Any]) -> float:
-    """The largest share of the cycle that one of the cell's pins flew free."""
-    return max(cell["free_share"].values(), default=0.0)
-
-
-def _words(grid: Grid, each: Sequence[Mapping[str, Any]], between: Mapping[str, Any]) -> list[str]:
-    out = [_tally(name, [cell for cell in each if cell["simulator"] == name]) for name in grid.simulators]
+def _words(grid: Grid, each: Sequence[Cell | Failed], between: Between | None) -> tuple[str, ...]:
+    out = [_tally(name, [cell for cell in each if cell.simulator == name]) for name in grid.simulators]
     if between:
         out.append(
-            f"{' and '.join(grid.simulators)} give the same verdict in {between['same_verdict']} of {between['cells']}"
-            f" cells and the same cause in {between['same_cause']}; their shares without contact differ by at most"
-            f" {100 * between['free_share_spread']:.2g} % of the cycle"
+            f"{' and '.join(grid.simulators)} give the same verdict in {between.same_verdict} of {between.cells}"
+            f" cells and the same cause in {between.same_cause}; their shares without contact differ by at most"
+            f" {100 * between.free_share_spread:.2g} % of the cycle"
         )
     if _inertia_only(grid.mechanism):
         out.append(
             "nothing but inertia loads this linkage: every force grows with the square of the speed, so that between"
             " rigid parts the speed would change nothing; what does change with it is how far the contact yields"
         )
-    return out
+    return tuple(out)
 
 
-def _tally(simulator: str, mine: Sequence[Mapping[str, Any]]) -> str:
-    agreeing, enough = sum(c.get("verdict") == "agrees" for c in mine), sum(map(equation_8_is_enough, mine))
+def _tally(simulator: str, mine: Sequence[Cell | Failed]) -> str:
+    judged = [cell for cell in mine if isinstance(cell, Cell)]
+    agreeing, enough = sum(c.agrees for c in judged), sum(c.first_order_is_enough for c in judged)
     text = f"{simulator}: the equilibrium agrees in {agreeing} of {len(mine)} cells, and Eq. 8 is enough in {enough}"
-    judged = [c for c in mine if "verdict" in c]
     if judged and not agreeing:
-        best = max(judged, key=lambda c: c["agreeing_share"])
-        where = f"{best['speed'] / RPM:.5g} rpm, {best['clearance'] * 1e3:.4g} mm"
-        text += f", at best at {100 * best['agreeing_share']:.0f} % of the crank angles ({where})"
-    causes = Counter(c["cause"] or "none that was examined" for c in judged if c["verdict"] == "disagrees")
+        best = max(judged, key=lambda c: c.agreeing_share)
+        where = f"{best.speed / RPM:.5g} rpm, {best.clearance * 1e3:.4g} mm"
+        text += f", at best at {100 * best.agreeing_share:.0f} % of the crank angles ({where})"
+    causes = Counter(c.cause or "none that was examined" for c in judged if not c.agrees)
     if causes:
         text += (
             "; where it does not agree, the cause is"
             f" {', '.join(f'{cause} ({n})' for cause, n in causes.most_common())}"
         )
-    failed = sum("failure" in c for c in mine)
+    failed = len(mine) - len(judged)
     return text + (f"; {failed} could not be simulated" if failed else "")
 
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, permutations
-from typing import Any
 
 import numpy as np
 
 from analytic.mechanism import Mechanism
 from compare.judge.discrepancy import ANGULAR, Rule, difference
 from compare.judge.signals import UNITS, Kind, compared
+from compare.results.crosscheck import Run
+from compare.results.crosscheck import Spread as Widest
 
 ANALYTIC = "analytic"
 
@@ -27,6 +28,15 @@ class Spread:
     max: float
     at: int
     between: tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Attribution:
+    """What several engines say together: their spread by signal, who stands apart (or None), and that in words."""
+
+    spread: Mapping[str, Widest]
+    odd_one_out: str | None
+    words: str
 
 
 @dataclass(frozen=True)
@@ -82,42 +92,34 @@ def odd_one_out(found: Sequence[Apart]) -> str | None:
     return counts[0][1] if counts and counts[0][0] >= 3 * counts[1][0] else None
 
 
-def attribute(judged: Sequence[tuple[Mapping[str, Any], Mapping[str, Rule]]], mechanism: Mechanism) -> dict[str, Any]:
-    """The part of a result that only several engines have: ``spread``, ``odd_one_out`` and ``words``.
+def attribute(judged: Sequence[tuple[Run, Mapping[str, Rule]]], mechanism: Mechanism) -> Attribution:
+    """What only several engines can say: how far they are spread, and which party stands apart.
 
     ``judged`` are the result's runs with the rules by which each was held to the analytic side; engines are compared
     within each joint model, by the widest rule among them.
     """
     runs = [run for run, _ in judged]
-    widest: dict[str, dict[str, Any]] = {}
+    widest: dict[str, Widest] = {}
     apart: list[Apart] = []
-    for joint_model in dict.fromkeys(run["joint_model"] for run in runs):
-        group = [run for run in runs if run["joint_model"] == joint_model]
-        rules = [rule for run, rule in judged if run["joint_model"] == joint_model]
-        theta, analytic = group[0]["crank_angle"], group[0]["analytic"]
-        for name, kind in compared(mechanism, group[0]["clearance"]).items():
+    for joint_model in dict.fromkeys(run.joint_model for run in runs):
+        group = [run for run in runs if run.joint_model == joint_model]
+        rules = [rule for run, rule in judged if run.joint_model == joint_model]
+        theta, analytic = group[0].crank_angle, group[0].analytic
+        for name, kind in compared(mechanism, group[0].clearance).items():
             tolerance = np.max([rule[name].tolerance(name, analytic) for rule in rules], axis=0)
-            engines = {run["simulator"]["name"]: run["simulated"][name] for run in group}
+            engines = {run.simulator.name: run.simulated[name] for run in group}
             wide = spread(kind, engines, tolerance)
             if wide is None:
                 continue
-            if name not in widest or wide.max > widest[name]["max"]:
-                widest[name] = {
-                    "max": wide.max,
-                    "at_crank_angle": float(theta[wide.at]),
-                    "between": list(wide.between),
-                    "joint_model": joint_model,
-                }
+            if name not in widest or wide.max > widest[name].max:
+                at = float(theta[wide.at])
+                widest[name] = Widest(max=wide.max, at_crank_angle=at, between=wide.between, joint_model=joint_model)
             found = stands_apart(name, kind, {ANALYTIC: analytic[name], **engines}, tolerance)
             if found is not None:
                 apart.append(found)
     odd = odd_one_out(apart)
-    differ = any(run["verdict"] == "disagrees" for run in runs)
-    return {
-        "spread": widest,
-        "odd_one_out": odd,
-        "words": _words(odd, apart, differ) if widest else "nothing could be compared",
-    }
+    differ = any(run.verdict == "disagrees" for run in runs)
+    return Attribution(widest, odd, _words(odd, apart, differ) if widest else "nothing could be compared")
 
 
 def _words(odd: str | None, apart: Sequence[Apart], differ: bool) -> str:

@@ -14,11 +14,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from compare.judge.discrepancy import Rule
+from compare.results.crosscheck import Discrepancy, Run
 from compare.runs import Failure
 from sim_models.common.contact_laws import default_stiffness
 from sim_models.common.failed_starts import STIFF
@@ -38,7 +38,7 @@ class Judged:
     """A run that was judged: its trace, its entry in the result, and the rules that it was judged by."""
 
     trace: Trace
-    run: dict[str, Any]
+    run: Run
     rules: dict[str, Rule]
 
     @property
@@ -46,25 +46,23 @@ class Judged:
         """The largest disagreement, in tolerances; 0 where the run agrees, infinite where no number says how far it is
         off.
         """
-        worst = [
-            (abs(d["max"]) / d["tolerance"] if d["tolerance"] and not d.get("reason") else math.inf) for d in self._off
-        ]
-        return max((share if math.isfinite(share) else math.inf for share in worst), default=0.0)
+        shares = [math.inf if d.reason or d.share is None else d.share for d in self._off]
+        return max(shares, default=0.0)
 
     @property
     def soft(self) -> float:
         """How far a pin is seen beyond its rim, in clearances."""
-        return max((depth / self.run["clearance"][joint] for joint, depth in beyond_rim(self.run).items()), default=0.0)
+        return max((depth / self.run.clearance[joint] for joint, depth in beyond_rim(self.run).items()), default=0.0)
 
     @property
-    def _off(self) -> list[dict[str, Any]]:
-        return [d for d in self.run["discrepancies"] if d["verdict"] == "disagrees"]
+    def _off(self) -> list[Discrepancy]:
+        return [d for d in self.run.discrepancies if d.verdict == "disagrees"]
 
     @property
     def words(self) -> str:
         """Which signal is off by most, in words."""
-        worst = max(self._off, key=lambda d: abs(d["max"]) / d["tolerance"])
-        return f"{worst['signal']} by {worst['max']:.2g} {worst['unit']}"
+        worst = max(self._off, key=lambda d: d.share or 0.0)
+        return f"{worst.signal} by {worst.max:.2g} {worst.unit}"
 
 
 def settle(
@@ -109,37 +107,37 @@ def settle(
     return {i: _too_soft(one) if isinstance(one, Judged) and one.soft > HIDDEN else one for i, one in settled.items()}
 
 
-def beyond_rim(run: Mapping[str, Any]) -> dict[str, float]:
+def beyond_rim(run: Run) -> dict[str, float]:
     """How far (m) each pin of a run is seen beyond the rim of its bearing, at its samples and on the way
     between them.
     """
     found = {}
-    for joint, clearance in run["clearance"].items():
-        path = [np.hypot(run["simulated"][f"clearance_{joint}_x"], run["simulated"][f"clearance_{joint}_y"])]
-        path += [np.hypot(seen["x"], seen["y"]) for name, seen in run["journal"].items() if name == joint]
+    for joint, clearance in run.clearance.items():
+        path = [np.hypot(run.simulated[f"clearance_{joint}_x"], run.simulated[f"clearance_{joint}_y"])]
+        path += [np.hypot(seen.x, seen.y) for name, seen in run.journal.items() if name == joint]
         found[joint] = float(np.nanmax(np.concatenate(path), initial=0.0)) - clearance
     return found
 
 
-def stiff_enough(run: Mapping[str, Any], joint: str) -> str:
+def stiff_enough(run: Run, joint: str) -> str:
     """The contact stiffness that would let a pin by no more than STIFF of its clearance beyond its rim, in words for a
     remedy.
     """
-    stiffness = run["settings"].get("contact_stiffness")
+    stiffness = run.settings.get("contact_stiffness")
     if not isinstance(stiffness, int | float):
         return f"give joint {joint} a higher contact_stiffness"
-    wanted = stiffness * beyond_rim(run)[joint] / (STIFF * run["clearance"][joint])
+    wanted = stiffness * beyond_rim(run)[joint] / (STIFF * run.clearance[joint])
     return f"give joint {joint} contact_stiffness = {wanted:.1e} (N/m) or more"
 
 
 def _too_soft(one: Judged) -> Failure:
     t, depths = one.trace, beyond_rim(one.run)
-    joint = max(depths, key=lambda name: depths[name] / one.run["clearance"][name])
+    joint = max(depths, key=lambda name: depths[name] / one.run.clearance[name])
     what = (
         f"{t.simulator} {t.joint_model} {t.motion}: contact too soft for this load: the pin of joint {joint} is seen"
         f" {depths[joint]:.2g} m"
     )
-    times = f"{depths[joint] / one.run['clearance'][joint]:.2g} times its clearance"
+    times = f"{depths[joint] / one.run.clearance[joint]:.2g} times its clearance"
     return Failure(
         t.simulator, t.joint_model, f"{what} beyond its rim, {times}; {stiff_enough(one.run, joint)}, or a smaller load"
     )

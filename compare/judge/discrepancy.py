@@ -4,13 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from compare.judge.signals import UNITS, Kind
-from compare.judge.tolerances import Known, ToleranceError, check_known, known_differences, load_tolerances
+from compare.judge.signals import UNITS, Kind, Unit
+from compare.judge.tolerances import (
+    Known,
+    ToleranceError,
+    Tolerances,
+    check_known,
+    known_differences,
+    load_tolerances,
+)
+from sim_models.engine import JointModel, Motion
 
 __all__ = [
     "ANGULAR", "Difference", "Discrepancy", "Rule", "Scales", "ToleranceError", "Tube",
@@ -76,7 +84,7 @@ class Discrepancy:
 
     signal: str
     kind: Literal["angle", "magnitude", "value"]
-    unit: str
+    unit: Unit
     max: float
     rms: float
     at: int
@@ -168,9 +176,9 @@ class Rule:
     @classmethod
     def read(
         cls,
-        tolerances: Mapping[str, Any],
-        motion: str,
-        joint_model: str,
+        tolerances: Tolerances,
+        motion: Motion,
+        joint_model: JointModel,
         kind: Kind,
         scales: Scales,
         give: float = 0.0,
@@ -181,16 +189,19 @@ class Rule:
         ``give`` (m) is how far the contact itself yields under the run's peak force, ``clearance`` (m) the joint's, or
         the smallest of the run's (every contact yields alike).  Raises ToleranceError if the file has no such line.
         """
-        try:
-            line = tolerances[motion][joint_model][kind]
-            floor, noise, rest = (float(tolerances[name]) for name in ("floor", "noise", "rest"))
-        except KeyError as error:
-            raise ToleranceError(
-                f"the tolerance file has no {error.args[0]!r} (looking for {motion}.{joint_model}.{kind}); add it"
-            ) from None
+        line = tolerances.line(motion, joint_model, kind)
         yielding = give / clearance if kind in ("displacement", "rotation") and clearance else 0.0
-        absolute, relative, window = (float(line.get(name, 0.0)) for name in ("absolute", "relative", "window"))
-        return cls(kind, absolute, relative + yielding, floor, noise, scales, clearance, window, rest)
+        return cls(
+            kind,
+            line.absolute,
+            line.relative + yielding,
+            tolerances.floor,
+            tolerances.noise,
+            scales,
+            clearance,
+            line.window,
+            tolerances.rest,
+        )
 
     def tolerance(self, signal: str, analytic: Mapping[str, np.ndarray]) -> np.ndarray:
         """What each sample (N,) may differ by before the window, in the signal's unit; NaN where it means nothing."""

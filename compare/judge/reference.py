@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from analytic.paper.compliance import compliance
 from analytic.paper.kinetostatics import friction_turns
 from compare.judge.discrepancy import ANGULAR, difference, largest
 from compare.judge.signals import UNITS, compared, with_derived
+from compare.results.crosscheck import OrderDifference
 from sim_models.engine import Motion
 
 REVERSAL = (
@@ -37,7 +37,7 @@ class Yardstick:
 
     signals: Mapping[str, np.ndarray]
     ideal_angles: Mapping[str, np.ndarray]
-    order_difference: Mapping[str, Any]
+    order_difference: Mapping[str, OrderDifference]
     flags: Mapping[int, str]
     elastic: float = 0.0
     peaks: Mapping[str, float] = field(default_factory=dict)
@@ -57,16 +57,12 @@ def yardstick(
     sides = {each: at(theta, each) for each in models}
     found = sides[model]
     signals = {each: with_derived(side.signals(), mechanism) for each, side in sides.items()}
-    order: dict[str, Any] = {}
+    order: dict[str, OrderDifference] = {}
     for name, kind in compared(mechanism, clearances).items() if clearances else ():
         apart = difference(signals["first_order"][name], signals["equilibrium"][name], kind in ANGULAR)
         if apart is not None:
-            order[name] = {
-                "unit": UNITS[kind],
-                "max": apart.max,
-                "rms": apart.rms,
-                "at_crank_angle": float(theta[apart.at]),
-            }
+            where = float(theta[apart.at])
+            order[name] = OrderDifference(unit=UNITS[kind], max=apart.max, rms=apart.rms, at_crank_angle=where)
     ideal = {body.name: found.ideal.motion.angle(body.name) for body in mechanism.bodies}
     turning = friction_turns(found.ideal.motion, REVERSAL if motion == "driven" else 0.0)
     usual = usual_angles(assembly)

@@ -9,8 +9,9 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 
+Unit = Literal["rad", "N", "m", "N.m"]
 Kind = Literal["angle", "magnitude", "displacement", "rotation", "torque", "position"]
-UNITS: dict[Kind, str] = {
+UNITS: dict[Kind, Unit] = {
     "angle": "rad",
     "magnitude": "N",
     "displacement": "m",

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
@@ -17,7 +17,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import describe
 from analytic.mechanism.reading import ReadingError, read_toml
 from analytic.paper.clearance import Model
-from compare.judge.signals import compared
+from compare.judge.signals import Kind, compared
 from sim_models.engine import ENGINES, JointModel, Motion
 
 NotNegative = Annotated[float, Field(ge=0)]
@@ -101,17 +101,48 @@ class _File(_Part):
     known: list[Known] = []
 
 
-def load_tolerances(path: Path | None = None) -> dict[str, Any]:
-    """The shipped tolerances, with a file's laid over them; ``known`` are :class:`Known`.  Raises ToleranceError.
+class Tolerances(_Part):
+    """What every kind of signal of every run may differ by; ``known`` are differences that are declared."""
+
+    floor: Share
+    noise: Share
+    rest: NotNegative
+    static: Mapping[JointModel, Mapping[Kind, Line]]
+    driven: Mapping[JointModel, Mapping[Kind, Line]]
+    known: Annotated[tuple[Known, ...], Several] = ()
+
+    def line(self, motion: Motion, joint_model: JointModel, kind: Kind) -> Line:
+        """The line of a kind of signal in a run.  Raises ToleranceError where there is none."""
+        lines = self.static if motion == "static" else self.driven
+        try:
+            return lines[joint_model][kind]
+        except KeyError as error:
+            place = f"{motion}.{joint_model}.{kind}"
+            raise ToleranceError(f"the tolerance file has no {error.args[0]!r} (looking for {place}); add it") from None
+
+    def only(self, motion: Motion, joint_model: JointModel) -> Tolerances:
+        """Those of one joint model and motion, without the known differences: all that one run depends on."""
+        lines = self.static if motion == "static" else self.driven
+        here = {joint_model: lines[joint_model]} if joint_model in lines else {}
+        sides = {"static": here if motion == "static" else {}, "driven": here if motion == "driven" else {}}
+        return self.model_copy(update=sides | {"known": ()})
+
+    def with_known(self, *known: Known) -> Tolerances:
+        """These with other known differences in place of their own."""
+        return self.model_copy(update={"known": known})
+
+
+def load_tolerances(path: Path | None = None) -> Tolerances:
+    """The shipped tolerances, with a file's laid over them.  Raises ToleranceError.
 
     A line that the file gives replaces the shipped line whole, and its known differences come after the shipped ones.
     """
     with resources.as_file(resources.files("compare.judge").joinpath("tolerances.toml")) as own:
         shipped = _read(own, "compare/judge/tolerances.toml")
-    return shipped if path is None else _overlaid(shipped, _read(path, f"--tolerance {path}"))
+    return _joined(shipped, _read(path, f"--tolerance {path}") if path else _File())
 
 
-def _read(path: Path, name: str) -> dict[str, Any]:
+def _read(path: Path, name: str) -> _File:
     try:
         fields = read_toml(path)
     except ReadingError as error:
@@ -127,30 +158,42 @@ def _read(path: Path, name: str) -> dict[str, Any]:
                     f"{name}: known[{i}].simulator = {simulator!r}: there is no such simulator; they are"
                     f" {', '.join(ENGINES)}"
                 )
-    return fields | {"known": tuple(checked.known)}
+    return checked
 
 
-def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    out = {**base, **{name: over[name] for name in SCALARS if name in over}, "known": (*base["known"], *over["known"])}
+def _joined(shipped: _File, over: _File) -> Tolerances:
+    numbers = {
+        name: value if (value := getattr(over, name)) is not None else getattr(shipped, name) for name in SCALARS
+    }
+    lines = {motion: {**_lines(getattr(shipped, motion))} for motion in MOTIONS}
     for motion in MOTIONS:
-        models = {model: {**lines, **over.get(motion, {}).get(model, {})} for model, lines in base[motion].items()}
-        out[motion] = models
-    return out
+        for model, given in _lines(getattr(over, motion)).items():
+            lines[motion][model] = {**lines[motion].get(model, {}), **given}
+    return Tolerances.model_validate({**numbers, **lines, "known": (*shipped.known, *over.known)})
+
+
+def _lines(models: _Models | None) -> dict[str, dict[str, Line]]:
+    """The lines of a motion that a file gives, by joint model and kind."""
+    return {
+        name.replace("_", "-"): {kind: getattr(lines, kind) for kind in lines.model_fields_set}
+        for name in (models.model_fields_set if models else ())
+        if (lines := getattr(models, name)) is not None
+    }
 
 
 def known_differences(
-    tolerances: Mapping[str, Any], case: str, simulator: str, joint_model: str, motion: str, analytic_model: str
+    tolerances: Tolerances, case: str, simulator: str, joint_model: str, motion: str, analytic_model: str
 ) -> dict[str, Known]:
     """Known differences of a run by signal; where several are about the same one, the last counts."""
     run = {"simulator": simulator, "joint_model": joint_model, "motion": motion, "analytic_model": analytic_model}
-    return {known.signal: known for known in tolerances.get("known", ()) if known.applies(case, **run)}
+    return {known.signal: known for known in tolerances.known if known.applies(case, **run)}
 
 
-def check_known(tolerances: Mapping[str, Any], mechanism: Mechanism) -> None:
+def check_known(tolerances: Tolerances, mechanism: Mechanism) -> None:
     """Refuse a known difference of this case whose signal is never compared.  Raises ToleranceError."""
     pins = [j.name for j in mechanism.joints if not j.prismatic]
     signals = dict.fromkeys([*compared(mechanism, ()), *compared(mechanism, pins)])
-    for known in tolerances.get("known", ()):
+    for known in tolerances.known:
         if known.case == mechanism.name and known.signal not in signals:
             raise ToleranceError(
                 f"tolerance file: known.signal = {known.signal!r} is not compared in {mechanism.name}; the signals are"

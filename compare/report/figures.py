@@ -5,13 +5,17 @@ page.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal
 
+import numpy as np
+
 from compare.report.quantities import GAMMA, MINUS, Quantity, apart, number
 from compare.report.summary import Summary, abscissa
+from compare.results.crosscheck import CrossCheck, Run
+from compare.results.document import listed
 
 JOURNAL_POINTS = 3000  # about as many points as a drawn journal path keeps
 Numbers = tuple[float | None, ...]
@@ -64,61 +68,61 @@ class Figure:
     note: str = ""
 
 
-def figures(result: Mapping[str, Any], summary: Summary) -> list[Figure]:
+def figures(result: CrossCheck, summary: Summary) -> list[Figure]:
     """Directions of the reactions, paths of the journals and differences, for the joints that the summary is about."""
-    if not result["runs"]:
+    if not result.runs:
         return []
     found = [reaction_directions(result, summary, joint) for joint in summary.joints]
     found += [
         journal_path(result, summary, joint)
         for joint in summary.joints
-        if any(_path(run, joint) for run in result["runs"])
+        if any(_path(run, joint) for run in result.runs)
     ]
-    found += [differences(result, summary, quantity) for quantity in summary.keys(False, result["mechanism"])]
+    found += [differences(result, summary, quantity) for quantity in summary.keys(False, result.mechanism)]
     return [figure for figure in found if any(series.name for series in figure.series)]
 
 
-def scaled(values: Iterable[float | None], factor: float = 1.0) -> Numbers:
+def scaled(values: Iterable[float | None] | np.ndarray, factor: float = 1.0) -> Numbers:
     """Values in a reader's unit, to the seven digits that a figure can show; None stays None."""
     return tuple(None if v is None or not math.isfinite(v) else float(f"{factor * v:.7g}") for v in values)
 
 
-def simulators(result: Mapping[str, Any]) -> list[str]:
+def simulators(result: CrossCheck) -> list[str]:
     """Names of the simulators, in order; their index is the level of their series."""
-    return list(dict.fromkeys(run["simulator"]["name"] for run in result["runs"]))
+    return list(dict.fromkeys(run.simulator.name for run in result.runs))
 
 
-def _simulated(result: Mapping[str, Any], run: Mapping[str, Any]) -> dict[str, Any]:
+def _simulated(result: CrossCheck, run: Run) -> dict[str, Any]:
     """Name, colour and level of a run's series."""
     engines = simulators(result)
-    engine = run["simulator"]["name"]
-    return {"name": f"{engine}, {run['joint_model']}", "role": run["joint_model"], "level": engines.index(engine)}
+    engine = run.simulator.name
+    return {"name": f"{engine}, {run.joint_model}", "role": run.joint_model, "level": engines.index(engine)}
 
 
-def reaction_directions(result: Mapping[str, Any], summary: Summary, joint: str) -> Figure:
+def reaction_directions(result: CrossCheck, summary: Summary, joint: str) -> Figure:
     """Gamma of one joint over the crank angle: analytic as lines, each simulated joint model as markers."""
     quantity = summary.signals[f"reaction_{joint}_angle"]
-    axis, unit, _, _ = abscissa(result["runs"][0], result["mechanism"])
+    axis, unit, _, _ = abscissa(result.runs[0], result.mechanism)
     lines: dict[str, Series] = {}
     marks: list[Series] = []
 
-    def direction(values: Sequence[float | None]) -> Numbers:
+    def direction(values: Sequence[float | None] | np.ndarray) -> Numbers:
         first = next(iter(lines.values()), None)
         return beside(scaled(values, quantity.factor), first.y if first else ())
 
-    def marked(values: Sequence[float | None]) -> Numbers:
+    def marked(values: Sequence[float | None] | np.ndarray) -> Numbers:
         first = next(iter(lines.values()), None)
         return same_turn(direction(values), first.y if first else ())
 
-    for run in result["runs"]:
-        _, _, factor, x = abscissa(run, result["mechanism"])
+    for run in result.runs:
+        _, _, factor, x = abscissa(run, result.mechanism)
         over = scaled(x, factor)
-        if quantity.signal in run["analytic"]:
+        if quantity.signal in run.analytic:
             name, role, mark = _analytic(run, summary)
-            lines.setdefault(name, Series(name, over, direction(run["analytic"][quantity.signal]), role, mark))
-        if quantity.signal in run["simulated"]:
+            lines.setdefault(name, Series(name, over, direction(run.analytic[quantity.signal]), role, mark))
+        if quantity.signal in run.simulated:
             marks.append(
-                Series(**_simulated(result, run), x=over, y=marked(run["simulated"][quantity.signal]), mark="marker")
+                Series(**_simulated(result, run), x=over, y=marked(run.simulated[quantity.signal]), mark="marker")
             )
     spans = [f"{s.name} {_span(s.y, quantity)}" for s in [*lines.values(), *marks]]
     title = f"Direction of the reaction at {joint}"
@@ -126,10 +130,10 @@ def reaction_directions(result: Mapping[str, Any], summary: Summary, joint: str)
     return Figure(f"gamma_{joint}", title, text, Axis(axis, unit), Axis(GAMMA, "deg"), (*lines.values(), *marks))
 
 
-def _analytic(run: Mapping[str, Any], summary: Summary) -> tuple[str, str, Literal["line", "dashed"]]:
+def _analytic(run: Run, summary: Summary) -> tuple[str, str, Literal["line", "dashed"]]:
     """Name, colour and mark of a run's analytic line."""
-    if any(run["clearance"].values()):
-        return f"analytic, {run['analytic_model'].replace('_', ' ')}", "analytic", "line"
+    if any(run.clearance.values()):
+        return f"analytic, {run.analytic_model.replace('_', ' ')}", "analytic", "line"
     if any(told.clearance != "none" for told in summary.runs):
         return "analytic, ideal linkage (first-order direction)", "ideal-line", "dashed"
     return "analytic", "analytic", "line"
@@ -170,14 +174,14 @@ def _span(values: Numbers, quantity: Quantity) -> str:
     return f"from {number(known[0], 4)} to {number(known[-1], 4)} {quantity.unit}" if known else "has no values"
 
 
-def _path(run: Mapping[str, Any], joint: str) -> bool:
-    return joint in (run.get("journal") or {}) and bool(run["clearance"].get(joint))
+def _path(run: Run, joint: str) -> bool:
+    return joint in run.journal and bool(run.clearance.get(joint))
 
 
-def journal_path(result: Mapping[str, Any], summary: Summary, joint: str) -> Figure:
+def journal_path(result: CrossCheck, summary: Summary, joint: str) -> Figure:
     """Path of one joint's journal within its clearance circle, and the analytic points on the rim."""
-    runs = [run for run in result["runs"] if _path(run, joint)]
-    radius = 1e3 * runs[0]["clearance"][joint]
+    runs = [run for run in result.runs if _path(run, joint)]
+    radius = 1e3 * runs[0].clearance[joint]
     turn = [2 * math.pi * k / 120 for k in range(121)]
     rim = Series(
         "clearance circle",
@@ -187,11 +191,11 @@ def journal_path(result: Mapping[str, Any], summary: Summary, joint: str) -> Fig
     )
     paths = []
     for run in runs:
-        x, y = thinned(run["journal"][joint]["x"], run["journal"][joint]["y"], 1e-3 * radius)
+        x, y = thinned(run.journal[joint].x, run.journal[joint].y, 1e-3 * radius)
         paths.append(Series(**_simulated(result, run), x=scaled(x, 1e3), y=scaled(y, 1e3)))
     names = (f"clearance_{joint}_x", f"clearance_{joint}_y")
-    model = runs[0]["analytic_model"].replace("_", " ")
-    rim_x, rim_y = (scaled(runs[0]["analytic"].get(name, ()), 1e3) for name in names)
+    model = runs[0].analytic_model.replace("_", " ")
+    rim_x, rim_y = (scaled(runs[0].analytic.get(name, ()), 1e3) for name in names)
     points = Series(f"analytic, {model}", rim_x, rim_y, "analytic", "marker")
     unit = summary.signals[names[0]].unit
     share = [
@@ -212,12 +216,13 @@ def journal_path(result: Mapping[str, Any], summary: Summary, joint: str) -> Fig
     )
 
 
-def thinned(x: Sequence[float], y: Sequence[float], step: float) -> tuple[list[float], list[float]]:
+def thinned(x: np.ndarray, y: np.ndarray, step: float) -> tuple[list[float], list[float]]:
     """A path without the points that are nearer than ``step`` (mm) to the last one kept; coarser where it is long.
 
     ``x`` and ``y`` are in m.  Unlike leaving out every n-th point it keeps the corners of impacts.
     """
-    points = [(a, b) for a, b in zip(x, y, strict=True) if a is not None and b is not None]
+    known = np.isfinite(x) & np.isfinite(y)
+    points = list(zip(x[known].tolist(), y[known].tolist(), strict=True))
     if not points:
         return [], []
     length = sum(math.dist(p, q) for p, q in pairwise(points))
@@ -229,23 +234,23 @@ def thinned(x: Sequence[float], y: Sequence[float], step: float) -> tuple[list[f
     return [p[0] for p in kept], [p[1] for p in kept]
 
 
-def difference(run: Mapping[str, Any], quantity: Quantity) -> Numbers:
+def difference(run: Run, quantity: Quantity) -> Numbers:
     """Simulated minus analytic of one signal of a run, as it is judged, in the quantity's unit."""
-    pairs = zip(run["simulated"][quantity.signal], run["analytic"][quantity.signal], strict=True)
+    pairs = zip(listed(run.simulated[quantity.signal]), listed(run.analytic[quantity.signal]), strict=True)
     return scaled(
         (None if s is None or a is None else apart(s, a, quantity.angular) for s, a in pairs), quantity.factor
     )
 
 
-def differences(result: Mapping[str, Any], summary: Summary, quantity: Quantity) -> Figure:
+def differences(result: CrossCheck, summary: Summary, quantity: Quantity) -> Figure:
     """Simulated minus analytic of one signal over the crank angle, each run a line; its tolerance where it is near."""
-    axis, unit, _, _ = abscissa(result["runs"][0], result["mechanism"])
+    axis, unit, _, _ = abscissa(result.runs[0], result.mechanism)
     lines, limits = [], set()
-    for run, told in zip(result["runs"], summary.runs, strict=True):
-        if quantity.signal not in run["analytic"] or quantity.signal not in run["simulated"]:
+    for run, told in zip(result.runs, summary.runs, strict=True):
+        if quantity.signal not in run.analytic or quantity.signal not in run.simulated:
             continue
         row = told.row(quantity.signal)
-        _, _, factor, x = abscissa(run, result["mechanism"])
+        _, _, factor, x = abscissa(run, result.mechanism)
         lines.append(Series(**_simulated(result, run), x=scaled(x, factor), y=difference(run, quantity)))
         limits |= {row.tolerance} if row and row.tolerance and row.quantity.unit == quantity.unit else set()
     worst = [

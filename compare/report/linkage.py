@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
+
+import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
@@ -17,94 +19,89 @@ from analytic.mechanism import Mechanism
 from compare.report.figures import Axis, Figure, Numbers, Series, beside, difference, same_turn, scaled
 from compare.report.quantities import Quantity, number
 from compare.report.summary import Summary, abscissa, released
+from compare.results.crosscheck import CrossCheck, Run
+from compare.results.document import listed
 
 FACTORS = [m * 10**e for e in range(6) for m in (1, 2, 5)]
 VISIBLE = 0.12  # of a typical link's length: how large an exaggerated gap is drawn
 ROUNDING = 1e-9  # of a signal's peak: smaller is read as 0
 PREFERRED = math.radians(30.0)  # crank angle of the printed figure, the paper's own
-Result = Mapping[str, Any]
 Poses = dict[str, dict[str, Numbers]]  # body -> x, y (m, marker) and angle (rad) of every sample
 
 
-def explorer(result: Result, summary: Summary) -> dict[str, Any]:
+def explorer(result: CrossCheck, summary: Summary) -> dict[str, Any]:
     """Everything that ``explorer.js`` moves through: parts, and for each run the poses and the values to read."""
     return {
-        "parts": parts(result["mechanism"]),
-        "runs": [_explored(result, summary, i) for i in range(len(result["runs"]))],
+        "parts": parts(result.mechanism),
+        "runs": [_explored(result, summary, i) for i in range(len(result.runs))],
     }
 
 
-def parts(mechanism: Mapping[str, Any]) -> dict[str, Any]:
+def parts(mechanism: Mechanism) -> dict[str, Any]:
     """Bodies' points relative to where their position is measured (marker, else com), ground points and joints, as
     plain data (m).
     """
     bodies = []
-    for body in mechanism["body"]:
-        points = {name: list(map(float, p)) for name, p in body["points"].items()}
-        at = body.get("marker") or body.get("com") or [sum(p[k] for p in points.values()) / len(points) for k in (0, 1)]
-        bodies.append({"name": body["name"], "points": {n: [p[0] - at[0], p[1] - at[1]] for n, p in points.items()}})
+    for body in mechanism.bodies:
+        at = body.point("com")
+        points = {name: complex(*p) - at for name, p in body.points.items()}
+        bodies.append({"name": body.name, "points": {name: [p.real, p.imag] for name, p in points.items()}})
     joints = [
-        {"name": j["name"], "bodies": j["bodies"], "axis": j["axis"] if j["type"] == "prismatic" else None}
-        for j in mechanism["joint"]
+        {"name": j.name, "bodies": list(j.bodies), "axis": list(j.axis) if j.axis else None} for j in mechanism.joints
     ]
-    ground = {name: list(map(float, p)) for name, p in mechanism["ground"]["points"].items()}
+    ground = {name: list(map(float, p)) for name, p in mechanism.ground.points.items()}
     return {"bodies": bodies, "ground": ground, "joints": joints, "size": typical_length(mechanism)}
 
 
-def typical_length(mechanism: Mapping[str, Any]) -> float:
+def typical_length(mechanism: Mechanism) -> float:
     """The shortest link (m) that has a length, which is what a drawn gap must not outgrow."""
     lengths = [
-        max(math.dist(p, q) for p in body["points"].values() for q in body["points"].values())
-        for body in mechanism["body"]
+        max(math.dist(p, q) for p in body.points.values() for q in body.points.values()) for body in mechanism.bodies
     ]
     return min((length for length in lengths if length > 0), default=1.0)
 
 
-def exaggeration(mechanism: Mapping[str, Any], run: Mapping[str, Any]) -> int:
+def exaggeration(mechanism: Mechanism, run: Run) -> int:
     """The roundest factor at which the run's largest gap is seen, 1 without gaps and in a free drive."""
-    largest = max(run["clearance"].values(), default=0.0)
+    largest = max(run.clearance.values(), default=0.0)
     if not largest or released(run, mechanism):
         return 1
     return max(f for f in FACTORS if f == 1 or f * largest <= VISIBLE * typical_length(mechanism))
 
 
-def ideal_poses(result: Result, run: Mapping[str, Any]) -> Poses | None:
+def ideal_poses(result: CrossCheck, run: Run) -> Poses | None:
     """Poses of the linkage without clearance at a run's samples: from the ideal run, else assembled; None if neither
     can.
     """
-    key = "time" if released(run, result["mechanism"]) else "crank_angle"
-    for other in result["runs"]:
-        if other["joint_model"] == "ideal" and other.get(key) == run[key]:
-            return _poses(result["mechanism"], other["analytic"])
-    if key == "time":
+    swings = released(run, result.mechanism)
+    for other in result.runs:
+        ours, theirs = (one.time if swings else one.crank_angle for one in (run, other))
+        if other.joint_model == "ideal" and ours is not None and theirs is not None and np.array_equal(ours, theirs):
+            return _poses(result.mechanism, other.analytic)
+    if swings:
         return None
     try:
-        assembly = Assembly(Mechanism.model_validate(dict(result["mechanism"])).with_clearances({}))
-        motion = kinematics(assembly, run["crank_angle"])
+        motion = kinematics(Assembly(result.mechanism.with_clearances({})), run.crank_angle)
     except AssemblyError:  # somewhere on the grid is a change point; the drawing then does without
         return None
-    signals: dict[str, Any] = {}
-    for body in (b["name"] for b in result["mechanism"]["body"]):
+    signals: dict[str, np.ndarray] = {}
+    for body in (b.name for b in result.mechanism.bodies):
         com = motion.position(body)
         signals |= {f"{body}_x": com.real, f"{body}_y": com.imag, f"{body}_angle": motion.angle(body)}
-    return _poses(result["mechanism"], signals)
+    return _poses(result.mechanism, signals)
 
 
-def _poses(mechanism: Mapping[str, Any], signals: Mapping[str, Any]) -> Poses | None:
-    names = [body["name"] for body in mechanism["body"]]
+def _poses(mechanism: Mechanism, signals: Mapping[str, np.ndarray]) -> Poses | None:
+    names = [body.name for body in mechanism.bodies]
     if any(f"{name}_{part}" not in signals for name in names for part in ("x", "y", "angle")):
         return None
     return {name: {part: scaled(signals[f"{name}_{part}"]) for part in ("x", "y", "angle")} for name in names}
 
 
-def _explored(result: Result, summary: Summary, index: int) -> dict[str, Any]:
-    run, told = result["runs"][index], summary.runs[index]
-    label, unit, factor, x = abscissa(run, result["mechanism"])
-    shown = [
-        q
-        for q in summary.keys(False, result["mechanism"])
-        if q.signal in run["analytic"] and q.signal in run["simulated"]
-    ]
+def _explored(result: CrossCheck, summary: Summary, index: int) -> dict[str, Any]:
+    run, told = result.runs[index], summary.runs[index]
+    label, unit, factor, x = abscissa(run, result.mechanism)
+    shown = [q for q in summary.keys(False, result.mechanism) if q.signal in run.analytic and q.signal in run.simulated]
     ideal = ideal_poses(result, run)
     return {
         "title": told.title,
@@ -112,36 +109,38 @@ def _explored(result: Result, summary: Summary, index: int) -> dict[str, Any]:
         "label": label,
         "unit": unit,
         "x": scaled(x, factor),
-        "flags": run.get("flags") or {},
-        "clearance": {joint: size for joint, size in run["clearance"].items() if size},
-        "factor": exaggeration(result["mechanism"], run),
+        "flags": dict(run.flags),
+        "clearance": {joint: size for joint, size in run.clearance.items() if size},
+        "factor": exaggeration(result.mechanism, run),
         "ideal": ideal,
-        "analytic": _beside(_poses(result["mechanism"], run["analytic"]), ideal),
+        "analytic": _beside(_poses(result.mechanism, run.analytic), ideal),
         "analytic_model": told.analytic_model.replace("_", " "),
-        "simulated": _beside(_poses(result["mechanism"], run["simulated"]), ideal),
-        "gaps": {joint: _gap(run, joint) for joint, size in run["clearance"].items() if size},
-        "readout": [_read(quantity, run, result["runs"][0]["analytic"].get(quantity.signal, ())) for quantity in shown],
+        "simulated": _beside(_poses(result.mechanism, run.simulated), ideal),
+        "gaps": {joint: _gap(run, joint) for joint, size in run.clearance.items() if size},
+        "readout": [
+            _read(quantity, run, result.runs[0].analytic.get(quantity.signal, np.zeros(0))) for quantity in shown
+        ],
     }
 
 
-def _read(quantity: Quantity, run: Mapping[str, Any], first: Sequence[float | None]) -> dict[str, Any]:
+def _read(quantity: Quantity, run: Run, first: np.ndarray) -> dict[str, Any]:
     """Both sides of a signal as the page lists them; angles in the turn that the figures have them in, which is that of
     the first run.
     """
-    analytic, simulated = (tuple(run[side][quantity.signal]) for side in ("analytic", "simulated"))
+    analytic, simulated = (tuple(listed(side[quantity.signal])) for side in (run.analytic, run.simulated))
     if quantity.angular:
-        analytic = beside(analytic, tuple(first), math.tau)
+        analytic = beside(analytic, tuple(listed(first)), math.tau)
         simulated = same_turn(simulated, analytic, math.tau)
     nothing = ROUNDING * max((abs(v) for v in (*analytic, *simulated) if v is not None), default=0.0)
 
-    def listed(values: Numbers) -> Numbers:
+    def rounded(values: Numbers) -> Numbers:
         return scaled((0.0 if v is not None and abs(v) < nothing else v for v in values), quantity.factor)
 
     return {
         "label": quantity.title,
         "unit": quantity.unit,
-        "analytic": listed(analytic),
-        "simulated": listed(simulated),
+        "analytic": rounded(analytic),
+        "simulated": rounded(simulated),
         "difference": difference(run, quantity),
     }
 
@@ -156,38 +155,38 @@ def _beside(poses: Poses | None, ideal: Poses | None) -> Poses | None:
     }
 
 
-def _gap(run: Mapping[str, Any], joint: str) -> dict[str, list[Numbers]]:
+def _gap(run: Run, joint: str) -> dict[str, list[Numbers]]:
     """Displacement (mm) of a journal in its bearing, x and y, on both sides."""
     return {
-        side: [scaled(run[side][f"clearance_{joint}_{axis}"], 1e3) for axis in "xy"]
-        for side in ("analytic", "simulated")
+        name: [scaled(side[f"clearance_{joint}_{axis}"], 1e3) for axis in "xy"]
+        for name, side in (("analytic", run.analytic), ("simulated", run.simulated))
     }
 
 
-def linkage_figure(result: Result, summary: Summary) -> Figure | None:
+def linkage_figure(result: CrossCheck, summary: Summary) -> Figure | None:
     """The ideal and the displaced linkage of the first run with clearance (else the first), at one crank angle."""
-    if not result["runs"]:
+    if not result.runs:
         return None
-    run = next((run for run in result["runs"] if any(run["clearance"].values())), result["runs"][0])
-    label, unit, factor, x = abscissa(run, result["mechanism"])
+    run = next((run for run in result.runs if any(run.clearance.values())), result.runs[0])
+    label, unit, factor, x = abscissa(run, result.mechanism)
     ideal = ideal_poses(result, run)
-    displaced = _beside(_poses(result["mechanism"], run["analytic"]), ideal)
+    displaced = _beside(_poses(result.mechanism, run.analytic), ideal)
     if displaced is None:
         return None
     usable = [k for k in range(len(x)) if _pose(displaced, k) and (ideal is None or _pose(ideal, k))]
     if not usable:
         return None
     k = min(usable, key=lambda i: abs(x[i] - PREFERRED)) if unit == "deg" else usable[len(usable) // 2]
-    times = exaggeration(result["mechanism"], run) if ideal else 1
-    what = parts(result["mechanism"])
+    times = exaggeration(result.mechanism, run) if ideal else 1
+    what = parts(result.mechanism)
     at = f"{label} {number(factor * x[k], 4)} {unit}"
-    gaps = {joint: times * size for joint, size in run["clearance"].items() if size}
+    gaps = {joint: times * size for joint, size in run.clearance.items() if size}
     series = _drawn(what, _pose(ideal, k), "ideal linkage", "ideal-line") if ideal and gaps else []
-    model = run["analytic_model"].replace("_", " ")
+    model = run.analytic_model.replace("_", " ")
     pose = _between(_pose(ideal, k), _pose(displaced, k), times)
     series += _drawn(what, pose, f"displaced ({model})" if gaps else "analytic", "analytic", gaps)
     title = f"The linkage at {at}" + (f", gaps drawn {times} times as large" if gaps and times > 1 else "")
-    sizes = ", ".join(f"{joint} {number(1e3 * size)} mm" for joint, size in run["clearance"].items() if size) or "none"
+    sizes = ", ".join(f"{joint} {number(1e3 * size)} mm" for joint, size in run.clearance.items() if size) or "none"
     text = f"{title}. Radial clearance: {sizes}."
     return Figure(
         "linkage", title, text, Axis("x", "mm"), Axis("y", "mm"), tuple(series), "plane", f"clearance: {sizes}"

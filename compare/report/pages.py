@@ -16,12 +16,14 @@ from compare.report.figures import Figure
 from compare.report.linkage import explorer
 from compare.report.quantities import number, setting
 from compare.report.summary import MODELS, WORDS, Run, Summary, released
+from compare.results.crosscheck import CrossCheck
+from compare.results.document import as_written
 
 SIGNS = {"agrees": "✓", "disagrees": "✗", "known": "≈", "unjudged": "?", "failed": "✗"}
 
 
 def render(
-    result: Mapping[str, Any],
+    result: CrossCheck,
     summary: Summary,
     figures: Sequence[Figure],
     linkage: Figure | None,
@@ -40,9 +42,7 @@ def render(
         "signs": SIGNS,
         "engines": _once(f"{run.simulator} {run.version}" for run in runs),
         "joint_models": _once(run.joint_model for run in runs),
-        "motions": _once(
-            "swings freely" if released(run, result["mechanism"]) else run["motion"] for run in result["runs"]
-        ),
+        "motions": _once("swings freely" if released(run, result.mechanism) else run.motion for run in result.runs),
         "models": (
             [MODELS.get(name, name) for name in _once(run.analytic_model for run in runs if run.clearance != "none")]
             or ["ideal linkage"]
@@ -62,16 +62,16 @@ def render(
     page = _environment(True).get_template("report.html.j2")
     html = page.render(
         context,
-        keys=summary.keys(False, result["mechanism"]),
+        keys=summary.keys(False, result.mechanism),
         drawings=[Markup(drawings[figure.name]) for figure in figures],
         linkage_svg=Markup(drawings[linkage.name]) if linkage else "",
         css=_static("report.css"),
         scripts=_static("chart.js") + _static("explorer.js"),
         data=script_json({"figures": [asdict(figure) for figure in figures], "explorer": explorer(result, summary)}),
-        mechanism=json.dumps(result["mechanism"], indent=2, ensure_ascii=False),
+        mechanism=json.dumps(as_written(result.mechanism), indent=2, ensure_ascii=False),
     )
     markdown = (
-        _environment(False).get_template("report.md.j2").render(context, keys=summary.keys(True, result["mechanism"]))
+        _environment(False).get_template("report.md.j2").render(context, keys=summary.keys(True, result.mechanism))
     )
     return html, re.sub(r"\n{3,}", "\n\n", markdown)
 

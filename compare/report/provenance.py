@@ -5,19 +5,19 @@ one.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.file import describe
-from analytic.mechanism.reading import ReadingError, read_json
+from analytic.mechanism.signals import Signal
 from compare.faults import OptionError
 from compare.report.quantities import Quantity, apart, quantities, shown
+from compare.results.crosscheck import CrossCheck, Discrepancy, Run
 
+Samples = Mapping[str, np.ndarray]
 SETTING_UNITS = {"contact_stiffness": "N/m", "contact_damping": "N.s/m", "step": "s"}
 FORCE = "Eqs. 9-14, inertia forces and force balance of the {} linkage; analytic/paper/kinetostatics.py"
 REST = "Eqs. 11-14, static force balance of the {} linkage; analytic/paper/kinetostatics.py"
@@ -29,94 +29,8 @@ GAP = {
 }
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="ignore")
-
-
-class Engine(_Part):
-    """Which engine made a run."""
-
-    name: str
-    version: str
-
-
-class Row(_Part):
-    """The verdict on a signal over a run."""
-
-    signal: str
-    unit: Literal["rad", "N", "m", "N.m"]
-    max: float | None
-    at_crank_angle: float | None
-    tolerance: float | None
-    verdict: Literal["agrees", "disagrees", "known"]
-    reason: str = ""
-
-
-Samples = dict[str, list[float | None]]
-
-
-class Run(_Part):
-    """What is read of a run."""
-
-    simulator: Engine
-    joint_model: str
-    motion: str
-    clearance: dict[str, float]
-    analytic_model: str
-    settings: dict[str, Any]
-    crank_angle: list[FiniteFloat]
-    time: list[FiniteFloat] | None = None
-    flags: dict[str, str]
-    analytic: Samples
-    simulated: Samples
-    discrepancies: list[Row]
-
-    @model_validator(mode="after")
-    def _whole(self) -> Run:
-        """Each list has a value for each sample."""
-        lists = {
-            f"{side}.{signal}": values
-            for side in ("analytic", "simulated")
-            for signal, values in getattr(self, side).items()
-        }
-        for name, values in {**lists, "time": self.time}.items():
-            if values is not None and len(values) != len(self.crank_angle):
-                raise ValueError(f"{name} has {len(values)} values for {len(self.crank_angle)} samples")
-        return self
-
-
-class Result(_Part):
-    """What is read of a result.json."""
-
-    format: Literal[1] = Field(alias="schema")
-    case: str
-    command: str = ""
-    versions: dict[str, str] = {}
-    mechanism: Mechanism
-    runs: list[Run]
-
-    @property
-    def swings(self) -> bool:
-        """Whether the linkage swings freely in driven runs, so that samples belong to times."""
-        return self.mechanism.speed is None
-
-
-def read_result(path: Path) -> Result:
-    """A result.json.  Raises OptionError with file, field and value."""
-    try:
-        fields = read_json(path)
-    except ReadingError as error:
-        raise OptionError(f"{path}: {error}; give the result.json of a cross-check") from None
-    try:
-        return Result.model_validate(fields)
-    except ValidationError as error:
-        raise OptionError(
-            f"{path}: {describe(error, fields, Result)[0]}; give the result.json of a cross-check"
-        ) from None
-
-
 def explain(
-    result: Result, signal: str, at: float, joint_model: str | None = None, simulator: str | None = None
+    result: CrossCheck, signal: str, at: float, joint_model: str | None = None, simulator: str | None = None
 ) -> str:
     """Text that shows a signal at a crank angle (deg; s where the linkage swings) in every run that has it.  Raises
     OptionError.
@@ -126,7 +40,7 @@ def explain(
     if not having:
         names = dict.fromkeys(name for run in runs for name in run.simulated if name in run.analytic)
         raise OptionError(f"--signal {signal}: no such signal in {_runs(runs)}; the signals are {', '.join(names)}")
-    quantity = quantities(result.mechanism.model_dump(by_alias=True, mode="json")).get(signal)
+    quantity = quantities(result.mechanism).get(signal)
     if quantity is None:
         raise OptionError(
             f"--signal {signal}: not a signal of the mechanism {result.mechanism.name} that the result is about"
@@ -142,7 +56,7 @@ def explain(
     return "\n".join(lines)
 
 
-def _chosen(runs: list[Run], joint_model: str | None, simulator: str | None) -> list[Run]:
+def _chosen(runs: Sequence[Run], joint_model: str | None, simulator: str | None) -> list[Run]:
     for option, wanted, names in (
         ("joint", joint_model, [run.joint_model for run in runs]),
         ("simulator", simulator, [run.simulator.name for run in runs]),
@@ -173,13 +87,13 @@ def _between(mechanism: Mechanism, quantity: Quantity) -> str:
     return ""
 
 
-def _explained(result: Result, run: Run, quantity: Quantity, at: float) -> Iterator[str]:
+def _explained(result: CrossCheck, run: Run, quantity: Quantity, at: float) -> Iterator[str]:
     k, where = _sample(run, at, swings=result.swings and run.motion == "driven")
     yield f"{run.simulator.name} {run.simulator.version}, {run.joint_model} joints, {run.motion}: {where}"
     if str(k) in run.flags:
         yield f"  flagged       no number on either side: {run.flags[str(k)]}"
         return
-    analytic, simulated = run.analytic[quantity.signal][k], run.simulated[quantity.signal][k]
+    analytic, simulated = (_number(side[quantity.signal][k]) for side in (run.analytic, run.simulated))
     row = next((row for row in run.discrepancies if row.signal == quantity.signal), None)
     unit = (
         row.unit if row else next(si for si in (*_SI, quantity.unit.replace("·", ".")) if shown(si)[0] == quantity.unit)
@@ -190,10 +104,10 @@ def _explained(result: Result, run: Run, quantity: Quantity, at: float) -> Itera
         yield (
             "                plus the elastic displacement of links and joints (Eqs. 1-7); analytic/paper/compliance.py"
         )
-    yield from _components(run.analytic, quantity, k)
+    yield from _components(run.analytic, quantity, result.signals[quantity.signal], k)
     yield f"  simulated     {_both(simulated, unit)}"
     yield f"                sim_models/{run.simulator.name}/{'beams' if _bends(run) else 'engine'}.py; {_settings(run)}"
-    yield from _components(run.simulated, quantity, k)
+    yield from _components(run.simulated, quantity, result.signals[quantity.signal], k)
     if analytic is not None and simulated is not None:
         less = ", less whole turns" if quantity.angular and abs(simulated - analytic) > math.pi else ""
         yield (
@@ -208,7 +122,8 @@ _SI = ("rad", "m")
 
 def _sample(run: Run, at: float, swings: bool) -> tuple[int, str]:
     """Index of the sample nearest to ``at`` (deg or s), and words for it.  Raises OptionError outside the run."""
-    places = list(run.time or []) if swings else [math.degrees(theta) for theta in run.crank_angle]
+    time = [] if run.time is None else run.time.tolist()
+    places = time if swings else [math.degrees(theta) for theta in run.crank_angle]
     unit, name = ("s", "time") if swings else ("deg", "crank angle")
     away = [abs(place - at) if swings else abs((place - at + 180) % 360 - 180) for place in places]
     k = min(range(len(places)), key=away.__getitem__) if places and math.isfinite(at) else -1
@@ -254,19 +169,23 @@ def _analytic_source(run: Run, quantity: Quantity, swings: bool) -> Iterator[str
             yield f"displaced by {GAP[model]}"
 
 
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
 def _bends(run: Run) -> bool:
     """Whether the links of a run were made of beams."""
     return "links" in run.settings
 
 
-def _components(side: Samples, quantity: Quantity, k: int) -> Iterator[str]:
+def _components(side: Samples, quantity: Quantity, signal: Signal, k: int) -> Iterator[str]:
     """The components that a direction or a size was made of."""
     made_of = {"reaction angle": "atan2(y, x)", "reaction force": "hypot(x, y)"}.get(quantity.name)
     if made_of is None:
         return
-    stem = quantity.signal.removesuffix("_angle").removesuffix("_magnitude")
-    x, y = side[f"{stem}_x"][k], side[f"{stem}_y"][k]
-    yield f"                {made_of} of {stem}_x = {_plain(x)} N, {stem}_y = {_plain(y)} N"
+    names = [signal.sibling(axis).name for axis in ("x", "y")]
+    x, y = (_number(side[name][k]) for name in names)
+    yield f"                {made_of} of {names[0]} = {_plain(x)} N, {names[1]} = {_plain(y)} N"
 
 
 def _settings(run: Run) -> str:
@@ -285,16 +204,16 @@ def _value(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, int | float) else str(value)
 
 
-def _verdict(row: Row | None, run: Run, swings: bool) -> Iterator[str]:
+def _verdict(row: Discrepancy | None, run: Run, swings: bool) -> Iterator[str]:
     if row is None:
         yield "  verdict       not judged on its own in this run"
         return
     place = "-"
     if row.at_crank_angle is not None:
-        at = run.crank_angle.index(row.at_crank_angle) if row.at_crank_angle in run.crank_angle else None
+        at = np.flatnonzero(run.crank_angle == row.at_crank_angle)
         place = (
-            f"{run.time[at]:.6g} s"
-            if swings and run.time and at is not None
+            f"{run.time[at[0]]:.6g} s"
+            if swings and run.time is not None and at.size
             else f"{math.degrees(row.at_crank_angle):.6g} deg"
         )
     yield f"  worst         {_both(row.max, row.unit, '+')} at {place}: the largest share of its tolerance in the run"

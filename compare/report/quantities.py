@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from analytic.mechanism import GROUND, Mechanism
+
 SHOWN = {"rad": ("deg", math.degrees(1.0)), "m": ("mm", 1e3), "1": ("%", 100.0)}  # SI unit -> unit that is read, factor
 MINUS, TIMES, DASH, GAMMA = "\N{MINUS SIGN}", "\N{MULTIPLICATION SIGN}", "\N{EN DASH}", "\N{GREEK SMALL LETTER GAMMA}"
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -52,13 +54,13 @@ def apart(one: float, other: float, angular: bool) -> float:
     return (one - other + math.pi) % math.tau - math.pi if angular else one - other
 
 
-def quantities(mechanism: Mapping[str, Any]) -> dict[str, Quantity]:
-    """Every signal that a mechanism (as in its TOML file) can have, in the order in which a report lists them.
+def quantities(mechanism: Mechanism) -> dict[str, Quantity]:
+    """Every signal that a mechanism can have, in the order in which a report lists them.
 
     Names are looked up, not parsed: a body may be called ``reaction_B`` and a joint may have any letters.
     """
     found = []
-    for j in (joint["name"] for joint in mechanism["joint"]):
+    for j in (joint.name for joint in mechanism.joints):
         found += [
             (f"reaction_{j}_angle", "reaction angle", GAMMA, f"at {j}", "rad"),
             (f"reaction_{j}_magnitude", "reaction force", "|F|", f"at {j}", "N"),
@@ -68,7 +70,7 @@ def quantities(mechanism: Mapping[str, Any]) -> dict[str, Quantity]:
             (f"clearance_{j}_x", "displacement x", "", f"in {j}", "m"),
             (f"clearance_{j}_y", "displacement y", "", f"in {j}", "m"),
         ]
-    for b in (body["name"] for body in mechanism["body"]):
+    for b in (body.name for body in mechanism.bodies):
         found += [
             (f"{b}_rotation", "rotation", "ψ", f"of {b}", "rad"),
             (f"{b}_angle", "angle", "", f"of {b}", "rad"),
@@ -80,7 +82,7 @@ def quantities(mechanism: Mapping[str, Any]) -> dict[str, Quantity]:
     return {signal: Quantity(signal, name, symbol, place, *shown(unit)) for signal, name, symbol, place, unit in found}
 
 
-def key_signals(mechanism: Mapping[str, Any], joints: list[str], loose: bool) -> list[str]:
+def key_signals(mechanism: Mechanism, joints: list[str], loose: bool) -> list[str]:
     """The signals that the paper is about, for these joints: gamma, |F|, the displacement, psi of the couplers and the
     drive torque.
 
@@ -89,17 +91,15 @@ def key_signals(mechanism: Mapping[str, Any], joints: list[str], loose: bool) ->
     names = [f"reaction_{j}_{part}" for j in joints for part in ("angle", "magnitude")]
     names += [f"clearance_{j}_{axis}" for j in joints for axis in "xy"]
     turned = (
-        [f"{b}_rotation" for b in couplers(mechanism)]
-        if loose
-        else [f"{body['name']}_angle" for body in mechanism["body"]]
+        [f"{b}_rotation" for b in couplers(mechanism)] if loose else [f"{body.name}_angle" for body in mechanism.bodies]
     )
     return [*names, *turned, "drive_torque"]
 
 
-def couplers(mechanism: Mapping[str, Any]) -> list[str]:
+def couplers(mechanism: Mechanism) -> list[str]:
     """Bodies that no joint connects to the ground."""
-    grounded = {name for joint in mechanism["joint"] if "ground" in joint["bodies"] for name in joint["bodies"]}
-    return [body["name"] for body in mechanism["body"] if body["name"] not in grounded]
+    grounded = {name for joint in mechanism.joints if GROUND in joint.bodies for name in joint.bodies}
+    return [body.name for body in mechanism.bodies if body.name not in grounded]
 
 
 def number(value: float | None, digits: int = 3, sign: bool = False) -> str:

@@ -11,9 +11,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from analytic.mechanism import Mechanism
 from compare.report.quantities import Quantity, key_signals, number, plain, quantities, shown
+from compare.results import crosscheck as results
+from compare.results.crosscheck import CrossCheck
 
-Result = Mapping[str, Any]
 WORDS = {
     "agrees": "agrees",
     "disagrees": "disagrees",
@@ -85,6 +87,7 @@ class Run:
     order: tuple[Order, ...]
     settings: Mapping[str, Any]
     reason: str = ""  # why nothing could be compared
+    because: str = ""  # why it disagrees
 
     @property
     def title(self) -> str:
@@ -110,9 +113,9 @@ class Summary:
     between: str  # who stands apart, in words; empty with one engine
     failures: tuple[str, ...]  # runs that have no result, and why
 
-    def keys(self, all_joints: bool, mechanism: Mapping[str, Any]) -> list[Quantity]:
+    def keys(self, all_joints: bool, mechanism: Mechanism) -> list[Quantity]:
         """The signals of a short table: the paper's own, for these joints or for all, and whatever disagrees."""
-        joints = [j["name"] for j in mechanism["joint"]] if all_joints else list(self.joints)
+        joints = [j.name for j in mechanism.joints] if all_joints else list(self.joints)
         present = {row.quantity.signal for run in self.runs for row in run.rows}
         wrong = {row.quantity.signal for run in self.runs for row in run.rows if row.verdict == "disagrees"}
         loose = any(run.clearance != "none" for run in self.runs)
@@ -120,41 +123,41 @@ class Summary:
         return [self.signals[s] for s in [*chosen, *(s for s in self.signals if s in wrong and s not in chosen)]]
 
 
-def summarise(result: Result) -> Summary:
-    """Summary of a result (the content of result.json)."""
-    mechanism = result["mechanism"]
+def summarise(result: CrossCheck) -> Summary:
+    """Summary of a result."""
+    mechanism = result.mechanism
     signals = quantities(mechanism)
-    runs = tuple(_run(i, run, mechanism, signals) for i, run in enumerate(result["runs"]))
-    loose = [j["name"] for j in mechanism["joint"] if any(run["clearance"].get(j["name"]) for run in result["runs"])]
-    joints = loose or [j["name"] for j in mechanism["joint"]]
+    runs = tuple(_run(i, run, mechanism, signals) for i, run in enumerate(result.runs))
+    loose = [j.name for j in mechanism.joints if any(run.clearance.get(j.name) for run in result.runs)]
+    joints = loose or [j.name for j in mechanism.joints]
     spread = tuple(
-        _order(signals[name], {"rms": None, **fields}, result["runs"][0], mechanism)
-        for name, fields in (result.get("spread") or {}).items()
+        Order(
+            signals[name], signals[name].factor * wide.max, None, _where(wide.at_crank_angle, result.runs[0], mechanism)
+        )
+        for name, wide in result.spread.items()
         if name in signals
     )
-    failures = tuple(failure["why"] for failure in result.get("failures", ()))
-    verdict = "failed" if failures and all(run.verdict == "agrees" for run in runs) else result["verdict"]
+    failures = tuple(failure.why for failure in result.failures)
+    verdict = "failed" if failures and all(run.verdict == "agrees" for run in runs) else result.verdict
     said = headline(runs, len(failures))
-    return Summary(
-        result["case"], verdict, said, runs, signals, tuple(joints), spread, result.get("words", ""), failures
-    )
+    return Summary(result.case, verdict, said, runs, signals, tuple(joints), spread, result.words, failures)
 
 
-def released(run: Mapping[str, Any], mechanism: Mapping[str, Any]) -> bool:
+def released(run: results.Run, mechanism: Mechanism) -> bool:
     """Whether a run swings freely, so that it is compared over time: its crank angle may come back to where it was."""
-    return "time" in run and not isinstance((mechanism.get("drive") or {}).get("speed"), int | float)
+    return run.time is not None and mechanism.speed is None
 
 
-def abscissa(run: Mapping[str, Any], mechanism: Mapping[str, Any]) -> tuple[str, str, float, list[float]]:
+def abscissa(run: results.Run, mechanism: Mechanism) -> tuple[str, str, float, list[float]]:
     """What a run's samples are plotted over: name, unit, factor to it, and the SI values (rad, or s in a free
     drive).
     """
-    if released(run, mechanism):
-        return "time", "s", 1.0, list(run["time"])
-    return "crank angle θ₂", "deg", math.degrees(1.0), list(run["crank_angle"])
+    if released(run, mechanism) and run.time is not None:
+        return "time", "s", 1.0, run.time.tolist()
+    return "crank angle θ₂", "deg", math.degrees(1.0), run.crank_angle.tolist()
 
 
-def _run(index: int, run: Mapping[str, Any], mechanism: Mapping[str, Any], signals: Mapping[str, Quantity]) -> Run:
+def _run(index: int, run: results.Run, mechanism: Mechanism, signals: Mapping[str, Quantity]) -> Run:
     _, unit, factor, x = abscissa(run, mechanism)
     listed = list(signals)
 
@@ -162,46 +165,39 @@ def _run(index: int, run: Mapping[str, Any], mechanism: Mapping[str, Any], signa
         return listed.index(row.quantity.signal)
 
     order = tuple(
-        _order(signals[s], fields, run, mechanism)
-        for s, fields in (run.get("order_difference") or {}).items()
-        if s in signals
+        _order(signals[s], fields, run, mechanism) for s, fields in run.order_difference.items() if s in signals
     )
-    clearance = ", ".join(f"{joint} {plain(1e3 * size)} mm" for joint, size in run["clearance"].items() if size)
+    clearance = ", ".join(f"{joint} {plain(1e3 * size)} mm" for joint, size in run.clearance.items() if size)
     return Run(
         index=index,
-        simulator=run["simulator"]["name"],
-        version=run["simulator"]["version"],
-        joint_model=run["joint_model"],
-        motion=run["motion"],
-        analytic_model=run["analytic_model"],
+        simulator=run.simulator.name,
+        version=run.simulator.version,
+        joint_model=run.joint_model,
+        motion=run.motion,
+        analytic_model=run.analytic_model,
         clearance=clearance or "none",
-        verdict=run["verdict"],
-        rows=tuple(sorted((_row(d, run, mechanism, signals) for d in run["discrepancies"]), key=place)),
-        flags=tuple(
-            (f"{plain(factor * x[int(i)], 4)} {unit}", reason) for i, reason in (run.get("flags") or {}).items()
-        ),
-        free=tuple((joint, 100 * share) for joint, share in (run.get("free_share") or {}).items()),
+        verdict=run.verdict,
+        rows=tuple(sorted((_row(d, run, mechanism, signals) for d in run.discrepancies), key=place)),
+        flags=tuple((f"{plain(factor * x[int(i)], 4)} {unit}", reason) for i, reason in run.flags.items()),
+        free=tuple((joint, 100 * share) for joint, share in run.free_share.items()),
         order=tuple(sorted(order, key=place)),
-        settings=run.get("settings") or {},
-        reason=run.get("reason") or "",
+        settings=run.settings,
+        reason=run.reason,
+        because=run.because.words if run.because else "",
     )
 
 
-def _row(
-    d: Mapping[str, Any], run: Mapping[str, Any], mechanism: Mapping[str, Any], signals: Mapping[str, Quantity]
-) -> Row:
-    quantity = _in_unit(signals[d["signal"]], d["unit"])
-    values = (None if d[key] is None else quantity.factor * d[key] for key in ("max", "rms", "tolerance"))
+def _row(d: results.Discrepancy, run: results.Run, mechanism: Mechanism, signals: Mapping[str, Quantity]) -> Row:
+    quantity = _in_unit(signals[d.signal], d.unit)
+    values = (None if value is None else quantity.factor * value for value in (d.max, d.rms, d.tolerance))
     maximum, rms, tolerance = values
-    return Row(quantity, maximum, rms, _where(d, run, mechanism), tolerance, d["verdict"], d.get("reason") or "")
+    return Row(quantity, maximum, rms, _where(d.at_crank_angle, run, mechanism), tolerance, d.verdict, d.reason)
 
 
-def _order(
-    quantity: Quantity, fields: Mapping[str, Any], run: Mapping[str, Any], mechanism: Mapping[str, Any]
-) -> Order:
-    quantity = _in_unit(quantity, fields["unit"]) if "unit" in fields else quantity
-    maximum, rms = (None if fields[key] is None else quantity.factor * fields[key] for key in ("max", "rms"))
-    return Order(quantity, maximum, rms, _where(fields, run, mechanism))
+def _order(quantity: Quantity, fields: results.OrderDifference, run: results.Run, mechanism: Mechanism) -> Order:
+    quantity = _in_unit(quantity, fields.unit)
+    maximum, rms = (None if value is None else quantity.factor * value for value in (fields.max, fields.rms))
+    return Order(quantity, maximum, rms, _where(fields.at_crank_angle, run, mechanism))
 
 
 def _in_unit(quantity: Quantity, unit: str) -> Quantity:
@@ -214,13 +210,12 @@ def _in_unit(quantity: Quantity, unit: str) -> Quantity:
     )
 
 
-def _where(fields: Mapping[str, Any], run: Mapping[str, Any], mechanism: Mapping[str, Any]) -> str:
+def _where(at: float | None, run: results.Run, mechanism: Mechanism) -> str:
     """Where a largest difference was found, as a person reads it: the crank angle, in a free drive its first time."""
-    at = fields["at_crank_angle"]
     if at is None:
         return "-"
-    if released(run, mechanism):
-        return f"{plain(run['time'][list(run['crank_angle']).index(at)], 4)} s"
+    if released(run, mechanism) and run.time is not None:
+        return f"{plain(float(run.time[run.crank_angle.tolist().index(at)]), 4)} s"
     return f"{plain(math.degrees(at), 4)} deg"
 
 

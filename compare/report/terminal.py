@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Literal
 
 from rich.console import Console
 from rich.markup import escape
@@ -12,15 +11,16 @@ from rich.text import Text
 
 from compare.report.quantities import plain
 from compare.report.summary import WORDS, Run, headline, summarise
+from compare.results.crosscheck import CrossCheck
 
 LOUD = ("disagrees", "unjudged", "failed")
 COLOUR = {"agrees": "green", "known": "yellow", **dict.fromkeys(LOUD, "bold red")}
 
 
-def print_table(result: Mapping[str, Any], console: Console) -> None:
+def print_table(result: CrossCheck, console: Console) -> None:
     """Print the verdict and, run by run, the largest differences in degrees and millimetres; ASCII, fits 80 columns."""
     summary = summarise(result)
-    keys = summary.keys(False, result["mechanism"])
+    keys = summary.keys(False, result.mechanism)
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
     for heading in ("signal", "largest", "unit", "at", "rms", "tolerance", "verdict"):
         side: Literal["left", "right"] = "left" if heading in ("signal", "unit", "verdict") else "right"

@@ -4,12 +4,12 @@ cells.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 from xml.sax.saxutils import quoteattr
 
 from compare.report.svg import NOT_XML, text
-from compare.report.validity_text import LETTERS, about, cells_of, legend, letters, lost, millimetres, percent, rpm
+from compare.report.validity_text import LETTERS, about, legend, letters, lost, millimetres, percent, rpm
+from compare.results.validity import Cell, Failed, Validity
 
 LEFT, RIGHT, TOP, BETWEEN = 76.0, 18.0, 84.0, 74.0
 CELL_WIDTH, CELL_HEIGHT, NARROWEST = 78.0, 48.0, 720.0
@@ -22,22 +22,22 @@ SHADES = (
     (0.0, "#f4f1ea", INK),
 )
 FAILED = "#d0d4da"
-State = Callable[[Mapping[str, Any]], bool | None]  # None where a cell cannot say
+State = Callable[[Cell | Failed], bool | None]  # None where a cell cannot say
 
 
-def agrees(cell: Mapping[str, Any]) -> bool | None:
+def agrees(cell: Cell | Failed) -> bool | None:
     """Whether the equilibrium agrees with the simulation."""
-    return None if "failure" in cell else bool(cell["verdict"] == "agrees")
+    return None if isinstance(cell, Failed) else cell.agrees
 
 
-def touches(cell: Mapping[str, Any]) -> bool | None:
+def touches(cell: Cell | Failed) -> bool | None:
     """Whether the pins never leave their bearings."""
-    return None if "failure" in cell else not any(cell["free_share"].values())
+    return None if isinstance(cell, Failed) else not any(cell.free_share.values())
 
 
-def first_order(cell: Mapping[str, Any]) -> bool | None:
+def first_order(cell: Cell | Failed) -> bool | None:
     """Whether Eq. 8 is within tolerance of the equilibrium."""
-    return None if "failure" in cell else "first-order" not in cell["fails"]
+    return None if isinstance(cell, Failed) else "first-order" not in cell.fails
 
 
 BOUNDARIES: tuple[
@@ -49,26 +49,26 @@ BOUNDARIES: tuple[
 )
 
 
-def draw(result: Mapping[str, Any]) -> str:
+def draw(result: Validity) -> str:
     """The map as SVG text."""
-    columns, rows = len(result["speeds"]), len(result["clearances"])
+    columns, rows = len(result.speeds), len(result.clearances)
     notes = [
         about(result),
-        *result["words"],
+        *result.words,
         *legend(result),
         "in bold: why the equilibrium disagrees; free: share of the cycle without contact",
     ]
     width = max(NARROWEST, LEFT + RIGHT + columns * CELL_WIDTH)
     wrapped = [line for note in notes for line in _wrapped(note, int((width - 28) / 5.6))]
     panel = rows * CELL_HEIGHT + BETWEEN
-    height = TOP + panel * len(result["simulators"]) + 17 * len(wrapped) + 12
-    title = f"Where the analytic model holds: {result['case']}"
+    height = TOP + panel * len(result.simulators) + 17 * len(wrapped) + 12
+    title = f"Where the analytic model holds: {result.case}"
     body = [_text(title, 14, 22, size=15, weight="600"), *_key(14.0, 42.0)]
-    for k, simulator in enumerate(result["simulators"]):
+    for k, simulator in enumerate(result.simulators):
         body += _panel(result, simulator, TOP + k * panel)
-    end = TOP + panel * len(result["simulators"]) + 6
+    end = TOP + panel * len(result.simulators) + 6
     body += [_text(line, 14, end + 17 * k, size=11) for k, line in enumerate(wrapped)]
-    label = quoteattr(NOT_XML.sub("", " ".join([title + ".", *(f"{line}." for line in result["words"])])))
+    label = quoteattr(NOT_XML.sub("", " ".join([title + ".", *(f"{line}." for line in result.words)])))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}"'
         f' height="{height:g}" role="img" aria-label={label} font-family="system-ui, sans-serif" font-size="12"><rect'
@@ -76,15 +76,15 @@ def draw(result: Mapping[str, Any]) -> str:
     )
 
 
-def _panel(result: Mapping[str, Any], simulator: str, top: float) -> list[str]:
+def _panel(result: Validity, simulator: str, top: float) -> list[str]:
     """One engine's cells, axes and boundaries; clearance grows upwards."""
-    found, speeds, clearances = cells_of(result, simulator), result["speeds"], result["clearances"]
+    found, speeds, clearances = result.of(simulator), result.speeds, result.clearances
     start, bottom = top + 22, top + 22 + len(clearances) * CELL_HEIGHT
 
     def corner(column: int, row: int) -> tuple[float, float]:
         return LEFT + column * CELL_WIDTH, bottom - (row + 1) * CELL_HEIGHT
 
-    out = [_text(f"{simulator} {result['versions'].get(simulator, '')}".strip(), LEFT, top + 14, weight="600")]
+    out = [_text(f"{simulator} {result.versions.get(simulator, '')}".strip(), LEFT, top + 14, weight="600")]
     for i, speed in enumerate(speeds):
         out.append(_text(rpm(speed), LEFT + (i + 0.5) * CELL_WIDTH, bottom + 16, "middle"))
         for j, clearance in enumerate(clearances):
@@ -103,30 +103,29 @@ def _panel(result: Mapping[str, Any], simulator: str, top: float) -> list[str]:
     return out
 
 
-def _cell(cell: Mapping[str, Any], x: float, y: float) -> list[str]:
+def _cell(cell: Cell | Failed, x: float, y: float) -> list[str]:
     """A cell: shaded by the share that agrees; that share, the share without contact, and what fails, the cause in
     bold.
     """
     shade, ink = (
         (FAILED, INK)
-        if "failure" in cell
-        else next((fill, on) for least, fill, on in SHADES if cell["agreeing_share"] >= least)
+        if isinstance(cell, Failed)
+        else next((fill, on) for least, fill, on in SHADES if cell.agreeing_share >= least)
     )
     out = [
         f'<rect x="{x:g}" y="{y:g}" width="{CELL_WIDTH:g}" height="{CELL_HEIGHT:g}" fill="{shade}" stroke="{GRID}"'
         ' stroke-width="0.6"/>'
     ]
     middle = x + CELL_WIDTH / 2
-    if "failure" in cell:
+    if isinstance(cell, Failed):
         return [*out, _text("failed", middle, y + 28, "middle")]
-    out.append(_text(f"{percent(cell['agreeing_share'])} %", middle, y + 15, "middle", weight="600", fill=ink))
+    out.append(_text(f"{percent(cell.agreeing_share)} %", middle, y + 15, "middle", weight="600", fill=ink))
     if lost(cell):
         out.append(_text(f"free {percent(lost(cell))} %", middle, y + 28, "middle", size=10, fill=ink))
-    if cell["fails"]:
+    if cell.fails:
         style = f'text-anchor="middle" font-size="10" fill="{ink}"'
         initials = "".join(
-            f'<tspan font-weight="800">{x}</tspan>' if x == LETTERS.get(cell["cause"] or "") else x
-            for x in letters(cell)
+            f'<tspan font-weight="800">{x}</tspan>' if x == LETTERS.get(cell.cause or "") else x for x in letters(cell)
         )
         out.append(f'<text x="{middle:.1f}" y="{y + 40:.1f}" {style}>{initials}</text>')
     return out

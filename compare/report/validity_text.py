@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from analytic.mechanism import Mechanism
 from compare.report.quantities import plain, quantities
+from compare.results.validity import Cell, Costing, Failed, Validity, Worst
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-Cells = Mapping[tuple[float, float], Mapping[str, Any]]
+Cells = Mapping[tuple[float, float], Cell | Failed]
+TESTED: tuple[Costing, ...] = ("first-order", "quasi-static", "rigid")
 LETTERS = {"contact": "C", "first-order": "F", "quasi-static": "Q", "rigid": "R"}
-
-
-def cells_of(result: Mapping[str, Any], simulator: str) -> Cells:
-    """An engine's cells by speed (rad/s) and clearance (m)."""
-    return {(cell["speed"], cell["clearance"]): cell for cell in result["cells"] if cell["simulator"] == simulator}
 
 
 def rpm(speed: float) -> str:
@@ -36,109 +34,103 @@ def percent(value: float) -> str:
     return f"{near:.1f}" if 0 < near < 1 or 99 < near < 100 else f"{near:.0f}"
 
 
-def letters(cell: Mapping[str, Any]) -> str:
+def letters(cell: Cell | Failed) -> str:
     """The initials of the assumptions that fail."""
-    return "".join(LETTERS[name] for name in cell["fails"])
+    return "" if isinstance(cell, Failed) else "".join(LETTERS[name] for name in cell.fails)
 
 
-def brief(cell: Mapping[str, Any]) -> str:
+def brief(cell: Cell | Failed) -> str:
     """A cell in a table: ``agrees``, or the share of the cycle at which it does, and the assumptions that fail."""
-    if "failure" in cell:
+    if isinstance(cell, Failed):
         return "failed"
-    found = "agrees" if cell["verdict"] == "agrees" else f"{percent(cell['agreeing_share'])} %"
+    found = "agrees" if cell.agrees else f"{percent(cell.agreeing_share)} %"
     return f"{found} {letters(cell)}".strip()
 
 
-def sentence(cell: Mapping[str, Any], mechanism: Mapping[str, Any]) -> str:
+def sentence(cell: Cell | Failed, mechanism: Mechanism) -> str:
     """A cell in words."""
-    if "failure" in cell:
-        return f"failed: {cell['failure']}"
-    over = [
-        f"{name} {plain(cell['cost'][name], 2)} x"
-        for name in ("first-order", "quasi-static", "rigid")
-        if cell["cost"][name] > 1
-    ]
+    if isinstance(cell, Failed):
+        return f"failed: {cell.failure}"
+    over = [f"{name} {plain(cell.cost[name], 2)} x" for name in TESTED if cell.cost[name] > 1]
     costs = f"costs over tolerance: {', '.join(over)}" if over else "every other assumption within tolerance"
-    if cell["verdict"] == "agrees":
+    if cell.agrees:
         return f"agrees; {costs.replace('other ', '')}"
     lost = [
         f"{joint} is without contact for {percent(share)} % of the cycle"
-        for joint, share in cell["free_share"].items()
+        for joint, share in cell.free_share.items()
         if share > 0
     ]
-    swing = ["the pin stays in contact and swings along the rim"] if cell["swings"] else []
-    silent = sum(cell["flagged_share"].values())
+    swing = ["the pin stays in contact and swings along the rim"] if cell.swings else []
+    silent = sum(cell.flagged_share.values())
     flags = [f"no answer from the model at {percent(silent)} %"] if silent else []
-    worst = [f"worst {_worst(cell['worst'], mechanism)}"] if cell["worst"] else []
+    worst = [f"worst {_worst(cell.worst, mechanism)}"] if cell.worst else []
     return "; ".join(
-        [f"agrees at {percent(cell['agreeing_share'])} % of the angles", *lost, *swing, *flags, *worst, costs]
+        [f"agrees at {percent(cell.agreeing_share)} % of the angles", *lost, *swing, *flags, *worst, costs]
     )
 
 
-def _worst(worst: Mapping[str, Any], mechanism: Mapping[str, Any]) -> str:
-    quantity = quantities(mechanism)[worst["signal"]]
-    at = f"at {math.degrees(worst['at_crank_angle']):.4g} deg"
-    if worst["max"] is None or worst["over_tolerance"] is None:
+def _worst(worst: Worst, mechanism: Mechanism) -> str:
+    quantity = quantities(mechanism)[worst.signal]
+    at = f"at {math.degrees(worst.at_crank_angle):.4g} deg"
+    if worst.max is None or worst.over_tolerance is None:
         return f"{quantity.label} {at}"
     return (
-        f"{quantity.label} {plain(worst['max'] * quantity.factor, 3, True)} {quantity.unit}"
-        f" ({plain(worst['over_tolerance'], 2)} x) {at}"
+        f"{quantity.label} {plain(worst.max * quantity.factor, 3, True)} {quantity.unit}"
+        f" ({plain(worst.over_tolerance, 2)} x) {at}"
     )
 
 
-def legend(result: Mapping[str, Any]) -> list[str]:
+def legend(result: Validity) -> list[str]:
     """What the initials mean."""
-    found = result["assumptions"]
-    return [f"{LETTERS.get(name, '-')} {name}: {about['means']}" for name, about in found.items()]
+    found = result.assumptions
+    return [f"{LETTERS.get(name, '-')} {name}: {about.means}" for name, about in found.items()]
 
 
-def about(result: Mapping[str, Any]) -> str:
+def about(result: Validity) -> str:
     """What the map is of, in one line."""
-    laws = {f"{law['stiffness']:.3g} N/m and {law['damping']:.3g} N.s/m" for law in result["contact"].values()}
+    laws = {f"{law.stiffness:.3g} N/m and {law.damping:.3g} N.s/m" for law in result.contact.values()}
     contact = f", contact {' or '.join(sorted(laws))}" if laws else ""
-    where = f"clearance in {', '.join(result['joints'])} ({result['joints_are']})"
-    return (
-        f"{result['case']}: {where}, {result['joint_model']} joints{contact}, {len(result['crank_angle'])} crank angles"
-    )
+    where = f"clearance in {', '.join(result.joints)} ({result.joints_are})"
+    return f"{result.case}: {where}, {result.joint_model} joints{contact}, {len(result.crank_angle)} crank angles"
 
 
-def print_table(result: Mapping[str, Any], console: Console) -> None:
+def print_table(result: Validity, console: Console) -> None:
     """Print each engine's map as a small table, then what it comes to; ASCII but for names."""
     from rich.markup import escape
     from rich.table import Table
 
-    def show(simulator: str, heading: str, text: Callable[[Mapping[str, Any]], str]) -> None:
-        found = cells_of(result, simulator)
+    def show(simulator: str, heading: str, text: Callable[[Cell | Failed], str]) -> None:
+        found = result.of(simulator)
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
         table.add_column(f"{heading}: mm \\ rpm", no_wrap=True)
-        for speed in result["speeds"]:
+        for speed in result.speeds:
             table.add_column(rpm(speed), no_wrap=True)
-        for clearance in result["clearances"]:
-            table.add_row(millimetres(clearance), *(text(found[speed, clearance]) for speed in result["speeds"]))
+        for clearance in result.clearances:
+            table.add_row(millimetres(clearance), *(text(found[speed, clearance]) for speed in result.speeds))
         console.print(table)
 
-    for simulator in result["simulators"]:
+    for simulator in result.simulators:
         show(simulator, simulator, brief)
     console.print(
         "share of the crank angles at which model and simulation agree, and what fails of the paper's assumptions",
         soft_wrap=True,
     )
-    if any(lost(cell) for cell in result["cells"]):
-        for simulator in result["simulators"]:
+    if any(lost(cell) for cell in result.cells):
+        for simulator in result.simulators:
             show(simulator, f"{simulator}, no contact", lambda cell: f"{percent(lost(cell))} %" if lost(cell) else "-")
-    for line in [*legend(result), about(result), *result["words"]]:
+    for line in [*legend(result), about(result), *result.words]:
         console.print(escape(line), highlight=False, soft_wrap=True)
 
 
-def lost(cell: Mapping[str, Any]) -> float:
+def lost(cell: Cell | Failed) -> float:
     """The largest share of the cycle that one of the cell's pins was without contact; 0 for a cell that failed."""
-    return max(cell.get("free_share", {}).values(), default=0.0)
+    return 0.0 if isinstance(cell, Failed) else cell.free
 
 
-def markdown(result: Mapping[str, Any]) -> str:
+def markdown(result: Validity) -> str:
     """The text of validity.md."""
-    out = [f"# Where the analytic model holds: {_md(result['case'])}", "", f"{_md(about(result))}.", ""]
-    out += [f"- {_md(line)}" for line in result["words"]]
+    out = [f"# Where the analytic model holds: {_md(result.case)}", "", f"{_md(about(result))}.", ""]
+    out += [f"- {_md(line)}" for line in result.words]
     out += ["", "![map of speed and clearance](validity.svg)", ""]
     out += [
         (
@@ -152,33 +144,32 @@ def markdown(result: Mapping[str, Any]) -> str:
         "",
         *(f"- **{line[0]}** {_md(line[2:])}" for line in legend(result)),
     ]
-    for simulator in result["simulators"]:
-        found = cells_of(result, simulator)
-        out += ["", f"## {_md(simulator)} {_md(result['versions'].get(simulator, ''))}".rstrip(), ""]
-        rows = [[millimetres(c), *(brief(found[w, c]) for w in result["speeds"])] for c in result["clearances"]]
-        out += _rows(["mm \\ rpm", *(rpm(w) for w in result["speeds"])], rows)
+    for simulator in result.simulators:
+        found = result.of(simulator)
+        out += ["", f"## {_md(simulator)} {_md(result.versions.get(simulator, ''))}".rstrip(), ""]
+        rows = [[millimetres(c), *(brief(found[w, c]) for w in result.speeds)] for c in result.clearances]
+        out += _rows(["mm \\ rpm", *(rpm(w) for w in result.speeds)], rows)
         if any(map(lost, found.values())):
             rows = [
-                [millimetres(c), *(f"{percent(lost(found[w, c]))} %" for w in result["speeds"])]
-                for c in result["clearances"]
+                [millimetres(c), *(f"{percent(lost(found[w, c]))} %" for w in result.speeds)] for c in result.clearances
             ]
             out += [
                 "",
                 "Share of the cycle without contact:",
                 "",
-                *_rows(["mm \\ rpm", *(rpm(w) for w in result["speeds"])], rows),
+                *_rows(["mm \\ rpm", *(rpm(w) for w in result.speeds)], rows),
             ]
         out += ["", "| rpm | mm | what was found |", "|---:|---:|---|"]
         out += [
-            f"| {rpm(w)} | {millimetres(c)} | {_md(sentence(found[w, c], result['mechanism']))} |"
-            for w in result["speeds"]
-            for c in result["clearances"]
+            f"| {rpm(w)} | {millimetres(c)} | {_md(sentence(found[w, c], result.mechanism))} |"
+            for w in result.speeds
+            for c in result.clearances
         ]
     out += [
         "",
         (
-            f"Made by `{result['command']}` with"
-            f" {', '.join(f'{name} {version}' for name, version in result['versions'].items())}."
+            f"Made by `{result.command}` with"
+            f" {', '.join(f'{name} {version}' for name, version in result.versions.items())}."
         ),
         "",
     ]
@@ -197,7 +188,6 @@ __all__ = [
     "LETTERS",
     "about",
     "brief",
-    "cells_of",
     "legend",
     "letters",
     "lost",

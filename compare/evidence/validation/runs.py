@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import Any
 
-from compare.cli.options import cores
+from compare.arguments import cores
 from compare.evidence.validation.scales import Scale, scale_rows
+from compare.results.crosscheck import CrossCheck, Run
 
 GAPS = (1e-2, 1e-3, 1e-4)  # m, of the paper's case
 PINS = (("crank", "A"), ("coupler", "com"), ("coupler", "B"), ("follower", "B"))
@@ -19,7 +19,7 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale]) -> dict[str, Any]:
     superposition are off.
     """
     from analytic.mechanism.file import load, shipped_cases
-    from compare.crosscheck import Job, crosscheck
+    from compare.crosscheck import Job, crosscheck_job
     from compare.evidence.baseline.runs import setups
     from compare.judge.discrepancy import load_tolerances
     from sim_models.engine import declared, installed_version
@@ -35,11 +35,11 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale]) -> dict[str, Any]:
             engines = tuple(n for n in names if (r.joint_model, r.motion) in declared(n).supports)
             workers = min(len(engines), cores())
             job = Job(r.mechanism, engines, tolerances, r.motion, r.crank_angle, r.time, r.joint_model, workers=workers)
-            result = crosscheck(job)
-            rows += [row(case, setup.name, run) for run in result["runs"]]
+            result = crosscheck_job(job)
+            rows += [row(case, setup.name, run) for run in result.runs]
             rows += [
-                {"case": case, "run": setup.name, "simulator": f["simulator"], "verdict": f"failed: {f['why']}"}
-                for f in result["failures"]
+                {"case": case, "run": setup.name, "simulator": f.simulator, "verdict": f"failed: {f.why}"}
+                for f in result.failures
             ]
             if r.joint_model == "contact":
                 drawings |= {f"{case}-{name}.svg": drawing for name, drawing in drawn(result).items()}
@@ -50,30 +50,32 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale]) -> dict[str, Any]:
     return {"schema": 1, "versions": versions, "runs": rows, "scales": sized, **approximations, "figures": drawings}
 
 
-def row(case: str, name: str, run: dict[str, Any]) -> dict[str, Any]:
+def row(case: str, name: str, run: Run) -> dict[str, Any]:
     """One line of the report: the verdict, and the signal that uses up most of its tolerance."""
-    if not run["discrepancies"]:
-        return {"case": case, "run": name, "simulator": run["simulator"]["name"], "verdict": run["verdict"]}
-    worst = max(run["discrepancies"], key=lambda d: abs(d["max"]) / d["tolerance"] if d["tolerance"] else 0.0)
-    share = abs(worst["max"]) / worst["tolerance"] if worst["tolerance"] else 0.0
+    if not run.discrepancies:
+        return {"case": case, "run": name, "simulator": run.simulator.name, "verdict": run.verdict}
+    worst = max(run.discrepancies, key=lambda d: d.share or 0.0)
     return {
-        "case": case, "run": name, "simulator": run["simulator"]["name"], "verdict": run["verdict"],
-        "signals": len(run["discrepancies"]), "closest": worst["signal"], "share": float(f"{share:.1g}"),
-    }  # fmt: skip
+        "case": case,
+        "run": name,
+        "simulator": run.simulator.name,
+        "verdict": run.verdict,
+        "signals": len(run.discrepancies),
+        "closest": worst.signal,
+        "share": float(f"{worst.share or 0.0:.1g}"),
+    }
 
 
-def drawn(result: dict[str, Any]) -> dict[str, str]:
+def drawn(result: CrossCheck) -> dict[str, str]:
     """SVG drawings of a result: the linkage, and the reaction directions at its first joint with clearance."""
-    from compare.files import to_json
     from compare.report.figures import reaction_directions
     from compare.report.linkage import linkage_figure
     from compare.report.summary import summarise
     from compare.report.svg import draw
 
-    plain = json.loads(to_json(result))
-    summary = summarise(plain)
-    linkage = linkage_figure(plain, summary)
-    found = {"gamma": draw(reaction_directions(plain, summary, summary.joints[0]))}
+    summary = summarise(result)
+    linkage = linkage_figure(result, summary)
+    found = {"gamma": draw(reaction_directions(result, summary, summary.joints[0]))}
     return found | ({"linkage": draw(linkage)} if linkage else {})
 
 

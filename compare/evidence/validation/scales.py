@@ -97,18 +97,18 @@ def _of_engine(item: tuple[int, Scale, str]) -> list[dict[str, Any]]:
 def _runs(scale: Scale, simulator: str, motion: Any) -> Iterator[dict[str, Any]]:
     import numpy as np
 
-    from compare.crosscheck import Job, crosscheck
+    from compare.crosscheck import Job, crosscheck_job
     from compare.judge.discrepancy import load_tolerances
     from sim_models.engine import Unsupported
 
     theta = 2 * np.pi * np.arange(ANGLES) / ANGLES
     row = {"length": scale.length, "speed": scale.speed, "mass_ratio": scale.mass_ratio, "simulator": simulator}
     try:
-        result = crosscheck(Job(linkage(scale), (simulator,), load_tolerances(), motion, theta))
+        result = crosscheck_job(Job(linkage(scale), (simulator,), load_tolerances(), motion, theta))
     except Unsupported as error:
         yield row | {"run": f"ideal, {motion}", "verdict": "refused", "why": str(error)}
         return
-    for run in result["runs"]:
-        yield row | {"run": f"{run['joint_model']}, {motion}", "verdict": run["verdict"]}
-    for failure in result["failures"]:
-        yield row | {"run": f"{failure['joint_model']}, {motion}", "verdict": "refused", "why": failure["why"]}
+    for run in result.runs:
+        yield row | {"run": f"{run.joint_model}, {motion}", "verdict": run.verdict}
+    for failure in result.failures:
+        yield row | {"run": f"{failure.joint_model}, {motion}", "verdict": "refused", "why": failure.why}

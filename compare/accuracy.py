@@ -1,0 +1,198 @@
+"""What clearance and compliance do to the outputs that a person names, over the whole cycle."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from analytic.beyond_paper.monte_carlo import Contacts, Distribution, Population, draw
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism import Mechanism
+from analytic.paper.envelope import Output, transmission
+from analytic.paper.superposition import Accuracy as Found
+from analytic.paper.superposition import accuracy as accuracy_of
+from compare.arguments import Linkage, Metres, crank_angles, linkage, metres, noted
+from compare.faults import ArgumentError
+from compare.results import accuracy as results
+from compare.results.accuracy import Accuracy, MonteCarlo, Point, Radius, SideChange, Spread
+from sim_models.engine import Motion, installed_version
+
+
+def accuracy(
+    mechanism: Linkage = "paper",
+    *,
+    clearance: Metres | None = None,
+    clearance_tolerance: Metres | None = None,
+    outputs: Sequence[str] | None = None,
+    motion: Motion | None = None,
+    angles: Sequence[float] | np.ndarray | None = None,
+    samples: int = 20_000,
+    seed: int = 0,
+    nonlinear: bool = False,
+) -> Accuracy:
+    """How accurate a linkage with clearance can be: nominal, worst case, by joint, Monte Carlo, compliance.
+
+    ``clearance`` (m by joint) replaces the case's own; in the Monte Carlo each is uniform within +-
+    ``clearance_tolerance`` (m).  ``outputs`` are names such as ``coupler`` (its com and angle), ``coupler.B`` or
+    ``follower.angle``, by default every body.  Reactions have inertia forces in ``driven`` motion, the default where
+    the drive has a speed.  ``angles`` (N,) rad.  With ``nonlinear`` the linkage is closed again for every sample.
+
+    Raises MechanismError, ArgumentError, AssemblyError or ComplianceError.
+    """
+    if samples < 2 or seed < 0:
+        raise ArgumentError("samples", f"{samples}, with seed {seed}; give 2 samples or more, and a seed of 0 or more")
+    with noted() as warned:
+        m = linkage(mechanism, clearance)
+        assembly = Assembly(m)
+        found = accuracy_at(
+            assembly,
+            crank_angles(assembly, angles),
+            named_outputs(outputs, m),
+            tolerances=metres(clearance_tolerance or {}, m, "clearance_tolerance"),
+            inertia=_inertia(motion, m),
+            samples=samples,
+            seed=seed,
+            nonlinear=nonlinear,
+        )
+    return found.model_copy(update={"warnings": tuple(warned)})
+
+
+def named_outputs(names: Sequence[str] | None, mechanism: Mechanism) -> list[Output]:
+    """Outputs by name: ``coupler`` (its com and angle), ``coupler.B``, ``coupler.angle``, or a point that only one body
+    has.
+
+    Raises ArgumentError.
+    """
+    bodies = mechanism.moving
+    found: dict[Output, None] = {}
+    for name in dict.fromkeys(names) if names else list(bodies):
+        body, _, point = name.partition(".")
+        owners = [b for b in bodies if name in bodies[b].points]
+        if body not in bodies and len(owners) == 1:
+            body, point = owners[0], name
+        if body not in bodies:
+            why = (
+                f"is a point of {' and '.join(owners)}; write {owners[0]}.{name}"
+                if owners
+                else f"is no body; they are {', '.join(bodies)}"
+            )
+            raise ArgumentError("outputs", f"{name}: {body!r} {why}")
+        if point not in ("", "com", "angle", *bodies[body].points):
+            raise ArgumentError(
+                "outputs", f"{name}: {body} has no point {point!r}; give com, angle, {', '.join(bodies[body].points)}"
+            )
+        found |= dict.fromkeys(_outputs_of(body, point))
+    return list(found)
+
+
+def _outputs_of(body: str, point: str) -> list[Output]:
+    place = [] if point == "angle" else [Output(body, "x", point or "com"), Output(body, "y", point or "com")]
+    return place + ([Output(body, "angle")] if point in ("", "angle") else [])
+
+
+def _inertia(motion: Motion | None, mechanism: Mechanism) -> bool:
+    if motion == "driven" and mechanism.speed is None:
+        raise ArgumentError(
+            "motion", f"the drive of {mechanism.name} has no constant speed; give it one, or ask for static motion"
+        )
+    return motion != "static" and mechanism.speed is not None
+
+
+def accuracy_at(
+    assembly: Assembly,
+    theta: np.ndarray,
+    outputs: Sequence[Output],
+    *,
+    tolerances: Mapping[str, float],
+    inertia: bool,
+    samples: int,
+    seed: int,
+    nonlinear: bool = False,
+) -> Accuracy:
+    """The same for a linkage with its own clearances at crank angles theta (N,) rad.
+
+    Raises ArgumentError where a tolerance exceeds its clearance, ComplianceError where the links cannot carry their
+    loads, and AssemblyError.
+    """
+    mechanism = assembly.mechanism
+    for joint, tolerance in tolerances.items():
+        if tolerance > mechanism.joint(joint).clearance:
+            limit = f"the joint's clearance, {mechanism.joint(joint).clearance:g} m"
+            raise ArgumentError(
+                "clearance_tolerance", f"{joint}={tolerance:g} is more than {limit}; a clearance cannot be negative"
+            )
+    found = accuracy_of(assembly, theta, outputs, mechanism.clearances, mechanism.speed or 1.0, inertia)
+    drawn = draw(found.clearances, np.array([tolerances.get(pin, 0.0) for pin in found.pins]), samples, seed)
+    population = Population(
+        assembly, found.total.clearance.ideal.motion, found.path, found.unit_reactions, found.directions
+    )
+    kinds: tuple[Contacts, Contacts] = ("free", "along reactions")
+    free, along = (population.distribution(drawn, kind, nonlinear) for kind in kinds)
+    planes = zip([d for d in outputs if d.axis == "x"], [d for d in outputs if d.axis == "y"], strict=True)
+    return Accuracy(
+        case=mechanism.name,
+        mechanism=mechanism,
+        versions=_versions(),
+        motion="driven" if inertia else "static",
+        clearance=dict(mechanism.clearances),
+        clearance_tolerance=dict(tolerances),
+        samples=samples,
+        seed=seed,
+        nonlinear=nonlinear,
+        crank_angle=theta,
+        flags={str(i): why for i, why in sorted(found.flags.items())},
+        cautions={str(i): why for i, why in found.cautions.items()},
+        condition=found.condition,
+        transmission=transmission(found.condition),
+        side_changes=_side_changes(found),
+        outputs={d.name: _output(d, found, free, along) for d in outputs},
+        points={
+            x.place: Point(
+                farthest=np.abs(found.farthest(x, y)),
+                farthest_direction=np.angle(found.farthest(x, y)),
+                radius_95=Radius(free=free.radius[x.place], along_reactions=along.radius[x.place]),
+            )
+            for x, y in planes
+        },
+        command="",
+        warnings=(),
+    )
+
+
+def _output(d: Output, found: Found, free: Distribution, along: Distribution) -> results.Output:
+    of_sides = MonteCarlo(free=Spread(**vars(free.spreads[d])), along_reactions=Spread(**vars(along.spreads[d])))
+    output = results.Output(
+        body=d.body,
+        axis=d.axis,
+        unit=d.unit,
+        nominal=found.nominal(d),
+        equilibrium=found.equilibrium(d),
+        worst_case=found.worst_case(d),
+        sensitivity=found.sensitivity(d),
+        compliance=found.compliance(d),
+        total=found.equilibrium(d) + found.compliance(d),
+        monte_carlo=of_sides,
+    )
+    return output if d.axis == "angle" else output.model_copy(update={"point": d.point})
+
+
+def _side_changes(found: Found) -> tuple[SideChange, ...]:
+    return tuple(
+        SideChange(
+            joint=change.joint,
+            crank_angle=change.crank_angle,
+            before=change.before,
+            after=change.after,
+            reaction=change.reaction,
+            turned=change.turned,
+            jump={d.name: float(jump[k]) for d, jump in found.jumps.items()},
+        )
+        for k, change in enumerate(found.side_changes)
+    )
+
+
+def _versions() -> dict[str, str]:
+    packages = {name: installed_version(name) or "not installed" for name in ("linkage-crosscheck", "numpy")}
+    return {"python": platform.python_version(), **packages}

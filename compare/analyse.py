@@ -1,0 +1,115 @@
+"""One side of a comparison by itself: what the analytic model says of a linkage, and what an engine does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import tau
+
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism import Mechanism
+from analytic.paper.clearance import Model
+from compare.arguments import Linkage, Metres, crank_angles, linkage, noted, rigidly_and_evenly_driven
+from compare.faults import ArgumentError
+from compare.judge.grid import FREE_TIME, turns_fully
+from compare.judge.reference import with_flexible_links, yardstick
+from compare.judge.signals import with_derived
+from compare.results.analysis import Analysis, Simulation
+from compare.results.crosscheck import Path, Simulator
+from sim_models.engine import JointModel, Motion, Request, engine
+
+Angles = Sequence[float] | np.ndarray
+
+
+def analyse(
+    mechanism: Linkage = "paper",
+    *,
+    angles: Angles | None = None,
+    clearance: Metres | None = None,
+    model: Model = "equilibrium",
+    motion: Motion = "driven",
+    compliance: bool = False,
+) -> Analysis:
+    """Kinetostatics and clearance of a linkage over its crank angle (N,) rad, and its compliance where asked for.
+
+    ``clearance`` (m by joint) replaces the case's own.  The model is the paper's ``first_order`` (Eq. 8) or the
+    self-consistent ``equilibrium``.  ``static`` motion has no inertia forces; without a speed of the drive it is the
+    only one.  With ``compliance`` links that have a modulus of elasticity and joints that have an elasticity yield as
+    well (Eqs. 1-7), superposed as in Fig. 7c, in static motion.
+
+    Raises MechanismError, ArgumentError, AssemblyError or ComplianceError.
+    """
+    with noted() as warned:
+        given = linkage(mechanism, clearance)
+        m = given if compliance else rigidly_and_evenly_driven(given)
+        assembly = Assembly(m)
+        if motion == "driven" and m.speed is None:
+            raise ArgumentError("motion", f"the drive of {m.name} has no constant speed; ask for static motion")
+        if motion == "driven" and compliance:
+            raise ArgumentError("compliance", "elastic displacement is found at rest; ask for static motion")
+        theta = crank_angles(assembly, angles)
+        side = yardstick(assembly, theta, motion, model, m.clearances)
+        if compliance:
+            side = with_flexible_links(side, assembly, theta)
+    return Analysis(
+        case=m.name,
+        mechanism=m,
+        motion=motion,
+        clearance=m.clearances,
+        analytic_model=model,
+        compliance=compliance,
+        crank_angle=theta,
+        signals=dict(side.signals),
+        flags={str(i): why for i, why in sorted(side.flags.items())},
+        order_difference=dict(side.order_difference),
+        warnings=tuple(warned),
+    )
+
+
+def simulate(
+    mechanism: Linkage = "paper",
+    simulator: str = "mujoco",
+    *,
+    joint_model: JointModel = "ideal",
+    motion: Motion = "driven",
+    angles: Angles | None = None,
+    clearance: Metres | None = None,
+) -> Simulation:
+    """One run of one engine: the signals of a linkage over its crank angle (N,) rad, or over time if it swings freely.
+
+    The run is the one that a cross-check makes.  Raises MechanismError, ArgumentError, AssemblyError, Unsupported,
+    SimulatorMissing or SimulationError.
+    """
+    with noted() as warned:
+        m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
+        trace = engine(simulator).simulate(request(m, joint_model, motion, angles))
+    found = Simulation(
+        case=m.name,
+        mechanism=m,
+        motion=motion,
+        clearance=dict(trace.clearance),
+        simulator=Simulator(name=trace.simulator, version=trace.version),
+        joint_model=joint_model,
+        settings=dict(trace.settings),
+        crank_angle=trace.crank_angle,
+        signals=with_derived(trace.signals, m),
+        journal={name: Path(x=path[:, 0], y=path[:, 1]) for name, path in trace.journal.items()},
+        free_share=dict(trace.free_share),
+        warnings=tuple(warned),
+    )
+    return found if trace.time is None else found.model_copy(update={"time": trace.time})
+
+
+def request(m: Mechanism, joint_model: JointModel, motion: Motion, angles: Angles | None) -> Request:
+    """The run that a cross-check makes of this joint model.  Raises ArgumentError or AssemblyError."""
+    if joint_model != "ideal" and not m.clearances:
+        raise ArgumentError("joint_model", f"{m.name} has no joint with clearance; give a clearance (m)")
+    assembly = Assembly(m)
+    if m.speed is None and motion == "driven":
+        if angles is not None:
+            raise ArgumentError("angles", f"{m.name} swings freely and is reported over time; leave angles out")
+        return Request(m, joint_model, time=FREE_TIME)
+    theta = crank_angles(assembly, angles)
+    settles = motion == "driven" and joint_model != "ideal" and turns_fully(assembly)
+    return Request(m, joint_model, motion, theta, lead_in=tau if settles else 0.0)

@@ -1,0 +1,62 @@
+"""What there is: shipped cases, engines and effects."""
+
+from __future__ import annotations
+
+from analytic.mechanism.file import load, shipped_cases
+from compare.results.catalogue import Capability, Case, Cases, Effect, Effects, Engine, Parameter, Simulators
+from sim_models.engine import JOINT_MODELS, Motion, broken, declared, engine_names, installed_version
+
+MOTIONS: tuple[Motion, ...] = ("driven", "static")
+
+
+def cases() -> Cases:
+    """The mechanisms that ship with the package."""
+    found = []
+    for name in shipped_cases():
+        m = load(name)
+        bodies, joints = (tuple(part.name for part in parts) for parts in (m.bodies, m.joints))
+        found.append(Case(name=name, bodies=bodies, joints=joints, clearance=dict(m.clearances), speed=m.speed))
+    return Cases(cases=tuple(found))
+
+
+def simulators() -> Simulators:
+    """The engines: installed or not, and what each does."""
+    return Simulators(simulators=tuple(_engine(name) for name in engine_names()))
+
+
+def _engine(name: str) -> Engine:
+    chosen = declared(name)
+    version = installed_version(chosen.package)
+    fault = broken(chosen.package) if version else ""
+    supports = []
+    for model in JOINT_MODELS:
+        motions = tuple(motion for motion in MOTIONS if (model, motion) in chosen.supports)
+        supports.append(Capability(joint_model=model, motions=motions))
+    return Engine(
+        name=name,
+        package=chosen.package,
+        status="broken" if fault else "installed" if version else "not installed",
+        version=version,
+        fault=fault,
+        supports=tuple(supports),
+        effects=tuple(sorted(chosen.effects)),
+    )
+
+
+def effects() -> Effects:
+    """The vocabulary of effects: parameters, units, and which engines simulate each."""
+    from compare.diagnose.confirm import represents
+    from compare.diagnose.effects.vocabulary import VOCABULARY
+    from compare.report.diagnosis_words import says
+
+    return Effects(
+        effects=tuple(
+            Effect(
+                name=effect.name,
+                says=says(effect.name, "<where>"),
+                parameters=tuple(Parameter(name=p.name, unit=p.unit or "of the signal") for p in effect.parameters),
+                simulators=tuple(name for name in engine_names() if represents(declared(name), effect)),
+            )
+            for effect in VOCABULARY.values()
+        )
+    )

@@ -1,0 +1,289 @@
+"""Why a run with clearance disagrees: each assumption of the paper tested by itself, on the run's own linkage.
+
+An assumption's cost is the largest error that it makes, as a multiple of what the cross-check allows:
+
+``contact``       at all times: does a pin ever fly free in the simulation?
+``first-order``   Eq. 8's displacement and forces, against the equilibrium's in the displaced configuration;
+``quasi-static``  reactions without the inertia of the gap's own motion, against those with it; it fails as well where
+                  that motion is too fast for an equilibrium to be found, and where a pin that never leaves its bearing
+                  does not lie where the equilibrium says, because it swings along the rim;
+``rigid``         contact: reactions with the gaps larger by force over stiffness, and moving as this does, against
+                  those with gaps that keep their size.
+
+The equilibrium itself does not need ``first-order`` and corrects ``quasi-static`` once, so it may agree where the
+paper's formula does not; ``quasi-static-corrected`` is what a second correction would change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import get_args
+
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import Gap, kinematics
+from analytic.mechanism import Mechanism
+from analytic.paper.clearance import STENCIL, Displaced, Model, displaced
+from analytic.paper.kinetostatics import Reactions, kinetostatics
+from compare.judge.discrepancy import ANGULAR, Discrepancy, Rule, Scales, Tube, judge
+from compare.judge.signals import compared, with_derived, with_rotations
+from compare.judge.tolerances import Tolerances
+from compare.results.crosscheck import Because, Run
+from compare.results.crosscheck import Discrepancy as Judged
+from compare.results.validity import Assumption, Costing
+
+Signals = Mapping[str, np.ndarray]
+ASSUMPTIONS: tuple[Assumption, ...] = get_args(Assumption)
+
+
+@dataclass(frozen=True)
+class Examined:
+    """A cross-checked driven run of a mechanism with clearance at crank angles theta (N,) rad, and its tolerances."""
+
+    mechanism: Mechanism
+    theta: np.ndarray
+    run: Run
+    tolerances: Tolerances
+
+    @cached_property
+    def verdicts(self) -> list[tuple[Discrepancy, np.ndarray]]:
+        """Every compared signal of the run, and the angles (N,) at which it is within tolerance."""
+        return list(self.judged(self.run.simulated, self.run.analytic))
+
+    @cached_property
+    def agreeing(self) -> np.ndarray:
+        """Angles (N,) at which every signal is within tolerance, and the model has an answer."""
+        return np.all([within for _, within in self.verdicts], axis=0) & ~self.flagged
+
+    @property
+    def contact_lost(self) -> bool:
+        """Whether any pin flies free in the simulation."""
+        return any(self.run.free_share.values())
+
+    @cached_property
+    def swings(self) -> bool:
+        """Whether a pin never leaves its bearing, and does not lie where the equilibrium says."""
+        displaced = {f"clearance_{joint}_{axis}" for joint in self.run.clearance for axis in "xy"}
+        return not self.contact_lost and any(
+            d.signal in displaced and d.verdict == "disagrees" for d, _ in self.verdicts
+        )
+
+    @cached_property
+    def out_of_step(self) -> bool:
+        """Whether a pin is not where any equilibrium has it."""
+        return self.swings or bool((self.flagged & ~self.unloaded).any())
+
+    @property
+    def fails(self) -> list[Assumption]:
+        """The assumptions that fail here, whether or not the model agrees."""
+        failing: dict[Assumption, bool] = {
+            "contact": self.contact_lost,
+            "first-order": self.costs["first-order"] > 1,
+            "quasi-static": self.costs["quasi-static"] > 1 or self.out_of_step,
+            "rigid": self.costs["rigid"] > 1,
+        }
+        return [name for name in ASSUMPTIONS if failing[name]]
+
+    @property
+    def cause(self) -> Assumption | None:
+        """The assumption whose failure explains that the equilibrium disagrees; None if that of none does.
+
+        Of two known errors the larger counts.
+        """
+        if self.contact_lost:
+            return "contact"
+        left: dict[Assumption, float] = {
+            "quasi-static": np.inf if self.out_of_step else self.costs["quasi-static-corrected"],
+            "rigid": self.costs["rigid"],
+        }
+        largest = max(left, key=lambda name: left[name])
+        return largest if left[largest] > 1 else None
+
+    @cached_property
+    def flagged(self) -> np.ndarray:
+        """Angles (N,) at which the model has no answer."""
+        flagged = np.zeros(self.theta.size, bool)
+        flagged[[int(i) for i in self.run.flags]] = True
+        return flagged
+
+    @cached_property
+    def unloaded(self) -> np.ndarray:
+        """Angles (N,) at which a joint's reaction passes so near zero that it has no direction."""
+        moved = self.equilibrium
+        return np.any([np.abs(moved.ideal.forces[name]) <= moved.faint[name] for name in self.run.clearance], axis=0)
+
+    @cached_property
+    def stiffness(self) -> float:
+        """Stiffness (N/m) of the contact; infinite where the run does not say it."""
+        found = self.run.settings.get("contact_stiffness")
+        return float(found) if isinstance(found, int | float) else np.inf
+
+    @cached_property
+    def give(self) -> float:
+        """How far (m) the contact yields under the simulation's peak force."""
+        forces = [self.run.simulated[f"reaction_{name}_magnitude"] for name in self.run.clearance]
+        return float(np.nanmax(forces, initial=0.0)) / self.stiffness
+
+    # ---------------------------------------------------------------- the model against itself
+
+    @cached_property
+    def equilibrium(self) -> Displaced:
+        """The model that the simulation is held to."""
+        return self.displaced("equilibrium")
+
+    def displaced(self, model: Model, theta: np.ndarray | None = None) -> Displaced:
+        """A model of the linkage, at the run's crank angles or others (rad)."""
+        at = self.theta if theta is None else theta
+        return displaced(self.assembly, at, self.mechanism.speed or 0.0, model=model, clearances=self.run.clearance)
+
+    @cached_property
+    def assembly(self) -> Assembly:
+        """The ideal linkage, assembled once."""
+        return Assembly(self.mechanism)
+
+    @cached_property
+    def costs(self) -> dict[Costing, float]:
+        """What each assumption that the model makes about itself costs, 1 being the tolerance."""
+        right = self.signals(self.equilibrium)
+        still = {name: Gap(value) for name, value in self.equilibrium.gaps.items()}
+        moving = self.signals(self.with_gaps(self.moving(np.inf)))
+        return {
+            "first-order": self.cost(self.signals(self.displaced("first_order")), right),
+            "quasi-static": self.cost(self.signals(self.with_gaps(still)), right),
+            "quasi-static-corrected": self.cost(moving, right),
+            "rigid": self.cost(self.signals(self.with_gaps(self.moving(self.stiffness))), moving),
+        }
+
+    def with_gaps(self, gaps: Mapping[str, Gap]) -> Reactions:
+        """Reactions of the linkage whose gaps move as given."""
+        return kinetostatics(kinematics(self.assembly, self.theta, self.mechanism.speed or 0.0, gaps=gaps))
+
+    @cached_property
+    def beside(self) -> Displaced:
+        """The equilibrium at three crank angles (rad) around each of the run's."""
+        return self.displaced("equilibrium", (self.theta + STENCIL * np.array([[-1.0], [0.0], [1.0]])).ravel())
+
+    def moving(self, stiffness: float) -> dict[str, Gap]:
+        """The equilibrium's gaps, larger by force over stiffness (N/m), and their rates by differences."""
+        omega, out = self.mechanism.speed or 0.0, {}
+        for name, gap in self.beside.gaps.items():
+            before, here, after = (gap + self.beside.reactions.forces[name] / stiffness).reshape(3, -1)
+            slope, bend = (after - before) / (2 * STENCIL), (after - 2 * here + before) / STENCIL**2
+            out[name] = Gap(here, slope * omega, bend * omega**2)
+        return out
+
+    def signals(self, side: Displaced | Reactions) -> Signals:
+        """Every signal (N,) of an analytic answer."""
+        motion = self.equilibrium.ideal.motion
+        return with_rotations(
+            with_derived(side.signals(), self.mechanism),
+            {body.name: motion.angle(body.name) for body in self.mechanism.bodies},
+        )
+
+    # ---------------------------------------------------------------- judging
+
+    def judged(self, one: Signals, other: Signals) -> Iterator[tuple[Discrepancy, np.ndarray]]:
+        """Every compared signal of one side held against the other's, and at which angles (N,) it is within
+        tolerance.
+        """
+        sizes, scales = self.run.clearance, Scales.of(other, self.mechanism)
+        for name, kind in compared(self.mechanism, sizes).items():
+            gap = sizes.get(name.removeprefix("clearance_")[:-2], max(sizes.values()))
+            rule = Rule.read(self.tolerances, self.run.motion, self.run.joint_model, kind, scales, self.give, gap)
+            found = judge(name, one, other, rule, self.theta)
+            if found is not None:
+                yield found, self.within(name, one, other, rule)
+
+    def within(self, name: str, one: Signals, other: Signals, rule: Rule) -> np.ndarray:
+        """Angles (N,) at which a signal is within its rule, or means nothing."""
+        apart = one[name] - other[name]
+        if rule.kind in ANGULAR:
+            apart = (apart + np.pi) % (2 * np.pi) - np.pi
+        tube = Tube.around(other[name], self.theta, rule.window)
+        return ~(np.abs(apart) > rule.tolerance(name, other) + np.where(apart > 0, tube.above, tube.below))
+
+    def cost(self, one: Signals, other: Signals) -> float:
+        """The largest difference of one side from the other over what is allowed, at angles where both have an
+        answer.
+        """
+        known = np.isfinite(one["drive_torque"]) & np.isfinite(other["drive_torque"]) & ~self.flagged
+        sides = [{name: np.where(known, values, np.nan) for name, values in side.items()} for side in (one, other)]
+        return max((excess(found) for found, _ in self.judged(*sides)), default=0.0) if known.any() else 0.0
+
+
+def excess(found: Discrepancy) -> float:
+    """A difference over its tolerance."""
+    return abs(found.max) / max(found.tolerance, np.finfo(float).tiny)
+
+
+# ---------------------------------------------------------------- why a cross-check disagrees
+
+MEANS: Mapping[Assumption, str] = {
+    "contact": "contact at all times",
+    "first-order": "that the ideal linkage's reactions are those of the displaced one (Eq. 8)",
+    "quasi-static": "that a pin's own motion in its gap costs nothing",
+    "rigid": "that the contact does not yield",
+}
+
+
+def failing_assumption(run: Run, mechanism: Mechanism, tolerances: Tolerances) -> Because | None:
+    """Why a run with clearance disagrees: the assumption of the analytic model that fails in it, and where.
+
+    None where nothing is known of it: a run that is flagged everywhere.
+    """
+    lost = {joint: share for joint, share in run.free_share.items() if share > 0}
+    if lost:
+        joint = max(lost, key=lambda name: lost[name])
+        of = "the turn" if run.motion == "driven" else "the crank angles"
+        also = "".join(f", {name} for {100 * lost[name]:.2g} %" for name in lost if name != joint)
+        words = (
+            f"{joint} loses contact for {100 * lost[joint]:.2g} % of {of}{also}; the analytic model presumes contact"
+        )
+        return Because(assumption="contact", joint=joint, words=words)
+    if run.analytic_model == "first_order" and _first_order_costs(run):
+        return Because(assumption="first-order", joint=None, words=_first_order_words(run))
+    if run.motion != "driven" or len(run.flags) == run.crank_angle.size:
+        return None
+    examined = Examined(mechanism, run.crank_angle, run, tolerances)
+    cause = examined.cause
+    if cause is None:
+        words = (
+            "no assumption of the analytic model that was tested explains it (contact is kept; the costs of first"
+            " order, of the gap's own motion and of the contact's give are within tolerance): suspect the simulation"
+        )
+        return Because(assumption="unknown", joint=None, words=words)
+    if cause == "quasi-static" and examined.swings:
+        words = "the pin stays in contact and swings along the rim; the analytic model presumes that it rests there"
+    elif cause == "quasi-static":
+        cost = examined.costs["quasi-static-corrected"]
+        words = f"the gap's own motion costs {cost:.2g} tolerances; the analytic model corrects for it once"
+    else:
+        words = (
+            f"the contact yields by {1e6 * examined.give:.2g} um, which costs {examined.costs['rigid']:.2g} tolerances;"
+            " the analytic model presumes rigid contact"
+        )
+    return Because(assumption=cause, joint=None, words=words)
+
+
+def _first_order_costs(run: Run) -> bool:
+    """Whether a signal that disagrees is off by about what the paper's first order is from the equilibrium."""
+    return any(_of_first_order(run, d) for d in run.discrepancies)
+
+
+def _of_first_order(run: Run, d: Judged) -> bool:
+    apart = run.order_difference.get(d.signal)
+    if d.verdict != "disagrees" or apart is None or apart.max is None or d.tolerance is None:
+        return False
+    return abs(apart.max) > d.tolerance
+
+
+def _first_order_words(run: Run) -> str:
+    worst = max((d for d in run.discrepancies if _of_first_order(run, d)), key=lambda d: d.share or 0.0)
+    apart = run.order_difference[worst.signal]
+    return (
+        "the first order takes the ideal linkage's reactions (Eq. 8); in the displaced linkage"
+        f" {worst.signal} is up to {abs(apart.max or 0.0):.2g} {apart.unit} elsewhere"
+    )

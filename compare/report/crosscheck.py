@@ -1,0 +1,72 @@
+"""A cross-check, shown: the report over one result, the table for a terminal, a short one for a notebook, the curves."""
+
+from __future__ import annotations
+
+import html
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from compare.report.figures import figures
+from compare.report.junit import junit
+from compare.report.linkage import linkage_figure
+from compare.report.pages import render
+from compare.report.quantities import plain
+from compare.report.summary import WORDS, summarise
+from compare.report.svg import draw
+from compare.report.terminal import print_table
+from compare.results.crosscheck import CrossCheck
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["files", "plot", "print_table", "summary_html"]
+
+
+def files(result: CrossCheck) -> dict[str, str]:
+    """The report: report.html, report.md, junit.xml, signals.csv and the figures, text by file name."""
+    summary = summarise(result)
+    shown = figures(result, summary)
+    linkage = linkage_figure(result, summary)
+    drawings = {figure.name: draw(figure) for figure in [*([linkage] if linkage else []), *shown]}
+    names = {name: f"{re.sub(r'[^A-Za-z0-9_-]', '_', name)}.svg" for name in drawings}
+    page, markdown = render(result, summary, shown, linkage, drawings, names)
+    texts = {"report.html": page, "report.md": markdown, "junit.xml": junit(summary), "signals.csv": result.to_csv()}
+    return texts | {names[name]: drawing for name, drawing in drawings.items()}
+
+
+def summary_html(result: CrossCheck) -> str:
+    """The verdict, and of each run the signal that takes the largest share of its tolerance."""
+    summary = summarise(result)
+    rows = []
+    for run in summary.runs:
+        worst = max(run.rows, key=lambda row: row.share or 0.0, default=None)
+        said = f"{worst.quantity.label} {plain(worst.maximum, 3, True)} {worst.quantity.unit}" if worst else "-"
+        cells = (run.title, WORDS[run.verdict], said, plain(worst.tolerance) if worst else "-")
+        rows.append("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>")
+    head = "<tr><th>run</th><th>verdict</th><th>closest to its tolerance</th><th>tolerance</th></tr>"
+    verdict = f"<b>{html.escape(summary.case)}: {WORDS[summary.verdict]}.</b> {html.escape(summary.headline)}"
+    return f"<p>{verdict}</p><table>{head}{''.join(rows)}</table>"
+
+
+def plot(result: CrossCheck, figure: Figure) -> None:
+    """Direction and size of the reaction at each joint with clearance (else at the last one): both sides."""
+    summary = summarise(result)
+    joints = summary.joints if len(summary.joints) <= 3 else summary.joints[-1:]
+    axes = figure.subplots(2, len(joints), sharex=True, squeeze=False)
+    for column, joint in enumerate(joints):
+        for row, part in enumerate(("angle", "magnitude")):
+            quantity = summary.signals[f"reaction_{joint}_{part}"]
+            axis = axes[row, column]
+            for run in result.runs:
+                x = run.time if result.swings and run.time is not None else np.degrees(run.crank_angle)
+                side = quantity.factor * run.simulated[quantity.signal]
+                axis.plot(x, side, ".", markersize=4, label=run.title)
+            run = result.runs[-1]
+            x = run.time if result.swings and run.time is not None else np.degrees(run.crank_angle)
+            axis.plot(x, quantity.factor * run.analytic[quantity.signal], "k-", linewidth=0.8, label="analytic")
+            axis.set_ylabel(f"{quantity.label} ({quantity.unit})")
+        axes[-1, column].set_xlabel("time (s)" if result.swings else "crank angle (deg)")
+    axes[0, 0].legend(fontsize="small")
+    figure.suptitle(f"{summary.case}: {WORDS[summary.verdict]}")

@@ -1,0 +1,72 @@
+"""One side of a comparison, shown: its signals as a table, a short one for a terminal or a notebook, the curves."""
+
+from __future__ import annotations
+
+import html
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from compare.report.quantities import plain, quantities
+from compare.results.analysis import Analysis, Simulation
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Side = Analysis | Simulation
+
+
+def files(result: Side) -> dict[str, str]:
+    """Every signal, a row for each crank angle (or time)."""
+    return {"signals.csv": result.to_csv()}
+
+
+def _ranges(result: Side) -> list[tuple[str, str, str, str]]:
+    """Each signal's name, unit, smallest and largest value."""
+    known, rows = quantities(result.mechanism), []
+    for name, values in result.signals.items():
+        quantity = known.get(name)
+        if quantity is None or not np.isfinite(values).any():
+            continue
+        low, high = (quantity.factor * float(f(values)) for f in (np.nanmin, np.nanmax))
+        rows.append((quantity.label, quantity.unit.replace("·", "."), plain(low, 4), plain(high, 4)))
+    return rows
+
+
+def print_table(result: Side, console: Console) -> None:
+    """Print the range of each signal, in degrees and millimetres."""
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    for heading in ("signal", "unit", "smallest", "largest"):
+        table.add_column(heading, justify="left" if heading in ("signal", "unit") else "right")
+    for row in _ranges(result):
+        table.add_row(*map(escape, row))
+    console.print(table)
+    console.print(escape(repr(result)), highlight=False, soft_wrap=True)
+
+
+def summary_html(result: Side) -> str:
+    """The same for a notebook."""
+    rows = "".join("<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in row) + "</tr>" for row in _ranges(result))
+    head = "<tr><th>signal</th><th>unit</th><th>smallest</th><th>largest</th></tr>"
+    return f"<p>{html.escape(repr(result))}</p><table>{head}{rows}</table>"
+
+
+def plot(result: Side, figure: Figure) -> None:
+    """Size of each reaction, and the drive torque, over the crank angle (over time where the linkage swings)."""
+    known = quantities(result.mechanism)
+    time = result.time if isinstance(result, Simulation) and result.mechanism.speed is None else None
+    x = np.degrees(result.crank_angle) if time is None else time
+    force, torque = figure.subplots(2, 1, sharex=True)
+    for joint in result.mechanism.joints:
+        force.plot(
+            x, result.signals[f"reaction_{joint.name}_magnitude"], label=known[f"reaction_{joint.name}_magnitude"].label
+        )
+    torque.plot(x, result.signals["drive_torque"])
+    force.set_ylabel("reaction force (N)")
+    torque.set_ylabel("drive torque (N·m)")
+    torque.set_xlabel("crank angle (deg)" if time is None else "time (s)")
+    force.legend(fontsize="small")
+    force.set_title(repr(result))

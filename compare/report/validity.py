@@ -1,0 +1,58 @@
+"""A map of validity, shown: the map, its text, the table for a terminal, and curves of what agrees."""
+
+from __future__ import annotations
+
+import html
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from compare.report.validity_figure import draw
+from compare.report.validity_text import brief, markdown, millimetres, print_table, rpm
+from compare.results.validity import Cell, Validity
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["files", "plot", "print_table", "summary_html"]
+
+
+def files(result: Validity) -> dict[str, str]:
+    """The map, its text, and the cells as a table for other programs."""
+    return {"validity.svg": draw(result), "validity.md": markdown(result), "validity.csv": result.to_csv()}
+
+
+def summary_html(result: Validity) -> str:
+    """Each engine's map as a small table."""
+    out = [f"<p>{html.escape(repr(result))}</p>"]
+    for simulator in result.simulators:
+        found = result.of(simulator)
+        head = "".join(f"<th>{rpm(speed)} rpm</th>" for speed in result.speeds)
+        rows = [
+            f"<tr><th>{millimetres(gap)} mm</th>"
+            + "".join(f"<td>{brief(found[speed, gap])}</td>" for speed in result.speeds)
+            + "</tr>"
+            for gap in result.clearances
+        ]
+        out.append(f"<table><tr><th>{html.escape(simulator)}</th>{head}</tr>{''.join(rows)}</table>")
+    return "".join(out)
+
+
+def plot(result: Validity, figure: Figure) -> None:
+    """The share of the crank angles at which model and simulation agree, a line for each clearance and engine."""
+    axis = figure.subplots()
+    for simulator in result.simulators:
+        found = result.of(simulator)
+        for gap in result.clearances:
+            cells = [found[speed, gap] for speed in result.speeds]
+            share = [100 * cell.agreeing_share if isinstance(cell, Cell) else np.nan for cell in cells]
+            axis.plot(
+                [speed * 30 / np.pi for speed in result.speeds],
+                share,
+                "o-",
+                label=f"{simulator}, {millimetres(gap)} mm",
+            )
+    axis.set_xlabel("speed (rpm)")
+    axis.set_ylabel("agreeing (% of the crank angles)")
+    axis.set_title(result.case)
+    axis.legend(fontsize="small")

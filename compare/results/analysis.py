@@ -1,0 +1,116 @@
+"""analysis.json and simulation.json: one side of a comparison by itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from analytic.mechanism.signals import Signal, named
+from analytic.paper.clearance import Model
+from compare.results.crosscheck import Index, MetresByJoint, OrderDifference, Path, Setting, Signals, Simulator
+from compare.results.document import Document, Grid, Mechanism, Row, Share, Text, listed
+from sim_models.engine import JointModel, Motion
+
+
+class _Side(Document):
+    """Signals of a linkage over its crank angle, or over time where it swings freely."""
+
+    case: Annotated[str, Field(description="Name of the mechanism.")]
+    mechanism: Mechanism
+    motion: Motion
+    clearance: MetresByJoint
+    crank_angle: Annotated[Grid, Field(description="rad")]
+    signals: Signals
+    command: str = ""
+    warnings: tuple[str, ...] = ()
+
+    @cached_property
+    def kinds(self) -> dict[str, Signal]:
+        """What each signal is."""
+        known = named(self.mechanism.bodies, self.mechanism.joints)
+        return {name: known[name] for name in self.signals if name in known}
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """A signal (N,), SI, NaN where there is no number.  Raises KeyError with the names that there are."""
+        try:
+            return self.signals[name]
+        except KeyError:
+            raise KeyError(f"{name}: no such signal; they are {', '.join(self.signals)}") from None
+
+    def units(self) -> Mapping[str, str]:
+        """SI unit of each column."""
+        return {"crank_angle": "rad", "time": "s"} | {name: kind.unit for name, kind in self.kinds.items()}
+
+    def _rows(self, time: np.ndarray | None) -> list[Row]:
+        columns = {"crank_angle": self.crank_angle, **({} if time is None else {"time": time}), **self.signals}
+        return [dict(zip(columns, row, strict=True)) for row in zip(*map(listed, columns.values()), strict=True)]
+
+    def _over(self) -> str:
+        if not self.crank_angle.size:
+            return "no crank angle"
+        first, last = (math.degrees(self.crank_angle[k]) for k in (0, -1))
+        sizes = ", ".join(f"{joint} {size:.4g} m" for joint, size in self.clearance.items())
+        over = f"{self.crank_angle.size} crank angles {first:.4g} to {last:.4g} deg"
+        return over + (f", clearance {sizes}" if sizes else "")
+
+
+class Analysis(_Side):
+    """The analytic model of a linkage: kinetostatics, clearance and, where asked for, compliance.  SI units and
+    radians.
+    """
+
+    file: ClassVar[str] = "analysis.json"
+    presentation: ClassVar[str] = "sides"
+    remedy: ClassVar[str] = "give the analysis.json of compare analyse"
+    opens: ClassVar[str] = "signals.csv"
+    opened: ClassVar[str] = "signals"
+
+    analytic_model: Model
+    compliance: Annotated[bool, Field(description="Whether links and joints yield as well (Eqs. 1-7, Fig. 7c).")]
+    flags: Annotated[
+        Mapping[Index, Text],
+        Field(description="Why the model has no answer, by index into crank_angle; signals are null there."),
+    ]
+    order_difference: Annotated[
+        Mapping[str, OrderDifference], Field(description="The paper's first order minus the equilibrium, by signal.")
+    ]
+
+    def rows(self) -> list[Row]:
+        """A row for each crank angle."""
+        return self._rows(None)
+
+    def __repr__(self) -> str:
+        flagged = f", {len(self.flags)} without an answer" if self.flags else ""
+        return f"Analysis({self.case}, {self.motion}, {self.analytic_model}, {self._over()}{flagged})"
+
+
+class Simulation(_Side):
+    """One run of one engine.  SI units and radians."""
+
+    file: ClassVar[str] = "simulation.json"
+    presentation: ClassVar[str] = "sides"
+    remedy: ClassVar[str] = "give the simulation.json of compare simulate"
+    opens: ClassVar[str] = "signals.csv"
+    opened: ClassVar[str] = "signals"
+
+    simulator: Simulator
+    joint_model: JointModel
+    settings: Annotated[Mapping[str, Setting], Field(description="The numbers that the engine used.")]
+    time: Annotated[Grid | None, Field(description="s, in driven runs")] = None
+    journal: Annotated[Mapping[str, Path], Field(description="Path (m) of each pin in its bearing, densely sampled.")]
+    free_share: Annotated[
+        Mapping[str, Share],
+        Field(description="Share of the time (static: of the angles) that each pin is without contact."),
+    ]
+
+    def rows(self) -> list[Row]:
+        """A row for each crank angle, or time."""
+        return self._rows(self.time)
+
+    def __repr__(self) -> str:
+        return f"Simulation({self.case} in {self.simulator.name}, {self.joint_model}, {self.motion}, {self._over()})"

@@ -1,0 +1,271 @@
+"""result.json: a cross-check of the analytic model against multibody simulations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, ConfigDict, Field, FiniteFloat, model_validator
+
+from analytic.mechanism.signals import Signal, named
+from analytic.paper.clearance import Model
+from compare.results.document import Document, Grid, Mechanism, Number, Part, Row, Series, Share, Text, listed
+from sim_models.engine import JointModel, Motion
+
+Verdict = Literal["agrees", "disagrees", "unjudged"]
+Unit = Literal["rad", "N", "m", "N.m"]
+Setting = str | bool | int | float | None | Mapping[str, float]
+Signals = Annotated[
+    Mapping[str, Series], Field(min_length=1, description="Every signal by name, a value for each crank angle.")
+]
+MetresByJoint = Annotated[
+    Mapping[str, Annotated[float, Field(gt=0)]],
+    Field(description="Radial clearance (m) by joint; empty in ideal runs."),
+]
+Index = Annotated[str, Field(pattern="^(0|[1-9][0-9]*)$")]
+
+
+class Simulator(Part):
+    """Which engine made a run."""
+
+    name: str
+    version: str
+
+
+class Discrepancy(Part):
+    """Simulated minus analytic where it is the largest share of its tolerance."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"if": {"properties": {"verdict": {"const": "known"}}}, "then": {"required": ["reason"]}}
+    )
+
+    signal: str
+    kind: Literal["angle", "magnitude", "value"]
+    unit: Unit
+    max: Number
+    rms: Number
+    at_crank_angle: Number
+    tolerance: Number
+    verdict: Literal["agrees", "disagrees", "known"]
+    reason: Annotated[
+        str,
+        Field(
+            min_length=1, description="Why a difference is known, or why it disagrees for another reason than its size."
+        ),
+    ] = ""
+
+    @property
+    def share(self) -> float | None:
+        """Largest difference over tolerance; None where there is no number."""
+        return abs(self.max) / self.tolerance if self.max is not None and self.tolerance else None
+
+    def __repr__(self) -> str:
+        unit = {"rad": "deg", "m": "mm"}.get(self.unit, self.unit)
+        factor = {"rad": 180 / np.pi, "m": 1e3}.get(self.unit, 1.0)
+        size = "no number" if self.max is None else f"{factor * self.max:+.3g} {unit}"
+        return f"Discrepancy({self.signal} {size}, {self.verdict})"
+
+
+class OrderDifference(Part):
+    """The paper's first order minus the equilibrium, of one signal."""
+
+    unit: Unit
+    max: Number
+    rms: Number
+    at_crank_angle: Number
+
+
+class Path(Part):
+    """Path (m) of a pin in its bearing, densely sampled."""
+
+    x: Series
+    y: Series
+
+
+class Because(Part):
+    """The assumption of the analytic model that fails in a run that disagrees."""
+
+    assumption: Annotated[
+        Literal["contact", "first-order", "quasi-static", "rigid", "unknown"],
+        Field(description="As in a map of validity; unknown if none that was examined explains the disagreement."),
+    ]
+    joint: Annotated[str | None, Field(description="Where it fails, if it fails in one joint.")]
+    words: Annotated[str, Field(min_length=1, description="The same in a sentence.")]
+
+
+class Run(Part):
+    """One engine with one joint model, and the analytic model at the same crank angles (N)."""
+
+    simulator: Simulator
+    joint_model: JointModel
+    motion: Motion
+    clearance: MetresByJoint
+    analytic_model: Model
+    settings: Annotated[
+        Mapping[str, Setting],
+        Field(
+            description="The numbers that the engine used, such as contact_stiffness (N/m), contact_damping (N.s/m),"
+            " contact_law and step (s; null where nothing steps); others than these are its own."
+        ),
+    ]
+    crank_angle: Annotated[Grid, Field(min_length=1, description="rad")]
+    time: Annotated[Grid | None, Field(min_length=1, description="s, in driven runs")] = None
+    flags: Annotated[
+        Mapping[Index, Text],
+        Field(
+            description="Why the analytic model has no answer, by index into crank_angle; both sides are null there."
+        ),
+    ]
+    analytic: Signals
+    simulated: Signals
+    discrepancies: tuple[Discrepancy, ...]
+    verdict: Annotated[Verdict, Field(description="unjudged if nothing could be compared.")]
+    reason: Annotated[
+        str, Field(min_length=1, description="Why the analytic model has no answer anywhere in the run.")
+    ] = ""
+    because: Annotated[Because | None, Field(description="Why it disagrees, where it does.")] = None
+    order_difference: Annotated[
+        Mapping[str, OrderDifference], Field(description="The paper's first order minus the equilibrium, by signal.")
+    ]
+    journal: Annotated[Mapping[str, Path], Field(description="Path (m) of each pin in its bearing, densely sampled.")]
+    free_share: Annotated[
+        Mapping[str, Share],
+        Field(description="Share of the time (static: of the angles) that each pin is without contact."),
+    ]
+
+    @model_validator(mode="after")
+    def _whole(self) -> Run:
+        """Each series has a value for each sample."""
+        series: dict[str, np.ndarray | None] = {"time": self.time}
+        series |= {f"analytic.{name}": values for name, values in self.analytic.items()}
+        series |= {f"simulated.{name}": values for name, values in self.simulated.items()}
+        for name, values in series.items():
+            if values is not None and values.size != self.crank_angle.size:
+                raise ValueError(f"{name} has {values.size} values for {self.crank_angle.size} samples")
+        return self
+
+    @property
+    def title(self) -> str:
+        """How the run is called everywhere."""
+        return f"{self.simulator.name}, {self.joint_model}"
+
+    def difference(self, signal: Signal) -> np.ndarray:
+        """Simulated minus analytic (N,) of a signal, SI; angles modulo a turn.  Raises KeyError."""
+        return signal.apart(self.simulated[signal.name], self.analytic[signal.name])
+
+    def __repr__(self) -> str:
+        return f"Run({self.title}, {self.motion}, {self.crank_angle.size} samples: {self.verdict})"
+
+
+class Failure(Part):
+    """A simulation that has no result."""
+
+    simulator: str
+    joint_model: JointModel
+    why: Text
+
+    def __repr__(self) -> str:
+        return f"Failure({self.why[:120]})"
+
+
+class Spread(Part):
+    """With several engines: the largest difference between any two of them on a signal."""
+
+    max: Annotated[float, Field(ge=0)]
+    at_crank_angle: FiniteFloat
+    between: Annotated[tuple[str, str], BeforeValidator(lambda pair: tuple(pair) if isinstance(pair, list) else pair)]
+    joint_model: JointModel
+
+
+class CrossCheck(Document):
+    """A cross-check of the analytic model against multibody simulations.  SI units and radians; what has no number is
+    null.
+    """
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "dependentRequired": {
+                "spread": ["odd_one_out", "words"],
+                "odd_one_out": ["spread", "words"],
+                "words": ["spread", "odd_one_out"],
+            }
+        }
+    )
+
+    file: ClassVar[str] = "result.json"
+    presentation: ClassVar[str] = "crosscheck"
+    remedy: ClassVar[str] = "give the result.json of a cross-check"
+    opens: ClassVar[str] = "report.html"
+
+    case: Annotated[str, Field(description="Name of the mechanism.")]
+    verdict: Annotated[
+        Verdict, Field(description="disagrees if any run does, or any failed; else unjudged if any run is.")
+    ]
+    command: Annotated[str, Field(description="The command that made this file.")]
+    versions: Annotated[Mapping[str, str], Field(description="Version by package.", min_length=1)]
+    mechanism: Mechanism
+    warnings: tuple[str, ...]
+    runs: tuple[Run, ...]
+    failures: Annotated[tuple[Failure, ...], Field(description="Simulations that have no result.")]
+    spread: Annotated[
+        Mapping[str, Spread],
+        Field(description="With several engines: the largest difference between any two, by signal."),
+    ] = {}
+    odd_one_out: Annotated[
+        str | None, Field(description="With several engines: analytic or the engine that stands apart.")
+    ] = None
+    words: Annotated[str, Field(description="The same in a sentence.")] = ""
+
+    @cached_property
+    def signals(self) -> dict[str, Signal]:
+        """Every signal that the mechanism can have, by name."""
+        return dict(named(self.mechanism.bodies, self.mechanism.joints))
+
+    @property
+    def swings(self) -> bool:
+        """Whether the linkage swings freely in driven runs, so that samples belong to times."""
+        return self.mechanism.speed is None
+
+    def run(self, simulator: str | None = None, joint_model: str | None = None) -> Run:
+        """The first run of that engine and joint model.  Raises KeyError with those that there are."""
+        for run in self.runs:
+            if simulator in (None, run.simulator.name) and joint_model in (None, run.joint_model):
+                return run
+        raise KeyError(
+            f"no run of {simulator or 'any engine'} with {joint_model or 'any'} joints; the runs are {self.runs}"
+        )
+
+    def rows(self) -> list[Row]:
+        """A row for each sample of each run: ``analytic_<signal>`` and ``simulated_<signal>``, side by side."""
+        return list(self._rows())
+
+    def _rows(self) -> Iterator[Row]:
+        for run in self.runs:
+            columns = {"crank_angle": run.crank_angle} | ({} if run.time is None else {"time": run.time})
+            for name in self.signals:
+                if name in run.analytic and name in run.simulated:
+                    columns |= {f"analytic_{name}": run.analytic[name], f"simulated_{name}": run.simulated[name]}
+            head: dict[str, float | str | None] = {
+                "simulator": run.simulator.name,
+                "joint_model": run.joint_model,
+                "motion": run.motion,
+            }
+            for values in zip(*map(listed, columns.values()), strict=True):
+                yield head | dict(zip(columns, values, strict=True))
+
+    def units(self) -> Mapping[str, str]:
+        """SI unit of each column."""
+        sides = {f"{side}_{name}": s.unit for name, s in self.signals.items() for side in ("analytic", "simulated")}
+        return {"crank_angle": "rad", "time": "s"} | sides
+
+    def __repr__(self) -> str:
+        engines = ", ".join(dict.fromkeys(run.simulator.name for run in self.runs)) or "no engine"
+        judged = [d for run in self.runs for d in run.discrepancies]
+        off = sum(d.verdict == "disagrees" for d in judged)
+        failed = f", {len(self.failures)} failed" if self.failures else ""
+        return (
+            f"CrossCheck({self.case} in {engines}: {self.verdict}; {len(self.runs)} runs{failed}, {off} of"
+            f" {len(judged)} comparisons beyond tolerance)"
+        )

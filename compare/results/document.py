@@ -1,0 +1,241 @@
+"""What every document shares: frozen fields, series of numbers as arrays, JSON without NaN, and its presentation.
+
+A field with a default may be absent from the file; every other one is always there.  In files a number that there is
+none of is null; in Python it is None where it stands alone and NaN in a series.
+"""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import io
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self, cast
+
+import numpy as np
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetPydanticSchema,
+    PlainSerializer,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WithJsonSchema,
+)
+from pydantic_core import CoreSchema, core_schema
+
+from analytic.mechanism import Mechanism as _Mechanism
+from analytic.mechanism.file import describe
+from analytic.mechanism.reading import ReadingError, read_json
+from compare.files import output_folder, to_json, write_together
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+    from rich.console import Console
+
+NUMBER_OR_NULL = {"type": ["number", "null"]}
+Row = Mapping[str, float | str | None]
+
+
+class DocumentError(ValueError):
+    """A file is not the document that it was taken for; the message names file, field and value."""
+
+
+def listed(values: np.ndarray) -> list[float | None]:
+    """A series (N,) as plain numbers, None where there is none."""
+    return [value if math.isfinite(value) else None for value in np.asarray(values, float).tolist()]
+
+
+def _array(values: np.ndarray | list[float | None]) -> np.ndarray:
+    found = np.array(values, float)
+    if found.ndim != 1:
+        raise ValueError("give a list of numbers")
+    found.flags.writeable = False
+    return found
+
+
+def _series(values: object, read: ValidatorFunctionWrapHandler) -> np.ndarray:
+    return _array(values if isinstance(values, np.ndarray) else read(values))
+
+
+def _grid(values: object, read: ValidatorFunctionWrapHandler) -> np.ndarray:
+    found = _series(values, read)
+    if not np.all(np.isfinite(found)):
+        raise ValueError("each value is a number")
+    return found
+
+
+def _numbers(check: Any, number: CoreSchema) -> GetPydanticSchema:
+    """Arrays as they are, lists with each value checked."""
+    return GetPydanticSchema(
+        lambda _, __: core_schema.no_info_wrap_validator_function(check, core_schema.list_schema(number))
+    )
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float | np.floating) and not math.isfinite(value):
+        return None
+    return float(value) if isinstance(value, np.floating) else value
+
+
+_AS_LIST = PlainSerializer(listed)
+_SERIES_SCHEMA = WithJsonSchema({"type": "array", "items": NUMBER_OR_NULL})
+_GRID_SCHEMA = WithJsonSchema({"type": "array", "items": {"type": "number"}})
+_NUMBER = core_schema.float_schema(strict=True)
+_FINITE = core_schema.float_schema(strict=True, allow_inf_nan=False)
+Series = Annotated[np.ndarray, _numbers(_series, core_schema.nullable_schema(_NUMBER)), _AS_LIST, _SERIES_SCHEMA]
+"""(N,) numbers, NaN where there is none; null in the file."""
+Grid = Annotated[np.ndarray, _numbers(_grid, _FINITE), _AS_LIST, _GRID_SCHEMA]
+"""(N,) numbers, all of them finite."""
+Number = Annotated[float | None, BeforeValidator(_finite)]
+"""A number, or None."""
+Text = Annotated[str, Field(min_length=1)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+def as_written(mechanism: _Mechanism) -> dict[str, object]:
+    """A mechanism as its TOML file has it: what was left out stays out."""
+    return mechanism.model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json")
+
+
+Mechanism = Annotated[_Mechanism, PlainSerializer(as_written), Field(description="The linkage as in its TOML file.")]
+
+
+class Part(BaseModel):
+    """A part of a document.  Fields of a newer version are left out when it is read."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", populate_by_name=True, arbitrary_types_allowed=True)
+
+    def __repr__(self) -> str:
+        """One line, however much the part holds."""
+        return _brief(
+            f"{type(self).__name__}({', '.join(f'{name}={_brief(repr(value), 40)}' for name, value in self)})"
+        )
+
+    def __str__(self) -> str:
+        return repr(self)
+
+
+def _brief(text: str, length: int = 160) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= length else f"{line[: length - 4]} ..."
+
+
+class Presentation(Protocol):
+    """How a document is shown: the module ``compare.report.<presentation>`` has these functions."""
+
+    def files(self, document: Document) -> dict[str, str]:
+        """Text by file name, beside the JSON file itself."""
+        ...
+
+    def summary_html(self, document: Document) -> str:
+        """A short piece of HTML for a notebook."""
+        ...
+
+    def plot(self, document: Document, figure: Figure) -> None:
+        """Draw into a matplotlib figure."""
+        ...
+
+    def print_table(self, document: Document, console: Console) -> None:
+        """Print what matters as a table for a terminal."""
+        ...
+
+
+class Document(Part):
+    """One result, as it stands in its JSON file and as Python has it."""
+
+    file: ClassVar[str]
+    """Name of its JSON file."""
+    presentation: ClassVar[str]
+    """Module of :mod:`compare.report` that shows it, found by name, so that no result imports a page."""
+    remedy: ClassVar[str]
+    """What to give instead, for messages about a file that is another one."""
+    opens: ClassVar[str]
+    """The file of its folder that a person opens first."""
+    opened: ClassVar[str] = "report"
+    """What that file is."""
+
+    format: Literal[1] = Field(default=1, alias="schema")
+
+    def to_json(self, indent: int | None = None) -> str:
+        """The content of the JSON file."""
+        return to_json(self.plain(), indent)
+
+    def plain(self) -> dict[str, object]:
+        """The content of the JSON file as Python's own types; None for null."""
+        return {"schema": self.format} | self.model_dump(by_alias=True, exclude_unset=True, exclude={"format"})
+
+    @classmethod
+    def read(cls, path: str | Path) -> Self:
+        """The document of a JSON file.  Raises DocumentError with file, field and value."""
+        try:
+            fields = read_json(Path(path))
+        except ReadingError as error:
+            raise DocumentError(f"{path}: {error}; {cls.remedy}") from None
+        if "schema" not in fields:
+            raise DocumentError(f"{path}: schema is missing; {cls.remedy}")
+        try:
+            return cls.model_validate(fields)
+        except ValidationError as error:
+            raise DocumentError(f"{path}: {describe(error, fields, cls)[0]}; {cls.remedy}") from None
+
+    def rows(self) -> Sequence[Row]:
+        """The document as a table: one mapping for each row, SI units, None where there is no number."""
+        raise NotImplementedError(f"{type(self).__name__} has no table")
+
+    def units(self) -> Mapping[str, str]:
+        """SI unit of each column of the rows that has one."""
+        return {}
+
+    def to_csv(self) -> str:
+        """The rows as CSV text, headed ``column [unit]``; an absent number is an empty cell."""
+        rows, units = self.rows(), self.units()
+        columns = list(dict.fromkeys(name for row in rows for name in row))
+        out = io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow([f"{name} [{units[name]}]" if name in units else name for name in columns])
+        writer.writerows([["" if row.get(name) is None else row[name] for name in columns] for row in rows])
+        return out.getvalue()
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The rows as a data frame.  Raises ImportError with the remedy where pandas is not installed."""
+        try:
+            import pandas
+        except ImportError:
+            raise ImportError("to_dataframe needs pandas; run: pip install 'linkage-crosscheck[pandas]'") from None
+        return pandas.DataFrame(self.rows())
+
+    def plot(self) -> Figure:
+        """A matplotlib figure of what matters most.  Raises ImportError with the remedy where it is not installed."""
+        try:
+            from matplotlib.figure import Figure
+        except ImportError:
+            raise ImportError("plot needs matplotlib; run: pip install 'linkage-crosscheck[plot]'") from None
+        figure = Figure(figsize=(8, 5), layout="constrained")
+        self._shown().plot(self, figure)
+        return figure
+
+    def files(self) -> dict[str, str]:
+        """Text of every file of the report, by name; the JSON file first."""
+        return {self.file: self.to_json()} | self._shown().files(self)
+
+    def write(self, folder: str | Path) -> Path:
+        """Write the JSON file and the report into a folder, whole or not at all; the folder.  Raises OutputError."""
+        place = output_folder(Path(folder), "folder")
+        write_together(place, self.files())
+        return place
+
+    def print_to(self, console: Console) -> None:
+        """Print what matters as a table for a terminal."""
+        self._shown().print_table(self, console)
+
+    def _repr_html_(self) -> str:
+        return self._shown().summary_html(self)
+
+    def _shown(self) -> Presentation:
+        return cast(Presentation, importlib.import_module(f"compare.report.{self.presentation}"))

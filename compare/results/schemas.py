@@ -1,0 +1,82 @@
+"""The JSON Schema files of the documents: generated from their models, shipped with the package.
+
+``python -m compare.results.schemas`` writes them again; a test sees that they are in step.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+from pathlib import Path
+
+from pydantic.json_schema import GenerateJsonSchema
+
+from compare.results.document import Document
+
+MODULES = ("crosscheck", "analysis", "accuracy", "validity", "catalogue")
+FOLDER = Path(__file__).parents[1] / "schemas"
+
+
+class Closed(GenerateJsonSchema):
+    """Draft 2020-12, with no title on each field; a part of a document has no other fields than its own."""
+
+    def generate(self, schema, mode="validation"):  # type: ignore[no-untyped-def]
+        """See pydantic."""
+        found = super().generate(schema, mode)
+        _close(found)
+        return found
+
+
+def _close(schema: object) -> None:
+    """Take the titles out and shut every object of known fields, in place."""
+    if isinstance(schema, list):
+        for item in schema:
+            _close(item)
+    if not isinstance(schema, dict):
+        return
+    if isinstance(schema.get("title"), str):
+        del schema["title"]
+    if {"properties", "patternProperties"} & set(schema) and "additionalProperties" not in schema:
+        schema["additionalProperties"] = False
+    for key, item in schema.items():
+        if key == "properties":
+            for field in item.values():
+                _close(field)
+        elif key not in ("default", "const", "enum", "if", "then"):
+            _close(item)
+
+
+def documents() -> dict[str, type[Document]]:
+    """Every document by the name of its file."""
+    for module in MODULES:
+        importlib.import_module(f"compare.results.{module}")
+    return {found.file: found for found in _below(Document)}
+
+
+def _below(model: type[Document]) -> list[type[Document]]:
+    return [
+        each for child in model.__subclasses__() for each in ([child] if "file" in vars(child) else []) + _below(child)
+    ]
+
+
+def schema(document: type[Document]) -> str:
+    """The JSON Schema of a document, as text of its file."""
+    found = document.model_json_schema(by_alias=True, schema_generator=Closed, mode="serialization")
+    found["properties"]["schema"] = {"const": 1}
+    found["required"] = ["schema", *(name for name in found.get("required", []) if name != "schema")]
+    head = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": f"urn:linkage-crosscheck:{document.file.removesuffix('.json')}:1",
+        "title": document.file,
+    }
+    return json.dumps(head | found, indent=2, ensure_ascii=False) + "\n"
+
+
+def main() -> None:
+    """Write the schema files."""
+    for name, document in documents().items():
+        (FOLDER / name).write_text(schema(document), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

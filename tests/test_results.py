@@ -1,0 +1,116 @@
+"""Every result of the Python interface: one line, a table, a picture, files, and its JSON as its schema says."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+
+import linkage_crosscheck as lc
+from compare.results.document import Document, DocumentError
+from compare.results.schemas import FOLDER, documents, schema
+
+ANGLES = np.radians([30.0, 60.0, 90.0])
+RESULTS: dict[str, Callable[[], Document]] = {
+    "crosscheck": lambda: lc.crosscheck("paper", simulators="mujoco", clearance={"B": 1e-4}, angles=ANGLES),
+    "analyse": lambda: lc.analyse("paper", clearance={"B": 1e-4}, angles=ANGLES),
+    "simulate": lambda: lc.simulate("paper", "mujoco", joint_model="contact", angles=ANGLES),
+    "accuracy": lambda: lc.accuracy("paper", angles=ANGLES, samples=100),
+    "validity": lambda: lc.validity("paper", speeds=[1.0], clearances=[1e-4], workers=1),
+    "cases": lc.cases,
+    "simulators": lc.simulators,
+    "effects": lc.effects,
+}
+LISTS = ("cases", "simulators", "effects")
+
+
+@pytest.fixture(scope="module", params=RESULTS)
+def result(request: pytest.FixtureRequest) -> Document:
+    return RESULTS[request.param]()
+
+
+def test_a_result_is_one_line_and_frozen(result: Document) -> None:
+    assert len(repr(result)) <= 300
+    assert "\n" not in repr(result)
+    assert str(result) == repr(result)
+    with pytest.raises(ValueError, match="frozen"):
+        result.format = 2
+
+
+def test_a_result_is_a_table_in_a_notebook_and_in_pandas(result: Document) -> None:
+    page = result._repr_html_()
+    assert page.count("<table>") == page.count("</table>") > 0
+    frame = result.to_dataframe()
+    assert len(frame) == len(result.rows()) > 0
+    head, *rows = result.to_csv().splitlines()
+    assert len(rows) == len(frame)
+    assert [name.split(" [")[0] for name in head.split(",")] == list(frame.columns)
+
+
+def test_a_result_is_plotted_or_says_that_a_list_has_no_picture(result: Document, tmp_path: Path) -> None:
+    if type(result).__name__.lower() in LISTS:
+        with pytest.raises(TypeError, match="no picture"):
+            result.plot()
+        return
+    result.plot().savefig(tmp_path / "picture.png")
+    assert (tmp_path / "picture.png").stat().st_size > 5000
+
+
+def test_a_result_is_written_read_again_and_as_its_schema_says(result: Document, tmp_path: Path) -> None:
+    folder = result.write(tmp_path / "new" / "folder")
+    assert {path.name for path in folder.iterdir()} == set(result.files())
+    content = json.loads((folder / result.file).read_text(encoding="utf-8"))
+    assert content == json.loads(result.to_json())
+    rules = json.loads((FOLDER / result.file).read_text(encoding="utf-8"))
+    assert [e.message for e in jsonschema.Draft202012Validator(rules).iter_errors(content)] == []
+    assert type(result).read(folder / result.file).to_json() == result.to_json()
+
+
+def test_a_file_that_is_another_document_is_refused_with_field_and_remedy(result: Document, tmp_path: Path) -> None:
+    (tmp_path / "other.json").write_text('{"schema": 1, "case": "paper"}', encoding="utf-8")
+    with pytest.raises(DocumentError, match=r"other\.json: .* is missing; add it; give"):
+        type(result).read(tmp_path / "other.json")
+
+
+@pytest.mark.parametrize("name", documents())
+def test_a_schema_file_is_in_step_with_its_model(name: str) -> None:
+    assert (FOLDER / name).read_text(encoding="utf-8") == schema(documents()[name]), (
+        "run python -m compare.results.schemas"
+    )
+
+
+@pytest.mark.parametrize("name", lc.__all__)
+def test_every_name_is_there_and_documented(name: str) -> None:
+    found = getattr(lc, name)
+    assert inspect.getdoc(found)
+
+
+def test_importing_it_imports_nothing_heavy() -> None:
+    heavy = "{'numpy', 'pydantic', 'scipy', 'mujoco'} & set(sys.modules)"
+    run = f"import sys, linkage_crosscheck as lc; assert not {heavy}, {heavy}; print(lc.__version__)"
+    done = subprocess.run([sys.executable, "-c", run], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.strip()
+
+
+def test_an_unknown_name_says_what_there_is() -> None:
+    with pytest.raises(AttributeError, match="it has Body, Drive"):
+        _ = lc.nothing
+
+
+def test_both_sides_of_the_contracts_example() -> None:
+    found = lc.crosscheck(
+        "paper", simulators="mujoco", clearance={"B": 1e-4}, angles=np.radians(np.arange(20, 161, 70))
+    )
+    assert found.verdict == "agrees"
+    run = found.run("mujoco", "contact")
+    np.testing.assert_allclose(run.simulated["reaction_B_angle"], run.analytic["reaction_B_angle"], atol=1e-4)
+    assert run.difference(found.signals["reaction_B_angle"]).shape == (3,)
+    with pytest.raises(KeyError, match="no run of exudyn"):
+        found.run("exudyn")
