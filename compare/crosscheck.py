@@ -103,8 +103,8 @@ def crosscheck(
     modulus of elasticity bend, in static motion.  With several engines the runs are spread over ``workers`` processes,
     one a core by default.
 
-    Raises MechanismError, ArgumentError, ToleranceError, AssemblyError, Unsupported or SimulatorMissing; a simulation that
-    fails is among the result's ``failures``.
+    Raises MechanismError, ArgumentError, ToleranceError, AssemblyError, Unsupported or SimulatorMissing; a simulation
+    that fails is among the result's ``failures``.
     """
     with noted() as warned:
         job = question(
@@ -166,8 +166,8 @@ def question(
 
 
 def _with_ideal_joints(mechanism: Mechanism, joint_model: JointModel | None) -> None:
-    """A linkage that swings freely has an analytic side with ideal joints only.  Raises ArgumentError; warns of clearance
-    that is left out.
+    """A linkage that swings freely has an analytic side with ideal joints only.  Raises ArgumentError; warns of
+    clearance that is left out.
     """
     if joint_model not in (None, "ideal"):
         raise ArgumentError(
@@ -183,7 +183,9 @@ def _with_ideal_joints(mechanism: Mechanism, joint_model: JointModel | None) -> 
 def _with_beams(
     names: tuple[str, ...], every: bool, mechanism: Mechanism, motion: Motion
 ) -> tuple[tuple[str, ...], list[str]]:
-    """Those of the engines that bend links; of ``every`` one, the others and why.  Raises ArgumentError or Unsupported."""
+    """Those of the engines that bend links; of ``every`` one, the others and why.  Raises ArgumentError or
+    Unsupported.
+    """
     if motion != "static":
         raise ArgumentError(
             "flexible", f"flexible links are compared at rest, not in {motion} motion; ask for static motion"

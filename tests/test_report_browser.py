@@ -190,8 +190,9 @@ def test_the_slider_moves_the_linkage_and_says_the_angle(browser: Browser, page:
         "20",
         "160",
         "5",
-        "30",
+        "105",
     ]
+    browser.run(f"({MOVE})(30)")
     before = browser.run(JOINT_A)
     browser.run(f"({MOVE})(120)")
     assert browser.run(JOINT_A) != before
@@ -234,11 +235,47 @@ def test_the_arrow_keys_move_the_slider_by_one_step(browser: Browser, page: Path
     browser.open(page)
     browser.run("document.querySelector('[data-slider]').focus()")
     browser.press("ArrowRight")
-    assert browser.run("document.querySelector('[data-value]').textContent") == "35 deg"
+    assert browser.run("document.querySelector('[data-value]').textContent") == "110 deg"
+
+
+def test_the_page_opens_where_the_run_disagrees_most_and_says_why(browser: Browser, tmp_path: Path) -> None:
+    result = sample_result(wrong="reaction_B_angle")
+    contact = next(run for run in result["runs"] if run["joint_model"] == "contact")
+    row = next(d for d in contact["discrepancies"] if d["verdict"] == "disagrees")
+    contact["because"] = {"assumption": "contact", "joint": "B", "words": "B loses contact for 7.9 % of the turn"}
+    write_report(result, tmp_path)
+    browser.open(tmp_path / "report.html")
+    at = float(browser.run("document.querySelector('[data-slider]').value"))
+    assert at == pytest.approx(math.degrees(row["at_crank_angle"]), abs=1e-6)
+    assert browser.run("document.querySelector('[data-model]').selectedOptions[0].text") == "mujoco, contact"
+    assert browser.run("document.querySelector('.verdict .why').textContent").startswith(
+        "B loses contact for 7.9 % of the turn (mujoco, contact)"
+    )
+
+
+def test_a_figure_is_downloaded_as_a_drawing_and_as_a_table(browser: Browser, page: Path) -> None:
+    browser.open(page)
+    made = browser.run(
+        """(async () => {
+        const blobs = [], make = URL.createObjectURL, names = [];
+        URL.createObjectURL = (blob) => { blobs.push(blob); return make.call(URL, blob); };
+        HTMLAnchorElement.prototype.click = function () { names.push(this.download); };
+        document.querySelectorAll('#figures figure')[0].querySelectorAll('[data-download]').forEach((b) => b.click());
+        const texts = await Promise.all(blobs.map((blob) => blob.text()));
+        return names.map((name, i) => [name, texts[i]]);
+        })()"""
+    )
+    (drawing, svg), (table, csv) = made
+    assert (drawing, table) == ("gamma_B.svg", "gamma_B.csv")
+    assert svg.strip() == (page.parent / "gamma_B.svg").read_text(encoding="utf-8").strip()
+    head, *rows = csv.splitlines()
+    assert head.startswith('"series","crank angle')
+    assert len(rows) == 29 * len({row.split('",')[0] for row in rows})
 
 
 def test_the_table_shows_the_numbers_of_the_result(browser: Browser, page: Path) -> None:
     browser.open(page)
+    browser.run(f"({MOVE})(30)")
     row = browser.run(
         "[...document.querySelectorAll('[data-readout] tr')].map(r => r.innerText).find(t => t.includes('Reaction"
         " angle'))"
@@ -325,6 +362,7 @@ def test_the_panel_and_the_figure_have_a_direction_in_the_same_turn_and_no_round
             run[side]["clearance_B_y"][2] = 1e-17
     write_report(result, tmp_path)
     browser.open(tmp_path / "report.html")
+    browser.run(f"({MOVE})(30)")
     rows = browser.run(
         "[...document.querySelectorAll('[data-readout] tr')].map(r => [...r.cells].map(c => c.innerText))"
     )

@@ -285,7 +285,7 @@ def test_the_command_writes_a_map_that_meets_its_schema(tmp_path: Path) -> None:
     assert verdicts == {(15, 1e-4): "agrees", (15, 1e-2): "agrees", (600, 1e-4): "disagrees", (600, 1e-2): "disagrees"}
     ET.fromstring((folder / "validity.svg").read_text(encoding="utf-8"))
     assert "| 15 | 0.1 | agrees; " in (folder / "validity.md").read_text(encoding="utf-8")
-    assert "agrees F" in done.stdout
+    assert "agrees, first-order" in done.stdout
     assert "clearance in B (the case's own)" in done.stdout
     assert done.stdout.isascii()
     assert done.stderr == ""

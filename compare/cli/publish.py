@@ -1,4 +1,4 @@
-"""How every command gives its document: the files of its folder, and a table, its JSON, or nothing on standard output."""
+"""How every command gives its document: files in a folder, and a table, its JSON, or nothing on standard output."""
 
 from __future__ import annotations
 

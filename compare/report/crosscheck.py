@@ -1,4 +1,4 @@
-"""A cross-check, shown: the report over one result, the table for a terminal, a short one for a notebook, the curves."""
+"""A cross-check, shown: its report, the table for a terminal, a short one for a notebook, the curves."""
 
 from __future__ import annotations
 

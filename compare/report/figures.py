@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from analytic.mechanism.signals import DRIVE_TORQUE
 from compare.report.quantities import GAMMA, MINUS, Quantity, apart, number
 from compare.report.summary import Summary, abscissa
 from compare.results.crosscheck import CrossCheck, Run
@@ -73,6 +74,8 @@ def figures(result: CrossCheck, summary: Summary) -> list[Figure]:
     if not result.runs:
         return []
     found = [reaction_directions(result, summary, joint) for joint in summary.joints]
+    found += [both_sides(result, summary, f"reaction_{joint}_magnitude") for joint in summary.joints]
+    found += [both_sides(result, summary, DRIVE_TORQUE)]
     found += [
         journal_path(result, summary, joint)
         for joint in summary.joints
@@ -128,6 +131,29 @@ def reaction_directions(result: CrossCheck, summary: Summary, joint: str) -> Fig
     title = f"Direction of the reaction at {joint}"
     text = f"{title} over {axis}. {'; '.join(spans)}."
     return Figure(f"gamma_{joint}", title, text, Axis(axis, unit), Axis(GAMMA, "deg"), (*lines.values(), *marks))
+
+
+def both_sides(result: CrossCheck, summary: Summary, signal: str) -> Figure:
+    """A signal over the crank angle: analytic as lines, each simulated joint model as markers."""
+    quantity = summary.signals[signal]
+    axis, unit, _, _ = abscissa(result.runs[0], result.mechanism)
+    lines: dict[str, Series] = {}
+    marks: list[Series] = []
+    for run in result.runs:
+        _, _, factor, x = abscissa(run, result.mechanism)
+        over = scaled(x, factor)
+        if signal in run.analytic:
+            name, role, mark = _analytic(run, summary)
+            values = scaled(run.analytic[signal], quantity.factor)
+            lines.setdefault(name, Series(name, over, values, role, mark))
+        if signal in run.simulated:
+            values = scaled(run.simulated[signal], quantity.factor)
+            marks.append(Series(**_simulated(result, run), x=over, y=values, mark="marker"))
+    spans = [f"{s.name} {_span(s.y, quantity)}" for s in [*lines.values(), *marks]]
+    text = f"{quantity.title} over {axis}. {'; '.join(spans)}."
+    return Figure(
+        signal, quantity.title, text, Axis(axis, unit), Axis(quantity.name, quantity.unit), (*lines.values(), *marks)
+    )
 
 
 def _analytic(run: Run, summary: Summary) -> tuple[str, str, Literal["line", "dashed"]]:
@@ -203,12 +229,12 @@ def journal_path(result: CrossCheck, summary: Summary, joint: str) -> Figure:
         for run in summary.runs
         if joint in dict(run.free)
     ]
-    text = f"Path of the journal of {joint} in its clearance circle of radius {number(radius)} {unit}. {'; '.join(share)}".strip()
+    text = f"Path of the journal of {joint} in its clearance circle of radius {number(radius)} {unit}."
     axes = (Axis("displacement x", unit), Axis("displacement y", unit))
     return Figure(
         f"journal_{joint}",
         f"Path of the journal in {joint}",
-        text,
+        f"{text} {'; '.join(share)}".strip(),
         *axes,
         (rim, *paths, points),
         "plane",

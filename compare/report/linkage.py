@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -110,6 +110,7 @@ def _explored(result: CrossCheck, summary: Summary, index: int) -> dict[str, Any
         "unit": unit,
         "x": scaled(x, factor),
         "flags": dict(run.flags),
+        "opens": _opens(result, summary, index, x),
         "clearance": {joint: size for joint, size in run.clearance.items() if size},
         "factor": exaggeration(result.mechanism, run),
         "ideal": ideal,
@@ -121,6 +122,16 @@ def _explored(result: CrossCheck, summary: Summary, index: int) -> dict[str, Any
             _read(quantity, run, result.runs[0].analytic.get(quantity.signal, np.zeros(0))) for quantity in shown
         ],
     }
+
+
+def _opens(result: CrossCheck, summary: Summary, index: int, x: Sequence[float]) -> int:
+    """Index of the sample at which the page opens: where a run disagrees most, else the paper's crank angle."""
+    run, told = result.runs[index], summary.runs[index]
+    if told.verdict == "disagrees":
+        worst = max((d for d in run.discrepancies if d.verdict == "disagrees"), key=lambda d: d.share or 0.0)
+        if worst.at_crank_angle is not None:
+            return int(np.argmin(np.abs(run.crank_angle - worst.at_crank_angle)))
+    return 0 if released(run, result.mechanism) else int(np.argmin(np.abs(np.array(x) - PREFERRED)))
 
 
 def _read(quantity: Quantity, run: Run, first: np.ndarray) -> dict[str, Any]:

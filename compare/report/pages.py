@@ -15,7 +15,7 @@ from markupsafe import Markup
 from compare.report.figures import Figure
 from compare.report.linkage import explorer
 from compare.report.quantities import number, setting
-from compare.report.summary import MODELS, WORDS, Run, Summary, released
+from compare.report.summary import MODELS, REAL, WORDS, Run, Summary, released
 from compare.results.crosscheck import CrossCheck
 from compare.results.document import as_written
 
@@ -52,7 +52,7 @@ def render(
             (name, _worst_first(run for run in runs if run.simulator == name))
             for name in _once(run.simulator for run in runs)
         ],
-        "first_run": _worst_first(sorted(runs, key=lambda run: run.clearance == "none"))[0].index if runs else None,
+        "first_run": _worst_first(sorted(runs, key=_shown_first))[0].index if runs else None,
         "runs_with_order": _first_per_clearance(summary),
         "same_order": _same_order(runs),
         "free": any(run.free for run in runs),
@@ -123,6 +123,11 @@ def _environment(escaping: bool) -> Environment:
 
 def _static(name: str) -> Markup:
     return Markup(resources.files("compare.report").joinpath("static", name).read_text(encoding="utf-8"))
+
+
+def _shown_first(run: Run) -> tuple[bool, int]:
+    """Runs with clearance first; of those that disagree, the one with the most real joints."""
+    return run.clearance == "none", REAL.index(run.joint_model) if run.verdict == "disagrees" else 0
 
 
 def _worst_first(runs: Iterable[Run]) -> list[Run]:

@@ -16,6 +16,7 @@ from compare.report.quantities import Quantity, key_signals, number, plain, quan
 from compare.results import crosscheck as results
 from compare.results.crosscheck import CrossCheck
 
+REAL = ("contact", "spring-damper", "massless-link", "ideal")  # joint models, the most real first
 WORDS = {
     "agrees": "agrees",
     "disagrees": "disagrees",
@@ -88,6 +89,7 @@ class Run:
     settings: Mapping[str, Any]
     reason: str = ""  # why nothing could be compared
     because: str = ""  # why it disagrees
+    assumption: str = ""  # and which assumption of the analytic model that is
 
     @property
     def title(self) -> str:
@@ -112,6 +114,7 @@ class Summary:
     spread: tuple[Order, ...]
     between: str  # who stands apart, in words; empty with one engine
     failures: tuple[str, ...]  # runs that have no result, and why
+    why: str  # which assumption of the analytic model fails, and where; empty where none is known to
 
     def keys(self, all_joints: bool, mechanism: Mechanism) -> list[Quantity]:
         """The signals of a short table: the paper's own, for these joints or for all, and whatever disagrees."""
@@ -140,7 +143,21 @@ def summarise(result: CrossCheck) -> Summary:
     failures = tuple(failure.why for failure in result.failures)
     verdict = "failed" if failures and all(run.verdict == "agrees" for run in runs) else result.verdict
     said = headline(runs, len(failures))
-    return Summary(result.case, verdict, said, runs, signals, tuple(joints), spread, result.words, failures)
+    return Summary(result.case, verdict, said, runs, signals, tuple(joints), spread, result.words, failures, why(runs))
+
+
+def why(runs: Sequence[Run]) -> str:
+    """Each assumption that fails, in a sentence: of the run with the most real joints, and in how many others."""
+    told: dict[str, list[Run]] = {}
+    for run in sorted((run for run in runs if run.because), key=lambda run: REAL.index(run.joint_model)):
+        told.setdefault(run.assumption, []).append(run)
+    return " ".join(_why(mine) for mine in told.values())
+
+
+def _why(runs: Sequence[Run]) -> str:
+    also = f", and likewise in {_counted(len(runs) - 1, 'other run')}" if len(runs) > 1 else ""
+    because = runs[0].because
+    return f"{because[:1].upper()}{because[1:]} ({runs[0].title}{also})."
 
 
 def released(run: results.Run, mechanism: Mechanism) -> bool:
@@ -184,6 +201,7 @@ def _run(index: int, run: results.Run, mechanism: Mechanism, signals: Mapping[st
         settings=run.settings,
         reason=run.reason,
         because=run.because.words if run.because else "",
+        assumption=run.because.assumption if run.because else "",
     )
 
 

@@ -45,7 +45,8 @@ def print_table(result: CrossCheck, console: Console) -> None:
     for why in summary.failures:
         console.print(escape(f"failed: {why}"))
     said = headline(summary.runs, len(summary.failures), plain).replace("·", ".")
-    console.print(Text.assemble((f"{summary.case}: ", "bold"), _word(summary.verdict), f". {said}"))
+    because = f" {summary.why}" if summary.why else ""
+    console.print(Text.assemble((f"{summary.case}: ", "bold"), _word(summary.verdict), f".{because} {said}"))
 
 
 def _word(verdict: str) -> Text:

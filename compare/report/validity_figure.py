@@ -8,11 +8,11 @@ from collections.abc import Callable
 from xml.sax.saxutils import quoteattr
 
 from compare.report.svg import NOT_XML, text
-from compare.report.validity_text import LETTERS, about, legend, letters, lost, millimetres, percent, rpm
+from compare.report.validity_text import about, failing, legend, lost, millimetres, percent, rpm
 from compare.results.validity import Cell, Failed, Validity
 
 LEFT, RIGHT, TOP, BETWEEN = 76.0, 18.0, 84.0, 74.0
-CELL_WIDTH, CELL_HEIGHT, NARROWEST = 78.0, 48.0, 720.0
+CELL_WIDTH, CELL_HEIGHT, NARROWEST = 78.0, 80.0, 720.0
 INK, PAPER, GRID = "#1b1f24", "#fff", "#8a919c"
 SHADES = (
     (1.0, "#0b6e4f", PAPER),
@@ -118,16 +118,13 @@ def _cell(cell: Cell | Failed, x: float, y: float) -> list[str]:
     ]
     middle = x + CELL_WIDTH / 2
     if isinstance(cell, Failed):
-        return [*out, _text("failed", middle, y + 28, "middle")]
+        return [*out, _text("failed", middle, y + 44, "middle")]
     out.append(_text(f"{percent(cell.agreeing_share)} %", middle, y + 15, "middle", weight="600", fill=ink))
     if lost(cell):
         out.append(_text(f"free {percent(lost(cell))} %", middle, y + 28, "middle", size=10, fill=ink))
-    if cell.fails:
-        style = f'text-anchor="middle" font-size="10" fill="{ink}"'
-        initials = "".join(
-            f'<tspan font-weight="800">{x}</tspan>' if x == LETTERS.get(cell.cause or "") else x for x in letters(cell)
-        )
-        out.append(f'<text x="{middle:.1f}" y="{y + 40:.1f}" {style}>{initials}</text>')
+    for k, name in enumerate(failing(cell)):
+        weight = "800" if name == cell.cause else "400"
+        out.append(_text(name, middle, y + 41 + 11 * k, "middle", size=10, weight=weight, fill=ink))
     return out
 
 

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 Cells = Mapping[tuple[float, float], Cell | Failed]
 TESTED: tuple[Costing, ...] = ("first-order", "quasi-static", "rigid")
-LETTERS = {"contact": "C", "first-order": "F", "quasi-static": "Q", "rigid": "R"}
 
 
 def rpm(speed: float) -> str:
@@ -34,17 +33,17 @@ def percent(value: float) -> str:
     return f"{near:.1f}" if 0 < near < 1 or 99 < near < 100 else f"{near:.0f}"
 
 
-def letters(cell: Cell | Failed) -> str:
-    """The initials of the assumptions that fail."""
-    return "" if isinstance(cell, Failed) else "".join(LETTERS[name] for name in cell.fails)
+def failing(cell: Cell | Failed) -> tuple[str, ...]:
+    """The assumptions that fail, by name."""
+    return () if isinstance(cell, Failed) else cell.fails
 
 
 def brief(cell: Cell | Failed) -> str:
-    """A cell in a table: ``agrees``, or the share of the cycle at which it does, and the assumptions that fail."""
+    """A cell in a table: ``agrees``, or the share of the cycle at which it does, and which assumptions fail."""
     if isinstance(cell, Failed):
         return "failed"
     found = "agrees" if cell.agrees else f"{percent(cell.agreeing_share)} %"
-    return f"{found} {letters(cell)}".strip()
+    return ", ".join([found, *failing(cell)])
 
 
 def sentence(cell: Cell | Failed, mechanism: Mechanism) -> str:
@@ -81,9 +80,9 @@ def _worst(worst: Worst, mechanism: Mechanism) -> str:
 
 
 def legend(result: Validity) -> list[str]:
-    """What the initials mean."""
+    """What the assumptions say."""
     found = result.assumptions
-    return [f"{LETTERS.get(name, '-')} {name}: {about.means}" for name, about in found.items()]
+    return [f"{name}: {about.means}" for name, about in found.items()]
 
 
 def about(result: Validity) -> str:
@@ -133,16 +132,11 @@ def markdown(result: Validity) -> str:
     out += [f"- {_md(line)}" for line in result.words]
     out += ["", "![map of speed and clearance](validity.svg)", ""]
     out += [
-        (
-            "A cell says at which share of the crank angles the equilibrium and the simulation agree within tolerance,"
-            " and by initials which of"
-        ),
-        (
-            "the paper's assumptions fail, each tested by itself. The equilibrium does not need F and corrects Q once,"
-            " so it may agree all the same."
-        ),
+        "A cell says at which share of the crank angles the equilibrium and the simulation agree within tolerance, and",
+        "which of the paper's assumptions fail, each tested by itself. The equilibrium does not need first-order and",
+        "corrects quasi-static once, so it may agree all the same.",
         "",
-        *(f"- **{line[0]}** {_md(line[2:])}" for line in legend(result)),
+        *(f"- {_md(line)}" for line in legend(result)),
     ]
     for simulator in result.simulators:
         found = result.of(simulator)
@@ -185,11 +179,10 @@ def _md(text: str) -> str:
 
 
 __all__ = [
-    "LETTERS",
     "about",
     "brief",
+    "failing",
     "legend",
-    "letters",
     "lost",
     "markdown",
     "millimetres",

@@ -338,6 +338,24 @@ class Chart {
   }
 }
 
+// A figure as a file: its drawing as it stands in the page, or all of its points, a row for each.
+function download(button, figure) {
+  const drawing = button.closest("figure").querySelector("noscript").textContent;
+  const svg = button.dataset.download === "svg";
+  const url = URL.createObjectURL(new Blob([svg ? drawing : points(figure)], {type: svg ? "image/svg+xml" : "text/csv"}));
+  const link = html("a", {href: url, download: button.dataset.name}, document.body);
+  link.click();
+  link.remove();
+  setTimeout(() => URL.revokeObjectURL(url), 1000);
+}
+
+function points(figure) {
+  const quoted = (text) => `"${text.replaceAll('"', '""')}"`;
+  const head = ["series", `${figure.x.label} [${figure.x.unit}]`, `${figure.y.label} [${figure.y.unit}]`].map(quoted);
+  const rows = figure.series.filter((s) => s.name).flatMap((s) => s.x.map((x, i) => [quoted(s.name), x ?? "", s.y[i] ?? ""]));
+  return [head, ...rows].map((row) => row.join(",")).join("\n") + "\n";
+}
+
 // The figure's data as a table, made when somebody opens it.
 function tabulate(details, figure) {
   const series = figure.series.filter((s) => s.name && s.mark !== "link");

@@ -32,7 +32,7 @@ class Explorer {
     const steps = x.slice(1).map((v, i) => Math.abs(v - x[i]));
     const even = steps.every((s) => Math.abs(s - steps[0]) < 1e-6 * Math.abs(steps[0]));
     Object.assign(this.slider, {min: Math.min(...x), max: Math.max(...x), step: even && steps.length ? String(Number(steps[0].toPrecision(6))) : "any"});
-    this.slider.value = before ?? (unit === "deg" ? 30 : x[0]);
+    this.slider.value = before ?? x[this.run.opens];
     this.find("abscissa").textContent = `${this.run.label} (${unit})`;
     const adjustable = this.run.ideal && Object.keys(this.run.clearance).length > 0;
     this.factor.disabled = !adjustable;
@@ -208,6 +208,7 @@ document.querySelectorAll("[data-figure]").forEach((place, i) => {
   const figure = data.figures[Number(place.dataset.figure)];
   charts.push(new Chart(place, figure));
   const details = place.parentElement.querySelector("details");
+  for (const button of details.closest("figure").querySelectorAll("[data-download]")) button.addEventListener("click", () => download(button, figure));
   details.addEventListener("toggle", () => details.open && !details.querySelector("table") && tabulate(details, figure));
 });
 const root = document.getElementById("explorer");
