@@ -74,6 +74,10 @@ class Mechanism(Part):
         first, second = self.drive_joint.bodies
         return second if first == GROUND else first
 
+    def angle_point(self, body: str) -> str:
+        """Point at which the angle of a moving body is read, where it bends: its joint on the ground, else its com."""
+        return next((j.name for j in self.joints if body in j.bodies and GROUND in j.bodies), "com")
+
     @property
     def speed(self) -> float | None:
         """The drive's constant speed (rad/s), or None if it has none."""

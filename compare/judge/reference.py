@@ -12,10 +12,10 @@ from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.reach import usual_angles
-from analytic.mechanism import GROUND
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.kinetostatics import friction_turns
+from analytic.paper.superposition import superposed
 from compare.judge.discrepancy import ANGULAR, difference, largest
 from compare.judge.signals import UNITS, compared, with_derived
 from compare.results.crosscheck import OrderDifference
@@ -85,36 +85,13 @@ def with_flexible_links(side: Yardstick, assembly: Assembly, theta: np.ndarray) 
     """
     m = assembly.mechanism
     found = compliance(kinematics(assembly, theta, m.speed or 1.0))
-    signals = dict(side.signals)
-    for body in m.bodies:
-        moved = found.displacement(body.name)
-        at = next((j.name for j in m.joints if body.name in j.bodies and GROUND in j.bodies), "com")
-        parts = {
-            "x": moved.real,
-            "y": moved.imag,
-            "angle": found.rotation(body.name, at),
-            "rotation": found.rotation(body.name, at),
-        }
-        signals |= {
-            name: signals[name] + part for key, part in parts.items() if (name := f"{body.name}_{key}") in signals
-        }
-    for joint in assembly.structure.pins:  # the joints' own springs yield too
-        first, second = (found.displacement(body, joint) for body in m.joint(joint).bodies)
-        signals |= {
-            f"clearance_{joint}_{axis}": signals[f"clearance_{joint}_{axis}"] + part
-            for axis, part in _axes(first - second)
-        }
     peaks = {name: peak for name, peak in side.peaks.items() if name.startswith(("reaction_", "drive_"))}
     return replace(
         side,
-        signals=signals,
+        signals=superposed(side.signals, found),
         peaks=peaks,
         elastic=max(float(np.abs(found.displacement(*place)).max()) for place in found.motions),
     )
-
-
-def _axes(vector: np.ndarray) -> tuple[tuple[str, np.ndarray], tuple[str, np.ndarray]]:
-    return ("x", vector.real), ("y", vector.imag)
 
 
 def released_yardstick(assembly: Assembly, time: np.ndarray) -> Yardstick:
