@@ -88,7 +88,7 @@ def released(
     for k, (angle, rate) in enumerate(start):
         assembly = Assembly(real)
         s, u = assembly.structure, assembly.coordinates(np.array([angle]))
-        placed = {s.bodies[b]: float(u[i, 0] + s.twist[b]) for i, c in enumerate(s.coordinates) for b in c.bodies if b}
+        placed = {s.bodies[b]: float(u[i, 0] + s.held_at[b]) for i, c in enumerate(s.coordinates) for b in c.bodies if b}
         free = real.replace(
             assembly=placed | {real.driven: angle}, drive={"joint": real.drive_joint.name, "speed": "free"}
         )

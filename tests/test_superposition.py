@@ -1,4 +1,4 @@
-"""Clearance and compliance added up (Fig. 7c), against a case that is worked out by hand, in every place that adds them.
+"""Clearance and compliance added up (Fig. 7c), against a case worked out by hand, in every place that adds them.
 
 A bar of length L on one pin D, held by the motor, with a force F across its tip.  The pin has radial clearance c and
 Eq. 4's spring k, the bar a bending stiffness E I.  To first order the force pushes the whole bar by c + F/k and bends

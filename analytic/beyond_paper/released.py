@@ -14,6 +14,7 @@ import numpy as np
 from analytic.beyond_paper.freedom import coefficients
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
+from analytic.mechanism.one_line import angles, one_line
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 
 ACCURACY = 1e-10  # relative, of the integration
@@ -31,6 +32,11 @@ class Released:
     reactions: Reactions
     held: np.ndarray
     turning: np.ndarray
+
+    def __repr__(self) -> str:
+        motion = self.reactions.motion
+        held = f"at rest in {int(self.held.sum())}" if self.held.any() else ""
+        return one_line(self, motion.structure.mechanism.name, angles(motion.theta, "moment"), held)
 
 
 def released(assembly: Assembly, time: np.ndarray, theta: float | None = None, omega: float = 0.0) -> Released:

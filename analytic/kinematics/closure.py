@@ -29,7 +29,7 @@ def set_coordinate(
     if c.bodies:
         phasor = np.exp(1j * value) if phasor is None else phasor
         for b in c.bodies:
-            columns[b] = phasor if s.twist[b] == 0 else phasor * np.exp(1j * s.twist[b])
+            columns[b] = phasor if s.held_at[b] == 0 else phasor * np.exp(1j * s.held_at[b])
     else:
         columns[c.column] = value * columns[s.slide_body[c.column - len(s.bodies)]]
 
@@ -69,7 +69,7 @@ def solve_dyad(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, b
 
 
 def _arm(s: Structure, row: np.ndarray, i: int) -> complex:
-    return complex(sum(row[b] * np.exp(1j * s.twist[b]) for b in s.coordinates[i].bodies))
+    return complex(sum(row[b] * np.exp(1j * s.held_at[b]) for b in s.coordinates[i].bodies))
 
 
 def _turn(s: Structure, i: int, columns: np.ndarray, u: np.ndarray, phasor: np.ndarray) -> None:
@@ -100,7 +100,7 @@ def _angle_and_travel(
     along = row[travel.column]
     body = int(s.slide_body[travel.column - len(s.bodies)])
     if body in s.coordinates[i].bodies:  # the slide turns with the unknown angle: (arm + s along) e = target
-        along *= np.exp(1j * s.twist[body])
+        along *= np.exp(1j * s.held_at[body])
         unit = along / abs(along)
         t, h, d2 = (arm / unit).real, (arm / unit).imag, np.abs(target) ** 2
         reach = np.abs(
@@ -153,7 +153,7 @@ def newton(
             c = s.coordinates[i]
             if c.bodies:
                 for b in c.bodies:
-                    columns[b] = np.exp(1j * (u[i] + s.twist[b]))
+                    columns[b] = np.exp(1j * (u[i] + s.held_at[b]))
         for i in unknown:
             if not s.coordinates[i].bodies:
                 set_coordinate(s, i, columns, u[i])

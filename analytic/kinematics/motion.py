@@ -15,6 +15,7 @@ from analytic.kinematics.assembly import Assembly, Path
 from analytic.kinematics.closure import AssemblyError, partials
 from analytic.kinematics.structure import Group, Structure
 from analytic.mechanism import Joint
+from analytic.mechanism.one_line import angles, count, largest, one_line
 
 BLOCK = 4096  # crank angles worked on at once: their temporary arrays stay in the processor's cache
 # glibc keeps freed memory for the next array up to twice the largest that it has ever seen freed, at first next to
@@ -32,6 +33,9 @@ class Gap:
     value: np.ndarray
     rate: np.ndarray | float = 0.0
     acceleration: np.ndarray | float = 0.0
+
+    def __repr__(self) -> str:
+        return one_line(self, count(np.size(self.value), "value"), largest(self.value, "m"))
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,9 @@ class Motion:
     def structure(self) -> Structure:
         """The linkage's structure."""
         return self.assembly.structure
+
+    def __repr__(self) -> str:
+        return one_line(self, self.structure.mechanism.name, angles(self.theta))
 
     def part(self, block: slice, live: int | None = None) -> Motion:
         """The same motion at some of its crank angles, or only its first ``live`` columns: views of its arrays."""
@@ -74,7 +81,7 @@ class Motion:
 
     def angle(self, body: str) -> np.ndarray:
         """Angle (rad) of a body, continued from the assembly angle."""
-        return self._turn(self.coordinates, body) + self.structure.twist[self.structure.body_column(body)]
+        return self._turn(self.coordinates, body) + self.structure.held_at[self.structure.body_column(body)]
 
     def angular_velocity(self, body: str) -> np.ndarray:
         """Angular velocity (rad/s) of a body."""

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from analytic.mechanism.parts import Body, Joint
+from analytic.mechanism.parts import Body, Joint
 
 Kind = Literal["pose", "rate", "rotation", "reaction", "clearance", "drive", "time"]
 Component = Literal["x", "y", "angle", "magnitude", "moment", "angular_velocity", "torque", "time"]
@@ -107,6 +106,11 @@ def named(bodies: Iterable[Body], joints: Iterable[Joint]) -> Mapping[str, Signa
 def wrapped(angle: np.ndarray) -> np.ndarray:
     """Angles (rad) of any shape brought into [-pi, pi) by whole turns."""
     return (np.asarray(angle, float) + np.pi) % (2 * np.pi) - np.pi
+
+
+def turned_near(angle: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Angles (rad) brought within half a turn of others by whole turns; shapes broadcast."""
+    return np.asarray(angle + 2 * np.pi * np.rint((near - angle) / (2 * np.pi)))
 
 
 def continued(angle: np.ndarray) -> np.ndarray:

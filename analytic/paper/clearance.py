@@ -22,6 +22,8 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import Gap, kinematics
 from analytic.kinematics.reach import usual_angles
+from analytic.mechanism.one_line import angles, clearances, one_line
+from analytic.mechanism.signals import wrapped
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 
 Model = Literal["first_order", "equilibrium"]
@@ -53,6 +55,13 @@ class Displaced:
     ideal: Reactions
     flags: Mapping[int, str]
     faint: Mapping[str, float]  # N, of every revolute joint: a reaction no larger has no direction
+
+    def __repr__(self) -> str:
+        motion = self.ideal.motion
+        sizes = {name: float(np.abs(gap).max()) for name, gap in self.gaps.items()}
+        flagged = f"{len(self.flags)} flagged" if self.flags else ""
+        name = motion.structure.mechanism.name
+        return one_line(self, name, self.model, angles(motion.theta), clearances(sizes), flagged)
 
     def signals(self) -> dict[str, np.ndarray]:
         """Contract signals, ``<body>_rotation`` (rad, psi) included; NaN at flagged angles."""
@@ -266,7 +275,7 @@ def _unsteady(sizes: Mapping[str, float], turned: np.ndarray) -> dict[int, str]:
     any more.
     """
     flags: dict[int, str] = {}
-    for name, turn in zip(sizes, np.abs(np.angle(np.exp(1j * turned))).T, strict=True):
+    for name, turn in zip(sizes, np.abs(wrapped(turned)).T, strict=True):
         for i in np.flatnonzero(~(turn < UNSTEADY)):
             flags.setdefault(
                 int(i),

@@ -23,6 +23,7 @@ import numpy as np
 
 from analytic.kinematics.motion import Motion
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism
+from analytic.mechanism.one_line import angles, largest, one_line
 from analytic.paper.frame import Bar, ComplianceError, beam_stiffness, frame
 from analytic.paper.kinetostatics import joint_law
 
@@ -43,6 +44,10 @@ class Compliance:
     theta: np.ndarray  # rad (N,)
     motions: Mapping[tuple[str, str], np.ndarray]  # (N, 6) by body and point: m and rad
     energy: np.ndarray  # J (N,): strain energy of bars and springs
+
+    def __repr__(self) -> str:
+        moved = largest(np.array([self.displacement(*place) for place in self.motions]), "m")
+        return one_line(self, self.mechanism.name, angles(self.theta), moved)
 
     def motion(self, body: str, point: str = "com") -> np.ndarray:
         """Translations x, y, z (m) and rotations about x, y, z (rad) of a body's point, (N, 6); zero for the ground.

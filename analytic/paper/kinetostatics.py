@@ -15,6 +15,7 @@ import numpy as np
 from analytic.kinematics.motion import BLOCK, Motion, blocks, solve_forces
 from analytic.kinematics.structure import Structure
 from analytic.mechanism import MASS_CENTRE, Joint
+from analytic.mechanism.one_line import angles, largest, one_line
 
 DEAD_CENTRE = 1e-12  # of the crank's rate: below it, a joint's (rad/s; prismatic: m/s) is what rounding makes of none
 
@@ -27,6 +28,11 @@ class Reactions:
     forces: Mapping[str, np.ndarray]  # N, complex, ground frame: force of each joint's first body on its second
     moments: Mapping[str, np.ndarray]  # N.m of each prismatic joint on its second body, at that body's point
     drive_torque: np.ndarray  # N.m, motor on driven body
+
+    def __repr__(self) -> str:
+        forces = largest(np.array(list(self.forces.values())), "N")
+        torque = f"drive torque {largest(self.drive_torque, 'N.m')}"
+        return one_line(self, self.motion.structure.mechanism.name, angles(self.motion.theta), forces, torque)
 
     def signals(self) -> dict[str, np.ndarray]:
         """Every signal of the contract that an ideal or displaced configuration has, by name (SI units)."""

@@ -32,6 +32,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analytic.mechanism.one_line import angles, one_line
+from analytic.mechanism.signals import wrapped
 from analytic.paper.frame import Bar
 
 UNKNOWNS = ("F_12x", "F_12y", "F_23x", "F_23y", "F_34x", "F_34y", "F_14x", "F_14y", "T_s")  # F_B of Eq. 12
@@ -108,6 +110,9 @@ class FourBarMotion:
     angular_acceleration: np.ndarray
     acceleration: np.ndarray
 
+    def __repr__(self) -> str:
+        return one_line(self, angles(self.angle[0]))
+
 
 def four_bar_motion(bar: FourBar, theta_2: np.ndarray, omega_2: float) -> FourBarMotion:
     """Motion at crank angles theta_2 (N,) rad and constant crank speed omega_2 (rad/s).
@@ -126,7 +131,7 @@ def four_bar_motion(bar: FourBar, theta_2: np.ndarray, omega_2: float) -> FourBa
             f"crank angle {np.degrees(theta_2[square < 0][0]):.6g} deg cannot be reached by links {bar.length} m on"
             f" ground {r1} m"
         )
-    theta_4 = np.angle(np.exp(2j * np.arctan2(-b + (1 if bar.crossed else -1) * np.sqrt(square), 2 * a)))
+    theta_4 = wrapped(2 * np.arctan2(-b + (1 if bar.crossed else -1) * np.sqrt(square), 2 * a))
     e_2, e_4 = np.exp(1j * theta_2), np.exp(1j * theta_4)
     theta_3 = np.angle(r1 + r4 * e_4 - r2 * e_2)
     e_3 = np.exp(1j * theta_3)

@@ -11,6 +11,7 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly, Path
 from analytic.kinematics.motion import kinematics
+from analytic.mechanism.one_line import angles, clearances, count, one_line
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import Compliance, compliance
@@ -39,6 +40,9 @@ class Total:
 
     clearance: Displaced
     compliance: Compliance
+
+    def __repr__(self) -> str:
+        return one_line(self, repr(self.clearance), repr(self.compliance))
 
     def by_clearance(self, body: str, point: str = "com") -> np.ndarray:
         """Displacement x + iy (m) of a body's point by the joints' clearance, (N,) complex."""
@@ -120,6 +124,11 @@ class Accuracy:
     side_changes: Sequence[SideChange]
     jumps: Mapping[Output, np.ndarray]  # (side changes,): what each one does to the output
     flags: Mapping[int, str]
+
+    def __repr__(self) -> str:
+        sizes = dict(zip(self.pins, self.clearances.tolist(), strict=True))
+        outputs, changes = count(len(self.unit_reactions), "output"), count(len(self.side_changes), "side change")
+        return one_line(self, self.assembly.mechanism.name, angles(self.theta), clearances(sizes), outputs, changes)
 
     @property
     def theta(self) -> np.ndarray:
