@@ -69,7 +69,7 @@ class Assembly:
         return one_line(self, self.mechanism.name, f"assembled at {np.degrees(self.start):.4g} deg")
 
     def form(self, body: str, point: str = "com") -> np.ndarray:
-        """The structure's form of a body's point, made once."""
+        """The structure's form (columns,) of a body's point, kept for the next call."""
         if (body, point) not in self._forms:
             self._forms[body, point] = self.structure.form(body, point)
         return self._forms[body, point]
@@ -141,7 +141,7 @@ class Assembly:
         way.
         """
         low, high, known = min(low, high), max(low, high), self._path.theta
-        if not (known[0] <= low and high <= known[-1]):  # walked once: what is known has no change point
+        if not (known[0] <= low and high <= known[-1]):  # the known part has no change point: only the rest is walked
             low, high, u = min(low, known[0]), max(high, known[-1]), self._path.coordinates
             below = np.linspace(known[0], low, int(np.ceil((known[0] - low) / PATH_STEP)) + 1)
             above = np.linspace(known[-1], high, int(np.ceil((high - known[-1]) / PATH_STEP)) + 1)
@@ -218,8 +218,8 @@ class Assembly:
             near = here + (here - u[:, k - 1 : k] if k else 0)
 
     def _check_passage(self, theta: np.ndarray, margin: np.ndarray, group: Group, u: np.ndarray) -> None:
-        """Refuse a walk, its coordinates ``u``, on which the group's margin sinks to zero, at or between its angles:
-        where it first does.
+        """Raise AssemblyError for the first place, at or between the angles of a walk, where the group's margin falls
+        to zero; ``u`` are the walk's coordinates.
         """
         beside = np.concatenate([[np.inf], margin, [np.inf]])
         sound = np.logical_and.accumulate(margin > CHANGE_POINT)
@@ -251,7 +251,7 @@ class Assembly:
         if not bad.size:
             return
         first = bad[0]
-        if not margin[first] <= -CHANGE_POINT:  # a margin that is no number is that of a side without length
+        if not margin[first] <= -CHANGE_POINT:  # NaN too: a side has no length
             raise self._change_point(group, theta[first])
         with_gap = " with its joints' clearance taken up" if displaced else ""
         raise AssemblyError(

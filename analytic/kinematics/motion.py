@@ -18,9 +18,9 @@ from analytic.mechanism import Joint
 from analytic.mechanism.one_line import angles, count, largest, one_line
 
 BLOCK = 4096  # crank angles worked on at once: their temporary arrays stay in the processor's cache
-# glibc keeps freed memory for the next array up to twice the largest that it has ever seen freed, at first next to
-# nothing; the rest goes back to the system, and comes again page by page, which takes longer than all that is computed
-# here.  Nothing is written to these.
+# glibc keeps freed memory for the next array, but only up to twice the largest block freed so far; the rest goes back
+# to the system and returns page by page, which takes longer than the computation itself.  Freeing 16 MB once raises
+# that limit; nothing is written to them.
 np.empty(2**21)
 
 
@@ -138,7 +138,7 @@ def kinematics(
     rates, bends = (_gap_columns(s, gaps, order, theta.size) for order in ("rate", "acceleration"))
     jacobians = {g: np.empty((len(g.coordinates), len(g.loops), theta.size), complex) for g in s.groups}
     motion = Motion(assembly, theta, u, np.empty_like(u), np.empty_like(u), columns, rates, bends, jacobians)
-    live = s.n_columns if gaps else len(s.bodies) + len(s.slides)  # memory of zeros that nobody looks at costs nothing
+    live = s.n_columns if gaps else len(s.bodies) + len(s.slides)  # without gaps their columns stay untouched
     for block in blocks(theta.size):
         part = motion.part(block, live)
         assembly.close(part.coordinates, part.columns, path, bool(gaps))

@@ -24,7 +24,7 @@ import numpy as np
 from analytic.mechanism import GROUND, Joint, Mechanism
 from analytic.mechanism.one_line import count, one_line
 
-NAMED = 8  # bodies in an error; a linkage may have hundreds
+NAMED = 8  # bodies that an error names; a linkage may have hundreds
 
 
 class StructureError(ValueError):
@@ -101,7 +101,7 @@ def structure(mechanism: Mechanism) -> Structure:
 
 
 def reached(start: str, along: Mapping[str, set[str]]) -> set[str]:
-    """All that is met on the ways from ``start``, which is one of them."""
+    """All that can be reached from ``start``, itself included."""
     found, queue = {start}, [start]
     for here in queue:
         new = along[here] - found
@@ -213,7 +213,7 @@ class _Builder:
         smallest = set(waiting)
         for body in waiting:
             found = reached(body, waiting)
-            smallest = min(found, smallest, key=len)  # of two that are as small, the one that the file names first
+            smallest = min(found, smallest, key=len)  # of equally small ones the first in the file
             if len(smallest) == 2:
                 break
         return tuple(b for b in waiting if b in smallest)

@@ -1,7 +1,7 @@
 """Signals: what a simulation, an analytic answer or a sensor says of a linkage, each by one name.
 
 A name is never taken apart to learn what a signal is: :func:`signals` lists all that a linkage has, and
-:class:`Signals` looks one up.  The names are those of the contract, such as ``reaction_B_x`` and ``crank_angle``.
+:func:`named` looks one up.  The names are those of the contract, such as ``reaction_B_x`` and ``crank_angle``.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from analytic.kinematics.structure import Structure
 from analytic.mechanism import MASS_CENTRE, Joint
 from analytic.mechanism.one_line import angles, largest, one_line
 
-DEAD_CENTRE = 1e-12  # of the crank's rate: below it, a joint's (rad/s; prismatic: m/s) is what rounding makes of none
+DEAD_CENTRE = 1e-12  # of the crank's rate: a smaller rate of a joint (rad/s; prismatic: m/s) is rounding error
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ def kinetostatics(motion: Motion, inertia: bool = True, grip: np.ndarray | None 
     """Reactions and drive torque for gravity, loads, joint springs, friction, dampers and, with ``inertia``, motion.
 
     Without ``inertia`` the linkage is in static equilibrium at each angle; the motion's velocities then only give
-    Coulomb friction its direction and dampers do nothing.  ``grip`` (N,) is the share of it that acts: all, unless the
-    linkage sticks.
+    Coulomb friction its direction and dampers do nothing.  ``grip`` (N,) is the share of the friction that acts: 1
+    unless the linkage sticks.
     """
     s, n = motion.structure, motion.theta.size
     order = [j.name for j in s.mechanism.joints]
@@ -159,8 +159,10 @@ def joint_law(
     moving: bool,
     grip: np.ndarray | float = 1.0,
 ) -> np.ndarray:
-    """Torque (N.m; prismatic: force, N) of a joint's friction, damper and spring on its second body; no friction at a
-    dead centre.
+    """Torque (N.m; prismatic: force, N) of a joint's friction, damper and spring on its second body, (N,).
+
+    ``position`` (rad, m) and ``rate`` are the second body's on the first, ``crank`` (rad/s) is the crank's rate; at a
+    dead centre, where the joint rests and the crank turns, there is no friction.
     """
     damping = joint.damping if moving else 0.0
     slip = np.sign(rate) * (np.abs(rate) > DEAD_CENTRE * np.abs(crank))
@@ -168,10 +170,8 @@ def joint_law(
 
 
 def friction_turns(motion: Motion, within: float = 0.0) -> dict[str, np.ndarray]:
-    """Where (N,) a joint's Coulomb friction has no direction, by joint with friction: its slip reverses within so many
-    rad of crank.
-
-    For a crank that turns evenly.  With 0 it is only at the reversal itself.
+    """Where (N,) the Coulomb friction of each joint that has some lacks a direction: its slip reverses ``within`` so
+    many rad of crank angle, of a crank that turns evenly; with 0, only at the reversal itself.
     """
     found = {}
     for joint in motion.structure.mechanism.joints:
