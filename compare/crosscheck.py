@@ -45,7 +45,7 @@ from compare.judge.discrepancy import (
 )
 from compare.judge.flexible import Beams, softened
 from compare.judge.grid import FREE_TIME, turns_fully
-from compare.judge.reference import Yardstick, released_yardstick, with_flexible_links, yardstick
+from compare.judge.reference import Reference, reference, released_reference, with_flexible_links
 from compare.judge.signals import compared, missing, with_derived, with_rotations
 from compare.judge.tolerances import Tolerances
 from compare.results.crosscheck import CrossCheck, Path, Run, Simulator, Verdict
@@ -55,7 +55,7 @@ from compare.runs import Failure, Resolve, simulate_all
 from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Trace, Unsupported, engine, installed_version
 
 Progress = Callable[[str, int, int], None]
-Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Yardstick]
+Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Reference]
 
 
 @dataclass(frozen=True)
@@ -212,7 +212,7 @@ def crosscheck_job(
     job: Job,
     progress: Progress = lambda what, done, total: None,
     resolve: Resolve | None = None,
-    measure: Measure = yardstick,
+    measure: Measure = reference,
 ) -> CrossCheck:
     """Run a job.
 
@@ -293,9 +293,9 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
     ]
 
 
-def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Yardstick:
+def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Reference:
     if job.time is not None:
-        return released_yardstick(assembly, job.time)
+        return released_reference(assembly, job.time)
     side = measure(assembly, job.theta, job.motion, job.model, {} if ideal else job.mechanism.clearances)
     return with_flexible_links(side, assembly, job.theta) if job.flexible else side
 
@@ -312,7 +312,7 @@ def _whole(outcome: Trace | Failure, mechanism: Mechanism) -> Trace | Failure:
     )
 
 
-def _run(job: Job, side: Yardstick, trace: Trace) -> tuple[Run, dict[str, Rule]]:
+def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]:
     """Both sides of one run, flagged samples blanked on both, and the verdict; and the rules by which it was judged."""
     simulated = with_derived(trace.signals, job.mechanism)
     if trace.clearance:
@@ -364,7 +364,7 @@ def _explained(job: Job, run: Run) -> Run:
     return run.model_copy(update={"because": because}) if because else run
 
 
-def _rules(job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.ndarray]) -> dict[str, Rule]:
+def _rules(job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.ndarray]) -> dict[str, Rule]:
     """What each compared signal of a run may differ by."""
     clearances = dict(trace.clearance)
     give, scales = _give(trace.settings, clearances, simulated), Scales.of(side.signals, job.mechanism, side.peaks)
@@ -377,7 +377,7 @@ def _rules(job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.n
 
 
 def _discrepancies(
-    job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.ndarray], rules: Mapping[str, Rule]
+    job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.ndarray], rules: Mapping[str, Rule]
 ) -> list[Discrepancy]:
     known = known_differences(
         job.tolerances, job.mechanism.name, trace.simulator, trace.joint_model, trace.motion, job.model

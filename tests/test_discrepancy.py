@@ -22,7 +22,7 @@ from compare.judge.discrepancy import (
     load_tolerances,
 )
 from compare.judge.grid import default_angles
-from compare.judge.reference import yardstick
+from compare.judge.reference import reference
 from compare.judge.signals import compared
 from compare.judge.tolerances import Known, Line
 
@@ -354,7 +354,7 @@ def test_what_is_allowed_at_an_angle_does_not_depend_on_which_others_are_asked_f
     theta = np.radians([25.0, 63.0, 97.0, 140.0])
 
     def allowed(angles: np.ndarray) -> dict[str, np.ndarray]:
-        side = yardstick(assembly, angles, "static", "equilibrium", clearance)
+        side = reference(assembly, angles, "static", "equilibrium", clearance)
         scales = Scales.of(side.signals, mechanism, side.peaks)
         kinds = compared(mechanism, clearance)
         joint_model = "contact" if clearance else "ideal"
@@ -373,6 +373,6 @@ def test_at_the_usual_angles_the_peaks_are_the_runs() -> None:
     mechanism = load("crank-rocker")
     assembly = Assembly(mechanism)
     theta = default_angles(assembly)
-    side = yardstick(assembly, theta, "driven", "equilibrium", {})
+    side = reference(assembly, theta, "driven", "equilibrium", {})
     assert Scales.of(side.signals, mechanism, side.peaks).force == Scales.of(side.signals, mechanism).force
     assert side.peaks["reaction_B_magnitude"] == side.signals["reaction_B_magnitude"].max()

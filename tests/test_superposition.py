@@ -15,7 +15,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Body, Drive, Elasticity, Ground, Joint, Load, Mechanism
 from analytic.paper.superposition import total_displacement
 from compare.diagnose.predict import derived
-from compare.judge.reference import with_flexible_links, yardstick
+from compare.judge.reference import reference, with_flexible_links
 
 LENGTH, SIDE, MODULUS = 0.5, 0.01, 2e11  # m, m, Pa
 FORCE, CLEARANCE, SPRING = 20.0, 3e-4, 4e5  # N, m, N/m
@@ -79,7 +79,7 @@ def test_fig_7c_by_hand(turned: float, elastic: bool) -> None:
         (CLEARANCE + GIVE * elastic + BENDING) * 1j * np.exp(1j * turned), rel=1e-6
     )
     still = np.zeros(1)
-    side = yardstick(assembly, theta, "static", "equilibrium", assembly.mechanism.clearances)
+    side = reference(assembly, theta, "static", "equilibrium", assembly.mechanism.clearances)
     for found in (
         total.signals(),
         with_flexible_links(side, assembly, theta).signals,

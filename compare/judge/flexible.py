@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from analytic.mechanism import Mechanism
 from compare.judge.discrepancy import Rule
-from compare.judge.reference import Yardstick
+from compare.judge.reference import Reference
 from sim_models.engine import Engine, JointModel, Motion, Request, Trace, Unsupported, check_supported, engine
 
 OF_DISPLACEMENT = 1e-3  # of a body's displacement: what beams of few elements may be off by
@@ -48,7 +48,7 @@ class Beams:
 
 
 def softened(
-    rules: Mapping[str, Rule], side: Yardstick, clearances: Mapping[str, float], mechanism: Mechanism
+    rules: Mapping[str, Rule], side: Reference, clearances: Mapping[str, float], mechanism: Mechanism
 ) -> dict[str, Rule]:
     """Rules with what superposition neglects allowed on top, and rules for where the bodies are.
 

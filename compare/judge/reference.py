@@ -27,7 +27,7 @@ REVERSAL = (
 
 
 @dataclass(frozen=True)
-class Yardstick:
+class Reference:
     """Analytic signals (N,), NaN where flagged; ``ideal_angles`` (rad) are the bodies' without clearance.
 
     ``order_difference`` says for each compared signal how far the paper's first order is from the equilibrium,
@@ -43,9 +43,9 @@ class Yardstick:
     peaks: Mapping[str, float] = field(default_factory=dict)
 
 
-def yardstick(
+def reference(
     assembly: Assembly, theta: np.ndarray, motion: Motion, model: Model, clearances: Mapping[str, float]
-) -> Yardstick:
+) -> Reference:
     """The analytic model at crank angles theta (N,) rad with these clearances (m; none for ideal joints)."""
     mechanism = assembly.mechanism
     speed = mechanism.speed or 1.0  # without a speed only statics is left, where its sign is all that matters
@@ -72,11 +72,11 @@ def yardstick(
     else:
         with suppress(AssemblyError):  # the displaced linkage does not reach all of them
             peaks = largest(with_derived(at(usual, model).signals(), mechanism))
-    side = Yardstick(signals[model], ideal, order, found.flags, peaks=peaks)
+    side = Reference(signals[model], ideal, order, found.flags, peaks=peaks)
     return _without({i: why for i, why in _reversals(turning).items() if i not in found.flags}, side)
 
 
-def with_flexible_links(side: Yardstick, assembly: Assembly, theta: np.ndarray) -> Yardstick:
+def with_flexible_links(side: Reference, assembly: Assembly, theta: np.ndarray) -> Reference:
     """The paper's superposition (Fig. 7c): a side at rest with the elastic displacement of the ideal linkage (Eqs. 1-7)
     on top.
 
@@ -94,7 +94,7 @@ def with_flexible_links(side: Yardstick, assembly: Assembly, theta: np.ndarray) 
     )
 
 
-def released_yardstick(assembly: Assembly, time: np.ndarray) -> Yardstick:
+def released_reference(assembly: Assembly, time: np.ndarray) -> Reference:
     """The analytic motion of a linkage released at rest, at times (N,) s."""
     found = released(assembly, time)
     mechanism, reactions = assembly.mechanism, found.reactions
@@ -106,7 +106,7 @@ def released_yardstick(assembly: Assembly, time: np.ndarray) -> Yardstick:
     flags |= {
         int(i): "the linkage turns back here, and its friction has no direction" for i in np.flatnonzero(found.turning)
     }
-    return _without(flags, Yardstick(signals, ideal, {}, {}))
+    return _without(flags, Reference(signals, ideal, {}, {}))
 
 
 def _reversals(turning: Mapping[str, np.ndarray]) -> dict[int, str]:
@@ -118,7 +118,7 @@ def _reversals(turning: Mapping[str, np.ndarray]) -> dict[int, str]:
     }
 
 
-def _without(flags: Mapping[int, str], side: Yardstick) -> Yardstick:
+def _without(flags: Mapping[int, str], side: Reference) -> Reference:
     """A side without the samples that are flagged."""
     if not flags:
         return side
