@@ -39,14 +39,16 @@ from compare.judge.discrepancy import (
     Rule,
     Scales,
     check_known,
+    contact_give,
     judge,
     known_differences,
     load_tolerances,
+    run_rules,
 )
 from compare.judge.flexible import Beams, softened
 from compare.judge.grid import FREE_TIME, turns_fully
 from compare.judge.reference import Reference, reference, released_reference, with_flexible_links
-from compare.judge.signals import compared, missing, with_derived, with_rotations
+from compare.judge.signals import missing, with_derived, with_rotations
 from compare.judge.tolerances import Tolerances
 from compare.results.crosscheck import CrossCheck, Path, Run, Simulator, Verdict
 from compare.results.crosscheck import Discrepancy as Judgement
@@ -366,13 +368,9 @@ def _explained(job: Job, run: Run) -> Run:
 
 def _rules(job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.ndarray]) -> dict[str, Rule]:
     """What each compared signal of a run may differ by."""
-    clearances = dict(trace.clearance)
-    give, scales = _give(trace.settings, clearances, simulated), Scales.of(side.signals, job.mechanism, side.peaks)
-    rules = {}
-    for name, kind in compared(job.mechanism, clearances).items():
-        joint = name.removeprefix("clearance_")[:-2]
-        gap = clearances.get(joint, min(clearances.values(), default=0.0))
-        rules[name] = Rule.read(job.tolerances, trace.motion, trace.joint_model, kind, scales, give, gap)
+    clearances, m = dict(trace.clearance), job.mechanism
+    give, scales = contact_give(trace.settings, clearances, simulated), Scales.of(side.signals, m, side.peaks)
+    rules = run_rules(job.tolerances, m, trace.motion, trace.joint_model, clearances, scales, give)
     return softened(rules, side, clearances, job.mechanism) if job.flexible else rules
 
 
@@ -383,18 +381,8 @@ def _discrepancies(
         job.tolerances, job.mechanism.name, trace.simulator, trace.joint_model, trace.motion, job.model
     )
     theta = job.theta if job.time is None else None
-    judged = (judge(name, simulated, side.signals, rule, theta, known.get(name)) for name, rule in rules.items())
+    judged = (judge(rule, simulated, side.signals, theta, known.get(name)) for name, rule in rules.items())
     return [one for one in judged if one is not None]
-
-
-def _give(settings: Mapping[str, Any], clearances: Mapping[str, float], simulated: Mapping[str, np.ndarray]) -> float:
-    """How far (m) contact of the run's stiffness yields under its peak force."""
-    stiffness = settings.get("contact_stiffness")
-    if not isinstance(stiffness, int | float) or not clearances:
-        return 0.0
-    return (
-        max(float(np.nanmax(simulated[f"reaction_{name}_magnitude"], initial=0.0)) for name in clearances) / stiffness
-    )
 
 
 def _too_soft(runs: Sequence[Run]) -> Iterator[str]:
@@ -415,7 +403,7 @@ def _too_soft(runs: Sequence[Run]) -> Iterator[str]:
 def _public(d: Discrepancy, theta: np.ndarray) -> Judgement:
     reason: dict[str, Any] = {"reason": d.reason} if d.reason else {}
     return Judgement(
-        signal=d.signal,
+        signal=d.signal.name,
         kind=d.kind,
         unit=d.unit,
         max=d.max,

@@ -20,6 +20,7 @@ Unit = Literal["m", "rad", "rad/s", "N", "N.m", "s"]
 DRIVE_TORQUE = "drive_torque"
 REACTION: tuple[Component, ...] = ("angle", "magnitude", "x", "y")
 POSE: tuple[Component, ...] = ("angle", "x", "y")
+AXES: tuple[Component, Component] = ("x", "y")
 _UNITS: dict[tuple[Kind, Component], Unit] = {
     ("pose", "x"): "m",
     ("pose", "y"): "m",

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from analytic.mechanism.signals import AXES, Signal
 from compare.judge.discrepancy import Rule
 from compare.results.crosscheck import Discrepancy, Run
 from compare.runs import Failure
@@ -113,7 +114,7 @@ def beyond_rim(run: Run) -> dict[str, float]:
     """
     found = {}
     for joint, clearance in run.clearance.items():
-        path = [np.hypot(run.simulated[f"clearance_{joint}_x"], run.simulated[f"clearance_{joint}_y"])]
+        path = [np.hypot(*(run.simulated[Signal("clearance", joint, axis).name] for axis in AXES))]
         path += [np.hypot(seen.x, seen.y) for name, seen in run.journal.items() if name == joint]
         found[joint] = float(np.nanmax(np.concatenate(path), initial=0.0)) - clearance
     return found

@@ -11,8 +11,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.signals import AXES, Signal
 from compare.judge.discrepancy import Rule
 from compare.judge.reference import Reference
+from compare.judge.signals import DRIVE_TORQUE
 from sim_models.engine import Engine, JointModel, Motion, Request, Trace, Unsupported, check_supported, engine
 
 OF_DISPLACEMENT = 1e-3  # of a body's displacement: what beams of few elements may be off by
@@ -70,11 +72,7 @@ def softened(
             found[name] = replace(rule, relative=rule.relative + force)
     rounding = OF_LENGTH * max(body.length for body in mechanism.bodies)
     of_place = replace(
-        rules["drive_torque"],
-        kind="displacement",
-        absolute=rounding,
-        relative=OF_DISPLACEMENT + place,
-        clearance=moved,
-        window=0.0,
+        rules[DRIVE_TORQUE.name], absolute=rounding, relative=OF_DISPLACEMENT + place, clearance=moved, window=0.0
     )
-    return found | {f"{body.name}_{axis}": of_place for body in mechanism.bodies for axis in "xy"}
+    places = [Signal("pose", body.name, axis) for body in mechanism.bodies for axis in AXES]
+    return found | {signal.name: replace(of_place, signal=signal) for signal in places}

@@ -12,12 +12,13 @@ from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.reach import usual_angles
+from analytic.mechanism.signals import named
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.kinetostatics import friction_turns
 from analytic.paper.superposition import superposed
-from compare.judge.discrepancy import ANGULAR, difference, largest
-from compare.judge.signals import UNITS, compared, with_derived
+from compare.judge.discrepancy import difference, largest
+from compare.judge.signals import UNITS, compared, kind_of, with_derived
 from compare.results.crosscheck import OrderDifference
 from sim_models.engine import Motion
 
@@ -58,11 +59,11 @@ def reference(
     found = sides[model]
     signals = {each: with_derived(side.signals(), mechanism) for each, side in sides.items()}
     order: dict[str, OrderDifference] = {}
-    for name, kind in compared(mechanism, clearances).items() if clearances else ():
-        apart = difference(signals["first_order"][name], signals["equilibrium"][name], kind in ANGULAR)
-        if apart is not None:
-            where = float(theta[apart.at])
-            order[name] = OrderDifference(unit=UNITS[kind], max=apart.max, rms=apart.rms, at_crank_angle=where)
+    for signal in compared(mechanism, clearances) if clearances else ():
+        apart = signal.apart(*(signals[each][signal.name] for each in ("first_order", "equilibrium")))
+        if (most := difference(apart)) is not None:
+            unit, where = UNITS[kind_of(signal)], float(theta[most.at])
+            order[signal.name] = OrderDifference(unit=unit, max=most.max, rms=most.rms, at_crank_angle=where)
     ideal = {body.name: found.ideal.motion.angle(body.name) for body in mechanism.bodies}
     turning = friction_turns(found.ideal.motion, REVERSAL if motion == "driven" else 0.0)
     usual = usual_angles(assembly)
@@ -85,7 +86,8 @@ def with_flexible_links(side: Reference, assembly: Assembly, theta: np.ndarray) 
     """
     m = assembly.mechanism
     found = compliance(kinematics(assembly, theta, m.speed or 1.0))
-    peaks = {name: peak for name, peak in side.peaks.items() if name.startswith(("reaction_", "drive_"))}
+    known = named(m.bodies, m.joints)
+    peaks = {name: peak for name, peak in side.peaks.items() if known[name].kind in ("reaction", "drive")}
     return replace(
         side,
         signals=superposed(side.signals, found),
