@@ -55,20 +55,32 @@ def test_no_import_goes_round_in_a_circle(package: str) -> None:
     assert not imports
 
 
-WRAPS = re.compile(
-    r"% ?\(2(\.0)? ?\* ?(np|math)\.pi\)|remainder\(|np\.unwrap|np\.angle\(np\.exp\(|rint\(.*pi\)|2 ?\* ?(np|math)\.pi\) ?-"
+WRAPS = re.compile(r"% ?\(2(\.0)? ?\* ?(np|math)\.pi\)|remainder\(|np\.unwrap|np\.angle\(np\.exp\(|rint\(.*pi\)")
+TAKEN_APART = re.compile(
+    r"""\.(startswith|endswith|removeprefix|removesuffix)\(\(?["'](reaction_|clearance_|drive_|_)"""
 )
 WRAPPING = ROOT / "analytic" / "mechanism" / "signals.py"
+BY_SIGNAL = ("analytic", "compare/judge", "compare/domain_map")  # rooms that know signals as values
 
 
-@pytest.mark.parametrize("folder", ["analytic"])
-def test_angles_are_wrapped_in_one_place(folder: str) -> None:
-    by_hand = [
+def lines_with(pattern: re.Pattern[str], folder: str) -> list[str]:
+    return [
         f"{path.relative_to(ROOT)}: {line.strip()}"
         for path in SOURCES
         if path.is_relative_to(ROOT / folder) and path != WRAPPING
         for line in path.read_text(encoding="utf-8").splitlines()
-        if WRAPS.search(line)
+        if pattern.search(line)
     ]
-    assert not by_hand
+
+
+@pytest.mark.parametrize("folder", BY_SIGNAL)
+def test_angles_are_wrapped_in_one_place(folder: str) -> None:
+    assert not lines_with(WRAPS, folder)
     assert WRAPS.search(WRAPPING.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("folder", BY_SIGNAL)
+def test_no_signals_name_is_taken_apart(folder: str) -> None:
+    assert not lines_with(TAKEN_APART, folder)
+    assert TAKEN_APART.search("name.startswith(('reaction_', 'drive_'))")
+    assert TAKEN_APART.search('signal.removesuffix("_angle")')

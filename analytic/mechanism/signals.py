@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import numpy as np
@@ -47,7 +48,13 @@ class Signal:
     place: str
     component: Component
 
-    @property
+    @staticmethod
+    @lru_cache(maxsize=4096)
+    def of(kind: Kind, place: str, component: Component) -> Signal:
+        """The same as ``Signal(...)``, but kept for the next call: results ask for the same ones again and again."""
+        return Signal(kind, place, component)
+
+    @cached_property
     def name(self) -> str:
         """The signal's name in files."""
         if self.kind in ("drive", "time"):
@@ -75,7 +82,7 @@ class Signal:
 
     def sibling(self, component: Component) -> Signal:
         """Another component at the same place."""
-        return Signal(self.kind, self.place, component)
+        return Signal.of(self.kind, self.place, component)
 
     def apart(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
         """One series (N,) of this signal minus another; angles modulo a turn, in [-pi, pi)."""

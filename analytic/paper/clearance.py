@@ -23,7 +23,7 @@ from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import Gap, kinematics
 from analytic.kinematics.reach import usual_angles
 from analytic.mechanism.one_line import angles, clearances, one_line
-from analytic.mechanism.signals import wrapped
+from analytic.mechanism.signals import Signal, wrapped
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 
 Model = Literal["first_order", "equilibrium"]
@@ -65,13 +65,10 @@ class Displaced:
 
     def signals(self) -> dict[str, np.ndarray]:
         """Contract signals, ``<body>_rotation`` (rad, psi) included; NaN at flagged angles."""
-        out = self.configuration.signals()
-        forces = self.reactions.signals()
-        out |= {
-            name: values for name, values in forces.items() if name.startswith("reaction_") or name == "drive_torque"
-        }
+        out = self.configuration.signals() | self.reactions.loads()
         for body in self.ideal.motion.structure.bodies[1:]:
-            out[f"{body}_rotation"] = self.configuration.motion.angle(body) - self.ideal.motion.angle(body)
+            turned = self.configuration.motion.angle(body) - self.ideal.motion.angle(body)
+            out[Signal.of("rotation", body, "angle").name] = turned
         flagged = list(self.flags)
         return {name: _blank(values, flagged) for name, values in out.items()}
 

@@ -7,7 +7,7 @@ reaction as the dual of its joint's gap.  For the four-bar this is Eq. 11 with i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from analytic.kinematics.motion import BLOCK, Motion, blocks, solve_forces
 from analytic.kinematics.structure import Structure
 from analytic.mechanism import MASS_CENTRE, Joint
 from analytic.mechanism.one_line import angles, largest, one_line
+from analytic.mechanism.signals import Signal
 
 DEAD_CENTRE = 1e-12  # of the crank's rate: a smaller rate of a joint (rad/s; prismatic: m/s) is rounding error
 
@@ -36,23 +37,30 @@ class Reactions:
 
     def signals(self) -> dict[str, np.ndarray]:
         """Every signal of the contract that an ideal or displaced configuration has, by name (SI units)."""
+        return {one.name: values for one, values in self._signals()}
+
+    def loads(self) -> dict[str, np.ndarray]:
+        """Those of them that say how the linkage is loaded: the reactions and the drive torque."""
+        return {one.name: values for one, values in self._signals() if one.kind in ("reaction", "drive")}
+
+    def _signals(self) -> Iterator[tuple[Signal, np.ndarray]]:
         m, s = self.motion, self.motion.structure
-        out: dict[str, np.ndarray] = {}
         for body in s.bodies[1:]:
             com = m.position(body)
-            out |= {
-                f"{body}_x": com.real,
-                f"{body}_y": com.imag,
-                f"{body}_angle": m.angle(body),
-                f"{body}_angular_velocity": m.angular_velocity(body),
-            }
+            yield Signal.of("pose", body, "x"), com.real
+            yield Signal.of("pose", body, "y"), com.imag
+            yield Signal.of("pose", body, "angle"), m.angle(body)
+            yield Signal.of("rate", body, "angular_velocity"), m.angular_velocity(body)
         for joint, force in self.forces.items():
-            out |= {f"reaction_{joint}_x": force.real, f"reaction_{joint}_y": force.imag}
-        out |= {f"reaction_{joint}_moment": moment for joint, moment in self.moments.items()}
+            yield Signal.of("reaction", joint, "x"), force.real
+            yield Signal.of("reaction", joint, "y"), force.imag
+        for joint, moment in self.moments.items():
+            yield Signal.of("reaction", joint, "moment"), moment
         for joint in s.pins:
             gap = m.columns[s.gap_column(joint)]
-            out |= {f"clearance_{joint}_x": gap.real, f"clearance_{joint}_y": gap.imag}
-        return out | {"drive_torque": self.drive_torque}
+            yield Signal.of("clearance", joint, "x"), gap.real
+            yield Signal.of("clearance", joint, "y"), gap.imag
+        yield Signal.of("drive", "", "torque"), self.drive_torque
 
 
 def kinetostatics(motion: Motion, inertia: bool = True, grip: np.ndarray | None = None) -> Reactions:

@@ -45,7 +45,7 @@ def with_derived(signals: Mapping[str, np.ndarray], mechanism: Mechanism) -> dic
     """Signals (N,) with each reaction's direction (rad, continued along the run) and size (N) added."""
     out = {name: np.array(values, float) for name, values in signals.items()}
     for joint in mechanism.joints:
-        x = Signal("reaction", joint.name, "x")
+        x = Signal.of("reaction", joint.name, "x")
         force = out[x.name] + 1j * out[x.sibling("y").name]
         out[x.sibling("angle").name] = continued(np.angle(force))
         out[x.sibling("magnitude").name] = np.abs(force)
@@ -56,7 +56,7 @@ def with_rotations(signals: Mapping[str, np.ndarray], ideal_angles: Mapping[str,
     """Signals (N,) with each body's rotation by clearance: its angle minus the ideal linkage's (rad)."""
     out = dict(signals)
     for body, ideal in ideal_angles.items():
-        out[Signal("rotation", body, "angle").name] = signals[Signal("pose", body, "angle").name] - ideal
+        out[Signal.of("rotation", body, "angle").name] = signals[Signal.of("pose", body, "angle").name] - ideal
     return out
 
 
