@@ -160,6 +160,10 @@ class Accuracy:
         """Elastic displacement of the ideal configuration."""
         return d.elastic(self.total.compliance)
 
+    def by_both(self, d: Output) -> np.ndarray:
+        """Displacement by the finite gaps and by compliance together (Fig. 7c); NaN where flagged."""
+        return self.equilibrium(d) + self.compliance(d)
+
     def farthest(self, x: Output, y: Output) -> np.ndarray:
         """Farthest displacement of a point, x + iy, in any direction of the plane; complex (N,)."""
         return farthest(self.unit_reactions[x], self.unit_reactions[y], self.clearances)

@@ -114,11 +114,11 @@ def difference(values: np.ndarray, tolerance: np.ndarray | None = None, tube: Tu
 
 @dataclass(frozen=True)
 class Scales:
-    """What a run's small numbers are small against: its largest reaction (N), its longest body (m) and the mass of them
-    all (kg).
+    """What a run's small numbers are compared with: its largest reaction (N), its longest body (m), the mass of all
+    bodies (kg).
 
-    ``peaks`` are the largest sizes of its signals where they are the linkage's own, whatever part of its cycle the run
-    looks at.
+    ``peaks`` are the largest sizes of the signals over the linkage's usual crank angles, where they are known: they do
+    not depend on the part of the cycle that the run covers.
     """
 
     force: float
@@ -130,7 +130,7 @@ class Scales:
     def of(
         cls, analytic: Mapping[str, np.ndarray], mechanism: Mechanism, peaks: Mapping[str, float] | None = None
     ) -> Scales:
-        """Scales of a run: the linkage's own ``peaks`` where they are known, else those of the run's analytic side."""
+        """Scales of a run, by the linkage's ``peaks`` where they are known, else by those of its analytic side."""
         known = largest(analytic) | (dict(peaks) if peaks else {})
         sizes = [Signal("reaction", joint.name, "magnitude").name for joint in mechanism.joints]
         force = max((known[name] for name in sizes if name in known), default=0.0)
@@ -148,12 +148,13 @@ class Rule:
     """How far a signal may differ, a line of tolerances.toml: the larger of ``absolute`` and ``relative`` times its
     peak.
 
-    A peak is the linkage's own at its usual crank angles, or a sample's beyond it, so that what is allowed at one angle
-    does not depend on which others are looked at; a run that has none, as over time, has its own. Nothing is judged
-    below ``noise`` times the run's scales, or below the force that gives its mass the acceleration ``rest`` (m/s2), nor
-    a direction where its force is below ``floor`` of its peak; above that a direction may be off by ``absolute`` times
-    peak over force, the same error in newtons everywhere. ``window`` (rad of crank angle) widens this where the signal
-    is steep.
+    A peak is the linkage's own at its usual crank angles, or a sample's beyond it, so that the allowance at one angle
+    does not depend on the other angles; where there is none, as over time, it is the run's.
+
+    Nothing is judged below ``noise`` times the run's scales, or below the force that gives its mass the acceleration
+    ``rest`` (m/s2), nor a direction where its force is below ``floor`` of its peak; above that a direction may be off
+    by ``absolute`` times peak over force, the same error in newtons everywhere.  ``window`` (rad of crank angle) widens
+    this where the signal is steep.
     """
 
     signal: Signal
@@ -216,8 +217,8 @@ class Rule:
         return self.tolerance(analytic), Tube.around(analytic[self.signal.name], theta, self.window)
 
     def _peak(self, values: np.ndarray) -> np.ndarray:
-        """What ``relative`` refers to (N,); a body that clearance hardly turns is measured by what it does to the
-        longest.
+        """What ``relative`` refers to (N,): a signal's peak; for a displacement the clearance, and for a rotation at
+        least the clearance over the longest body.
         """
         if self.kind == "displacement":
             return np.full(values.shape, self.clearance)
@@ -225,8 +226,8 @@ class Rule:
         return np.maximum(peak, self.clearance / self.scales.length) if self.kind == "rotation" else peak
 
     def _largest(self, signal: str, values: np.ndarray) -> np.ndarray:
-        """The linkage's own peak of a signal, or a sample's (N,) that is larger; the run's where there is no
-        such peak.
+        """The linkage's own peak of a signal, or a sample's (N,) where that is larger; the run's where the linkage's is
+        not known.
         """
         own = self.scales.peaks.get(signal)
         return (

@@ -1,8 +1,8 @@
 """Cross-checks with flexible links: engines that build them of beams, and how far the paper's superposition may be off.
 
 The analytic side is of first order in the elastic displacement d.  A link whose two ends move by d each turns by up to
-2 d over its length; taken of the shortest link, that turn is the share of a force and of a displacement that the
-superposition neglects, and its square what it neglects of a body's angle.
+2 d over its length.  That turn of the shortest link is the share of a force or a displacement that the superposition
+neglects; the turn's square is what it neglects of a body's angle.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ OF_LENGTH = 1e-9  # of the longest body: rounding, all that there is where nothi
 
 
 class Beams:
-    """An engine, as one whose bodies with a modulus of elasticity bend."""
+    """An engine whose bodies bend where they have a modulus of elasticity."""
 
     supports: frozenset[tuple[JointModel, Motion]] = frozenset({("ideal", "static"), ("contact", "static")})
 
@@ -52,10 +52,10 @@ class Beams:
 def softened(
     rules: Mapping[str, Rule], side: Reference, clearances: Mapping[str, float], mechanism: Mechanism
 ) -> dict[str, Rule]:
-    """Rules with what superposition neglects allowed on top, and rules for where the bodies are.
+    """The rules, widened by what the superposition neglects, and rules for the bodies' positions.
 
-    The elastic displacement is that of the linkage without clearance, so that what it and the bodies' rotations may be
-    off by counts the clearances in.
+    The elastic displacement is that of the linkage without clearance, so the allowance for it and for the bodies'
+    rotations includes the clearances.
     """
     shortest = min(length for body in mechanism.bodies if (length := body.length) > 0)
     moved = side.elastic + sum(clearances.values())

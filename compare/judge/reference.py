@@ -12,6 +12,7 @@ from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.reach import usual_angles
+from analytic.mechanism.one_line import count, one_line
 from analytic.mechanism.signals import named
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
@@ -22,18 +23,16 @@ from compare.judge.signals import UNITS, compared, kind_of, with_derived
 from compare.results.crosscheck import OrderDifference
 from sim_models.engine import Motion
 
-REVERSAL = (
-    5e-3  # rad of crank to either side of where a joint's sliding reverses: presliding there, and a simulation's step
-)
+REVERSAL = 5e-3  # rad of crank before and after a joint's sliding reverses, where simulations preslide or are in a step
 
 
 @dataclass(frozen=True)
 class Reference:
     """Analytic signals (N,), NaN where flagged; ``ideal_angles`` (rad) are the bodies' without clearance.
 
-    ``order_difference`` says for each compared signal how far the paper's first order is from the equilibrium,
-    ``elastic`` (m) how far flexible links let any of their points move at most; 0 if they are rigid.  ``peaks`` are the
-    signals' largest sizes at the linkage's usual crank angles; what is missing there is measured by the run itself.
+    ``order_difference`` says for each compared signal how far the paper's first order is from the equilibrium;
+    ``elastic`` (m) is the largest elastic displacement of any point, 0 with rigid links.  ``peaks`` are the signals'
+    largest sizes at the linkage's usual crank angles; a signal without one is judged by its peak in the run.
     """
 
     signals: Mapping[str, np.ndarray]
@@ -42,6 +41,11 @@ class Reference:
     flags: Mapping[int, str]
     elastic: float = 0.0
     peaks: Mapping[str, float] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        samples = count(max((values.size for values in self.signals.values()), default=0), "sample")
+        flagged = f"{len(self.flags)} flagged" if self.flags else ""
+        return one_line(self, count(len(self.signals), "signal"), samples, flagged)
 
 
 def reference(
@@ -78,11 +82,8 @@ def reference(
 
 
 def with_flexible_links(side: Reference, assembly: Assembly, theta: np.ndarray) -> Reference:
-    """The paper's superposition (Fig. 7c): a side at rest with the elastic displacement of the ideal linkage (Eqs. 1-7)
-    on top.
-
-    Reactions stay, as they change in second order only, and have the peaks that they had.  A link on a ground joint has
-    its angle read there, another at its com.
+    """The analytic side at rest with the elastic displacement of the ideal linkage added: the paper's superposition
+    (Fig. 7c, :func:`analytic.paper.superposition.superposed`).  Reactions keep their values and their peaks.
     """
     m = assembly.mechanism
     found = compliance(kinematics(assembly, theta, m.speed or 1.0))
@@ -121,7 +122,7 @@ def _reversals(turning: Mapping[str, np.ndarray]) -> dict[int, str]:
 
 
 def _without(flags: Mapping[int, str], side: Reference) -> Reference:
-    """A side without the samples that are flagged."""
+    """A side with NaN at the samples that are flagged."""
     if not flags:
         return side
     silent = list(flags)
