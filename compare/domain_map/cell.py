@@ -26,7 +26,7 @@ from sim_models.engine import JointModel
 
 
 class Task(Place):
-    """Everything that a cell's result depends on; the first ``skip`` crank angles (rad) are simulated and not judged."""
+    """All that a cell's result depends on; the first ``skip`` crank angles (rad) are simulated and not judged."""
 
     joint_model: JointModel
     mechanism: AnyMechanism
