@@ -172,7 +172,7 @@ def _output(d: Output, found: Found, free: Distribution, along: Distribution) ->
         worst_case=found.worst_case(d),
         sensitivity=found.sensitivity(d),
         compliance=found.compliance(d),
-        total=found.equilibrium(d) + found.compliance(d),
+        total=found.by_both(d),
         monte_carlo=of_sides,
     )
     return output if d.axis == "angle" else output.model_copy(update={"point": d.point})

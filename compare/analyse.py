@@ -13,7 +13,7 @@ from analytic.paper.clearance import Model
 from compare.arguments import Linkage, Metres, crank_angles, linkage, noted, rigidly_and_evenly_driven
 from compare.faults import ArgumentError
 from compare.judge.grid import FREE_TIME, turns_fully
-from compare.judge.reference import with_flexible_links, yardstick
+from compare.judge.reference import reference, with_flexible_links
 from compare.judge.signals import with_derived
 from compare.results.analysis import Analysis, Simulation
 from compare.results.crosscheck import Path, Simulator
@@ -49,7 +49,7 @@ def analyse(
         if motion == "driven" and compliance:
             raise ArgumentError("compliance", "elastic displacement is found at rest; ask for static motion")
         theta = crank_angles(assembly, angles)
-        side = yardstick(assembly, theta, motion, model, m.clearances)
+        side = reference(assembly, theta, motion, model, m.clearances)
         if compliance:
             side = with_flexible_links(side, assembly, theta)
     return Analysis(

@@ -39,14 +39,16 @@ from compare.judge.discrepancy import (
     Rule,
     Scales,
     check_known,
+    contact_give,
     judge,
     known_differences,
     load_tolerances,
+    run_rules,
 )
 from compare.judge.flexible import Beams, softened
 from compare.judge.grid import FREE_TIME, turns_fully
-from compare.judge.reference import Yardstick, released_yardstick, with_flexible_links, yardstick
-from compare.judge.signals import compared, missing, with_derived, with_rotations
+from compare.judge.reference import Reference, reference, released_reference, with_flexible_links
+from compare.judge.signals import missing, with_derived, with_rotations
 from compare.judge.tolerances import Tolerances
 from compare.results.crosscheck import CrossCheck, Path, Run, Simulator, Verdict
 from compare.results.crosscheck import Discrepancy as Judgement
@@ -55,7 +57,7 @@ from compare.runs import Failure, Resolve, simulate_all
 from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Trace, Unsupported, engine, installed_version
 
 Progress = Callable[[str, int, int], None]
-Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Yardstick]
+Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Reference]
 
 
 @dataclass(frozen=True)
@@ -214,7 +216,7 @@ def crosscheck_job(
     job: Job,
     progress: Progress = lambda what, done, total: None,
     resolve: Resolve | None = None,
-    measure: Measure = yardstick,
+    measure: Measure = reference,
 ) -> CrossCheck:
     """Run a job.
 
@@ -295,9 +297,9 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
     ]
 
 
-def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Yardstick:
+def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Reference:
     if job.time is not None:
-        return released_yardstick(assembly, job.time)
+        return released_reference(assembly, job.time)
     side = measure(assembly, job.theta, job.motion, job.model, {} if ideal else job.mechanism.clearances)
     return with_flexible_links(side, assembly, job.theta) if job.flexible else side
 
@@ -314,7 +316,7 @@ def _whole(outcome: Trace | Failure, mechanism: Mechanism) -> Trace | Failure:
     )
 
 
-def _run(job: Job, side: Yardstick, trace: Trace) -> tuple[Run, dict[str, Rule]]:
+def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]:
     """Both sides of one run, flagged samples blanked on both, and the verdict; and the rules by which it was judged."""
     simulated = with_derived(trace.signals, job.mechanism)
     if trace.clearance:
@@ -366,37 +368,23 @@ def _explained(job: Job, run: Run) -> Run:
     return run.model_copy(update={"because": because}) if because else run
 
 
-def _rules(job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.ndarray]) -> dict[str, Rule]:
+def _rules(job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.ndarray]) -> dict[str, Rule]:
     """What each compared signal of a run may differ by."""
-    clearances = dict(trace.clearance)
-    give, scales = _give(trace.settings, clearances, simulated), Scales.of(side.signals, job.mechanism, side.peaks)
-    rules = {}
-    for name, kind in compared(job.mechanism, clearances).items():
-        joint = name.removeprefix("clearance_")[:-2]
-        gap = clearances.get(joint, min(clearances.values(), default=0.0))
-        rules[name] = Rule.read(job.tolerances, trace.motion, trace.joint_model, kind, scales, give, gap)
+    clearances, m = dict(trace.clearance), job.mechanism
+    give, scales = contact_give(trace.settings, clearances, simulated), Scales.of(side.signals, m, side.peaks)
+    rules = run_rules(job.tolerances, m, trace.motion, trace.joint_model, clearances, scales, give)
     return softened(rules, side, clearances, job.mechanism) if job.flexible else rules
 
 
 def _discrepancies(
-    job: Job, side: Yardstick, trace: Trace, simulated: Mapping[str, np.ndarray], rules: Mapping[str, Rule]
+    job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.ndarray], rules: Mapping[str, Rule]
 ) -> list[Discrepancy]:
     known = known_differences(
         job.tolerances, job.mechanism.name, trace.simulator, trace.joint_model, trace.motion, job.model
     )
     theta = job.theta if job.time is None else None
-    judged = (judge(name, simulated, side.signals, rule, theta, known.get(name)) for name, rule in rules.items())
+    judged = (judge(rule, simulated, side.signals, theta, known.get(name)) for name, rule in rules.items())
     return [one for one in judged if one is not None]
-
-
-def _give(settings: Mapping[str, Any], clearances: Mapping[str, float], simulated: Mapping[str, np.ndarray]) -> float:
-    """How far (m) contact of the run's stiffness yields under its peak force."""
-    stiffness = settings.get("contact_stiffness")
-    if not isinstance(stiffness, int | float) or not clearances:
-        return 0.0
-    return (
-        max(float(np.nanmax(simulated[f"reaction_{name}_magnitude"], initial=0.0)) for name in clearances) / stiffness
-    )
 
 
 def _too_soft(runs: Sequence[Run]) -> Iterator[str]:
@@ -417,7 +405,7 @@ def _too_soft(runs: Sequence[Run]) -> Iterator[str]:
 def _public(d: Discrepancy, theta: np.ndarray) -> Judgement:
     reason: dict[str, Any] = {"reason": d.reason} if d.reason else {}
     return Judgement(
-        signal=d.signal,
+        signal=d.signal.name,
         kind=d.kind,
         unit=d.unit,
         max=d.max,

@@ -88,7 +88,8 @@ def released(
     for k, (angle, rate) in enumerate(start):
         assembly = Assembly(real)
         s, u = assembly.structure, assembly.coordinates(np.array([angle]))
-        placed = {s.bodies[b]: float(u[i, 0] + s.twist[b]) for i, c in enumerate(s.coordinates) for b in c.bodies if b}
+        turns = ((b, u[i, 0]) for i, c in enumerate(s.coordinates) for b in c.bodies if b)
+        placed = {s.bodies[b]: float(turned + s.held_at[b]) for b, turned in turns}
         free = real.replace(
             assembly=placed | {real.driven: angle}, drive={"joint": real.drive_joint.name, "speed": "free"}
         )

@@ -12,7 +12,7 @@ from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
-from compare.judge.signals import UNITS, compared, with_derived
+from compare.judge.signals import compared, with_derived
 from compare.results.crosscheck import CrossCheck
 
 ERROR = {"ideal": 1e-7, "massless-link": 2e-6, "spring-damper": 3e-5, "contact": 4e-4}  # of a signal's peak
@@ -44,10 +44,8 @@ def sample_result(
             simulated = {name: _disturbed(v, error * (1 + level), theta, rng) for name, v in analytic.items()}
             if joint_model == "contact" and wrong:
                 simulated[wrong] = simulated[wrong] + 0.01 * np.sin(theta) ** 2
-            kinds = compared(mechanism.with_clearances(loose), loose)
-            rows = [
-                _discrepancy(name, UNITS[kind], simulated[name] - analytic[name], theta) for name, kind in kinds.items()
-            ]
+            judged = compared(mechanism.with_clearances(loose), loose)
+            rows = [_discrepancy(s.name, s.unit, simulated[s.name] - analytic[s.name], theta) for s in judged]
             runs.append(
                 {
                     "simulator": {"name": engine, "version": "4.0.0"},
@@ -71,8 +69,10 @@ def sample_result(
                     "journal": {j: _journal(analytic, j, c, joint_model) for j, c in loose.items()},
                     "free_share": dict.fromkeys(loose, 0.02 if joint_model == "contact" else 0.0),
                     "order_difference": {
-                        n: _difference(UNITS[k], signals["first_order"][n] - signals["equilibrium"][n], theta)
-                        for n, k in kinds.items()
+                        s.name: _difference(
+                            s.unit, signals["first_order"][s.name] - signals["equilibrium"][s.name], theta
+                        )
+                        for s in judged
                     },
                 }
             )
@@ -119,10 +119,7 @@ def swinging() -> dict[str, Any]:
     rng = np.random.default_rng(3)
     simulated = {name: _disturbed(v, 1e-3, 6 * time, rng) for name, v in analytic.items()}
     theta = simulated["pendulum_angle"]
-    rows = [
-        _discrepancy(name, UNITS[kind], simulated[name] - analytic[name], theta)
-        for name, kind in compared(mechanism, {}).items()
-    ]
+    rows = [_discrepancy(s.name, s.unit, simulated[s.name] - analytic[s.name], theta) for s in compared(mechanism, {})]
     result = sample_result()
     ideal = result["runs"][0] | {
         "crank_angle": theta.tolist(),

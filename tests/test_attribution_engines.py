@@ -15,7 +15,7 @@ from analytic.paper import printed
 from analytic.paper.clearance import Model
 from compare.crosscheck import Job, crosscheck_job
 from compare.judge.discrepancy import load_tolerances
-from compare.judge.reference import Yardstick, yardstick
+from compare.judge.reference import Reference, reference
 from compare.judge.signals import with_derived
 from sim_models.engine import ENGINES, Engine, Motion, Request, Trace, Unsupported, engine
 
@@ -56,9 +56,9 @@ def test_an_engine_with_a_mass_5_percent_off_stands_apart(culprit: str) -> None:
 
 def printed_side(
     assembly: Assembly, theta: np.ndarray, motion: Motion, model: Model, clearances: Mapping[str, float]
-) -> Yardstick:
+) -> Reference:
     """The analytic side with Eq. 11 as printed: the load in the x row."""
-    right = yardstick(assembly, theta, motion, model, clearances)
+    right = reference(assembly, theta, motion, model, clearances)
     bar = printed.FourBar(0.4, (0.2, 0.4, 0.2), (0.1, 0.2, 0.1), (0.157, 0.314, 0.157), (5.25e-4, 4.19e-3, 5.25e-4))
     found = printed.printed_reactions(bar, printed.four_bar_motion(bar, theta, assembly.mechanism.speed or 0.0), 50.0)
     wrong = dict(right.signals) | {"drive_torque": found["T_s"]}

@@ -10,21 +10,25 @@ import pytest
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import load
+from analytic.mechanism.signals import Signal, named
 from compare.judge.discrepancy import (
     Discrepancy,
     Rule,
     Scales,
     ToleranceError,
     Tube,
+    contact_give,
     difference,
     judge,
     known_differences,
     load_tolerances,
+    run_rules,
 )
 from compare.judge.grid import default_angles
-from compare.judge.reference import yardstick
-from compare.judge.signals import compared
+from compare.judge.reference import reference
+from compare.judge.signals import DRIVE_TORQUE, UNITS, compared, kind_of
 from compare.judge.tolerances import Known, Line
+from sim_models.engine import JointModel
 
 THETA = np.linspace(0.3, 2.8, 51)
 ANGLE, SIZE = THETA.copy(), 50.0 + 20 * np.cos(THETA)
@@ -32,46 +36,80 @@ SIDE = {"reaction_B_angle": ANGLE, "reaction_B_magnitude": SIZE, "drive_torque":
 TOLERANCES = load_tolerances()
 
 
-def rule(kind: str) -> Rule:
-    return Rule.read(TOLERANCES, "static", "contact", kind, Scales(70.0, 0.4))  # type: ignore[arg-type]
+GAMMA = Signal("reaction", "B", "angle")
+JUDGED = {s.name: s for s in (GAMMA, GAMMA.sibling("magnitude"), DRIVE_TORQUE)}
 
 
-def verdict(signal: str, kind: str, **changed: np.ndarray) -> str | None:
-    found = judge(signal, SIDE | changed, SIDE, rule(kind))  # type: ignore[arg-type]
+def rule(signal: str) -> Rule:
+    return Rule.read(TOLERANCES, "static", "contact", JUDGED[signal], Scales(70.0, 0.4))
+
+
+def verdict(signal: str, **changed: np.ndarray) -> str | None:
+    found = judge(rule(signal), SIDE | changed, SIDE)
     return found.verdict if found else None
 
 
+@pytest.mark.parametrize("signal", JUDGED)
+def test_equal_signals_agree(signal: str) -> None:
+    assert verdict(signal) == "agrees"
+
+
 @pytest.mark.parametrize(
-    ("signal", "kind"),
-    [("reaction_B_angle", "angle"), ("reaction_B_magnitude", "magnitude"), ("drive_torque", "torque")],
+    ("case", "clearance"), [("paper", {"B": 1e-3}), ("slider-crank", {}), ("six-bar", {"G": 1e-4})]
 )
-def test_equal_signals_agree(signal: str, kind: str) -> None:
-    assert verdict(signal, kind) == "agrees"
+def test_each_compared_signal_is_one_of_its_linkage_and_has_the_unit_of_its_kind(
+    case: str, clearance: dict[str, float]
+) -> None:
+    mechanism = load(case)
+    known = named(mechanism.bodies, mechanism.joints)
+    judged = compared(mechanism, clearance)
+    assert {known[signal.name] for signal in judged} == set(judged)
+    for signal in judged:
+        assert UNITS[kind_of(signal)] == signal.unit
+        assert signal.wraps == (kind_of(signal) in ("angle", "rotation", "position"))
+
+
+def test_a_contact_gives_by_its_peak_force_over_its_stiffness() -> None:
+    simulated = {"reaction_B_magnitude": np.array([20.0, np.nan, 50.0]), "reaction_E_magnitude": np.array([5.0])}
+    assert contact_give({"contact_stiffness": 1e6}, ["B", "E"], simulated) == pytest.approx(5e-5)
+    assert contact_give({"contact_stiffness": 1e6}, ["E"], simulated) == pytest.approx(5e-6)
+    assert contact_give({"contact_stiffness": None}, ["B"], simulated) == 0.0
+    assert contact_give({}, [], simulated) == 0.0
+
+
+def test_each_pin_has_its_own_clearance_and_a_rotation_the_smallest() -> None:
+    sizes = {"B": 2e-4, "E": 1e-4}
+    rules = run_rules(TOLERANCES, load("paper"), "static", "contact", sizes, Scales(70.0, 0.4), 1e-6)
+    assert rules["clearance_B_x"].clearance == 2e-4
+    assert rules["clearance_E_y"].clearance == 1e-4
+    assert rules["coupler_rotation"].clearance == 1e-4
+    plain = Rule.read(TOLERANCES, "static", "contact", Signal("clearance", "B", "x"), Scales(70.0, 0.4))
+    assert rules["clearance_B_x"].relative == pytest.approx(plain.relative + 1e-6 / 2e-4)
 
 
 FAULTS = {
-    "an angle off by 0.02 deg": ("reaction_B_angle", "angle", ANGLE + np.radians(0.02)),
-    "a flipped angle": ("reaction_B_angle", "angle", ANGLE + np.pi),
-    "one bad sample": ("reaction_B_angle", "angle", ANGLE + np.radians(0.02) * (np.arange(51) == 17)),
-    "a size off by 0.1 %": ("reaction_B_magnitude", "magnitude", SIZE * 1.001),
-    "a flipped sign": ("drive_torque", "torque", 10 * np.cos(THETA)),
-    "a shift by one sample": ("drive_torque", "torque", -10 * np.cos(np.roll(THETA, 1))),
+    "an angle off by 0.02 deg": ("reaction_B_angle", ANGLE + np.radians(0.02)),
+    "a flipped angle": ("reaction_B_angle", ANGLE + np.pi),
+    "one bad sample": ("reaction_B_angle", ANGLE + np.radians(0.02) * (np.arange(51) == 17)),
+    "a size off by 0.1 %": ("reaction_B_magnitude", SIZE * 1.001),
+    "a flipped sign": ("drive_torque", 10 * np.cos(THETA)),
+    "a shift by one sample": ("drive_torque", -10 * np.cos(np.roll(THETA, 1))),
 }
 
 
-@pytest.mark.parametrize(("signal", "kind", "values"), FAULTS.values(), ids=FAULTS)
-def test_a_fault_disagrees(signal: str, kind: str, values: np.ndarray) -> None:
-    assert verdict(signal, kind, **{signal: values}) == "disagrees"
+@pytest.mark.parametrize(("signal", "values"), FAULTS.values(), ids=FAULTS)
+def test_a_fault_disagrees(signal: str, values: np.ndarray) -> None:
+    assert verdict(signal, **{signal: values}) == "disagrees"
 
 
 def test_a_whole_turn_is_no_difference() -> None:
-    assert verdict("reaction_B_angle", "angle", reaction_B_angle=ANGLE + 2 * np.pi) == "agrees"
+    assert verdict("reaction_B_angle", reaction_B_angle=ANGLE + 2 * np.pi) == "agrees"
 
 
 def test_the_largest_difference_keeps_its_sign_and_place() -> None:
     values = np.zeros(51)
     values[7], values[30] = -3e-3, 2e-3
-    found = difference(ANGLE + values, ANGLE, angular=True)
+    found = difference(GAMMA.apart(ANGLE + values, ANGLE))
     assert found is not None
     assert (found.max, found.at) == (pytest.approx(-3e-3), 7)
     assert found.rms == pytest.approx(np.sqrt(np.mean(values**2)))
@@ -82,36 +120,35 @@ def test_a_force_near_zero_has_no_direction_to_compare() -> None:
     size[20] = 1e-9
     angle = ANGLE.copy()
     angle[20] += 1.0
-    found = judge(
-        "reaction_B_angle", SIDE | {"reaction_B_angle": angle}, SIDE | {"reaction_B_magnitude": size}, rule("angle")
-    )
+    found = judge(rule("reaction_B_angle"), SIDE | {"reaction_B_angle": angle}, SIDE | {"reaction_B_magnitude": size})
     assert found is not None
     assert found.verdict == "agrees"
 
 
 def test_signals_without_a_common_sample_are_not_judged() -> None:
-    assert difference(np.full(5, np.nan), np.zeros(5), angular=False) is None
+    assert difference(np.full(5, np.nan)) is None
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_sample_without_a_number_on_one_side_disagrees(value: float) -> None:
     torque = SIDE["drive_torque"].copy()
     torque[17] = value
-    found = judge("drive_torque", SIDE | {"drive_torque": torque}, SIDE, rule("torque"))
+    found = judge(rule("drive_torque"), SIDE | {"drive_torque": torque}, SIDE)
     assert found is not None
     assert (found.verdict, found.at) == ("disagrees", 17)
     assert "1 of 51 samples" in found.reason
     blank = {"drive_torque": np.where(np.arange(51) == 17, np.nan, SIDE["drive_torque"])}
-    flagged = judge("drive_torque", SIDE | blank, SIDE | blank, rule("torque"))
+    flagged = judge(rule("drive_torque"), SIDE | blank, SIDE | blank)
     assert flagged is not None
     assert flagged.verdict == "agrees"
 
 
 def test_a_body_that_clearance_does_not_turn_may_turn_by_rounding() -> None:
     still = {"slider_rotation": np.zeros(51)}
-    limits = Rule.read(TOLERANCES, "static", "contact", "rotation", Scales(70.0, 0.4), clearance=1e-4)
-    rounding = judge("slider_rotation", {"slider_rotation": np.full(51, 1e-12)}, still, limits)
-    turned = judge("slider_rotation", {"slider_rotation": np.full(51, 1e-6)}, still, limits)
+    turn = Signal("rotation", "slider", "angle")
+    limits = Rule.read(TOLERANCES, "static", "contact", turn, Scales(70.0, 0.4), clearance=1e-4)
+    rounding = judge(limits, {"slider_rotation": np.full(51, 1e-12)}, still)
+    turned = judge(limits, {"slider_rotation": np.full(51, 1e-6)}, still)
     assert rounding is not None
     assert turned is not None
     assert (rounding.verdict, turned.verdict) == ("agrees", "disagrees")
@@ -124,8 +161,8 @@ WINDOW = np.radians(0.05)
 
 
 def judged(values: np.ndarray, simulated: np.ndarray, window: float = WINDOW, absolute: float = 1e-3) -> Discrepancy:
-    tube = Rule("torque", absolute, 0.0, 0.02, 0.0, Scales(1.0, 1.0), window=window)
-    found = judge("drive_torque", {"drive_torque": simulated}, {"drive_torque": values}, tube, GRID)
+    limits = Rule(DRIVE_TORQUE, absolute, 0.0, 0.02, 0.0, Scales(1.0, 1.0), window=window)
+    found = judge(limits, {"drive_torque": simulated}, {"drive_torque": values}, GRID)
     assert found is not None
     return found
 
@@ -202,7 +239,7 @@ TORQUE = SIDE["drive_torque"]
     ],
 )
 def test_a_known_difference_must_be_there_and_within_its_bound(off: float, expected: str, words: str) -> None:
-    found = judge("drive_torque", {"drive_torque": TORQUE + off}, SIDE, rule("torque"), known=KNOWN)
+    found = judge(rule("drive_torque"), {"drive_torque": TORQUE + off}, SIDE, known=KNOWN)
     assert found is not None
     assert found.verdict == expected
     assert words in found.reason
@@ -213,7 +250,7 @@ def test_the_bound_of_a_known_direction_holds_at_every_angle_that_has_one() -> N
     off = np.where(np.arange(51) == 20, 0.3, 0.1)  # in newtons the first is the smaller error, in angle the larger
     side = SIDE | {"reaction_B_magnitude": size}
     known = Known(case="paper", signal="reaction_B_angle", bound=0.2, reason="measured so")
-    found = judge("reaction_B_angle", SIDE | {"reaction_B_angle": ANGLE + off}, side, rule("angle"), known=known)
+    found = judge(rule("reaction_B_angle"), SIDE | {"reaction_B_angle": ANGLE + off}, side, known=known)
     assert found is not None
     assert found.verdict == "disagrees"
     assert "reaches 0.3 rad" in found.reason
@@ -243,8 +280,8 @@ def test_a_known_difference_is_about_the_runs_that_its_selectors_name(tmp_path: 
 
 def test_a_known_difference_of_a_signal_without_a_sample_to_compare_does_not_vanish() -> None:
     blank = {"drive_torque": np.full(51, np.nan)}
-    assert judge("drive_torque", SIDE | blank, SIDE | blank, rule("torque")) is None
-    found = judge("drive_torque", SIDE | blank, SIDE | blank, rule("torque"), known=KNOWN)
+    assert judge(rule("drive_torque"), SIDE | blank, SIDE | blank) is None
+    found = judge(rule("drive_torque"), SIDE | blank, SIDE | blank, known=KNOWN)
     assert found is not None
     assert found.verdict == "disagrees"
     assert "cannot be judged" in found.reason
@@ -319,16 +356,14 @@ def test_a_direction_is_judged_by_its_error_in_newtons() -> None:
     size = np.where(np.arange(51) == 20, 5.0, 70.0)
     off = np.where(np.arange(51) == 20, np.radians(0.1), 0.0)  # ten times the tolerance, at a fourteenth of the force
     weak = judge(
-        "reaction_B_angle",
+        rule("reaction_B_angle"),
         SIDE | {"reaction_B_angle": ANGLE + off},
         SIDE | {"reaction_B_magnitude": size},
-        rule("angle"),
     )
     strong = judge(
-        "reaction_B_angle",
+        rule("reaction_B_angle"),
         SIDE | {"reaction_B_angle": ANGLE + np.roll(off, 1)},
         SIDE | {"reaction_B_magnitude": size},
-        rule("angle"),
     )
     assert weak is not None
     assert strong is not None
@@ -338,7 +373,7 @@ def test_a_direction_is_judged_by_its_error_in_newtons() -> None:
 
 def test_rounding_around_zero_is_no_disagreement() -> None:
     nothing = {"drive_torque": np.zeros(51), "reaction_B_magnitude": SIZE}
-    found = judge("drive_torque", {"drive_torque": np.full(51, 1e-13)}, nothing, rule("torque"))
+    found = judge(rule("drive_torque"), {"drive_torque": np.full(51, 1e-13)}, nothing)
     assert found is not None
     assert found.verdict == "agrees"
 
@@ -354,13 +389,12 @@ def test_what_is_allowed_at_an_angle_does_not_depend_on_which_others_are_asked_f
     theta = np.radians([25.0, 63.0, 97.0, 140.0])
 
     def allowed(angles: np.ndarray) -> dict[str, np.ndarray]:
-        side = yardstick(assembly, angles, "static", "equilibrium", clearance)
+        side = reference(assembly, angles, "static", "equilibrium", clearance)
         scales = Scales.of(side.signals, mechanism, side.peaks)
-        kinds = compared(mechanism, clearance)
-        joint_model = "contact" if clearance else "ideal"
+        joint_model: JointModel = "contact" if clearance else "ideal"
         return {
-            n: Rule.read(TOLERANCES, "static", joint_model, k, scales, 0.0, 1e-4).tolerance(n, side.signals)
-            for n, k in kinds.items()
+            s.name: Rule.read(TOLERANCES, "static", joint_model, s, scales, 0.0, 1e-4).tolerance(side.signals)
+            for s in compared(mechanism, clearance)
         }
 
     together = allowed(theta)
@@ -373,6 +407,6 @@ def test_at_the_usual_angles_the_peaks_are_the_runs() -> None:
     mechanism = load("crank-rocker")
     assembly = Assembly(mechanism)
     theta = default_angles(assembly)
-    side = yardstick(assembly, theta, "driven", "equilibrium", {})
+    side = reference(assembly, theta, "driven", "equilibrium", {})
     assert Scales.of(side.signals, mechanism, side.peaks).force == Scales.of(side.signals, mechanism).force
     assert side.peaks["reaction_B_magnitude"] == side.signals["reaction_B_magnitude"].max()

@@ -45,11 +45,11 @@ def reaction_errors(trace: Trace, mechanism: Mechanism, joint: str) -> tuple[flo
     """Largest error of a reaction's direction (deg) and magnitude (%) against the analytic equilibrium."""
     clearances = dict(trace.clearance)
     moving = trace.motion == "driven"
-    yardstick = displaced(
+    reference = displaced(
         Assembly(mechanism), trace.crank_angle, mechanism.speed or 1.0, inertia=moving, clearances=clearances
     )
-    assert not yardstick.flags
-    ratio = vector(trace.signals, f"reaction_{joint}") / vector(yardstick.signals(), f"reaction_{joint}")
+    assert not reference.flags
+    ratio = vector(trace.signals, f"reaction_{joint}") / vector(reference.signals(), f"reaction_{joint}")
     return float(np.degrees(np.abs(np.angle(ratio))).max()), float(100 * np.abs(np.abs(ratio) - 1).max())
 
 

@@ -12,7 +12,7 @@ import pytest
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Load
-from analytic.mechanism.file import load
+from analytic.mechanism.file import dumps, load, loads
 from analytic.paper import printed
 from analytic.paper.compliance import compliance
 from analytic.paper.frame import Bar, ComplianceError, beam_stiffness
@@ -98,6 +98,31 @@ def test_eq2_printed_is_wrong_where_springs_at_the_pins_make_it_solvable() -> No
 def test_paper_section4_displacement_of_eq8() -> None:
     moved = printed.clearance_displacement(0.01, np.radians(30.0))
     assert (round(moved.real, 4), round(moved.imag, 4)) == (0.0087, 0.0050)
+
+
+def test_paper_section4_figure_of_eq8_at_30_deg_beside_the_equilibrium() -> None:
+    x, y = printed.printed_figures(load("paper"))
+    assert (x.signal.name, y.signal.name) == ("clearance_B_x", "clearance_B_y")
+    assert (x.source, y.source) == ("Eq. 8", "Eq. 8")
+    assert (x.printed, y.printed) == (0.0087, 0.005)
+    assert np.degrees([x.crank_angle, y.crank_angle]) == pytest.approx([30.0, 30.0])
+    for figure in (x, y):
+        assert round(figure.first_order, 4) == figure.printed
+        assert abs(figure.equilibrium - figure.printed) > 4e-4  # m: the paper's directions are the ideal linkage's
+    assert (round(x.equilibrium, 4), round(y.equilibrium, 4)) == (0.0082, 0.0057)
+
+
+def test_the_paper_figure_is_offered_for_the_papers_case_alone() -> None:
+    own = load("paper")
+    assert printed.printed_figures(loads(dumps(own)))
+    assert printed.printed_figures(own.with_clearances({"B": 0.01}))
+    for other in (
+        own.with_clearances({"B": 1e-3}),
+        own.with_clearances({}),
+        own.with_body("crank", mass=0.2),
+        load("crank-rocker"),
+    ):
+        assert printed.printed_figures(other) == ()
 
 
 @pytest.mark.parametrize(

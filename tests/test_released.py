@@ -11,7 +11,7 @@ from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
-from compare.judge.reference import released_yardstick
+from compare.judge.reference import released_reference
 
 
 def test_a_pendulum_released_from_the_horizontal_has_the_exact_period() -> None:
@@ -95,7 +95,7 @@ def test_a_four_bar_that_several_joints_hold_has_no_answer_from_there_on() -> No
     time = np.linspace(0.0, 4.0, 401)
     held = released(Assembly(m), time).held
     assert 0 < held.sum() < held.size
-    side = released_yardstick(Assembly(m), time)
+    side = released_reference(Assembly(m), time)
     assert {i for i in side.flags if "D and E" in side.flags[i]} == set(np.flatnonzero(held).tolist())
     assert np.isnan(side.signals["reaction_A_x"][held]).all()
 

@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Drive
+from analytic.mechanism.one_line import angles, one_line
 
 POINTS = (
     127  # of a revolution at which a lag that repeats is sought; odd, so that every harmonic has a cosine and a sine
@@ -33,6 +34,9 @@ class Turning:
     theta: np.ndarray
     omega: np.ndarray
     alpha: np.ndarray
+
+    def __repr__(self) -> str:
+        return one_line(self, angles(self.theta, "moment"))
 
 
 @dataclass(frozen=True)

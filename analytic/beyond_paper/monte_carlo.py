@@ -17,6 +17,7 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly, Path
 from analytic.kinematics.motion import Gap, Motion, kinematics
+from analytic.mechanism.one_line import angles, count, largest, one_line
 from analytic.paper.envelope import Output, rim_spread
 
 Contacts = Literal["free", "along reactions"]
@@ -32,6 +33,10 @@ class Samples:
     tolerances: np.ndarray  # (joints,) m
     sizes: np.ndarray
     directions: np.ndarray
+
+    def __repr__(self) -> str:
+        joints, linkages = self.sizes.shape
+        return one_line(self, count(linkages, "linkage"), count(joints, "joint"), largest(self.sizes, "m"))
 
     @property
     def variance(self) -> np.ndarray:
@@ -59,6 +64,9 @@ class Spread:
     high: np.ndarray  # 2.5 % lie above
     formula: np.ndarray  # sigma as first order has it in closed form
 
+    def __repr__(self) -> str:
+        return one_line(self, count(self.mean.size, "crank angle"), f"sigma {largest(self.sigma, '')}")
+
 
 @dataclass(frozen=True)
 class Distribution:
@@ -66,6 +74,9 @@ class Distribution:
 
     spreads: Mapping[Output, Spread]
     radius: Mapping[str, np.ndarray]
+
+    def __repr__(self) -> str:
+        return one_line(self, count(len(self.spreads), "output"), count(len(self.radius), "point"))
 
 
 @dataclass(frozen=True)
@@ -77,6 +88,10 @@ class Population:
     path: Path
     reactions: Mapping[Output, np.ndarray]
     directions: np.ndarray  # complex of length 1; NaN where a reaction has none and its joint has clearance
+
+    def __repr__(self) -> str:
+        name, outputs = self.assembly.mechanism.name, count(len(self.reactions), "output")
+        return one_line(self, name, angles(self.ideal.theta), outputs)
 
     def distribution(self, samples: Samples, contacts: Contacts, nonlinear: bool = False) -> Distribution:
         """Displacements over the samples.  Raises AssemblyError if ``nonlinear`` and a sample cannot be closed."""

@@ -1,7 +1,7 @@
 """A linkage without a motor, released: its own motion under gravity, loads and joint laws, until friction holds it.
 
-With one freedom, Coulomb friction in all joints turns with the crank: the motion goes in stretches of one direction,
-and each ends where the crank comes to rest, to turn back or, where friction is the larger, to stay.
+With one freedom, Coulomb friction in every joint changes direction with the crank: the motion consists of stretches of
+one direction.  Each ends where the crank comes to rest; it then turns back or, where friction is larger, stays.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ import numpy as np
 from analytic.beyond_paper.freedom import coefficients
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
+from analytic.mechanism.one_line import angles, one_line
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 
 ACCURACY = 1e-10  # relative, of the integration
-# s to either side of where the crank turns back and friction with it: presliding there, and a simulation's step
+# s before and after the crank turns back, in which simulations preslide, or are within a step of the reversal
 TURNING = 1e-3
-BARELY = 1e-150  # rad/s: gives friction its direction and nothing else a size
+BARELY = 1e-150  # rad/s: enough to give friction its direction, too little to change any number
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,11 @@ class Released:
     reactions: Reactions
     held: np.ndarray
     turning: np.ndarray
+
+    def __repr__(self) -> str:
+        motion = self.reactions.motion
+        held = f"at rest in {int(self.held.sum())}" if self.held.any() else ""
+        return one_line(self, motion.structure.mechanism.name, angles(motion.theta, "moment"), held)
 
 
 def released(assembly: Assembly, time: np.ndarray, theta: float | None = None, omega: float = 0.0) -> Released:

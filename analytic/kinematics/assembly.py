@@ -15,6 +15,8 @@ import numpy as np
 from analytic.kinematics.closure import AssemblyError, newton, set_coordinate, solve_dyad, with_travels
 from analytic.kinematics.structure import Coordinate, Group, Structure, structure
 from analytic.mechanism import Mechanism
+from analytic.mechanism.one_line import angles, one_line
+from analytic.mechanism.signals import continued, turned_near, wrapped
 
 PATH_STEP = np.radians(1.0)  # crank angle between checks for change points
 CHANGE_POINT = 1e-10  # sin^2 between the two sides of a group below which it counts as stretched or folded
@@ -27,6 +29,9 @@ class Path:
 
     theta: np.ndarray  # (M,) rad, increasing
     coordinates: np.ndarray  # (n_coordinates, M)
+
+    def __repr__(self) -> str:
+        return one_line(self, angles(self.theta))
 
     def near(self, theta: np.ndarray) -> np.ndarray:
         """Coordinates (n, N) interpolated at crank angles (N,)."""
@@ -57,11 +62,14 @@ class Assembly:
                         f"{mechanism.name}: assembly.{s.bodies[c.bodies[0]]} is missing; give its approximate angle"
                         " (rad) to pick the assembly mode"
                     )
-                guess[i] = mechanism.assembly[s.bodies[named[0]]] - s.twist[named[0]]
+                guess[i] = mechanism.assembly[s.bodies[named[0]]] - s.held_at[named[0]]
         self._path = Path(np.array([self.start]), self._assemble(guess)[:, None])  # as far as it has been walked
 
+    def __repr__(self) -> str:
+        return one_line(self, self.mechanism.name, f"assembled at {np.degrees(self.start):.4g} deg")
+
     def form(self, body: str, point: str = "com") -> np.ndarray:
-        """The structure's form of a body's point, made once."""
+        """The structure's form (columns,) of a body's point, kept for the next call."""
         if (body, point) not in self._forms:
             self._forms[body, point] = self.structure.form(body, point)
         return self._forms[body, point]
@@ -97,7 +105,7 @@ class Assembly:
         AssemblyError.
         """
         theta, near = u[0], path.near(u[0])
-        set_coordinate(self.structure, 0, columns, theta - self.structure.twist[self._driven.bodies[0]])
+        set_coordinate(self.structure, 0, columns, theta - self.structure.held_at[self._driven.bodies[0]])
         for group in self.structure.groups:
             if group in self._branch:
                 margin = solve_dyad(self.structure, group, columns, u, self._branch[group])
@@ -105,7 +113,7 @@ class Assembly:
                 margin = newton(self.structure, group, columns, u, near, theta) ** 2
             self._refuse(theta, margin, group, displaced)
         turns = [i for i, c in enumerate(self.structure.coordinates) if c.bodies and i]
-        u[turns] += 2 * np.pi * np.rint((near[turns] - u[turns]) / (2 * np.pi))
+        u[turns] = turned_near(u[turns], near[turns])
 
     def columns(self, coordinates: np.ndarray, gaps: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
         """The structure's columns (n_columns, N) at these coordinates."""
@@ -123,7 +131,7 @@ class Assembly:
         turning = {b for c in s.coordinates for b in c.bodies}
         for b in range(len(s.bodies)):
             if b not in turning:
-                columns[b] = np.exp(1j * s.twist[b])
+                columns[b] = np.exp(1j * s.held_at[b])
         for name, gap in (gaps or {}).items():
             columns[s.gap_column(name)] = gap
         return columns
@@ -133,7 +141,7 @@ class Assembly:
         way.
         """
         low, high, known = min(low, high), max(low, high), self._path.theta
-        if not (known[0] <= low and high <= known[-1]):  # walked once: what is known has no change point
+        if not (known[0] <= low and high <= known[-1]):  # the known part has no change point: only the rest is walked
             low, high, u = min(low, known[0]), max(high, known[-1]), self._path.coordinates
             below = np.linspace(known[0], low, int(np.ceil((known[0] - low) / PATH_STEP)) + 1)
             above = np.linspace(known[-1], high, int(np.ceil((high - known[-1]) / PATH_STEP)) + 1)
@@ -152,13 +160,13 @@ class Assembly:
                 self._creep(theta, group, columns, u, home)
             for i in group.coordinates:
                 if self.structure.coordinates[i].bodies:
-                    u[i] = np.unwrap(np.concatenate([[home[i]], u[i]]))[1:]
+                    u[i] = continued(np.concatenate([[home[i]], u[i]]))[1:]
         return u
 
     def _driven_to(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates and columns of the ideal linkage with its crank at theta, all groups still to be solved."""
         u, columns = self.open(theta)
-        set_coordinate(self.structure, 0, columns, theta - self.structure.twist[self._driven.bodies[0]])
+        set_coordinate(self.structure, 0, columns, theta - self.structure.held_at[self._driven.bodies[0]])
         return u, columns
 
     def _assemble(self, guess: np.ndarray) -> np.ndarray:
@@ -174,7 +182,7 @@ class Assembly:
                     trial, solved = u.copy(), columns.copy()
                     margin = solve_dyad(s, group, solved, trial, branch)
                     self._refuse(at, margin, group, False)
-                    miss = sum(abs(_wrapped(trial[i, 0] - guess[i])) for i in angles)
+                    miss = float(np.abs(wrapped(trial[angles, 0] - guess[angles])).sum())
                     candidates.append((miss, branch, trial))
                 candidates.sort(key=lambda c: c[0])
                 _, self._branch[group], u = candidates[0]
@@ -183,7 +191,7 @@ class Assembly:
                 near = with_travels(s, group, columns, guess[:, None])
                 self._refuse(at, newton(s, group, columns, u, near, at) ** 2, group, False)
             for i in angles:
-                home[i] = guess[i] + _wrapped(u[i, 0] - guess[i])
+                home[i] = turned_near(u[i, 0], guess[i])
                 if abs(home[i] - guess[i]) > ASSEMBLY_SLACK:
                     name = s.bodies[s.coordinates[i].bodies[0]]
                     raise AssemblyError(
@@ -210,8 +218,8 @@ class Assembly:
             near = here + (here - u[:, k - 1 : k] if k else 0)
 
     def _check_passage(self, theta: np.ndarray, margin: np.ndarray, group: Group, u: np.ndarray) -> None:
-        """Refuse a walk, its coordinates ``u``, on which the group's margin sinks to zero, at or between its angles:
-        where it first does.
+        """Raise AssemblyError for the first place, at or between the angles of a walk, where the group's margin falls
+        to zero; ``u`` are the walk's coordinates.
         """
         beside = np.concatenate([[np.inf], margin, [np.inf]])
         sound = np.logical_and.accumulate(margin > CHANGE_POINT)
@@ -243,7 +251,7 @@ class Assembly:
         if not bad.size:
             return
         first = bad[0]
-        if not margin[first] <= -CHANGE_POINT:  # a margin that is no number is that of a side without length
+        if not margin[first] <= -CHANGE_POINT:  # NaN too: a side has no length
             raise self._change_point(group, theta[first])
         with_gap = " with its joints' clearance taken up" if displaced else ""
         raise AssemblyError(
@@ -269,10 +277,6 @@ class Assembly:
 def _turning(s: Structure, coordinate: Coordinate) -> tuple[int, ...]:
     """Columns that turn with an angle: its bodies, then the travels along them."""
     return (*coordinate.bodies, *(len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in coordinate.bodies))
-
-
-def _wrapped(angle: float) -> float:
-    return float(np.angle(np.exp(1j * angle)))
 
 
 __all__ = ["Assembly", "AssemblyError", "Path"]

@@ -12,8 +12,9 @@ from analytic.kinematics.structure import Group, Structure
 
 
 class AssemblyError(ValueError):
-    """The linkage cannot be assembled at some crank angle; the message says which and why, and ``at`` (rad) which if it
-    is one.
+    """The linkage cannot be assembled at some crank angle; the message says which and why.
+
+    ``at`` (rad) is that crank angle, NaN where it is not a single one.
     """
 
     def __init__(self, message: str, at: float = float("nan")) -> None:
@@ -29,7 +30,7 @@ def set_coordinate(
     if c.bodies:
         phasor = np.exp(1j * value) if phasor is None else phasor
         for b in c.bodies:
-            columns[b] = phasor if s.twist[b] == 0 else phasor * np.exp(1j * s.twist[b])
+            columns[b] = phasor if s.held_at[b] == 0 else phasor * np.exp(1j * s.held_at[b])
     else:
         columns[c.column] = value * columns[s.slide_body[c.column - len(s.bodies)]]
 
@@ -69,7 +70,7 @@ def solve_dyad(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, b
 
 
 def _arm(s: Structure, row: np.ndarray, i: int) -> complex:
-    return complex(sum(row[b] * np.exp(1j * s.twist[b]) for b in s.coordinates[i].bodies))
+    return complex(sum(row[b] * np.exp(1j * s.held_at[b]) for b in s.coordinates[i].bodies))
 
 
 def _turn(s: Structure, i: int, columns: np.ndarray, u: np.ndarray, phasor: np.ndarray) -> None:
@@ -100,7 +101,7 @@ def _angle_and_travel(
     along = row[travel.column]
     body = int(s.slide_body[travel.column - len(s.bodies)])
     if body in s.coordinates[i].bodies:  # the slide turns with the unknown angle: (arm + s along) e = target
-        along *= np.exp(1j * s.twist[body])
+        along *= np.exp(1j * s.held_at[body])
         unit = along / abs(along)
         t, h, d2 = (arm / unit).real, (arm / unit).imag, np.abs(target) ** 2
         reach = np.abs(
@@ -147,13 +148,13 @@ def newton(
     unknown = list(group.coordinates)
     for i in unknown:
         u[i] = near[i]
-    arms = np.abs(rows[:, : len(s.bodies)]).sum(axis=1)  # m; the other columns' factors are none, and 1 at every scale
+    arms = np.abs(rows[:, : len(s.bodies)]).sum(axis=1)  # m; the other columns have factors of 1
     for _ in range(30):
         for i in unknown:
             c = s.coordinates[i]
             if c.bodies:
                 for b in c.bodies:
-                    columns[b] = np.exp(1j * (u[i] + s.twist[b]))
+                    columns[b] = np.exp(1j * (u[i] + s.held_at[b]))
         for i in unknown:
             if not s.coordinates[i].bodies:
                 set_coordinate(s, i, columns, u[i])
@@ -177,8 +178,8 @@ def newton(
 
 
 def with_travels(s: Structure, group: Group, columns: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Coordinates ``near`` (n, 1) with a group's travels (m) such that its loops are least open at these angles: they
-    enter linearly.
+    """Coordinates ``near`` (n, 1) with those travels (m) of a group that come closest to closing its loops at these
+    angles: linear least squares.
     """
     slides = [i for i in group.coordinates if not s.coordinates[i].bodies]
     if not slides:
@@ -201,8 +202,8 @@ def _regularity(s: Structure, rows: np.ndarray, matrix: np.ndarray) -> np.ndarra
     """Smallest singular value (N,) of a group's Jacobian (N, n, n) in its own scales, with the determinant's sign; zero
     at a change point.
 
-    Each coordinate's column is held against its own size, but no less than a thousandth of the loops': an arm that
-    vanishes counts.
+    Each coordinate's column is divided by its own size, but by no less than a thousandth of the loops': an arm that
+    vanishes makes the group singular.
     """
     loops = np.abs(rows[:, : len(s.bodies)]).sum(axis=1).max()
     scaled = matrix / np.maximum(np.linalg.norm(matrix, axis=1), 1e-3 * loops)[:, None, :]

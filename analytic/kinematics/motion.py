@@ -15,11 +15,12 @@ from analytic.kinematics.assembly import Assembly, Path
 from analytic.kinematics.closure import AssemblyError, partials
 from analytic.kinematics.structure import Group, Structure
 from analytic.mechanism import Joint
+from analytic.mechanism.one_line import angles, count, largest, one_line
 
 BLOCK = 4096  # crank angles worked on at once: their temporary arrays stay in the processor's cache
-# glibc keeps freed memory for the next array up to twice the largest that it has ever seen freed, at first next to
-# nothing; the rest goes back to the system, and comes again page by page, which takes longer than all that is computed
-# here.  Nothing is written to these.
+# glibc keeps freed memory for the next array, but only up to twice the largest block freed so far; the rest goes back
+# to the system and returns page by page, which takes longer than the computation itself.  Freeing 16 MB once raises
+# that limit; nothing is written to them.
 np.empty(2**21)
 
 
@@ -32,6 +33,9 @@ class Gap:
     value: np.ndarray
     rate: np.ndarray | float = 0.0
     acceleration: np.ndarray | float = 0.0
+
+    def __repr__(self) -> str:
+        return one_line(self, count(np.size(self.value), "value"), largest(self.value, "m"))
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,9 @@ class Motion:
     def structure(self) -> Structure:
         """The linkage's structure."""
         return self.assembly.structure
+
+    def __repr__(self) -> str:
+        return one_line(self, self.structure.mechanism.name, angles(self.theta))
 
     def part(self, block: slice, live: int | None = None) -> Motion:
         """The same motion at some of its crank angles, or only its first ``live`` columns: views of its arrays."""
@@ -74,7 +81,7 @@ class Motion:
 
     def angle(self, body: str) -> np.ndarray:
         """Angle (rad) of a body, continued from the assembly angle."""
-        return self._turn(self.coordinates, body) + self.structure.twist[self.structure.body_column(body)]
+        return self._turn(self.coordinates, body) + self.structure.held_at[self.structure.body_column(body)]
 
     def angular_velocity(self, body: str) -> np.ndarray:
         """Angular velocity (rad/s) of a body."""
@@ -131,7 +138,7 @@ def kinematics(
     rates, bends = (_gap_columns(s, gaps, order, theta.size) for order in ("rate", "acceleration"))
     jacobians = {g: np.empty((len(g.coordinates), len(g.loops), theta.size), complex) for g in s.groups}
     motion = Motion(assembly, theta, u, np.empty_like(u), np.empty_like(u), columns, rates, bends, jacobians)
-    live = s.n_columns if gaps else len(s.bodies) + len(s.slides)  # memory of zeros that nobody looks at costs nothing
+    live = s.n_columns if gaps else len(s.bodies) + len(s.slides)  # without gaps their columns stay untouched
     for block in blocks(theta.size):
         part = motion.part(block, live)
         assembly.close(part.coordinates, part.columns, path, bool(gaps))

@@ -1,8 +1,6 @@
-"""How far the crank of a linkage turns, and the crank angles at which one looks at a linkage that nobody has chosen
-others for.
+"""How far the crank of a linkage turns, and its usual crank angles: those that are taken where nobody chooses others.
 
-They depend on the linkage alone, so that what is measured against its largest forces there is the same whatever was
-asked.
+Both depend on the linkage alone.  So do its largest forces at the usual angles, whichever angles are asked for.
 """
 
 from __future__ import annotations
@@ -18,10 +16,9 @@ PRECISE = 1e-4  # rad, of the end of the reach
 
 
 def turns_fully(assembly: Assembly) -> bool:
-    """Whether the crank can make a whole revolution without meeting a change point, and the linkage is then where it
-    was.
+    """Whether the crank can make a whole revolution, without a change point, that brings the linkage back.
 
-    A group of four bodies may come back in another assembly mode, from which another revolution is another matter.
+    A group of four bodies may come back in another assembly mode, and its next revolution then differs.
     """
     if _beyond(assembly, 2 * np.pi) is not None:
         return False
@@ -45,8 +42,8 @@ def usual_angles(assembly: Assembly) -> np.ndarray:
 def _reach(assembly: Assembly, sign: float) -> float:
     """Crank angle (rad) that can be reached in one direction from the assembly angle.
 
-    Just before the change point that a failure names, or by bisection: of the step in which no loop closes any more, as
-    a rule.
+    A path fails at a change point or at a step where a loop does not close.  The end is just before the former;
+    bisection narrows the latter.
     """
     near, far = 0.0, 2 * np.pi
     failed = _beyond(assembly, sign * far)

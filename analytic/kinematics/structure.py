@@ -22,8 +22,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.mechanism import GROUND, Joint, Mechanism
+from analytic.mechanism.one_line import count, one_line
 
-NAMED = 8  # bodies in an error; a linkage may have hundreds
+NAMED = 8  # bodies that an error names; a linkage may have hundreds
 
 
 class StructureError(ValueError):
@@ -58,7 +59,7 @@ class Structure:
     pins: tuple[str, ...]
     origins: np.ndarray  # (bodies, columns) complex: form of each body's origin
     loops: np.ndarray  # (loops, columns) complex
-    twist: np.ndarray  # (bodies,) rad: angle of a body minus that of its coordinate
+    held_at: np.ndarray  # (bodies,) rad: angle of a body minus that of its coordinate
     coordinates: tuple[Coordinate, ...]  # the driven angle first
     groups: tuple[Group, ...]
     slide_body: np.ndarray  # (slides,) column of the phasor that each slide moves along
@@ -82,6 +83,10 @@ class Structure:
         """Column of a revolute joint's gap."""
         return len(self.bodies) + len(self.slides) + self.pins.index(joint)
 
+    def __repr__(self) -> str:
+        joints = count(len(self.mechanism.joints), "joint")
+        return one_line(self, self.mechanism.name, joints, count(len(self.groups), "Assur group"))
+
     def form(self, body: str, point: str = "com") -> np.ndarray:
         """Form (columns,) of a named point of a body (see Body.point)."""
         column = self.body_column(body)
@@ -96,7 +101,7 @@ def structure(mechanism: Mechanism) -> Structure:
 
 
 def reached(start: str, along: Mapping[str, set[str]]) -> set[str]:
-    """All that is met on the ways from ``start``, which is one of them."""
+    """All that can be reached from ``start``, itself included."""
     found, queue = {start}, [start]
     for here in queue:
         new = along[here] - found
@@ -110,6 +115,38 @@ def _names(order: tuple[str, ...], chosen: set[str]) -> str:
     return ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "")
 
 
+def _ends(joint: Joint, spent: Mapping[str, list[Joint]]) -> list[str]:
+    """The bodies of a joint that are still to be found."""
+    return [b for b in joint.bodies if b in spent]
+
+
+def _spend(joint: Joint, spent: Mapping[str, list[Joint]], tried: set[str]) -> bool:
+    """Spend an equation of a joint on one of its bodies, of which each takes three; False where none can take it.
+
+    Where all have three already, one of those moves on to the body at its joint's other end, and so on.  ``tried`` gets
+    the bodies that were asked.
+    """
+    route: dict[str, tuple[str, Joint]] = {}  # body -> the one before it, and the joint that may move from that to it
+    queue = _ends(joint, spent)
+    tried |= set(queue)
+    for body in queue:
+        if len(spent[body]) < 3:
+            while body in route:
+                before, moving = route[body]
+                spent[before].remove(moving)
+                spent[body].append(moving)
+                body = before
+            spent[body].append(joint)
+            return True
+        for moving in spent[body]:
+            for other in _ends(moving, spent):
+                if other not in tried:
+                    tried.add(other)
+                    route[other] = body, moving
+                    queue.append(other)
+    return False
+
+
 class _Builder:
     def __init__(self, mechanism: Mechanism) -> None:
         self.m = mechanism
@@ -118,7 +155,7 @@ class _Builder:
         self.pins = tuple(j.name for j in mechanism.joints if not j.prismatic)
         n = len(self.bodies) + len(self.slides) + len(self.pins)
         self.origins = np.zeros((len(self.bodies), n), complex)
-        self.twist = np.zeros(len(self.bodies))
+        self.held_at = np.zeros(len(self.bodies))
         self.head = {GROUND: -1}  # coordinate that turns each placed body; -1 is the ground
         self.coordinates: list[Coordinate] = []
         self.loops: list[np.ndarray] = []
@@ -133,7 +170,7 @@ class _Builder:
             self.add_group(self.next_group(needs))
         return Structure(
             mechanism=self.m, bodies=self.bodies, slides=self.slides, pins=self.pins, origins=self.origins,
-            loops=np.array(self.loops).reshape(len(self.loops), self.origins.shape[1]), twist=self.twist,
+            loops=np.array(self.loops).reshape(len(self.loops), self.origins.shape[1]), held_at=self.held_at,
             coordinates=tuple(self.coordinates), groups=tuple(self.groups),
             slide_body=np.array([self.bodies.index(self.m.joint(k).bodies[0]) for k in self.slides], int),
             turned_by=tuple(self.beyond(self.m.joint(k)) for k in self.slides),
@@ -151,43 +188,16 @@ class _Builder:
         finds no unknown (the joint is one too many), or an unknown no equation.
         """
         spent: dict[str, list[Joint]] = {b: [] for b in self.bodies if b not in self.head}
-
-        def ends(joint: Joint) -> list[str]:
-            return [b for b in joint.bodies if b in spent]
-
-        def spend(joint: Joint, tried: set[str]) -> bool:
-            """Spend an equation on a body, whose own move on to others where it has three already."""
-            route: dict[
-                str, tuple[str, Joint]
-            ] = {}  # body -> the one before it, and the joint that may move from that to it
-            queue = ends(joint)
-            tried |= set(queue)
-            for body in queue:
-                if len(spent[body]) < 3:
-                    while body in route:
-                        before, moving = route[body]
-                        spent[before].remove(moving)
-                        spent[body].append(moving)
-                        body = before
-                    spent[body].append(joint)
-                    return True
-                for moving in spent[body]:
-                    for other in ends(moving):
-                        if other not in tried:
-                            tried.add(other)
-                            route[other] = body, moving
-                            queue.append(other)
-            return False
-
         for joint in self.unused:
-            rigid: set[str] = set()
-            if not (spend(joint, rigid) and spend(joint, rigid := set())):
-                raise StructureError(
-                    f"{self.m.name}: joint {joint.name!r} closes a loop that is rigid already, through"
-                    f" {_names(self.bodies, rigid) or GROUND} (mobility {self.mobility()}, one drive needs 1);"
-                    " remove it"
-                )
-        needs = {b: {other for joint in joints for other in ends(joint)} - {b} for b, joints in spent.items()}
+            for _ in range(2):
+                rigid: set[str] = set()
+                if not _spend(joint, spent, rigid):
+                    raise StructureError(
+                        f"{self.m.name}: joint {joint.name!r} closes a loop that is rigid already, through"
+                        f" {_names(self.bodies, rigid) or GROUND} (mobility {self.mobility()}, one drive needs 1);"
+                        " remove it"
+                    )
+        needs = {b: {other for joint in joints for other in _ends(joint, spent)} - {b} for b, joints in spent.items()}
         loose = {b for b in spent if any(len(spent[other]) < 3 for other in reached(b, needs))}
         if loose:
             raise StructureError(
@@ -203,7 +213,7 @@ class _Builder:
         smallest = set(waiting)
         for body in waiting:
             found = reached(body, waiting)
-            smallest = min(found, smallest, key=len)  # of two that are as small, the one that the file names first
+            smallest = min(found, smallest, key=len)  # of equally small ones the first in the file
             if len(smallest) == 2:
                 break
         return tuple(b for b in waiting if b in smallest)
@@ -256,7 +266,7 @@ class _Builder:
         if joint.prismatic:
             column = len(self.bodies) + self.slides.index(joint.name)
             form[column] += sign * joint.direction
-            self.twist[b] = self.twist[a] + sign * joint.angle
+            self.held_at[b] = self.held_at[a] + sign * joint.angle
             head = self.head[parent]
             if head >= 0:
                 turning = self.coordinates[head]

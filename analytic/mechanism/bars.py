@@ -1,7 +1,7 @@
 """Which straight bars stand for a link: nodes, bars between two of them, and where the link's points sit on them.
 
-This describes a body, as its mass and points do.  What bars do under load is :mod:`analytic.paper.frame`'s affair and
-the engines', which share nothing but this description.
+This describes a body, as its mass and points do.  What bars do under load, :mod:`analytic.paper.frame` and each engine
+work out for themselves: they share this description only.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ def division(body: Body) -> Division:
     line, with a node at the foot of every point and of the com;
     *star*: otherwise (a ternary link) a bar from each point to a hub at the middle of the points.
 
-    A point beside its bar, and a com that is not on the hub, is carried by a rigid arm, so that an offset adds its
-    moment but bends nothing by itself.
+    A rigid arm carries each point that lies beside its bar, and a com that is not on the hub: a force there adds its
+    moment, and the offset itself bends nothing.
     """
     points = {name: body.point(name) for name in (*body.points, "com", MASS_CENTRE)}
     named = [body.point(name) for name in body.points]

@@ -18,8 +18,8 @@ from pydantic import BaseModel, ValidationError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.reading import ReadingError, parse_toml, read_toml
 
-FAULTS = 5  # of a file that are told
-LONGEST = 100  # characters of a name or a value that are told
+FAULTS = 5  # of a file that a message names
+LONGEST = 100  # characters of a name or a value that a message quotes
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = LONGEST
 
@@ -62,7 +62,7 @@ def load(case: str | Path) -> Mechanism:
 
 
 def loads(text: str, source: str = "mechanism") -> Mechanism:
-    """Mechanism from TOML text; ``source`` is how errors call it."""
+    """Mechanism from TOML text; ``source`` is its name in messages.  Raises MechanismError."""
     try:
         fields = parse_toml(text)
     except ReadingError as error:
@@ -96,7 +96,7 @@ def describe(error: ValidationError, fields: Mapping[str, Any], model: type[Base
 
 
 def brief(name: object) -> str:
-    """A name as it was given, of which only the beginning is said where it is long."""
+    """A name as it was given, cut short where it is long."""
     text = str(name)
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
@@ -109,7 +109,7 @@ def _value(value: object) -> str:
 
 
 def _sentence(where: str, faults: list[Any], model: type[BaseModel]) -> str:
-    """What is wrong in one place; several faults are what each of the kinds of value that it may have asks for."""
+    """What is wrong in one place; a field that may hold several kinds of value has one fault for each kind."""
     fault = faults[0]
     message = " or ".join(dict.fromkeys(_asked(each) for each in faults))
     if fault["type"] == "extra_forbidden":
@@ -133,9 +133,7 @@ def _asked(fault: Any) -> str:
 
 
 def _place(location: tuple[int | str, ...], fields: Mapping[str, Any]) -> tuple[int | str, ...]:
-    """A fault's location without pydantic's name of the kind of value, of several that a field may have, that it holds
-    the value to.
-    """
+    """A fault's location without the steps that only name which of several kinds of value pydantic tried."""
     here: Any = fields
     for k, step in enumerate(location):
         if isinstance(step, str) and not isinstance(here, Mapping):

@@ -11,7 +11,17 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from analytic.mechanism.checks import check
+from analytic.mechanism.checks import (
+    check_assembly,
+    check_body,
+    check_drive,
+    check_joint,
+    check_loads,
+    check_names,
+    warn_of_degrees,
+    warn_of_millimetres,
+)
+from analytic.mechanism.one_line import clearances, count, one_line
 from analytic.mechanism.parts import (
     FARTHEST,
     GROUND,
@@ -74,6 +84,10 @@ class Mechanism(Part):
         first, second = self.drive_joint.bodies
         return second if first == GROUND else first
 
+    def angle_point(self, body: str) -> str:
+        """Point at which the angle of a moving body is read, where it bends: its joint on the ground, else its com."""
+        return next((j.name for j in self.joints if body in j.bodies and GROUND in j.bodies), "com")
+
     @property
     def speed(self) -> float | None:
         """The drive's constant speed (rad/s), or None if it has none."""
@@ -118,9 +132,28 @@ class Mechanism(Part):
             joints=tuple(_with_fields(j, {"clearance": float(clearances.get(j.name, 0.0))}) for j in self.joints)
         )
 
+    def __repr__(self) -> str:
+        links, joints = count(len(self.bodies), "moving link"), count(len(self.joints), "joint")
+        speed = f"at {self.speed:.4g} rad/s" if self.speed is not None else self.drive.speed if self.drive else ""
+        drive = f"drive {self.drive.joint} {speed}" if self.drive is not None else "no drive"
+        return one_line(self, self.name, links, joints, drive, clearances(self.clearances))
+
+    def __str__(self) -> str:
+        return repr(self)
+
     @model_validator(mode="after")
     def _check(self) -> Mechanism:
-        check(self)
+        """Each check relies on the ones before it."""
+        check_names(self.bodies, self.joints)
+        for joint in self.joints:
+            check_joint(joint, self.parts)
+        check_drive(self.drive, self.joints)
+        check_loads(self.loads, self.moving)
+        check_assembly(self.assembly, self.moving, self.driven)
+        for body in self.bodies:
+            check_body(body, self.joints)
+        warn_of_millimetres(self.name, self.parts)
+        warn_of_degrees(self.name, self.assembly)
         return self
 
 

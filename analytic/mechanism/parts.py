@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 GROUND = "ground"
-SMALLEST = 1e-100  # in any SI unit, of what is divided by: below it, the quotient's square is no number any more
+SMALLEST = 1e-100  # in any SI unit, of a divisor: the square of a quotient by a smaller one overflows
 LONGEST = 100  # characters of a name: it is part of files' names, which may have 255 bytes
 
 
@@ -33,25 +33,21 @@ def _named(value: Any) -> Any:
 def titled(value: Any) -> Any:
     """A mechanism's name, if it may be one.  Raises ValueError."""
     if isinstance(value, str) and not (value.strip() and value.isprintable() and len(value) <= LONGEST):
-        raise ValueError(
-            f"a mechanism is called by one line of text that can be printed, of at most {LONGEST} characters"
-        )
+        raise ValueError(f"a mechanism's name is one line of text that can be printed, of at most {LONGEST} characters")
     return value
 
 
 def _divisible(value: float) -> float:
     if 0 < value < SMALLEST:
         raise ValueError(
-            f"nothing can be divided by a number that small; give at least {SMALLEST:g}, or 0 where that is accepted"
+            f"the number is too small to divide by; give at least {SMALLEST:g}, or 0 where that is accepted"
         )
     return value
 
 
-LARGEST = 1e40  # in any SI unit: beyond all linkages, and still a number when it is squared and multiplied
+LARGEST = 1e40  # in any SI unit: beyond all linkages, and its powers that occur are still finite
 FARTHEST = 1e4  # rad, of an assembly angle: 1600 turns
-MASS_CENTRE = (  # of a body, as a point's name; "com" is its marker, which is elsewhere if the two were parted
-    "centre of mass"
-)
+MASS_CENTRE = "centre of mass"  # name of that point of a body; "com" names its marker, which may lie elsewhere
 
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Vector = Annotated[tuple[Number, Number], BeforeValidator(as_tuple)]
@@ -61,7 +57,7 @@ NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 
 
 class Part(BaseModel):
-    """Frozen, strict and without infinite numbers: what every part of a mechanism is."""
+    """Base of every part of a mechanism: frozen, strict, finite numbers only."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
 

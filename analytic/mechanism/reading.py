@@ -1,6 +1,6 @@
 """Reading TOML and JSON from files that may hold anything: each fault is one :class:`ReadingError`.
 
-A file is looked at before it is opened, so that a pipe does not keep us waiting and a device does not fill the memory.
+A file's kind is checked before it is opened: reading a pipe would wait for ever, and a device might fill the memory.
 """
 
 from __future__ import annotations
@@ -22,9 +22,7 @@ class ReadingError(ValueError):
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The fields of a TOML file; a byte order mark, with which Windows editors begin a file, is passed over.  Raises
-    ReadingError.
-    """
+    """The fields of a TOML file, with or without the byte order mark of Windows editors.  Raises ReadingError."""
     return parse_toml(read_text(path))
 
 

@@ -1,19 +1,19 @@
 """Signals: what a simulation, an analytic answer or a sensor says of a linkage, each by one name.
 
 A name is never taken apart to learn what a signal is: :func:`signals` lists all that a linkage has, and
-:class:`Signals` looks one up.  The names are those of the contract, such as ``reaction_B_x`` and ``crank_angle``.
+:func:`named` looks one up.  The names are those of the contract, such as ``reaction_B_x`` and ``crank_angle``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from functools import cached_property, lru_cache
+from typing import Literal
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from analytic.mechanism.parts import Body, Joint
+from analytic.mechanism.parts import Body, Joint
 
 Kind = Literal["pose", "rate", "rotation", "reaction", "clearance", "drive", "time"]
 Component = Literal["x", "y", "angle", "magnitude", "moment", "angular_velocity", "torque", "time"]
@@ -21,6 +21,7 @@ Unit = Literal["m", "rad", "rad/s", "N", "N.m", "s"]
 DRIVE_TORQUE = "drive_torque"
 REACTION: tuple[Component, ...] = ("angle", "magnitude", "x", "y")
 POSE: tuple[Component, ...] = ("angle", "x", "y")
+AXES: tuple[Component, Component] = ("x", "y")
 _UNITS: dict[tuple[Kind, Component], Unit] = {
     ("pose", "x"): "m",
     ("pose", "y"): "m",
@@ -47,7 +48,13 @@ class Signal:
     place: str
     component: Component
 
-    @property
+    @staticmethod
+    @lru_cache(maxsize=4096)
+    def of(kind: Kind, place: str, component: Component) -> Signal:
+        """The same as ``Signal(...)``, but kept for the next call: results ask for the same ones again and again."""
+        return Signal(kind, place, component)
+
+    @cached_property
     def name(self) -> str:
         """The signal's name in files."""
         if self.kind in ("drive", "time"):
@@ -75,7 +82,7 @@ class Signal:
 
     def sibling(self, component: Component) -> Signal:
         """Another component at the same place."""
-        return Signal(self.kind, self.place, component)
+        return Signal.of(self.kind, self.place, component)
 
     def apart(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
         """One series (N,) of this signal minus another; angles modulo a turn, in [-pi, pi)."""
@@ -107,6 +114,11 @@ def named(bodies: Iterable[Body], joints: Iterable[Joint]) -> Mapping[str, Signa
 def wrapped(angle: np.ndarray) -> np.ndarray:
     """Angles (rad) of any shape brought into [-pi, pi) by whole turns."""
     return (np.asarray(angle, float) + np.pi) % (2 * np.pi) - np.pi
+
+
+def turned_near(angle: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Angles (rad) brought within half a turn of others by whole turns; shapes broadcast."""
+    return np.asarray(angle + 2 * np.pi * np.rint((near - angle) / (2 * np.pi)))
 
 
 def continued(angle: np.ndarray) -> np.ndarray:

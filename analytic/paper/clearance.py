@@ -7,8 +7,8 @@ such pin on the rim of its clearance circle and close the linkage again with tho
 ``equilibrium``   the rim in the direction of the reaction of the *displaced* linkage itself.
 
 Both presume contact at all times.  Where a reaction passes near zero it has no direction: such angles are flagged.
-"Near" is by the joint's largest reaction at the linkage's usual crank angles, so that an angle is flagged or not
-whatever others are asked for.
+"Near" is relative to the joint's largest reaction at the linkage's usual crank angles: whether an angle is flagged does
+not depend on the other angles asked for.
 """
 
 from __future__ import annotations
@@ -22,19 +22,21 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import Gap, kinematics
 from analytic.kinematics.reach import usual_angles
+from analytic.mechanism.one_line import angles, clearances, one_line
+from analytic.mechanism.signals import Signal, wrapped
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 
 Model = Literal["first_order", "equilibrium"]
 MODELS: tuple[Model, ...] = get_args(Model)
 NO_DIRECTION = 0.01  # of a joint's peak reaction, below which it is flagged
-ROUNDING = 1e-12  # of the linkage's largest reaction: all that is left of one that is none
+ROUNDING = 1e-12  # of the linkage's largest reaction: a smaller reaction is the rounding error of zero
 STENCIL = 2e-3  # rad of crank angle, to either neighbour of the two that give the gaps' rates
 UNSTEADY = 0.02  # rad by which a gap's own motion may turn it
 SETTLED = 1e-12  # rad
 PASSES = 40
 NUDGE = 1e-4  # rad
 UNSTABLE = "the equilibrium found is not stable: the pins would leave it"
-SHORTER = 6  # times that a step of the search is halved
+SHORTER = 6  # times that a step of the search is halved at most
 
 
 @dataclass(frozen=True)
@@ -54,15 +56,19 @@ class Displaced:
     flags: Mapping[int, str]
     faint: Mapping[str, float]  # N, of every revolute joint: a reaction no larger has no direction
 
+    def __repr__(self) -> str:
+        motion = self.ideal.motion
+        sizes = {name: float(np.abs(gap).max()) for name, gap in self.gaps.items()}
+        flagged = f"{len(self.flags)} flagged" if self.flags else ""
+        name = motion.structure.mechanism.name
+        return one_line(self, name, self.model, angles(motion.theta), clearances(sizes), flagged)
+
     def signals(self) -> dict[str, np.ndarray]:
         """Contract signals, ``<body>_rotation`` (rad, psi) included; NaN at flagged angles."""
-        out = self.configuration.signals()
-        forces = self.reactions.signals()
-        out |= {
-            name: values for name, values in forces.items() if name.startswith("reaction_") or name == "drive_torque"
-        }
+        out = self.configuration.signals() | self.reactions.loads()
         for body in self.ideal.motion.structure.bodies[1:]:
-            out[f"{body}_rotation"] = self.configuration.motion.angle(body) - self.ideal.motion.angle(body)
+            turned = self.configuration.motion.angle(body) - self.ideal.motion.angle(body)
+            out[Signal.of("rotation", body, "angle").name] = turned
         flagged = list(self.flags)
         return {name: _blank(values, flagged) for name, values in out.items()}
 
@@ -79,9 +85,10 @@ def displaced(
 ) -> Displaced:
     """The linkage with its clearances taken up along the reactions, at crank angles theta (N,) rad.
 
-    ``omega`` and ``alpha`` are the crank's angular velocity (rad/s) and acceleration (rad/s^2) there, which changes
-    slowly; without ``inertia`` the equilibrium is static and omega only gives friction its direction.  ``clearances``
-    (m) replace the mechanism's own.  Raises AssemblyError where the ideal or the displaced linkage cannot be assembled.
+    ``omega`` and ``alpha`` are the crank's angular velocity (rad/s) and acceleration (rad/s^2) there; the acceleration
+    must change slowly.  Without ``inertia`` the equilibrium is static and omega only gives friction its direction.
+    ``clearances`` (m) replace the mechanism's own.  Raises AssemblyError where the ideal or the displaced linkage
+    cannot be assembled.
     """
     drive = np.array(np.broadcast_arrays(np.atleast_1d(np.asarray(theta, float)), omega, alpha), float)
     sizes = {
@@ -160,16 +167,16 @@ class _Pins:
         """Directions (N, K) that are the displaced linkage's own reactions', from phi near by; for ``first_order`` phi
         itself.
 
-        Broyden's method at all angles at once, until each has settled.  It knows the ``inverse`` (N, K, K) of minus the
-        derivative of the miss by phi and returns what it has learnt of it; at first, a pin that turns does not turn its
-        reaction.
+        Broyden's method at all angles at once, until each has settled.  ``inverse`` (N, K, K) is its estimate of the
+        inverse of minus the derivative of the miss by phi, which it returns improved; left out, it is the identity: a
+        pin that turns does not turn its reaction.
         """
         phi, todo = phi.copy(), np.arange(len(phi))
         inverse = np.tile(np.eye(phi.shape[1]), (len(phi), 1, 1)) if inverse is None else inverse.copy()
         if self.model == "first_order":
             return phi, inverse
         miss = self.miss(drive, phi, rates)
-        gain = np.ones(len(phi))  # by which the last step made the miss smaller, so that the next one will as well
+        gain = np.ones(len(phi))  # by which the last step shrank the miss; the next one is expected to do as well
         for _ in range(PASSES):
             step = np.einsum("nij,nj->ni", inverse[todo], miss)
             step *= np.minimum(
@@ -190,16 +197,14 @@ class _Pins:
             along = np.sum(step * seen, axis=1, keepdims=True)
             weight = np.einsum("ni,nij->nj", step, known) / np.where(
                 along, along, np.inf
-            )  # nothing is learnt of a miss that stays
+            )  # no update where the miss has not changed
             inverse[todo] -= (step + seen)[..., None] * weight[:, None]
         return phi, inverse
 
     def onward(
         self, drive: np.ndarray, phi: np.ndarray, step: np.ndarray, rates: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The miss (N, K) rad at phi + step, and the step: a shorter one where the linkage does not close with its pins
-        so far on.
-        """
+        """The miss (N, K) rad at phi + step, and the step; it is halved while the linkage does not close there."""
         for _ in range(SHORTER):
             try:
                 return self.miss(drive, phi + step, rates), step
@@ -229,11 +234,12 @@ class _Pins:
 
 
 def _rates(pins: _Pins, drive: np.ndarray, phi: np.ndarray, toward: np.ndarray, learnt: np.ndarray) -> np.ndarray:
-    """First and second derivatives in time (2, N, K) of the gaps in directions phi (``toward`` without gaps), found at
-    rest.
+    """First and second derivatives in time (2, N, K) of the gaps in directions phi, where the ideal linkage's reactions
+    have the directions ``toward``.
 
-    They are differences between moments just before and after, with the crank's acceleration held.  One pass is the
-    first term of a series in (gap's inertia force / reaction); on the paper's case the next is 1e-6 deg.
+    They are differences between equilibria just before and after, in which the gaps do not move, at the same
+    acceleration of the crank.  This is the first term of a series in (gap's inertia force / reaction); on the paper's
+    case the next is 1e-6 deg.
     """
     angle, speed, acceleration = drive
     pace = (np.abs(speed) + np.sqrt(speed**2 + 2 * np.abs(acceleration) * STENCIL)) / 2
@@ -262,11 +268,9 @@ def _without_direction(ideal: Reactions, sizes: Mapping[str, float], faint: Mapp
 
 
 def _unsteady(sizes: Mapping[str, float], turned: np.ndarray) -> dict[int, str]:
-    """Angles at which a gap's own motion has turned it (N, K) so much that following the reaction is no approximation
-    any more.
-    """
+    """Angles at which a gap's own motion turns it too far, ``turned`` (N, K) rad, to be a small correction."""
     flags: dict[int, str] = {}
-    for name, turn in zip(sizes, np.abs(np.angle(np.exp(1j * turned))).T, strict=True):
+    for name, turn in zip(sizes, np.abs(wrapped(turned)).T, strict=True):
         for i in np.flatnonzero(~(turn < UNSTEADY)):
             flags.setdefault(
                 int(i),

@@ -22,7 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.kinematics.motion import Motion
-from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint
+from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism
+from analytic.mechanism.one_line import angles, largest, one_line
 from analytic.paper.frame import Bar, ComplianceError, beam_stiffness, frame
 from analytic.paper.kinetostatics import joint_law
 
@@ -39,9 +40,14 @@ Values = Mapping[str, np.ndarray | complex | float]
 class Compliance:
     """Elastic displacements of a linkage at N crank angles, from its unloaded configuration; ground frame."""
 
+    mechanism: Mechanism
     theta: np.ndarray  # rad (N,)
     motions: Mapping[tuple[str, str], np.ndarray]  # (N, 6) by body and point: m and rad
     energy: np.ndarray  # J (N,): strain energy of bars and springs
+
+    def __repr__(self) -> str:
+        moved = largest(np.array([self.displacement(*place) for place in self.motions]), "m")
+        return one_line(self, self.mechanism.name, angles(self.theta), moved)
 
     def motion(self, body: str, point: str = "com") -> np.ndarray:
         """Translations x, y, z (m) and rotations about x, y, z (rad) of a body's point, (N, 6); zero for the ground.
@@ -58,6 +64,16 @@ class Compliance:
     def rotation(self, body: str, point: str = "com") -> np.ndarray:
         """Rotation (rad) about z of the material at a body's point, (N,)."""
         return self.motion(body, point)[:, 5]
+
+    def give(self, joint: str) -> np.ndarray:
+        """How far the springs of a joint (Eq. 4) yield, x + iy (m): its point on the first body minus that on the
+        second, (N,) complex; exactly zero for a joint without ``elasticity``.
+        """
+        found = self.mechanism.joint(joint)
+        if found.elasticity is None:
+            return np.zeros(self.theta.size, complex)
+        first, second = found.bodies
+        return self.displacement(first, joint) - self.displacement(second, joint)
 
 
 def compliance(
@@ -82,7 +98,7 @@ def compliance(
     n = motion.theta.size
     parts = [structure.solve(slice(i, i + BLOCK), load[i : i + BLOCK]) for i in range(0, n, BLOCK)]
     u, energy = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Compliance(motion.theta, structure.motions(u), energy)
+    return Compliance(structure.mechanism, motion.theta, structure.motions(u), energy)
 
 
 class _Structure:

@@ -7,7 +7,7 @@ linkage, so
 
     displacement of the output = sum_i R_i . g_i.
 
-R_i is what decides all that follows; |R_i| is the output's sensitivity to joint i (m/m, or rad/m for an angle).  It is
+All that follows is made of R_i; |R_i| is the output's sensitivity to joint i (m/m, or rad/m for an angle).  It is
 found by the other half of the same duality, as the velocity of the output while the gap opens at unit rate. Arrays of R
 are (joints, N) complex: its ground-frame components as x + iy, at N crank angles.
 """

@@ -7,7 +7,7 @@ reaction as the dual of its joint's gap.  For the four-bar this is Eq. 11 with i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +15,10 @@ import numpy as np
 from analytic.kinematics.motion import BLOCK, Motion, blocks, solve_forces
 from analytic.kinematics.structure import Structure
 from analytic.mechanism import MASS_CENTRE, Joint
+from analytic.mechanism.one_line import angles, largest, one_line
+from analytic.mechanism.signals import Signal
 
-DEAD_CENTRE = 1e-12  # of the crank's rate: below it, a joint's (rad/s; prismatic: m/s) is what rounding makes of none
+DEAD_CENTRE = 1e-12  # of the crank's rate: a smaller rate of a joint (rad/s; prismatic: m/s) is rounding error
 
 
 @dataclass(frozen=True)
@@ -28,33 +30,45 @@ class Reactions:
     moments: Mapping[str, np.ndarray]  # N.m of each prismatic joint on its second body, at that body's point
     drive_torque: np.ndarray  # N.m, motor on driven body
 
+    def __repr__(self) -> str:
+        forces = largest(np.array(list(self.forces.values())), "N")
+        torque = f"drive torque {largest(self.drive_torque, 'N.m')}"
+        return one_line(self, self.motion.structure.mechanism.name, angles(self.motion.theta), forces, torque)
+
     def signals(self) -> dict[str, np.ndarray]:
         """Every signal of the contract that an ideal or displaced configuration has, by name (SI units)."""
+        return {one.name: values for one, values in self._signals()}
+
+    def loads(self) -> dict[str, np.ndarray]:
+        """Those of them that say how the linkage is loaded: the reactions and the drive torque."""
+        return {one.name: values for one, values in self._signals() if one.kind in ("reaction", "drive")}
+
+    def _signals(self) -> Iterator[tuple[Signal, np.ndarray]]:
         m, s = self.motion, self.motion.structure
-        out: dict[str, np.ndarray] = {}
         for body in s.bodies[1:]:
             com = m.position(body)
-            out |= {
-                f"{body}_x": com.real,
-                f"{body}_y": com.imag,
-                f"{body}_angle": m.angle(body),
-                f"{body}_angular_velocity": m.angular_velocity(body),
-            }
+            yield Signal.of("pose", body, "x"), com.real
+            yield Signal.of("pose", body, "y"), com.imag
+            yield Signal.of("pose", body, "angle"), m.angle(body)
+            yield Signal.of("rate", body, "angular_velocity"), m.angular_velocity(body)
         for joint, force in self.forces.items():
-            out |= {f"reaction_{joint}_x": force.real, f"reaction_{joint}_y": force.imag}
-        out |= {f"reaction_{joint}_moment": moment for joint, moment in self.moments.items()}
+            yield Signal.of("reaction", joint, "x"), force.real
+            yield Signal.of("reaction", joint, "y"), force.imag
+        for joint, moment in self.moments.items():
+            yield Signal.of("reaction", joint, "moment"), moment
         for joint in s.pins:
             gap = m.columns[s.gap_column(joint)]
-            out |= {f"clearance_{joint}_x": gap.real, f"clearance_{joint}_y": gap.imag}
-        return out | {"drive_torque": self.drive_torque}
+            yield Signal.of("clearance", joint, "x"), gap.real
+            yield Signal.of("clearance", joint, "y"), gap.imag
+        yield Signal.of("drive", "", "torque"), self.drive_torque
 
 
 def kinetostatics(motion: Motion, inertia: bool = True, grip: np.ndarray | None = None) -> Reactions:
     """Reactions and drive torque for gravity, loads, joint springs, friction, dampers and, with ``inertia``, motion.
 
     Without ``inertia`` the linkage is in static equilibrium at each angle; the motion's velocities then only give
-    Coulomb friction its direction and dampers do nothing.  ``grip`` (N,) is the share of it that acts: all, unless the
-    linkage sticks.
+    Coulomb friction its direction and dampers do nothing.  ``grip`` (N,) is the share of the friction that acts: 1
+    unless the linkage sticks.
     """
     s, n = motion.structure, motion.theta.size
     order = [j.name for j in s.mechanism.joints]
@@ -153,8 +167,10 @@ def joint_law(
     moving: bool,
     grip: np.ndarray | float = 1.0,
 ) -> np.ndarray:
-    """Torque (N.m; prismatic: force, N) of a joint's friction, damper and spring on its second body; no friction at a
-    dead centre.
+    """Torque (N.m; prismatic: force, N) of a joint's friction, damper and spring on its second body, (N,).
+
+    ``position`` (rad, m) and ``rate`` are the second body's on the first, ``crank`` (rad/s) is the crank's rate; at a
+    dead centre, where the joint rests and the crank turns, there is no friction.
     """
     damping = joint.damping if moving else 0.0
     slip = np.sign(rate) * (np.abs(rate) > DEAD_CENTRE * np.abs(crank))
@@ -162,10 +178,8 @@ def joint_law(
 
 
 def friction_turns(motion: Motion, within: float = 0.0) -> dict[str, np.ndarray]:
-    """Where (N,) a joint's Coulomb friction has no direction, by joint with friction: its slip reverses within so many
-    rad of crank.
-
-    For a crank that turns evenly.  With 0 it is only at the reversal itself.
+    """Where (N,) the Coulomb friction of each joint that has some lacks a direction: its slip reverses ``within`` so
+    many rad of crank angle, of a crank that turns evenly; with 0, only at the reversal itself.
     """
     found = {}
     for joint in motion.structure.mechanism.joints:

@@ -1,28 +1,29 @@
-"""The paper's equations exactly as printed, errata included, beside their corrected twins.
+"""The paper's equations exactly as printed, errata included, beside their corrected twins; and the numbers it prints.
 
-========  ===========================================  =======================================  ==========================================
-Equation  printed                                      right                                    consequence of the printed one
-========  ===========================================  =======================================  ==========================================
-2         element matrix [[k_b, -k_b], [-k_b, k_b]]    12 x 12 beam: blocks differ in the       a rigid rotation makes force, a uniform
-                                                       signs of 6EI/L^2 and have 2EI/L beside   turn of both ends none; with k_rz = 0 the
-                                                       4EI/L (``frame.beam_stiffness``)    four-bar is singular.  Rank (6) and tip
-                                                                                                deflection of a cantilever do not show it
-3 (text)  moments of area I_y, "I_yz"                  I_y, I_z                                 notation
-4 (text)  k_ix, k_iy, k_iz; k_r in N/rad               k_tx, k_ty, k_tz; k_r in N.m/rad         notation, unit
-11        F_O3x + F_y in the coupler's x row           F_y in its y row                         reactions turn by tens of degrees and lose
-                                                                                                their size; F_34 keeps its line where the
-                                                                                                follower is a two-force member, as in the
-                                                                                                paper's case, so that gamma = 30 deg there
-                                                                                                does not show it
-13        m (h^2 + e^2)/12, h and e the section's      m (L^2 + h^2)/12, h the height in        200 x too small for L = 0.2 m; unseen in
-          sides                                        the plane                                the paper's case, where no link has alpha
-sec. 4    m_2 = m_4 = 0157 kg, m_3 = 0314 kg           0.157 kg, 0.314 kg                       decimal point lost
-========  ===========================================  =======================================  ==========================================
+**Eq. 2**, element matrix.  Printed: [[k_b, -k_b], [-k_b, k_b]].  Right: the 12 x 12 beam, whose blocks differ in the
+signs of 6EI/L^2 and have 2EI/L beside 4EI/L (``frame.beam_stiffness``).  As printed, a rigid rotation makes force and a
+uniform turn of both ends none; with k_rz = 0 the four-bar is singular.  The matrix's rank (6) and the tip deflection of
+a cantilever do not show it.
+
+**Eq. 3**, text.  Printed: moments of area I_y, "I_yz".  Right: I_y, I_z.  Notation only.
+
+**Eq. 4**, text.  Printed: k_ix, k_iy, k_iz, and k_r in N/rad.  Right: k_tx, k_ty, k_tz, and k_r in N.m/rad.  Notation
+and unit.
+
+**Eq. 11**.  Printed: F_O3x + F_y in the coupler's x row.  Right: F_y in its y row.  As printed, reactions turn by tens
+of degrees and lose their size; F_34 keeps its line where the follower is a two-force member, as in the paper's case, so
+that gamma = 30 deg there does not show it.
+
+**Eq. 13**.  Printed: m (h^2 + e^2)/12, h and e the section's sides.  Right: m (L^2 + h^2)/12, h the height in the
+plane.  As printed, 200 times too small for L = 0.2 m; the paper's case, where no link has alpha, does not show it.
+
+**Section 4**.  Printed: m_2 = m_4 = 0157 kg, m_3 = 0314 kg.  Right: 0.157 kg, 0.314 kg.  The decimal point is lost.
 
 Eqs. 8-10, 12 and 14, and every sign of Eq. 11, are right as printed; :func:`kinetostatic_matrix` derives them.
 
-Nothing here uses the general code: positions and rates are the textbook's closed form for a four-bar, so that this and
-:mod:`analytic.paper.kinetostatics` can be tested against each other.  Links are 2 (crank, D to A), 3 (coupler, A to B)
+No equation here uses the general code: positions and rates are the textbook's closed form for a four-bar, so that this
+and :mod:`analytic.paper.kinetostatics` can be tested against each other.  Only :func:`printed_figures` sets what the
+paper prints beside what the general code gives.  Links are 2 (crank, D to A), 3 (coupler, A to B)
 and 4 (follower, E to B); arrays of links are in that order.  SI units, radians, ground frame, vectors x + iy.
 """
 
@@ -32,8 +33,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism import Mechanism
+from analytic.mechanism.file import load
+from analytic.mechanism.one_line import angles, one_line
+from analytic.mechanism.signals import Component, Signal, wrapped
+from analytic.paper.clearance import MODELS, displaced
 from analytic.paper.frame import Bar
 
+EQ_8_AT_30_DEG: dict[Component, float] = {"x": 0.0087, "y": 0.005}  # m, as section 4 prints them for joint B
 UNKNOWNS = ("F_12x", "F_12y", "F_23x", "F_23y", "F_34x", "F_34y", "F_14x", "F_14y", "T_s")  # F_B of Eq. 12
 
 
@@ -81,6 +89,36 @@ def moment_of_inertia(mass: float, length: float, height: float) -> float:
     return mass * (length**2 + height**2) / 12
 
 
+@dataclass(frozen=True)
+class PrintedFigure:
+    """A number that the paper prints for its own case, and what this project has for it; in the signal's SI unit."""
+
+    signal: Signal
+    crank_angle: float  # rad
+    printed: float
+    first_order: float  # by the paper's own procedure
+    equilibrium: float  # of the displaced linkage
+    source: str
+
+
+def printed_figures(mechanism: Mechanism) -> tuple[PrintedFigure, ...]:
+    """The displacement of joint B at a crank angle of 30 deg (section 4, by Eq. 8): its x and its y.
+
+    Empty for every mechanism but the paper's own: one whose every field, the clearance of 0.01 m in B and the speed
+    included, equals that of the shipped case ``paper``, wherever it was read from.
+    """
+    if mechanism != load("paper"):
+        return ()
+    assembly, theta, speed = Assembly(mechanism), np.radians([30.0]), mechanism.speed or 0.0
+    by_model = {model: displaced(assembly, theta, speed, model=model).signals() for model in MODELS}
+    figures = []
+    for component, printed in EQ_8_AT_30_DEG.items():
+        signal = Signal("clearance", "B", component)
+        first_order, equilibrium = (float(by_model[model][signal.name][0]) for model in ("first_order", "equilibrium"))
+        figures.append(PrintedFigure(signal, float(theta[0]), printed, first_order, equilibrium, "Eq. 8"))
+    return tuple(figures)
+
+
 # ---------------------------------------------------------------- the four-bar's motion
 
 
@@ -108,6 +146,9 @@ class FourBarMotion:
     angular_acceleration: np.ndarray
     acceleration: np.ndarray
 
+    def __repr__(self) -> str:
+        return one_line(self, angles(self.angle[0]))
+
 
 def four_bar_motion(bar: FourBar, theta_2: np.ndarray, omega_2: float) -> FourBarMotion:
     """Motion at crank angles theta_2 (N,) rad and constant crank speed omega_2 (rad/s).
@@ -126,7 +167,7 @@ def four_bar_motion(bar: FourBar, theta_2: np.ndarray, omega_2: float) -> FourBa
             f"crank angle {np.degrees(theta_2[square < 0][0]):.6g} deg cannot be reached by links {bar.length} m on"
             f" ground {r1} m"
         )
-    theta_4 = np.angle(np.exp(2j * np.arctan2(-b + (1 if bar.crossed else -1) * np.sqrt(square), 2 * a)))
+    theta_4 = wrapped(2 * np.arctan2(-b + (1 if bar.crossed else -1) * np.sqrt(square), 2 * a))
     e_2, e_4 = np.exp(1j * theta_2), np.exp(1j * theta_4)
     theta_3 = np.angle(r1 + r4 * e_4 - r2 * e_2)
     e_3 = np.exp(1j * theta_3)

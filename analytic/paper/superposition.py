@@ -11,6 +11,8 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly, Path
 from analytic.kinematics.motion import kinematics
+from analytic.mechanism.one_line import angles, clearances, count, one_line
+from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import Compliance, compliance
 from analytic.paper.envelope import (
@@ -39,6 +41,9 @@ class Total:
     clearance: Displaced
     compliance: Compliance
 
+    def __repr__(self) -> str:
+        return one_line(self, repr(self.clearance), repr(self.compliance))
+
     def by_clearance(self, body: str, point: str = "com") -> np.ndarray:
         """Displacement x + iy (m) of a body's point by the joints' clearance, (N,) complex."""
         return self.clearance.configuration.motion.position(body, point) - self.clearance.ideal.motion.position(
@@ -48,6 +53,37 @@ class Total:
     def displacement(self, body: str, point: str = "com") -> np.ndarray:
         """Displacement x + iy (m) of a body's point by clearance and compliance together, (N,) complex."""
         return self.by_clearance(body, point) + self.compliance.displacement(body, point)
+
+    def signals(self) -> dict[str, np.ndarray]:
+        """Every signal of the contract with both displacements in it, by name (SI units); NaN at flagged angles."""
+        return superposed(self.clearance.signals(), self.compliance)
+
+
+def superposed(signals: Mapping[str, np.ndarray], compliance: Compliance) -> dict[str, np.ndarray]:
+    """Signals (N,) of a linkage of rigid parts, its clearances taken up or not, with its compliance added (Fig. 7c).
+
+    Bodies move and turn by their elastic displacement, and the pins move in their bearings by the give of the joints'
+    own springs (Eq. 4).  Reactions, torques and rates stay as they are: they change in second order only.
+    """
+    m, out = compliance.mechanism, dict(signals)
+    for name, signal in named(m.bodies, m.joints).items():
+        part = elastic_part(signal, compliance) if name in out else None
+        if part is not None:
+            out[name] = out[name] + part
+    return out
+
+
+def elastic_part(signal: Signal, compliance: Compliance) -> np.ndarray | None:
+    """What compliance adds to a signal (N,), in its unit; None where that is nothing, to first order."""
+    if signal.component == "angle" and signal.kind in ("pose", "rotation"):
+        return compliance.rotation(signal.place, compliance.mechanism.angle_point(signal.place))
+    if signal.kind == "pose":
+        moved = compliance.displacement(signal.place)
+    elif signal.kind == "clearance":
+        moved = compliance.give(signal.place)
+    else:
+        return None
+    return moved.real if signal.component == "x" else moved.imag
 
 
 def total_displacement(
@@ -89,6 +125,11 @@ class Accuracy:
     jumps: Mapping[Output, np.ndarray]  # (side changes,): what each one does to the output
     flags: Mapping[int, str]
 
+    def __repr__(self) -> str:
+        sizes = dict(zip(self.pins, self.clearances.tolist(), strict=True))
+        outputs, changes = count(len(self.unit_reactions), "output"), count(len(self.side_changes), "side change")
+        return one_line(self, self.assembly.mechanism.name, angles(self.theta), clearances(sizes), outputs, changes)
+
     @property
     def theta(self) -> np.ndarray:
         """Crank angles (rad)."""
@@ -118,6 +159,10 @@ class Accuracy:
     def compliance(self, d: Output) -> np.ndarray:
         """Elastic displacement of the ideal configuration."""
         return d.elastic(self.total.compliance)
+
+    def by_both(self, d: Output) -> np.ndarray:
+        """Displacement by the finite gaps and by compliance together (Fig. 7c); NaN where flagged."""
+        return self.equilibrium(d) + self.compliance(d)
 
     def farthest(self, x: Output, y: Output) -> np.ndarray:
         """Farthest displacement of a point, x + iy, in any direction of the plane; complex (N,)."""

@@ -37,7 +37,7 @@ class MotionChoice(StrEnum):
 
 
 class ModelChoice(StrEnum):
-    """The yardsticks of --analytic."""
+    """The models of --analytic."""
 
     first_order = "first_order"
     equilibrium = "equilibrium"

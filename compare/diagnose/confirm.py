@@ -120,7 +120,7 @@ def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -
     assembly = Assembly(mechanism)
     u = assembly.coordinates(at)
     s = assembly.structure
-    placed = {s.bodies[b]: float(u[i, 0] + s.twist[b]) for i, c in enumerate(s.coordinates) for b in c.bodies if b}
+    placed = {s.bodies[b]: float(u[i, 0] + s.held_at[b]) for i, c in enumerate(s.coordinates) for b in c.bodies if b}
     drive = {"joint": mechanism.drive_joint.name, "speed": "free"}
     mechanism = mechanism.replace(assembly=placed | {mechanism.driven: angle}, drive=drive)
     since = np.maximum(times - task.run.time[0], 0.0)

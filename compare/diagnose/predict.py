@@ -17,11 +17,12 @@ from analytic.beyond_paper.drive import Motor, Turning
 from analytic.beyond_paper.freedom import Freedom, swing
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
-from analytic.mechanism import GROUND, Mechanism
+from analytic.mechanism import Mechanism
 from analytic.paper.clearance import displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.frame import ComplianceError
 from analytic.paper.kinetostatics import Reactions, kinetostatics
+from analytic.paper.superposition import superposed
 from compare.diagnose.data.recording import Measured, Run
 from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
 from compare.diagnose.effects.sensors import EncoderOffset
@@ -242,24 +243,8 @@ def derived(assembly: Assembly, crank: Turning) -> dict[str, np.ndarray]:
         ideal = kinetostatics(kinematics(assembly, crank.theta, crank.omega, crank.alpha))
         signals = ideal.signals()
     if mechanism.bends:
-        signals = _bent(signals, ideal)
+        signals = superposed(signals, compliance(ideal.motion, inertia=True))
     return with_derived(signals, mechanism)
-
-
-def _bent(signals: dict[str, np.ndarray], ideal: Reactions) -> dict[str, np.ndarray]:
-    """Elastic displacements on top (Fig. 7c): a link on the ground is read at its ground joint, a floating one at its
-    com.
-    """
-    motion = ideal.motion
-    bend = compliance(motion, inertia=True)
-    mechanism = motion.structure.mechanism
-    grounded = {b: j.name for j in mechanism.joints if GROUND in j.bodies and not j.prismatic for b in j.bodies}
-    out = dict(signals)
-    for body in motion.structure.bodies[1:]:
-        turn, shift = bend.rotation(body, grounded.get(body, "com")), bend.displacement(body)
-        out[f"{body}_angle"] = out[f"{body}_angle"] + turn
-        out[f"{body}_x"], out[f"{body}_y"] = out[f"{body}_x"] + shift.real, out[f"{body}_y"] + shift.imag
-    return out
 
 
 def _aged(moved: Reactions, wanted: Iterable[str], time: np.ndarray, delay: float) -> dict[str, np.ndarray]:

@@ -106,7 +106,7 @@ def _later(run: Run, skip: int) -> Run:
 
 def _worst(found: Discrepancy, theta: np.ndarray) -> Worst:
     return Worst(
-        signal=found.signal,
+        signal=found.signal.name,
         unit=found.unit,
         max=found.max,
         tolerance=found.tolerance,

@@ -28,8 +28,16 @@ from analytic.kinematics.motion import Gap, kinematics
 from analytic.mechanism import Mechanism
 from analytic.paper.clearance import STENCIL, Displaced, Model, displaced
 from analytic.paper.kinetostatics import Reactions, kinetostatics
-from compare.judge.discrepancy import ANGULAR, Discrepancy, Rule, Scales, Tube, judge
-from compare.judge.signals import compared, with_derived, with_rotations
+from compare.judge.discrepancy import (
+    Discrepancy,
+    Rule,
+    Scales,
+    contact_give,
+    contact_stiffness,
+    judge,
+    run_rules,
+)
+from compare.judge.signals import DRIVE_TORQUE, with_derived, with_rotations
 from compare.judge.tolerances import Tolerances
 from compare.results.crosscheck import Because, Run
 from compare.results.crosscheck import Discrepancy as Judged
@@ -66,9 +74,8 @@ class Examined:
     @cached_property
     def swings(self) -> bool:
         """Whether a pin never leaves its bearing, and does not lie where the equilibrium says."""
-        displaced = {f"clearance_{joint}_{axis}" for joint in self.run.clearance for axis in "xy"}
         return not self.contact_lost and any(
-            d.signal in displaced and d.verdict == "disagrees" for d, _ in self.verdicts
+            d.signal.kind == "clearance" and d.verdict == "disagrees" for d, _ in self.verdicts
         )
 
     @cached_property
@@ -116,16 +123,9 @@ class Examined:
         return np.any([np.abs(moved.ideal.forces[name]) <= moved.faint[name] for name in self.run.clearance], axis=0)
 
     @cached_property
-    def stiffness(self) -> float:
-        """Stiffness (N/m) of the contact; infinite where the run does not say it."""
-        found = self.run.settings.get("contact_stiffness")
-        return float(found) if isinstance(found, int | float) else np.inf
-
-    @cached_property
     def give(self) -> float:
         """How far (m) the contact yields under the simulation's peak force."""
-        forces = [self.run.simulated[f"reaction_{name}_magnitude"] for name in self.run.clearance]
-        return float(np.nanmax(forces, initial=0.0)) / self.stiffness
+        return contact_give(self.run.settings, self.run.clearance, self.run.simulated)
 
     # ---------------------------------------------------------------- the model against itself
 
@@ -154,7 +154,7 @@ class Examined:
             "first-order": self.cost(self.signals(self.displaced("first_order")), right),
             "quasi-static": self.cost(self.signals(self.with_gaps(still)), right),
             "quasi-static-corrected": self.cost(moving, right),
-            "rigid": self.cost(self.signals(self.with_gaps(self.moving(self.stiffness))), moving),
+            "rigid": self.cost(self.signals(self.with_gaps(self.moving(contact_stiffness(self.run.settings)))), moving),
         }
 
     def with_gaps(self, gaps: Mapping[str, Gap]) -> Reactions:
@@ -189,27 +189,27 @@ class Examined:
         """Every compared signal of one side held against the other's, and at which angles (N,) it is within
         tolerance.
         """
-        sizes, scales = self.run.clearance, Scales.of(other, self.mechanism)
-        for name, kind in compared(self.mechanism, sizes).items():
-            gap = sizes.get(name.removeprefix("clearance_")[:-2], max(sizes.values()))
-            rule = Rule.read(self.tolerances, self.run.motion, self.run.joint_model, kind, scales, self.give, gap)
-            found = judge(name, one, other, rule, self.theta)
+        run, scales = self.run, Scales.of(other, self.mechanism)
+        rules = run_rules(
+            self.tolerances, self.mechanism, run.motion, run.joint_model, run.clearance, scales, self.give
+        )
+        for rule in rules.values():
+            found = judge(rule, one, other, self.theta)
             if found is not None:
-                yield found, self.within(name, one, other, rule)
+                yield found, self.within(rule, one, other)
 
-    def within(self, name: str, one: Signals, other: Signals, rule: Rule) -> np.ndarray:
+    def within(self, rule: Rule, one: Signals, other: Signals) -> np.ndarray:
         """Angles (N,) at which a signal is within its rule, or means nothing."""
-        apart = one[name] - other[name]
-        if rule.kind in ANGULAR:
-            apart = (apart + np.pi) % (2 * np.pi) - np.pi
-        tube = Tube.around(other[name], self.theta, rule.window)
-        return ~(np.abs(apart) > rule.tolerance(name, other) + np.where(apart > 0, tube.above, tube.below))
+        apart = rule.signal.apart(one[rule.signal.name], other[rule.signal.name])
+        tolerance, tube = rule.allowed(other, self.theta)
+        return ~(np.abs(apart) > tolerance + np.where(apart > 0, tube.above, tube.below))
 
     def cost(self, one: Signals, other: Signals) -> float:
         """The largest difference of one side from the other over what is allowed, at angles where both have an
         answer.
         """
-        known = np.isfinite(one["drive_torque"]) & np.isfinite(other["drive_torque"]) & ~self.flagged
+        torque = DRIVE_TORQUE.name
+        known = np.isfinite(one[torque]) & np.isfinite(other[torque]) & ~self.flagged
         sides = [{name: np.where(known, values, np.nan) for name, values in side.items()} for side in (one, other)]
         return max((excess(found) for found, _ in self.judged(*sides)), default=0.0) if known.any() else 0.0
 

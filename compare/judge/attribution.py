@@ -13,8 +13,9 @@ from itertools import combinations, permutations
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from compare.judge.discrepancy import ANGULAR, Rule, difference
-from compare.judge.signals import UNITS, Kind, compared
+from analytic.mechanism.signals import Signal
+from compare.judge.discrepancy import Rule, difference
+from compare.judge.signals import compared
 from compare.results.crosscheck import Run
 from compare.results.crosscheck import Spread as Widest
 
@@ -44,19 +45,18 @@ class Apart:
     """A party that stands apart on a signal: by how much from the nearest other, and how far the others are spread."""
 
     party: str
-    signal: str
-    kind: Kind
+    signal: Signal
     by: float  # in the signal's unit, signed
     share: float  # the same, over the tolerance
     others_spread: float
 
 
-def spread(kind: Kind, engines: Mapping[str, np.ndarray], tolerance: np.ndarray) -> Spread | None:
+def spread(signal: Signal, engines: Mapping[str, np.ndarray], tolerance: np.ndarray) -> Spread | None:
     """Spread of a signal between engines; None with fewer than two, or no common sample."""
     pairs = [
         (a, b, found)
         for a, b in combinations(engines, 2)
-        if (found := difference(engines[a], engines[b], kind in ANGULAR, tolerance))
+        if (found := difference(signal.apart(engines[a], engines[b]), tolerance))
     ]
     if not pairs:
         return None
@@ -64,13 +64,13 @@ def spread(kind: Kind, engines: Mapping[str, np.ndarray], tolerance: np.ndarray)
     return Spread(abs(widest.max), widest.at, (a, b))
 
 
-def stands_apart(signal: str, kind: Kind, parties: Mapping[str, np.ndarray], tolerance: np.ndarray) -> Apart | None:
+def stands_apart(signal: Signal, parties: Mapping[str, np.ndarray], tolerance: np.ndarray) -> Apart | None:
     """The one party that stands apart on a signal, or None; ``tolerance`` (N,) is what each sample may differ by."""
     if len(parties) < 3:
         return None
     distance = {}
     for a, b in permutations(parties, 2):
-        found = difference(parties[a], parties[b], kind in ANGULAR, tolerance)
+        found = difference(signal.apart(parties[a], parties[b]), tolerance)
         if found is None:
             return None
         distance[a, b] = found
@@ -79,7 +79,7 @@ def stands_apart(signal: str, kind: Kind, parties: Mapping[str, np.ndarray], tol
         widest = max((distance[pair] for pair in combinations(others, 2)), key=lambda d: d.share)
         nearest = min((distance[party, other] for other in others), key=lambda d: d.share)
         if widest.share <= 1 < nearest.share:
-            return Apart(party, signal, kind, nearest.max, nearest.share, abs(widest.max))
+            return Apart(party, signal, nearest.max, nearest.share, abs(widest.max))
     return None
 
 
@@ -105,16 +105,17 @@ def attribute(judged: Sequence[tuple[Run, Mapping[str, Rule]]], mechanism: Mecha
         group = [run for run in runs if run.joint_model == joint_model]
         rules = [rule for run, rule in judged if run.joint_model == joint_model]
         theta, analytic = group[0].crank_angle, group[0].analytic
-        for name, kind in compared(mechanism, group[0].clearance).items():
-            tolerance = np.max([rule[name].tolerance(name, analytic) for rule in rules], axis=0)
+        for signal in compared(mechanism, group[0].clearance):
+            name = signal.name
+            tolerance = np.max([rule[name].tolerance(analytic) for rule in rules], axis=0)
             engines = {run.simulator.name: run.simulated[name] for run in group}
-            wide = spread(kind, engines, tolerance)
+            wide = spread(signal, engines, tolerance)
             if wide is None:
                 continue
             if name not in widest or wide.max > widest[name].max:
                 at = float(theta[wide.at])
                 widest[name] = Widest(max=wide.max, at_crank_angle=at, between=wide.between, joint_model=joint_model)
-            found = stands_apart(name, kind, {ANALYTIC: analytic[name], **engines}, tolerance)
+            found = stands_apart(signal, {ANALYTIC: analytic[name], **engines}, tolerance)
             if found is not None:
                 apart.append(found)
     odd = odd_one_out(apart)
@@ -127,9 +128,9 @@ def _words(odd: str | None, apart: Sequence[Apart], differ: bool) -> str:
         return "they differ, and no single one stands apart" if differ else "all agree within the tolerances"
     worst = max((a for a in apart if a.party == odd), key=lambda a: a.share)
     name = "the analytic model" if odd == ANALYTIC else odd
-    by, others = (_said(worst.kind, value) for value in (worst.by, worst.others_spread))
-    return f"{name} stands apart, most clearly in {worst.signal}: off by {by}, the others agree within {others}"
+    by, others = (_said(worst.signal, value) for value in (worst.by, worst.others_spread))
+    return f"{name} stands apart, most clearly in {worst.signal.name}: off by {by}, the others agree within {others}"
 
 
-def _said(kind: Kind, value: float) -> str:
-    return f"{np.degrees(value):.3g} deg" if kind in ANGULAR else f"{value:.3g} {UNITS[kind]}"
+def _said(signal: Signal, value: float) -> str:
+    return f"{np.degrees(value):.3g} deg" if signal.wraps else f"{value:.3g} {signal.unit}"

@@ -1,12 +1,11 @@
 """A disagreement near its tolerance is looked at more closely before it counts.
 
-An engine's own error falls with its step, and with the give of a contact whose stiffness is this project's choice; what
-is wrong with a model does not.  So a run that disagrees by little is made again, finer: where the disagreement goes
-away, it was the engine's; where it stays as it was, it stands; where it keeps falling and is not gone, the engine is no
-referee at this point, and the run has failed.
+An engine's own error falls with its step, and with the give of a contact whose stiffness this project chose; the error
+of a model does not.  So a run that disagrees by little is made again, finer.  If the disagreement vanishes, it was the
+engine's.  If it stays, it counts.  If it falls and does not vanish, the engine cannot decide, and the run has failed.
 
-A contact that lets its pin far beyond the rim says nothing of the clearance: it is made harder where it is this
-project's, and has failed where it is not, or is too soft still.
+A contact that lets its pin far beyond the rim hides the clearance.  It is made harder where this project chose its
+stiffness; the run has failed where the mechanism gives the stiffness, or the contact is still too soft.
 """
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from analytic.mechanism.signals import AXES, Signal
 from compare.judge.discrepancy import Rule
 from compare.results.crosscheck import Discrepancy, Run
 from compare.runs import Failure
@@ -71,7 +71,7 @@ def settle(
     simulate: Callable[[Mapping[int, Request]], Mapping[int, Trace | Failure]],
     judge: Callable[[Trace], Judged],
 ) -> dict[int, Judged | Failure]:
-    """The runs, those that disagree by little made again until they agree, stay as they are, or have failed.
+    """The runs; those that disagree by little are made again until they agree, no longer change, or have failed.
 
     ``requests`` are those of the runs that may be made again.
     """
@@ -93,7 +93,7 @@ def settle(
         before, looking = looking, {}
         for i, outcome in found.items():
             if isinstance(outcome, Failure):
-                settled[i] = _no_referee(before[i], f"a finer run of it failed ({outcome.why})")
+                settled[i] = _undecided(before[i], f"a finer run of it failed ({outcome.why})")
                 continue
             one = judge(replace(outcome, settings={**outcome.settings, "refinements": round_}))
             settled[i] = one
@@ -101,7 +101,7 @@ def settle(
                 looking[i] = one
             elif 0 < one.share <= FALLS * before[i].share:
                 looking[i] = one
-                settled[i] = _no_referee(
+                settled[i] = _undecided(
                     one, f"it was {before[i].share / one.share:.1f} times that in a coarser run, and still falls"
                 )
     return {i: _too_soft(one) if isinstance(one, Judged) and one.soft > HIDDEN else one for i, one in settled.items()}
@@ -113,7 +113,7 @@ def beyond_rim(run: Run) -> dict[str, float]:
     """
     found = {}
     for joint, clearance in run.clearance.items():
-        path = [np.hypot(run.simulated[f"clearance_{joint}_x"], run.simulated[f"clearance_{joint}_y"])]
+        path = [np.hypot(*(run.simulated[Signal("clearance", joint, axis).name] for axis in AXES))]
         path += [np.hypot(seen.x, seen.y) for name, seen in run.journal.items() if name == joint]
         found[joint] = float(np.nanmax(np.concatenate(path), initial=0.0)) - clearance
     return found
@@ -144,8 +144,8 @@ def _too_soft(one: Judged) -> Failure:
 
 
 def finer(request: Request, trace: Trace) -> Request | None:
-    """The same run with a harder contact where its stiffness is this project's own, else with half the step; None where
-    it has neither.
+    """The same run with a harder contact where this project chose its stiffness, else with half the step; None where
+    neither can be done.
     """
     m = request.mechanism
     ours = [name for name in trace.clearance if name in request.assumed or m.joint(name).contact_stiffness is None]
@@ -158,7 +158,7 @@ def finer(request: Request, trace: Trace) -> Request | None:
     return replace(request, step=step / 2) if step and request.motion == "driven" else None
 
 
-def _no_referee(one: Judged, why: str) -> Failure:
+def _undecided(one: Judged, why: str) -> Failure:
     t = one.trace
     return Failure(
         t.simulator,

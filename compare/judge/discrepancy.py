@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from compare.judge.signals import UNITS, Kind, Unit
+from analytic.mechanism.signals import Signal
+from compare.judge.signals import UNITS, Kind, Unit, compared, kind_of
 from compare.judge.tolerances import (
     Known,
     ToleranceError,
@@ -21,13 +22,12 @@ from compare.judge.tolerances import (
 from sim_models.engine import JointModel, Motion
 
 __all__ = [
-    "ANGULAR", "Difference", "Discrepancy", "Rule", "Scales", "ToleranceError", "Tube",
-    "check_known", "difference", "judge", "known_differences", "load_tolerances",
+    "Difference", "Discrepancy", "Rule", "Scales", "ToleranceError", "Tube",
+    "check_known", "contact_give", "difference", "judge", "known_differences", "load_tolerances", "run_rules",
 ]  # fmt: skip
 
 Verdict = Literal["agrees", "disagrees", "known"]
 UNCOMPARED = "at no angle of the run has the signal a number, or its force a direction, to compare"
-ANGULAR: tuple[Kind, ...] = ("angle", "rotation", "position")  # compared modulo a turn
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Discrepancy:
     not the tolerance's.
     """
 
-    signal: str
+    signal: Signal
     kind: Literal["angle", "magnitude", "value"]
     unit: Unit
     max: float
@@ -93,21 +93,13 @@ class Discrepancy:
     reason: str = ""
 
 
-def difference(
-    simulated: np.ndarray,
-    analytic: np.ndarray,
-    angular: bool,
-    tolerance: np.ndarray | None = None,
-    tube: Tube | None = None,
-) -> Difference | None:
-    """Difference over the samples (N,) that both have; angles modulo a turn; None if there are none.
+def difference(values: np.ndarray, tolerance: np.ndarray | None = None, tube: Tube | None = None) -> Difference | None:
+    """The largest of a signal's differences (N,), simulated minus analytic (:meth:`Signal.apart`); None if there is
+    none, as both sides need a number.
 
     ``tolerance`` (N,) is what each sample may differ by, and ``tube`` how much further on the side where the analytic
     signal goes within its window; a NaN tolerance leaves a sample out.
     """
-    values = np.asarray(simulated, float) - np.asarray(analytic, float)
-    if angular:
-        values = (values + np.pi) % (2 * np.pi) - np.pi
     if tolerance is None:
         allowed, share = np.full(values.shape, np.nan), np.abs(values)
     else:
@@ -122,11 +114,11 @@ def difference(
 
 @dataclass(frozen=True)
 class Scales:
-    """What a run's small numbers are small against: its largest reaction (N), its longest body (m) and the mass of them
-    all (kg).
+    """What a run's small numbers are compared with: its largest reaction (N), its longest body (m), the mass of all
+    bodies (kg).
 
-    ``peaks`` are the largest sizes of its signals where they are the linkage's own, whatever part of its cycle the run
-    looks at.
+    ``peaks`` are the largest sizes of the signals over the linkage's usual crank angles, where they are known: they do
+    not depend on the part of the cycle that the run covers.
     """
 
     force: float
@@ -138,9 +130,10 @@ class Scales:
     def of(
         cls, analytic: Mapping[str, np.ndarray], mechanism: Mechanism, peaks: Mapping[str, float] | None = None
     ) -> Scales:
-        """Scales of a run: the linkage's own ``peaks`` where they are known, else those of the run's analytic side."""
+        """Scales of a run, by the linkage's ``peaks`` where they are known, else by those of its analytic side."""
         known = largest(analytic) | (dict(peaks) if peaks else {})
-        force = max((peak for name, peak in known.items() if name.endswith("_magnitude")), default=0.0)
+        sizes = [Signal("reaction", joint.name, "magnitude").name for joint in mechanism.joints]
+        force = max((known[name] for name in sizes if name in known), default=0.0)
         bodies = mechanism.bodies
         return cls(force, max(body.length for body in bodies), sum(body.mass for body in bodies), dict(peaks or {}))
 
@@ -155,15 +148,16 @@ class Rule:
     """How far a signal may differ, a line of tolerances.toml: the larger of ``absolute`` and ``relative`` times its
     peak.
 
-    A peak is the linkage's own at its usual crank angles, or a sample's beyond it, so that what is allowed at one angle
-    does not depend on which others are looked at; a run that has none, as over time, has its own. Nothing is judged
-    below ``noise`` times the run's scales, or below the force that gives its mass the acceleration ``rest`` (m/s2), nor
-    a direction where its force is below ``floor`` of its peak; above that a direction may be off by ``absolute`` times
-    peak over force, the same error in newtons everywhere. ``window`` (rad of crank angle) widens this where the signal
-    is steep.
+    A peak is the linkage's own at its usual crank angles, or a sample's beyond it, so that the allowance at one angle
+    does not depend on the other angles; where there is none, as over time, it is the run's.
+
+    Nothing is judged below ``noise`` times the run's scales, or below the force that gives its mass the acceleration
+    ``rest`` (m/s2), nor a direction where its force is below ``floor`` of its peak; above that a direction may be off
+    by ``absolute`` times peak over force, the same error in newtons everywhere.  ``window`` (rad of crank angle) widens
+    this where the signal is steep.
     """
 
-    kind: Kind
+    signal: Signal
     absolute: float
     relative: float
     floor: float
@@ -179,7 +173,7 @@ class Rule:
         tolerances: Tolerances,
         motion: Motion,
         joint_model: JointModel,
-        kind: Kind,
+        signal: Signal,
         scales: Scales,
         give: float = 0.0,
         clearance: float = 0.0,
@@ -189,10 +183,11 @@ class Rule:
         ``give`` (m) is how far the contact itself yields under the run's peak force, ``clearance`` (m) the joint's, or
         the smallest of the run's (every contact yields alike).  Raises ToleranceError if the file has no such line.
         """
+        kind = kind_of(signal)
         line = tolerances.line(motion, joint_model, kind)
         yielding = give / clearance if kind in ("displacement", "rotation") and clearance else 0.0
         return cls(
-            kind,
+            signal,
             line.absolute,
             line.relative + yielding,
             tolerances.floor,
@@ -203,27 +198,36 @@ class Rule:
             tolerances.rest,
         )
 
-    def tolerance(self, signal: str, analytic: Mapping[str, np.ndarray]) -> np.ndarray:
+    @property
+    def kind(self) -> Kind:
+        """The kind of its signal in the tolerance file."""
+        return kind_of(self.signal)
+
+    def tolerance(self, analytic: Mapping[str, np.ndarray]) -> np.ndarray:
         """What each sample (N,) may differ by before the window, in the signal's unit; NaN where it means nothing."""
         if self.kind == "angle":
-            force = signal.removesuffix("_angle") + "_magnitude"
+            force = self.signal.sibling("magnitude").name
             size, peak = analytic[force], self._largest(force, analytic[force])
             meaningful = size > np.maximum(self.floor * peak, self._no_force)
             return np.where(meaningful, self.absolute * peak / np.where(meaningful, size, 1.0), np.nan)
-        return np.maximum(max(self.absolute, self._noise), self.relative * self._peak(signal, analytic[signal]))
+        return np.maximum(max(self.absolute, self._noise), self.relative * self._peak(analytic[self.signal.name]))
 
-    def _peak(self, signal: str, values: np.ndarray) -> np.ndarray:
-        """What ``relative`` refers to (N,); a body that clearance hardly turns is measured by what it does to the
-        longest.
+    def allowed(self, analytic: Mapping[str, np.ndarray], theta: np.ndarray | None) -> tuple[np.ndarray, Tube]:
+        """What each sample (N,) may differ by, and the window's tube at crank angles theta (N,) rad."""
+        return self.tolerance(analytic), Tube.around(analytic[self.signal.name], theta, self.window)
+
+    def _peak(self, values: np.ndarray) -> np.ndarray:
+        """What ``relative`` refers to (N,): a signal's peak; for a displacement the clearance, and for a rotation at
+        least the clearance over the longest body.
         """
         if self.kind == "displacement":
             return np.full(values.shape, self.clearance)
-        peak = self._largest(signal, values)
+        peak = self._largest(self.signal.name, values)
         return np.maximum(peak, self.clearance / self.scales.length) if self.kind == "rotation" else peak
 
     def _largest(self, signal: str, values: np.ndarray) -> np.ndarray:
-        """The linkage's own peak of a signal, or a sample's (N,) that is larger; the run's where there is no
-        such peak.
+        """The linkage's own peak of a signal, or a sample's (N,) where that is larger; the run's where the linkage's is
+        not known.
         """
         own = self.scales.peaks.get(signal)
         return (
@@ -242,43 +246,79 @@ class Rule:
         return max(self.noise * self.scales.force, self.rest * self.scales.mass)
 
 
+def run_rules(
+    tolerances: Tolerances,
+    mechanism: Mechanism,
+    motion: Motion,
+    joint_model: JointModel,
+    clearances: Mapping[str, float],
+    scales: Scales,
+    give: float,
+) -> dict[str, Rule]:
+    """The rule of every signal, by name, on which a run with these clearances (m) is judged.
+
+    ``give`` (m) is how far the contact yields (:func:`contact_give`).  Raises ToleranceError.
+    """
+    smallest = min(clearances.values(), default=0.0)
+    return {
+        signal.name: Rule.read(
+            tolerances, motion, joint_model, signal, scales, give, clearances.get(_joint(signal), smallest)
+        )
+        for signal in compared(mechanism, clearances)
+    }
+
+
+def _joint(signal: Signal) -> str:
+    """The joint in which a signal is displaced; "" for another signal."""
+    return signal.place if signal.kind == "clearance" else ""
+
+
+def contact_stiffness(settings: Mapping[str, object]) -> float:
+    """Stiffness (N/m) of a run's contact; infinite where its settings give no single number."""
+    found = settings.get("contact_stiffness")
+    return float(found) if isinstance(found, int | float) else np.inf
+
+
+def contact_give(
+    settings: Mapping[str, object], clearances: Iterable[str], simulated: Mapping[str, np.ndarray]
+) -> float:
+    """How far (m) the contact of a run yields under the peak force in the joints with clearance; 0 where rigid."""
+    forces = (simulated[Signal("reaction", joint, "magnitude").name] for joint in clearances)
+    peak = max((float(np.nanmax(force, initial=0.0)) for force in forces), default=0.0)
+    return peak / contact_stiffness(settings)
+
+
 def judge(
-    signal: str,
+    rule: Rule,
     simulated: Mapping[str, np.ndarray],
     analytic: Mapping[str, np.ndarray],
-    rule: Rule,
     theta: np.ndarray | None = None,
     known: Known | None = None,
 ) -> Discrepancy | None:
-    """Compare one signal under its rule; None where it has no comparable sample.
+    """Compare a rule's signal of two sides; None where it has no comparable sample.
 
     ``theta`` (N,) rad is the crank angle, for the rule's window; without it there is no window.  A sample that only one
     side has disagrees.  A ``known`` difference must be there, and within its bound; where nothing can be compared it
     disagrees.
     """
-    tolerance = rule.tolerance(signal, analytic)
-    tube = Tube.around(analytic[signal], theta, rule.window)
-    found = difference(simulated[signal], analytic[signal], rule.kind in ANGULAR, tolerance, tube)
-    one_sided = np.flatnonzero(np.isfinite(simulated[signal]) != np.isfinite(analytic[signal]))
+    one, other = simulated[rule.signal.name], analytic[rule.signal.name]
+    apart, (tolerance, tube) = rule.signal.apart(one, other), rule.allowed(analytic, theta)
+    found = difference(apart, tolerance, tube)
+    one_sided = np.flatnonzero(np.isfinite(one) != np.isfinite(other))
     if one_sided.size:
         rms = found.rms if found else float("nan")
         why = f"{one_sided.size} of {tolerance.size} samples have a number on one side only"
-        return _discrepancy(
-            signal, rule.kind, Difference(float("nan"), rms, int(one_sided[0]), np.inf), "disagrees", why
-        )
+        return _discrepancy(rule, Difference(float("nan"), rms, int(one_sided[0]), np.inf), "disagrees", why)
     if found is None and known is not None:
-        return _discrepancy(
-            signal, rule.kind, NOTHING, "disagrees", f"known difference cannot be judged: {UNCOMPARED} ({known.reason})"
-        )
+        why = f"known difference cannot be judged: {UNCOMPARED} ({known.reason})"
+        return _discrepancy(rule, NOTHING, "disagrees", why)
     if found is None:
         return None
     if known is None:
-        return _discrepancy(signal, rule.kind, found, "agrees" if found.share <= 1 else "disagrees")
-    bound = difference(
-        simulated[signal], analytic[signal], rule.kind in ANGULAR, np.where(np.isnan(tolerance), np.nan, known.bound)
-    )
+        return _discrepancy(rule, found, "agrees" if found.share <= 1 else "disagrees")
+    bound = difference(apart, np.where(np.isnan(tolerance), np.nan, known.bound))
     verdict, why = _judge_known(known, found, bound or found, UNITS[rule.kind])
-    return _discrepancy(signal, rule.kind, found, verdict, why)
+    return _discrepancy(rule, found, verdict, why)
 
 
 def _judge_known(known: Known, found: Difference, widest: Difference, unit: str) -> tuple[Verdict, str]:
@@ -302,8 +342,7 @@ def _judge_known(known: Known, found: Difference, widest: Difference, unit: str)
     return "known", f"{known.reason} (bound {known.bound:g} {unit})"
 
 
-def _discrepancy(signal: str, kind: Kind, found: Difference, verdict: Verdict, reason: str = "") -> Discrepancy:
-    public: Literal["angle", "magnitude", "value"] = (
-        "angle" if kind == "angle" else "magnitude" if kind == "magnitude" else "value"
-    )
-    return Discrepancy(signal, public, UNITS[kind], found.max, found.rms, found.at, found.allowed, verdict, reason)
+def _discrepancy(rule: Rule, found: Difference, verdict: Verdict, reason: str = "") -> Discrepancy:
+    kind, unit = rule.kind, UNITS[rule.kind]
+    public: Literal["angle", "magnitude", "value"] = kind if kind in ("angle", "magnitude") else "value"
+    return Discrepancy(rule.signal, public, unit, found.max, found.rms, found.at, found.allowed, verdict, reason)

@@ -1,8 +1,8 @@
 """Cross-checks with flexible links: engines that build them of beams, and how far the paper's superposition may be off.
 
 The analytic side is of first order in the elastic displacement d.  A link whose two ends move by d each turns by up to
-2 d over its length; taken of the shortest link, that turn is the share of a force and of a displacement that the
-superposition neglects, and its square what it neglects of a body's angle.
+2 d over its length.  That turn of the shortest link is the share of a force or a displacement that the superposition
+neglects; the turn's square is what it neglects of a body's angle.
 """
 
 from __future__ import annotations
@@ -11,8 +11,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.signals import AXES, Signal
 from compare.judge.discrepancy import Rule
-from compare.judge.reference import Yardstick
+from compare.judge.reference import Reference
+from compare.judge.signals import DRIVE_TORQUE
 from sim_models.engine import Engine, JointModel, Motion, Request, Trace, Unsupported, check_supported, engine
 
 OF_DISPLACEMENT = 1e-3  # of a body's displacement: what beams of few elements may be off by
@@ -20,7 +22,7 @@ OF_LENGTH = 1e-9  # of the longest body: rounding, all that there is where nothi
 
 
 class Beams:
-    """An engine, as one whose bodies with a modulus of elasticity bend."""
+    """An engine whose bodies bend where they have a modulus of elasticity."""
 
     supports: frozenset[tuple[JointModel, Motion]] = frozenset({("ideal", "static"), ("contact", "static")})
 
@@ -48,12 +50,12 @@ class Beams:
 
 
 def softened(
-    rules: Mapping[str, Rule], side: Yardstick, clearances: Mapping[str, float], mechanism: Mechanism
+    rules: Mapping[str, Rule], side: Reference, clearances: Mapping[str, float], mechanism: Mechanism
 ) -> dict[str, Rule]:
-    """Rules with what superposition neglects allowed on top, and rules for where the bodies are.
+    """The rules, widened by what the superposition neglects, and rules for the bodies' positions.
 
-    The elastic displacement is that of the linkage without clearance, so that what it and the bodies' rotations may be
-    off by counts the clearances in.
+    The elastic displacement is that of the linkage without clearance, so the allowance for it and for the bodies'
+    rotations includes the clearances.
     """
     shortest = min(length for body in mechanism.bodies if (length := body.length) > 0)
     moved = side.elastic + sum(clearances.values())
@@ -70,11 +72,7 @@ def softened(
             found[name] = replace(rule, relative=rule.relative + force)
     rounding = OF_LENGTH * max(body.length for body in mechanism.bodies)
     of_place = replace(
-        rules["drive_torque"],
-        kind="displacement",
-        absolute=rounding,
-        relative=OF_DISPLACEMENT + place,
-        clearance=moved,
-        window=0.0,
+        rules[DRIVE_TORQUE.name], absolute=rounding, relative=OF_DISPLACEMENT + place, clearance=moved, window=0.0
     )
-    return found | {f"{body.name}_{axis}": of_place for body in mechanism.bodies for axis in "xy"}
+    places = [Signal("pose", body.name, axis) for body in mechanism.bodies for axis in AXES]
+    return found | {signal.name: replace(of_place, signal=signal) for signal in places}

@@ -32,8 +32,9 @@ def parse_angles(text: str) -> np.ndarray:
 
 
 def chosen_angles(assembly: Assembly, text: str | None) -> np.ndarray:
-    """Crank angles (rad) of ``--angles``, or the default ones; the linkage reaches them.  Raises GridError, or
-    AssemblyError by default.
+    """Crank angles (rad) of ``--angles``, or the default ones, all of which the linkage reaches.
+
+    Raises GridError, or AssemblyError where the default ones cannot be reached.
     """
     if text is None:
         theta = default_angles(assembly)

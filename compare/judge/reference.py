@@ -12,27 +12,27 @@ from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.reach import usual_angles
-from analytic.mechanism import GROUND
+from analytic.mechanism.one_line import count, one_line
+from analytic.mechanism.signals import named
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.kinetostatics import friction_turns
-from compare.judge.discrepancy import ANGULAR, difference, largest
-from compare.judge.signals import UNITS, compared, with_derived
+from analytic.paper.superposition import superposed
+from compare.judge.discrepancy import difference, largest
+from compare.judge.signals import UNITS, compared, kind_of, with_derived
 from compare.results.crosscheck import OrderDifference
 from sim_models.engine import Motion
 
-REVERSAL = (
-    5e-3  # rad of crank to either side of where a joint's sliding reverses: presliding there, and a simulation's step
-)
+REVERSAL = 5e-3  # rad of crank before and after a joint's sliding reverses, where simulations preslide or are in a step
 
 
 @dataclass(frozen=True)
-class Yardstick:
+class Reference:
     """Analytic signals (N,), NaN where flagged; ``ideal_angles`` (rad) are the bodies' without clearance.
 
-    ``order_difference`` says for each compared signal how far the paper's first order is from the equilibrium,
-    ``elastic`` (m) how far flexible links let any of their points move at most; 0 if they are rigid.  ``peaks`` are the
-    signals' largest sizes at the linkage's usual crank angles; what is missing there is measured by the run itself.
+    ``order_difference`` says for each compared signal how far the paper's first order is from the equilibrium;
+    ``elastic`` (m) is the largest elastic displacement of any point, 0 with rigid links.  ``peaks`` are the signals'
+    largest sizes at the linkage's usual crank angles; a signal without one is judged by its peak in the run.
     """
 
     signals: Mapping[str, np.ndarray]
@@ -42,10 +42,15 @@ class Yardstick:
     elastic: float = 0.0
     peaks: Mapping[str, float] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        samples = count(max((values.size for values in self.signals.values()), default=0), "sample")
+        flagged = f"{len(self.flags)} flagged" if self.flags else ""
+        return one_line(self, count(len(self.signals), "signal"), samples, flagged)
 
-def yardstick(
+
+def reference(
     assembly: Assembly, theta: np.ndarray, motion: Motion, model: Model, clearances: Mapping[str, float]
-) -> Yardstick:
+) -> Reference:
     """The analytic model at crank angles theta (N,) rad with these clearances (m; none for ideal joints)."""
     mechanism = assembly.mechanism
     speed = mechanism.speed or 1.0  # without a speed only statics is left, where its sign is all that matters
@@ -58,11 +63,11 @@ def yardstick(
     found = sides[model]
     signals = {each: with_derived(side.signals(), mechanism) for each, side in sides.items()}
     order: dict[str, OrderDifference] = {}
-    for name, kind in compared(mechanism, clearances).items() if clearances else ():
-        apart = difference(signals["first_order"][name], signals["equilibrium"][name], kind in ANGULAR)
-        if apart is not None:
-            where = float(theta[apart.at])
-            order[name] = OrderDifference(unit=UNITS[kind], max=apart.max, rms=apart.rms, at_crank_angle=where)
+    for signal in compared(mechanism, clearances) if clearances else ():
+        apart = signal.apart(*(signals[each][signal.name] for each in ("first_order", "equilibrium")))
+        if (most := difference(apart)) is not None:
+            unit, where = UNITS[kind_of(signal)], float(theta[most.at])
+            order[signal.name] = OrderDifference(unit=unit, max=most.max, rms=most.rms, at_crank_angle=where)
     ideal = {body.name: found.ideal.motion.angle(body.name) for body in mechanism.bodies}
     turning = friction_turns(found.ideal.motion, REVERSAL if motion == "driven" else 0.0)
     usual = usual_angles(assembly)
@@ -72,52 +77,27 @@ def yardstick(
     else:
         with suppress(AssemblyError):  # the displaced linkage does not reach all of them
             peaks = largest(with_derived(at(usual, model).signals(), mechanism))
-    side = Yardstick(signals[model], ideal, order, found.flags, peaks=peaks)
+    side = Reference(signals[model], ideal, order, found.flags, peaks=peaks)
     return _without({i: why for i, why in _reversals(turning).items() if i not in found.flags}, side)
 
 
-def with_flexible_links(side: Yardstick, assembly: Assembly, theta: np.ndarray) -> Yardstick:
-    """The paper's superposition (Fig. 7c): a side at rest with the elastic displacement of the ideal linkage (Eqs. 1-7)
-    on top.
-
-    Reactions stay, as they change in second order only, and have the peaks that they had.  A link on a ground joint has
-    its angle read there, another at its com.
+def with_flexible_links(side: Reference, assembly: Assembly, theta: np.ndarray) -> Reference:
+    """The analytic side at rest with the elastic displacement of the ideal linkage added: the paper's superposition
+    (Fig. 7c, :func:`analytic.paper.superposition.superposed`).  Reactions keep their values and their peaks.
     """
     m = assembly.mechanism
     found = compliance(kinematics(assembly, theta, m.speed or 1.0))
-    signals = dict(side.signals)
-    for body in m.bodies:
-        moved = found.displacement(body.name)
-        at = next((j.name for j in m.joints if body.name in j.bodies and GROUND in j.bodies), "com")
-        parts = {
-            "x": moved.real,
-            "y": moved.imag,
-            "angle": found.rotation(body.name, at),
-            "rotation": found.rotation(body.name, at),
-        }
-        signals |= {
-            name: signals[name] + part for key, part in parts.items() if (name := f"{body.name}_{key}") in signals
-        }
-    for joint in assembly.structure.pins:  # the joints' own springs yield too
-        first, second = (found.displacement(body, joint) for body in m.joint(joint).bodies)
-        signals |= {
-            f"clearance_{joint}_{axis}": signals[f"clearance_{joint}_{axis}"] + part
-            for axis, part in _axes(first - second)
-        }
-    peaks = {name: peak for name, peak in side.peaks.items() if name.startswith(("reaction_", "drive_"))}
+    known = named(m.bodies, m.joints)
+    peaks = {name: peak for name, peak in side.peaks.items() if known[name].kind in ("reaction", "drive")}
     return replace(
         side,
-        signals=signals,
+        signals=superposed(side.signals, found),
         peaks=peaks,
         elastic=max(float(np.abs(found.displacement(*place)).max()) for place in found.motions),
     )
 
 
-def _axes(vector: np.ndarray) -> tuple[tuple[str, np.ndarray], tuple[str, np.ndarray]]:
-    return ("x", vector.real), ("y", vector.imag)
-
-
-def released_yardstick(assembly: Assembly, time: np.ndarray) -> Yardstick:
+def released_reference(assembly: Assembly, time: np.ndarray) -> Reference:
     """The analytic motion of a linkage released at rest, at times (N,) s."""
     found = released(assembly, time)
     mechanism, reactions = assembly.mechanism, found.reactions
@@ -129,7 +109,7 @@ def released_yardstick(assembly: Assembly, time: np.ndarray) -> Yardstick:
     flags |= {
         int(i): "the linkage turns back here, and its friction has no direction" for i in np.flatnonzero(found.turning)
     }
-    return _without(flags, Yardstick(signals, ideal, {}, {}))
+    return _without(flags, Reference(signals, ideal, {}, {}))
 
 
 def _reversals(turning: Mapping[str, np.ndarray]) -> dict[int, str]:
@@ -141,8 +121,8 @@ def _reversals(turning: Mapping[str, np.ndarray]) -> dict[int, str]:
     }
 
 
-def _without(flags: Mapping[int, str], side: Yardstick) -> Yardstick:
-    """A side without the samples that are flagged."""
+def _without(flags: Mapping[int, str], side: Reference) -> Reference:
+    """A side with NaN at the samples that are flagged."""
     if not flags:
         return side
     silent = list(flags)

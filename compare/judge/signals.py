@@ -1,13 +1,15 @@
-"""Signals that follow from others, and what kind each one is."""
+"""Which signals a run is judged on, of what kind each is to a tolerance file, and signals that follow from others."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Literal
 
 import numpy as np
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.signals import Component, Signal, continued
+from analytic.mechanism.signals import Kind as Quantity
 
 Unit = Literal["rad", "N", "m", "N.m"]
 Kind = Literal["angle", "magnitude", "displacement", "rotation", "torque", "position"]
@@ -19,60 +21,88 @@ UNITS: dict[Kind, Unit] = {
     "torque": "N.m",
     "position": "rad",
 }
+_KINDS: dict[tuple[Quantity, Component], Kind] = {
+    ("reaction", "angle"): "angle",
+    ("reaction", "magnitude"): "magnitude",
+    ("reaction", "moment"): "torque",
+    ("clearance", "x"): "displacement",
+    ("clearance", "y"): "displacement",
+    ("rotation", "angle"): "rotation",
+    ("pose", "angle"): "position",
+    ("pose", "x"): "displacement",
+    ("pose", "y"): "displacement",
+    ("drive", "torque"): "torque",
+}
+DRIVE_TORQUE = Signal("drive", "", "torque")
+
+
+def kind_of(signal: Signal) -> Kind:
+    """The kind under which a tolerance file has a signal.  Raises KeyError for one that is never judged."""
+    return _KINDS[signal.kind, signal.component]
 
 
 def with_derived(signals: Mapping[str, np.ndarray], mechanism: Mechanism) -> dict[str, np.ndarray]:
-    """Signals with each reaction's direction (rad, continued along the run) and size (N) added."""
+    """Signals (N,) with each reaction's direction (rad, continued along the run) and size (N) added."""
     out = {name: np.array(values, float) for name, values in signals.items()}
     for joint in mechanism.joints:
-        force = out[f"reaction_{joint.name}_x"] + 1j * out[f"reaction_{joint.name}_y"]
-        out[f"reaction_{joint.name}_angle"] = _continued(np.angle(force))
-        out[f"reaction_{joint.name}_magnitude"] = np.abs(force)
+        x = Signal.of("reaction", joint.name, "x")
+        force = out[x.name] + 1j * out[x.sibling("y").name]
+        out[x.sibling("angle").name] = continued(np.angle(force))
+        out[x.sibling("magnitude").name] = np.abs(force)
+    return out
+
+
+def with_rotations(signals: Mapping[str, np.ndarray], ideal_angles: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Signals (N,) with each body's rotation by clearance: its angle minus the ideal linkage's (rad)."""
+    out = dict(signals)
+    for body, ideal in ideal_angles.items():
+        out[Signal.of("rotation", body, "angle").name] = signals[Signal.of("pose", body, "angle").name] - ideal
     return out
 
 
 def missing(signals: Iterable[str], mechanism: Mechanism, clearances: Iterable[str]) -> list[str]:
     """What a simulation of this mechanism must report and these signals lack."""
-    wanted = [
-        "drive_torque",
-        *(f"{body.name}_{part}" for body in mechanism.bodies for part in ("angle", "angular_velocity", "x", "y")),
-    ]
-    for joint in mechanism.joints:
-        wanted += [f"reaction_{joint.name}_{part}" for part in ("x", "y", *(["moment"] if joint.prismatic else []))]
-    wanted += [f"clearance_{name}_{axis}" for name in clearances for axis in "xy"]
     present = set(signals)
-    return [name for name in wanted if name not in present]
+    return [signal.name for signal in _reported(mechanism, clearances) if signal.name not in present]
 
 
-def _continued(angle: np.ndarray) -> np.ndarray:
-    known = np.flatnonzero(np.isfinite(angle))
-    out = angle.copy()
-    out[known] = np.unwrap(angle[known])
-    return out
-
-
-def with_rotations(signals: Mapping[str, np.ndarray], ideal_angles: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Signals with each body's rotation by clearance: its angle minus the ideal linkage's (rad)."""
-    return dict(signals) | {
-        f"{body}_rotation": signals[f"{body}_angle"] - angle for body, angle in ideal_angles.items()
-    }
-
-
-def compared(mechanism: Mechanism, clearances: Iterable[str]) -> dict[str, Kind]:
-    """The signals on which a run is judged, in the order of a report, and their kinds."""
-    kinds: dict[str, Kind] = {}
-    displaced = list(clearances)
-    for joint in mechanism.joints:
-        kinds[f"reaction_{joint.name}_angle"] = "angle"
-        kinds[f"reaction_{joint.name}_magnitude"] = "magnitude"
-        if joint.prismatic:
-            kinds[f"reaction_{joint.name}_moment"] = "torque"
-        if joint.name in displaced:
-            kinds[f"clearance_{joint.name}_x"] = kinds[f"clearance_{joint.name}_y"] = "displacement"
+def _reported(mechanism: Mechanism, clearances: Iterable[str]) -> Iterator[Signal]:
+    yield DRIVE_TORQUE
     for body in mechanism.bodies:
-        if displaced and body.name != mechanism.driven:
-            kinds[f"{body.name}_rotation"] = "rotation"
-        elif not displaced:
-            kinds[f"{body.name}_angle"] = "position"
-    kinds["drive_torque"] = "torque"
-    return kinds
+        yield Signal("pose", body.name, "angle")
+        yield Signal("rate", body.name, "angular_velocity")
+        yield Signal("pose", body.name, "x")
+        yield Signal("pose", body.name, "y")
+    for joint in mechanism.joints:
+        yield Signal("reaction", joint.name, "x")
+        yield Signal("reaction", joint.name, "y")
+        if joint.prismatic:
+            yield Signal("reaction", joint.name, "moment")
+    for name in clearances:
+        yield Signal("clearance", name, "x")
+        yield Signal("clearance", name, "y")
+
+
+def compared(mechanism: Mechanism, clearances: Iterable[str]) -> tuple[Signal, ...]:
+    """The signals on which a run with clearance in these joints is judged, in the order of a report.
+
+    Bodies are judged by their rotation with clearance, by their angle without.
+    """
+    return tuple(_compared(mechanism, set(clearances)))
+
+
+def _compared(mechanism: Mechanism, displaced: set[str]) -> Iterator[Signal]:
+    for joint in mechanism.joints:
+        yield Signal("reaction", joint.name, "angle")
+        yield Signal("reaction", joint.name, "magnitude")
+        if joint.prismatic:
+            yield Signal("reaction", joint.name, "moment")
+        if joint.name in displaced:
+            yield Signal("clearance", joint.name, "x")
+            yield Signal("clearance", joint.name, "y")
+    for body in mechanism.bodies:
+        if not displaced:
+            yield Signal("pose", body.name, "angle")
+        elif body.name != mechanism.driven:
+            yield Signal("rotation", body.name, "angle")
+    yield DRIVE_TORQUE

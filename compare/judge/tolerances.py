@@ -192,7 +192,7 @@ def known_differences(
 def check_known(tolerances: Tolerances, mechanism: Mechanism) -> None:
     """Refuse a known difference of this case whose signal is never compared.  Raises ToleranceError."""
     pins = [j.name for j in mechanism.joints if not j.prismatic]
-    signals = dict.fromkeys([*compared(mechanism, ()), *compared(mechanism, pins)])
+    signals = dict.fromkeys(signal.name for signal in (*compared(mechanism, ()), *compared(mechanism, pins)))
     for known in tolerances.known:
         if known.case == mechanism.name and known.signal not in signals:
             raise ToleranceError(

@@ -54,8 +54,8 @@ def _placed(assembly: Assembly, theta: float, gaps: Gaps) -> dict[str, tuple[com
     gap = {name: np.array([value]) for name, value in gaps(theta).items()}
     u = assembly.coordinates(np.array([theta]), gap)
     origins = s.origins @ assembly.columns(u, gap)
-    angles = {b: u[i, 0] + s.twist[b] for i, c in enumerate(s.coordinates) for b in c.bodies}
-    return {name: (complex(origins[b, 0]), float(angles.get(b, s.twist[b]))) for b, name in enumerate(s.bodies) if b}
+    angles = {b: u[i, 0] + s.held_at[b] for i, c in enumerate(s.coordinates) for b in c.bodies}
+    return {name: (complex(origins[b, 0]), float(angles.get(b, s.held_at[b]))) for b, name in enumerate(s.bodies) if b}
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,99 @@
+"""The integration loop of :func:`analytic.beyond_paper.freedom.swing`, compiled by numba at its first call.
+
+``table`` holds the five coefficients of a linkage's freedom over a revolution, (5, points + 3): one neighbour before
+the first and two after the last.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+FASTEST = 1e6  # rad/s; a motion beyond it has diverged
+RESTS = 4  # of the crank within a step, at most
+SECANTS = 2  # to the moment at which the crank is at rest
+
+
+@njit
+def between(table: np.ndarray, c: int, theta: float) -> float:
+    """Coefficient c at a crank angle (rad): the cubic through four neighbours."""
+    points = table.shape[1] - 3
+    at = (theta - 2 * math.pi * math.floor(theta / (2 * math.pi))) * (points / (2 * math.pi))
+    i = min(int(at), points - 1)
+    u = at - i
+    before, here, after, beyond = table[c, i], table[c, i + 1], table[c, i + 2], table[c, i + 3]
+    curve = before - 2.5 * here + 2 * after - beyond / 2 + u * (1.5 * (here - after) + (beyond - before) / 2)
+    return here + u * ((after - before) / 2 + u * curve)
+
+
+@njit
+def direction(table: np.ndarray, theta: float, omega: float) -> float:
+    """Sign of the motion, or of the one to come; 0 where friction holds the crank."""
+    if omega != 0:
+        return math.copysign(1.0, omega)
+    friction, rest = between(table, 3, theta), between(table, 4, theta)
+    return 0.0 if abs(rest) <= friction else -math.copysign(1.0, rest)
+
+
+@njit
+def acceleration(table: np.ndarray, theta: float, omega: float, way: float) -> float:
+    """Acceleration (rad/s^2) of the free crank, friction against ``way``."""
+    m, half, damping = between(table, 0, theta), between(table, 1, theta), between(table, 2, theta)
+    friction, rest = between(table, 3, theta), between(table, 4, theta)
+    return -(half * omega**2 + damping * omega + friction * way + rest) / m
+
+
+@njit
+def step(table: np.ndarray, theta: float, omega: float, way: float, h: float) -> tuple[float, float]:
+    """One step of Runge-Kutta over h (s)."""
+    a1 = acceleration(table, theta, omega, way)
+    w2 = omega + h / 2 * a1
+    a2 = acceleration(table, theta + h / 2 * omega, w2, way)
+    w3 = omega + h / 2 * a2
+    a3 = acceleration(table, theta + h / 2 * w2, w3, way)
+    w4 = omega + h * a3
+    a4 = acceleration(table, theta + h * w3, w4, way)
+    return theta + h / 6 * (omega + 2 * w2 + 2 * w3 + w4), omega + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+
+
+@njit
+def move(table: np.ndarray, theta: float, omega: float, h: float) -> tuple[float, float]:
+    """Angle and rate h (s) later; the step is parted where the crank comes to rest."""
+    for _ in range(RESTS):
+        way = direction(table, theta, omega)
+        if way == 0:
+            return theta, 0.0
+        there, speed = step(table, theta, omega, way, h)
+        if speed * way >= 0 or omega == 0:
+            return there, speed
+        part = h * omega / (omega - speed)
+        for _ in range(SECANTS):
+            there, speed = step(table, theta, omega, way, part)
+            part *= omega / (omega - speed)
+        part = min(part, h)
+        theta, omega, h = step(table, theta, omega, way, part)[0], 0.0, h - part
+    return theta, omega
+
+
+@njit
+def integrate(tables: np.ndarray, start: np.ndarray, time: np.ndarray, longest: float, out: np.ndarray) -> None:
+    """Fill ``out`` (3, P, N) with angles, rates and accelerations of P linkages, released at ``start`` (P, 2), at times
+    (N,) s.  Steps are of ``longest`` (s) or less; a motion is NaN from where it diverges.
+    """
+    for p in range(tables.shape[0]):
+        table = tables[p]
+        theta, omega, now = start[p, 0], start[p, 1], 0.0
+        for k in range(time.size):
+            count = math.ceil((time[k] - now) / longest - 1e-9) if time[k] > now else 0
+            h = (time[k] - now) / count if count else longest
+            for _ in range(count):
+                theta, omega = move(table, theta, omega, h)
+            now = time[k]
+            if not abs(omega) < FASTEST:
+                out[:, p, k:] = np.nan
+                break
+            way = direction(table, theta, omega)
+            out[0, p, k], out[1, p, k] = theta, omega
+            out[2, p, k] = acceleration(table, theta, omega, way) if way != 0 else 0.0

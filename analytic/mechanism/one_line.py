@@ -1,0 +1,48 @@
+"""One line of text for results that hold arrays: what a person wants to see of them at a prompt."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+LONGEST = 200  # characters
+LISTED = 3  # joints that are listed with their clearances
+
+
+def one_line(result: object, *parts: str) -> str:
+    """``Name(part, part)`` on one line of at most LONGEST characters; empty parts are left out."""
+    text = ", ".join(" ".join(part.split()) for part in parts if part)
+    room = LONGEST - len(type(result).__name__) - 2
+    return f"{type(result).__name__}({text if len(text) <= room else text[: room - 3] + '...'})"
+
+
+def count(number: int, thing: str) -> str:
+    """``1 joint``, ``2 joints``."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
+def angles(theta: np.ndarray, of: str = "crank angle") -> str:
+    """``29 crank angles 20..160 deg`` for angles (N,) rad; NaN is left out."""
+    known = np.degrees(theta[np.isfinite(theta)]).round(6) + 0.0  # no minus zero
+    if not known.size:
+        return count(theta.size, of)
+    low, high = known.min(), known.max()
+    span = f"{low:.4g}" if theta.size == 1 else f"{low:.4g}..{high:.4g}"
+    return f"{count(theta.size, of)} {span} deg"
+
+
+def clearances(sizes: Mapping[str, float]) -> str:
+    """``clearance B 0.01 m`` for radial clearances (m) by joint."""
+    loose = {name: size for name, size in sizes.items() if size > 0}
+    if not loose:
+        return "no clearance"
+    if len(loose) > LISTED:
+        return f"clearance in {count(len(loose), 'joint')} up to {max(loose.values()):.4g} m"
+    return f"clearance {', '.join(f'{name} {size:.4g} m' for name, size in loose.items())}"
+
+
+def largest(values: np.ndarray, unit: str) -> str:
+    """``up to 73.2 N``: the largest size in an array; empty where it has no number."""
+    known = np.abs(values[np.isfinite(values)])
+    return f"up to {known.max():.3g} {unit}" if known.size else ""
