@@ -20,7 +20,7 @@ from compare.results.accuracy import Accuracy, MonteCarlo, Point, Radius, SideCh
 from sim_models.engine import Motion, installed_version
 
 
-def accuracy(
+def accuracy(  # noqa: PLR0913 - what a person may ask, by name
     mechanism: Linkage = "paper",
     *,
     clearance: Metres | None = None,

@@ -19,6 +19,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.paper.clearance import Model
+from analytic.paper.printed import printed_figures
 from compare.arguments import (
     Linkage,
     Metres,
@@ -50,7 +51,7 @@ from compare.judge.grid import FREE_TIME, turns_fully
 from compare.judge.reference import Reference, reference, released_reference, with_flexible_links
 from compare.judge.signals import missing, with_derived, with_rotations
 from compare.judge.tolerances import Tolerances
-from compare.results.crosscheck import CrossCheck, Path, Run, Simulator, Verdict
+from compare.results.crosscheck import CrossCheck, Path, Printed, Run, Simulator, Verdict
 from compare.results.crosscheck import Discrepancy as Judgement
 from compare.results.crosscheck import Failure as Failed
 from compare.runs import Failure, Resolve, simulate_all
@@ -83,7 +84,7 @@ class Job:
     as_it_is: bool = False
 
 
-def crosscheck(
+def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
     mechanism: Linkage = "paper",
     simulators: Simulators = "mujoco",
     *,
@@ -123,7 +124,7 @@ def crosscheck(
     return crosscheck_job(replace(job, warnings=(*warned, *job.warnings)), progress)
 
 
-def question(
+def question(  # noqa: PLR0913 - what a person may ask, by name
     mechanism: Mechanism,
     simulators: Simulators,
     *,
@@ -274,6 +275,19 @@ def crosscheck_job(
         runs=tuple(_explained(job, run) for run in runs),
         failures=failures,
     )
+    printed = tuple(
+        Printed(
+            signal=one.signal.name,
+            crank_angle=one.crank_angle,
+            printed=one.printed,
+            first_order=one.first_order,
+            equilibrium=one.equilibrium,
+            source=one.source,
+        )
+        for one in printed_figures(job.mechanism)
+    )
+    if printed:
+        result = result.model_copy(update={"printed": printed})
     if len({run.simulator.name for run in runs}) == 1 or not runs:
         return result
     found = attribute(judged, job.mechanism)

@@ -18,6 +18,7 @@ from rich.console import Console
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.file import dumps, load, loads
+from compare.crosscheck import crosscheck
 from compare.files import OutputError
 from compare.report.figures import Axis, Figure, Series, beside, figures, same_turn, thinned
 from compare.report.linkage import exaggeration, linkage_figure, parts
@@ -265,6 +266,20 @@ def test_names_from_files_are_only_ever_text(nasty: str, tmp_path: Path) -> None
     tables = [line for line in markdown.splitlines() if line.startswith("| Reaction")]
     assert {len(re.findall(r"(?<!\\)\|", line)) for line in tables} <= {6, 8}
     print_table(as_document(result), Console(file=io.StringIO(), width=80))
+
+
+def test_the_papers_own_figure_stands_on_the_page_of_its_case(tmp_path: Path) -> None:
+    """Section 4 prints the pin's displacement at 30 deg as 0.0087, 0.0050 m."""
+    result = crosscheck("paper", joint_model="ideal", angles=np.radians([30.0, 60.0]))
+    assert [(p.signal, p.printed) for p in result.printed] == [("clearance_B_x", 0.0087), ("clearance_B_y", 0.0050)]
+    assert [p.first_order for p in result.printed] == pytest.approx([0.0087, 0.0050], abs=5e-5)
+    result.write(tmp_path)
+    for name in ("report.html", "report.md"):
+        text = (tmp_path / name).read_text(encoding="utf-8")
+        row = text[text.index("What the paper prints of this case") :]
+        assert re.search(r"30 deg.*8\.7.*8\.66.*8\.22", row.replace("\n", " "))
+    other = crosscheck("crank-rocker", joint_model="ideal", angles=np.radians([30.0]))
+    assert other.printed == ()
 
 
 def test_names_that_no_mechanism_may_have_are_refused_when_a_result_is_read(tmp_path: Path) -> None:

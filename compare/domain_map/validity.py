@@ -27,7 +27,7 @@ Progress = Callable[[str, int, int | None], None]
 CELL: TypeAdapter[Cell | Failed] = TypeAdapter(Cell | Failed)
 
 
-def validity(
+def validity(  # noqa: PLR0913 - what a person may ask, by name
     mechanism: Linkage = "paper",
     *,
     speeds: Sequence[float],

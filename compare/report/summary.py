@@ -71,6 +71,18 @@ class Order:
 
 
 @dataclass(frozen=True)
+class Printed:
+    """A number that the paper prints, beside what the two analytic models give there, in ``quantity.unit``."""
+
+    quantity: Quantity
+    at: str
+    printed: float
+    first_order: float
+    equilibrium: float
+    source: str
+
+
+@dataclass(frozen=True)
 class Run:
     """One simulator with one joint model."""
 
@@ -114,6 +126,7 @@ class Summary:
     spread: tuple[Order, ...]
     between: str  # who stands apart, in words; empty with one engine
     failures: tuple[str, ...]  # runs that have no result, and why
+    printed: tuple[Printed, ...]
     why: str  # which assumption of the analytic model fails, and where; empty where none is known to
 
     def keys(self, all_joints: bool, mechanism: Mechanism) -> list[Quantity]:
@@ -143,7 +156,18 @@ def summarise(result: CrossCheck) -> Summary:
     failures = tuple(failure.why for failure in result.failures)
     verdict = "failed" if failures and all(run.verdict == "agrees" for run in runs) else result.verdict
     said = headline(runs, len(failures))
-    return Summary(result.case, verdict, said, runs, signals, tuple(joints), spread, result.words, failures, why(runs))
+    printed = tuple(_printed(signals[one.signal], one) for one in result.printed)
+    return Summary(
+        result.case, verdict, said, runs, signals, tuple(joints), spread, result.words, failures, printed, why(runs)
+    )
+
+
+def _printed(quantity: Quantity, one: results.Printed) -> Printed:
+    printed, first_order, equilibrium = (
+        quantity.factor * value for value in (one.printed, one.first_order, one.equilibrium)
+    )
+    at = f"{plain(math.degrees(one.crank_angle), 4)} deg"
+    return Printed(quantity, at, printed, first_order, equilibrium, one.source)
 
 
 def why(runs: Sequence[Run]) -> str:

@@ -159,6 +159,17 @@ class Run(Part):
         return f"Run({self.title}, {self.motion}, {self.crank_angle.size} samples: {self.verdict})"
 
 
+class Printed(Part):
+    """A number that the paper prints for this very linkage, beside what the analytic models give there."""
+
+    signal: str
+    crank_angle: Annotated[float, Field(description="rad")]
+    printed: Annotated[float, Field(description="As printed, SI.")]
+    first_order: Annotated[float, Field(description="What Eq. 8 gives here, SI.")]
+    equilibrium: Annotated[float, Field(description="What the displaced linkage's own reactions give, SI.")]
+    source: Annotated[str, Field(description="Where the paper prints it.")]
+
+
 class Failure(Part):
     """A simulation that has no result."""
 
@@ -217,6 +228,9 @@ class CrossCheck(Document):
         str | None, Field(description="With several engines: analytic or the engine that stands apart.")
     ] = None
     words: Annotated[str, Field(description="The same in a sentence.")] = ""
+    printed: Annotated[
+        tuple[Printed, ...], Field(description="Of the paper's own case: what the paper prints of it.")
+    ] = ()
 
     @cached_property
     def signals(self) -> dict[str, Signal]:
