@@ -23,7 +23,8 @@ from sim_models.engine import JointModel, Motion
 
 __all__ = [
     "Difference", "Discrepancy", "Rule", "Scales", "ToleranceError", "Tube",
-    "check_known", "contact_give", "difference", "judge", "known_differences", "load_tolerances", "run_rules",
+    "check_known", "contact_give", "contact_stiffness", "difference", "judge", "known_differences", "load_tolerances",
+    "run_rules",
 ]  # fmt: skip
 
 Verdict = Literal["agrees", "disagrees", "known"]
