@@ -20,7 +20,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import MechanismError, load
 from compare.faults import ArgumentError, reason
 from compare.judge.grid import chosen_angles
-from sim_models.engine import SimulatorMissing, engine, engine_names
+from sim_models.engine import SimulatorMissing, engine, engine_names, offers
 
 Linkage = Mechanism | str | Path
 """A mechanism, the name of a shipped case, or the path of a mechanism file."""
@@ -80,6 +80,7 @@ def engines(given: Simulators) -> tuple[tuple[str, ...], list[str]]:
             found.append(engine(name).name)
         except SimulatorMissing as missing:
             left_out.append(f"left out: {missing}")
+    left_out += [f"left out: {why}" for why in offers().refused.values()]
     if not found:
         raise SimulatorMissing(f"no simulator is installed; run: pip install 'linkage-crosscheck[{engine_names()[0]}]'")
     return tuple(found), left_out

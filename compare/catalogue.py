@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from analytic.mechanism.file import load, shipped_cases
 from compare.results.catalogue import Capability, Case, Cases, Effect, Effects, Engine, Parameter, Simulators
-from sim_models.engine import JOINT_MODELS, Motion, broken, declared, engine_names, installed_version
+from sim_models.engine import JOINT_MODELS, Motion, SimulatorMissing, broken, declared, engine_names, installed_version
 
 MOTIONS: tuple[Motion, ...] = ("driven", "static")
 
@@ -25,7 +25,10 @@ def simulators() -> Simulators:
 
 
 def _engine(name: str) -> Engine:
-    chosen = declared(name)
+    try:
+        chosen = declared(name)
+    except SimulatorMissing as why:
+        return Engine(name=name, package="", status="broken", version=None, fault=str(why), supports=(), effects=())
     version = installed_version(chosen.package)
     fault = broken(chosen.package) if version else ""
     supports = []

@@ -42,15 +42,14 @@ def exported(
 ) -> dict[str, str]:
     """The files of an export: text by name."""
     chosen = engine(simulator)
-    write = getattr(chosen, "export", None)
-    if write is None:
-        can = ", ".join(name for name in engine_names() if hasattr(declared(name), "export"))
+    if not chosen.exports:
+        can = ", ".join(name for name in engine_names() if declared(name).exports)
         raise ArgumentError("simulator", f"{simulator}: its model cannot be exported; that of {can} can")
     m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
     asked = request(m, joint_model, motion, angles)
     try:
         with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place
-            return {path.name: path.read_text(encoding="utf-8") for path in write(asked, Path(draft))}
+            return {path.name: path.read_text(encoding="utf-8") for path in chosen.export(asked, Path(draft))}
     except OSError as error:
         raise OutputError(
             f"{tempfile.gettempdir()}, where the files are drafted: cannot be written ({error.strerror}); free space"

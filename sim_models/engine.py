@@ -1,8 +1,9 @@
 """The seam: what a multibody engine is asked, what it must answer, and which engines there are.
 
-An engine is a folder ``sim_models/<name>`` whose module ``engine`` has one object ``ENGINE`` that satisfies
-:class:`Engine`.  It imports its package only inside methods, so that looking up what is supported costs nothing and
-needs nothing.
+An engine is one object that satisfies :class:`Engine`: built in, ``ENGINE`` in the module ``engine`` of a folder
+``sim_models/<name>``, or anybody's, by an entry point of the group ``linkage_crosscheck.engines`` (see
+docs/example-engine).  It imports its package only inside methods, so that looking up what is supported costs nothing
+and needs nothing.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import importlib.metadata
 import importlib.util
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal, Protocol, cast, get_args
 
 import numpy as np
@@ -23,6 +25,7 @@ from sim_models.common.silence import silence, uninterrupted
 JointModel = Literal["ideal", "massless-link", "spring-damper", "contact"]
 Motion = Literal["driven", "static"]
 Start = Literal["steady", "centred"]
+Pair = tuple[JointModel, Motion]
 JOINT_MODELS: tuple[JointModel, ...] = get_args(JointModel)
 # What the effects of the project's vocabulary need of an engine.  These are fields of the mechanism that every engine
 # must honour; the others an engine declares for itself.
@@ -32,7 +35,8 @@ COMMON_EFFECTS: frozenset[str] = frozenset(
         "coulomb_friction", "viscous_friction", "joint_spring", "external_force", "load_torque",
     }
 )  # fmt: skip
-ENGINES: tuple[str, ...] = ("mujoco", "exudyn", "pybullet", "dart")
+ENGINES: tuple[str, ...] = ("mujoco", "exudyn", "pybullet", "dart")  # built in
+GROUP = "linkage_crosscheck.engines"  # of the entry points by which other packages offer theirs
 
 
 class SimulationError(RuntimeError):
@@ -136,21 +140,88 @@ class Trace:
 
 
 class Engine(Protocol):
-    """What every engine offers.
+    """What every engine offers.  One that derives from this class need not write what it does not do.
 
     ``supports`` lists the (joint model, motion) pairs that :meth:`simulate` accepts; ``effects`` names what the engine
     can represent beside ideal links and joints: COMMON_EFFECTS, and for instance ``drive_compliance`` or
-    ``link_flexibility``.
+    ``link_flexibility``.  ``beams`` lists the pairs that :meth:`simulate_flexible` accepts, ``exports`` says whether
+    its models can be exported.
     """
 
     name: str
-    package: str  # importable module; also the name of this project's extra that installs it
-    supports: frozenset[tuple[JointModel, Motion]]
-    effects: frozenset[str]
+    package: str  # importable module; of a built-in engine also the name of this project's extra that installs it
+    supports: frozenset[Pair]
+    effects: frozenset[str] = frozenset()
+    beams: frozenset[Pair] = frozenset()
+    exports: bool = False
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.  Raises SimulationError, Unsupported, or analytic's AssemblyError for a bad start."""
         ...
+
+    def simulate_flexible(self, request: Request) -> Trace:
+        """Run one request in which bodies with a modulus of elasticity bend.  Raises what :meth:`simulate` does."""
+        raise Unsupported(f"simulator {self.name!r} has rigid links only; leave flexible links out")
+
+    def export(self, request: Request, folder: Path) -> list[Path]:
+        """Write a request, and what came of it, into a folder as files that run in the bare engine.
+
+        Raises what :meth:`simulate` does.
+        """
+        raise Unsupported(f"simulator {self.name!r}: its models cannot be exported")
+
+
+@dataclass(frozen=True)
+class Offers:
+    """Engines of other packages: their entry points by name, and by name why one is left out, in a sentence."""
+
+    points: Mapping[str, importlib.metadata.EntryPoint]
+    refused: Mapping[str, str]
+
+
+@functools.cache
+def offers() -> Offers:
+    """What the installed packages offer as engines, none of them imported."""
+    points: dict[str, importlib.metadata.EntryPoint] = {}
+    refused: dict[str, str] = {}
+    for point in importlib.metadata.entry_points(group=GROUP):
+        if point.name in ENGINES:
+            refused[point.name] = (
+                f"simulator {point.name!r} ({point.value}) has the name of a built-in one; rename its entry point"
+            )
+        elif point.name in points and points[point.name].value != point.value:
+            refused[point.name] = f"simulator {point.name!r} is offered by two packages; remove one of them"
+        else:
+            points[point.name] = point
+    return Offers(points, refused)
+
+
+def engine_names() -> tuple[str, ...]:
+    """Names of all engines, installed or not: the built-in ones, then those of other packages."""
+    return (*ENGINES, *sorted(offers().points))
+
+
+def declared(name: str) -> Engine:
+    """The engine of that name as it declares itself, its package installed or not.
+
+    Raises Unsupported for an unknown name, SimulatorMissing for an entry point that leads to no engine.
+    """
+    if name in ENGINES:
+        return cast(Engine, importlib.import_module(f"sim_models.{name}.engine").ENGINE)
+    point = offers().points.get(name)
+    if point is None:
+        raise Unsupported(f"simulator {name!r} is unknown; the simulators are {', '.join(engine_names())}")
+    left_out = f"simulator {name!r} is left out: its entry point {point.value}"
+    try:
+        with silence(), uninterrupted():
+            found = point.load()
+    except Exception as error:  # noqa: BLE001 - somebody else's module raises whatever it likes
+        raise SimulatorMissing(
+            f"{left_out} cannot be imported ({_in_a_line(error)}); mend it or uninstall it"
+        ) from None
+    if getattr(found, "name", None) != name or not all(hasattr(found, part) for part in ("supports", "simulate")):
+        raise SimulatorMissing(f"{left_out} is no engine of that name with package, supports and simulate")
+    return cast(Engine, found)
 
 
 def engine(name: str) -> Engine:
@@ -158,19 +229,16 @@ def engine(name: str) -> Engine:
 
     Raises Unsupported for an unknown name, SimulatorMissing if it is not installed or cannot be imported.
     """
-    if name not in ENGINES:
-        raise Unsupported(f"simulator {name!r} is unknown; the simulators are {', '.join(ENGINES)}")
     found = declared(name)
+    extra = f"linkage-crosscheck[{name}]" if name in ENGINES else found.package
     if importlib.util.find_spec(found.package) is None:
-        raise SimulatorMissing(
-            f"simulator {name!r} is not installed; run: pip install 'linkage-crosscheck[{name}]' (in a clone: pip"
-            f" install '.[{name}]')"
-        )
+        clone = f" (in a clone: pip install '.[{name}]')" if name in ENGINES else ""
+        raise SimulatorMissing(f"simulator {name!r} is not installed; run: pip install '{extra}'{clone}")
     fault = broken(found.package)
     if fault:
         raise SimulatorMissing(
             f"simulator {name!r} is installed but cannot be imported ({fault}); mend that, or install it anew: "
-            f"pip install --force-reinstall 'linkage-crosscheck[{name}]'"
+            f"pip install --force-reinstall '{extra}'"
         )
     return found
 
@@ -182,18 +250,12 @@ def broken(package: str) -> str:
         with silence(), uninterrupted():
             importlib.import_module(package)
     except Exception as error:  # noqa: BLE001 - a broken installation raises whatever it likes, and the other engines are to go on
-        return " ".join(f"{type(error).__name__}: {error}".split())
+        return _in_a_line(error)
     return ""
 
 
-def engine_names() -> tuple[str, ...]:
-    """Names of the engines that there are, installed or not."""
-    return ENGINES
-
-
-def declared(name: str) -> Engine:
-    """The engine's declaration, installed or not."""
-    return cast(Engine, importlib.import_module(f"sim_models.{name}.engine").ENGINE)
+def _in_a_line(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 def installed_version(package: str) -> str | None:

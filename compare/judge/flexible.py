@@ -15,19 +15,18 @@ from analytic.mechanism.signals import AXES, Signal
 from compare.judge.discrepancy import Rule
 from compare.judge.reference import Reference
 from compare.judge.signals import DRIVE_TORQUE
-from sim_models.engine import Engine, JointModel, Motion, Request, Trace, Unsupported, check_supported, engine
+from sim_models.engine import Engine, Request, Trace, Unsupported, check_supported, declared, engine, engine_names
 
 OF_DISPLACEMENT = 1e-3  # of a body's displacement: what beams of few elements may be off by
 OF_LENGTH = 1e-9  # of the longest body: rounding, all that there is where nothing moves
 
 
-class Beams:
+class Beams(Engine):
     """An engine whose bodies bend where they have a modulus of elasticity."""
 
-    supports: frozenset[tuple[JointModel, Motion]] = frozenset({("ideal", "static"), ("contact", "static")})
-
     def __init__(self, chosen: Engine) -> None:
-        self.name, self.package, self.effects = chosen.name, chosen.package, chosen.effects
+        self.engine, self.name, self.package, self.effects = chosen, chosen.name, chosen.package, chosen.effects
+        self.supports = chosen.beams
 
     @classmethod
     def of(cls, name: str) -> Beams:
@@ -35,18 +34,17 @@ class Beams:
         raises.
         """
         chosen = engine(name)
-        if "link_flexibility" not in chosen.effects:
+        if not chosen.beams:
+            bending = ", ".join(each for each in engine_names() if declared(each).beams)
             raise Unsupported(
-                f"--flexible: simulator {name!r} has rigid links only; give --simulator exudyn, or leave --flexible out"
+                f"simulator {name!r} has rigid links only; links bend in {bending}, or leave flexible links out"
             )
         return cls(chosen)
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""
-        from sim_models.exudyn.beams import flexible
-
         check_supported(self, request)
-        return flexible(request)
+        return self.engine.simulate_flexible(request)
 
 
 def softened(

@@ -64,7 +64,7 @@ def _print_simulators(result: Simulators, console: Console) -> None:
         more, less = sorted(set(engine.effects) - COMMON_EFFECTS), sorted(COMMON_EFFECTS - set(engine.effects))
         effects = "all common" + "".join(f" + {e}" for e in more) + "".join(f" - {e}" for e in less)
         version = engine.version if engine.status == "installed" else engine.status
-        table.add_row(engine.name, version, *(motions[model] for model in JOINT_MODELS), effects)
+        table.add_row(engine.name, version, *(motions.get(model, "-") for model in JOINT_MODELS), effects)
     console.width = max(console.width, 130)
     console.print(table)
     for engine in result.simulators:

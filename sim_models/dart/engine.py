@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from sim_models.common.simulate import simulate
 from sim_models.dart.world import DartWorld
-from sim_models.engine import COMMON_EFFECTS, JointModel, Motion, Request, Trace
+from sim_models.engine import COMMON_EFFECTS, Engine, JointModel, Motion, Request, Trace
 from sim_models.leapfrog.runs import run
 
 MODELS: tuple[JointModel, ...] = ("ideal", "spring-damper", "contact")
 MOTIONS: tuple[Motion, ...] = ("driven", "static")
 
 
-class DartEngine:
+class DartEngine(Engine):
     """See :class:`sim_models.engine.Engine`."""
 
     name = "dart"

@@ -12,11 +12,21 @@ from __future__ import annotations
 from pathlib import Path
 
 from sim_models.common.simulate import simulate
-from sim_models.engine import COMMON_EFFECTS, JOINT_MODELS, JointModel, Motion, Request, Trace, check_supported
+from sim_models.engine import (
+    COMMON_EFFECTS,
+    JOINT_MODELS,
+    Engine,
+    JointModel,
+    Motion,
+    Pair,
+    Request,
+    Trace,
+    check_supported,
+)
 from sim_models.exudyn.settings import silence
 
 
-class Exudyn:
+class Exudyn(Engine):
     """The engine; see :class:`sim_models.engine.Engine`."""
 
     name = "exudyn"
@@ -25,20 +35,27 @@ class Exudyn:
         (model, motion) for model in JOINT_MODELS for motion in ("static", "driven")
     )
     effects = COMMON_EFFECTS | {"drive_compliance", "link_flexibility"}
+    beams: frozenset[Pair] = frozenset({("ideal", "static"), ("contact", "static")})
+    exports = True
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.
 
         ``steady`` starts in the equilibrium of the same joint model under loads and inertia forces, moving as that
         equilibrium moves with the crank.  Requested angles and courses are the motor's; with a compliant drive the
-        crank lags by torque / stiffness, and ``steady`` is :func:`sim_models.exudyn.steady.crank_behind`.  Links are
-        rigid: flexible ones are asked for from :func:`sim_models.exudyn.beams.flexible`.  Raises SimulationError,
-        Unsupported or AssemblyError.
+        crank lags by torque / stiffness, and ``steady`` is :func:`sim_models.exudyn.steady.crank_behind`.  Raises
+        SimulationError, Unsupported or AssemblyError.
         """
         from sim_models.exudyn.runs import Run
 
         with silence():
             return simulate(self, request, lambda r: Run(r).trace())
+
+    def simulate_flexible(self, request: Request) -> Trace:
+        """Run one request with links of beams.  Raises SimulationError, Unsupported or AssemblyError."""
+        from sim_models.exudyn.beams import flexible
+
+        return flexible(request)
 
     def export(self, request: Request, folder: Path) -> list[Path]:
         """Write a request, and what came of it, as files that run in Exudyn alone.  Raises what

@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from sim_models.common.simulate import simulate
-from sim_models.engine import COMMON_EFFECTS, JOINT_MODELS, JointModel, Motion, Request, Trace, check_supported
+from sim_models.engine import COMMON_EFFECTS, JOINT_MODELS, Engine, JointModel, Motion, Request, Trace, check_supported
 
 
-class MujocoEngine:
+class MujocoEngine(Engine):
     """MuJoCo.  Joints with clearance follow any of the four joint models, in driven and static motion.
 
     With a drive that yields, the requested crank angles, or the course, are the motor's.  Where these repeat themselves
@@ -24,6 +24,7 @@ class MujocoEngine:
         (model, motion) for model in JOINT_MODELS for motion in ("driven", "static")
     )
     effects = COMMON_EFFECTS | {"drive_compliance"}
+    exports = True
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""

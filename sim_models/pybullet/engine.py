@@ -5,17 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 from sim_models.common.simulate import simulate
-from sim_models.engine import COMMON_EFFECTS, JointModel, Motion, Request, Trace, check_supported
+from sim_models.engine import COMMON_EFFECTS, Engine, JointModel, Motion, Request, Trace, check_supported
 from sim_models.leapfrog.runs import run
 from sim_models.pybullet.world import BulletWorld
 
 
-class BulletEngine:
+class BulletEngine(Engine):
     """See :class:`sim_models.engine.Engine`."""
 
     name = "pybullet"
     package = "pybullet"
     effects = COMMON_EFFECTS | {"drive_compliance"}
+    exports = True
     supports: frozenset[tuple[JointModel, Motion]] = frozenset(
         {
             ("ideal", "driven"),

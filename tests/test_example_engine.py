@@ -1,0 +1,103 @@
+"""Engines of other packages, and the documented example of one."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+EXAMPLE = ROOT / "docs" / "example-engine"
+
+
+def installed(folder: Path, name: str, value: str) -> Path:
+    """A package that offers an engine, as pip leaves it in a folder."""
+    info = folder / f"{name.replace('-', '_')}_package-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}-package\nVersion: 1.0\n", encoding="utf-8")
+    (info / "entry_points.txt").write_text(f"[linkage_crosscheck.engines]\n{name} = {value}\n", encoding="utf-8")
+    return folder
+
+
+def compare(*arguments: str, cwd: Path, packages: Path) -> subprocess.CompletedProcess[str]:
+    paths = [str(packages), str(EXAMPLE), os.environ.get("PYTHONPATH", "")]
+    env = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    command = [sys.executable, "-m", "compare", *arguments]
+    return subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=120, check=False)
+
+
+@pytest.fixture(scope="module")
+def packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    project = tomllib.loads((EXAMPLE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    ((name, value),) = project["entry-points"]["linkage_crosscheck.engines"].items()
+    return installed(tmp_path_factory.mktemp("packages"), name, value)
+
+
+def test_the_example_is_short() -> None:
+    assert len((EXAMPLE / "multiplier_engine.py").read_text(encoding="utf-8").splitlines()) < 150
+
+
+@pytest.mark.parametrize("case", ["paper", "crank-rocker", "six-bar"])
+@pytest.mark.parametrize("motion", ["driven", "static"])
+def test_the_example_agrees_with_the_analytic_model(case: str, motion: str, packages: Path, tmp_path: Path) -> None:
+    asked = ["--simulator", "multipliers", "--case", case, "--motion", motion, "--json", "--out", "out"]
+    done = compare(*asked, cwd=tmp_path, packages=packages)
+    assert done.returncode == 0, done.stderr
+    (run,) = json.loads(done.stdout)["runs"]
+    assert run["simulator"] == {"name": "multipliers", "version": "1.0"}
+    assert run["joint_model"] == "ideal"
+    assert max(abs(d["max"]) / d["tolerance"] for d in run["discrepancies"]) < 1e-6
+
+
+def test_it_stands_beside_the_built_in_ones(packages: Path, tmp_path: Path) -> None:
+    listed = json.loads(compare("simulators", "--json", cwd=tmp_path, packages=packages).stdout)["simulators"]
+    (mine,) = (engine for engine in listed if engine["name"] == "multipliers")
+    assert mine["status"] == "installed"
+    assert {s["joint_model"]: s["motions"] for s in mine["supports"]}["ideal"] == ["driven", "static"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--case", "slider-crank"], "joint 'S' is no plain pin"),
+        (["--joint", "contact"], "multipliers does not simulate contact joints in driven motion"),
+        (["--flexible", "--motion", "static"], "'multipliers' has rigid links only"),
+    ],
+)
+def test_what_it_does_not_do_is_refused(arguments: list[str], words: str, packages: Path, tmp_path: Path) -> None:
+    done = compare("--simulator", "multipliers", *arguments, cwd=tmp_path, packages=packages)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert words in done.stderr
+
+
+OFFERS = {
+    "a module that is not there": (
+        "mine",
+        "nowhere:ENGINE",
+        "simulator 'mine' is left out: its entry point nowhere:ENGINE",
+    ),
+    "no engine": ("mine", "json:dumps", "simulator 'mine' is left out: its entry point json:dumps is no engine"),
+    "the name of a built-in one": (
+        "exudyn",
+        "json:dumps",
+        "simulator 'exudyn' (json:dumps) has the name of a built-in",
+    ),
+}
+
+
+@pytest.mark.parametrize("offer", OFFERS)
+def test_an_offer_that_cannot_be_used_is_one_sentence(offer: str, tmp_path: Path) -> None:
+    name, value, words = OFFERS[offer]
+    packages = installed(tmp_path / "packages", name, value)
+    asked = ["--simulator", "all", "--joint", "ideal", "--angles", "30:40:10", "--out", "out"]
+    done = compare(*asked, cwd=tmp_path, packages=packages)
+    assert done.returncode == 0, done.stderr
+    (line,) = (line for line in done.stderr.splitlines() if words in line)
+    assert line.startswith("left out: ")
+    listed = compare("simulators", cwd=tmp_path, packages=packages)
+    assert listed.returncode == 0, listed.stderr
