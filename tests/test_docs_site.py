@@ -60,7 +60,7 @@ def test_every_option_of_every_command_is_there(reference: ModuleType) -> None:
         help_ = CliRunner().invoke(app, [*words, "--help"], terminal_width=200)
         assert help_.exit_code == 0
         for option in set(re.findall(r"(?m)^  (--[\w-]+)", help_.stdout)) - {"--help"}:
-            assert f"`{option}" in section, f"{words}: {option}"
+            assert f"<code>{option}" in section, f"{words}: {option}"
 
 
 def test_every_field_of_every_schema_is_there(reference: ModuleType) -> None:

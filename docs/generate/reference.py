@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import html
 import inspect
 import io
 import json
@@ -33,6 +34,11 @@ def escaped(text: str) -> str:
     return re.sub(r"([*_\[\]])", r"\\\1", text.replace("<", "&lt;"))
 
 
+def code(text: str) -> str:
+    """Text in the type of code; unlike between backticks, a pipe in it is no end of a table's cell."""
+    return f"<code>{html.escape(text, quote=False).replace('|', '&#124;')}</code>"
+
+
 # ---------------------------------------------------------------- commands
 
 
@@ -54,7 +60,7 @@ def commands() -> str:
     for name, command in _command_tree("compare", typer.main.get_command(app)):
         context = command.make_context(name, [], resilient_parsing=True)
         records = [record for p in command.get_params(context) if (record := p.get_help_record(context))]
-        rows = [[f"`{option}`", escaped(text)] for option, text in records if not option.startswith(("-h", "--help"))]
+        rows = [[code(option), escaped(text)] for option, text in records if not option.startswith(("-h", "--help"))]
         parts += [
             f"## {name}\n",
             escaped(inspect.cleandoc(command.help or "")) + "\n",
