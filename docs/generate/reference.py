@@ -126,43 +126,30 @@ def schemas() -> str:
 # ---------------------------------------------------------------- what the command lists
 
 
-def printed(*words: str) -> str:
-    """Standard output of a command."""
-    from typer.testing import CliRunner
-
-    from compare.cli.app import app
-
-    shown = CliRunner().invoke(app, list(words))
-    if shown.exit_code:
-        raise RuntimeError(f"compare {' '.join(words)}: exit status {shown.exit_code}: {shown.output}")
-    return shown.stdout
-
-
 def effects() -> str:
     """The vocabulary of the diagnosis."""
-    found = json.loads(printed("effects", "--json"))["effects"]
+    from compare.catalogue import effects as found
+
     rows = [
         [
-            f"`{e['name']}`",
-            escaped(e["says"]),
-            ", ".join(f"{escaped(p['name'])} ({p['unit']})" for p in e["parameters"]),
-            ", ".join(e["simulators"]),
+            f"`{e.name}`",
+            escaped(e.says),
+            ", ".join(f"{escaped(p.name)} ({p.unit})" for p in e.parameters),
+            ", ".join(e.simulators),
         ]
-        for e in found
+        for e in found().effects
     ]
     return table(["effect", "what it says", "parameters", "simulated by"], rows)
 
 
 def simulators() -> str:
     """Which engine does what, whether it is installed or not."""
-    from sim_models.engine import ENGINES, JOINT_MODELS, declared
+    from compare.catalogue import simulators as found
 
-    def cell(engine: Any, model: Any) -> str:
-        motions = [motion for motion in ("driven", "static") if (model, motion) in engine.supports]
-        return ", ".join(motions) or "&ndash;"
-
-    rows = [[f"`{name}`", *(cell(declared(name), model) for model in JOINT_MODELS)] for name in ENGINES]
-    return table(["engine", *JOINT_MODELS], rows)
+    rows = [
+        [f"`{e.name}`", *(", ".join(can.motions) or "&ndash;" for can in e.supports)] for e in found().simulators
+    ]
+    return table(["engine", *(can.joint_model for can in found().simulators[0].supports)], rows)
 
 
 def cases() -> str:
@@ -367,6 +354,37 @@ def seam() -> str:
     return _modules(*SINGLE)
 
 
+def functions() -> str:
+    """The way in from Python: every function, from where it is written."""
+    import linkage_crosscheck as lc
+
+    found = {name: getattr(lc, name) for name in lc.__all__ if name != "check_baselines"}
+    parts = []
+    for name, function in found.items():
+        if inspect.isfunction(function):
+            parts.append(
+                f"::: {function.__module__}.{function.__name__}\n    options:\n"
+                f"      heading: lc.{name}\n      toc_label: lc.{name}\n      heading_level: 3\n"
+            )
+    parts.append("The parts of a mechanism, for one that is made or changed in Python: ")
+    parts.append(", ".join(f"`{c.__module__}.{c.__name__}`" for c in found.values() if inspect.isclass(c)) + ".\n")
+    return "\n".join(parts)
+
+
+def results() -> str:
+    """The documents that the functions give, without their fields."""
+    from compare.results.schemas import documents as found
+
+    def methods(document: type) -> list[str]:
+        own = (name for name, value in vars(document).items() if callable(value) or isinstance(value, property))
+        return [name for name in own if not name.startswith(("_", "model_"))]
+
+    return "\n".join(
+        f"::: {d.__module__}.{d.__name__}\n    options:\n      heading_level: 3\n      members: {json.dumps(methods(d))}\n"
+        for d in found().values()
+    )
+
+
 CONTENTS: dict[str, Callable[[], str]] = {
     "commands": commands,
     "schemas": schemas,
@@ -377,5 +395,7 @@ CONTENTS: dict[str, Callable[[], str]] = {
     "signals": signals,
     "mechanism-file": mechanism_file,
     "seam": seam,
+    "functions": functions,
+    "documents": results,
     **{f"python-{part}": _python(part) for part in PYTHON},
 }
