@@ -11,6 +11,7 @@ from html.parser import HTMLParser
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -113,6 +114,45 @@ def test_the_numbers_that_decide_are_found(reference: ModuleType) -> None:
     found = cells(reference.decisions())
     assert len(found) == len(reference.DECISIONS)
     assert all(float(value) > 0 for _, value, _ in found)
+
+
+# ---------------------------------------------------------------- the notebook
+
+NOTEBOOK = DOCS / "tutorial" / "python.ipynb"
+
+
+def code_cells() -> list[dict[str, Any]]:
+    """The notebook's cells of code."""
+    cells: list[dict[str, Any]] = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
+    return [cell for cell in cells if cell["cell_type"] == "code"]
+
+
+def test_the_notebook_needs_nothing_of_the_project_but_its_way_in() -> None:
+    text = "\n".join("".join(cell["source"]) for cell in code_cells())
+    imported = re.findall(r"(?m)^(?:import|from) (\w+)", text)
+    assert "linkage_crosscheck" in imported
+    assert set(imported) <= {"linkage_crosscheck", "numpy", *sys.stdlib_module_names}
+
+
+def test_the_notebook_is_committed_without_outputs() -> None:
+    assert all(not cell["outputs"] and cell["execution_count"] is None for cell in code_cells())
+
+
+@pytest.mark.slow
+def test_the_notebook_runs_and_shows_the_paper_s_number() -> None:
+    sys.path.insert(0, str(DOCS / "generate"))
+    try:
+        import notebook
+    finally:
+        sys.path.pop(0)
+    shown = notebook.page(NOTEBOOK)
+    assert "first_order  (0.0087, 0.0050) m" in shown  # as printed in section 4
+    assert "equilibrium  (0.0082, 0.0057) m" in shown
+    assert "paper: agrees" in shown
+    assert shown.count("data:image/png;base64,") >= 2
+
+
+# ---------------------------------------------------------------- the site
 
 
 class Loaded(HTMLParser):

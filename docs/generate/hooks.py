@@ -50,14 +50,15 @@ def _places() -> dict[str, str]:
     return OUTSIDE | {name: "evidence/" + name.removeprefix("reports/") for name in pictures}
 
 
-PLACES = _places()
-SOURCES = {site: source for source, site in PLACES.items()}
+FILES = _places()
+SOURCES = {site: source for source, site in FILES.items()}
+PLACES = FILES | {f"docs/{NOTEBOOK}": "tutorial/python.md"}  # a link to the notebook leads to its page
 _made: list[str] = []  # folders to be removed when the site is built
 
 
 def on_files(files: Files, config: Any, **_: Any) -> Files:
     """Add what is not in this folder."""
-    for source, site in PLACES.items():
+    for source, site in FILES.items():
         files.append(File.generated(config, site, abs_src_path=str(ROOT / source)))
     folder = tempfile.mkdtemp()
     _made.append(folder)

@@ -41,11 +41,12 @@ def _shown(output: Any) -> str:
 
 def page(path: Path) -> str:
     """The notebook as Markdown, outputs included."""
-    parts = []
+    parts: list[str] = []
     for cell in executed(path).cells:
         if cell.cell_type == "markdown":
             parts.append(cell.source + "\n")
             continue
         parts.append(f"```python\n{cell.source}\n```\n")
         parts += [_shown(output) for output in cell.outputs]
+    parts.insert(1, f'<p><a href="{path.name}" download>Download this page as a notebook</a></p>\n')
     return "\n".join(parts)

@@ -93,6 +93,7 @@ def _kind(node: Mapping[str, Any]) -> str:
     kind = node.get("type", "any")
     inner = node.get({"array": "items", "object": "additionalProperties"}.get(str(kind), ""))
     of = f" of {_kind(inner)}" if isinstance(inner, dict) else ""
+    of = f" of ({of[4:]})" if " or " in of else of
     return " or ".join(kind) if isinstance(kind, list) else f"{kind}{of}"
 
 
@@ -146,9 +147,7 @@ def simulators() -> str:
     """Which engine does what, whether it is installed or not."""
     from compare.catalogue import simulators as found
 
-    rows = [
-        [f"`{e.name}`", *(", ".join(can.motions) or "&ndash;" for can in e.supports)] for e in found().simulators
-    ]
+    rows = [[f"`{e.name}`", *(", ".join(can.motions) or "&ndash;" for can in e.supports)] for e in found().simulators]
     return table(["engine", *(can.joint_model for can in found().simulators[0].supports)], rows)
 
 
