@@ -379,7 +379,8 @@ def results() -> str:
         return [name for name in own if not name.startswith(("_", "model_"))]
 
     return "\n".join(
-        f"::: {d.__module__}.{d.__name__}\n    options:\n      heading_level: 3\n      members: {json.dumps(methods(d))}\n"
+        f"::: {d.__module__}.{d.__name__}\n    options:\n      heading: {d.__name__}\n      heading_level: 3\n"
+        f"      members: {json.dumps(methods(d))}\n"
         for d in found().values()
     )
 
