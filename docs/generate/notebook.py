@@ -17,7 +17,9 @@ def executed(path: Path) -> Any:
     environment = os.environ.copy()
     try:
         os.environ.setdefault("MPLBACKEND", "module://matplotlib_inline.backend_inline")
-        NotebookClient(book, timeout=300, resources={"metadata": {"path": str(path.parent)}}).execute()
+        quiet = ["--log-level=ERROR"]
+        where = {"metadata": {"path": str(path.parent)}}
+        NotebookClient(book, timeout=300, resources=where, extra_arguments=quiet).execute()
     finally:
         os.environ.clear()
         os.environ.update(environment)
