@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from pathlib import Path
 from typing import Any
@@ -14,15 +13,8 @@ from nbclient import NotebookClient
 def executed(path: Path) -> Any:
     """The notebook with its outputs.  Raises CellExecutionError where a cell fails."""
     book = nbformat.read(path, as_version=4)
-    environment = os.environ.copy()
-    try:
-        os.environ.setdefault("MPLBACKEND", "module://matplotlib_inline.backend_inline")
-        quiet = ["--log-level=ERROR"]
-        where = {"metadata": {"path": str(path.parent)}}
-        NotebookClient(book, timeout=300, resources=where, extra_arguments=quiet).execute()
-    finally:
-        os.environ.clear()
-        os.environ.update(environment)
+    where = {"metadata": {"path": str(path.parent)}}
+    NotebookClient(book, timeout=300, resources=where, extra_arguments=["--log-level=ERROR"]).execute()
     return book
 
 
