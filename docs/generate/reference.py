@@ -357,7 +357,7 @@ def functions() -> str:
     """The way in from Python: every function, from where it is written."""
     import linkage_crosscheck as lc
 
-    found = {name: getattr(lc, name) for name in lc.__all__ if name != "check_baselines"}
+    found = {name: getattr(lc, name) for name in lc.__all__}
     parts = []
     for name, function in found.items():
         if inspect.isfunction(function):
