@@ -1,0 +1,405 @@
+"""The reference pages' contents, read from the code: commands, schemas, effects, engines, signals, mechanism files.
+
+Each function of :data:`CONTENTS` returns Markdown.  A page asks for one with a line ``<!-- generate: name -->``.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import html
+import inspect
+import io
+import json
+import pkgutil
+import re
+import tokenize
+from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module, resources
+from types import ModuleType
+from typing import Any
+
+ROW = re.compile(r"\s+")
+
+
+def table(heads: list[str], rows: list[list[str]]) -> str:
+    """A Markdown table; cells lose line breaks, and their pipes are escaped."""
+    lines = [heads, ["---"] * len(heads), *rows]
+    cells = [[ROW.sub(" ", cell).replace("|", "\\|").strip() for cell in line] for line in lines]
+    return "\n".join(f"| {' | '.join(line)} |" for line in cells) + "\n"
+
+
+def escaped(text: str) -> str:
+    """Plain text as Markdown: angle brackets, stars, underscores and square brackets stand for themselves."""
+    return re.sub(r"([*_\[\]])", r"\\\1", text.replace("<", "&lt;"))
+
+
+def code(text: str) -> str:
+    """Text in the type of code; unlike between backticks, a pipe in it is no end of a table's cell."""
+    return f"<code>{html.escape(text, quote=False).replace('|', '&#124;')}</code>"
+
+
+# ---------------------------------------------------------------- commands
+
+
+def _command_tree(name: str, command: Any) -> Iterator[tuple[str, Any]]:
+    """A command and those below it, by full name, in the order of its help."""
+    yield name, command
+    for below in getattr(command, "commands", {}).values():
+        if not below.hidden:
+            yield from _command_tree(f"{name} {below.name}", below)
+
+
+def commands() -> str:
+    """Every command with its usage, its help and its options."""
+    import typer
+
+    from compare.cli.app import app
+
+    parts = []
+    for name, command in _command_tree("compare", typer.main.get_command(app)):
+        context = command.make_context(name, [], resilient_parsing=True)
+        records = [record for p in command.get_params(context) if (record := p.get_help_record(context))]
+        rows = [[code(option), escaped(text)] for option, text in records if not option.startswith(("-h", "--help"))]
+        parts += [
+            f"## {name}\n",
+            escaped(inspect.cleandoc(command.help or "")) + "\n",
+            f"```text\n{command.get_usage(context)}\n```\n",
+            table(["argument or option", "meaning"], rows) if rows else "",
+        ]
+    return "\n".join(parts)
+
+
+# ---------------------------------------------------------------- JSON Schemas
+
+
+def schema_files() -> dict[str, dict[str, Any]]:
+    """The JSON Schemas that ship with the package, by file name."""
+    folder = resources.files("compare").joinpath("schemas")
+    names = sorted(p.name for p in folder.iterdir() if p.name.endswith(".json"))
+    return {name: json.loads(folder.joinpath(name).read_text(encoding="utf-8")) for name in names}
+
+
+def _kind(node: Mapping[str, Any]) -> str:
+    """What a value may be, in a few words."""
+    if "$ref" in node:
+        return f"*{escaped(node['$ref'].rpartition('/')[2])}*"
+    values = [node["const"]] if "const" in node else node.get("enum")
+    if values is not None:
+        return ", ".join(f"`{json.dumps(value)}`" for value in values)
+    either = node.get("anyOf", node.get("oneOf"))
+    if either is not None:
+        return " or ".join(_kind(one) for one in either)
+    kind = node.get("type", "any")
+    inner = node.get({"array": "items", "object": "additionalProperties"}.get(str(kind), ""))
+    of = f" of {_kind(inner)}" if isinstance(inner, dict) else ""
+    of = f" of ({of[4:]})" if " or " in of else of
+    return " or ".join(kind) if isinstance(kind, list) else f"{kind}{of}"
+
+
+def _rows(node: Mapping[str, Any], path: str = "") -> Iterator[list[str]]:
+    """Path, kind, whether it may be left out, and meaning of everything that lies inside a node."""
+    if isinstance(node.get("items"), dict):
+        yield from _rows(node["items"], f"{path}[]")
+    if isinstance(node.get("additionalProperties"), dict):
+        yield from _rows(node["additionalProperties"], f"{path}.*" if path else "*")
+    for name, inner in node.get("properties", {}).items():
+        full = f"{path}.{name}" if path else name
+        optional = "" if name in node.get("required", ()) else "optional"
+        yield [f"`{full}`", _kind(inner), optional, escaped(inner.get("description", ""))]
+        yield from _rows(inner, full)
+
+
+def schemas() -> str:
+    """A table for each JSON Schema, and for each definition inside it."""
+    heads = ["field", "value", "", "meaning"]
+    parts = []
+    for name, schema in schema_files().items():
+        parts += [f"## {name}\n", escaped(schema.get("description", "")) + "\n", table(heads, list(_rows(schema)))]
+        for inner, node in schema.get("$defs", {}).items():
+            parts.append(f"### {inner} {{ #{name.removesuffix('.json')}-{inner} }}\n")
+            parts.append(escaped(node.get("description", "")) + "\n")
+            rows = list(_rows(node))
+            parts.append(table(heads, rows) if rows else f"{_kind(node)}\n")
+    return "\n".join(parts)
+
+
+# ---------------------------------------------------------------- what the command lists
+
+
+def effects() -> str:
+    """The vocabulary of the diagnosis."""
+    from compare.catalogue import effects as found
+
+    rows = [
+        [
+            f"`{e.name}`",
+            escaped(e.says),
+            ", ".join(f"{escaped(p.name)} ({p.unit})" for p in e.parameters),
+            ", ".join(e.simulators),
+        ]
+        for e in found().effects
+    ]
+    return table(["effect", "what it says", "parameters", "simulated by"], rows)
+
+
+def simulators() -> str:
+    """Which engine does what, whether it is installed or not."""
+    from compare.catalogue import simulators as found
+
+    rows = [[f"`{e.name}`", *(", ".join(can.motions) or "&ndash;" for can in e.supports)] for e in found().simulators]
+    return table(["engine", *(can.joint_model for can in found().simulators[0].supports)], rows)
+
+
+def cases() -> str:
+    """The mechanisms that ship with the package, each with the comment at the head of its file."""
+    rows = []
+    for path in sorted(resources.files("analytic.mechanism").joinpath("cases").iterdir(), key=lambda p: p.name):
+        first = path.read_text(encoding="utf-8").splitlines()[0]
+        rows.append([f"`{path.name.removesuffix('.toml')}`", escaped(first.removeprefix("# "))])
+    return table(["case", "what it is"], rows)
+
+
+# ---------------------------------------------------------------- the numbers that decide a diagnosis
+
+DECISIONS = (
+    ("Probability that noise alone names anything at all", "CHANCE"),
+    ("Effects at once, at most", "search.MOST"),
+    ("Chi-squared that an effect must gain on held-out data", "HELD_OUT"),
+    ("Chi-squared within which two explanations tie (four standard deviations)", "TIE"),
+    ("Standard deviations by which a proposed run must part two explanations", "ENOUGH"),
+    ("Gap, in noise floors, up to which it counts as closed", "CLOSED"),
+    ("Standard deviations of a stretch that is listed", "SURE"),
+    ("Segments of a run", "SEGMENTS"),
+    ("Folds that share the segments", "FOLDS"),
+)
+
+
+def decisions() -> str:
+    """The thresholds of the diagnosis, with where they stand.  Raises LookupError for one that no longer does."""
+    modules = [import_module(name) for name in public_modules("compare.diagnose")]
+    rows = []
+    for meaning, name in DECISIONS:
+        within, _, constant = name.rpartition(".")
+        assigned = re.compile(rf"(?m)^{constant}\b[^=\n]*=")
+        places = [m for m in modules if m.__name__.endswith(within) and assigned.search(inspect.getsource(m))]
+        if len(places) != 1:
+            raise LookupError(f"{name} is assigned in {[m.__name__ for m in places]}, not in one module")
+        rows.append([meaning, f"{getattr(places[0], constant):g}", f"`{places[0].__name__}.{constant}`"])
+    return table(["what", "value", "in the code"], rows)
+
+
+# ---------------------------------------------------------------- signals
+
+MEANING = {
+    ("reaction", "x"): "force of the joint's first body on its second, ground frame",
+    ("reaction", "y"): "the same",
+    ("reaction", "angle"): "its direction from the ground's x axis: the paper's &gamma;",
+    ("reaction", "magnitude"): "its size",
+    ("reaction", "moment"): "prismatic joints: moment on the second body, about that body's point",
+    ("clearance", "x"): "revolute joints: first pin's centre minus the second's, ground frame: the paper's &epsilon;",
+    ("clearance", "y"): "the same",
+    (
+        "rotation",
+        "angle",
+    ): "how far clearance turns the body: displaced minus ideal angle; the coupler's is the paper's &psi;",
+    ("pose", "angle"): "angle of the body's x axis from the ground's; continued along a run, never wrapped",
+    ("pose", "x"): "position of the body's marker (its centre of mass, unless the file says otherwise), ground frame",
+    ("pose", "y"): "the same",
+    ("rate", "angular_velocity"): "rate of the body's angle",
+    ("drive", "torque"): "torque of the motor on the driven body",
+}
+
+
+def signals() -> str:
+    """Every kind of signal that a linkage of revolute and prismatic joints has."""
+    from analytic.mechanism import signals as module
+    from analytic.mechanism.file import load
+
+    linkage = load("slider-crank")
+    rows: dict[str, list[str]] = {}
+    for signal in module.signals(linkage.bodies, linkage.joints):
+        of_joint = signal.kind in ("reaction", "clearance")
+        name = (
+            signal.name.replace(signal.place, "<joint>" if of_joint else "<body>", 1) if signal.place else signal.name
+        )
+        rows.setdefault(name, [f"`{name}`", signal.unit, MEANING[signal.kind, signal.component]])
+    return table(["signal", "unit", "meaning"], list(rows.values()))
+
+
+# ---------------------------------------------------------------- mechanism files
+
+
+MEANS = {
+    ("Mechanism", "name"): "what reports call the linkage",
+    ("Mechanism", "gravity"): "m/s²; left out: none",
+    ("Mechanism", "ground"): "the fixed link, see below",
+    ("Mechanism", "body"): "`[[body]]`, one for each moving link",
+    ("Mechanism", "joint"): "`[[joint]]`, one for each joint",
+    ("Mechanism", "drive"): "the motor; left out: none",
+    ("Mechanism", "load"): "`[[load]]`, any number",
+    ("Mechanism", "assembly"): "rad by body: roughly the angles at which the linkage is assembled",
+    ("Ground", "points"): "m by joint, ground frame",
+    ("Body", "name"): "also the beginning of its signals' names",
+    ("Body", "points"): "m by joint, body frame",
+    ("Joint", "name"): "also the name of the point in both of its bodies",
+    ("Joint", "type"): '`"revolute"` or `"prismatic"`',
+    ("Joint", "bodies"): "the two bodies (or `ground`); the reaction is the force of the first on the second",
+    ("Joint", "restitution"): "share of its speed with which a pin leaves the wall, 0 to 1",
+    ("Joint", "elasticity"): "Eq. 4, see below; left out: rigid",
+    ("Elasticity", "translation"): "N/m along x, y and z",
+    ("Elasticity", "rotation"): "N.m/rad about x and y",
+    ("Drive", "joint"): "a revolute joint on the ground",
+    ("Drive", "speed"): 'rad/s, constant; or `"free"` (released at the assembly angles) or `"measured"` (follows data)',
+    ("Drive", "ripple"): "unevenness of the motor, see below",
+    ("Ripple", "amplitude"): "rad",
+    ("Ripple", "harmonic"): "how often in a turn",
+    ("Load", "body"): "where it acts",
+    ("Load", "point"): 'a point of the body, or `"com"`: its marker',
+    ("Load", "force"): "N, ground frame, fixed in direction",
+    ("Load", "torque"): "N.m",
+}  # of fields beside which the code has no comment, or hardly one
+
+
+def _comments(model: type) -> dict[str, str]:
+    """The comment that stands beside each field of a class, by field."""
+    source = inspect.cleandoc("\n" + inspect.getsource(model))
+    said = {
+        token.start[0]: token.string.lstrip("# ")
+        for token in tokenize.generate_tokens(io.StringIO(source).readline)
+        if token.type == tokenize.COMMENT
+    }
+    found = {}
+    (node,) = ast.parse(source).body
+    assert isinstance(node, ast.ClassDef)
+    for line in node.body:
+        if isinstance(line, ast.AnnAssign) and isinstance(line.target, ast.Name):
+            beside = [said[n] for n in range(line.lineno, (line.end_lineno or line.lineno) + 1) if n in said]
+            found[line.target.id] = " ".join(beside)
+    return found
+
+
+def _default(field: Any) -> str:
+    if field.is_required():
+        return "required"
+    value = field.get_default(call_default_factory=True)
+    if value is None or value in ((), {}):
+        return "&ndash;"
+    return f"`{json.dumps(value)}`"
+
+
+def mechanism_file() -> str:
+    """The fields of a mechanism file, table by table."""
+    from analytic.mechanism import model, parts
+
+    headings = (
+        ("Top level", model.Mechanism),
+        ("[ground]", parts.Ground),
+        ("[[body]]", parts.Body),
+        ("[[joint]]", parts.Joint),
+        ("elasticity of a joint", parts.Elasticity),
+        ("[drive]", parts.Drive),
+        ("ripple of a drive", parts.Ripple),
+        ("[[load]]", parts.Load),
+    )
+    out = []
+    for heading, part in headings:
+        comments = _comments(part)
+        rows = [
+            [
+                f"`{field.alias or name}`",
+                _default(field),
+                MEANS.get((part.__name__, field.alias or name)) or escaped(field.description or comments[name]),
+            ]
+            for name, field in part.model_fields.items()
+            if not field.exclude
+        ]
+        out.append(f"### `{heading}`\n" if heading.startswith("[") else f"### {heading}\n")
+        out.append(table(["field", "default", "meaning"], rows))
+    return "\n".join(out)
+
+
+# ---------------------------------------------------------------- Python
+
+
+def public_modules(package: str) -> list[str]:
+    """A package and all public modules below it that say something."""
+    found: ModuleType = import_module(package)
+    names = [package, *(m.name for m in pkgutil.walk_packages(found.__path__, f"{package}."))]
+    return [name for name in names if "._" not in name]
+
+
+def _modules(*names: str) -> str:
+    return "\n".join(f"::: {name}\n" for name in names)
+
+
+PYTHON: dict[str, tuple[str, ...]] = {
+    "mechanism": ("analytic.mechanism",),
+    "kinematics": ("analytic.kinematics",),
+    "paper": ("analytic.paper",),
+    "beyond": ("analytic.beyond_paper",),
+}
+SINGLE = ("sim_models.engine", "sim_models.common.contact_laws", "compare.diagnose.effects.effect")
+
+
+@functools.cache
+def documented() -> tuple[str, ...]:
+    """Every module that the reference has a section for."""
+    return (*(m for names in PYTHON.values() for name in names for m in public_modules(name)), *SINGLE)
+
+
+def _python(part: str) -> Callable[[], str]:
+    return lambda: _modules(*(m for name in PYTHON[part] for m in public_modules(name)))
+
+
+def seam() -> str:
+    """The modules that an engine or an effect of somebody's own is written against."""
+    return _modules(*SINGLE)
+
+
+def functions() -> str:
+    """The way in from Python: every function, from where it is written."""
+    import linkage_crosscheck as lc
+
+    found = {name: getattr(lc, name) for name in lc.__all__}
+    parts = []
+    for name, function in found.items():
+        if inspect.isfunction(function):
+            parts.append(
+                f"::: {function.__module__}.{function.__name__}\n    options:\n"
+                f"      heading: lc.{name}\n      toc_label: lc.{name}\n      heading_level: 3\n"
+            )
+    parts.append("The parts of a mechanism, for one that is made or changed in Python: ")
+    parts.append(", ".join(f"`{c.__module__}.{c.__name__}`" for c in found.values() if inspect.isclass(c)) + ".\n")
+    return "\n".join(parts)
+
+
+def results() -> str:
+    """The documents that the functions give, without their fields."""
+    from compare.results.schemas import documents as found
+
+    def methods(document: type) -> list[str]:
+        own = (name for name, value in vars(document).items() if callable(value) or isinstance(value, property))
+        return [name for name in own if not name.startswith(("_", "model_"))]
+
+    return "\n".join(
+        f"::: {d.__module__}.{d.__name__}\n    options:\n      heading: {d.__name__}\n      heading_level: 3\n"
+        f"      members: {json.dumps(methods(d))}\n"
+        for d in found().values()
+    )
+
+
+CONTENTS: dict[str, Callable[[], str]] = {
+    "commands": commands,
+    "schemas": schemas,
+    "effects": effects,
+    "simulators": simulators,
+    "decisions": decisions,
+    "cases": cases,
+    "signals": signals,
+    "mechanism-file": mechanism_file,
+    "seam": seam,
+    "functions": functions,
+    "documents": results,
+    **{f"python-{part}": _python(part) for part in PYTHON},
+}
