@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import subprocess
-import sys
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import commands
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load, shipped_cases
 from compare.cli.baseline import check_one, file_of, update_one
@@ -27,11 +26,8 @@ ROOT = Path(__file__).parent.parent
 PAPER = load("paper")
 
 
-def compare(*arguments: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "compare", "baseline", *arguments]
-    return subprocess.run(
-        command, cwd=cwd, env=os.environ | environment, capture_output=True, text=True, timeout=300, check=False
-    )
+def compare(*arguments: str, cwd: Path) -> commands.Ended:
+    return commands.compare("baseline", *arguments, cwd=cwd)
 
 
 def update(folder: Path, fault: Planted, mechanism: Mechanism = PAPER) -> None:
@@ -163,17 +159,8 @@ def test_a_misspelt_name_is_status_2(option: str, value: str, tmp_path: Path) ->
 
 
 def test_a_simulator_that_is_not_installed_is_status_3(tmp_path: Path) -> None:
-    hide = (
-        "import sys, importlib.util as u; f = u.find_spec; u.find_spec = lambda n, p=None: None if n == 'mujoco' else"
-        " f(n, p)"
-    )
-    run = (
-        f"{hide}; sys.argv = ['compare', 'baseline', 'check', '--simulator', 'mujoco']; from compare.cli.app import"
-        " main; main()"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", run], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
-    )
+    with commands.without("mujoco"):
+        done = compare("check", "--simulator", "mujoco", cwd=tmp_path)
     assert done.returncode == 3
     assert "pip install 'linkage-crosscheck[mujoco]'" in done.stderr
 
@@ -429,18 +416,20 @@ def test_every_shipped_case_has_a_baseline_in_every_engine(case: str, name: str)
 
 
 @pytest.mark.slow
+@pytest.mark.mujoco
 def test_the_committed_baselines_hold() -> None:
     done = compare("check", "--simulator", "mujoco", cwd=ROOT)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.mark.slow
+@pytest.mark.mujoco
 def test_the_committed_baselines_hold_with_the_arithmetic_of_another_processor() -> None:
     other = {
         "OPENBLAS_CORETYPE": "Prescott",
         "NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3 AVX512F AVX512CD AVX512_SKX X86_V3 X86_V4",
     }
-    done = compare("check", "--simulator", "mujoco", cwd=ROOT, **other)
+    done = commands.compare_alone("baseline", "check", "--simulator", "mujoco", cwd=ROOT, **other)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -4,7 +4,6 @@ others go on.
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import os
 import subprocess
@@ -27,8 +26,7 @@ FAULTS = {
 }
 RIG = Path(__file__).parents[1] / "docs" / "example-rig"
 REPORTS = Path(__file__).parents[1] / "reports"
-ABSENT = [name for name in ("mujoco", "exudyn") if importlib.util.find_spec(declared(name).package) is None]
-pytestmark = pytest.mark.skipif(bool(ABSENT), reason=f"takes mujoco and exudyn; not installed: {', '.join(ABSENT)}")
+pytestmark = [pytest.mark.mujoco, pytest.mark.exudyn]
 
 
 def break_engine(folder: Path, package: str, fault: str) -> None:

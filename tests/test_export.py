@@ -23,7 +23,7 @@ from linkages import inverted_slider
 from sim_models.engine import ENGINES, JOINT_MODELS, Request, Trace, declared, installed_version
 from sim_models.mujoco.engine import ENGINE
 
-pytest.importorskip("mujoco")
+pytestmark = pytest.mark.mujoco
 
 # of the largest value of a signal's kind; at rest, contact of 1e8 N/m makes forces of positions, whose rounding is
 # 1e-16 m

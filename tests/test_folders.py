@@ -56,13 +56,19 @@ NAMES = {
     "compare --simulator mujoco --motion driven": "paper-mujoco",
     "compare --simulator mujoco --motion static": "paper-mujoco-static",
     "compare --clearance B=2e-4,E=1e-4 --simulator mujoco": "paper-mujoco-B=2e-4,E=1e-4",
-    "compare --simulator mujoco --angles=-20:160:5 --joint contact --flexible": "paper-mujoco-contact-angles=-20_160_5-flexible",
+    "compare --simulator mujoco --angles=-20:160:5 --joint contact --flexible": (
+        "paper-mujoco-contact-angles=-20_160_5-flexible"
+    ),
     "compare --simulator mujoco --tolerance ../my/tol.toml": "paper-mujoco-tolerance=.._my_tol.toml",
     "compare accuracy --samples 20000": "paper-accuracy",
-    "compare accuracy --clearance D=1e-4 --seed 7 --output B --output coupler.angle": "paper-accuracy-D=1e-4-output=B,coupler.angle-seed=7",
+    "compare accuracy --clearance D=1e-4 --seed 7 --output B --output coupler.angle": (
+        "paper-accuracy-D=1e-4-output=B,coupler.angle-seed=7"
+    ),
     "compare validity --speeds 60,600 --clearances 1e-4 --workers 2": "paper-validity-speeds=60,600-clearances=1e-4",
     "compare diagnose a.toml": "paper-diagnosis",
-    "compare diagnose a.toml --only gravity --only payload@coupler --simulator exudyn": "paper-diagnosis-exudyn-only=gravity,payload@coupler",
+    "compare diagnose a.toml --only gravity --only payload@coupler --simulator exudyn": (
+        "paper-diagnosis-exudyn-only=gravity,payload@coupler"
+    ),
 }
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -17,16 +16,10 @@ from compare.judge.discrepancy import load_tolerances
 from linkages import inverted_slider, jansen_leg
 from sim_models.common.health import LIMITS, Implausible, check, misses
 from sim_models.common.journal import free_share
-from sim_models.engine import ENGINES, Request, SimulationError, Trace, declared, engine
+from sim_models.engine import ENGINES, Request, SimulationError, Trace, engine
 
 TURN = np.radians(np.arange(10.0, 360.0, 25.0))
 KEPT = 0.5  # of what a check allows: good runs leave at least the other half
-
-
-def installed(name: str) -> str:
-    if importlib.util.find_spec(declared(name).package) is None:
-        pytest.skip(f"{name} is not installed")
-    return name
 
 
 def scaled(m: Mechanism, by: float, **drive: float) -> Mechanism:
@@ -71,7 +64,7 @@ def over(request: Request, trace: Trace, kept: float = 1.0) -> dict[str, float]:
     "name", ["mujoco", *(pytest.param(name, marks=pytest.mark.slow) for name in ENGINES if name != "mujoco")]
 )
 def test_shipped_cases_keep_well_clear_of_every_limit(name: str, case: str) -> None:
-    chosen = engine(installed(name))
+    chosen = engine(name)
     for setup in setups(load(case)):
         request = setup.request
         if (request.joint_model, request.motion) in chosen.supports and not setup.impacting:
@@ -81,7 +74,7 @@ def test_shipped_cases_keep_well_clear_of_every_limit(name: str, case: str) -> N
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["mujoco", "exudyn", "dart"])
 def test_pins_that_fly_and_hit_keep_clear_of_them_too(name: str) -> None:
-    chosen = engine(installed(name))
+    chosen = engine(name)
     for setup in setups(load("crank-rocker")):
         if setup.impacting and (setup.request.joint_model, "driven") in chosen.supports:
             request = replace(setup.request, crank_angle=setup.request.crank_angle[:720])
@@ -110,9 +103,9 @@ def test_a_run_of_heavier_inertia_than_the_linkage_has_is_found() -> None:
         check(request, trace)
 
 
+@pytest.mark.pybullet
 def test_bullet_in_a_micrograms_linkage_is_found() -> None:
     """At 1:1000, in SI units, it answers 3e11 N where 4e-11 N are right."""
-    installed("pybullet")
     from sim_models.leapfrog.runs import run
     from sim_models.pybullet.world import BulletWorld
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Mapping
 
 import numpy as np
@@ -22,12 +21,11 @@ from sim_models.engine import (
     SimulationError,
     Trace,
     Unsupported,
-    declared,
     engine,
 )
 from sim_models.mujoco.engine import ENGINE
 
-pytest.importorskip("mujoco")
+pytestmark = pytest.mark.mujoco
 
 PAPER = load("paper")
 RANGE = np.radians(np.arange(20.0, 161.0, 5.0))
@@ -308,6 +306,7 @@ def test_a_pin_that_nothing_presses_has_no_static_place() -> None:
         ENGINE.simulate(Request(PAPER.replace(loads=()), "contact", "static", RANGE))
 
 
+@pytest.mark.slow
 def test_a_slow_crank_is_not_moved_aside_by_reactions_in_minutes() -> None:
     """Two minutes under 50 N; the motor's armature of 1e9 kg.m^2 alone would gain 3e-5 rad in them."""
     theta = np.radians([20.0, 90.0, 160.0])
@@ -356,8 +355,6 @@ def test_at_rest_a_mass_is_nothing_but_a_weight() -> None:
 def test_a_run_without_end_is_refused_before_it_begins(
     name: str, joint_model: JointModel, speed: float, clearance: float
 ) -> None:
-    if importlib.util.find_spec(declared(name).package) is None:
-        pytest.skip(f"{name} is not installed")
     m = at_speed(load("paper"), speed=speed).with_clearances({"B": clearance})
     with pytest.raises(SimulationError, match=r"would take .* steps of .* s, and .* are the most; raise drive\.speed"):
         engine(name).simulate(Request(m, joint_model, "driven", np.radians([20.0, 160.0])))

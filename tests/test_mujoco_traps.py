@@ -20,7 +20,8 @@ FOUR_BAR = """
 <mujoco>
   <option gravity="0 0 -9.81" integrator="{integrator}" timestep="1e-3"/>
   <worldbody>
-    <body name="crank"><joint type="hinge" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .1 0 .1" size=".01" contype="0" conaffinity="0"/>
+    <body name="crank"><joint type="hinge" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 .1 0 .1" size=".01" contype="0" conaffinity="0"/>
       <body name="coupler" pos=".1 0 .1"><joint type="hinge" axis="0 1 0"/>
         <geom type="capsule" fromto="0 0 0 .3 0 0" size=".01" contype="0" conaffinity="0"/></body></body>
     <body name="follower" pos=".3 0 0"><joint type="hinge" axis="0 1 0"/>

@@ -33,8 +33,6 @@ EVEN = 10 * np.pi * TURN
 
 
 def engine(name: str) -> Engine:
-    if importlib.util.find_spec(PACKAGES[name]) is None:
-        pytest.skip(f"{PACKAGES[name]} is not installed")
     found: Engine = importlib.import_module(f"sim_models.{name}.engine").ENGINE
     return found
 
