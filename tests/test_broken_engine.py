@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from marks import slow
 from sim_models.engine import declared
 
 NO_LIBRARY = "ImportError('libGL.so.1: cannot open shared object file: No such file or directory')"
@@ -115,7 +116,7 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize("what", COMMANDS)
+@pytest.mark.parametrize("what", ["baseline of it", "export", "flexible", *slow("baseline", "validity", "diagnose")])
 def test_every_command_says_so_without_a_traceback(what: str, tmp_path: Path) -> None:
     arguments, said, status = COMMANDS[what]
     break_engine(tmp_path, "exudyn", NO_LIBRARY)

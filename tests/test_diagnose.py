@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 import math
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ import pytest
 import shared
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
-from commands import compare, compare_alone, without
+from commands import Ended, compare, compare_alone, without
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.measured_file import read_file
 from compare.diagnose.data.recording import Measured, MeasuredError
@@ -508,10 +508,11 @@ class WornBush(Effect):
 
 
 OPEN = wrong("joint_clearance", "B", radial_clearance=3e-4)
+PART = Plan("part", 6.0, 0.4, np.linspace(0.0, 0.4, 60), None)  # of a turn: PyBullet takes seconds for a whole one
 
 
 def test_an_engine_that_cannot_simulate_the_explanation_does_not_confirm_it() -> None:
-    data = played(bench(turn("slow", 2.0)), OPEN, source="mujoco")
+    data = played(bench(PART), OPEN, source="mujoco")
     result = diagnose(data, "pybullet", own=(WornBush(),), only=("worn_bush",), others=False, workers=1).result
     assert named(result) == [("worn_bush", "B")]
     assert result["verdict"] == "partly explained"
@@ -522,7 +523,7 @@ def test_an_engine_that_cannot_simulate_the_explanation_does_not_confirm_it() ->
 
 def test_what_the_chosen_engine_lacks_is_said_to_be_the_analytic_models() -> None:
     result = diagnose(
-        played(bench(turn("slow", 2.0)), OPEN, source="mujoco"),
+        played(bench(PART), OPEN, source="mujoco"),
         "pybullet",
         only=("joint_clearance", "viscous_friction"),
         others=False,
@@ -579,6 +580,9 @@ def test_every_engine_can_diagnose(simulator: str) -> None:
 
 
 @pytest.mark.parametrize(
+    "run", [compare, pytest.param(compare_alone, marks=pytest.mark.slow)], ids=["one engine", "as a person runs it"]
+)
+@pytest.mark.parametrize(
     ("truth", "options", "status", "verdict"),
     [
         ((), (), 0, "no gap"),
@@ -588,12 +592,17 @@ def test_every_engine_can_diagnose(simulator: str) -> None:
     ids=["no gap", "explained", "unexplained"],
 )
 def test_the_command(
-    truth: Sequence[Planted], options: Sequence[str], status: int, verdict: str, tmp_path: Path
+    run: Callable[..., Ended],
+    truth: Sequence[Planted],
+    options: Sequence[str],
+    status: int,
+    verdict: str,
+    tmp_path: Path,
 ) -> None:
     rig = bench()
     written(rig, readings(rig, *truth), tmp_path)
     command = ["diagnose", "measured.toml", "--simulator", "mujoco", "--json", "--out", "out", "--workers", "1"]
-    if verdict == "unexplained":  # one with every engine, as a person runs it
+    if run is compare_alone:
         done = compare_alone(*command, *options, cwd=tmp_path)
     else:
         with without("exudyn", "pybullet", "dartpy"):

@@ -13,6 +13,7 @@ from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
+from marks import slow
 from sim_models.engine import (
     JOINT_MODELS,
     JointModel,
@@ -133,7 +134,7 @@ def test_other_linkages_with_ideal_joints(name: str, motion: Motion) -> None:
 
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("model", CLEARANCE_MODELS)
-@pytest.mark.parametrize("joints", ["A", "D", "E", "AB", "DABE"])
+@pytest.mark.parametrize("joints", ["A", "D", "E", *slow("AB"), "DABE"])
 def test_clearance_at_any_joint_and_at_several(model: JointModel, motion: Motion, joints: str) -> None:
     mechanism = PAPER.with_clearances(dict.fromkeys(joints, 1e-3 if len(joints) < 4 else 1e-4))
     theta = RANGE[::2]

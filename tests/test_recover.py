@@ -44,7 +44,7 @@ PLAYED_BY = {
     "sensor_bias": "dart",
     "load_torque": "dart",
 }  # the others by Exudyn; MuJoCo diagnoses
-# Two take more than ten times what the others take; the others are recovered in test_diagnose as well.
+# Two take more than ten times what the others take; the others, or their like, are recovered in test_diagnose too.
 SLOW = {"link_flexibility", "drive_compliance"} | {
     "payload",
     "link_length",
@@ -55,6 +55,8 @@ SLOW = {"link_flexibility", "drive_compliance"} | {
     "sensor_bias",
     "sensor_frame",
     "clock_offset",
+    "sensor_delay",
+    "moment_of_inertia",
 }
 MORE_SENSORS = {"com_offset": {"coupler_y": 1e-5}}
 

@@ -270,9 +270,8 @@ def test_shares_are_never_rounded_to_none_or_all() -> None:
 
 
 def test_the_command_writes_a_map_that_meets_its_schema(tmp_path: Path) -> None:
-    done = compare_alone(
-        *("validity", "--case", "paper", "--speeds", "600,15", "--clearances", "1e-2,1e-4", "--workers", "2"),
-        cwd=tmp_path,
+    done = validity(
+        "--case", "paper", "--speeds", "600,15", "--clearances", "1e-2,1e-4", "--workers", "2", cwd=tmp_path
     )
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "reports" / "paper-validity-speeds=600,15-clearances=1e-2,1e-4"
