@@ -67,6 +67,7 @@ def with_angle_moved(text: str, degrees: float, run: str = "contact, static") ->
     return head + f'name = "{run}"' + tail.replace(row, "  [" + ",".join(cells) + "],", 1)
 
 
+@pytest.mark.mujoco
 def test_nothing_moved_is_status_0_and_says_how_much_was_looked_at(written: str, tmp_path: Path) -> None:
     planted(written, tmp_path)
     done = compare("check", "--case", "paper", "--simulator", "mujoco", cwd=tmp_path)
@@ -75,6 +76,7 @@ def test_nothing_moved_is_status_0_and_says_how_much_was_looked_at(written: str,
     assert done.stderr == ""
 
 
+@pytest.mark.mujoco
 def test_two_hundredths_of_a_degree_are_status_1_and_reported_with_size_sign_and_place(
     written: str, tmp_path: Path
 ) -> None:
@@ -94,6 +96,7 @@ def test_two_hundredths_of_a_degree_are_status_1_and_reported_with_size_sign_and
         assert float(found[2]) == pytest.approx(by, abs=1.5e-4)  # now minus baseline
 
 
+@pytest.mark.mujoco
 def test_another_version_of_the_engine_is_said(written: str, tmp_path: Path) -> None:
     planted(re.sub(r'version = ".*"', 'version = "3.0.1"', written), tmp_path)
     done = compare("check", "--case", "paper", "--simulator", "mujoco", cwd=tmp_path)
@@ -129,6 +132,7 @@ def test_a_damaged_file_is_refused_with_the_remedy(damage: str, tmp_path: Path) 
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.mujoco
 def test_a_damaged_file_is_status_2_without_a_traceback(written: str, tmp_path: Path) -> None:
     planted(written[: len(written) // 2], tmp_path)
     done = compare("check", "--case", "paper", "--simulator", "mujoco", cwd=tmp_path)
@@ -137,6 +141,7 @@ def test_a_damaged_file_is_status_2_without_a_traceback(written: str, tmp_path: 
     assert "paper-mujoco.toml: cannot be read as TOML" in line
 
 
+@pytest.mark.mujoco
 def test_a_missing_file_is_status_2_and_the_other_cases_are_still_checked(written: str, tmp_path: Path) -> None:
     planted(written, tmp_path)
     done = compare("check", "--simulator", "mujoco", cwd=tmp_path)
@@ -279,6 +284,7 @@ def test_a_file_reads_back_as_it_was_written() -> None:
     assert text == write(stored, "compare baseline check")
 
 
+@pytest.mark.mujoco
 def test_a_written_file_is_small_and_has_a_line_for_each_crank_angle(written: str) -> None:
     assert len(written) < 20_000
     assert len(re.findall(r"(?m)^  \[ *30, ", written)) == 4
@@ -349,6 +355,7 @@ def test_a_name_with_any_character_makes_a_file_that_reads_back(name: str, tmp_p
     assert check(tmp_path, Planted(), mechanism)
 
 
+@pytest.mark.mujoco
 def test_the_command_that_is_printed_and_stored_is_one_that_works(tmp_path: Path) -> None:
     (tmp_path / "my linkage.toml").write_text(dumps(PAPER.with_clearances({}).replace(name="mine")), encoding="utf-8")
     arguments = ["--case", "my linkage.toml", "--simulator", "mujoco", "--baselines", "kept here"]

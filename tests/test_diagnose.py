@@ -579,6 +579,7 @@ def test_every_engine_can_diagnose(simulator: str) -> None:
     assert_recovered(result, VISCOUS)
 
 
+@pytest.mark.mujoco
 @pytest.mark.parametrize(
     "run", [compare, pytest.param(compare_alone, marks=pytest.mark.slow)], ids=["one engine", "as a person runs it"]
 )
@@ -623,6 +624,7 @@ def test_the_command(
     )
 
 
+@pytest.mark.mujoco
 def test_the_command_refuses_what_it_does_not_know(tmp_path: Path) -> None:
     rig = bench()
     written(rig, readings(rig), tmp_path)

@@ -99,6 +99,7 @@ def test_one_engines_soft_start_leaves_the_other_runs_their_verdicts() -> None:
     assert all("contact too soft for this load" in f.why for f in found.failures)
 
 
+@pytest.mark.mujoco
 def test_the_command_writes_the_other_runs_and_leaves_with_status_3(tmp_path: Path) -> None:
     (tmp_path / "soft.toml").write_text(dumps(soft(100.0, clearance=1e-3)), encoding="utf-8")
     done = compare("--case", "soft.toml", "--simulator", "mujoco", "--angles", "0:330:30", "--out", "out", cwd=tmp_path)
@@ -109,6 +110,7 @@ def test_the_command_writes_the_other_runs_and_leaves_with_status_3(tmp_path: Pa
     assert {r.joint_model: r.verdict for r in written.runs}["ideal"] == "agrees"
 
 
+@pytest.mark.mujoco
 def test_an_absurd_speed_of_a_map_is_a_cell_that_failed_for_a_reason() -> None:
     grid = Grid(
         load("crank-rocker").with_joint("B", contact_stiffness=1e7),

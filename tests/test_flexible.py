@@ -116,6 +116,7 @@ def test_a_linkage_without_a_modulus_is_refused(tmp_path: Path) -> None:
     assert "no body of paper has a youngs_modulus" in done.stderr
 
 
+@pytest.mark.mujoco
 def test_all_simulators_are_those_that_bend(tmp_path: Path) -> None:
     done = compare("--simulator", "all", "--motion", "static", "--clearance", "B=0", "--flexible", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

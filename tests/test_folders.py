@@ -103,6 +103,7 @@ def contents(place: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in place.iterdir()}
 
 
+@pytest.mark.mujoco
 def test_the_same_command_replaces_its_own_report_and_another_only_when_it_is_told_to(
     compare: Any, tmp_path: Path
 ) -> None:
@@ -131,6 +132,7 @@ def test_the_same_command_replaces_its_own_report_and_another_only_when_it_is_to
     )
 
 
+@pytest.mark.mujoco
 def test_two_files_of_one_name_do_not_share_a_default_folder_silently(compare: Any, tmp_path: Path) -> None:
     for name, mass in (("one", 0.2), ("two", 0.3)):
         Path(f"{name}.toml").write_text(dumps(load("paper").with_body("crank", mass=mass)), encoding="utf-8")
@@ -142,6 +144,7 @@ def test_two_files_of_one_name_do_not_share_a_default_folder_silently(compare: A
     assert compare(f"{QUICK} --case one.toml")[0] == 0
 
 
+@pytest.mark.mujoco
 def test_accuracy_validity_and_diagnosis_keep_to_the_same_rule(compare: Any, tmp_path: Path) -> None:
     rig = Path(__file__).parent.parent / "docs" / "example-rig" / "measured.toml"
     assert compare("compare accuracy --samples 50 --out here") == (0, "")
@@ -185,6 +188,7 @@ def test_whatever_a_file_says_that_made_it_is_only_compared(
     assert capsys.readouterr() == ("", "")
 
 
+@pytest.mark.mujoco
 def test_an_export_replaces_its_own_files_and_no_others(compare: Any, tmp_path: Path) -> None:
     line = "compare export --simulator mujoco --motion static --angles 30:60:30 --out alone"
     assert compare(line)[0] == 0

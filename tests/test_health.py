@@ -259,6 +259,7 @@ def test_a_trace_without_rates_is_held_to_its_positions(runs: dict[str, Trace]) 
 # that is soft
 
 
+@pytest.mark.mujoco
 @pytest.mark.parametrize("push", [0.0, 20.0])
 def test_mujoco_takes_the_steps_that_jansens_leg_asks_for(push: float) -> None:
     """Its foot was 2e-5 rad off with steps of 0.5 ms and a push of 20 N, and the model was blamed for it."""
@@ -288,6 +289,7 @@ def test_contact_is_lost_where_the_pin_is_off_the_wall() -> None:
     assert free_share(gaps[:0], 1e-3) == 0.0
 
 
+@pytest.mark.mujoco
 def test_a_pin_seen_far_beyond_its_rim_is_warned_of_whatever_its_settings_say() -> None:
     """A hard contact has no stiffness in its settings: the path that was seen says how deep its pin went."""
     m = load("slider-crank").with_clearances({"B": 5e-4})

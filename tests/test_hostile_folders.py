@@ -78,6 +78,7 @@ def refused(done: subprocess.CompletedProcess[str], path: str) -> None:
 # ---------------------------------------------------------------- a folder in the way
 
 
+@pytest.mark.mujoco
 @pytest.mark.parametrize("what", COMMANDS)
 def test_a_file_where_the_folder_should_be(what: str, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("in the way", encoding="utf-8")

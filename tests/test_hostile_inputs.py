@@ -845,6 +845,7 @@ def listing(folder: Path) -> set[str]:
     }
 
 
+@pytest.mark.mujoco
 @pytest.mark.filterwarnings("default")  # as in the command, which tells them
 @pytest.mark.parametrize("row", TABLE.values(), ids=[name.encode("unicode_escape").decode()[:80] for name in TABLE])
 def test_a_hostile_input_is_one_sentence_and_status_2_and_nothing_is_written(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -13,8 +12,11 @@ from analytic.mechanism.file import load
 from sim_models.common.start import poses
 from sim_models.engine import Request, SimulationError
 from sim_models.mujoco.engine import ENGINE
-from sim_models.mujoco.model import Linkage
 
+mujoco = pytest.importorskip("mujoco", exc_type=ImportError)
+from sim_models.mujoco.model import Linkage  # noqa: E402 - it imports MuJoCo
+
+pytestmark = pytest.mark.mujoco
 PAPER = load("paper")
 FOUR_BAR = """
 <mujoco>

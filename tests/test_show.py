@@ -30,6 +30,7 @@ def shown(signal: str, at: float, raw: dict[str, Any] = PAPER, **choice: str) ->
     return explain(loaded(raw), signal, at, choice.get("joint"), choice.get("simulator"))
 
 
+@pytest.mark.mujoco
 def test_the_command_prints_both_sides_and_where_they_come_from(tmp_path: Path) -> None:
     assert (
         compare(

@@ -160,6 +160,7 @@ def test_the_command_makes_the_runs_of_the_engines_that_are_here_and_does_not_pa
     assert "not looked at: 20 runs of exudyn; 20 runs of pybullet; 15 runs of dart" in done.stderr
 
 
+@pytest.mark.mujoco
 def test_the_command_says_what_is_not_found_again_and_leaves_with_status_1(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

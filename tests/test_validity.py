@@ -80,6 +80,7 @@ def test_the_papers_case_agrees_at_its_own_speed_and_first_order_does_not(simula
     assert found["cause"] is None
 
 
+@pytest.mark.mujoco
 def test_a_pin_that_flies_free_is_the_cause() -> None:
     found = one("crank-rocker", 600.0, 5e-4)
     assert found["verdict"] == "disagrees"
@@ -89,6 +90,7 @@ def test_a_pin_that_flies_free_is_the_cause() -> None:
     assert found["flagged_share"]["unsteady"] > 0.3  # the equilibrium itself says that it has no answer
 
 
+@pytest.mark.mujoco
 def test_a_pin_that_swings_along_the_rim_is_told_from_one_that_flies() -> None:
     found = one("paper", 150.0, 1e-2)
     assert found["verdict"] == "disagrees"
@@ -97,6 +99,7 @@ def test_a_pin_that_swings_along_the_rim_is_told_from_one_that_flies() -> None:
     assert found["cause"] == "quasi-static"
 
 
+@pytest.mark.mujoco
 def test_a_contact_that_yields_more_than_the_clearance_is_the_cause() -> None:
     found = one("paper", 600.0, 1e-5)
     assert found["give"] > 1e-6
@@ -108,6 +111,7 @@ def test_a_contact_that_yields_more_than_the_clearance_is_the_cause() -> None:
     assert again["cost"]["rigid"] < found["cost"]["rigid"] / 10
 
 
+@pytest.mark.mujoco
 def test_the_contacts_give_explains_by_how_much_the_simulation_is_off() -> None:
     """Near a change point the give's own motion tells at the drive: 1.8 x the tolerance at 200 rpm, whatever the
     clearance.
@@ -240,6 +244,7 @@ def made_up(verdicts: list[list[str | None]]) -> Validity:
     return summarised(over, tasks, found)
 
 
+@pytest.mark.mujoco
 def test_the_boundary_is_drawn_between_cells_that_differ_and_nowhere_else() -> None:
     def solid(result: Validity) -> list[str]:
         stroke = BOUNDARIES[0][2]
@@ -254,6 +259,7 @@ def test_the_boundary_is_drawn_between_cells_that_differ_and_nowhere_else() -> N
     assert path.count("h") == 1  # and below it
 
 
+@pytest.mark.mujoco
 def test_a_map_says_up_to_which_speed_the_model_holds() -> None:
     result = made_up([["agrees", "agrees"], ["agrees", "disagrees"], ["disagrees", "agrees"]])
     found = result.holds_up_to["mujoco"].equilibrium
@@ -269,6 +275,7 @@ def test_shares_are_never_rounded_to_none_or_all() -> None:
 # ---------------------------------------------------------------- the command
 
 
+@pytest.mark.mujoco
 def test_the_command_writes_a_map_that_meets_its_schema(tmp_path: Path) -> None:
     done = validity(
         "--case", "paper", "--speeds", "600,15", "--clearances", "1e-2,1e-4", "--workers", "2", cwd=tmp_path
@@ -294,6 +301,7 @@ def test_the_command_writes_a_map_that_meets_its_schema(tmp_path: Path) -> None:
     assert done.stderr == ""
 
 
+@pytest.mark.mujoco
 @pytest.mark.parametrize(
     ("case", "rpm", "joint"), [("crank-rocker", "300", "B"), ("slider-crank", "3000", "B"), ("six-bar", "60", "C")]
 )
@@ -359,6 +367,7 @@ BAD_INPUT = {
 }
 
 
+@pytest.mark.mujoco
 @pytest.mark.parametrize(("arguments", "words"), BAD_INPUT.values(), ids=BAD_INPUT)
 def test_bad_input_gets_one_sentence_and_status_2(arguments: list[str], words: list[str], tmp_path: Path) -> None:
     done = validity(*arguments, "--out", "out", cwd=tmp_path)
@@ -377,6 +386,7 @@ def test_an_engine_that_is_not_installed_is_status_3_with_the_install_command(tm
     assert "pip install 'linkage-crosscheck[mujoco]'" in done.stderr
 
 
+@pytest.mark.mujoco
 def test_a_map_without_a_single_cell_is_status_3(tmp_path: Path) -> None:
     done = validity("--case", "crank-rocker", "--speeds", "60", "--clearances", "0.099", "--workers", "1", cwd=tmp_path)
     assert done.returncode == 3
@@ -390,6 +400,7 @@ def test_a_map_without_a_single_cell_is_status_3(tmp_path: Path) -> None:
     Draft202012Validator(SCHEMA).validate(result)
 
 
+@pytest.mark.mujoco
 def test_a_cluster_that_is_not_there_is_bad_input(tmp_path: Path) -> None:
     pytest.importorskip("dask.distributed", reason="Dask is not installed: pip install 'linkage-crosscheck[dask]'")
     done = validity(*MAP, "--dask", "nowhere://x", cwd=tmp_path)
@@ -398,6 +409,7 @@ def test_a_cluster_that_is_not_there_is_bad_input(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.mujoco
 def test_a_mechanism_file_is_mapped_like_a_shipped_case(tmp_path: Path) -> None:
     """A crank-rocker that does work: its pin is pressed one way, so the model holds where the unloaded one's
     does not.
@@ -414,6 +426,7 @@ def test_a_mechanism_file_is_mapped_like_a_shipped_case(tmp_path: Path) -> None:
     assert fast["verdict"] == "disagrees"
 
 
+@pytest.mark.mujoco
 def test_a_map_takes_the_drive_as_rigid_and_says_so(tmp_path: Path) -> None:
     m = load("paper")
     own = m.replace(drive=m.drive.model_copy(update={"stiffness": 2000.0}))  # type: ignore[union-attr]
