@@ -34,7 +34,7 @@ class ClearanceMotion:
         return self.force == 0
 
 
-def clearance_four_bar_ode(  # noqa: PLR0913 - a linkage, a contact law and a start
+def clearance_four_bar_ode(
     mechanism: Mechanism,
     clearance: float,
     stiffness: float,
