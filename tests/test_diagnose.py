@@ -234,11 +234,12 @@ def test_a_sensor_that_is_proposed_comes_with_the_noise_that_it_may_have() -> No
 CRANK_CELL = SENSORS | {"reaction_D_x": 0.01, "reaction_D_y": 0.01}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "truth",
     [
         wrong("payload", "crank", mass=0.02, along=0.015, normal=0.005),
-        *slow(wrong("com_offset", "crank", along=0.005, normal=0.004)),
+        wrong("com_offset", "crank", along=0.005, normal=0.004),
     ],
     ids=lambda t: t.name,
 )
@@ -319,6 +320,7 @@ def test_a_tolerance_rules_a_length_out(longer_follower: Measured, tolerance: di
     assert result["verdict"] in ("unexplained", "partly explained")
 
 
+@pytest.mark.slow
 def test_a_tolerance_that_is_wide_enough_rules_nothing_out(longer_follower: Measured) -> None:
     assert_recovered(diagnosed(replace(longer_follower, tolerance={"length": 3e-4})), FOLLOWER)
 
@@ -551,15 +553,17 @@ def test_the_explained_mechanism_has_no_gap_left() -> None:
     assert again["gap"]["after"] == pytest.approx(found.result["gap"]["after"], rel=1e-3)
 
 
-def test_the_gap_shrinks_in_the_other_engines_too() -> None:
-    result = diagnose(played(bench(), VISCOUS), "mujoco", workers=1).result
+@pytest.mark.parametrize("plans", [(PART,), *slow(((),))], ids=["part of a turn", "two turns"])
+def test_the_gap_shrinks_in_the_other_engines_too(plans: tuple[Plan, ...]) -> None:
+    rig = bench(*plans)
+    result = diagnose(played(rig, VISCOUS), "mujoco", workers=1).result
     assert set(result["other_simulators"]) == {"exudyn", "pybullet", "dart"}
     for gap in result["other_simulators"].values():
         assert gap["before"] > 10
         assert gap["after"] < 1.1
     assert {row["name"] for row in result["engines"]} == {"mujoco", "exudyn", "pybullet", "dart"}
     for row in result["engines"]:
-        assert row["settings"].keys() == {"slow", "fast-reverse"}
+        assert row["settings"].keys() == {plan.name for plan in rig.plans}
         assert all(settings["step"] > 0 for settings in row["settings"].values())
         assert row["added"] == []
 

@@ -39,6 +39,7 @@ def statuses(result: dict[str, object], name: str) -> set[str]:
 # ---------------------------------------------------------------- free runs
 
 
+@pytest.mark.slow
 def test_a_tolerance_on_angles_does_not_bind_where_a_free_run_starts() -> None:
     result = diagnosed(replace(swings(), tolerance={"angle": 1e-3}))
     assert (result["verdict"], result["effects"]) == ("no gap", [])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from compare.crosscheck import Job, _too_soft, crosscheck_job
 from compare.evidence.baseline.runs import setups
 from compare.judge.discrepancy import load_tolerances
 from linkages import inverted_slider, jansen_leg
+from marks import slow
 from sim_models.common.health import LIMITS, Implausible, check, misses
 from sim_models.common.journal import free_share
 from sim_models.engine import ENGINES, Request, SimulationError, Trace, engine
@@ -59,9 +61,11 @@ def over(request: Request, trace: Trace, kept: float = 1.0) -> dict[str, float]:
 # ------------------------------------------------------------------ good runs
 
 
-@pytest.mark.parametrize("case", shipped_cases())
+QUICKEST = ("mujoco", "crank-rocker")
+
+
 @pytest.mark.parametrize(
-    "name", ["mujoco", *(pytest.param(name, marks=pytest.mark.slow) for name in ENGINES if name != "mujoco")]
+    ("name", "case"), [QUICKEST, *slow(*(row for row in product(ENGINES, shipped_cases()) if row != QUICKEST))]
 )
 def test_shipped_cases_keep_well_clear_of_every_limit(name: str, case: str) -> None:
     chosen = engine(name)

@@ -76,7 +76,7 @@ def assert_agrees(trace: Trace, truth: dict[str, np.ndarray], relative: float, a
         pytest.param(EVEN, id="constant speed", marks=pytest.mark.slow),
         pytest.param(-EVEN, id="in reverse", marks=pytest.mark.slow),
         pytest.param(EVEN + 2e-3 * np.sin(6 * EVEN), id="ripple"),
-        pytest.param(EVEN - np.sin(EVEN), id="from rest"),
+        pytest.param(EVEN - np.sin(EVEN), id="from rest", marks=pytest.mark.slow),
         pytest.param(0.5 * np.sin(EVEN), id="oscillation"),
     ],
 )

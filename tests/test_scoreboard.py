@@ -28,6 +28,7 @@ from compare.evidence.scoreboard.record import make, recorded
 from compare.evidence.scoreboard.rigs import Bench, Plan, Rejected
 from compare.evidence.scoreboard.score import opened, score
 from compare.evidence.scoreboard.sizes import Planted, Sizer, natural
+from marks import slow
 
 SPEED, ANGLE = 6.0, 0.4
 SENSORS = {
@@ -210,7 +211,7 @@ def drawn(seed: int) -> Hidden:
     raise AssertionError(f"seed {seed} makes no set")
 
 
-@pytest.mark.parametrize("seed", [2, 9, 14, 16, 25, 38])
+@pytest.mark.parametrize("seed", [16, 25, 38, *slow(2, 9, 14)])
 def test_effects_are_as_large_as_asked_and_another_engine_diagnoses(seed: int) -> None:
     found = drawn(seed)
     assert found.truth[0].name == list(VOCABULARY)[seed % len(VOCABULARY)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from compare.evidence.baseline.runs import setups
 from compare.evidence.validation.scales import Scale, linkage, scale_rows, scales
 from compare.judge.discrepancy import load_tolerances
 from linkages import inverted_slider
+from marks import slow
 from sim_models.common.contact_laws import DRIVEN_STIFFNESS, STATIC_STIFFNESS, default_stiffness
 from sim_models.common.units import SI, Units, dimension
 from sim_models.common.weights import with_equal_masses
@@ -60,9 +62,14 @@ def test_a_mechanism_comes_back_from_other_units_to_the_last_bit() -> None:
 
 
 @pytest.mark.parametrize(
-    ("joint_model", "motion"), [("ideal", "driven"), ("spring-damper", "driven"), ("contact", "static")]
+    ("name", "joint_model", "motion"),
+    [
+        *product(ENGINES, ["ideal"], ["driven"]),
+        *product(ENGINES, ["contact"], ["static"]),
+        ("mujoco", "spring-damper", "driven"),
+        *slow(*((name, "spring-damper", "driven") for name in ENGINES if name != "mujoco")),
+    ],
 )
-@pytest.mark.parametrize("name", ENGINES)
 def test_similar_linkages_have_the_same_digits(name: str, joint_model: str, motion: str) -> None:
     """A micromechanism, and one whose lengths, masses and times are other powers of two: what is said of both differs
     in exponents only.
