@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+import shared
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from compare.diagnose.data.recording import Channel, Measured, Run
@@ -68,7 +69,13 @@ def played(rig: Bench, *effects: Planted, source: str = "exudyn", seed: int = 1)
 def readings(rig: Bench, *effects: Planted, source: str = "exudyn", seed: int = 1) -> list[dict[str, np.ndarray]]:
     """The same as arrays (N,), SI, by signal, for each run."""
     hidden = Hidden(seed, "effects", rig, source, "mujoco", effects)
-    return with_noise(hidden, [recorded(hidden, plan) for plan in rig.plans], np.random.default_rng(seed))
+
+    def simulated() -> list[dict[str, np.ndarray]]:
+        return with_noise(hidden, [recorded(hidden, plan) for plan in rig.plans], np.random.default_rng(seed))
+
+    plans = [(plan.name, plan.speed, plan.angle, plan.time.tobytes(), plan.loads, plan.follows) for plan in rig.plans]
+    believed = rig.nominal.model_dump_json()
+    return shared.arrays("readings", simulated, believed, plans, dict(rig.noise), effects, source, seed)
 
 
 def released(

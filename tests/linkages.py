@@ -160,8 +160,9 @@ mass = 0.05
 """ + "".join(
     f'[[joint]]\nname = "{name}"\ntype = "revolute"\nbodies = ["{first}", "{second}"]\n'
     for name, first, second in (
-        ("D", "ground", "crank"), ("A", "crank", "link"), ("C", "plate", "link"), ("B", "plate", "left"), ("E", "left", "ground"),
-        ("F", "right", "plate"), ("G", "ground", "right"), ("T", "right", "connector"), ("U", "connector", "output"), ("H", "ground", "output"),
+        ("D", "ground", "crank"), ("A", "crank", "link"), ("C", "plate", "link"), ("B", "plate", "left"),
+        ("E", "left", "ground"), ("F", "right", "plate"), ("G", "ground", "right"), ("T", "right", "connector"),
+        ("U", "connector", "output"), ("H", "ground", "output"),
     )
 ) + """
 [drive]
@@ -240,8 +241,9 @@ mass = 0.76
 """ + "".join(
     f'[[joint]]\nname = "{name}"\ntype = "revolute"\nbodies = ["{first}", "{second}"]\n'
     for name, first, second in (
-        ("O", "ground", "crank"), ("Z", "crank", "upper"), ("Y", "crank", "lower"), ("U", "upper", "rocker"), ("B", "ground", "rocker"),
-        ("E", "ground", "swing"), ("L", "lower", "swing"), ("V", "rocker", "strut"), ("W", "strut", "foot"), ("K", "swing", "foot"),
+        ("O", "ground", "crank"), ("Z", "crank", "upper"), ("Y", "crank", "lower"), ("U", "upper", "rocker"),
+        ("B", "ground", "rocker"), ("E", "ground", "swing"), ("L", "lower", "swing"), ("V", "rocker", "strut"),
+        ("W", "strut", "foot"), ("K", "swing", "foot"),
     )
 ) + """
 [drive]

@@ -108,7 +108,8 @@ def as_document(content: dict[str, Any]) -> CrossCheck:
 def write_report(content: dict[str, Any], folder: Path) -> list[Path]:
     """Write such a result and its report; the files."""
     document = as_document(content)
-    return [document.write(folder) / name for name in document.files()]
+    place = document.write(folder)
+    return [place / name for name in document.files()]
 
 
 def swinging() -> dict[str, Any]:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -14,6 +12,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from analytic.mechanism.file import dumps, load, shipped_cases
+from commands import Ended, compare
 
 SCHEMA = json.loads(resources.files("compare").joinpath("schemas", "accuracy.json").read_text(encoding="utf-8"))
 ALL = {
@@ -25,9 +24,8 @@ ALL = {
 }
 
 
-def accuracy(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "compare", "accuracy", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=60, check=False)
+def accuracy(*arguments: str, cwd: Path) -> Ended:
+    return compare("accuracy", *arguments, cwd=cwd)
 
 
 def numbers(*arguments: str, cwd: Path) -> dict[str, Any]:

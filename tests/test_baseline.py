@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import subprocess
-import sys
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import commands
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load, shipped_cases
 from compare.cli.baseline import check_one, file_of, update_one
@@ -27,11 +26,8 @@ ROOT = Path(__file__).parent.parent
 PAPER = load("paper")
 
 
-def compare(*arguments: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "compare", "baseline", *arguments]
-    return subprocess.run(
-        command, cwd=cwd, env=os.environ | environment, capture_output=True, text=True, timeout=300, check=False
-    )
+def compare(*arguments: str, cwd: Path) -> commands.Ended:
+    return commands.compare("baseline", *arguments, cwd=cwd)
 
 
 def update(folder: Path, fault: Planted, mechanism: Mechanism = PAPER) -> None:
@@ -71,6 +67,7 @@ def with_angle_moved(text: str, degrees: float, run: str = "contact, static") ->
     return head + f'name = "{run}"' + tail.replace(row, "  [" + ",".join(cells) + "],", 1)
 
 
+@pytest.mark.mujoco
 def test_nothing_moved_is_status_0_and_says_how_much_was_looked_at(written: str, tmp_path: Path) -> None:
     planted(written, tmp_path)
     done = compare("check", "--case", "paper", "--simulator", "mujoco", cwd=tmp_path)
@@ -79,6 +76,7 @@ def test_nothing_moved_is_status_0_and_says_how_much_was_looked_at(written: str,
     assert done.stderr == ""
 
 
+@pytest.mark.mujoco
 def test_two_hundredths_of_a_degree_are_status_1_and_reported_with_size_sign_and_place(
     written: str, tmp_path: Path
 ) -> None:
@@ -98,6 +96,7 @@ def test_two_hundredths_of_a_degree_are_status_1_and_reported_with_size_sign_and
         assert float(found[2]) == pytest.approx(by, abs=1.5e-4)  # now minus baseline
 
 
+@pytest.mark.mujoco
 def test_another_version_of_the_engine_is_said(written: str, tmp_path: Path) -> None:
     planted(re.sub(r'version = ".*"', 'version = "3.0.1"', written), tmp_path)
     done = compare("check", "--case", "paper", "--simulator", "mujoco", cwd=tmp_path)
@@ -133,6 +132,7 @@ def test_a_damaged_file_is_refused_with_the_remedy(damage: str, tmp_path: Path) 
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.mujoco
 def test_a_damaged_file_is_status_2_without_a_traceback(written: str, tmp_path: Path) -> None:
     planted(written[: len(written) // 2], tmp_path)
     done = compare("check", "--case", "paper", "--simulator", "mujoco", cwd=tmp_path)
@@ -141,6 +141,7 @@ def test_a_damaged_file_is_status_2_without_a_traceback(written: str, tmp_path: 
     assert "paper-mujoco.toml: cannot be read as TOML" in line
 
 
+@pytest.mark.mujoco
 def test_a_missing_file_is_status_2_and_the_other_cases_are_still_checked(written: str, tmp_path: Path) -> None:
     planted(written, tmp_path)
     done = compare("check", "--simulator", "mujoco", cwd=tmp_path)
@@ -163,17 +164,8 @@ def test_a_misspelt_name_is_status_2(option: str, value: str, tmp_path: Path) ->
 
 
 def test_a_simulator_that_is_not_installed_is_status_3(tmp_path: Path) -> None:
-    hide = (
-        "import sys, importlib.util as u; f = u.find_spec; u.find_spec = lambda n, p=None: None if n == 'mujoco' else"
-        " f(n, p)"
-    )
-    run = (
-        f"{hide}; sys.argv = ['compare', 'baseline', 'check', '--simulator', 'mujoco']; from compare.cli.app import"
-        " main; main()"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", run], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
-    )
+    with commands.without("mujoco"):
+        done = compare("check", "--simulator", "mujoco", cwd=tmp_path)
     assert done.returncode == 3
     assert "pip install 'linkage-crosscheck[mujoco]'" in done.stderr
 
@@ -292,6 +284,7 @@ def test_a_file_reads_back_as_it_was_written() -> None:
     assert text == write(stored, "compare baseline check")
 
 
+@pytest.mark.mujoco
 def test_a_written_file_is_small_and_has_a_line_for_each_crank_angle(written: str) -> None:
     assert len(written) < 20_000
     assert len(re.findall(r"(?m)^  \[ *30, ", written)) == 4
@@ -362,6 +355,7 @@ def test_a_name_with_any_character_makes_a_file_that_reads_back(name: str, tmp_p
     assert check(tmp_path, Planted(), mechanism)
 
 
+@pytest.mark.mujoco
 def test_the_command_that_is_printed_and_stored_is_one_that_works(tmp_path: Path) -> None:
     (tmp_path / "my linkage.toml").write_text(dumps(PAPER.with_clearances({}).replace(name="mine")), encoding="utf-8")
     arguments = ["--case", "my linkage.toml", "--simulator", "mujoco", "--baselines", "kept here"]
@@ -429,18 +423,20 @@ def test_every_shipped_case_has_a_baseline_in_every_engine(case: str, name: str)
 
 
 @pytest.mark.slow
+@pytest.mark.mujoco
 def test_the_committed_baselines_hold() -> None:
     done = compare("check", "--simulator", "mujoco", cwd=ROOT)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.mark.slow
+@pytest.mark.mujoco
 def test_the_committed_baselines_hold_with_the_arithmetic_of_another_processor() -> None:
     other = {
         "OPENBLAS_CORETYPE": "Prescott",
         "NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3 AVX512F AVX512CD AVX512_SKX X86_V3 X86_V4",
     }
-    done = compare("check", "--simulator", "mujoco", cwd=ROOT, **other)
+    done = commands.compare_alone("baseline", "check", "--simulator", "mujoco", cwd=ROOT, **other)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

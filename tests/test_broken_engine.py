@@ -4,7 +4,6 @@ others go on.
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import os
 import subprocess
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from marks import slow
 from sim_models.engine import declared
 
 NO_LIBRARY = "ImportError('libGL.so.1: cannot open shared object file: No such file or directory')"
@@ -27,8 +27,7 @@ FAULTS = {
 }
 RIG = Path(__file__).parents[1] / "docs" / "example-rig"
 REPORTS = Path(__file__).parents[1] / "reports"
-ABSENT = [name for name in ("mujoco", "exudyn") if importlib.util.find_spec(declared(name).package) is None]
-pytestmark = pytest.mark.skipif(bool(ABSENT), reason=f"takes mujoco and exudyn; not installed: {', '.join(ABSENT)}")
+pytestmark = [pytest.mark.mujoco, pytest.mark.exudyn]
 
 
 def break_engine(folder: Path, package: str, fault: str) -> None:
@@ -117,7 +116,7 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize("what", COMMANDS)
+@pytest.mark.parametrize("what", ["baseline of it", "export", "flexible", *slow("baseline", "validity", "diagnose")])
 def test_every_command_says_so_without_a_traceback(what: str, tmp_path: Path) -> None:
     arguments, said, status = COMMANDS[what]
     break_engine(tmp_path, "exudyn", NO_LIBRARY)

@@ -49,6 +49,7 @@ def run(name: str, cwd: Path, runner: dict[str, str]) -> int:
     ).returncode
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash to run the workflow's steps")
 def test_its_steps_make_the_summary_and_the_folder_and_fail_when_the_command_does(
     tmp_path: Path, runner: dict[str, str]

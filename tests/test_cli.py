@@ -5,18 +5,16 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from analytic.mechanism import Ripple
 from analytic.mechanism.file import dumps, load
+from commands import Ended, compare, compare_alone, without
 
-
-def compare(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "compare", *arguments], cwd=cwd, capture_output=True, text=True, timeout=120, check=False
-    )
+pytestmark = pytest.mark.mujoco
 
 
 def saved(folder: Path, text: str) -> str:
@@ -52,10 +50,16 @@ BAD_INPUT = {
 }
 
 
-@pytest.mark.parametrize(("arguments", "words"), BAD_INPUT.values(), ids=BAD_INPUT)
-def test_bad_input_gets_one_sentence_and_status_2(arguments: list[str], words: list[str], tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("run", "arguments", "words"),
+    [(compare, *row) for row in BAD_INPUT.values()] + [(compare_alone, *BAD_INPUT["unknown option"])],
+    ids=[*BAD_INPUT, "unknown option, in a process of its own"],
+)
+def test_bad_input_gets_one_sentence_and_status_2(
+    run: Callable[..., Ended], arguments: list[str], words: list[str], tmp_path: Path
+) -> None:
     with_simulator = arguments if "--simulator" in arguments else ["--simulator", "mujoco", *arguments]
-    done = compare(*with_simulator, "--out", "out", cwd=tmp_path)
+    done = run(*with_simulator, "--out", "out", cwd=tmp_path)
     assert done.returncode == 2, done.stderr
     assert "Traceback" not in done.stderr
     assert done.stdout == ""
@@ -97,14 +101,8 @@ def test_an_output_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> N
 
 
 def test_an_engine_that_is_not_installed_is_status_3_with_the_install_command(tmp_path: Path) -> None:
-    hide = (
-        "import sys, importlib.util as u; f = u.find_spec; u.find_spec = lambda n, p=None: None if n == 'mujoco' else"
-        " f(n, p)"
-    )
-    run = f"{hide}; sys.argv = ['compare', '--simulator', 'mujoco']; from compare.cli.app import main; main()"
-    done = subprocess.run(
-        [sys.executable, "-c", run], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
-    )
+    with without("mujoco"):
+        done = compare("--simulator", "mujoco", cwd=tmp_path)
     assert done.returncode == 3
     assert "pip install 'linkage-crosscheck[mujoco]'" in done.stderr
 
@@ -131,7 +129,7 @@ def test_help_and_lists_need_no_engine(tmp_path: Path) -> None:
 
 
 def test_the_main_job_agrees_and_leaves_a_whole_report(tmp_path: Path) -> None:
-    done = compare("--simulator", "mujoco", cwd=tmp_path)
+    done = compare_alone("--simulator", "mujoco", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     folder = tmp_path / "reports" / "paper-mujoco"
     assert {"result.json", "report.md", "report.html", "junit.xml"} <= {p.name for p in folder.iterdir()}
@@ -145,7 +143,7 @@ def test_the_main_job_agrees_and_leaves_a_whole_report(tmp_path: Path) -> None:
 
 
 def test_json_goes_to_standard_output_and_nothing_else_does(tmp_path: Path) -> None:
-    done = compare(
+    done = compare_alone(
         "--simulator",
         "mujoco",
         "--joint",

@@ -45,7 +45,8 @@ def quick_return() -> Mechanism:
             { name = "O", type = "revolute", bodies = ["ground", "crank"] },
             { name = "A", type = "revolute", bodies = ["crank", "block"] },
             { name = "P", type = "revolute", bodies = ["ground", "lever"], stiffness = 3.0, rest_angle = 1.0 },
-            { name = "S", type = "prismatic", bodies = ["lever", "block"], axis = [1.0, 0.1], angle = 0.3, stiffness = 50.0, rest_angle = 0.1 }
+            { name = "S", type = "prismatic", bodies = ["lever", "block"], axis = [1.0, 0.1], angle = 0.3, \
+stiffness = 50.0, rest_angle = 0.1 }
         ]
         load = [{ body = "lever", point = "tip", force = [30.0, 5.0] }]
         assembly = { crank = 0.4, lever = 1.1, block = 1.4 }

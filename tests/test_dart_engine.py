@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-
 import numpy as np
 import pytest
 
@@ -29,8 +27,7 @@ from sim_models.dart.engine import ENGINE
 from sim_models.dart.world import DartWorld
 from sim_models.engine import JointModel, Motion, Request, SimulationError, Unsupported
 
-if importlib.util.find_spec("dartpy") is None:
-    pytest.skip("dartpy is not installed", allow_module_level=True)
+pytestmark = pytest.mark.dart
 
 REAL: tuple[JointModel, ...] = ("spring-damper", "contact")
 

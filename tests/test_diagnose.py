@@ -6,10 +6,8 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
-import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,8 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+import shared
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
+from commands import Ended, compare, compare_alone, without
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.measured_file import read_file
 from compare.diagnose.data.recording import Measured, MeasuredError
@@ -44,6 +44,7 @@ from diagnosis_rigs import (
     turn,
     wrong,
 )
+from marks import slow
 
 VISCOUS = wrong("viscous_friction", "E", damping=0.01)
 LONGER = wrong("link_length", "coupler", length_error=1e-4)
@@ -59,7 +60,10 @@ def one(result: dict[str, Any]) -> dict[str, Any]:
 # ---------------------------------------------------------------- nothing missing
 
 
-@pytest.mark.parametrize(("seed", "source"), [(1, "exudyn"), (2, "dart"), (3, "pybullet"), (4, "exudyn"), (5, "dart")])
+@pytest.mark.parametrize(
+    ("seed", "source"),
+    [(1, "exudyn"), *slow((2, "dart"), (3, "pybullet"), (4, "exudyn"), (5, "dart"))],
+)
 def test_no_gap_names_nothing(seed: int, source: str) -> None:
     result = diagnosed(played(bench(), source=source, seed=seed))
     assert (result["verdict"], result["effects"]) == ("no gap", [])
@@ -69,6 +73,7 @@ def test_no_gap_names_nothing(seed: int, source: str) -> None:
     assert result["explained"] == result["mechanism"]
 
 
+@pytest.mark.slow
 def test_no_gap_in_a_free_run_whose_start_is_not_known() -> None:
     pendulum = load("pendulum")
     result = diagnosed(
@@ -88,8 +93,17 @@ def test_no_gap_in_a_free_run_of_a_closed_linkage() -> None:
 # ---------------------------------------------------------------- several effects, and none of the vocabulary
 
 
-@pytest.mark.parametrize("truth", [(VISCOUS, LONGER), (VISCOUS, LONGER, BIASED)], ids=["two", "three"])
-def test_several_effects_at_once(truth: Sequence[Planted]) -> None:
+def two_effects() -> dict[str, Any]:
+    """The diagnosis of two effects at once, which several tests look at."""
+    return shared.document("two effects", lambda: diagnosed(played(bench(), VISCOUS, LONGER)))
+
+
+def test_two_effects_at_once() -> None:
+    assert_recovered(two_effects(), VISCOUS, LONGER)
+
+
+def test_three_effects_at_once() -> None:
+    truth = (VISCOUS, LONGER, BIASED)
     assert_recovered(diagnosed(played(bench(), *truth)), *truth)
 
 
@@ -179,6 +193,7 @@ def alias_rig(*more: Plan) -> Bench:
     )
 
 
+@pytest.mark.slow
 def test_clearance_is_not_told_from_length_until_the_load_reverses() -> None:
     result = diagnosed(played(alias_rig(), CLEARANCE, source="dart"))
     assert result["verdict"] == "ambiguous", result["statement"]
@@ -219,6 +234,7 @@ def test_a_sensor_that_is_proposed_comes_with_the_noise_that_it_may_have() -> No
 CRANK_CELL = SENSORS | {"reaction_D_x": 0.01, "reaction_D_y": 0.01}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "truth",
     [
@@ -261,7 +277,7 @@ def statuses(result: dict[str, Any], name: str, where: str) -> str:
     return str(next(c["status"] for c in result["candidates"] if (c["name"], c["where"]) == (name, where)))
 
 
-@pytest.mark.parametrize("exclude", ["link_length", "link_length@follower"])
+@pytest.mark.parametrize("exclude", [*slow("link_length"), "link_length@follower"])
 def test_what_is_excluded_is_not_named(longer_follower: Measured, exclude: str) -> None:
     result = diagnosed(longer_follower, exclude=(exclude,))
     assert ("link_length", "follower") not in named(result)
@@ -295,13 +311,16 @@ def test_unknown_names_are_refused_with_what_was_meant(
         diagnosed(longer_follower, **{option: (given,)})
 
 
-@pytest.mark.parametrize("tolerance", [{"length": 1e-6}, {"link_length.length_error": 1e-6}, {"length_error": 0.0}])
+@pytest.mark.parametrize(
+    "tolerance", [{"length": 1e-6}, *slow({"link_length.length_error": 1e-6}, {"length_error": 0.0})]
+)
 def test_a_tolerance_rules_a_length_out(longer_follower: Measured, tolerance: dict[str, float]) -> None:
     result = diagnosed(replace(longer_follower, tolerance=tolerance))
     assert ("link_length", "follower") not in named(result)
     assert result["verdict"] in ("unexplained", "partly explained")
 
 
+@pytest.mark.slow
 def test_a_tolerance_that_is_wide_enough_rules_nothing_out(longer_follower: Measured) -> None:
     assert_recovered(diagnosed(replace(longer_follower, tolerance={"length": 3e-4})), FOLLOWER)
 
@@ -309,7 +328,14 @@ def test_a_tolerance_that_is_wide_enough_rules_nothing_out(longer_follower: Meas
 # ---------------------------------------------------------------- sensors, clocks, encoders
 
 
-@pytest.mark.parametrize("rotation", [math.pi, 0.3, -math.pi / 2], ids=["upside down", "turned", "on its side"])
+@pytest.mark.parametrize(
+    "rotation",
+    [
+        pytest.param(math.pi, id="upside down"),
+        pytest.param(0.3, id="turned", marks=pytest.mark.slow),
+        pytest.param(-math.pi / 2, id="on its side", marks=pytest.mark.slow),
+    ],
+)
 def test_a_load_cell_mounted_turned(rotation: float) -> None:
     assert_recovered(
         diagnosed(played(bench(), wrong("sensor_frame", "E", rotation=rotation))),
@@ -377,8 +403,10 @@ ROCKER_STARTS = [(0.9, 0.0), (0.5, 20.0)]  # rad, rad/s
 ROCKER_TIME = np.linspace(0.0, 0.6, 100)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "field", "value"), [("viscous_friction", "damping", 3e-3), ("coulomb_friction", "friction_torque", 1e-2)]
+    ("name", "field", "value"),
+    [("viscous_friction", "damping", 3e-3), ("coulomb_friction", "friction_torque", 1e-2)],
 )
 def test_friction_of_a_free_pendulum_whose_start_is_not_known(name: str, field: str, value: float) -> None:
     real = PENDULUM.with_joint("O", **{field: value})
@@ -482,10 +510,11 @@ class WornBush(Effect):
 
 
 OPEN = wrong("joint_clearance", "B", radial_clearance=3e-4)
+PART = Plan("part", 6.0, 0.4, np.linspace(0.0, 0.4, 60), None)  # of a turn: PyBullet takes seconds for a whole one
 
 
 def test_an_engine_that_cannot_simulate_the_explanation_does_not_confirm_it() -> None:
-    data = played(bench(turn("slow", 2.0)), OPEN, source="mujoco")
+    data = played(bench(PART), OPEN, source="mujoco")
     result = diagnose(data, "pybullet", own=(WornBush(),), only=("worn_bush",), others=False, workers=1).result
     assert named(result) == [("worn_bush", "B")]
     assert result["verdict"] == "partly explained"
@@ -496,7 +525,11 @@ def test_an_engine_that_cannot_simulate_the_explanation_does_not_confirm_it() ->
 
 def test_what_the_chosen_engine_lacks_is_said_to_be_the_analytic_models() -> None:
     result = diagnose(
-        played(bench(turn("slow", 2.0)), OPEN, source="mujoco"), "pybullet", others=False, workers=1
+        played(bench(PART), OPEN, source="mujoco"),
+        "pybullet",
+        only=("joint_clearance", "viscous_friction"),
+        others=False,
+        workers=1,
     ).result
     assert named(result) == [("joint_clearance", "B")]
     assert result["engines"][0]["added"] == ["joint_clearance@B"]
@@ -505,9 +538,9 @@ def test_what_the_chosen_engine_lacks_is_said_to_be_the_analytic_models() -> Non
 
 
 def test_the_same_answer_bit_for_bit_when_run_again() -> None:
-    data = played(bench(), VISCOUS, LONGER)
-    first, second = (json.dumps(diagnosed(data), sort_keys=True) for _ in range(2))
-    assert first == second
+    """The first time may have been in another process."""
+    again = json.loads(json.dumps(diagnosed(played(bench(), VISCOUS, LONGER))))
+    assert again == two_effects()
 
 
 def test_the_explained_mechanism_has_no_gap_left() -> None:
@@ -520,15 +553,17 @@ def test_the_explained_mechanism_has_no_gap_left() -> None:
     assert again["gap"]["after"] == pytest.approx(found.result["gap"]["after"], rel=1e-3)
 
 
-def test_the_gap_shrinks_in_the_other_engines_too() -> None:
-    result = diagnose(played(bench(), VISCOUS), "mujoco", workers=1).result
+@pytest.mark.parametrize("plans", [(PART,), *slow(((),))], ids=["part of a turn", "two turns"])
+def test_the_gap_shrinks_in_the_other_engines_too(plans: tuple[Plan, ...]) -> None:
+    rig = bench(*plans)
+    result = diagnose(played(rig, VISCOUS), "mujoco", workers=1).result
     assert set(result["other_simulators"]) == {"exudyn", "pybullet", "dart"}
     for gap in result["other_simulators"].values():
         assert gap["before"] > 10
         assert gap["after"] < 1.1
     assert {row["name"] for row in result["engines"]} == {"mujoco", "exudyn", "pybullet", "dart"}
     for row in result["engines"]:
-        assert row["settings"].keys() == {"slow", "fast-reverse"}
+        assert row["settings"].keys() == {plan.name for plan in rig.plans}
         assert all(settings["step"] > 0 for settings in row["settings"].values())
         assert row["added"] == []
 
@@ -548,12 +583,10 @@ def test_every_engine_can_diagnose(simulator: str) -> None:
     assert_recovered(result, VISCOUS)
 
 
-def compare(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "compare", *arguments], cwd=cwd, capture_output=True, text=True, timeout=300, check=False
-    )
-
-
+@pytest.mark.mujoco
+@pytest.mark.parametrize(
+    "run", [compare, pytest.param(compare_alone, marks=pytest.mark.slow)], ids=["one engine", "as a person runs it"]
+)
 @pytest.mark.parametrize(
     ("truth", "options", "status", "verdict"),
     [
@@ -564,23 +597,21 @@ def compare(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     ids=["no gap", "explained", "unexplained"],
 )
 def test_the_command(
-    truth: Sequence[Planted], options: Sequence[str], status: int, verdict: str, tmp_path: Path
+    run: Callable[..., Ended],
+    truth: Sequence[Planted],
+    options: Sequence[str],
+    status: int,
+    verdict: str,
+    tmp_path: Path,
 ) -> None:
     rig = bench()
     written(rig, readings(rig, *truth), tmp_path)
-    done = compare(
-        "diagnose",
-        "measured.toml",
-        "--simulator",
-        "mujoco",
-        "--json",
-        "--out",
-        "out",
-        "--workers",
-        "1",
-        *options,
-        cwd=tmp_path,
-    )
+    command = ["diagnose", "measured.toml", "--simulator", "mujoco", "--json", "--out", "out", "--workers", "1"]
+    if run is compare_alone:
+        done = compare_alone(*command, *options, cwd=tmp_path)
+    else:
+        with without("exudyn", "pybullet", "dartpy"):
+            done = compare(*command, *options, cwd=tmp_path)
     assert done.returncode == status, done.stderr
     assert done.stderr == ""
     result = json.loads(done.stdout)
@@ -597,6 +628,7 @@ def test_the_command(
     )
 
 
+@pytest.mark.mujoco
 def test_the_command_refuses_what_it_does_not_know(tmp_path: Path) -> None:
     rig = bench()
     written(rig, readings(rig), tmp_path)

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from compare.cli.app import app
+from commands import compare, without
 from compare.evidence.scoreboard.hidden import Hidden
 from compare.evidence.scoreboard.record import write_data
 from diagnosis_rigs import bench, readings
@@ -49,11 +48,11 @@ def copied(good: Path, folder: Path) -> Path:
 
 def diagnosed(folder: Path) -> Ended:
     out = folder / "out"
-    done = CliRunner().invoke(
-        app, ["diagnose", str(folder / "measured.toml"), "--workers", "1", "--json", "--out", str(out)]
-    )
-    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-    return Ended(done.exit_code, done.stdout, done.stderr, out)
+    with without("exudyn", "pybullet", "dartpy"):  # their simulations of the explanation say nothing of the data
+        done = compare(
+            "diagnose", str(folder / "measured.toml"), "--workers", "1", "--json", "--out", str(out), cwd=folder
+        )
+    return Ended(done.returncode, done.stdout, done.stderr, out)
 
 
 def assert_refused(ended: Ended, *words: str) -> None:
@@ -124,6 +123,7 @@ def all_empty(table: Table) -> None:
         row[1:] = ["nan"] * (len(row) - 1)
 
 
+@pytest.mark.mujoco
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -187,6 +187,7 @@ def test_a_description_that_cannot_be_is_refused(old: str, new: str, word: str, 
     assert_refused(diagnosed(tmp_path), word)
 
 
+@pytest.mark.mujoco
 def test_an_out_that_is_a_file_is_refused(good: Path, tmp_path: Path) -> None:
     copied(good, tmp_path)
     (tmp_path / "out").write_text("mine", encoding="utf-8")
@@ -226,6 +227,7 @@ def with_a_spike(table: Table) -> None:
     table[50][column(table, "follower_angle")] = "2.9"
 
 
+@pytest.mark.mujoco
 @pytest.mark.parametrize(
     ("change", "kinds"),
     [(constant, ["constant"]), (with_nans, []), (with_holes, []), (with_a_gap, ["gap"]), (with_a_spike, ["outliers"])],
@@ -246,6 +248,7 @@ def test_what_can_be_mended_is_mended_and_said(
     json.dumps(result, allow_nan=False)
 
 
+@pytest.mark.mujoco
 def test_absent_samples_stay_absent_in_the_result(good: Path, tmp_path: Path) -> None:
     edited(copied(good, tmp_path), with_nans)
     run = json.loads(diagnosed(tmp_path).out)["runs"][0]

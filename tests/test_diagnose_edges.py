@@ -39,6 +39,7 @@ def statuses(result: dict[str, object], name: str) -> set[str]:
 # ---------------------------------------------------------------- free runs
 
 
+@pytest.mark.slow
 def test_a_tolerance_on_angles_does_not_bind_where_a_free_run_starts() -> None:
     result = diagnosed(replace(swings(), tolerance={"angle": 1e-3}))
     assert (result["verdict"], result["effects"]) == ("no gap", [])
@@ -95,6 +96,7 @@ def test_a_start_needs_the_driven_bodys_angle(tmp_path: Path) -> None:
         load_measured(write_measured(tmp_path, dumps(load("crank-rocker")), [run]))
 
 
+@pytest.mark.slow
 def test_a_pendulum_whose_pivot_is_its_only_point_has_a_size() -> None:
     bob = PENDULUM.bodies[0]
     lone = PENDULUM.with_body(
@@ -205,6 +207,7 @@ def test_a_tolerance_that_would_bound_nothing_is_refused(key: str, tmp_path: Pat
 # ---------------------------------------------------------------- words
 
 
+@pytest.mark.slow
 def test_a_run_that_is_proposed_has_a_name_that_no_run_has() -> None:
     down = Load(body="coupler", point="com", force=(0.0, -50.0))
     rig = bench(

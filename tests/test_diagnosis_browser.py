@@ -218,11 +218,14 @@ def test_everything_has_a_name_and_every_name_is_its_own(browser: Browser, tied:
 def test_text_has_enough_contrast_and_the_colours_of_the_map_differ_in_lightness(browser: Browser, tied: Path) -> None:
     light = """
       const channel = (v) => (v /= 255) <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
-      const light = (c) => c.match(/[0-9.]+/g).slice(0, 3).reduce((sum, v, i) => sum + [0.2126, 0.7152, 0.0722][i] * channel(Number(v)), 0);"""
+      const weights = [0.2126, 0.7152, 0.0722];
+      const light = (c) => c.match(/[0-9.]+/g).slice(0, 3)
+        .reduce((sum, v, i) => sum + weights[i] * channel(Number(v)), 0);"""
     contrast = f"""(() => {{ {light}
       const painted = (e) => !getComputedStyle(e).backgroundColor.endsWith(', 0)');
       const behind = (e) => {{ while (!painted(e)) e = e.parentElement; return getComputedStyle(e).backgroundColor; }};
-      const words = [...document.querySelectorAll('p, td, th, li, summary, a, small, h1, h2, h3, b, span, button, code')];
+      const kinds = 'p, td, th, li, summary, a, small, h1, h2, h3, b, span, button, code';
+      const words = [...document.querySelectorAll(kinds)];
       return Math.min(...words.filter((e) => e.offsetParent && e.innerText.trim()).map((e) => {{
         const [a, b] = [light(getComputedStyle(e).color), light(behind(e))].sort((p, q) => q - p);
         return (a + 0.05) / (b + 0.05);

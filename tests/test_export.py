@@ -20,10 +20,10 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from compare.cli.export import export
 from linkages import inverted_slider
-from sim_models.engine import ENGINES, JOINT_MODELS, Request, Trace, declared, installed_version
+from sim_models.engine import ENGINES, JOINT_MODELS, Request, Trace, declared
 from sim_models.mujoco.engine import ENGINE
 
-pytest.importorskip("mujoco")
+pytestmark = pytest.mark.mujoco
 
 # of the largest value of a signal's kind; at rest, contact of 1e8 N/m makes forces of positions, whose rounding is
 # 1e-16 m
@@ -245,8 +245,6 @@ def test_a_run_that_fails_leaves_no_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", [n for n in ENGINES if not declared(n).exports])
 def test_an_engine_without_an_export_says_which_have_one(name: str, tmp_path: Path) -> None:
-    if installed_version(declared(name).package) is None:
-        pytest.skip(f"{name} is not installed")
     code, _, why = command("--simulator", name, "--out", str(tmp_path))
     assert code == 2
     assert name in why

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 import json
 import shlex
 import sys
@@ -19,8 +18,7 @@ from sim_models.engine import JOINT_MODELS, Motion, Request, Unsupported
 from sim_models.exudyn.engine import ENGINE
 from test_export import PAPER, SHORT, SLIDER, bare, columns, command, driven_by, table
 
-if importlib.util.find_spec("exudyn") is None:
-    pytest.skip("exudyn is not installed", allow_module_level=True)
+pytestmark = pytest.mark.exudyn
 
 TOLERANCE = 1e-12  # of the largest value of a signal's kind
 # A shaft free to swing is stepped without damping: a last digit of its speed, over the step, is an acceleration.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import csv
-import importlib.util
 import json
 import shlex
 import subprocess
@@ -25,8 +24,7 @@ from linkages import inverted_slider
 from sim_models.engine import Request, Trace, Unsupported
 from sim_models.pybullet.engine import ENGINE
 
-if importlib.util.find_spec("pybullet") is None:
-    pytest.skip("pybullet is not installed", allow_module_level=True)
+pytestmark = pytest.mark.pybullet
 
 # Of the largest value of a signal's kind.  A spring of 1e7 N/m makes forces of positions, and Bullet's pins undo all
 # drift in each step, which makes forces of m/h^2 times it: both magnify rounding, where the script finds a pin by other

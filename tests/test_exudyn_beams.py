@@ -4,8 +4,6 @@ compliance.
 
 from __future__ import annotations
 
-import importlib.util
-
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -24,8 +22,7 @@ from sim_models.exudyn.beam_model import Element
 from sim_models.exudyn.beam_motion import RigidMotion
 from sim_models.exudyn.beams import FlexibleLinkage, flexible, flexible_static
 
-if importlib.util.find_spec("exudyn") is None:
-    pytest.skip("exudyn is not installed", allow_module_level=True)
+pytestmark = pytest.mark.exudyn
 
 POINTS = (("crank", "A"), ("coupler", "A"), ("coupler", "com"), ("coupler", "B"), ("follower", "B"))
 ELEMENTS: tuple[Element, ...] = ("euler-bernoulli", "timoshenko")

@@ -4,7 +4,6 @@ equation.
 
 from __future__ import annotations
 
-import importlib.util
 import math
 from collections.abc import Callable
 
@@ -18,11 +17,11 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.kinetostatics import kinetostatics
+from marks import slow
 from sim_models.engine import JointModel, Request, Trace, Unsupported
 from sim_models.exudyn.engine import ENGINE
 
-if importlib.util.find_spec("exudyn") is None:
-    pytest.skip("exudyn is not installed", allow_module_level=True)
+pytestmark = pytest.mark.exudyn
 
 REAL: tuple[JointModel, ...] = ("massless-link", "spring-damper", "contact")
 ROCKER = load("crank-rocker")
@@ -90,7 +89,7 @@ def test_a_course_has_the_angles_inertia_forces_and_torque_of_its_spline(name: s
     assert max(worst["reaction"], worst["drive_torque"]) < 2e-4
 
 
-@pytest.mark.parametrize("joint_model", REAL)
+@pytest.mark.parametrize("joint_model", ["massless-link", *slow(*(m for m in REAL if m != "massless-link"))])
 def test_pins_pressed_into_small_gaps_follow_a_course_as_an_ideal_linkage_does(joint_model: JointModel) -> None:
     """The rest is what a gap of 1e-5 m of links of 0.05 m and more does; a start off the motion would sway at ten times
     that.
@@ -210,7 +209,8 @@ def sprung(m: Mechanism, stiffness: float, speed: float | str = SPEED) -> Mechan
     return m.replace(drive=Drive(joint=m.drive.joint, speed=speed, stiffness=stiffness))  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("ripple", [pytest.param(0.0, marks=pytest.mark.slow), 2e-3])
+@pytest.mark.slow
+@pytest.mark.parametrize("ripple", [0.0, 2e-3])
 def test_a_crank_behind_a_spring_repeats_itself_as_its_differential_equation_does(ripple: float) -> None:
     m = sprung(LOADED.with_joint("B", damping=1e-4), 500.0)
     time = TURN[::4]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from analytic.paper.kinetostatics import kinetostatics
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
+from marks import slow
 from ode import ClearanceMotion, clearance_four_bar_ode
 from sim_models.common.journal import free_share
 from sim_models.common.start import poses
@@ -24,8 +25,7 @@ from sim_models.engine import JointModel, Motion, Request, SimulationError, Trac
 from sim_models.exudyn.engine import ENGINE
 from sim_models.exudyn.laws import hysteresis
 
-if importlib.util.find_spec("exudyn") is None:
-    pytest.skip("exudyn is not installed", allow_module_level=True)
+pytestmark = pytest.mark.exudyn
 
 PAPER_RANGE = np.radians(np.arange(20, 161, 5.0))
 REAL: tuple[JointModel, ...] = ("massless-link", "spring-damper", "contact")
@@ -164,10 +164,7 @@ def test_ideal_driven_linkages_reproduce_kinetostatics(name: str) -> None:
         np.testing.assert_allclose(trace.signals[signal], values, rtol=0, atol=rtol * scale, err_msg=signal)
 
 
-@pytest.mark.parametrize("joint_model", REAL)
-@pytest.mark.parametrize(
-    "clearance", [pytest.param(1e-2, marks=pytest.mark.slow), 1e-3, pytest.param(1e-4, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("joint_model", "clearance"), slow(*product(REAL, (1e-2, 1e-3, 1e-4))))
 def test_driven_paper_case_starts_and_stays_in_the_analytic_equilibrium(
     joint_model: JointModel, clearance: float
 ) -> None:

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import importlib.util
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import commands
 from analytic.mechanism.file import dumps, load
 from compare.crosscheck import Job, crosscheck_job
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.flexible import Beams
 from sim_models.engine import Request, Trace
 
-if importlib.util.find_spec("exudyn") is None:
-    pytest.skip("exudyn is not installed", allow_module_level=True)
+pytestmark = pytest.mark.exudyn
 
 THETA = np.radians(np.arange(20.0, 161.0, 20.0))
 
@@ -86,9 +83,8 @@ def test_a_linkage_that_nothing_loads_agrees() -> None:
     assert all(d.tolerance > 0 for d in found.runs[0].discrepancies)
 
 
-def compare(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "compare", *arguments, "--out", "out", "--angles", "30:150:60"]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
+def compare(*arguments: str, cwd: Path) -> commands.Ended:
+    return commands.compare(*arguments, "--out", "out", "--angles", "30:150:60", cwd=cwd)
 
 
 @pytest.mark.parametrize(
@@ -120,6 +116,7 @@ def test_a_linkage_without_a_modulus_is_refused(tmp_path: Path) -> None:
     assert "no body of paper has a youngs_modulus" in done.stderr
 
 
+@pytest.mark.mujoco
 def test_all_simulators_are_those_that_bend(tmp_path: Path) -> None:
     done = compare("--simulator", "all", "--motion", "static", "--clearance", "B=0", "--flexible", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -56,13 +56,19 @@ NAMES = {
     "compare --simulator mujoco --motion driven": "paper-mujoco",
     "compare --simulator mujoco --motion static": "paper-mujoco-static",
     "compare --clearance B=2e-4,E=1e-4 --simulator mujoco": "paper-mujoco-B=2e-4,E=1e-4",
-    "compare --simulator mujoco --angles=-20:160:5 --joint contact --flexible": "paper-mujoco-contact-angles=-20_160_5-flexible",
+    "compare --simulator mujoco --angles=-20:160:5 --joint contact --flexible": (
+        "paper-mujoco-contact-angles=-20_160_5-flexible"
+    ),
     "compare --simulator mujoco --tolerance ../my/tol.toml": "paper-mujoco-tolerance=.._my_tol.toml",
     "compare accuracy --samples 20000": "paper-accuracy",
-    "compare accuracy --clearance D=1e-4 --seed 7 --output B --output coupler.angle": "paper-accuracy-D=1e-4-output=B,coupler.angle-seed=7",
+    "compare accuracy --clearance D=1e-4 --seed 7 --output B --output coupler.angle": (
+        "paper-accuracy-D=1e-4-output=B,coupler.angle-seed=7"
+    ),
     "compare validity --speeds 60,600 --clearances 1e-4 --workers 2": "paper-validity-speeds=60,600-clearances=1e-4",
     "compare diagnose a.toml": "paper-diagnosis",
-    "compare diagnose a.toml --only gravity --only payload@coupler --simulator exudyn": "paper-diagnosis-exudyn-only=gravity,payload@coupler",
+    "compare diagnose a.toml --only gravity --only payload@coupler --simulator exudyn": (
+        "paper-diagnosis-exudyn-only=gravity,payload@coupler"
+    ),
 }
 
 
@@ -97,6 +103,7 @@ def contents(place: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in place.iterdir()}
 
 
+@pytest.mark.mujoco
 def test_the_same_command_replaces_its_own_report_and_another_only_when_it_is_told_to(
     compare: Any, tmp_path: Path
 ) -> None:
@@ -125,6 +132,7 @@ def test_the_same_command_replaces_its_own_report_and_another_only_when_it_is_to
     )
 
 
+@pytest.mark.mujoco
 def test_two_files_of_one_name_do_not_share_a_default_folder_silently(compare: Any, tmp_path: Path) -> None:
     for name, mass in (("one", 0.2), ("two", 0.3)):
         Path(f"{name}.toml").write_text(dumps(load("paper").with_body("crank", mass=mass)), encoding="utf-8")
@@ -136,6 +144,7 @@ def test_two_files_of_one_name_do_not_share_a_default_folder_silently(compare: A
     assert compare(f"{QUICK} --case one.toml")[0] == 0
 
 
+@pytest.mark.mujoco
 def test_accuracy_validity_and_diagnosis_keep_to_the_same_rule(compare: Any, tmp_path: Path) -> None:
     rig = Path(__file__).parent.parent / "docs" / "example-rig" / "measured.toml"
     assert compare("compare accuracy --samples 50 --out here") == (0, "")
@@ -179,6 +188,7 @@ def test_whatever_a_file_says_that_made_it_is_only_compared(
     assert capsys.readouterr() == ("", "")
 
 
+@pytest.mark.mujoco
 def test_an_export_replaces_its_own_files_and_no_others(compare: Any, tmp_path: Path) -> None:
     line = "compare export --simulator mujoco --motion static --angles 30:60:30 --out alone"
     assert compare(line)[0] == 0

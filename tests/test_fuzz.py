@@ -179,7 +179,7 @@ def without_friction(m: Mechanism) -> Mechanism:
     return m.replace(joints=tuple(j.model_copy(update={"friction_torque": 0.0}) for j in m.joints))
 
 
-def assert_the_equilibrium_is_a_minimum_of_energy(m: Mechanism) -> str:
+def assert_the_equilibrium_is_a_minimum_of_energy(m: Mechanism) -> str:  # noqa: C901, PLR0911 - one way out a reason
     """Where the analytic model rests its pins, by the energy of the oracle's poses; says in a word what became
     of it.
     """
@@ -284,7 +284,7 @@ def test_an_equilibrium_that_is_no_minimum_of_energy_is_flagged() -> None:
     assert assert_the_equilibrium_is_a_minimum_of_energy(m) == "a minimum"
 
 
-@QUICK
+@settings(QUICK, max_examples=25)
 @given(linkages(replace(WIDE, groups=(1, 2))))
 def test_random_clearances_are_taken_up_to_a_minimum_of_energy(m: Mechanism) -> None:
     event(assert_the_equilibrium_is_a_minimum_of_energy(m))

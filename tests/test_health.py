@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -15,18 +15,13 @@ from compare.crosscheck import Job, _too_soft, crosscheck_job
 from compare.evidence.baseline.runs import setups
 from compare.judge.discrepancy import load_tolerances
 from linkages import inverted_slider, jansen_leg
+from marks import slow
 from sim_models.common.health import LIMITS, Implausible, check, misses
 from sim_models.common.journal import free_share
-from sim_models.engine import ENGINES, Request, SimulationError, Trace, declared, engine
+from sim_models.engine import ENGINES, Request, SimulationError, Trace, engine
 
 TURN = np.radians(np.arange(10.0, 360.0, 25.0))
 KEPT = 0.5  # of what a check allows: good runs leave at least the other half
-
-
-def installed(name: str) -> str:
-    if importlib.util.find_spec(declared(name).package) is None:
-        pytest.skip(f"{name} is not installed")
-    return name
 
 
 def scaled(m: Mechanism, by: float, **drive: float) -> Mechanism:
@@ -66,12 +61,14 @@ def over(request: Request, trace: Trace, kept: float = 1.0) -> dict[str, float]:
 # ------------------------------------------------------------------ good runs
 
 
-@pytest.mark.parametrize("case", shipped_cases())
+QUICKEST = ("mujoco", "crank-rocker")
+
+
 @pytest.mark.parametrize(
-    "name", ["mujoco", *(pytest.param(name, marks=pytest.mark.slow) for name in ENGINES if name != "mujoco")]
+    ("name", "case"), [QUICKEST, *slow(*(row for row in product(ENGINES, shipped_cases()) if row != QUICKEST))]
 )
 def test_shipped_cases_keep_well_clear_of_every_limit(name: str, case: str) -> None:
-    chosen = engine(installed(name))
+    chosen = engine(name)
     for setup in setups(load(case)):
         request = setup.request
         if (request.joint_model, request.motion) in chosen.supports and not setup.impacting:
@@ -81,7 +78,7 @@ def test_shipped_cases_keep_well_clear_of_every_limit(name: str, case: str) -> N
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["mujoco", "exudyn", "dart"])
 def test_pins_that_fly_and_hit_keep_clear_of_them_too(name: str) -> None:
-    chosen = engine(installed(name))
+    chosen = engine(name)
     for setup in setups(load("crank-rocker")):
         if setup.impacting and (setup.request.joint_model, "driven") in chosen.supports:
             request = replace(setup.request, crank_angle=setup.request.crank_angle[:720])
@@ -110,9 +107,9 @@ def test_a_run_of_heavier_inertia_than_the_linkage_has_is_found() -> None:
         check(request, trace)
 
 
+@pytest.mark.pybullet
 def test_bullet_in_a_micrograms_linkage_is_found() -> None:
     """At 1:1000, in SI units, it answers 3e11 N where 4e-11 N are right."""
-    installed("pybullet")
     from sim_models.leapfrog.runs import run
     from sim_models.pybullet.world import BulletWorld
 
@@ -266,6 +263,7 @@ def test_a_trace_without_rates_is_held_to_its_positions(runs: dict[str, Trace]) 
 # that is soft
 
 
+@pytest.mark.mujoco
 @pytest.mark.parametrize("push", [0.0, 20.0])
 def test_mujoco_takes_the_steps_that_jansens_leg_asks_for(push: float) -> None:
     """Its foot was 2e-5 rad off with steps of 0.5 ms and a push of 20 N, and the model was blamed for it."""
@@ -295,6 +293,7 @@ def test_contact_is_lost_where_the_pin_is_off_the_wall() -> None:
     assert free_share(gaps[:0], 1e-3) == 0.0
 
 
+@pytest.mark.mujoco
 def test_a_pin_seen_far_beyond_its_rim_is_warned_of_whatever_its_settings_say() -> None:
     """A hard contact has no stiffness in its settings: the path that was seen says how deep its pin went."""
     m = load("slider-crank").with_clearances({"B": 5e-4})

@@ -16,7 +16,9 @@ from typing import Any
 
 import pytest
 
+import commands
 from compare.files import OutputError, alone_in, write_atomically, write_together
+from marks import slow
 
 ROOT = Path(__file__).parents[1]
 RIG = ROOT / "docs" / "example-rig" / "measured.toml"
@@ -32,13 +34,10 @@ LARGE = ("cross-check", "validity", "export")  # those whose files a full disk h
 posix = pytest.mark.skipif(os.name != "posix", reason="limits a process as POSIX does")
 
 
-def first_of(rows: Iterable[Any]) -> Any:
-    return next(iter(rows))
-
-
-def slow(rows: Iterable[Any]) -> list[Any]:
-    """All rows but the first, for the long suite."""
-    return [pytest.param(row, marks=pytest.mark.slow) for row in list(rows)[1:]]
+def first_of(rows: Iterable[Any]) -> list[Any]:
+    """The first row, and the others for the long suite."""
+    first, *others = rows
+    return [first, *slow(*others)]
 
 
 def compare(folder: Path, arguments: list[str], limit: int | None = None) -> subprocess.CompletedProcess[str]:
@@ -79,22 +78,23 @@ def refused(done: subprocess.CompletedProcess[str], path: str) -> None:
 # ---------------------------------------------------------------- a folder in the way
 
 
+@pytest.mark.mujoco
 @pytest.mark.parametrize("what", COMMANDS)
 def test_a_file_where_the_folder_should_be(what: str, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("in the way", encoding="utf-8")
-    done = compare(tmp_path, COMMANDS[what])
+    done = commands.compare(*COMMANDS[what], cwd=tmp_path)
     refused(done, "out")
     assert contents(tmp_path) == {"out": b"in the way"}
 
 
 def test_the_option_that_names_the_folder_is_named(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("in the way", encoding="utf-8")
-    assert "--baselines out" in compare(tmp_path, COMMANDS["baseline"]).stderr
-    assert "--reports out" in compare(tmp_path, ["validation", "update", "--reports", "out"]).stderr
+    assert "--baselines out" in commands.compare(*COMMANDS["baseline"], cwd=tmp_path).stderr
+    assert "--reports out" in commands.compare("validation", "update", "--reports", "out", cwd=tmp_path).stderr
 
 
 @posix
-@pytest.mark.parametrize("what", [first_of(COMMANDS), *slow(COMMANDS)])
+@pytest.mark.parametrize("what", first_of(COMMANDS))
 def test_a_folder_that_may_only_be_read(what: str, tmp_path: Path) -> None:
     """A read-only mount, which stops the superuser too; where it takes more rights than we have, the folder's own."""
     out = tmp_path / "out"
@@ -122,7 +122,7 @@ def test_a_folder_that_may_only_be_read(what: str, tmp_path: Path) -> None:
 
 
 @posix
-@pytest.mark.parametrize("what", [first_of(LARGE), *slow(LARGE)])
+@pytest.mark.parametrize("what", first_of(LARGE))
 def test_a_disk_that_is_full_from_the_start_leaves_nothing(what: str, tmp_path: Path) -> None:
     done = compare(tmp_path, COMMANDS[what], limit=500)
     refused(done, "out")
@@ -131,7 +131,7 @@ def test_a_disk_that_is_full_from_the_start_leaves_nothing(what: str, tmp_path: 
 
 
 @posix
-@pytest.mark.parametrize("room", [20_000, *slow([20_000, 1_000, 60_000])])
+@pytest.mark.parametrize("room", first_of([20_000, 1_000, 60_000]))
 def test_a_disk_that_fills_up_leaves_the_earlier_result_as_it_was(room: int, tmp_path: Path) -> None:
     assert compare(tmp_path, CROSSCHECK).returncode == 0
     before = contents(tmp_path)
@@ -232,7 +232,7 @@ def test_two_baselines_of_one_case_at_once_are_one_whole_file(tmp_path: Path) ->
 def test_a_folder_is_held_by_one_at_a_time_and_let_go(tmp_path: Path) -> None:
     with alone_in(tmp_path):
         with pytest.raises(OutputError, match="another run is writing there"), alone_in(tmp_path, patience=0.0):
-            raise NotImplementedError("never reached")
+            pytest.fail("two hold the folder at once")
         release = threading.Event()
 
         def wait() -> None:

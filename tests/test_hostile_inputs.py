@@ -3,10 +3,13 @@ written.
 
 One table, in groups:
 
-MECHANISM_FIELDS  each number of a mechanism file as what it cannot be: no number, no finite one, below or beyond its range
-MECHANISM_PARTS   what the parts say of each other: names twice or unknown, joints missing, bodies without length, drives that drive nothing
-LINKAGES          files that are right by themselves and make no linkage: loops that do not close, change points, too many or too few joints
-TEXTS             files that are not what they are called: other encodings, null and control characters, nesting and digits without end
+MECHANISM_FIELDS  each number of a mechanism file as what it cannot be: no number, no finite one, out of its range
+MECHANISM_PARTS   what the parts say of each other: names twice or unknown, joints missing, bodies without length,
+                  drives that drive nothing
+LINKAGES          files that are right by themselves and make no linkage: loops that do not close, change points,
+                  too many or too few joints
+TEXTS             files that are not what they are called: other encodings, null and control characters, nesting and
+                  digits without end
 PLACES            no files at all: folders, pipes, devices, loops of links, names without end
 TOLERANCES        tolerance files
 BASELINES         baseline files
@@ -842,6 +845,7 @@ def listing(folder: Path) -> set[str]:
     }
 
 
+@pytest.mark.mujoco
 @pytest.mark.filterwarnings("default")  # as in the command, which tells them
 @pytest.mark.parametrize("row", TABLE.values(), ids=[name.encode("unicode_escape").decode()[:80] for name in TABLE])
 def test_a_hostile_input_is_one_sentence_and_status_2_and_nothing_is_written(

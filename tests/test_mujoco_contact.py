@@ -15,7 +15,7 @@ from sim_models.common.contact_laws import restitution
 from sim_models.engine import JointModel, Motion, Request
 from sim_models.mujoco.engine import ENGINE
 
-pytest.importorskip("mujoco")
+pytestmark = pytest.mark.mujoco
 
 DROPPED = """
 name = "dropped journal"

@@ -24,7 +24,7 @@ from analytic.paper.kinetostatics import Reactions, kinetostatics
 from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Trace, Unsupported
 from sim_models.mujoco.engine import ENGINE
 
-pytest.importorskip("mujoco")
+pytestmark = pytest.mark.mujoco
 
 CLEARANCE_MODELS: tuple[JointModel, ...] = JOINT_MODELS[1:]
 SPEED = 10 * np.pi  # rad/s

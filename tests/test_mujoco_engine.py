@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Mapping
 
 import numpy as np
@@ -14,6 +13,7 @@ from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from linkages import inverted_slider, scotch_yoke, six_bar_driven_from_the_rocker
+from marks import slow
 from sim_models.engine import (
     JOINT_MODELS,
     JointModel,
@@ -22,12 +22,11 @@ from sim_models.engine import (
     SimulationError,
     Trace,
     Unsupported,
-    declared,
     engine,
 )
 from sim_models.mujoco.engine import ENGINE
 
-pytest.importorskip("mujoco")
+pytestmark = pytest.mark.mujoco
 
 PAPER = load("paper")
 RANGE = np.radians(np.arange(20.0, 161.0, 5.0))
@@ -135,7 +134,7 @@ def test_other_linkages_with_ideal_joints(name: str, motion: Motion) -> None:
 
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("model", CLEARANCE_MODELS)
-@pytest.mark.parametrize("joints", ["A", "D", "E", "AB", "DABE"])
+@pytest.mark.parametrize("joints", ["A", "D", "E", *slow("AB"), "DABE"])
 def test_clearance_at_any_joint_and_at_several(model: JointModel, motion: Motion, joints: str) -> None:
     mechanism = PAPER.with_clearances(dict.fromkeys(joints, 1e-3 if len(joints) < 4 else 1e-4))
     theta = RANGE[::2]
@@ -308,6 +307,7 @@ def test_a_pin_that_nothing_presses_has_no_static_place() -> None:
         ENGINE.simulate(Request(PAPER.replace(loads=()), "contact", "static", RANGE))
 
 
+@pytest.mark.slow
 def test_a_slow_crank_is_not_moved_aside_by_reactions_in_minutes() -> None:
     """Two minutes under 50 N; the motor's armature of 1e9 kg.m^2 alone would gain 3e-5 rad in them."""
     theta = np.radians([20.0, 90.0, 160.0])
@@ -356,8 +356,6 @@ def test_at_rest_a_mass_is_nothing_but_a_weight() -> None:
 def test_a_run_without_end_is_refused_before_it_begins(
     name: str, joint_model: JointModel, speed: float, clearance: float
 ) -> None:
-    if importlib.util.find_spec(declared(name).package) is None:
-        pytest.skip(f"{name} is not installed")
     m = at_speed(load("paper"), speed=speed).with_clearances({"B": clearance})
     with pytest.raises(SimulationError, match=r"would take .* steps of .* s, and .* are the most; raise drive\.speed"):
         engine(name).simulate(Request(m, joint_model, "driven", np.radians([20.0, 160.0])))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -13,14 +12,18 @@ from analytic.mechanism.file import load
 from sim_models.common.start import poses
 from sim_models.engine import Request, SimulationError
 from sim_models.mujoco.engine import ENGINE
-from sim_models.mujoco.model import Linkage
 
+mujoco = pytest.importorskip("mujoco", exc_type=ImportError)
+from sim_models.mujoco.model import Linkage  # noqa: E402 - it imports MuJoCo
+
+pytestmark = pytest.mark.mujoco
 PAPER = load("paper")
 FOUR_BAR = """
 <mujoco>
   <option gravity="0 0 -9.81" integrator="{integrator}" timestep="1e-3"/>
   <worldbody>
-    <body name="crank"><joint type="hinge" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .1 0 .1" size=".01" contype="0" conaffinity="0"/>
+    <body name="crank"><joint type="hinge" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 .1 0 .1" size=".01" contype="0" conaffinity="0"/>
       <body name="coupler" pos=".1 0 .1"><joint type="hinge" axis="0 1 0"/>
         <geom type="capsule" fromto="0 0 0 .3 0 0" size=".01" contype="0" conaffinity="0"/></body></body>
     <body name="follower" pos=".3 0 0"><joint type="hinge" axis="0 1 0"/>

@@ -33,8 +33,6 @@ EVEN = 10 * np.pi * TURN
 
 
 def engine(name: str) -> Engine:
-    if importlib.util.find_spec(PACKAGES[name]) is None:
-        pytest.skip(f"{PACKAGES[name]} is not installed")
     found: Engine = importlib.import_module(f"sim_models.{name}.engine").ENGINE
     return found
 
@@ -75,10 +73,10 @@ def assert_agrees(trace: Trace, truth: dict[str, np.ndarray], relative: float, a
 @pytest.mark.parametrize(
     "angles",
     [
-        pytest.param(EVEN, id="constant speed"),
-        pytest.param(-EVEN, id="in reverse"),
+        pytest.param(EVEN, id="constant speed", marks=pytest.mark.slow),
+        pytest.param(-EVEN, id="in reverse", marks=pytest.mark.slow),
         pytest.param(EVEN + 2e-3 * np.sin(6 * EVEN), id="ripple"),
-        pytest.param(EVEN - np.sin(EVEN), id="from rest"),
+        pytest.param(EVEN - np.sin(EVEN), id="from rest", marks=pytest.mark.slow),
         pytest.param(0.5 * np.sin(EVEN), id="oscillation"),
     ],
 )

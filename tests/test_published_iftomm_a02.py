@@ -6,8 +6,6 @@ theta'' = -(g/L) [(N+1)/2 + N]/[(N+1)/3 + N] cos theta; the benchmark's own meas
 
 from __future__ import annotations
 
-import importlib.util
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -76,8 +74,6 @@ def energy(n: int, signals: dict[str, np.ndarray]) -> np.ndarray:
 @pytest.mark.parametrize("n", [1, 2])
 @pytest.mark.parametrize("name", [e for e in ENGINES if e != "exudyn"])
 def test_rows_of_four_bars_swing_as_one_pendulum(name: str, n: int) -> None:
-    if importlib.util.find_spec(declared(name).package) is None:
-        pytest.skip(f"{name} is not installed")
     trace = declared(name).simulate(Request(four_bars(n), "ideal", "driven", time=TIME, start_speed=-1.0))
     off = np.abs(trace.signals["rod0_angle"] - pendulum(n)).max()
     total = energy(n, dict(trace.signals))
@@ -91,11 +87,11 @@ def test_rows_of_four_bars_swing_as_one_pendulum(name: str, n: int) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.exudyn
 @pytest.mark.parametrize("n", [1, 2])
 def test_an_engine_that_cannot_pass_a_singular_position_says_so(n: int) -> None:
     """Exudyn's implicit integrator loses its constraints there at any step from 1e-4 to 2e-3 s; a wrong branch gains
     energy.
     """
-    pytest.importorskip("exudyn")
     with pytest.raises(SimulationError, match=r"gave up|come from nothing"):
         declared("exudyn").simulate(Request(four_bars(n), "ideal", "driven", time=TIME, start_speed=-1.0))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Iterator
 from contextlib import closing
 
@@ -14,6 +13,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive, Load
 from analytic.mechanism.file import load
 from linkages import inverted_slider
+from marks import slow
 from planar_checks import (
     LINKAGES,
     PAPER_RANGE,
@@ -32,8 +32,7 @@ from sim_models.engine import JointModel, Motion, Request, SimulationError, Unsu
 from sim_models.pybullet.engine import ENGINE
 from sim_models.pybullet.world import BulletWorld
 
-if importlib.util.find_spec("pybullet") is None:
-    pytest.skip("pybullet is not installed", allow_module_level=True)
+pytestmark = pytest.mark.pybullet
 
 RIGID: tuple[JointModel, ...] = ("massless-link", "contact")
 REAL: tuple[JointModel, ...] = ("spring-damper", *RIGID)
@@ -70,14 +69,15 @@ def test_clearance_in_several_joints_at_once_the_drive_joint_among_them(joint_mo
     assert set(trace.journal) == set(SEVERAL)
 
 
-def test_four_struts_in_a_chain_are_where_the_rods_are_at_every_angle() -> None:
+@pytest.mark.parametrize(("step", "count"), [(75.0, 5), *slow((15.0, 24))])
+def test_four_struts_in_a_chain_are_where_the_rods_are_at_every_angle(step: float, count: int) -> None:
     """Bullet's sequential solver lets such struts grow at some of these angles, and balances other forces there."""
     m = load("crank-rocker").replace(
         gravity=(0.0, -9.81), loads=(Load(body="follower", point="B", force=(20.0, -30.0), torque=1.0),)
     )
     m = m.with_clearances({"D": 1e-4, "A": 2e-4, "B": 1e-4, "E": 1e-4})
-    trace = run(ENGINE, m, "contact", "static", np.arange(0.0, 360.0, 15.0))
-    assert trace.settings["read_from_rods"].endswith("of 24 angles")  # and so it says
+    trace = run(ENGINE, m, "contact", "static", np.arange(15.0, 375.0, step))
+    assert trace.settings["read_from_rods"].endswith(f"of {count} angles")  # and so it says
     for joint in "DABE":
         angle, size = reaction_errors(trace, m, joint)
         assert angle < 0.02, joint
@@ -116,9 +116,7 @@ def test_ideal_driven_linkages_reproduce_kinetostatics(name: str) -> None:
     assert_kinetostatics(run(ENGINE, m, "ideal", "driven", degrees), m, 3e-4)
 
 
-@pytest.mark.parametrize(
-    "clearance", [pytest.param(1e-2, marks=pytest.mark.slow), 1e-3, pytest.param(1e-4, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("clearance", slow(1e-2, 1e-3, 1e-4))
 def test_driven_paper_case_starts_and_stays_in_the_analytic_equilibrium(clearance: float) -> None:
     m = load("paper").with_clearances({"B": clearance})
     trace = run(ENGINE, m, "spring-damper", "driven", PAPER_RANGE)

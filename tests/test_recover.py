@@ -44,7 +44,20 @@ PLAYED_BY = {
     "sensor_bias": "dart",
     "load_torque": "dart",
 }  # the others by Exudyn; MuJoCo diagnoses
-SLOW = ("link_flexibility", "drive_compliance")  # more than ten times what the others take
+# Two take more than ten times what the others take; the others, or their like, are recovered in test_diagnose too.
+SLOW = {"link_flexibility", "drive_compliance"} | {
+    "payload",
+    "link_length",
+    "joint_clearance",
+    "viscous_friction",
+    "external_force",
+    "encoder_offset",
+    "sensor_bias",
+    "sensor_frame",
+    "clock_offset",
+    "sensor_delay",
+    "moment_of_inertia",
+}
 MORE_SENSORS = {"com_offset": {"coupler_y": 1e-5}}
 
 
@@ -112,11 +125,11 @@ def test_an_effect_changes_nothing_that_it_is_given(place: Place) -> None:
     assert effect.sensor == (mechanism == RIG.mechanism)
 
 
-@pytest.mark.parametrize("place", PLACES, ids=str)
+@pytest.mark.parametrize(
+    "place", [p for p in PLACES if not (p.effect.name == "sensor_frame" and p.variant)], ids=str
+)  # from a quarter turn on, zero is no small thing
 def test_an_effect_of_zero_is_none(place: Place) -> None:
     effect, where, variant = place.effect, place.where, place.variant
-    if effect.name == "sensor_frame" and variant:
-        return  # a quarter turn is no small thing at zero
     zero = np.zeros(len(effect.scales(RIG, where, variant)))
     values = effect.values(RIG, where, zero, variant)
     seen = {s: np.cos(TIME + k) for k, s in enumerate(RIG.signals)}

@@ -345,7 +345,8 @@ def test_a_journal_that_a_soft_contact_lets_out_of_its_circle_stays_in_the_pictu
             run["simulated"][f"clearance_B_{axis}"] = [1.9 * v for v in run["simulated"][f"clearance_B_{axis}"]]
     write_report(result, tmp_path)
     browser.open(tmp_path / "report.html")
-    inside = """(() => { const [svg, pin] = ['.rim svg', '.rim .journal.simulated'].map(s => document.querySelector(s).getBoundingClientRect());
+    inside = """(() => { const box = (s) => document.querySelector(s).getBoundingClientRect();
+      const [svg, pin] = ['.rim svg', '.rim .journal.simulated'].map(box);
       return pin.left >= svg.left && pin.right <= svg.right && pin.top >= svg.top && pin.bottom <= svg.bottom; })()"""
     for angle in (20, 90, 160):
         browser.run(f"({MOVE})({angle})")
@@ -453,10 +454,12 @@ def test_text_has_enough_contrast_in_both_schemes(browser: Browser, page: Path) 
     script = """(() => {
       const channel = (v) => (v /= 255) <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
       const weights = [0.2126, 0.7152, 0.0722];
-      const light = (c) => c.match(/[0-9.]+/g).slice(0, 3).reduce((sum, v, i) => sum + weights[i] * channel(Number(v)), 0);
+      const light = (c) => c.match(/[0-9.]+/g).slice(0, 3)
+        .reduce((sum, v, i) => sum + weights[i] * channel(Number(v)), 0);
       const painted = (e) => !getComputedStyle(e).backgroundColor.endsWith(', 0)');
       const behind = (e) => { while (!painted(e)) e = e.parentElement; return getComputedStyle(e).backgroundColor; };
-      const words = [...document.querySelectorAll('p, td, th, li, dd, dt, summary, a, small, h1, h2, h3, label, b, span, button')];
+      const kinds = 'p, td, th, li, dd, dt, summary, a, small, h1, h2, h3, label, b, span, button';
+      const words = [...document.querySelectorAll(kinds)];
       return Math.min(...words.filter((e) => e.offsetParent && e.innerText.trim()).map((e) => {
         const [a, b] = [light(getComputedStyle(e).color), light(behind(e))].sort((p, q) => q - p);
         return (a + 0.05) / (b + 0.05);

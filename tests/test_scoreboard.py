@@ -28,6 +28,7 @@ from compare.evidence.scoreboard.record import make, recorded
 from compare.evidence.scoreboard.rigs import Bench, Plan, Rejected
 from compare.evidence.scoreboard.score import opened, score
 from compare.evidence.scoreboard.sizes import Planted, Sizer, natural
+from marks import slow
 
 SPEED, ANGLE = 6.0, 0.4
 SENSORS = {
@@ -167,7 +168,7 @@ def test_an_exact_alias_is_not_distinguishable_and_an_own_signature_is() -> None
 
 def test_one_seed_is_one_set(tmp_path: Path) -> None:
     for name in ("a", "b"):
-        make(FIRST["none"] + 10, tmp_path / name, tmp_path / f"{name}-seal")
+        make(FIRST["none"] + 12, tmp_path / name, tmp_path / f"{name}-seal")
     files = sorted(p.name for p in (tmp_path / "a").iterdir())
     assert {"measured.toml", "nominal.toml"} < set(files)
     assert len(files) in (4, 5)
@@ -210,7 +211,7 @@ def drawn(seed: int) -> Hidden:
     raise AssertionError(f"seed {seed} makes no set")
 
 
-@pytest.mark.parametrize("seed", [2, 9, 14, 16, 25, 38])
+@pytest.mark.parametrize("seed", [16, 25, 38, *slow(2, 9, 14)])
 def test_effects_are_as_large_as_asked_and_another_engine_diagnoses(seed: int) -> None:
     found = drawn(seed)
     assert found.truth[0].name == list(VOCABULARY)[seed % len(VOCABULARY)]
@@ -234,9 +235,11 @@ def test_clearance_is_an_alias_of_length_until_the_load_reverses() -> None:
 
 
 def test_an_offset_of_its_own_for_each_run_is_drawn_too() -> None:
-    kinds = {
-        len(e.values) for seed in range(15, 15 + 21 * 8, 21) for e in drawn(seed).truth if e.name == EncoderOffset.name
-    }
+    kinds: set[int] = set()
+    for seed in (99, 162, *range(15, 15 + 21 * 8, 21)):  # two of them are enough unless sets are drawn otherwise
+        kinds |= {len(e.values) for e in drawn(seed).truth if e.name == EncoderOffset.name}
+        if 1 in kinds and max(kinds) > 1:
+            break
     assert 1 in kinds
     assert max(kinds) > 1
 

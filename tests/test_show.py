@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import math
 import re
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from commands import compare
 from compare.faults import OptionError
 from compare.files import to_json
 from compare.report.provenance import explain
@@ -31,12 +30,7 @@ def shown(signal: str, at: float, raw: dict[str, Any] = PAPER, **choice: str) ->
     return explain(loaded(raw), signal, at, choice.get("joint"), choice.get("simulator"))
 
 
-def compare(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "compare", *arguments], cwd=cwd, capture_output=True, text=True, timeout=60, check=False
-    )
-
-
+@pytest.mark.mujoco
 def test_the_command_prints_both_sides_and_where_they_come_from(tmp_path: Path) -> None:
     assert (
         compare(

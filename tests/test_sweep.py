@@ -280,6 +280,7 @@ def test_a_cluster_gives_the_same_numbers_though_a_worker_is_killed_half_way(
     )  # a cluster's records are anybody's
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
 def test_cells_of_a_map_are_the_same_to_the_last_bit_on_a_cluster_in_processes_and_here(
     cluster: tuple[str, list[subprocess.Popen[bytes]]],

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -16,19 +16,14 @@ from compare.evidence.baseline.runs import setups
 from compare.evidence.validation.scales import Scale, linkage, scale_rows, scales
 from compare.judge.discrepancy import load_tolerances
 from linkages import inverted_slider
+from marks import slow
 from sim_models.common.contact_laws import DRIVEN_STIFFNESS, STATIC_STIFFNESS, default_stiffness
 from sim_models.common.units import SI, Units, dimension
 from sim_models.common.weights import with_equal_masses
-from sim_models.engine import ENGINES, Request, declared, engine
+from sim_models.engine import ENGINES, Request, engine
 
 TURN = np.radians(np.arange(0.0, 360.0, 30.0))
 OTHER = Units(2.0**3, 2.0**-30, 2.0**-12)  # of length (m), mass (kg) and time (s)
-
-
-def installed(name: str) -> str:
-    if importlib.util.find_spec(declared(name).package) is None:
-        pytest.skip(f"{name} is not installed")
-    return name
 
 
 def everything() -> Mechanism:
@@ -67,14 +62,19 @@ def test_a_mechanism_comes_back_from_other_units_to_the_last_bit() -> None:
 
 
 @pytest.mark.parametrize(
-    ("joint_model", "motion"), [("ideal", "driven"), ("spring-damper", "driven"), ("contact", "static")]
+    ("name", "joint_model", "motion"),
+    [
+        *product(ENGINES, ["ideal"], ["driven"]),
+        *product(ENGINES, ["contact"], ["static"]),
+        ("mujoco", "spring-damper", "driven"),
+        *slow(*((name, "spring-damper", "driven") for name in ENGINES if name != "mujoco")),
+    ],
 )
-@pytest.mark.parametrize("name", ENGINES)
 def test_similar_linkages_have_the_same_digits(name: str, joint_model: str, motion: str) -> None:
     """A micromechanism, and one whose lengths, masses and times are other powers of two: what is said of both differs
     in exponents only.
     """
-    chosen = engine(installed(name))
+    chosen = engine(name)
     small = linkage(Scale(1e-5, 300.0, 1.0))
     smaller = Units(2.0**3, 2.0**7, 2.0**2).mechanism(small)
     first, second = (chosen.simulate(Request(m, joint_model, motion, TURN[1:4])) for m in (small, smaller))  # type: ignore[arg-type]
@@ -111,7 +111,7 @@ def test_a_crank_rocker_of_a_twentieth_agrees(name: str) -> None:
     result = crosscheck_job(
         Job(
             m.replace(gravity=(0.0, 0.0), loads=()).with_clearances({}),
-            (installed(name),),
+            (name,),
             load_tolerances(),
             theta=TURN,
         )
@@ -125,7 +125,7 @@ def test_masses_of_nine_decades_agree_or_are_refused(name: str, ratio: float) ->
     for motion in ("driven", "static"):
         job = Job(
             linkage(Scale(0.12, 30.0, ratio)),
-            (installed(name),),
+            (name,),
             load_tolerances(),
             motion,
             TURN[::2],

@@ -21,9 +21,11 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
+import shared
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load
+from commands import Ended, compare, compare_alone, without
 from compare.crosscheck import Job, crosscheck_job
 from compare.domain_map.cell import Task, examined, judged
 from compare.domain_map.map import RPM, Grid, cells, clearance_joints, summarised, versions
@@ -34,6 +36,7 @@ from compare.judge.grid import default_angles
 from compare.report.validity_figure import BOUNDARIES, draw
 from compare.report.validity_text import brief, percent
 from compare.results.validity import Cell, Failed, Validity
+from marks import slow
 from planted import Planted, truth, turned
 from sim_models.engine import ENGINES, declared, installed_version
 
@@ -43,9 +46,9 @@ DRIVEN = frozenset({("contact", "driven")})
 POSIX = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system has no SIGKILL")
 
 
-def validity(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "compare", "validity", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
+def validity(*arguments: str, cwd: Path) -> Ended:
+    """The command in this process."""
+    return compare("validity", *arguments, cwd=cwd)
 
 
 def grid(
@@ -64,11 +67,11 @@ def one(case: str, rpm: float, clearance: float, simulator: str = "mujoco") -> d
 # ---------------------------------------------------------------- verdicts that must come out
 
 
-@pytest.mark.parametrize("simulator", ENGINES)
+@pytest.mark.parametrize(
+    "simulator",
+    ["mujoco", *slow(*(e for e in ENGINES if e != "mujoco" and ("contact", "driven") in declared(e).supports))],
+)
 def test_the_papers_case_agrees_at_its_own_speed_and_first_order_does_not(simulator: str) -> None:
-    pytest.importorskip(declared(simulator).package)
-    if ("contact", "driven") not in declared(simulator).supports:
-        pytest.skip(f"{simulator} does not simulate contact in driven motion")
     found = one("paper", 15.0, 1e-3, simulator)
     assert found["verdict"] == "agrees"
     assert found["agreeing_share"] == 1
@@ -77,6 +80,7 @@ def test_the_papers_case_agrees_at_its_own_speed_and_first_order_does_not(simula
     assert found["cause"] is None
 
 
+@pytest.mark.mujoco
 def test_a_pin_that_flies_free_is_the_cause() -> None:
     found = one("crank-rocker", 600.0, 5e-4)
     assert found["verdict"] == "disagrees"
@@ -86,6 +90,7 @@ def test_a_pin_that_flies_free_is_the_cause() -> None:
     assert found["flagged_share"]["unsteady"] > 0.3  # the equilibrium itself says that it has no answer
 
 
+@pytest.mark.mujoco
 def test_a_pin_that_swings_along_the_rim_is_told_from_one_that_flies() -> None:
     found = one("paper", 150.0, 1e-2)
     assert found["verdict"] == "disagrees"
@@ -94,6 +99,7 @@ def test_a_pin_that_swings_along_the_rim_is_told_from_one_that_flies() -> None:
     assert found["cause"] == "quasi-static"
 
 
+@pytest.mark.mujoco
 def test_a_contact_that_yields_more_than_the_clearance_is_the_cause() -> None:
     found = one("paper", 600.0, 1e-5)
     assert found["give"] > 1e-6
@@ -105,6 +111,7 @@ def test_a_contact_that_yields_more_than_the_clearance_is_the_cause() -> None:
     assert again["cost"]["rigid"] < found["cost"]["rigid"] / 10
 
 
+@pytest.mark.mujoco
 def test_the_contacts_give_explains_by_how_much_the_simulation_is_off() -> None:
     """Near a change point the give's own motion tells at the drive: 1.8 x the tolerance at 200 rpm, whatever the
     clearance.
@@ -224,7 +231,7 @@ def made_up(verdicts: list[list[str | None]]) -> Validity:
         tuple(1e-4 * (j + 1) for j in range(len(verdicts[0]))),
     )
     tasks = cells(over)
-    base = one("paper", 15.0, 1e-3) | {"fails": []}
+    base = shared.document("a cell that agrees", lambda: one("paper", 15.0, 1e-3)) | {"fails": []}
 
     def cell(task: Task, verdict: str | None) -> Cell | Failed:
         if verdict is None:
@@ -237,6 +244,7 @@ def made_up(verdicts: list[list[str | None]]) -> Validity:
     return summarised(over, tasks, found)
 
 
+@pytest.mark.mujoco
 def test_the_boundary_is_drawn_between_cells_that_differ_and_nowhere_else() -> None:
     def solid(result: Validity) -> list[str]:
         stroke = BOUNDARIES[0][2]
@@ -251,6 +259,7 @@ def test_the_boundary_is_drawn_between_cells_that_differ_and_nowhere_else() -> N
     assert path.count("h") == 1  # and below it
 
 
+@pytest.mark.mujoco
 def test_a_map_says_up_to_which_speed_the_model_holds() -> None:
     result = made_up([["agrees", "agrees"], ["agrees", "disagrees"], ["disagrees", "agrees"]])
     found = result.holds_up_to["mujoco"].equilibrium
@@ -266,6 +275,7 @@ def test_shares_are_never_rounded_to_none_or_all() -> None:
 # ---------------------------------------------------------------- the command
 
 
+@pytest.mark.mujoco
 def test_the_command_writes_a_map_that_meets_its_schema(tmp_path: Path) -> None:
     done = validity(
         "--case", "paper", "--speeds", "600,15", "--clearances", "1e-2,1e-4", "--workers", "2", cwd=tmp_path
@@ -291,6 +301,7 @@ def test_the_command_writes_a_map_that_meets_its_schema(tmp_path: Path) -> None:
     assert done.stderr == ""
 
 
+@pytest.mark.mujoco
 @pytest.mark.parametrize(
     ("case", "rpm", "joint"), [("crank-rocker", "300", "B"), ("slider-crank", "3000", "B"), ("six-bar", "60", "C")]
 )
@@ -309,9 +320,10 @@ def test_every_linkage_has_a_map(case: str, rpm: str, joint: str, tmp_path: Path
 
 
 @POSIX
+@pytest.mark.slow
 def test_a_killed_map_goes_on_and_ends_as_an_undisturbed_one(tmp_path: Path) -> None:
     asked = ["--speeds", "150,200,300,400", "--clearances", "1e-5,1e-4,1e-3", "--workers", "2"]
-    assert validity(*asked, "--out", "whole", cwd=tmp_path).returncode == 0
+    assert compare_alone("validity", *asked, "--out", "whole", cwd=tmp_path).returncode == 0
     running = subprocess.Popen(
         [sys.executable, "-m", "compare", "validity", *asked, "--out", "killed"],
         cwd=tmp_path,
@@ -326,7 +338,7 @@ def test_a_killed_map_goes_on_and_ends_as_an_undisturbed_one(tmp_path: Path) -> 
     kept = {path.name: path.stat().st_mtime_ns for path in runs.glob("*.json")}
     assert 3 <= len(kept) < 12
     assert not (tmp_path / "killed" / "validity.json").exists()
-    assert validity(*asked, "--out", "killed", cwd=tmp_path).returncode == 0
+    assert compare_alone("validity", *asked, "--out", "killed", cwd=tmp_path).returncode == 0
     whole, killed = (
         json.loads((tmp_path / name / "validity.json").read_text(encoding="utf-8")) for name in ("whole", "killed")
     )
@@ -355,6 +367,7 @@ BAD_INPUT = {
 }
 
 
+@pytest.mark.mujoco
 @pytest.mark.parametrize(("arguments", "words"), BAD_INPUT.values(), ids=BAD_INPUT)
 def test_bad_input_gets_one_sentence_and_status_2(arguments: list[str], words: list[str], tmp_path: Path) -> None:
     done = validity(*arguments, "--out", "out", cwd=tmp_path)
@@ -367,18 +380,13 @@ def test_bad_input_gets_one_sentence_and_status_2(arguments: list[str], words: l
 
 
 def test_an_engine_that_is_not_installed_is_status_3_with_the_install_command(tmp_path: Path) -> None:
-    hide = (
-        "import sys, importlib.util as u; f = u.find_spec; u.find_spec = lambda n, p=None: None if n == 'mujoco' else"
-        " f(n, p)"
-    )
-    run = f"{hide}; sys.argv = ['compare', 'validity', *{MAP}]; from compare.cli.app import main; main()"
-    done = subprocess.run(
-        [sys.executable, "-c", run], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
-    )
+    with without("mujoco"):
+        done = validity(*MAP, cwd=tmp_path)
     assert done.returncode == 3
     assert "pip install 'linkage-crosscheck[mujoco]'" in done.stderr
 
 
+@pytest.mark.mujoco
 def test_a_map_without_a_single_cell_is_status_3(tmp_path: Path) -> None:
     done = validity("--case", "crank-rocker", "--speeds", "60", "--clearances", "0.099", "--workers", "1", cwd=tmp_path)
     assert done.returncode == 3
@@ -392,6 +400,7 @@ def test_a_map_without_a_single_cell_is_status_3(tmp_path: Path) -> None:
     Draft202012Validator(SCHEMA).validate(result)
 
 
+@pytest.mark.mujoco
 def test_a_cluster_that_is_not_there_is_bad_input(tmp_path: Path) -> None:
     pytest.importorskip("dask.distributed", reason="Dask is not installed: pip install 'linkage-crosscheck[dask]'")
     done = validity(*MAP, "--dask", "nowhere://x", cwd=tmp_path)
@@ -400,6 +409,7 @@ def test_a_cluster_that_is_not_there_is_bad_input(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.mujoco
 def test_a_mechanism_file_is_mapped_like_a_shipped_case(tmp_path: Path) -> None:
     """A crank-rocker that does work: its pin is pressed one way, so the model holds where the unloaded one's
     does not.
@@ -407,7 +417,8 @@ def test_a_mechanism_file_is_mapped_like_a_shipped_case(tmp_path: Path) -> None:
     loaded = load("crank-rocker").replace(name="working", loads=[{"body": "follower", "torque": -2.0}])
     (tmp_path / "working.toml").write_text(dumps(loaded), encoding="utf-8")
     done = validity(
-        "--case", "working.toml", "--speeds", "300,3000", "--clearances", "1e-4", "--out", "o", cwd=tmp_path
+        *("--case", "working.toml", "--speeds", "300,3000", "--clearances", "1e-4", "--workers", "1", "--out", "o"),
+        cwd=tmp_path,
     )
     assert done.returncode == 0, done.stderr
     slow, fast = json.loads((tmp_path / "o" / "validity.json").read_text(encoding="utf-8"))["cells"]
@@ -415,11 +426,12 @@ def test_a_mechanism_file_is_mapped_like_a_shipped_case(tmp_path: Path) -> None:
     assert fast["verdict"] == "disagrees"
 
 
+@pytest.mark.mujoco
 def test_a_map_takes_the_drive_as_rigid_and_says_so(tmp_path: Path) -> None:
     m = load("paper")
     own = m.replace(drive=m.drive.model_copy(update={"stiffness": 2000.0}))  # type: ignore[union-attr]
     (tmp_path / "mine.toml").write_text(dumps(own), encoding="utf-8")
-    arguments = ["--joint", "massless-link", "--speeds", "15", "--clearances", "1e-4", "--out", "o"]
+    arguments = ["--joint", "massless-link", "--speeds", "15", "--clearances", "1e-4", "--workers", "1", "--out", "o"]
     done = validity("--case", "mine.toml", *arguments, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "drive.stiffness is left out" in done.stderr

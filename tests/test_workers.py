@@ -33,6 +33,11 @@ CHATTER = ("leaked", "resource_tracker", "joblib", "loky", "RuntimeWarning", "en
 ENDS = {"killed": (signal.SIGKILL, False), "terminated": (signal.SIGTERM, False), "interrupted": (signal.SIGINT, True)}
 
 
+def heeding_interrupts() -> None:
+    """As in a terminal; where the tests run in the background, a child would inherit that interrupts are ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 class Command:
     """A command and all of its processes, however they are related: they carry its mark in their environment."""
 
@@ -49,6 +54,7 @@ class Command:
                 stdout=subprocess.DEVNULL,
                 stderr=errors,
                 start_new_session=True,
+                preexec_fn=heeding_interrupts,
             )
 
     def processes(self) -> dict[int, str]:

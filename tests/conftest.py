@@ -1,0 +1,77 @@
+"""What all tests share: a core for each worker, a folder between them, and engines that may be absent.
+
+A test that takes an engine carries its name as a mark: from a parameter that is an engine's name, or written in the
+file.  Where the engine is not installed, or cannot be imported, the test is skipped, in one line of the summary for
+each engine; so is a test without the mark that meets the missing engine on its way.
+"""
+
+# ruff: noqa: E402 - the environment is set before numpy is imported
+
+from __future__ import annotations
+
+import os
+from collections.abc import Generator
+from typing import NoReturn
+
+for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ.setdefault(threads, "1")  # before numpy is imported: the workers share the cores
+
+import pytest
+
+import shared
+from engines_here import missing
+from sim_models.engine import ENGINES, SimulatorMissing
+
+MOST_WORKERS = 8  # beyond it, what is left is the few longest tests
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """One worker for each core that this process may use."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(cores, MOST_WORKERS)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _shared_folder(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """One folder for all workers of this session."""
+    base = tmp_path_factory.getbasetemp()
+    shared.FOLDER = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "shared"
+    shared.FOLDER.mkdir(exist_ok=True)
+
+
+# ---------------------------------------------------------------- engines
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """A test whose parameter is an engine's name is of that engine."""
+    for item in items:
+        values = item.callspec.params.values() if hasattr(item, "callspec") else ()
+        for name in {value for value in values if isinstance(value, str)} & set(ENGINES):
+            item.add_marker(name)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup(item: pytest.Item) -> Generator[None, object, object]:
+    for name in ENGINES:
+        if item.get_closest_marker(name) and missing(name):
+            _skip(missing(name))
+    return (yield from _skipped_without_its_engine())
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Generator[None, object, object]:
+    return (yield from _skipped_without_its_engine())
+
+
+def _skipped_without_its_engine() -> Generator[None, object, object]:
+    try:
+        return (yield)
+    except SimulatorMissing as why:
+        if str(why) in map(missing, ENGINES):  # truly missing, not hidden by the test
+            _skip(str(why))
+        raise
+
+
+def _skip(why: str) -> NoReturn:
+    """From one place, so that pytest adds the tests of an engine up in one line."""
+    pytest.skip(why)
