@@ -144,14 +144,14 @@ def with_speed(m: Mechanism, speed: float) -> Mechanism:
 
 def one(measured: Path, out: Path, others: bool, workers: int) -> None:
     """In a fresh process: diagnose and publish; what it took, as JSON."""
-    from compare.cli.diagnose import publish
+    from compare.cli.publish import publish
     from compare.diagnose.data.measured import load_measured
     from compare.diagnose.workflow import diagnose
 
     start = time.perf_counter()
     found = diagnose(load_measured(measured), "mujoco", others=others, workers=workers)
     diagnosed = time.perf_counter() - start
-    publish(found.result, found.explained, out, json=False)
+    publish(found, out, json=False, quiet=False)
     print(json.dumps({"diagnosed": diagnosed}))
 
 
@@ -316,7 +316,7 @@ def diagnosed(measured: Path, truth: Truth) -> list[str]:
     from compare.diagnose.workflow import diagnose
 
     start = time.perf_counter()
-    result = diagnose(load_measured(measured), "mujoco", others=False, workers=1).result
+    result = diagnose(load_measured(measured), "mujoco", others=False, workers=1).plain()
     spent = time.perf_counter() - start
     (effect, where, values), error = truth[0], "-"
     for e in result["effects"]:

@@ -4,6 +4,7 @@ wrong.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -20,6 +21,7 @@ from compare.evidence.scoreboard.hidden import Hidden
 from compare.evidence.scoreboard.record import recorded, with_noise
 from compare.evidence.scoreboard.rigs import Bench, Plan
 from compare.evidence.scoreboard.sizes import Planted
+from compare.results.diagnosis import Diagnosis
 from sim_models.engine import Request, engine
 
 Result = dict[str, Any]
@@ -130,7 +132,12 @@ def _first(channels: Mapping[str, Channel], driven: str, time: np.ndarray) -> di
 
 def diagnosed(measured: Measured, **options: Any) -> Result:
     """The result by MuJoCo alone, in this process."""
-    return diagnose(measured, "mujoco", others=False, workers=1, **options).result
+    return told(diagnose(measured, "mujoco", others=False, workers=1, **options))
+
+
+def told(found: Diagnosis) -> Result:
+    """What diagnosis.json holds of a diagnosis."""
+    return dict(json.loads(found.to_json()))
 
 
 def named(result: Result) -> list[tuple[str, str]]:

@@ -19,6 +19,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
+from compare.results.diagnosis import Diagnosis
 
 Signals = Mapping[str, np.ndarray]
 Model = Callable[[Mechanism], list[Signals]]
@@ -74,6 +75,11 @@ def _length(body: str) -> Candidate:
 
 def _gravity() -> Candidate:
     return Candidate("gravity", "linkage", 1.0, lambda m, size: m.replace(gravity=(0.0, -size)))
+
+
+def as_document(content: Mapping[str, Any]) -> Diagnosis:
+    """A diagnosis as its file has it."""
+    return Diagnosis.model_validate(content)
 
 
 def sample_diagnosis(runs: int = 3, samples: int = 721) -> dict[str, Any]:

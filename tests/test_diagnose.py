@@ -41,6 +41,7 @@ from diagnosis_rigs import (
     played,
     readings,
     released,
+    told,
     turn,
     wrong,
 )
@@ -515,7 +516,7 @@ PART = Plan("part", 6.0, 0.4, np.linspace(0.0, 0.4, 60), None)  # of a turn: PyB
 
 def test_an_engine_that_cannot_simulate_the_explanation_does_not_confirm_it() -> None:
     data = played(bench(PART), OPEN, source="mujoco")
-    result = diagnose(data, "pybullet", own=(WornBush(),), only=("worn_bush",), others=False, workers=1).result
+    result = told(diagnose(data, "pybullet", own=(WornBush(),), only=("worn_bush",), others=False, workers=1))
     assert named(result) == [("worn_bush", "B")]
     assert result["verdict"] == "partly explained"
     assert "pybullet could not simulate that" in result["statement"]
@@ -524,13 +525,13 @@ def test_an_engine_that_cannot_simulate_the_explanation_does_not_confirm_it() ->
 
 
 def test_what_the_chosen_engine_lacks_is_said_to_be_the_analytic_models() -> None:
-    result = diagnose(
+    result = told(diagnose(
         played(bench(PART), OPEN, source="mujoco"),
         "pybullet",
         only=("joint_clearance", "viscous_friction"),
         others=False,
         workers=1,
-    ).result
+    ))
     assert named(result) == [("joint_clearance", "B")]
     assert result["engines"][0]["added"] == ["joint_clearance@B"]
     (said,) = next(step["text"] for step in result["steps"] if step["title"] == "Add")
@@ -550,13 +551,13 @@ def test_the_explained_mechanism_has_no_gap_left() -> None:
     assert found.explained.joint("E").damping == pytest.approx(0.01, rel=0.02)
     again = diagnosed(replace(rig.measured(seen), mechanism=found.explained))
     assert (again["verdict"], again["effects"]) == ("no gap", [])
-    assert again["gap"]["after"] == pytest.approx(found.result["gap"]["after"], rel=1e-3)
+    assert again["gap"]["after"] == pytest.approx(found.gap.after, rel=1e-3)
 
 
 @pytest.mark.parametrize("plans", [(PART,), *slow(((),))], ids=["part of a turn", "two turns"])
 def test_the_gap_shrinks_in_the_other_engines_too(plans: tuple[Plan, ...]) -> None:
     rig = bench(*plans)
-    result = diagnose(played(rig, VISCOUS), "mujoco", workers=1).result
+    result = told(diagnose(played(rig, VISCOUS), "mujoco", workers=1))
     assert set(result["other_simulators"]) == {"exudyn", "pybullet", "dart"}
     for gap in result["other_simulators"].values():
         assert gap["before"] > 10
@@ -571,14 +572,14 @@ def test_the_gap_shrinks_in_the_other_engines_too(plans: tuple[Plan, ...]) -> No
 @pytest.mark.slow
 def test_processes_change_nothing() -> None:
     data = played(bench(), VISCOUS)
-    one_process, two = (diagnose(data, "mujoco", workers=n).result for n in (1, 2))
+    one_process, two = (told(diagnose(data, "mujoco", workers=n)) for n in (1, 2))
     assert json.dumps(one_process, sort_keys=True) == json.dumps(two, sort_keys=True)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("simulator", ["exudyn", "pybullet", "dart"])
 def test_every_engine_can_diagnose(simulator: str) -> None:
-    result = diagnose(played(bench(), VISCOUS, source="mujoco"), simulator, others=False, workers=1).result
+    result = told(diagnose(played(bench(), VISCOUS, source="mujoco"), simulator, others=False, workers=1))
     assert result["simulator"]["name"] == simulator
     assert_recovered(result, VISCOUS)
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from compare.report.diagnosis_page import diagnosis_html
-from sample_diagnosis import sample_diagnosis, swinging_diagnosis
+from sample_diagnosis import as_document, sample_diagnosis, swinging_diagnosis
 from test_diagnosis_report import NASTY, hostile
 from test_report_browser import CHROMIUM, Browser, browser, no_errors
 
@@ -25,7 +25,7 @@ CELLS = ".map tr[data-strip] td.cells svg"
 
 def written(result: dict[str, Any], folder: Path) -> Path:
     page = folder / "diagnosis.html"
-    page.write_text(diagnosis_html(result), encoding="utf-8")
+    page.write_text(diagnosis_html(as_document(result)), encoding="utf-8")
     return page
 
 

@@ -11,29 +11,22 @@ import re
 import tomllib
 from importlib import resources
 from typing import Any
+from xml.etree import ElementTree
 
 import jsonschema
 import numpy as np
 import pytest
 
 from compare.files import to_json
+from compare.quantities import DASH, MINUS, amount, fitting
+from compare.report.diagnosis import explained_toml, junit
 from compare.report.diagnosis_figures import COLUMNS, LEVELS, figure, level, maps, panels
 from compare.report.diagnosis_page import changes, diagnosis_html, toml
 from compare.report.diagnosis_text import diagnosis_md, terminal_lines
-from compare.report.diagnosis_words import (
-    amount,
-    fitting,
-    next_steps,
-    parameter,
-    phrase,
-    sentence,
-    separation,
-    span,
-    ties,
-    wrapped,
-)
-from compare.report.quantities import DASH, MINUS
-from sample_diagnosis import CLEARANCE, no_gap, sample_diagnosis, swinging_diagnosis
+from compare.report.diagnosis_words import next_steps, phrase, separation, ties
+from compare.results.diagnosis import Diagnosis, Effect, Located, Parameter
+from compare.results.sentences import parameter, sentence, span, wrapped
+from sample_diagnosis import CLEARANCE, as_document, no_gap, sample_diagnosis, swinging_diagnosis
 
 SCHEMA = json.loads(resources.files("compare").joinpath("schemas", "diagnosis.json").read_text(encoding="utf-8"))
 NASTY = "</script><img src=x onerror=\"document.title='owned'\">|`[x](y)"
@@ -61,7 +54,7 @@ def swinging() -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def page(explained: dict[str, Any]) -> str:
-    return diagnosis_html(explained)
+    return diagnosis_html(as_document(explained))
 
 
 def embedded(html: str) -> Any:
@@ -158,21 +151,27 @@ def test_the_largest_of_several_numbers_picks_their_unit() -> None:
 
 
 def test_a_parameter_has_the_digits_that_its_interval_allows() -> None:
-    assert parameter("radial_clearance", {"value": 1.99988e-4, "unit": "m", "low": 1.9e-4, "high": 2.1e-4}) == (
+    assert parameter(
+        "radial_clearance", Parameter(**{"value": 1.99988e-4, "unit": "m", "low": 1.9e-4, "high": 2.1e-4})
+    ) == (
         "radial clearance",
         "0.200 mm",
         "0.190 to 0.210 mm",
     )
-    assert parameter("offset@run-2", {"value": -6e-4, "unit": "rad", "low": -7e-4, "high": -5e-4}) == (
+    assert parameter("offset@run-2", Parameter(**{"value": -6e-4, "unit": "rad", "low": -7e-4, "high": -5e-4})) == (
         "offset in run run-2",
         f"{MINUS}0.60 mrad",
         f"{MINUS}0.70 to {MINUS}0.50 mrad",
     )
-    assert parameter("gain_error", {"value": 0.02, "unit": "1", "low": 0.01, "high": 0.03})[1:] == (
+    assert parameter("gain_error", Parameter(**{"value": 0.02, "unit": "1", "low": 0.01, "high": 0.03}))[1:] == (
         "2.0 %",
         "1.0 to 3.0 %",
     )
-    assert parameter("harmonic", {"value": 3, "unit": "1", "low": None, "high": None}) == ("harmonic", "3", "not known")
+    assert parameter("harmonic", Parameter(**{"value": 3, "unit": "1", "low": None, "high": None})) == (
+        "harmonic",
+        "3",
+        "not known",
+    )
 
 
 @pytest.mark.parametrize(
@@ -199,7 +198,10 @@ def test_an_angle_that_moves_one_way_is_late_or_early(
         "crank_angle_to": math.radians(110),
     }
     place |= {"size": shift, "unit": "rad", "sigmas": 12.0}
-    assert sentence(planted, place) == f"crank angle is {word} by 0.6 mrad between 40 and 110 deg in run {run}"
+    assert (
+        sentence(as_document(planted), Located.model_validate(place))
+        == f"crank angle is {word} by 0.6 mrad between 40 and 110 deg in run {run}"
+    )
 
 
 def test_what_turns_back_or_is_no_angle_is_too_high_or_too_low(explained: dict[str, Any]) -> None:
@@ -210,34 +212,38 @@ def test_what_turns_back_or_is_no_angle_is_too_high_or_too_low(explained: dict[s
         "crank_angle_to": math.tau,
         "size": -2e-3,
         "unit": "rad",
+        "sigmas": 12.0,
     }
-    assert sentence(explained, whole) == "follower angle is too low by 2 mrad over the whole turn in run slow-forward"
+    assert (
+        sentence(as_document(explained), Located.model_validate(whole))
+        == "follower angle is too low by 2 mrad over the whole turn in run slow-forward"
+    )
     torque = whole | {"signal": "drive_torque", "size": 0.5, "unit": "N.m", "crank_angle_to": 1.0}
-    said = sentence(explained, torque)
+    said = sentence(as_document(explained), Located.model_validate(torque))
     assert re.fullmatch(r"drive torque is too (high|low) by 0.5 N·m between 0 and 57.3 deg in run slow-forward", said)
 
 
 def test_places_are_told_within_a_turn_where_the_crank_makes_one(
     explained: dict[str, Any], swinging: dict[str, Any]
 ) -> None:
-    place = {"run": "slow-reverse", "crank_angle_from": math.radians(-110), "crank_angle_to": math.radians(-40)}
-    assert wrapped(explained)
-    assert span(explained, place) == "between 250 and 320 deg"
-    backward = place | {"crank_angle_from": -1e-4, "crank_angle_to": -2.0 * math.pi + 2.0}
-    assert span(explained, backward) == "between 114.6 and 360 deg"
-    assert (
-        span(explained, backward | {"crank_angle_from": -4.0, "crank_angle_to": -math.tau - 1e-4})
-        == "between 0 and 130.8 deg"
-    )
-    assert not wrapped(swinging)
-    assert span(swinging, place | {"run": "released"}) == f"between {MINUS}110 and {MINUS}40 deg"
+    def told(result: dict[str, Any], run: str, begin: float, end: float) -> str:
+        size = {"signal": "crank_angle", "size": 1e-3, "unit": "rad", "sigmas": 9.0}
+        return span(as_document(result), Located(run=run, crank_angle_from=begin, crank_angle_to=end, **size))
+
+    begin, end = math.radians(-110), math.radians(-40)
+    assert wrapped(as_document(explained))
+    assert told(explained, "slow-reverse", begin, end) == "between 250 and 320 deg"
+    assert told(explained, "slow-reverse", -1e-4, -2.0 * math.pi + 2.0) == "between 114.6 and 360 deg"
+    assert told(explained, "slow-reverse", -4.0, -math.tau - 1e-4) == "between 0 and 130.8 deg"
+    assert not wrapped(as_document(swinging))
+    assert told(swinging, "released", begin, end) == f"between {MINUS}110 and {MINUS}40 deg"
 
 
 def test_effects_and_places_are_named_as_an_engineer_would(explained: dict[str, Any]) -> None:
-    assert phrase(explained, "joint_clearance", "B") == "clearance in joint B"
-    assert phrase(explained, "gravity", "linkage") == "gravity"
-    assert phrase(explained, "sensor_bias", "reaction_B_x") == "a bias of the sensor for reaction x at B"
-    assert phrase(explained, "belt_slip", "drive") == "belt slip at drive"  # a person's own effect
+    assert phrase(as_document(explained), "joint_clearance", "B") == "clearance in joint B"
+    assert phrase(as_document(explained), "gravity", "linkage") == "gravity"
+    assert phrase(as_document(explained), "sensor_bias", "reaction_B_x") == "a bias of the sensor for reaction x at B"
+    assert phrase(as_document(explained), "belt_slip", "drive") == "belt slip at drive"  # a person's own effect
 
 
 def test_a_separating_run_is_split_from_its_words() -> None:
@@ -256,27 +262,29 @@ def test_aliases_that_name_each_other_are_one_tie(explained: dict[str, Any]) -> 
         "ambiguous_with": [{"name": "com_offset", "where": "crank"}],
     }
     other = one | {"name": "com_offset", "ambiguous_with": [{"name": "payload", "where": "crank"}]}
-    groups = ties(explained | {"effects": [one, other, explained["effects"][0]]})
-    assert [[effect["name"] for effect in group] for group in groups] == [
+    groups = ties(as_document(explained | {"effects": [one, other, explained["effects"][0]]}))
+    assert [[effect.name for effect in group] for group in groups] == [
         ["payload", "com_offset"],
         ["joint_clearance"],
     ]
-    assert "parameters" in groups[0][1]
+    assert isinstance(groups[0][1], Effect)
 
 
 def test_what_to_do_next_follows_the_verdict(explained: dict[str, Any], ambiguous: dict[str, Any]) -> None:
     clean = explained | {"faults": []}
-    assert next_steps(clean)[0].startswith(
+    assert next_steps(as_document(clean))[0].startswith(
         "Confirm clearance in joint B at the rig: expect radial clearance 0.19999 mm"
     )
-    assert any("Reverse the load" in step for step in next_steps(ambiguous))
-    assert next_steps(no_gap()) == ["Nothing has to be added: the model explains these data down to their noise."]
+    assert any("Reverse the load" in step for step in next_steps(as_document(ambiguous)))
+    assert next_steps(as_document(no_gap())) == [
+        "Nothing has to be added: the model explains these data down to their noise."
+    ]
     left = changed(clean, "runs", 1, "signals", "drive_torque", "gap_after", value=7.0) | {
         "verdict": "unexplained",
         "effects": [],
     }
     assert (
-        next_steps(left)[0]
+        next_steps(as_document(left))[0]
         == "Look for what is outside the vocabulary: drive torque in run slow-reverse still has a gap of 7."
     )
 
@@ -285,7 +293,7 @@ def test_what_to_do_next_follows_the_verdict(explained: dict[str, Any], ambiguou
 
 
 def test_a_cell_of_the_map_is_the_root_mean_square_of_its_samples_with_their_sign(explained: dict[str, Any]) -> None:
-    (found,) = maps(explained)
+    (found,) = maps(as_document(explained))
     assert (found.low, found.high, found.axis.unit) == (0.0, 360.0, "deg")
     run = explained["runs"][1]
     signal = run["signals"]["follower_angle"]
@@ -307,7 +315,7 @@ def test_the_map_shows_a_planted_pulse_where_it_is_and_noise_as_noise() -> None:
     signal["measured"] = [
         m + 20 * signal["noise"] * (100 <= d < 120) for m, d in zip(signal["measured"], degrees, strict=True)
     ]
-    (found,) = maps(result)
+    (found,) = maps(as_document(result))
     strips = {(s.run, s.title): [level(v) for v in s.before if v is not None] for s in found.strips}
     hit = next(s for s in found.strips if (s.run, s.title) == ("slow-forward", "drive torque"))
     assert {i for i, v in enumerate(hit.before) if v is not None and v > 10} == {20, 21, 22, 23}
@@ -322,19 +330,19 @@ def test_a_colour_says_size_and_sign() -> None:
 
 
 def test_a_free_run_is_shown_over_time_and_a_column_without_samples_stays_empty(swinging: dict[str, Any]) -> None:
-    (found,) = maps(swinging)
+    (found,) = maps(as_document(swinging))
     assert (found.axis.label, found.axis.unit) == ("time", "s")
     assert found.high == pytest.approx(swinging["runs"][0]["time"][-1])
     mixed = copy.deepcopy(swinging)
     signal = mixed["runs"][0]["signals"]["pendulum_angle"]
     signal["measured"] = [None if i < 100 else v for i, v in enumerate(signal["measured"])]
-    cells = maps(mixed)[0].strips[0].before
+    cells = maps(as_document(mixed))[0].strips[0].before
     assert cells[: COLUMNS // 4 - 1] == (None,) * (COLUMNS // 4 - 1)
     assert None not in cells[COLUMNS // 4 + 1 :]
 
 
 def test_residuals_are_measured_minus_simulated_in_a_unit_that_fits(explained: dict[str, Any]) -> None:
-    found = {(p.run, p.signal): p for p in panels(explained)}
+    found = {(p.run, p.signal): p for p in panels(as_document(explained))}
     panel, signal = found[0, "follower_angle"], explained["runs"][0]["signals"]["follower_angle"]
     assert panel.unit == "mrad"
     expected = 1e3 * (np.array(signal["measured"]) - np.array(signal["before"]))
@@ -349,10 +357,10 @@ def test_an_angle_that_is_simulated_a_turn_further_has_the_same_residual_and_map
     signal = copy.deepcopy(explained["runs"][0]["signals"]["follower_angle"])
     before = [v + 2 * math.tau * (i > 20) for i, v in enumerate(signal["before"])]
     further = changed(explained, "runs", 0, "signals", "follower_angle", "before", value=before)
-    assert panels(further)[0].unit == panels(explained)[0].unit
-    for shifted, panel in zip(panels(further), panels(explained), strict=True):
+    assert panels(as_document(further))[0].unit == panels(as_document(explained))[0].unit
+    for shifted, panel in zip(panels(as_document(further)), panels(as_document(explained)), strict=True):
         np.testing.assert_allclose(np.array(shifted.before, float), np.array(panel.before, float), rtol=1e-3)
-    cells, as_is = ([s.before for m in maps(result) for s in m.strips] for result in (further, explained))
+    cells, as_is = ([s.before for m in maps(as_document(result)) for s in m.strips] for result in (further, explained))
     for a, b in zip(cells, as_is, strict=True):
         np.testing.assert_allclose(np.array(a, float), np.array(b, float), rtol=1e-2)
 
@@ -366,7 +374,7 @@ def test_a_drawing_keeps_the_peaks_of_a_long_run_and_few_of_its_samples(swinging
     for signal in run["signals"].values():
         signal |= {key: list(np.repeat(signal[key], 50)) for key in ("measured", "before", "after")}
     run["signals"]["pendulum_angle"]["measured"][10007] += 3.0  # one sample, in rad
-    panel = panels(result)[0]
+    panel = panels(as_document(result))[0]
     line = figure(panel, "x").series[0]
     assert len(line.x) <= 600 < len(panel.over)
     assert max(v for v in line.y if v is not None) == max(v for v in panel.before if v is not None) > 100  # deg
@@ -376,7 +384,7 @@ def test_a_drawing_keeps_the_peaks_of_a_long_run_and_few_of_its_samples(swinging
 
 
 def test_settings_and_shortcomings_of_the_engines_are_said(page: str, explained: dict[str, Any]) -> None:
-    text = diagnosis_md(explained)
+    text = diagnosis_md(as_document(explained))
     steps = "0.0001 in slow-forward, 0.0002 in slow-reverse, 0.0003 in load-reversed"
     for row in (("mujoco", "step", steps), ("mujoco", "contact law", "linear spring")):
         assert f"| {' | '.join(row)} |" in text
@@ -415,7 +423,7 @@ def test_the_page_reaches_for_nothing_outside_itself(page: str) -> None:
 def test_an_ambiguous_page_has_both_names_side_by_side_and_the_run_that_separates_them(
     ambiguous: dict[str, Any],
 ) -> None:
-    html = diagnosis_html(ambiguous)
+    html = diagnosis_html(as_document(ambiguous))
     cards = re.findall(r'<div class="card">\s*<h3>(.*?)</h3>', html)
     assert cards == ["Clearance in joint B", "An error in the length of the coupler"]
     block = re.search(r'<div class="copy"><pre tabindex="0"><code>(\[\[run.*?)</code>', html, re.DOTALL)
@@ -426,10 +434,10 @@ def test_an_ambiguous_page_has_both_names_side_by_side_and_the_run_that_separate
 
 
 def test_what_was_added_is_told_field_by_field(explained: dict[str, Any]) -> None:
-    ((field, nominal, found),) = changes(explained)
+    ((field, nominal, found),) = changes(as_document(explained))
     assert (field, nominal) == ("joint[B].clearance", DASH)
     assert float(found) == explained["effects"][0]["parameters"]["radial_clearance"]["value"]
-    assert changes(no_gap()) == []
+    assert changes(as_document(no_gap())) == []
     assert tomllib.loads(toml(explained["mechanism"] | {"drive": None}))["name"] == "crank-rocker"
 
 
@@ -439,17 +447,18 @@ def test_arrays_and_nan_are_shown_like_the_json_of_them(page: str, explained: di
         run["crank_angle"] = np.array(run["crank_angle"])
         for signal in run["signals"].values():
             signal["measured"] = np.array([math.nan if v is None else v for v in signal["measured"]])
-    assert diagnosis_html(raw) == page
-    assert diagnosis_md(raw) == diagnosis_md(explained)
+    assert diagnosis_html(as_document(raw)) == page
+    assert diagnosis_md(as_document(raw)) == diagnosis_md(as_document(explained))
 
 
 def hostile(result: dict[str, Any]) -> dict[str, Any]:
-    """Every name and text in the result made into markup."""
+    """Every name and text in the result made into markup, but for the mechanisms, which take no such name."""
     text = json.dumps(result)
     for name in ("slow-forward", "coupler", "mujoco"):
         text = text.replace(name, json.dumps(NASTY)[1:-1] + name)
     out: dict[str, Any] = json.loads(text)
     out |= {"case": NASTY, "statement": NASTY, "command": NASTY}
+    out |= {key: result[key] for key in ("mechanism", "explained")}
     out["faults"][0] |= {"text": NASTY, "kind": NASTY}
     out["effects"][0] |= {"name": NASTY, "would_separate": NASTY}
     return out
@@ -457,10 +466,10 @@ def hostile(result: dict[str, Any]) -> dict[str, Any]:
 
 def test_names_and_texts_from_files_are_escaped_everywhere(ambiguous: dict[str, Any]) -> None:
     result = hostile(ambiguous)
-    html = diagnosis_html(result)
+    html = diagnosis_html(as_document(result))
     assert "<img" not in html
     assert html.count("<script") == html.count("</script>") == 2
-    outside = re.sub(r"```.*?```", "", diagnosis_md(result), flags=re.DOTALL)
+    outside = re.sub(r"```.*?```", "", diagnosis_md(as_document(result)), flags=re.DOTALL)
     assert not re.search(r"(?<!\\)<img|(?<!\\)\[x\]", outside)
 
 
@@ -468,7 +477,7 @@ def test_names_and_texts_from_files_are_escaped_everywhere(ambiguous: dict[str, 
 
 
 def test_the_markdown_has_the_effects_and_every_gap(explained: dict[str, Any]) -> None:
-    text = diagnosis_md(explained)
+    text = diagnosis_md(as_document(explained))
     assert text.startswith("# ✓ Diagnosis of crank-rocker: explained")
     rows = [[c.strip() for c in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("|")]
     (effect,) = [row for row in rows if row[0] == "clearance in joint B"]
@@ -489,7 +498,7 @@ def test_the_markdown_has_the_effects_and_every_gap(explained: dict[str, Any]) -
 
 
 def test_the_markdown_of_a_tie_names_both_and_gives_the_run(ambiguous: dict[str, Any]) -> None:
-    text = diagnosis_md(ambiguous)
+    text = diagnosis_md(as_document(ambiguous))
     assert "| clearance in joint B |" in text
     assert "| an error in the length of the coupler |" in text
     block = re.search(r"```toml\n(.*?)\n```", text, re.DOTALL)
@@ -500,17 +509,61 @@ def test_the_markdown_of_a_tie_names_both_and_gives_the_run(ambiguous: dict[str,
 def test_the_terminal_gets_the_verdict_the_values_and_the_gap_in_ascii(
     explained: dict[str, Any], ambiguous: dict[str, Any], swinging: dict[str, Any]
 ) -> None:
-    lines = terminal_lines(explained)
+    lines = terminal_lines(as_document(explained))
     assert lines[0] == "crank-rocker: EXPLAINED"
     assert lines[1] == "missing: clearance in joint B, radial clearance 0.19999 mm (95 %: 0.19971 to 0.20026 mm)"
     assert any(line.startswith("gap: 9.73 before, 1.01 after, noise floor 1") for line in lines)
-    tied = terminal_lines(ambiguous)
+    tied = terminal_lines(as_document(ambiguous))
     assert [line.split(":")[0] for line in tied[1:4]] == ["either", "or", "to separate them"]
-    every = [*lines, *tied, *terminal_lines(no_gap()), *terminal_lines(swinging)]
+    every = [*lines, *tied, *terminal_lines(as_document(no_gap())), *terminal_lines(as_document(swinging))]
     assert all(line.isascii() and "\n" not in line for line in every)
-    assert not any(line.startswith(("missing", "where")) for line in terminal_lines(no_gap()))
+    assert not any(line.startswith(("missing", "where")) for line in terminal_lines(as_document(no_gap())))
 
 
 def test_a_power_of_ten_is_ascii_in_a_terminal(explained: dict[str, Any]) -> None:
-    lines = terminal_lines(explained | {"gap": {"before": 1.23e7, "after": 1.0, "noise_floor": 1.0}})
+    lines = terminal_lines(as_document(explained | {"gap": {"before": 1.23e7, "after": 1.0, "noise_floor": 1.0}}))
     assert any("1.23e7 before" in line for line in lines)
+
+
+# ------------------------------------------------------------------ the document and its other files
+
+
+@pytest.mark.parametrize("make", [sample_diagnosis, swinging_diagnosis, no_gap])
+def test_a_diagnosis_is_read_and_written_as_it_was(make: Any) -> None:
+    content = json.loads(to_json(make()))
+    document = Diagnosis.model_validate(content)
+    assert json.loads(document.to_json()) == content
+    assert len(repr(document)) < 300
+    assert "\n" not in repr(document)
+
+
+def test_a_series_of_another_length_is_refused(small: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"signals.drive_torque.before has 1 values for 37 samples"):
+        as_document(changed(small, "runs", 0, "signals", "drive_torque", "before", value=[0.0]))
+
+
+def test_the_explained_mechanism_says_what_was_added_and_by_which_command(explained: dict[str, Any]) -> None:
+    text = explained_toml(as_document(explained))
+    first, second, third = text.splitlines()[:3]
+    assert first == "# crank-rocker with what a diagnosis added (explained)"
+    assert re.fullmatch(r"# joint\[B\].clearance = 0.0001999\d+, was left out", second)
+    assert third == f"# {explained['command']}"
+    value = explained["effects"][0]["parameters"]["radial_clearance"]["value"]
+    assert [j.get("clearance") for j in tomllib.loads(text)["joint"] if j["name"] == "B"] == [value]
+
+
+def test_junit_fails_where_the_diagnosis_is_not_settled_and_names_what_is_left(
+    explained: dict[str, Any], ambiguous: dict[str, Any]
+) -> None:
+    def failed(result: dict[str, Any]) -> list[str]:
+        root = ElementTree.fromstring(junit(as_document(result)))
+        found = [str(case.get("name")) for case in root.iter("testcase") if case.find("failure") is not None]
+        assert root.get("failures") == str(len(found))
+        assert root.get("tests") == str(1 + sum(len(run["signals"]) for run in result["runs"]))
+        return found
+
+    assert failed(explained) == []
+    assert failed(ambiguous) == ["verdict"]
+    left = changed(explained, "runs", 1, "signals", "drive_torque", "gap_after", value=7.0)
+    assert failed(left | {"verdict": "unexplained"})[:2] == ["verdict", "drive_torque"]
+    ElementTree.fromstring(junit(as_document(hostile(ambiguous))))

@@ -62,15 +62,15 @@ def test_what_the_engineer_is_given_does_not_tell_the_answer(script: dict[str, A
 @pytest.mark.slow
 def test_the_diagnosis_names_both_effects_and_their_size(script: dict[str, Any]) -> None:
     found = diagnose(load_measured(RIG / "measured.toml"), "mujoco", others=False, workers=1)
-    assert found.result["verdict"] == "explained"
-    assert found.result["gap"]["before"] > 10
-    assert found.result["gap"]["after"] < 1.1
-    parameters = {(e["name"], e["where"]): e["parameters"] for e in found.result["effects"]}
+    assert found.verdict == "explained"
+    assert found.gap.before > 10
+    assert found.gap.after < 1.1
+    parameters = {(e.name, e.where): e.parameters for e in found.effects}
     assert set(parameters) == {("joint_clearance", "B"), ("viscous_friction", "E")}
     clearance, damping = (
         parameters["joint_clearance", "B"]["radial_clearance"],
         parameters["viscous_friction", "E"]["damping"],
     )
-    assert clearance["low"] < script["CLEARANCE"]["B"] < clearance["high"]
-    assert damping["low"] < script["DAMPING"]["E"] < damping["high"]
-    assert found.explained.clearances == {"B": clearance["value"]}
+    assert clearance.low < script["CLEARANCE"]["B"] < clearance.high
+    assert damping.low < script["DAMPING"]["E"] < damping.high
+    assert found.explained.clearances == {"B": clearance.value}

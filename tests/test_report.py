@@ -20,10 +20,10 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism.file import dumps, load, loads
 from compare.crosscheck import crosscheck
 from compare.files import OutputError
+from compare.quantities import number, quantities
 from compare.report.figures import Axis, Figure, Series, beside, figures, same_turn, thinned
 from compare.report.linkage import exaggeration, linkage_figure, parts
 from compare.report.pages import escape_markdown, script_json
-from compare.report.quantities import number, quantities
 from compare.report.summary import headline, summarise
 from compare.report.svg import draw, exponent, ticks
 from compare.report.terminal import print_table

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import linkage_crosscheck as lc
+import sample_diagnosis
 from compare.results.document import Document, DocumentError
 from compare.results.schemas import FOLDER, documents, schema
 
@@ -24,6 +25,7 @@ RESULTS: dict[str, Callable[[], Document]] = {
     "simulate": lambda: lc.simulate("paper", "mujoco", joint_model="contact", angles=ANGLES),
     "accuracy": lambda: lc.accuracy("paper", angles=ANGLES, samples=100),
     "validity": lambda: lc.validity("paper", speeds=[1.0], clearances=[1e-4], workers=1),
+    "diagnose": lambda: sample_diagnosis.as_document(sample_diagnosis.sample_diagnosis(samples=37)),
     "cases": lc.cases,
     "simulators": lc.simulators,
     "effects": lc.effects,
@@ -114,3 +116,40 @@ def test_both_sides_of_the_contracts_example() -> None:
     assert run.difference(found.signals["reaction_B_angle"]).shape == (3,)
     with pytest.raises(KeyError, match="no run of exudyn"):
         found.run("exudyn")
+
+
+def test_measured_data_are_one_line_a_table_and_a_frame() -> None:
+    found = lc.read_measured(Path(__file__).parents[1] / "docs" / "example-rig" / "measured.toml")
+    for part in (found, found.runs[0], found.runs[0].channels["follower_angle"]):
+        assert len(repr(part)) < 200
+        assert "\n" not in repr(part)
+    frame = found.to_dataframe()
+    assert list(frame.columns) == ["run", "time", *found.runs[0].channels]
+    assert len(frame) == sum(run.time.size for run in found.runs)
+    assert frame["follower_angle"][0] == found.runs[0].channels["follower_angle"].values[0]
+    assert found._repr_html_().count("<tr>") == 1 + sum(len(run.channels) for run in found.runs)
+
+
+def test_a_diagnosis_of_a_file_is_that_of_its_recording(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is asked for in Python reaches the diagnosis, of a path as of the recording of it."""
+    from compare.diagnose import workflow
+
+    asked: list[tuple[object, ...]] = []
+
+    class Stop(Exception):
+        pass
+
+    def of(*given: object) -> None:
+        asked.append(given)
+        raise Stop
+
+    monkeypatch.setattr(workflow.Bench, "of", of)
+    path = Path(__file__).parents[1] / "docs" / "example-rig"
+    for measured in (path, str(path / "measured.toml"), lc.read_measured(path)):
+        with pytest.raises(Stop):
+            lc.diagnose(measured, only=["gravity"], others=False, workers=1)
+    for data, mechanism, simulator, _, only, exclude, others, workers, _ in asked:
+        assert isinstance(data, lc.read_measured(path).__class__)
+        assert mechanism == data.mechanism.rigid()
+        assert (simulator, only, exclude, others, workers) == ("mujoco", ["gravity"], (), False, 1)
+    assert len(asked) == 3

@@ -9,13 +9,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from commands import compare
+from compare.cli.app import app
 from compare.faults import OptionError
 from compare.files import to_json
+from compare.report.diagnosis_text import terminal_lines
 from compare.report.provenance import explain
 from compare.results.crosscheck import CrossCheck
+from compare.results.diagnosis import Diagnosis
 from compare.results.document import DocumentError
+from sample_diagnosis import sample_diagnosis
 from sample_result import sample_result, swinging
 
 
@@ -222,3 +227,74 @@ def test_bad_input_is_status_2_and_one_sentence(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
     assert done.stdout == ""
+
+
+# ------------------------------------------------------------------ a diagnosis
+
+
+@pytest.fixture(scope="module")
+def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("diagnosed") / "diagnosis.json"
+    path.write_text(to_json(sample_diagnosis()), encoding="utf-8")
+    return path
+
+
+def said(*arguments: str) -> tuple[int, str]:
+    done = CliRunner().invoke(app, ["show", *arguments])
+    return done.exit_code, done.output
+
+
+def test_a_diagnosis_is_shown_with_its_intervals(diagnosed: Path) -> None:
+    status, text = said(str(diagnosed))
+    assert status == 0
+    assert text.splitlines() == terminal_lines(Diagnosis.read(diagnosed))
+    assert "radial clearance 0.19999 mm (95 %: 0.19971 to 0.20026 mm)" in text
+
+
+def test_a_signal_of_a_diagnosis_is_its_residual_by_run(diagnosed: Path) -> None:
+    status, text = said(str(diagnosed), "--signal", "follower_angle")
+    assert status == 0
+    head, *lines = text.splitlines()
+    assert head == "follower_angle: angle of follower, measured minus simulated"
+    runs = json.loads(diagnosed.read_text(encoding="utf-8"))["runs"]
+    assert len(lines) == 3 * len(runs)
+    for k, run in enumerate(runs):
+        signal = run["signals"]["follower_angle"]
+        assert lines[3 * k].startswith(f"{run['name']}: 721 samples, noise 0.1 mrad (1 sigma)")
+        for side, line in zip(("before", "after"), lines[3 * k + 1 : 3 * k + 3], strict=True):
+            apart = [1e3 * (m - s) for m, s in zip(signal["measured"], signal[side], strict=True)]
+            found = re.fullmatch(rf"  {side} +rms (\S+) (u|m)rad, largest (\S+) (u|m)rad at (\S+) deg; gap (\S+)", line)
+            assert found is not None, line
+            root = math.sqrt(sum(v * v for v in apart) / len(apart))
+            assert float(found[1]) * (1 if found[2] == "m" else 1e-3) == pytest.approx(root, rel=6e-3)
+            assert float(found[6]) == pytest.approx(signal[f"gap_{side}"], rel=6e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (
+            ["--signal", "reaction_B"],
+            "--signal reaction_B: no run of this diagnosis has it; the signals are crank_angle,",
+        ),
+        (["--signal", "drive_torque", "--at", "30"], "--at: a diagnosis takes --signal alone"),
+    ],
+)
+def test_what_a_diagnosis_cannot_show_is_said(options: list[str], words: str, diagnosed: Path) -> None:
+    status, text = said(str(diagnosed), *options)
+    assert status == 2
+    assert words in text.replace("\n", " ")
+
+
+def test_a_file_that_is_neither_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "other.json"
+    path.write_text('{"schema": 1, "thresholds": []}', encoding="utf-8")
+    assert said(str(path)) == (
+        2,
+        f"compare: {path}: has not the fields of a result.json or diagnosis.json; give one of these\n",
+    )
+    path.write_text(to_json(PAPER), encoding="utf-8")
+    assert said(str(path)) == (
+        2,
+        "compare: --signal is missing; a number of a result takes --signal, such as --signal reaction_B_angle\n",
+    )

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from compare.cli.folders import Overwrite, result_folder
+from compare.cli.options import Json, Quiet
 from compare.cli.progress import progress_bar
+from compare.cli.publish import command_line, publish
 from compare.faults import Exit, complaints
-from compare.files import output_folder, to_json, write_atomically
 
-SETTLED = ("no gap", "explained")
+
+class Others(StrEnum):
+    """The other engines of --others."""
+
+    all = "all"
+    none = "none"
 
 
 def diagnose(
@@ -35,9 +40,11 @@ def diagnose(
         Path | None, typer.Option(help="Folder of the report [reports/<mechanism>-diagnosis, then the options].")
     ] = None,
     overwrite: Overwrite = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print diagnosis.json to standard output, and nothing else there.")
-    ] = False,
+    others: Annotated[
+        Others, typer.Option(help="Engines that simulate the explanation too: every installed one, or none.")
+    ] = Others.all,
+    json: Json = False,
+    quiet: Quiet = False,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes for the simulations [2, or the cores that there are].")
     ] = None,
@@ -55,32 +62,13 @@ def diagnose(
         folder = result_folder(context, f"{data.mechanism.name}-diagnosis", "diagnosis.json", out, overwrite)
         with progress_bar() as progress:
             found = run(
-                data, simulator, only=only or (), exclude=exclude or (), workers=workers,
-                command=shlex.join(["compare", *sys.argv[1:]]), progress=progress,
-            )  # fmt: skip
-        publish(found.result, found.explained, folder, json)
-    raise typer.Exit(Exit.AGREES if found.result["verdict"] in SETTLED else Exit.DISAGREES)
-
-
-def publish(result: dict[str, Any], explained: Any, folder: Path, json: bool) -> None:
-    """Write diagnosis.json, the pages and explained.toml, each whole or not at all; a few lines on the terminal."""
-    from analytic.mechanism.file import dumps
-    from compare.report.diagnosis_page import diagnosis_html
-    from compare.report.diagnosis_text import diagnosis_md, terminal_lines
-
-    text = to_json(result)
-    files = {
-        "diagnosis.json": text,
-        "explained.toml": dumps(explained),
-        "diagnosis.md": diagnosis_md(result),
-        "diagnosis.html": diagnosis_html(result),
-    }
-    folder = output_folder(folder)
-    for name, content in files.items():
-        write_atomically(folder / name, content)
-    if json:
-        typer.echo(text)
-        return
-    for line in terminal_lines(result):
-        typer.echo(line)
-    typer.echo(f"report: {folder / 'diagnosis.html'}")
+                data,
+                simulator,
+                only=only or (),
+                exclude=exclude or (),
+                others=others is Others.all,
+                workers=workers,
+                progress=progress,
+            )
+        publish(found.model_copy(update={"command": command_line()}), folder, json=json, quiet=quiet)
+    raise typer.Exit(Exit.AGREES if found.settled else Exit.DISAGREES)

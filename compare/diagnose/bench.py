@@ -23,7 +23,7 @@ from compare.diagnose.predict import Model, Term, altered
 from compare.diagnose.referees import Referees
 from compare.diagnose.search import Search, costs
 from compare.diagnose.worth import rms
-from compare.report.diagnosis_words import amount
+from compare.quantities import amount
 from sim_models.engine import ENGINES, SimulationError, SimulatorMissing, engine
 
 EQUIVALENT = 0.1  # of the noise: an engine this near the analytic model is the same

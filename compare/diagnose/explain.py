@@ -19,6 +19,7 @@ from compare.diagnose.isolate import Screen
 from compare.diagnose.predict import Term
 from compare.diagnose.search import Search, without
 from compare.diagnose.worth import rms, worth
+from compare.results.diagnosis import Verdict
 
 TIE = 16.0  # of chi^2: two explanations closer than four sigmas are not told apart
 RICHER = 0.01  # chance that a richer explanation does better by luck
@@ -63,7 +64,7 @@ class Explanation:
     base: Fit
     fit: Fit
     named: tuple[Named, ...]
-    verdict: str
+    verdict: Verdict
     weights: np.ndarray = field(repr=False)  # (size,) worth of each sample
     structured: bool  # whether what is left is more than noise
 
@@ -100,7 +101,7 @@ def pruned(search: Search, fit: Fit) -> tuple[Fit, np.ndarray, list[Named]]:
         fit = search.with_terms(fit, search.screen(fit), without(fit, weak)) or search.base
 
 
-def verdict(fit: Fit, named: Sequence[Named], structured: bool) -> str:
+def verdict(fit: Fit, named: Sequence[Named], structured: bool) -> Verdict:
     """One of the five verdicts."""
     closed = rms(fit.residual) <= CLOSED and not structured
     if not named:

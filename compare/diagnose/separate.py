@@ -17,7 +17,7 @@ from compare.diagnose.effects.effect import Rig
 from compare.diagnose.fit import Fit, bridged, hypothesis
 from compare.diagnose.predict import Model, wrapped
 from compare.files import file_name
-from compare.report.diagnosis_words import amount
+from compare.quantities import amount
 
 ENOUGH = 8.0  # sigmas between two explanations that separate them
 USEFUL = 3.0

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import math
-
-from compare.diagnose.explain import Explanation, Named
-from compare.report.diagnosis_words import parameter, says
+from compare.diagnose.explain import Explanation, Interval, Named
+from compare.report.diagnosis_words import says
+from compare.results.diagnosis import Parameter
+from compare.results.sentences import parameter
 
 
 def named(n: Named) -> str:
     """A named effect in a sentence, its parameters with their 95 % intervals."""
     values = []
     for p, i in n.parameters.items():
-        name, value, interval = parameter(
-            p, {"value": i.value, "unit": i.unit, "low": finite(i.low), "high": finite(i.high)}
-        )
+        name, value, interval = parameter(p, as_parameter(i))
         values.append(f"{name} {value}" + (f" (95 %: {interval})" if i.low < i.high else ""))
     text = f"{says(*n.term.key)}: {'; '.join(values)}."
     return text[0].upper() + text[1:]
@@ -25,9 +23,9 @@ def tied(n: Named) -> str:
     return "; or ".join(says(*t.key) for t, _ in n.ties)
 
 
-def finite(value: float) -> float | None:
-    """A number as JSON can have it."""
-    return value if math.isfinite(value) else None
+def as_parameter(interval: Interval) -> Parameter:
+    """A parameter as the document has it; an open end of its interval is no number."""
+    return Parameter(value=interval.value, unit=interval.unit, low=interval.low, high=interval.high)
 
 
 def statement(e: Explanation, gap: tuple[float, float], failure: str = "") -> str:

@@ -7,27 +7,16 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
 
-from analytic.mechanism import Mechanism, MechanismWarning
+from analytic.mechanism import MechanismWarning
 from compare.diagnose.bench import Bench, Progress
+from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.diagnose.explain import Explanation
-from compare.diagnose.result import as_result
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """What a diagnosis found; ``result`` is the content of diagnosis.json and ``explained`` the mechanism with the
-    effects.
-    """
-
-    result: dict[str, Any]
-    explained: Mechanism
-    explanation: Explanation
+from compare.diagnose.result import as_document
+from compare.results.diagnosis import Diagnosis
 
 
 @contextmanager
@@ -40,32 +29,33 @@ def _trying() -> Iterator[None]:
 
 @_trying()
 def diagnose(
-    measured: Measured,
-    simulator: str,
+    measured: Measured | str | Path,
+    simulator: str = "mujoco",
     *,
     only: Sequence[str] = (),
     exclude: Sequence[str] = (),
     own: Sequence[Effect] = (),
     others: bool = True,
     workers: int | None = None,
-    command: str = "",
     progress: Progress = lambda what, done, total: None,
 ) -> Diagnosis:
     """Find which effects the data want that the mechanism lacks.
 
-    ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects beside the vocabulary.  With
-    ``others`` every installed engine simulates the explanation too.  Raises MeasuredError for data that cannot be what
-    they say, Unsupported or SimulatorMissing for the simulator, SimulationError where it fails on the nominal
-    mechanism.
+    ``measured`` is a recording, or the path of a measured.toml (or of its folder); ``simulator`` the engine that
+    simulates before and after.  ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects beside
+    the vocabulary.  With ``others`` every installed engine simulates the explanation too.  Simulations run in
+    ``workers`` processes (two, or the cores that there are).
+
+    Raises MeasuredError for data that cannot be what they say, Unsupported or SimulatorMissing for the simulator,
+    SimulationError where it fails on the nominal mechanism.
     """
+    data = measured if isinstance(measured, Measured) else load_measured(Path(measured))
     vocabulary = VOCABULARY | {e.name: e for e in own}
-    stiff = measured.mechanism.rigid()
-    bench = Bench.of(measured, stiff, simulator, vocabulary, only, exclude, others, workers, progress)
+    stiff = data.mechanism.rigid()
+    bench = Bench.of(data, stiff, simulator, vocabulary, only, exclude, others, workers, progress)
     explanation = bench.settled()
-    if stiff != measured.mechanism and bench.sees(measured.mechanism):
-        bending = Bench.of(
-            measured, measured.mechanism, simulator, vocabulary, only, exclude, others, workers, progress
-        )
+    if stiff != data.mechanism and bench.sees(data.mechanism):
+        bending = Bench.of(data, data.mechanism, simulator, vocabulary, only, exclude, others, workers, progress)
         instead = bending.settled()
         nearer = bending.price(instead) < bench.price(explanation)
         bench, explanation = (bending, instead) if nearer else (bench, explanation)
@@ -73,5 +63,4 @@ def diagnose(
             f"The links' stated moduli of elasticity are {'used' if nearer else 'left out'}: that explains the data"
             " with less."
         )
-    found = bench.confirmed(explanation)
-    return Diagnosis(as_result(bench, found, command), found.explained, found.explanation)
+    return as_document(bench, bench.confirmed(explanation))

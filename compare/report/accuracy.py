@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from compare.report.quantities import plain, shown
+from compare.quantities import plain, shown
 from compare.results.accuracy import Accuracy
 
 if TYPE_CHECKING:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from compare.quantities import plain
 from compare.report.figures import figures
 from compare.report.junit import junit
 from compare.report.linkage import linkage_figure
 from compare.report.pages import render
-from compare.report.quantities import plain
 from compare.report.summary import WORDS, summarise
 from compare.report.svg import draw
 from compare.report.terminal import print_table

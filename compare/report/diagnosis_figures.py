@@ -7,21 +7,24 @@ drawn here, a strip for each signal, and gets its colours from the page's style 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from compare.report.diagnosis_words import SIGMA, Result, amount, fitting, over_time, quantity, spoken, wrapped
+from compare.quantities import MINUS, Quantity, amount, fitting, number
+from compare.report.diagnosis_words import SIGMA
 from compare.report.figures import Axis, Figure, Numbers, Series, scaled
-from compare.report.quantities import MINUS, Quantity, apart, number
 from compare.report.svg import ticks
+from compare.results.diagnosis import Diagnosis, Run, Side
+from compare.results.document import listed
+from compare.results.sentences import quantity, spoken, wrapped
 
 COLUMNS = 72  # of the map: 5 degrees where the crank turns fully
 LEVELS = (2.0, 4.0, 10.0, 30.0)  # sigmas at which the map's colour changes
 BAND = 2.0  # sigmas
 BEFORE, AFTER = "spring-damper", "massless-link"  # whose colours they have: orange and blue, apart for every eye
+SIDES: tuple[Side, ...] = ("before", "after")
 DRAWN = 250  # columns of a drawing on paper; a line has two points in each
 
 
@@ -87,55 +90,39 @@ class Panel:
         return f"Measured minus simulated over {self.x.label}: {'; '.join(worst)}; noise {self.noise_text}."
 
 
-def panels(result: Result) -> list[Panel]:
+def panels(result: Diagnosis) -> list[Panel]:
     """Every signal of every run, in their order."""
-    found = []
-    for i, run in enumerate(result["runs"]):
-        x, over = _abscissa(run)
-        held = _blocks(run["held_out"], over)
-        for name, signal in run["signals"].items():
-            what = quantity(result, name)
-            residuals = {side: _residual(name, signal, side) for side in ("before", "after")}
-            unit, factor = fitting(signal["unit"], signal["noise"], *residuals["before"], *residuals["after"])
-            before, after = (_short(side, factor) for side in residuals.values())
-            words = spoken(result, name)
-            title = words[:1].upper() + words[1:]
-            said = amount(signal["noise"], signal["unit"]) + (
-                "" if signal["noise_given"] else ", estimated from the data"
-            )
-            gaps = (signal["gap_before"], signal["gap_after"])
-            measured = scaled(signal["measured"], what.factor)
-            found.append(
-                Panel(
-                    i,
-                    name,
-                    what,
-                    title,
-                    unit,
-                    x,
-                    over,
-                    measured,
-                    before,
-                    after,
-                    signal["noise"] * factor,
-                    said,
-                    *gaps,
-                    held,
-                )
-            )
-    return found
+    return [_panel(result, i, run, name) for i, run in enumerate(result.runs) for name in run.signals]
 
 
-def _abscissa(run: Mapping[str, Any]) -> tuple[Axis, Numbers]:
-    if over_time(run):
-        return Axis("time", "s"), scaled(run["time"])
-    return Axis("crank angle", "deg"), scaled(run["crank_angle"], math.degrees(1.0))
+def _panel(result: Diagnosis, i: int, run: Run, name: str) -> Panel:
+    channel, what, words = run.signals[name], quantity(result, name), spoken(result, name)
+    x, over = _abscissa(run)
+    before, after = (listed(result.residual(run, name, side)) for side in SIDES)
+    unit, factor = fitting(channel.unit, channel.noise, *before, *after)
+    return Panel(
+        run=i,
+        signal=name,
+        quantity=what,
+        title=words[:1].upper() + words[1:],
+        unit=unit,
+        x=x,
+        over=over,
+        measured=scaled(listed(channel.measured), what.factor),
+        before=_short(before, factor),
+        after=_short(after, factor),
+        noise=channel.noise * factor,
+        noise_text=amount(channel.noise, channel.unit) + ("" if channel.noise_given else ", estimated from the data"),
+        gap_before=channel.gap_before,
+        gap_after=channel.gap_after,
+        held_out=_blocks(run.held_out, over),
+    )
 
 
-def _residual(name: str, signal: Mapping[str, Any], side: str) -> list[float | None]:
-    """Measured minus simulated, ``before`` or ``after``; angles modulo a turn, as the gap takes them."""
-    pairs = zip(signal["measured"], signal[side], strict=True)
-    return [None if m is None or s is None else apart(m, s, name.endswith("_angle")) for m, s in pairs]
+def _abscissa(run: Run) -> tuple[Axis, Numbers]:
+    if run.over_time:
+        return Axis("time", "s"), scaled(listed(run.time))
+    return Axis("crank angle", "deg"), scaled(listed(run.crank_angle), math.degrees(1.0))
 
 
 def _short(values: Sequence[float | None], factor: float) -> Numbers:
@@ -152,18 +139,18 @@ def _blocks(held_out: Sequence[int] | None, over: Numbers) -> tuple[tuple[float,
     return tuple((known[a], known[b - 1]) for a, b in zip(edges[::2], edges[1::2], strict=True))
 
 
-def maps(result: Result) -> list[Map]:
+def maps(result: Diagnosis) -> list[Map]:
     """Residual maps: one over the crank angle for the runs at a commanded speed, one over time for the others."""
-    turning: list[tuple[int, Mapping[str, Any]]] = []
-    rest: list[tuple[int, Mapping[str, Any]]] = []
+    turning: list[tuple[int, Run]] = []
+    rest: list[tuple[int, Run]] = []
     offset = 0
-    for run in result["runs"]:
-        (rest if over_time(run) else turning).append((offset, run))
-        offset += len(run["signals"])
+    for run in result.runs:
+        (rest if run.over_time else turning).append((offset, run))
+        offset += len(run.signals)
     return [_map(result, group) for group in (turning, rest) if group]
 
 
-def _map(result: Result, group: Sequence[tuple[int, Mapping[str, Any]]]) -> Map:
+def _map(result: Diagnosis, group: Sequence[tuple[int, Run]]) -> Map:
     axis = _abscissa(group[0][1])[0]
     over = [np.array(_abscissa(run)[1], float) for _, run in group]
     if axis.unit == "deg" and wrapped(result):
@@ -174,20 +161,15 @@ def _map(result: Result, group: Sequence[tuple[int, Mapping[str, Any]]]) -> Map:
     strips = []
     for (offset, run), x in zip(group, over, strict=True):
         columns = np.clip(np.floor((x - low) / wide * COLUMNS), 0, COLUMNS - 1).astype(int)
-        for k, (name, signal) in enumerate(run["signals"].items()):
-            words = spoken(result, name)
-            before, after = (
-                _cells(_residual(name, signal, side), signal["noise"], columns) for side in ("before", "after")
-            )
-            strips.append(
-                Strip(offset + k, run["name"], words, before, after, signal["gap_before"], signal["gap_after"])
-            )
+        for k, (name, channel) in enumerate(run.signals.items()):
+            before, after = (_cells(result.residual(run, name, side) / channel.noise, columns) for side in SIDES)
+            gaps = (channel.gap_before, channel.gap_after)
+            strips.append(Strip(offset + k, run.name, spoken(result, name), before, after, *gaps))
     return Map(axis, low, low + wide, tuple(strips))
 
 
-def _cells(residuals: Sequence[float | None], noise: float, columns: np.ndarray) -> Numbers:
-    """Root mean square (sigma) of the residuals in each column, with the sign of their mean."""
-    values = np.array(residuals, float) / noise
+def _cells(values: np.ndarray, columns: np.ndarray) -> Numbers:
+    """Root mean square of residuals (N,) sigma in each column, with the sign of their mean."""
     known = np.isfinite(values)
     count = np.bincount(columns[known], minlength=COLUMNS)
     total, squares = (np.bincount(columns[known], values[known] ** power, COLUMNS) for power in (1, 2))

@@ -11,12 +11,15 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from compare.quantities import DASH, MINUS, number
 from compare.report import diagnosis_figures as figures
 from compare.report import diagnosis_words as words
-from compare.report.diagnosis_text import SIGNS, as_read
+from compare.report.diagnosis_text import SIGNS, of_effect
 from compare.report.pages import script_json
-from compare.report.quantities import DASH, MINUS, number
 from compare.report.svg import NOT_XML, draw
+from compare.results.diagnosis import Diagnosis, Run
+from compare.results.document import as_written
+from compare.results.sentences import sentence, spoken
 
 LOOKS = {
     "no gap": "agrees",
@@ -37,16 +40,16 @@ STATUS = {
 }
 
 
-def diagnosis_html(result: Mapping[str, Any]) -> str:
-    """The page over a diagnosis (the content of diagnosis.json); arrays and NaN are taken as their JSON says them."""
-    result = as_read(result)
+def diagnosis_html(result: Diagnosis) -> str:
+    """The page over a diagnosis."""
+    nominal, explained = (as_written(mechanism) for mechanism in (result.mechanism, result.explained))
     panels, found = figures.panels(result), figures.maps(result)
     places = words.worst_first(result)
-    candidates = sorted(result["candidates"], key=lambda c: (c["status"] not in ("named", "tied"), -c["sigmas"]))
+    candidates = sorted(result.candidates, key=lambda c: (c.status not in ("named", "tied"), -(c.sigmas or 0.0)))
     context = {
         "result": result,
-        "look": LOOKS[result["verdict"]],
-        "sign": SIGNS[result["verdict"]],
+        "look": LOOKS[result.verdict],
+        "sign": SIGNS[result.verdict],
         "groups": words.ties(result),
         "maps": found,
         "cells": _strip,
@@ -56,7 +59,7 @@ def diagnosis_html(result: Mapping[str, Any]) -> str:
         "panels": panels,
         "runs": _runs(result, panels),
         "widest": max(
-            range(len(result["runs"])),
+            range(len(result.runs)),
             key=lambda i: max((p.gap_before or 0.0 for p in panels if p.run == i), default=0.0),
         ),
         "drawings": [Markup(draw(figures.figure(panel, f"residual-{i}"))) for i, panel in enumerate(panels)],
@@ -64,8 +67,8 @@ def diagnosis_html(result: Mapping[str, Any]) -> str:
         "candidates_listed": CANDIDATES,
         "statuses": STATUS,
         "next_steps": words.next_steps(result),
-        "mechanism": toml(result["mechanism"]),
-        "explained": toml(result["explained"]),
+        "mechanism": toml(nominal),
+        "explained": toml(explained),
         "changes": changes(result),
         "settings": words.settings(result),
         "band": figures.BAND,
@@ -89,12 +92,12 @@ def _without_null(value: Any) -> Any:
     return [_without_null(v) for v in value if v is not None] if isinstance(value, list) else value
 
 
-def changes(result: words.Result) -> list[tuple[str, str, str]]:
+def changes(result: Diagnosis) -> list[tuple[str, str, str]]:
     """Each field in which the explained mechanism differs from the nominal one, and its two values in SI units.
 
     What a mechanism leaves out is zero or nothing, so that a field written out as that is no difference.
     """
-    nominal, explained = (dict(_fields(_without_null(result[key]), "")) for key in ("mechanism", "explained"))
+    nominal, explained = (dict(_fields(_without_null(as_written(m)), "")) for m in (result.mechanism, result.explained))
     fields = [name for name in explained | nominal if _set(nominal.get(name)) != _set(explained.get(name))]
 
     def said(side: Mapping[str, Any], name: str) -> str:
@@ -119,13 +122,11 @@ def _set(value: Any) -> Any:
     return value if np.any(value) else None
 
 
-def _runs(
-    result: words.Result, panels: list[figures.Panel]
-) -> list[tuple[int, Mapping[str, Any], list[tuple[int, figures.Panel]]]]:
+def _runs(result: Diagnosis, panels: list[figures.Panel]) -> list[tuple[int, Run, list[tuple[int, figures.Panel]]]]:
     """Each run with its panels and their numbers, the widest gap first."""
     numbered = list(enumerate(panels))
     worst = sorted(numbered, key=lambda item: -(item[1].gap_before or 0.0))
-    return [(i, run, [item for item in worst if item[1].run == i]) for i, run in enumerate(result["runs"])]
+    return [(i, run, [item for item in worst if item[1].run == i]) for i, run in enumerate(result.runs)]
 
 
 def _strip(found: figures.Map, strip: figures.Strip, side: str) -> Markup:
@@ -144,7 +145,7 @@ def _legend() -> list[tuple[str, str]]:
     return shades + [(figures.shade_class(k), text) for k, text in enumerate(high, start=1)]
 
 
-def _data(result: words.Result, panels: list[figures.Panel], found: list[figures.Map]) -> dict[str, Any]:
+def _data(result: Diagnosis, panels: list[figures.Panel], found: list[figures.Map]) -> dict[str, Any]:
     """What the scripts need: every sample once, and the cells of the maps."""
     over = {panel.run: panel for panel in panels}
     return {
@@ -157,12 +158,12 @@ def _data(result: words.Result, panels: list[figures.Panel], found: list[figures
                     "label": over[i].x.label,
                     "unit": over[i].x.unit,
                     "held": over[i].held_out,
-                    "held_out": run["held_out"],
+                    "held_out": run.held_out,
                 }
                 if i in over
                 else None
             )
-            for i, run in enumerate(result["runs"])
+            for i, run in enumerate(result.runs)
         ],
         "panels": [
             {
@@ -191,19 +192,19 @@ def _data(result: words.Result, panels: list[figures.Panel], found: list[figures
     }
 
 
-def _environment(result: words.Result) -> Environment:
+def _environment(result: Diagnosis) -> Environment:
     environment = Environment(
         loader=PackageLoader("compare.report"), autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True
     )
     environment.filters |= {
         "number": number,
         "signed": lambda value: number(value, 3, True),
-        "parameters": lambda effect: [words.parameter(*item) for item in effect.get("parameters", {}).items()],
-        "phrase": lambda effect: words.phrase(result, effect["name"], effect["where"]),
+        "parameters": of_effect,
+        "phrase": lambda effect: words.phrase(result, effect.name, effect.where),
         "named": lambda key: words.named(result, key),
-        "spoken": lambda signal: words.spoken(result, signal),
-        "sentence": lambda place: words.sentence(result, place),
-        "separation": lambda effect: words.separation(effect.get("would_separate", "")),
+        "spoken": lambda signal: spoken(result, signal),
+        "sentence": lambda place: sentence(result, place),
+        "advice": words.advice,
         "remark": words.remark,
         "simulated_by": words.simulated_by,
         "sigmas": lambda value: DASH if value is None else f"{value:.0f}" if value >= 100 else number(value),

@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-import json
+import math
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
-from compare.files import to_json
-from compare.report.diagnosis_words import (
-    SIGMA,
-    Result,
-    amount,
-    next_steps,
-    over_time,
-    parameter,
-    phrase,
-    quantity,
-    sentence,
-    separation,
-    settings,
-    simulated_by,
-    spoken,
-    ties,
-    worst_first,
-)
+import numpy as np
+
+from compare.faults import OptionError
+from compare.quantities import DASH, MINUS, SUPERSCRIPT, TIMES, amount, number
+from compare.report.diagnosis_words import SIGMA, advice, next_steps, phrase, settings, simulated_by, ties, worst_first
 from compare.report.pages import code_block
 from compare.report.pages import escape_markdown as md
-from compare.report.quantities import DASH, MINUS, SUPERSCRIPT, TIMES, number
+from compare.results.diagnosis import Diagnosis, Effect, Place, Run, Side
+from compare.results.sentences import parameter, quantity, sentence, spoken
 
 SIGNS = {"no gap": "✓", "explained": "✓", "partly explained": "≈", "ambiguous": "?", "unexplained": "✗"}
 PLACES_SHOWN = 3  # in a terminal
@@ -37,54 +24,80 @@ ASCII = {MINUS: "-", DASH: "-", "·": ".", "µ": "u", SIGMA: "sigma"} | {
 }
 
 
-def as_read(result: Result) -> dict[str, Any]:
-    """A diagnosis as its JSON file holds it: lists for arrays, null for what is not finite."""
-    return dict(json.loads(to_json(result)))
-
-
-def terminal_lines(result: Result) -> list[str]:
+def terminal_lines(result: Diagnosis) -> list[str]:
     """The verdict in a few lines: what is missing and how much, the gap, where it shows; ASCII but for names and given
     texts.
     """
-    result = as_read(result)
-    settled = result["effects"]  # whose lines say what the statement says
-    out = [f"{result['case']}: {result['verdict'].upper()}" + ("" if settled else f". {_line(result['statement'])}")]
+    settled = result.effects  # whose lines say what the statement says
+    out = [f"{result.case}: {result.verdict.upper()}" + ("" if settled else f". {_line(result.statement)}")]
     for group in ties(result):
         out += _effect_lines(result, group)
-    gap = result["gap"]
+    gap = result.gap
     out.append(
-        f"gap: {number(gap['before'])} before, {number(gap['after'])} after, noise floor {number(gap['noise_floor'])}"
+        f"gap: {number(gap.before)} before, {number(gap.after)} after, noise floor {number(gap.noise_floor)}"
         f" ({simulated_by(result)})"
     )
     others = [
-        f"{name} {number(g['before'])} before, {number(g['after'])} after"
-        for name, g in result["other_simulators"].items()
+        f"{name} {number(g.before)} before, {number(g.after)} after" for name, g in result.other_simulators.items()
     ]
     out += [f"gap elsewhere: {'; '.join(others)}"] if others else []
     places = worst_first(result)
-    out += [f"where: {sentence(result, place)} ({number(place['sigmas'])} sigma)" for place in places[:PLACES_SHOWN]]
+    out += [f"where: {sentence(result, place)} ({number(place.sigmas)} sigma)" for place in places[:PLACES_SHOWN]]
     out += [f"where: {_others(len(places) - PLACES_SHOWN)}"] if len(places) > PLACES_SHOWN else []
-    out += [
-        f"data: run {fault['run']}, {spoken(result, fault['signal'])}: {_line(fault['text'])}"
-        for fault in result["faults"]
-    ]
+    out += [f"data: run {fault.run}, {spoken(result, fault.signal)}: {_line(fault.text)}" for fault in result.faults]
     return [_ascii(line) for line in out]
 
 
-def _effect_lines(result: Result, group: Sequence[Mapping[str, Any]]) -> list[str]:
+def residual_lines(result: Diagnosis, signal: str) -> list[str]:
+    """Measured minus simulated of a signal by run, before and after: root mean square, largest and where, and the gap.
+
+    Raises OptionError for a signal that no run has.
+    """
+    runs = [run for run in result.runs if signal in run.signals]
+    if not runs:
+        names = dict.fromkeys(name for run in result.runs for name in run.signals)
+        raise OptionError(f"--signal {signal}: no run of this diagnosis has it; the signals are {', '.join(names)}")
+    out = [f"{signal}: {quantity(result, signal).label}, measured minus simulated"]
+    for run in runs:
+        channel = run.signals[signal]
+        given = "" if channel.noise_given else ", estimated from the data"
+        out.append(f"{run.name}: {run.time.size} samples, noise {amount(channel.noise, channel.unit)} (1 sigma){given}")
+        sides: tuple[tuple[Side, float | None], ...] = (("before", channel.gap_before), ("after", channel.gap_after))
+        for side, gap in sides:
+            said = _largest(run, result.residual(run, signal, side), channel.unit)
+            out.append(f"  {side:7} {said}; gap {number(gap)}")
+    return [_ascii(line) for line in out]
+
+
+def _largest(run: Run, residual: np.ndarray, unit: str) -> str:
+    known = np.flatnonzero(np.isfinite(residual))
+    if not known.size:
+        return "no number"
+    k = int(known[np.argmax(np.abs(residual[known]))])
+    root = math.sqrt(float(np.mean(residual[known] ** 2)))
+    at = f"{run.time[k]:.4g} s" if run.over_time else f"{math.degrees(run.crank_angle[k]):.4g} deg"
+    return f"rms {amount(root, unit)}, largest {amount(float(residual[k]), unit, 3, True)} at {at}"
+
+
+def _effect_lines(result: Diagnosis, group: Sequence[Place]) -> list[str]:
     out = []
     for i, effect in enumerate(group):
-        rows = (parameter(*item) for item in effect.get("parameters", {}).items())
+        rows = of_effect(effect)
         values = ", ".join(f"{name} {value} (95 %: {interval})" for name, value, interval in rows)
         lead = "missing" if len(group) == 1 else "either" if i == 0 else "or"
-        out.append(f"{lead}: {phrase(result, effect['name'], effect['where'])}" + (f", {values}" if values else ""))
+        out.append(f"{lead}: {phrase(result, effect.name, effect.where)}" + (f", {values}" if values else ""))
     if len(group) > 1:
-        words, block = separation(group[0].get("would_separate", ""))
+        words, block = advice(group)
         out.append(
             f"to separate them: {words.rstrip(':') or 'no run of these sensors can'}"
             + (" (as a [[run]] in diagnosis.md)" if block else "")
         )
     return out
+
+
+def of_effect(effect: Place) -> list[tuple[str, str, str]]:
+    """Name, value and interval of each parameter; nothing for an effect that is only tied."""
+    return [parameter(*item) for item in effect.parameters.items()] if isinstance(effect, Effect) else []
 
 
 def _others(count: int) -> str:
@@ -99,44 +112,40 @@ def _ascii(words: str) -> str:
     return "".join(ASCII.get(character, character) for character in words.replace(f"{TIMES}10", "e"))
 
 
-def diagnosis_md(result: Result) -> str:
+def diagnosis_md(result: Diagnosis) -> str:
     """The text of diagnosis.md."""
-    result = as_read(result)
-    gap = result["gap"]
-    shrinks = (
-        f"{number(gap['before'])} before → {number(gap['after'])} after (noise floor {number(gap['noise_floor'])})"
-    )
+    gap = result.gap
+    shrinks = f"{number(gap.before)} before → {number(gap.after)} after (noise floor {number(gap.noise_floor)})"
     out = [
-        f"# {SIGNS[result['verdict']]} Diagnosis of {md(result['case'])}: {result['verdict']}",
+        f"# {SIGNS[result.verdict]} Diagnosis of {md(result.case)}: {result.verdict}",
         "",
-        md(result["statement"]),
+        md(result.statement),
         "",
     ]
     out += [f"- Gap (rms of residual over noise): {shrinks}, simulated by {md(simulated_by(result))}"]
     out += [
-        f"- In {md(name)}: {number(g['before'])} before → {number(g['after'])} after"
-        for name, g in result["other_simulators"].items()
+        f"- In {md(name)}: {number(g.before)} before → {number(g.after)} after"
+        for name, g in result.other_simulators.items()
     ]
     out += ["", *_effects(result), *_next(result), *_located(result), *_gaps(result)]
-    if result["faults"]:
+    if result.faults:
         rows = [
-            [md(f["run"]), md(spoken(result, f["signal"])), md(f["kind"]), str(f["samples"]), md(f["text"])]
-            for f in result["faults"]
+            [md(f.run), md(spoken(result, f.signal)), md(f.kind), str(f.samples), md(f.text)] for f in result.faults
         ]
         out += ["## Data faults", "", *_table(["Run", "Signal", "Kind", "Samples", "What"], rows, (3,))]
-    versions = ", ".join(f"{md(name)} {md(version)}" for name, version in result["versions"].items())
-    out += ["## Provenance", "", code_block(result["command"], "sh"), "", f"Versions: {versions}", ""]
+    versions = ", ".join(f"{md(name)} {md(version)}" for name, version in result.versions.items())
+    out += ["## Provenance", "", code_block(result.command, "sh"), "", f"Versions: {versions}", ""]
     rows = [[md(cell) for cell in row] for row in settings(result)]
     out += _table(["Engine", "Setting", "Value (SI)"], rows, ()) if rows else []
     return "\n".join(out)
 
 
-def _effects(result: Result) -> list[str]:
-    if not result["effects"]:
+def _effects(result: Diagnosis) -> list[str]:
+    if not result.effects:
         return []
     rows = []
     for group in ties(result):
-        rivals = [phrase(result, effect["name"], effect["where"]) for effect in group]
+        rivals = [phrase(result, effect.name, effect.where) for effect in group]
         for i, effect in enumerate(group):
             others = ", ".join(name for k, name in enumerate(rivals) if k != i) if len(group) > 1 else DASH
             rows += [[md(cell) for cell in (rivals[i], *row, _shrinks(effect), others)] for row in _parameters(effect)]
@@ -144,48 +153,52 @@ def _effects(result: Result) -> list[str]:
     return ["## What is missing", "", *_table(head, rows, (2, 3))]
 
 
-def _parameters(effect: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    return [parameter(*item) for item in effect.get("parameters", {}).items()] or [(DASH, DASH, DASH)]
+def _parameters(effect: Place) -> list[tuple[str, str, str]]:
+    return of_effect(effect) or [(DASH, DASH, DASH)]
 
 
-def _shrinks(effect: Mapping[str, Any]) -> str:
-    before, after = effect.get("held_out_before"), effect.get("held_out_after")
+def _shrinks(effect: Place) -> str:
+    if not isinstance(effect, Effect):
+        return DASH
+    before, after = effect.held_out_before, effect.held_out_after
     return DASH if before is None or after is None else f"{number(before)} → {number(after)}"
 
 
-def _next(result: Result) -> list[str]:
+def _next(result: Diagnosis) -> list[str]:
     out = ["## What to do next", "", *(f"- {md(step)}" for step in next_steps(result)), ""]
     for group in ties(result):
-        block = separation(group[0].get("would_separate", ""))[1]
+        block = advice(group)[1]
         out += [code_block(block, "toml"), ""] if block else []
     return out
 
 
-def _located(result: Result) -> list[str]:
+def _located(result: Diagnosis) -> list[str]:
     places = worst_first(result)
     if not places:
         return []
     out = ["## Where simulation and measurement disagree", ""]
-    out += [f"- {md(sentence(result, place))} ({number(place['sigmas'])} {SIGMA})" for place in places[:PLACES_LISTED]]
+    out += [f"- {md(sentence(result, place))} ({number(place.sigmas)} {SIGMA})" for place in places[:PLACES_LISTED]]
     out += [f"- {_others(len(places) - PLACES_LISTED)} (diagnosis.html)"] if len(places) > PLACES_LISTED else []
     return [*out, ""]
 
 
-def _gaps(result: Result) -> list[str]:
+def _gaps(result: Diagnosis) -> list[str]:
     rows = []
-    for run in result["runs"]:
-        for name, signal in run["signals"].items():
-            noise = amount(signal["noise"], signal["unit"]) + ("" if signal["noise_given"] else ", estimated")
+    for run in result.runs:
+        for name, signal in run.signals.items():
+            noise = amount(signal.noise, signal.unit) + ("" if signal.noise_given else ", estimated")
             rows.append(
                 [
-                    md(run["name"]),
+                    md(run.name),
                     md(quantity(result, name).title),
                     noise,
-                    number(signal["gap_before"]),
-                    number(signal["gap_after"]),
+                    number(signal.gap_before),
+                    number(signal.gap_after),
                 ]
             )
-    free = " Runs without a commanded speed are compared over time." if any(map(over_time, result["runs"])) else ""
+    free = (
+        " Runs without a commanded speed are compared over time." if any(run.over_time for run in result.runs) else ""
+    )
     head = ["Run", "Signal", f"Noise (1 {SIGMA})", "Gap before", "Gap after"]
     return ["## Gap per run and signal", "", f"1 is the noise floor.{free}", "", *_table(head, rows, (3, 4))]
 

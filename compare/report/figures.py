@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from analytic.mechanism.signals import DRIVE_TORQUE
-from compare.report.quantities import GAMMA, MINUS, Quantity, apart, number
+from compare.quantities import GAMMA, MINUS, Quantity, apart, number
 from compare.report.summary import Summary, abscissa
 from compare.results.crosscheck import CrossCheck, Run
 from compare.results.document import listed

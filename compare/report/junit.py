@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from xml.etree import ElementTree
 
 from compare.report.summary import Row, Run, Summary
@@ -13,7 +15,45 @@ def junit(summary: Summary) -> str:
     passes and says so.
     """
     suites = [_suite(summary.case, run) for run in summary.runs] + [_failed(summary)] * bool(summary.failures)
-    root = ElementTree.Element("testsuites", _clean({"name": f"cross-check of {summary.case}", **_totals(suites)}))
+    return _text(f"cross-check of {summary.case}", suites)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One case of a JUnit file: what is ``said`` of it, or the ``failure`` or ``error`` (a sentence each) that it has,
+    of some ``kind``.
+    """
+
+    place: str
+    name: str
+    said: str = ""
+    failure: str = ""
+    error: str = ""
+    kind: str = ""
+
+
+def junit_xml(name: str, suites: Mapping[str, Sequence[Case]]) -> str:
+    """JUnit XML of suites by name."""
+    return _text(name, [_of_cases(title, cases) for title, cases in suites.items()])
+
+
+def _of_cases(title: str, cases: Sequence[Case]) -> ElementTree.Element:
+    counts = {"tests": len(cases), "failures": sum(bool(c.failure) for c in cases)}
+    counts["errors"] = sum(bool(c.error) for c in cases)
+    suite = ElementTree.Element("testsuite", _clean({"name": title, **{k: str(v) for k, v in counts.items()}}))
+    for case in cases:
+        element = ElementTree.SubElement(suite, "testcase", _clean({"classname": case.place, "name": case.name}))
+        for tag, words in (("failure", case.failure), ("error", case.error)):
+            if words:
+                told = _clean({"message": words, "type": case.kind})
+                ElementTree.SubElement(element, tag, told).text = told["message"]
+        if case.said and not (case.failure or case.error):
+            ElementTree.SubElement(element, "system-out").text = NOT_XML.sub("", case.said)
+    return suite
+
+
+def _text(name: str, suites: list[ElementTree.Element]) -> str:
+    root = ElementTree.Element("testsuites", _clean({"name": name, **_totals(suites)}))
     root.extend(suites)
     ElementTree.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"

@@ -16,8 +16,8 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
+from compare.quantities import Quantity, number
 from compare.report.figures import Axis, Figure, Numbers, Series, beside, difference, same_turn, scaled
-from compare.report.quantities import Quantity, number
 from compare.report.summary import Summary, abscissa, released
 from compare.results.crosscheck import CrossCheck, Run
 from compare.results.document import listed

@@ -12,9 +12,9 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from compare.quantities import number, setting
 from compare.report.figures import Figure
 from compare.report.linkage import explorer
-from compare.report.quantities import number, setting
 from compare.report.summary import MODELS, REAL, WORDS, Run, Summary, released
 from compare.results.crosscheck import CrossCheck
 from compare.results.document import as_written

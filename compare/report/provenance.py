@@ -14,7 +14,7 @@ import numpy as np
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal
 from compare.faults import OptionError
-from compare.report.quantities import Quantity, apart, quantities, shown
+from compare.quantities import Quantity, apart, quantities, shown
 from compare.results.crosscheck import CrossCheck, Discrepancy, Run
 
 Samples = Mapping[str, np.ndarray]

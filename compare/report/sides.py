@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from compare.report.quantities import plain, quantities
+from compare.quantities import plain, quantities
 from compare.results.analysis import Analysis, Simulation
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from analytic.mechanism import Mechanism
-from compare.report.quantities import Quantity, key_signals, number, plain, quantities, shown
+from compare.quantities import Quantity, key_signals, number, plain, quantities, shown
 from compare.results import crosscheck as results
 from compare.results.crosscheck import CrossCheck
 

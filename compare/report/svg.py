@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from xml.sax.saxutils import escape, quoteattr
 from zlib import crc32
 
+from compare.quantities import SUPERSCRIPT
 from compare.report.figures import Axis, Figure, Numbers, Series
-from compare.report.quantities import SUPERSCRIPT
 
 WIDTH, HEIGHT, TALLEST = 720.0, 420.0, 640.0
 LEFT, RIGHT, BOTTOM, LINE = 76.0, 18.0, 52.0, 20.0

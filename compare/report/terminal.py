@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from compare.report.quantities import plain
+from compare.quantities import plain
 from compare.report.summary import WORDS, Run, headline, summarise
 from compare.results.crosscheck import CrossCheck
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from analytic.mechanism import Mechanism
-from compare.report.quantities import plain, quantities
+from compare.quantities import plain, quantities
 from compare.results.validity import Cell, Costing, Failed, Validity, Worst
 
 if TYPE_CHECKING:

@@ -94,6 +94,8 @@ Grid = Annotated[np.ndarray, _numbers(_grid, _FINITE), _AS_LIST, _GRID_SCHEMA]
 """(N,) numbers, all of them finite."""
 Number = Annotated[float | None, BeforeValidator(_finite)]
 """A number, or None."""
+Amount = Annotated[Annotated[float, Field(ge=0)] | None, BeforeValidator(_finite)]
+"""A number that is not negative, or None."""
 Text = Annotated[str, Field(min_length=1)]
 Share = Annotated[float, Field(ge=0, le=1)]
 

@@ -4,13 +4,18 @@ data.
 
 from __future__ import annotations
 
+import importlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from analytic.mechanism import Load, Mechanism
+
+if TYPE_CHECKING:
+    import pandas
 
 LARGEST = 1e30  # SI, of any number that is read; nothing on a bench is as large, and its square is still a number
 SHOWN = 80  # characters of what a file has, in a message
@@ -42,7 +47,7 @@ class Fault:
     text: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Channel:
     """One sensor in one run: ``values`` (N,) SI, NaN where absent or faulty, angles continued; ``noise`` is one sigma,
     SI, > 0.
@@ -56,8 +61,12 @@ class Channel:
     noise_given: bool
     unit: str
 
+    def __repr__(self) -> str:
+        known = int(np.count_nonzero(np.isfinite(self.values)))
+        return f"Channel({self.signal}, {known} samples, noise {self.noise:.3g})"
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Run:
     """One recording: ``time`` (N,) s, strictly increasing, and channels by signal.
 
@@ -77,8 +86,12 @@ class Run:
     from_rest: bool
     file: str
 
+    def __repr__(self) -> str:
+        span = f"{self.time[-1] - self.time[0]:.3g} s" if self.time.size else "empty"
+        return f"Run({self.name}, {self.drive}, {self.time.size} samples in {span}: {', '.join(self.channels)})"
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Measured:
     """A nominal mechanism, the runs measured on it, what may be blamed at most (``tolerance``, by quantity, parameter
     or effect.parameter, SI), and what was wrong with the data.
@@ -89,3 +102,33 @@ class Measured:
     tolerance: Mapping[str, float]
     faults: tuple[Fault, ...]
     source: str
+
+    def rows(self) -> list[dict[str, float | str | None]]:
+        """A row for each sample of each run: its run, its time (s) and every sensor in SI, None where it is silent."""
+        names = dict.fromkeys(name for run in self.runs for name in run.channels)
+        found: list[dict[str, float | str | None]] = []
+        for run in self.runs:
+            for k, time in enumerate(run.time.tolist()):
+                row: dict[str, float | str | None] = {"run": run.name, "time": time}
+                for name in names:
+                    value = float(run.channels[name].values[k]) if name in run.channels else math.nan
+                    row[name] = value if math.isfinite(value) else None
+                found.append(row)
+        return found
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The rows as a data frame.  Raises ImportError with the remedy where pandas is not installed."""
+        try:
+            import pandas
+        except ImportError:
+            raise ImportError("to_dataframe needs pandas; run: pip install 'linkage-crosscheck[pandas]'") from None
+        return pandas.DataFrame(self.rows())
+
+    def __repr__(self) -> str:
+        samples = sum(run.time.size for run in self.runs)
+        faults = f", {len(self.faults)} faults" if self.faults else ""
+        names = ", ".join(run.name for run in self.runs[:4]) + (", ..." if len(self.runs) > 4 else "")
+        return f"Measured({self.mechanism.name}, {len(self.runs)} runs ({names}), {samples} samples{faults})"
+
+    def _repr_html_(self) -> str:
+        return str(importlib.import_module("compare.report.measured").summary_html(self))

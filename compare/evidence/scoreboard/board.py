@@ -48,7 +48,7 @@ def scored(data: Path, seal: Path) -> Result:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            result = diagnose(load_measured(data / "measured.toml"), simulator, others=False, workers=1).result
+            result = diagnose(load_measured(data / "measured.toml"), simulator, others=False, workers=1).plain()
     except (MeasuredError, SimulationError, Unsupported) as error:
         return failed(opened(seal), f"{type(error).__name__}: {error}")
     return score(result, opened(seal)) | {"seconds": round(time.perf_counter() - began, 1)}

@@ -13,6 +13,17 @@ from analytic.mechanism import GROUND, Mechanism
 
 SHOWN = {"rad": ("deg", math.degrees(1.0)), "m": ("mm", 1e3), "1": ("%", 100.0)}  # SI unit -> unit that is read, factor
 MINUS, TIMES, DASH, GAMMA = "\N{MINUS SIGN}", "\N{MULTIPLICATION SIGN}", "\N{EN DASH}", "\N{GREEK SMALL LETTER GAMMA}"
+READ = {  # SI unit -> (least size, unit that is read from there on, factor), largest first
+    "rad": ((0.05, "deg", math.degrees(1.0)), (1e-5, "mrad", 1e3), (0.0, "µrad", 1e6)),
+    "rad/s": ((0.1, "rad/s", 1.0), (0.0, "mrad/s", 1e3)),
+    "m": ((1e-4, "mm", 1e3), (0.0, "µm", 1e6)),
+    "s": ((1.0, "s", 1.0), (1e-4, "ms", 1e3), (0.0, "µs", 1e6)),
+    "kg": ((0.1, "kg", 1.0), (0.0, "g", 1e3)),
+    "N": ((0.1, "N", 1.0), (0.0, "mN", 1e3)),
+    "N.m": ((0.01, "N·m", 1.0), (0.0, "mN·m", 1e3)),
+    "N.m.s/rad": ((0.01, "N·m·s/rad", 1.0), (0.0, "mN·m·s/rad", 1e3)),
+    "Pa": ((1e9, "GPa", 1e-9), (1e6, "MPa", 1e-6), (0.0, "Pa", 1.0)),
+}
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -116,6 +127,23 @@ def plain(value: float | None, digits: int = 3, sign: bool = False) -> str:
     if value is None:
         return "-"
     return f"{value:{'+' if sign else ''}.{digits}g}"
+
+
+def fitting(unit: str, *values: float | None) -> tuple[str, float]:
+    """The unit in which the largest of some SI values is read, and the factor to it; a unit without a choice stays."""
+    size = max((abs(v) for v in values if v is not None and math.isfinite(v)), default=0.0)
+    choices = READ.get(unit)
+    if choices is None:
+        return unit.replace(".", "·"), 1.0
+    return next((name, factor) for least, name, factor in choices if size >= least)
+
+
+def amount(value: float | None, unit: str, digits: int = 3, sign: bool = False) -> str:
+    """An SI value in the unit that fits it: ``0.6 mrad``."""
+    if value is None:
+        return DASH
+    name, factor = fitting(unit, value)
+    return number(value * factor, digits, sign) + ("" if name == "1" else f" {name}")
 
 
 def setting(value: Any) -> str:

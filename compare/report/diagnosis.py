@@ -1,0 +1,106 @@
+"""A diagnosis, shown: its page and text, the explained mechanism, a short table for a notebook, the residuals."""
+
+from __future__ import annotations
+
+import html
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+
+from analytic.mechanism.file import dumps
+from compare.faults import printable
+from compare.quantities import DASH, fitting, number
+from compare.report.diagnosis_page import changes, diagnosis_html
+from compare.report.diagnosis_text import diagnosis_md, terminal_lines
+from compare.report.diagnosis_words import phrase, remaining
+from compare.report.junit import Case, junit_xml
+from compare.results.diagnosis import Diagnosis
+from compare.results.sentences import parameter, spoken
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PLOTTED = 3  # signals, those with the widest gap
+
+
+def files(result: Diagnosis) -> dict[str, str]:
+    """The explained mechanism and the report: text by file name."""
+    return {
+        "explained.toml": explained_toml(result),
+        "diagnosis.md": diagnosis_md(result),
+        "diagnosis.html": diagnosis_html(result),
+        "junit.xml": junit(result),
+    }
+
+
+def explained_toml(result: Diagnosis) -> str:
+    """The mechanism with the effects as its file, headed by what was changed, from what, and by which diagnosis."""
+    head = [f"{result.case} with what a diagnosis added ({result.verdict})"]
+    head += [f"{field} = {found}, was {nominal.replace(DASH, 'left out')}" for field, nominal, found in changes(result)]
+    head += [result.command] if result.command else []
+    return "".join(f"# {printable(line)}\n" for line in head) + dumps(result.explained)
+
+
+def junit(result: Diagnosis) -> str:
+    """The verdict as a JUnit file: it fails if it is not settled, and so does each signal that is left unexplained."""
+    left = () if result.settled else remaining(result)
+    verdict = Case(
+        f"{result.case}.diagnosis",
+        "verdict",
+        said=result.statement,
+        failure="" if result.settled else f"{result.verdict}: {result.statement}",
+        kind=result.verdict,
+    )
+    suites = {"verdict": [verdict]}
+    for run in result.runs:
+        cases = []
+        for name, channel in run.signals.items():
+            gaps = f"gap {number(channel.gap_before)} before, {number(channel.gap_after)} after"
+            beyond = f"{spoken(result, name)} in run {run.name} still has a gap of {number(channel.gap_after)}"
+            failure = beyond if beyond in left else ""
+            cases.append(Case(f"{result.case}.{run.name}", name, said=gaps, failure=failure, kind="gap"))
+        suites[f"run {run.name}"] = cases
+    return junit_xml(f"diagnosis of {result.case}", suites)
+
+
+def print_table(result: Diagnosis, console: Console) -> None:
+    """Print the verdict in a few lines: what is missing, with intervals; the gap; where it shows."""
+    for line in terminal_lines(result):
+        console.print(line, soft_wrap=True, highlight=False, markup=False)
+
+
+def summary_html(result: Diagnosis) -> str:
+    """The verdict, and what is missing with the 95 % intervals."""
+    rows = [
+        (phrase(result, effect.name, effect.where), *parameter(*item))
+        for effect in result.effects
+        for item in effect.parameters.items()
+    ] or [("nothing", "", "", "")]
+    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    head = "<tr><th>missing</th><th>parameter</th><th>value</th><th>95 % interval</th></tr>"
+    verdict = f"<b>{html.escape(result.case)}: {html.escape(result.verdict)}.</b> {html.escape(result.statement)}"
+    return f"<p>{verdict}</p><table>{head}{body}</table>"
+
+
+def plot(result: Diagnosis, figure: Figure) -> None:
+    """Residuals before and after of the signals with the widest gap, each in the run where it is widest."""
+    widest: dict[str, tuple[float, int]] = {}
+    for i, run in enumerate(result.runs):
+        for name, channel in run.signals.items():
+            gap = channel.gap_before or 0.0
+            if name not in widest or gap > widest[name][0]:
+                widest[name] = gap, i
+    names = sorted(widest, key=lambda name: -widest[name][0])[:PLOTTED]
+    for axis, name in zip(figure.subplots(len(names), 1, squeeze=False)[:, 0], names, strict=True):
+        run = result.runs[widest[name][1]]
+        channel = run.signals[name]
+        x = run.time if run.over_time else np.degrees(run.crank_angle)
+        unit, factor = fitting(channel.unit, float(np.nanmax(np.abs(result.residual(run, name, "before")))))
+        for side in ("before", "after"):
+            axis.plot(x, factor * result.residual(run, name, side), ".", markersize=3, label=side)
+        axis.axhspan(-2 * factor * channel.noise, 2 * factor * channel.noise, color="0.9", zorder=0)
+        axis.set_ylabel(f"{spoken(result, name)} ({unit})")
+        axis.set_xlabel(f"{'time (s)' if run.over_time else 'crank angle (deg)'}, run {run.name}")
+        axis.legend(fontsize="small")
+    figure.suptitle(f"{result.case}: {result.verdict}; measured minus simulated, noise within two sigmas shaded")

@@ -1,0 +1,298 @@
+"""diagnosis.json: where measurement and simulation differ, and which effect the model lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
+
+from analytic.mechanism.signals import Signal, named, wrapped
+from compare.results.crosscheck import Setting, Simulator
+from compare.results.document import Amount, Document, Grid, Mechanism, Number, Part, Row, Series, Text, listed
+
+Verdict = Literal["no gap", "explained", "partly explained", "unexplained", "ambiguous"]
+Status = Literal["named", "tied", "not needed", "not physical", "invisible", "excluded"]
+Side = Literal["before", "after"]
+SETTLED: tuple[Verdict, ...] = ("no gap", "explained")
+Size = Annotated[FiniteFloat, Field(ge=0)]
+Unit = Annotated[str, Field(min_length=1, description="SI; 1 for a number without a unit")]
+Key = Annotated[str, Field(pattern="^.+@.+$", description="name@where")]
+Pair = Annotated[
+    tuple[Key, Key, Annotated[float, Field(ge=-1.000001, le=1.000001)]],
+    BeforeValidator(lambda pair: tuple(pair) if isinstance(pair, list) else pair),
+]
+
+
+class Located(Part):
+    """A stretch of a run in which measured minus simulated leaves the noise."""
+
+    run: str
+    signal: str
+    crank_angle_from: Annotated[FiniteFloat, Field(description="rad")]
+    crank_angle_to: Annotated[FiniteFloat, Field(description="rad")]
+    size: FiniteFloat
+    unit: Unit
+    sigmas: Size
+
+
+class Parameter(Part):
+    """A parameter of an effect with its 95 % interval; an end that is open is null."""
+
+    value: FiniteFloat
+    unit: Unit
+    low: Annotated[Number, Field(description="of the 95 % interval")]
+    high: Annotated[Number, Field(description="of the 95 % interval")]
+
+
+class Place(Part):
+    """An effect at a place."""
+
+    name: Text
+    where: Text
+
+    @property
+    def key(self) -> str:
+        """``name@where``."""
+        return f"{self.name}@{self.where}"
+
+
+class Effect(Place):
+    """What is missing from the model."""
+
+    parameters: Annotated[
+        Mapping[str, Parameter], Field(min_length=1, description="By name; a value of one run is called name@run.")
+    ]
+    gap_before: Amount
+    gap_after: Amount
+    held_out_before: Amount
+    held_out_after: Amount
+    ambiguous_with: Annotated[tuple[Place, ...], Field(description="What explains these data as well.")]
+    would_separate: Annotated[
+        str, Field(description="A run or a sensor that would tell them apart, in words and as a [[run]].")
+    ]
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name} {p.value:.4g} {p.unit}" for name, p in self.parameters.items())
+        return f"Effect({self.key}: {values})"
+
+
+class Closing(Part):
+    """Root mean square of residual over noise, over all samples and signals; 1 is the noise floor."""
+
+    before: Size
+    after: Size
+    noise_floor: Size
+
+
+class Elsewhere(Part):
+    """The gap in another engine."""
+
+    before: Amount
+    after: Amount
+
+
+class Fault(Part):
+    """What is wrong with the data themselves."""
+
+    run: str
+    signal: str
+    kind: Annotated[str, Field(min_length=1, description="clipped, outliers, gap, constant, noise, ...")]
+    samples: Annotated[int, Field(ge=0)]
+    text: Text
+
+
+class Candidate(Place):
+    """An effect that was considered, and what became of it."""
+
+    sigmas: Annotated[Amount, Field(description="How strongly the data want it alone.")]
+    remaining: Annotated[
+        Amount, Field(description="Sigmas left of its own signature once its best rival is projected out.")
+    ]
+    rival: Key | None
+    status: Status
+    why: str
+
+
+class Engine(Part):
+    """An engine that was asked to simulate the nominal and the explained mechanism."""
+
+    name: str
+    version: str | None
+    agreement: Annotated[Amount, Field(description="Largest rms difference to the analytic model, in noise.")]
+    before: Amount
+    after: Amount
+    skipped: Annotated[str | None, Field(description="Why it has no numbers.")]
+    added: Annotated[
+        tuple[str, ...],
+        Field(description="Effects that it lacks and got as the difference that they make in the analytic model."),
+    ]
+    settings: Annotated[
+        Mapping[str, Mapping[str, Setting]],
+        Field(description="By run, the numbers with which it was set: step, contact law, solver."),
+    ]
+
+
+class Channel(Part):
+    """One sensor in one run: measured, and simulated without and with the effects (N)."""
+
+    unit: Unit
+    noise: Annotated[FiniteFloat, Field(gt=0, description="1 sigma")]
+    noise_given: Annotated[bool, Field(description="false: estimated from the data")]
+    measured: Annotated[Series, Field(min_length=1)]
+    before: Annotated[Series, Field(min_length=1, description="Simulated with the nominal mechanism.")]
+    after: Annotated[Series, Field(min_length=1, description="Simulated with the explained mechanism.")]
+    gap_before: Amount
+    gap_after: Amount
+
+    def residual(self, side: Side, wraps: bool) -> np.ndarray:
+        """Measured minus simulated (N,); of what ``wraps`` modulo a turn, in [-pi, pi)."""
+        difference = self.measured - (self.before if side == "before" else self.after)
+        return wrapped(difference) if wraps else difference
+
+
+class Run(Part):
+    """One recording (N samples)."""
+
+    name: str
+    drive: Literal["speed", "measured", "free"]
+    time: Annotated[Grid, Field(min_length=1, description="s")]
+    crank_angle: Annotated[
+        Grid,
+        Field(min_length=1, description="rad; the motor's as commanded or measured, in a free run the driven body's"),
+    ]
+    held_out: Annotated[
+        tuple[Literal[0, 1], ...] | None,
+        Field(
+            description="1 at the samples of the first of six folds; each fold is judged by values fitted to the other"
+            " five. Null where the run has none."
+        ),
+    ]
+    signals: Annotated[Mapping[str, Channel], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _whole(self) -> Run:
+        """Each series has a value for each sample."""
+        sizes = {"crank_angle": self.crank_angle.size, "held_out": len(self.held_out or self.time)}
+        for name, channel in self.signals.items():
+            for side in ("measured", "before", "after"):
+                sizes[f"signals.{name}.{side}"] = getattr(channel, side).size
+        for name, size in sizes.items():
+            if size != self.time.size:
+                raise ValueError(f"{name} has {size} values for {self.time.size} samples")
+        return self
+
+    @property
+    def over_time(self) -> bool:
+        """Whether it is shown over time: its crank does not turn as commanded."""
+        return self.drive != "speed"
+
+    def __repr__(self) -> str:
+        return f"Run({self.name}, {self.drive}, {self.time.size} samples: {', '.join(self.signals)})"
+
+
+class Step(Part):
+    """A step of the diagnosis, told."""
+
+    title: Literal["Measured data", "Locate", "Isolate", "Name", "Add", "Result"]
+    text: tuple[Text, ...]
+
+
+class Diagnosis(Document):
+    """Where measurement and simulation differ, the effect that is missing, and the gap without and with it.  SI units
+    and radians; what has no number is null.
+    """
+
+    file: ClassVar[str] = "diagnosis.json"
+    presentation: ClassVar[str] = "diagnosis"
+    remedy: ClassVar[str] = "give the diagnosis.json of compare diagnose"
+    opens: ClassVar[str] = "diagnosis.html"
+
+    case: Annotated[str, Field(description="Name of the nominal mechanism.")]
+    verdict: Verdict
+    statement: Annotated[str, Field(min_length=1, description="The verdict in words.")]
+    simulator: Annotated[Simulator, Field(description="The engine that diagnosed.")]
+    command: Annotated[str, Field(description="The command that made this file.")]
+    versions: Annotated[Mapping[str, str], Field(min_length=1, description="Version by package.")]
+    located: Annotated[
+        tuple[Located, ...],
+        Field(description="Where measured minus simulated leaves the noise, before anything is added."),
+    ]
+    effects: Annotated[tuple[Effect, ...], Field(description="What is missing from the model.")]
+    gap: Closing
+    other_simulators: Annotated[
+        Mapping[str, Elsewhere], Field(description="The gap with the same effects in other engines.")
+    ]
+    faults: Annotated[tuple[Fault, ...], Field(description="What is wrong with the data themselves.")]
+    candidates: Annotated[tuple[Candidate, ...], Field(description="What was considered, and what became of it.")]
+    inseparable: Annotated[
+        tuple[Pair, ...],
+        Field(
+            description="Pairs of candidates that look alike in these data, and the correlation of their signatures."
+        ),
+    ]
+    engines: Annotated[
+        tuple[Engine, ...],
+        Field(description="Every engine that was asked to simulate nominal and explained mechanism."),
+    ]
+    runs: Annotated[tuple[Run, ...], Field(min_length=1)]
+    mechanism: Annotated[Mechanism, Field(description="The nominal linkage as in its TOML file.")]
+    explained: Annotated[Mechanism, Field(description="The linkage with the named effects.")]
+    steps: Annotated[tuple[Step, ...], Field(description="How the verdict was come to, in order.")]
+
+    @property
+    def settled(self) -> bool:
+        """Whether there is no gap, or it is explained."""
+        return self.verdict in SETTLED
+
+    @cached_property
+    def signals(self) -> dict[str, Signal]:
+        """Every signal that the mechanism can have, by name."""
+        return dict(named(self.mechanism.bodies, self.mechanism.joints))
+
+    def wraps(self, signal: str) -> bool:
+        """Whether values of a signal that are a turn apart are the same; of a sensor that the mechanism does not have,
+        whether it is an angle (rad).
+        """
+        if signal in self.signals:
+            return self.signals[signal].wraps
+        return any(run.signals[signal].unit == "rad" for run in self.runs if signal in run.signals)
+
+    def residual(self, run: Run, signal: str, side: Side) -> np.ndarray:
+        """Measured minus simulated (N,) of a signal, SI; angles modulo a turn.  Raises KeyError."""
+        return run.signals[signal].residual(side, self.wraps(signal))
+
+    def rows(self) -> list[Row]:
+        """A row for each sample of each run: every sensor as measured and as simulated, before and after."""
+        return list(self._rows())
+
+    def _rows(self) -> Iterator[Row]:
+        names = dict.fromkeys(name for run in self.runs for name in run.signals)
+        for run in self.runs:
+            columns = {"time": run.time, "crank_angle": run.crank_angle}
+            for name in names:
+                channel = run.signals.get(name)
+                for side in ("measured", "before", "after"):
+                    absent = np.full(run.time.size, np.nan)
+                    columns[f"{name}_{side}"] = absent if channel is None else getattr(channel, side)
+            for values in zip(*map(listed, columns.values()), strict=True):
+                yield {"run": run.name, **dict(zip(columns, values, strict=True))}
+
+    def units(self) -> Mapping[str, str]:
+        """SI unit of each column."""
+        sides = {
+            f"{name}_{side}": channel.unit
+            for run in self.runs
+            for name, channel in run.signals.items()
+            for side in ("measured", "before", "after")
+        }
+        return {"time": "s", "crank_angle": "rad"} | sides
+
+    def __repr__(self) -> str:
+        what = ", ".join(effect.key for effect in self.effects) or "nothing named"
+        return (
+            f"Diagnosis({self.case}: {self.verdict}, {what}; gap {self.gap.before:.3g} before, {self.gap.after:.3g}"
+            f" after, {len(self.runs)} runs)"
+        )

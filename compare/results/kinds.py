@@ -1,0 +1,35 @@
+"""Which document a file is, found by its fields."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from analytic.mechanism.reading import ReadingError, read_json
+from compare.results.document import Document, DocumentError
+
+D = TypeVar("D", bound=Document)
+
+
+def read_as(path: str | Path, kinds: Sequence[type[D]]) -> D:
+    """The document of a JSON file: of those ``kinds`` the one of whose required fields it has the largest share.
+
+    Raises DocumentError with file, field and value.
+    """
+    wanted = " or ".join(kind.file for kind in kinds)
+    try:
+        fields = read_json(Path(path))
+    except ReadingError as error:
+        raise DocumentError(f"{path}: {error}; give a {wanted}") from None
+    shares = {kind: _share(set(fields), kind) for kind in kinds}
+    likeliest = max(kinds, key=lambda kind: shares[kind])
+    if shares[likeliest] < 0.5:
+        raise DocumentError(f"{path}: has not the fields of a {wanted}; give one of these")
+    return likeliest.read(path)
+
+
+def _share(fields: set[str], kind: type[Document]) -> float:
+    """The share of a document's required fields, beside those that every document may have, that are there."""
+    required = {name for name, field in kind.model_fields.items() if field.is_required()}
+    return len(required & fields) / len(required)
