@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from compare.diagnose.data.measured import load_measured as read_measured
     from compare.diagnose.workflow import diagnose
     from compare.domain_map.validity import validity
+    from compare.evidence.baseline.check import check_baselines
     from compare.export import export
 
 _WHERE = {

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
+import jsonschema
 import numpy as np
 import pytest
 
 import commands
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load, shipped_cases
-from compare.cli.baseline import check_one, file_of, update_one
+from compare.evidence.baseline.check import check_one, file_of, update_one
 from compare.evidence.baseline.file import Baseline, BaselineError, Run, Tolerance, read, write
 from compare.evidence.baseline.moved import fits, moved
 from compare.evidence.baseline.runs import setups
+from compare.report.baselines import lines
+from compare.results.schemas import FOLDER
 from planted import Planted, turned
 from sim_models.engine import ENGINES, declared, engine
 
@@ -32,11 +37,14 @@ def compare(*arguments: str, cwd: Path) -> commands.Ended:
 
 def update(folder: Path, fault: Planted, mechanism: Mechanism = PAPER) -> None:
     folder.mkdir(exist_ok=True)
-    update_one(mechanism, "planted", folder, lambda name: fault)
+    print(*lines(update_one(mechanism, "planted", folder, lambda name: fault)), sep="\n")
 
 
 def check(folder: Path, fault: Planted, mechanism: Mechanism = PAPER) -> bool:
-    return check_one(mechanism, "planted", folder, lambda name: fault)
+    found = check_one(mechanism, "planted", folder, lambda name: fault)
+    print(*lines(found), sep="\n")
+    assert found.status == ("moved" if found.moved else "same")
+    return not found.moved
 
 
 # -------------------------------------------------------------------- the command
@@ -102,6 +110,45 @@ def test_another_version_of_the_engine_is_said(written: str, tmp_path: Path) -> 
     done = compare("check", "--case", "paper", "--simulator", "mujoco", cwd=tmp_path)
     assert done.returncode == 0
     assert "(the baseline was made with 3.0.1): nothing moved" in done.stdout
+
+
+def test_the_json_and_the_junit_file_name_what_moved_and_what_has_no_answer(written: str, tmp_path: Path) -> None:
+    path = planted(with_angle_moved(written, 0.02), tmp_path)
+    (path.parent / "pendulum-mujoco.toml").write_text("no baseline", encoding="utf-8")
+    own = tmp_path / "pendulum.toml"
+    own.write_text(dumps(load("pendulum")), encoding="utf-8")
+    for case, status in (("paper", 1), ("pendulum.toml", 2)):
+        done = compare(
+            "check", "--case", case, "--simulator", "mujoco", "--json", "--junit", f"j/{case}.xml", cwd=tmp_path
+        )
+        assert done.returncode == status, done.stderr
+        content = json.loads(done.stdout)
+        rules = json.loads((FOLDER / "baselines.json").read_text(encoding="utf-8"))
+        assert [e.message for e in jsonschema.Draft202012Validator(rules).iter_errors(content)] == []
+        (entry,) = content["entries"]
+        root = ElementTree.parse(tmp_path / "j" / f"{case}.xml").getroot()
+        counts = [root.get(name) for name in ("tests", "failures", "errors")]
+        if status == 1:
+            (moved_one,) = entry["moved"]
+            assert (entry["status"], moved_one["signal"], moved_one["run"]) == (
+                "moved",
+                "reaction_B_angle",
+                "contact, static",
+            )
+            assert moved_one["by"] == pytest.approx(-0.02, abs=1.5e-4)
+            assert len(content["differences"]) == 1
+            assert counts == ["1", "1", "0"]
+        else:
+            assert entry["status"] == "unusable"
+            assert content["left_out"] == [entry["why"]]
+            assert entry["why"] in done.stderr
+            assert counts == ["1", "0", "1"]
+
+
+def test_quiet_prints_nothing(written: str, tmp_path: Path) -> None:
+    planted(written, tmp_path)
+    done = compare("check", "--case", "paper", "--simulator", "mujoco", "--quiet", cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 DAMAGE = {
@@ -240,7 +287,7 @@ TABLE = Run(
 def seen(k: int, j: int, value: float) -> list[str]:
     rows = TABLE.rows.copy()
     rows[k, j] = value
-    return [str(each) for each in moved(TABLE, replace(TABLE, rows=rows), Tolerance())]
+    return [each.sentence for each in moved(TABLE, replace(TABLE, rows=rows), Tolerance())]
 
 
 def test_directions_are_compared_modulo_a_turn() -> None:
@@ -258,7 +305,7 @@ def test_a_direction_that_is_lost_or_turns_up_has_moved_but_for_a_force_at_the_v
 def test_averages_have_tolerances_of_their_own() -> None:
     average = Run("contact, impacting", {}, ("reaction_B_rms [N]", "free_share_B [1]"), np.array([[50.0, 0.7]]))
     assert moved(average, replace(average, rows=np.array([[55.0, 0.8]])), Tolerance()) == []
-    lines = [str(each) for each in moved(average, replace(average, rows=np.array([[70.0, 0.1]])), Tolerance())]
+    lines = [each.sentence for each in moved(average, replace(average, rows=np.array([[70.0, 0.1]])), Tolerance())]
     assert lines[0].startswith("contact, impacting: reaction_B_rms moved by +20 N from 50 N over the run")
     assert lines[1].startswith("contact, impacting: free_share_B moved by -0.6 from 0.7 over the run")
 

@@ -18,6 +18,7 @@ import sample_diagnosis
 from compare.results.document import Document, DocumentError
 from compare.results.schemas import FOLDER, documents, schema
 
+REPORTS = Path(__file__).parents[1] / "reports"
 ANGLES = np.radians([30.0, 60.0, 90.0])
 RESULTS: dict[str, Callable[[], Document]] = {
     "crosscheck": lambda: lc.crosscheck("paper", simulators="mujoco", clearance={"B": 1e-4}, angles=ANGLES),
@@ -26,11 +27,12 @@ RESULTS: dict[str, Callable[[], Document]] = {
     "accuracy": lambda: lc.accuracy("paper", angles=ANGLES, samples=100),
     "validity": lambda: lc.validity("paper", speeds=[1.0], clearances=[1e-4], workers=1),
     "diagnose": lambda: sample_diagnosis.as_document(sample_diagnosis.sample_diagnosis(samples=37)),
+    "check_baselines": lambda: lc.check_baselines("paper", "mujoco", REPORTS / "baselines"),
     "cases": lc.cases,
     "simulators": lc.simulators,
     "effects": lc.effects,
 }
-LISTS = ("cases", "simulators", "effects")
+LISTS = ("baselines", "cases", "simulators", "effects")
 
 
 @pytest.fixture(scope="module", params=RESULTS)

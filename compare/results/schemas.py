@@ -13,7 +13,7 @@ from pydantic.json_schema import GenerateJsonSchema
 
 from compare.results.document import Document
 
-MODULES = ("crosscheck", "analysis", "accuracy", "validity", "catalogue", "diagnosis")
+MODULES = ("crosscheck", "analysis", "accuracy", "validity", "catalogue", "diagnosis", "baselines")
 FOLDER = Path(__file__).parents[1] / "schemas"
 
 

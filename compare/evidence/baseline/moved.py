@@ -5,43 +5,15 @@ it was.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from compare.evidence.baseline.file import NO_DIRECTION, PLACES, Run, Tolerance, inline
+from compare.results.baselines import Moved
 
 SAME_PLACE = 1e-6  # deg, s
 WEAK = 1e-3  # of the run's largest force: the size of a weaker joint's is held to that
-
-
-@dataclass(frozen=True)
-class Moved:
-    """A column that moved: by how much (signed, now minus baseline) where that is most of the tolerance, and where
-    else.
-    """
-
-    run: str
-    signal: str
-    unit: str
-    by: float
-    was: float
-    tolerance: float
-    at: str
-    count: int
-    of: int
-
-    def __str__(self) -> str:
-        where = f" at {self.at}; moved at {self.count} of {self.of}" if self.at else " over the run"
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        if not math.isfinite(self.by):
-            return f"{self.run}: {self.signal} has a direction on one side only{where}"
-        return (
-            f"{self.run}: {self.signal} moved by {self.by:+.4g}{unit} from {self.was:.6g}{unit}{where} (tolerance"
-            f" {self.tolerance:.3g}{unit})"
-        )
 
 
 def fits(stored: Sequence[Run], fresh: Sequence[Run]) -> str:
@@ -91,15 +63,15 @@ def moved(old: Run, new: Run, tolerance: Tolerance) -> list[Moved]:
             k = int(gone[np.argmax(np.abs(by[gone]))])
             found.append(
                 Moved(
-                    old.name,
-                    signal,
-                    unit,
-                    float(by[k]),
-                    float(old.rows[k, j]),
-                    allowed,
-                    _place(old, k),
-                    gone.size,
-                    by.size,
+                    run=old.name,
+                    signal=signal,
+                    unit=unit,
+                    by=float(by[k]),
+                    was=float(old.rows[k, j]),
+                    tolerance=allowed,
+                    at=_place(old, k),
+                    count=gone.size,
+                    of=by.size,
                 )
             )
     return found

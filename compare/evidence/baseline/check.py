@@ -1,0 +1,198 @@
+"""The baselines of cases in engines: checked, or written where they are not what is found."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from analytic.kinematics.closure import AssemblyError
+from analytic.kinematics.structure import StructureError
+from analytic.mechanism import Mechanism
+from analytic.mechanism.file import shipped_cases
+from compare.arguments import Linkage, Simulators, linkage
+from compare.evidence.baseline.file import Baseline, BaselineError, Run, owned, read, write
+from compare.evidence.baseline.moved import fits, moved
+from compare.evidence.baseline.runs import simulated
+from compare.evidence.stored import asked
+from compare.faults import Exit, OptionError
+from compare.files import OutputError, file_name, output_folder, write_atomically
+from compare.results.baselines import Baselines, Entry, Moved, Status
+from compare.runs import Resolve
+from sim_models.engine import SimulationError, SimulatorMissing, Unsupported, engine
+
+WHERE = Path("reports") / "baselines"
+Cases = Linkage | Sequence[Linkage]
+"""One linkage or several: mechanisms, names of shipped cases, or mechanism files."""
+Progress = Callable[[str, int, int | None], None]
+Work = Callable[[Mechanism, str, Path, Resolve, str], Entry]
+GRAVITY: dict[Status, Exit] = {
+    "moved": Exit.DISAGREES,
+    "unusable": Exit.BAD_INPUT,
+    "failed": Exit.SIMULATOR_FAILED,
+}
+
+
+def check_baselines(
+    cases: Cases | None = None,
+    simulators: Simulators = "all",
+    folder: str | Path = WHERE,
+    *,
+    progress: Progress = lambda what, done, total: None,
+) -> Baselines:
+    """Run every case in every engine, and find all reaction forces that are not where the baseline has them.
+
+    ``cases`` are all shipped ones by default, ``folder`` is where the baseline files are.  A baseline that is missing or
+    damaged, and an engine that fails, is an entry with its reason, whatever becomes of the others.
+
+    Raises MechanismError for a case, Unsupported for an unknown engine, SimulatorMissing where none is installed.
+    """
+    return _each(check_one, cases, simulators, Path(folder), progress)
+
+
+def update_baselines(
+    cases: Cases | None = None,
+    simulators: Simulators = "all",
+    folder: str | Path = WHERE,
+    *,
+    progress: Progress = lambda what, done, total: None,
+) -> Baselines:
+    """Write the baseline of every case in every engine; numbers that have not moved, and files without any that have,
+    stay as they are.  Raises OutputError, and what :func:`check_baselines` does.
+    """
+    output_folder(Path(folder), "--baselines")
+    return _each(update_one, cases, simulators, Path(folder), progress)
+
+
+def status(found: Baselines) -> Exit:
+    """The gravest exit status of all entries."""
+    return max((GRAVITY.get(entry.status, Exit.AGREES) for entry in found.entries), default=Exit.AGREES)
+
+
+def _each(work: Work, cases: Cases | None, simulators: Simulators, folder: Path, progress: Progress) -> Baselines:
+    if cases is None:
+        wanted: Sequence[Linkage] = shipped_cases()
+    else:
+        wanted = [cases] if isinstance(cases, Mechanism | str | Path) else cases
+    mechanisms = [(linkage(case), case.name if isinstance(case, Mechanism) else str(case)) for case in wanted]
+    names, left_out = asked(simulators)
+    entries = []
+    for mechanism, typed in mechanisms:
+        for name in names:
+            entries.append(_safely(work, mechanism, name, folder, typed))
+            progress("baselines", len(entries), len(mechanisms) * len(names))
+    differences = [f"{e.case}, {e.simulator}: {m.sentence}" for e in entries if e.status == "moved" for m in e.moved]
+    faults = [e.why for e in entries if e.status in ("unusable", "failed")]
+    notes = [
+        f"{e.file}: made with {e.simulator} {e.stored_version}, and {e.version} is here"
+        for e in entries
+        if e.status in ("same", "moved") and e.stored_version != e.version
+    ]
+    done = len(entries) - len(faults)
+    return Baselines(
+        stored=str(folder),
+        made_again=f"{done} of {len(entries)} baselines",
+        differences=tuple(differences),
+        notes=tuple(notes),
+        left_out=(*left_out, *faults),
+        entries=tuple(entries),
+    )
+
+
+def _safely(work: Work, mechanism: Mechanism, simulator: str, folder: Path, typed: str) -> Entry:
+    """The entry of a pair; with the reason in place of an answer where there is a foreseen fault."""
+    try:
+        return work(mechanism, simulator, folder, engine, typed)
+    except (SimulatorMissing, SimulationError) as error:
+        failed: Status = "failed"
+        why = str(error)
+    except (OptionError, OutputError, Unsupported, AssemblyError, StructureError) as error:
+        failed, why = "unusable", str(error)
+    path = file_of(folder, mechanism.name, simulator)
+    return Entry(case=mechanism.name, simulator=simulator, file=str(path), status=failed, why=why)
+
+
+def file_of(folder: Path, case: str, simulator: str) -> Path:
+    """Where the baseline of a case in an engine is kept."""
+    return folder / f"{file_name(case)}-{simulator}.toml"
+
+
+def command(verb: str, typed: str, simulator: str, folder: Path) -> str:
+    """The command line that does this to one baseline, to be pasted into a shell."""
+    elsewhere = [] if folder == WHERE else ["--baselines", str(folder)]
+    return shlex.join(["compare", "baseline", verb, "--case", typed, "--simulator", simulator, *elsewhere])
+
+
+def check_one(
+    mechanism: Mechanism, simulator: str, folder: Path, resolve: Resolve = engine, typed: str | None = None
+) -> Entry:
+    """What moved in one baseline.  ``resolve`` is where the engine comes from, ``typed`` what names the case on a
+    command line.
+
+    Raises BaselineError, SimulationError, SimulatorMissing, Unsupported.
+    """
+    path = file_of(folder, mechanism.name, simulator)
+    again = command("update", typed or mechanism.name, simulator, folder)
+    stored = read(path, mechanism.name, simulator, again)
+    version, fresh = simulated(mechanism, simulator, resolve)
+    misfit = fits(stored.runs, fresh)
+    if misfit:
+        raise BaselineError(f"{path}: {misfit}; if that is meant, write it anew with: {again}")
+    found = _moved(stored, fresh)
+    return _entry(path, stored, version, found, "moved" if found else "same", "")
+
+
+def update_one(
+    mechanism: Mechanism, simulator: str, folder: Path, resolve: Resolve = engine, typed: str | None = None
+) -> Entry:
+    """Write one baseline if anything in it changed.  Raises what check_one does, but a damaged file of the case is
+    replaced.
+    """
+    path = file_of(folder, mechanism.name, simulator)
+    owned(path, mechanism.name, simulator)
+    version, fresh = simulated(mechanism, simulator, resolve)
+    made = Baseline(mechanism.name, simulator, version, tuple(fresh))
+    found: tuple[Moved, ...] = ()
+    old, why = made, "written"
+    try:
+        stored = read(path, mechanism.name, simulator, "")
+    except BaselineError:
+        pass
+    else:
+        old, why, made = stored, "rewritten: other runs than before", replace(made, tolerance=stored.tolerance)
+        if not fits(stored.runs, fresh):
+            found = _moved(stored, fresh)
+            made = replace(made, runs=tuple(_kept(stored, fresh, found)))
+            why = "" if not found and version == stored.version else "rewritten"
+    if why:
+        write_atomically(path, write(made, command("check", typed or mechanism.name, simulator, folder)))
+    return _entry(path, old, version, found, "written" if why else "unchanged", why)
+
+
+def _entry(path: Path, stored: Baseline, version: str, found: tuple[Moved, ...], became: Status, why: str) -> Entry:
+    return Entry(
+        case=stored.case,
+        simulator=stored.simulator,
+        file=str(path),
+        status=became,
+        version=version,
+        stored_version=stored.version,
+        runs=len(stored.runs),
+        signals=sum(max(0, len(run.columns) - (run.places is not None)) for run in stored.runs),
+        numbers=sum(run.rows.size for run in stored.runs),
+        moved=found,
+        why=why,
+    )
+
+
+def _moved(stored: Baseline, fresh: Sequence[Run]) -> tuple[Moved, ...]:
+    pairs = zip(stored.runs, fresh, strict=True)
+    return tuple(each for old, new in pairs for each in moved(old, new, stored.tolerance))
+
+
+def _kept(stored: Baseline, fresh: Sequence[Run], found: Sequence[Moved]) -> Iterator[Run]:
+    """The old run where nothing in it moved, so that a rewritten file differs in what moved and nothing else."""
+    changed = {each.run for each in found}
+    for old, new in zip(stored.runs, fresh, strict=True):
+        yield new if new.name in changed else old

@@ -1,0 +1,67 @@
+"""Baselines, shown: what moved as lines for a terminal, a table for a notebook, and a JUnit file."""
+
+from __future__ import annotations
+
+import html
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from compare.report.junit import Case, junit_xml
+from compare.results.baselines import Baselines, Entry
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def files(result: Baselines) -> dict[str, str]:
+    """A JUnit file, and what moved as a table for other programs."""
+    return {"junit.xml": junit(result), "baselines.csv": result.to_csv()}
+
+
+def lines(entry: Entry) -> list[str]:
+    """What became of a baseline, and each column that moved; nothing where there is no answer."""
+    if entry.status in ("unusable", "failed"):
+        return []
+    if entry.status in ("same", "moved"):
+        made = f" (the baseline was made with {entry.stored_version})" * (entry.version != entry.stored_version)
+        head = f"{entry.case}, {entry.simulator} {entry.version}{made}: {entry.words}"
+    else:
+        words = f"rewritten: {entry.words}" if entry.why == "rewritten" else entry.why
+        head = f"{entry.file}: {words or 'unchanged'}"
+    return [head, *(f"  {each.sentence}" for each in entry.moved)]
+
+
+def print_table(result: Baselines, console: Console) -> None:
+    """Print what became of every baseline."""
+    for entry in result.entries:
+        for line in lines(entry):
+            console.print(line, soft_wrap=True, highlight=False, markup=False)
+
+
+def junit(result: Baselines) -> str:
+    """A suite for each case, a case for each engine: what moved is a failure, what has no answer an error."""
+    suites: dict[str, list[Case]] = {}
+    for entry in result.entries:
+        error = entry.why if entry.status in ("unusable", "failed") else ""
+        failure = "; ".join(each.sentence for each in entry.moved) if entry.status == "moved" else ""
+        place = f"{entry.case}.baseline"
+        case = Case(place, entry.simulator, said=entry.words, failure=failure, error=error, kind=entry.status)
+        suites.setdefault(entry.case, []).append(case)
+    return junit_xml("baselines of the reaction forces", suites)
+
+
+def summary_html(result: Baselines) -> str:
+    """Each baseline and what moved in it."""
+    rows = []
+    for entry in result.entries:
+        said = entry.why if entry.status in ("unusable", "failed") else entry.words
+        cells = (entry.case, entry.simulator, entry.status, said, "; ".join(each.sentence for each in entry.moved))
+        rows.append("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>")
+    head = "<tr><th>case</th><th>engine</th><th>status</th><th>compared</th><th>moved</th></tr>"
+    return f"<p>{html.escape(repr(result))}</p><table>{head}{''.join(rows)}</table>"
+
+
+def plot(result: Baselines, figure: Figure) -> None:
+    """What moved has no picture.  Raises TypeError."""
+    raise TypeError("Baselines is a list and has no picture; use to_dataframe()")
