@@ -525,13 +525,15 @@ def test_an_engine_that_cannot_simulate_the_explanation_does_not_confirm_it() ->
 
 
 def test_what_the_chosen_engine_lacks_is_said_to_be_the_analytic_models() -> None:
-    result = told(diagnose(
-        played(bench(PART), OPEN, source="mujoco"),
-        "pybullet",
-        only=("joint_clearance", "viscous_friction"),
-        others=False,
-        workers=1,
-    ))
+    result = told(
+        diagnose(
+            played(bench(PART), OPEN, source="mujoco"),
+            "pybullet",
+            only=("joint_clearance", "viscous_friction"),
+            others=False,
+            workers=1,
+        )
+    )
     assert named(result) == [("joint_clearance", "B")]
     assert result["engines"][0]["added"] == ["joint_clearance@B"]
     (said,) = next(step["text"] for step in result["steps"] if step["title"] == "Add")

@@ -17,6 +17,8 @@ import linkage_crosscheck as lc
 import sample_diagnosis
 from compare.results.document import Document, DocumentError
 from compare.results.schemas import FOLDER, documents, schema
+from compare.results.scoreboard import Scoreboard
+from compare.results.validation import Validation
 
 REPORTS = Path(__file__).parents[1] / "reports"
 ANGLES = np.radians([30.0, 60.0, 90.0])
@@ -28,6 +30,8 @@ RESULTS: dict[str, Callable[[], Document]] = {
     "validity": lambda: lc.validity("paper", speeds=[1.0], clearances=[1e-4], workers=1),
     "diagnose": lambda: sample_diagnosis.as_document(sample_diagnosis.sample_diagnosis(samples=37)),
     "check_baselines": lambda: lc.check_baselines("paper", "mujoco", REPORTS / "baselines"),
+    "validation": lambda: Validation.read(REPORTS / "validation.json"),
+    "scoreboard": lambda: Scoreboard.read(REPORTS / "scoreboard" / "scoreboard.json"),
     "cases": lc.cases,
     "simulators": lc.simulators,
     "effects": lc.effects,

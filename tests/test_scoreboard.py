@@ -4,8 +4,8 @@ from wrong.
 
 from __future__ import annotations
 
-import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -20,16 +20,21 @@ from compare.diagnose.effects.sensors import EncoderOffset
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fitter
 from compare.diagnose.predict import Term
-from compare.evidence.scoreboard.board import FULL, run_all, seeds, thresholds
+from compare.evidence.scoreboard import check
+from compare.evidence.scoreboard.board import FULL, board, run_all, seeds, thresholds
 from compare.evidence.scoreboard.hidden import COUNTS, DIAGNOSING, FIRST, Hidden, draw, kind_of
 from compare.evidence.scoreboard.outside import KINDS
-from compare.evidence.scoreboard.page import figure, page
 from compare.evidence.scoreboard.record import make, recorded
 from compare.evidence.scoreboard.rigs import Bench, Plan, Rejected
-from compare.evidence.scoreboard.score import opened, score
+from compare.evidence.scoreboard.score import failed, opened, score
 from compare.evidence.scoreboard.sizes import Planted, Sizer, natural
+from compare.evidence.stored import read, status
+from compare.faults import Exit, OptionError
+from compare.results.diagnosis import Closing, Diagnosis, Effect
+from compare.results.scoreboard import Scoreboard
 from marks import slow
 
+REPORTS = Path(__file__).parents[1] / "reports" / "scoreboard"
 SPEED, ANGLE = 6.0, 0.4
 SENSORS = {
     "crank_angle": 5e-5,
@@ -268,7 +273,8 @@ Key = tuple[str, str]
 
 def said(
     *named: tuple[Key, list[Key]], verdict: str = "explained", low: float | None = 0.9, high: float | None = 1.1
-) -> dict[str, Any]:
+) -> Diagnosis:
+    """A diagnosis with what a score looks at, and no more."""
     effects = [
         {
             "name": n,
@@ -279,7 +285,12 @@ def said(
         }
         for (n, w), ties in named
     ]
-    return {"verdict": verdict, "effects": effects, "gap": {"before": 2.0, "after": 1.0, "noise_floor": 1.0}}
+    gaps = {"gap_before": 2.0, "gap_after": 1.0, "held_out_before": 2.0, "held_out_after": 1.0}
+    return Diagnosis.model_construct(
+        verdict=verdict,
+        effects=tuple(Effect.model_validate(effect | gaps) for effect in effects),
+        gap=Closing(before=2.0, after=1.0, noise_floor=1.0),
+    )
 
 
 @pytest.mark.parametrize(
@@ -304,46 +315,70 @@ def said(
         (said((BIAS, [])), truth(BIAS, kind="alias", reversed_load=True), "exact"),
     ],
 )
-def test_outcomes(found: dict[str, Any], true: dict[str, Any], outcome: str) -> None:
-    assert score(found, true)["outcome"] == outcome
+def test_outcomes(found: Diagnosis, true: dict[str, Any], outcome: str) -> None:
+    assert score(found, true).outcome == outcome
 
 
 def test_an_interval_covers_or_does_not_and_an_open_one_does() -> None:
     def covered(**ends: float | None) -> bool:
-        return bool(score(said((BIAS, []), **ends), truth(BIAS))["parameters"][0]["covered"])
+        return score(said((BIAS, []), **ends), truth(BIAS)).parameters[0].covered
 
     assert covered()
     assert not covered(low=1.01)
     assert covered(low=None, high=None)
-    assert score(said((BIAS, [])), truth(BIAS))["parameters"][0]["error"] == pytest.approx(0.02)
+    assert score(said((BIAS, [])), truth(BIAS)).parameters[0].error == pytest.approx(0.02)
 
 
 def test_thresholds_count_and_a_board_that_meets_them_says_so() -> None:
     good = [score(said((BIAS, [])), truth(BIAS)) for _ in range(19)]
     bad = score(said((GAIN, [])), truth(BIAS))
-    rows = {r["what"]: r for r in thresholds([*good, bad])}
-    assert rows["exact where every effect is distinguishable"]["met"]
-    assert rows["exact where every effect is distinguishable"]["count"] == 19
-    assert not rows["wrong"]["met"]
-    rows = {r["what"]: r for r in thresholds([*good[:18], bad, bad])}
-    assert not rows["exact where every effect is distinguishable"]["met"]
+    rows = {r.what: r for r in thresholds([*good, bad])}
+    assert rows["exact where every effect is distinguishable"].met
+    assert rows["exact where every effect is distinguishable"].count == 19
+    assert not rows["wrong"].met
+    rows = {r.what: r for r in thresholds([*good[:18], bad, bad])}
+    assert not rows["exact where every effect is distinguishable"].met
 
 
 def test_the_page_lists_what_fell_short_with_its_seed_and_the_figure_is_drawn() -> None:
-    from compare.report.svg import draw as drawn_svg
+    results = [
+        score(said((BIAS, [])), truth(BIAS)),
+        score(said((GAIN, [])), truth(BIAS)).model_copy(update={"seed": 4711}),
+        failed(truth(BIAS), "Unsupported: no such joint"),
+    ]
+    files = board(results).files()
+    assert (
+        "| 4711 | wrong | explained | sensor_bias@coupler_x (30, 20.0) | sensor_gain@coupler_x |" in files["README.md"]
+    )
+    assert (
+        "| 1 | failed | failed | sensor_bias@coupler_x (30, 20.0) | Unsupported: no such joint |" in files["README.md"]
+    )
+    assert re.search(r"code [0-9a-f]{16} \(a hash over", files["README.md"])
+    assert "<svg" in files["sizes.svg"]
 
-    results = [score(said((BIAS, [])), truth(BIAS)), score(said((GAIN, [])), truth(BIAS)) | {"seed": 4711}]
-    board = {
-        "versions": {"mujoco": "4"},
-        "code": "5eed",
-        "thresholds": thresholds(results),
-        "by_simulator": {},
-        "results": results,
-    }
-    text = page(json.loads(json.dumps(board)))
-    assert "| 4711 | wrong | explained | sensor_bias@coupler_x (30, 20.0) | sensor_gain@coupler_x |" in text
-    assert "code 5eed (a hash over" in text
-    assert "<svg" in drawn_svg(figure(results))
+
+def test_the_committed_board_is_written_again_as_it_is() -> None:
+    found = read(Scoreboard, REPORTS)
+    files = found.files()
+    assert set(files) == {"scoreboard.json", "README.md", "sizes.svg"}
+    for name, text in files.items():
+        assert text == (REPORTS / name).read_text(encoding="utf-8"), name
+    assert thresholds(found.results) == found.thresholds
+
+
+def test_a_check_names_the_sets_that_are_worse_and_no_others(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    stored = read(Scoreboard, REPORTS)
+    again = {r.seed: r for r in stored.results}
+    worse, better = [r.seed for r in stored.results if r.good][20], [r.seed for r in stored.results if not r.good][0]
+    again[worse] = again[worse].model_copy(update={"outcome": "wrong", "good": False})
+    again[better] = again[better].model_copy(update={"outcome": "exact", "good": True})
+    monkeypatch.setattr(check, "run_all", lambda wanted, folder, workers, progress: [again[seed] for seed in wanted])
+    found = check.check_scoreboard(REPORTS, every=1)
+    assert found.differences == (f"seed {worse}: was {stored.results[20].outcome}, is wrong",)
+    assert found.made_again == "558 of 558 sets made again"
+    assert status(found) == Exit.DISAGREES
+    with pytest.raises(OptionError, match=r"scoreboard.json.*compare scoreboard update"):
+        check.check_scoreboard(tmp_path)
 
 
 @pytest.mark.slow
@@ -366,7 +401,7 @@ def test_a_dozen_hidden_sets_are_named_rightly(tmp_path: Path) -> None:
         FIRST["alias"] + 1,
     ]
     results = run_all(chosen, tmp_path, 2)
-    short = {r["seed"]: (r["outcome"], r.get("why")) for r in results if not r["good"]}
+    short = {r.seed: (r.outcome, r.why) for r in results if not r.good}
     assert not short
-    assert all(r["outcome"] == "exact" for r in results[:6])
+    assert all(r.outcome == "exact" for r in results[:6])
     assert run_all(chosen, tmp_path, 2) == results  # read, not done again

@@ -11,20 +11,23 @@ from typing import Any
 import pytest
 
 from commands import compare, without
-from compare.evidence.validation.page import page
-from compare.evidence.validation.runs import drawn, first_order
+from compare.evidence.stored import other_versions, read, stale_page
+from compare.evidence.validation.check import REMEDY, differences, looked_at
+from compare.evidence.validation.runs import first_order
 from compare.evidence.validation.scales import checked
-from compare.evidence.validation.stored import differences, looked_at, other_versions, read, stale_page
 from compare.faults import OptionError
+from compare.report.validation import drawn, page
+from compare.results.validation import Validation
 from sample_result import as_document, sample_result
 
 REPORTS = Path(__file__).parents[1] / "reports"
-STORED = read(REPORTS / "validation.json")
+CONTENT = json.loads((REPORTS / "validation.json").read_text(encoding="utf-8"))
+STORED = read(Validation, REPORTS)
 
 
 def changed(*path: Any, value: Any) -> dict[str, Any]:
-    """The committed report with one value of another."""
-    out = copy.deepcopy(STORED)
+    """The committed report's content with one value of another."""
+    out = copy.deepcopy(CONTENT)
     here: Any = out
     for step in path[:-1]:
         here = here[step]
@@ -32,27 +35,31 @@ def changed(*path: Any, value: Any) -> dict[str, Any]:
     return out
 
 
-def only(*engines: str) -> dict[str, Any]:
+def only(*engines: str) -> Validation:
     """What is found where these engines are installed and no other."""
-    runs = [run for run in STORED["runs"] if run["simulator"] in engines]
-    beams = STORED["superposition"] if "exudyn" in engines else []
-    scales = [row for row in STORED["scales"] if row["simulator"] in engines]
-    return STORED | {
-        "runs": runs,
-        "scales": scales,
-        "versions": {name: STORED["versions"][name] for name in engines},
-        "superposition": beams,
-    }
+    return STORED.model_copy(
+        update={
+            "runs": tuple(run for run in STORED.runs if run.simulator in engines),
+            "scales": tuple(row for row in STORED.scales if row.simulator in engines),
+            "versions": {name: STORED.versions[name] for name in engines},
+            "superposition": STORED.superposition if "exudyn" in engines else (),
+        }
+    )
+
+
+def test_the_committed_report_is_written_again_as_it_is() -> None:
+    text = (REPORTS / "validation.json").read_text(encoding="utf-8")
+    assert STORED.files()["validation.json"] == text
 
 
 def test_the_committed_page_and_first_order_table_are_those_of_the_committed_numbers(tmp_path: Path) -> None:
-    assert list(stale_page(REPORTS / "README.md", STORED)) == []
-    assert list(differences(STORED, STORED | {"first_order": first_order()})) == []
+    assert list(stale_page(REPORTS / "README.md", page(STORED), REMEDY)) == []
+    assert list(differences(STORED, STORED.model_copy(update={"first_order": first_order()}))) == []
     edited = tmp_path / "README.md"
     edited.write_text(page(STORED).replace("7.1 deg", "6.1 deg"), encoding="utf-8")
-    (line,) = stale_page(edited, STORED)
+    (line,) = stale_page(edited, page(STORED), REMEDY)
     assert line.startswith(f"{edited}: line {page(STORED).splitlines().index('| 10 mm | 7.1 deg | 31 % |') + 1} ")
-    assert len(list(stale_page(tmp_path / "none.md", STORED))) == 1
+    assert len(list(stale_page(tmp_path / "none.md", page(STORED), REMEDY))) == 1
 
 
 def test_every_picture_that_the_page_shows_is_drawn() -> None:
@@ -83,37 +90,36 @@ TAMPERED: dict[str, tuple[tuple[Any, ...], Any, str]] = {
 @pytest.mark.parametrize("case", TAMPERED)
 def test_a_number_that_is_not_found_again_is_named(case: str) -> None:
     path, value, words = TAMPERED[case]
-    said = list(differences(changed(*path, value=value), STORED))
+    said = list(differences(Validation.model_validate(changed(*path, value=value)), STORED))
     assert len(said) == (2 if case == "a clearance" else 1)
     assert any(words in line for line in said)
 
 
 def test_what_is_rounding_may_differ() -> None:
-    (k,) = (
-        k
-        for k, run in enumerate(STORED["runs"])
-        if (run["case"], run["run"], run["simulator"]) == ("paper", "ideal, driven", "dart")
-    )
-    assert STORED["runs"][k]["share"] < 1e-5
+    (k,) = (k for k, run in enumerate(STORED.runs) if run.key == ("paper", "ideal, driven", "dart"))
+    assert STORED.runs[k].share < 1e-5
     rounded = changed("runs", k, "share", value=2e-6)
     rounded["runs"][k]["closest"] = "crank_angle"
     rounded["superposition"][0]["equilibrium"] += 1e-7
-    assert list(differences(STORED, rounded)) == []
-    assert list(differences(changed("runs", 1, "share", value=0.03), STORED)) == []
+    assert list(differences(STORED, Validation.model_validate(rounded))) == []
+    assert list(differences(Validation.model_validate(changed("runs", 1, "share", value=0.03)), STORED)) == []
 
 
 def test_an_engine_that_is_not_here_is_said_to_be_left_out() -> None:
-    scales = len(STORED["scales"])
+    scales = len(STORED.scales)
     assert looked_at(STORED, STORED) == (
         f"75 of 75 runs, {scales} of {scales} at scales, first_order and superposition made again",
-        "",
+        (),
     )
     done, left_out = looked_at(STORED, only("mujoco"))
     assert done == f"20 of 75 runs, {scales // 28 * 8} of {scales} at scales, first_order made again"
-    assert left_out == "20 runs of exudyn; 20 runs of pybullet; 15 runs of dart; superposition, which takes exudyn"
+    assert "; ".join(left_out) == (
+        "20 runs of exudyn; 20 runs of pybullet; 15 runs of dart; superposition, which takes exudyn"
+    )
     assert list(differences(STORED, only("mujoco"))) == []
-    newer = only("mujoco") | {"versions": {"mujoco": "5.0"}}
-    assert list(other_versions(STORED, newer)) == ["mujoco is 5.0 here, and the report was made with 4.0.0"]
+    assert list(other_versions(STORED.versions, {"mujoco": "5.0"}, "report")) == [
+        "mujoco is 5.0 here, and the report was made with 4.0.0"
+    ]
 
 
 DAMAGE: dict[str, tuple[Callable[[str], str], str]] = {
@@ -132,7 +138,7 @@ def test_a_damaged_report_is_refused_in_one_sentence(damage: str, tmp_path: Path
     path = tmp_path / "validation.json"
     path.write_text(spoil((REPORTS / "validation.json").read_text(encoding="utf-8")), encoding="utf-8")
     with pytest.raises(OptionError) as caught:
-        read(path)
+        read(Validation, tmp_path)
     assert words in str(caught.value)
     assert "compare validation update" in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -152,7 +158,7 @@ def test_the_command_makes_the_runs_of_the_engines_that_are_here_and_does_not_pa
     with without("exudyn", "pybullet", "dartpy"):
         done = compare("validation", "check", "--reports", ".", cwd=tmp_path)
     assert done.returncode == 3, done.stdout + done.stderr
-    again, scales = len(checked()) * 8, len(STORED["scales"])
+    again, scales = len(checked()) * 8, len(STORED.scales)
     assert (
         done.stdout
         == f"20 of 75 runs, {again} of {scales} at scales, first_order made again; 0 differ from validation.json\n"

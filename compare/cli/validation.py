@@ -11,8 +11,9 @@ from typing import Annotated
 
 import typer
 
-from compare.cli.options import said
-from compare.faults import Exit, complaints
+from compare.cli.options import Json, Quiet, said
+from compare.cli.publish import show
+from compare.faults import complaints
 
 validation = typer.Typer(
     help="The validation report of the project itself: every shipped case in every engine.", no_args_is_help=True
@@ -23,57 +24,37 @@ WHERE = Path("reports")
 
 
 @validation.command()
-def update(folder: Folder = WHERE) -> None:
+def update(folder: Folder = WHERE, json: Json = False, quiet: Quiet = False) -> None:
     """Run everything and write README.md, validation.json and figures."""
     with complaints():
-        from compare.arguments import engines
-        from compare.evidence.validation.page import page
-        from compare.evidence.validation.runs import run_all
-        from compare.evidence.validation.scales import scales
-        from compare.files import output_folder, to_json, write_together
+        from compare.evidence.stored import asked
+        from compare.evidence.validation.check import update_validation
 
-        output_folder(folder / "figures", "--reports")
-        names, left_out = engines("all")
-        said(left_out)
-        found = run_all(names, scales())
-        drawings = {f"figures/{name}": drawing for name, drawing in found.pop("figures").items()}
-        write_together(
-            folder, drawings | {"validation.json": to_json(found, indent=1) + "\n", "README.md": page(found)}
-        )
-        typer.echo(f"{len(found['runs'])} runs: {folder / 'README.md'}")
+        said(asked("all")[1])
+        show(update_validation(folder), json=json, quiet=quiet, place=folder)
 
 
 @validation.command()
 def check(
     folder: Folder = WHERE,
     simulator: Annotated[
-        str | None, typer.Option(help="Engine whose runs are made again; left out (or all), those of every one.")
+        str | None,
+        typer.Option(help="Engine whose runs are made again; left out (or all), those of every one."),
     ] = None,
+    json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
-    """Run everything again and say what is not as in the committed report: verdicts, shares of tolerances, tables, the
-    page itself.
+    """Make every run again, and report what is not as the committed report has it.
 
-    Exit status: 0 all as it was, 1 something differs, 2 the report is damaged, 3 a simulator of the report is missing.
+    Exit status: 0 nothing differs, 1 something does, 2 the report is missing or damaged, 3 an engine is not installed.
     """
     with complaints():
-        from compare.arguments import engines
-        from compare.evidence.validation.runs import run_all
-        from compare.evidence.validation.scales import checked
-        from compare.evidence.validation.stored import differences, looked_at, other_versions, read, stale_page
+        from compare.evidence.stored import asked, status
+        from compare.evidence.validation.check import check_validation
 
-        stored = read(folder / "validation.json")
-        names, not_installed = engines(simulator or "all")
-        said(not_installed)
-        found = run_all(names, checked())
-        changed = [*stale_page(folder / "README.md", stored), *differences(stored, found)]
-        for line in [*changed, *other_versions(stored, found)]:
-            typer.echo(line)
-        done, left_out = looked_at(stored, found)
-        typer.echo(
-            f"{done}; {len(changed)} {'differs' if len(changed) == 1 else 'differ'} from {folder / 'validation.json'}"
-        )
-        if left_out:
-            typer.echo(f"not looked at: {left_out}", err=True)
-    if changed:
-        raise typer.Exit(Exit.DISAGREES)
-    raise typer.Exit(Exit.SIMULATOR_FAILED if left_out and simulator in (None, "all") else Exit.AGREES)
+        names = simulator or "all"
+        said(asked(names)[1])
+        found = check_validation(names, folder)
+        show(found, json=json, quiet=quiet)
+        said(f"not looked at: {'; '.join(found.left_out)}" for _ in found.left_out[:1])
+    raise typer.Exit(status(found, names))

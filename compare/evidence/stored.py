@@ -11,17 +11,20 @@ from pathlib import Path
 from typing import TypeVar
 
 from compare.arguments import Simulators, engines
-from compare.faults import Exit
+from compare.faults import Exit, OptionError
 from compare.files import output_folder, write_together
-from compare.results.document import Document
+from compare.results.document import Document, DocumentError
 from compare.results.evidence import Remade
 
 D = TypeVar("D", bound=Document)
 
 
 def read(kind: type[D], folder: str | Path) -> D:
-    """What is stored in a folder.  Raises DocumentError with file, field, value and the command that writes it."""
-    return kind.read(Path(folder) / kind.file)
+    """What is stored in a folder.  Raises OptionError with file, field, value and the command that writes it."""
+    try:
+        return kind.read(Path(folder) / kind.file)
+    except DocumentError as error:
+        raise OptionError(f"--reports: {error}") from None
 
 
 def store(document: Document, folder: str | Path, option: str) -> Path:

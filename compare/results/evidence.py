@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
 from compare.results.document import Document
 
 
+class Stored(Document):
+    """Evidence that is kept in the repository, a line for each number so that a change can be reviewed."""
+
+    def files(self) -> dict[str, str]:
+        """Text of every file, by name; the JSON file first."""
+        return super().files() | {self.file: self.to_json(1) + "\n"}
+
+
 class Remade(Document):
     """Stored evidence that was made again and compared."""
+
+    presentation: ClassVar[str] = "evidence"
+    opens: ClassVar[str] = ""
 
     stored: Annotated[str, Field(description="The file or folder that holds it.")]
     made_again: Annotated[str, Field(description="How much of it was made again, in words.")]

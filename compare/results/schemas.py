@@ -13,7 +13,17 @@ from pydantic.json_schema import GenerateJsonSchema
 
 from compare.results.document import Document
 
-MODULES = ("crosscheck", "analysis", "accuracy", "validity", "catalogue", "diagnosis", "baselines")
+MODULES = (
+    "crosscheck",
+    "analysis",
+    "accuracy",
+    "validity",
+    "catalogue",
+    "diagnosis",
+    "baselines",
+    "validation",
+    "scoreboard",
+)
 FOLDER = Path(__file__).parents[1] / "schemas"
 
 

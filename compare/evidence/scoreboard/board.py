@@ -13,14 +13,17 @@ from pathlib import Path
 from typing import Any
 
 from analytic.mechanism import MechanismWarning
+from compare.diagnose.data.recording import MeasuredError
+from compare.diagnose.workflow import diagnose
 from compare.evidence.scoreboard.hidden import FIRST
 from compare.evidence.scoreboard.record import make
 from compare.evidence.scoreboard.score import failed, opened, score
+from compare.results.scoreboard import Scoreboard, Scored, Threshold
 from compare.sweep import sweep
+from sim_models.engine import ENGINES, SimulationError, Unsupported, declared, installed_version
 
 FULL = {"effects": 220, "none": 300, "outside": 30, "alias": 8}  # sets of each kind
 CLOSED = 1.1  # of the noise floor
-Result = dict[str, Any]
 
 
 def seeds(counts: Mapping[str, int]) -> list[int]:
@@ -28,30 +31,26 @@ def seeds(counts: Mapping[str, int]) -> list[int]:
     return [FIRST[kind] + k for kind, count in counts.items() for k in range(count)]
 
 
-def examine(content: Mapping[str, Any]) -> Result:
-    """Draw, record, diagnose and score the set of ``content["seed"]``."""
+def examine(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Draw, record, diagnose and score the set of ``content["seed"]``: plain JSON, as the sweep stores it."""
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore", MechanismWarning)  # of values that are only tried
         data, seal = Path(folder, "data"), Path(folder, "seal")
         make(content["seed"], data, seal)
-        return scored(data, seal)
+        return dict(scored(data, seal).model_dump(mode="json", exclude_unset=True))
 
 
-def scored(data: Path, seal: Path) -> Result:
+def scored(data: Path, seal: Path) -> Scored:
     """Diagnose a recorded set without looking at its seal, then open it."""
-    from compare.diagnose.data.measured import load_measured
-    from compare.diagnose.data.recording import MeasuredError
-    from compare.diagnose.workflow import diagnose
-    from sim_models.engine import SimulationError, Unsupported
-
     simulator, began = opened(seal)["simulator"], time.perf_counter()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            result = diagnose(load_measured(data / "measured.toml"), simulator, others=False, workers=1).plain()
+            result = diagnose(data, simulator, others=False, workers=1)
     except (MeasuredError, SimulationError, Unsupported) as error:
         return failed(opened(seal), f"{type(error).__name__}: {error}")
-    return score(result, opened(seal)) | {"seconds": round(time.perf_counter() - began, 1)}
+    seconds = round(time.perf_counter() - began, 1)
+    return score(result, opened(seal)).model_copy(update={"seconds": seconds})
 
 
 def run_all(
@@ -59,17 +58,31 @@ def run_all(
     folder: Path | None,
     workers: int,
     progress: Callable[[int, int | None], None] = lambda done, total: None,
-) -> list[Result]:
+) -> list[Scored]:
     """The scores of these seeds, in order; what the folder holds of this very code is not done again."""
     code = digest()
     contents = [{"seed": seed, "code": code} for seed in wanted]
-    found: dict[int, Result] = {}
+    found: dict[int, Scored] = {}
     for end in sweep(examine, contents, folder, workers=workers, progress=progress):
         seed = wanted[end.index]
         found[seed] = (
-            end.result if not end.failure else {"seed": seed, "outcome": "failed", "good": False, "why": end.failure}
+            Scored(seed=seed, outcome="failed", good=False, why=end.failure)
+            if end.failure
+            else Scored.model_validate(end.result)
         )
     return [found[seed] for seed in wanted]
+
+
+def board(results: Sequence[Scored]) -> Scoreboard:
+    """The board of these results."""
+    diagnosing = [name for name in ENGINES if any(r.simulator == name for r in results)]
+    return Scoreboard(
+        versions={name: installed_version(declared(name).package) for name in ENGINES},
+        code=digest(),
+        thresholds=thresholds(results),
+        by_simulator={name: thresholds(r for r in results if r.simulator == name) for name in diagnosing},
+        results=tuple(results),
+    )
 
 
 def digest() -> str:
@@ -85,18 +98,18 @@ def digest() -> str:
 # ---------------------------------------------------------------- thresholds
 
 
-def thresholds(results: Iterable[Result]) -> list[dict[str, Any]]:
+def thresholds(results: Iterable[Scored]) -> tuple[Threshold, ...]:
     """What is asked of the board, how many of how many meet it, and whether that is enough."""
     results = list(results)
 
-    def of(kind: str) -> list[Result]:
-        return [r for r in results if r.get("kind") == kind]
+    def of(kind: str) -> list[Scored]:
+        return [r for r in results if r.kind == kind]
 
     effects = of("effects")
-    clear, blurred = ([r for r in effects if r["distinguishable"] is is_clear] for is_clear in (True, False))
-    intervals = [p["covered"] for r in effects for p in r["parameters"]]
-    explained = [r for r in effects if r["verdict"] == "explained"]
-    closed = [r for r in explained if r["gap"]["after"] <= CLOSED * r["gap"]["noise_floor"]]
+    clear, blurred = ([r for r in effects if r.distinguishable is is_clear] for is_clear in (True, False))
+    intervals = [p.covered for r in effects for p in r.parameters]
+    explained = [r for r in effects if r.verdict == "explained"]
+    closed = [r for r in explained if _closed(r)]
     rows = [
         _share("exact where every effect is distinguishable", _count(clear, "exact"), len(clear), 0.95),
         _share("exact or tie otherwise", _count(blurred, "exact", "tie"), len(blurred), 0.95),
@@ -110,19 +123,29 @@ def thresholds(results: Iterable[Result]) -> list[dict[str, Any]]:
             len(of("outside")),
             0.95,
         ),
-        _share("clearance or length: as the load allows", sum(r["good"] for r in of("alias")), len(of("alias")), 1.0),
+        _share("clearance or length: as the load allows", sum(r.good for r in of("alias")), len(of("alias")), 1.0),
         _share("diagnosed at all", len(results) - _count(results, "failed"), len(results), 1.0),
     ]
-    return [row for row in rows if row["of"]]
+    return tuple(row for row in rows if row is not None)
 
 
-def _share(what: str, count: int, total: int, least: float, most: float = 1.0) -> dict[str, Any]:
+def _closed(r: Scored) -> bool:
+    gap = r.gap
+    if gap is None or gap.after is None or gap.noise_floor is None:
+        return False
+    return gap.after <= CLOSED * gap.noise_floor
+
+
+def _share(what: str, count: int, total: int, least: float, most: float = 1.0) -> Threshold | None:
+    """A row of the table; None where there is no set that it asks of."""
+    if not total:
+        return None
     met = least * total - 1e-9 <= count <= most * total + 1e-9
-    return {"what": what, "count": count, "of": total, "least": least, "most": most, "met": met}
+    return Threshold(what=what, count=count, of=total, least=least, most=most, met=met)
 
 
-def _count(results: Iterable[Result], *outcomes: str) -> int:
-    return sum(r["outcome"] in outcomes for r in results)
+def _count(results: Iterable[Scored], *outcomes: str) -> int:
+    return sum(r.outcome in outcomes for r in results)
 
 
-__all__ = ["FULL", "digest", "examine", "run_all", "scored", "seeds", "thresholds"]
+__all__ = ["FULL", "board", "digest", "examine", "run_all", "scored", "seeds", "thresholds"]

@@ -22,6 +22,8 @@ from pathlib import Path
 from typing import Any
 
 from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.results.diagnosis import Diagnosis
+from compare.results.scoreboard import Gap, Hidden, Outcome, Said, Scored, Value
 
 Key = tuple[str, str]
 DISTINCT = 8.0  # sigmas left after the best rival, from which on an effect can be told from all others
@@ -35,42 +37,51 @@ def opened(seal: Path) -> dict[str, Any]:
     return dict(json.loads((seal / "truth.json").read_text(encoding="utf-8")))
 
 
-def score(diagnosis: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, Any]:
+def score(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> Scored:
     """How a diagnosis did on a set: its outcome, its parameters, and its gap."""
-    found = {
-        (e["name"], e["where"]): {(t["name"], t["where"]) for t in e["ambiguous_with"]} for e in diagnosis["effects"]
-    }
+    found = {(e.name, e.where): {(t.name, t.where) for t in e.ambiguous_with} for e in diagnosis.effects}
     true = {(e["name"], e["where"]) for e in truth["effects"]}
-    result = judged(truth, diagnosis, found, true)
-    return {
-        "seed": truth["seed"],
-        "kind": truth["kind"],
-        "case": truth["case"],
-        "source": truth["source"]["name"],
-        "simulator": truth["simulator"],
-        "truth": [
-            {"effect": f"{e['name']}@{e['where']}", **{k: e[k] for k in ("total", "linear", "distinct", "rival")}}
-            for e in truth["effects"]
-        ],
-        "outside": truth["outside"]["kind"] if truth["outside"] else None,
-        "distinguishable": bool(true) and all(e["distinct"] >= DISTINCT for e in truth["effects"]),
-        "outcome": result,
-        "good": result in GOOD[truth["kind"]],
-        "verdict": diagnosis["verdict"],
-        "named": [
-            {"effect": "@".join(key), "ambiguous_with": sorted("@".join(t) for t in ties)}
-            for key, ties in found.items()
-        ],
-        "parameters": parameters(diagnosis, truth) if result == "exact" else [],
-        "gap": {k: diagnosis["gap"][k] for k in ("before", "after", "noise_floor")},
-    }
+    outcome = judged(truth, diagnosis, found, true)
+    gap = diagnosis.gap
+    return _of(truth, outcome, diagnosis.verdict).model_copy(
+        update={
+            "named": tuple(
+                Said(effect="@".join(key), ambiguous_with=tuple(sorted("@".join(t) for t in ties)))
+                for key, ties in found.items()
+            ),
+            "parameters": parameters(diagnosis, truth) if outcome == "exact" else (),
+            "gap": Gap(before=gap.before, after=gap.after, noise_floor=gap.noise_floor),
+        }
+    )
 
 
-def judged(
-    truth: Mapping[str, Any], diagnosis: Mapping[str, Any], found: Mapping[Key, set[Key]], true: set[Key]
-) -> str:
+def _of(truth: Mapping[str, Any], outcome: Outcome, verdict: str) -> Scored:
+    """The score of a set in which nothing is named."""
+    hidden = truth["effects"]
+    return Scored(
+        seed=truth["seed"],
+        kind=truth["kind"],
+        case=truth["case"],
+        source=truth["source"]["name"],
+        simulator=truth["simulator"],
+        truth=tuple(
+            Hidden(effect=f"{e['name']}@{e['where']}", **{k: e[k] for k in ("total", "linear", "distinct", "rival")})
+            for e in hidden
+        ),
+        outside=truth["outside"]["kind"] if truth["outside"] else None,
+        distinguishable=bool(hidden) and all(e["distinct"] >= DISTINCT for e in hidden),
+        outcome=outcome,
+        good=outcome in GOOD[truth["kind"]],
+        verdict=verdict,
+        named=(),
+        parameters=(),
+        gap=Gap(before=None, after=None, noise_floor=None),
+    )
+
+
+def judged(truth: Mapping[str, Any], diagnosis: Diagnosis, found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
     """The outcome."""
-    kind, verdict = truth["kind"], diagnosis["verdict"]
+    kind, verdict = truth["kind"], diagnosis.verdict
     distinct = {(e["name"], e["where"]): e["distinct"] for e in truth["effects"]}
     if kind == "none":
         return "false alarm" if found else "clear"
@@ -100,9 +111,7 @@ def is_special_case(simple: Key, rich: Key) -> bool:
     return effect is not None and rich[0] in effect.special_case_of and (simple[1] == rich[1] or rich[0] != "payload")
 
 
-def _alias(
-    truth: Mapping[str, Any], diagnosis: Mapping[str, Any], found: Mapping[Key, set[Key]], true: set[Key]
-) -> str:
+def _alias(truth: Mapping[str, Any], diagnosis: Diagnosis, found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
     """Clearance or length of the follower: both while the load never reverses, with "reverse the load"; else clearance
     only.
     """
@@ -112,15 +121,15 @@ def _alias(
         return "wrong"
     if truth["reversed_load"]:
         return "wrong" if length else "exact" if set(found) == true else "tie"
-    advised = any("revers" in e["would_separate"] for e in diagnosis["effects"] if e["would_separate"])
-    return "tie" if diagnosis["verdict"] == "ambiguous" and length and advised else "incomplete"
+    advised = any("revers" in e.would_separate for e in diagnosis.effects)
+    return "tie" if diagnosis.verdict == "ambiguous" and length and advised else "incomplete"
 
 
-def parameters(diagnosis: Mapping[str, Any], truth: Mapping[str, Any]) -> list[dict[str, Any]]:
+def parameters(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> tuple[Value, ...]:
     """True and found value of every continuous parameter of effects that are named rightly, and whether the interval
     has it.
     """
-    answers = {(e["name"], e["where"]): e["parameters"] for e in diagnosis["effects"]}
+    answers = {(e.name, e.where): e.parameters for e in diagnosis.effects}
     rows = []
     for effect in truth["effects"]:
         said, known = answers.get((effect["name"], effect["where"]), {}), effect["parameters"]
@@ -129,20 +138,22 @@ def parameters(diagnosis: Mapping[str, Any], truth: Mapping[str, Any]) -> list[d
             value, answer = known.get(name, known.get(plain)), said.get(name, said.get(plain))
             if plain in DISCRETE or value is None or answer is None:
                 continue
-            low, high = (
-                answer[end] if answer[end] is not None else side * math.inf for end, side in (("low", -1), ("high", 1))
-            )
-            middle = answer["value"]
+            low = -math.inf if answer.low is None else answer.low
+            high = math.inf if answer.high is None else answer.high
             if plain in CIRCULAR:
-                value = middle + math.remainder(value - middle, 2 * math.pi)
+                value = answer.value + math.remainder(value - answer.value, 2 * math.pi)
             rows.append(
-                {"parameter": f"{effect['name']}.{name}", "true": value, "found": middle}
-                | {"error": (middle - value) / abs(value) if value else math.inf, "covered": bool(low <= value <= high)}
+                Value(
+                    parameter=f"{effect['name']}.{name}",
+                    true=value,
+                    found=answer.value,
+                    error=(answer.value - value) / abs(value) if value else math.inf,
+                    covered=bool(low <= value <= high),
+                )
             )
-    return rows
+    return tuple(rows)
 
 
-def failed(truth: Mapping[str, Any], why: str) -> dict[str, Any]:
+def failed(truth: Mapping[str, Any], why: str) -> Scored:
     """The score of a set that the diagnosis gave up on."""
-    nothing = {"effects": [], "verdict": "failed", "gap": {"before": None, "after": None, "noise_floor": None}}
-    return score(nothing, truth) | {"outcome": "failed", "good": False, "why": why}
+    return _of(truth, "failed", "failed").model_copy(update={"good": False, "why": why})

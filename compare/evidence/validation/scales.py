@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
+from compare.results.validation import AtScale
+
 LENGTHS = (1e-6, 1e-3, 0.12, 30.0)  # m, of the coupler
 SPEEDS = (1e-3, 1.0, 30.0, 1e3)  # rad/s
 MASS_RATIOS = (
@@ -76,12 +78,12 @@ def linkage(scale: Scale) -> Any:
         ).with_clearances({"B": CLEARANCE * scale.length})
 
 
-def scale_rows(simulators: Sequence[str], which: Iterable[Scale], workers: int) -> list[dict[str, Any]]:
+def scale_rows(simulators: Sequence[str], which: Iterable[Scale], workers: int) -> list[AtScale]:
     """What every joint model of every engine says in both motions at these scales, a row each."""
     from compare.sweep import spread
 
     todo = [(k, scale, name) for k, (scale, name) in enumerate(product(which, simulators))]
-    found: dict[int, list[dict[str, Any]]] = {}
+    found: dict[int, list[AtScale]] = {}
     for ended in spread(_of_engine, todo, workers):
         if ended.error is not None:
             raise ended.error
@@ -89,12 +91,12 @@ def scale_rows(simulators: Sequence[str], which: Iterable[Scale], workers: int) 
     return [row for k in sorted(found) for row in found[k]]
 
 
-def _of_engine(item: tuple[int, Scale, str]) -> list[dict[str, Any]]:
+def _of_engine(item: tuple[int, Scale, str]) -> list[AtScale]:
     _, scale, simulator = item
     return [row for motion in ("driven", "static") for row in _runs(scale, simulator, motion)]
 
 
-def _runs(scale: Scale, simulator: str, motion: Any) -> Iterator[dict[str, Any]]:
+def _runs(scale: Scale, simulator: str, motion: Any) -> Iterator[AtScale]:
     import numpy as np
 
     from compare.crosscheck import Job, crosscheck_job
@@ -102,13 +104,20 @@ def _runs(scale: Scale, simulator: str, motion: Any) -> Iterator[dict[str, Any]]
     from sim_models.engine import Unsupported
 
     theta = 2 * np.pi * np.arange(ANGLES) / ANGLES
-    row = {"length": scale.length, "speed": scale.speed, "mass_ratio": scale.mass_ratio, "simulator": simulator}
+    row = AtScale(
+        length=scale.length,
+        speed=scale.speed,
+        mass_ratio=scale.mass_ratio,
+        simulator=simulator,
+        run=f"ideal, {motion}",
+        verdict="refused",
+    )
     try:
         result = crosscheck_job(Job(linkage(scale), (simulator,), load_tolerances(), motion, theta))
     except Unsupported as error:
-        yield row | {"run": f"ideal, {motion}", "verdict": "refused", "why": str(error)}
+        yield row.model_copy(update={"why": str(error)})
         return
     for run in result.runs:
-        yield row | {"run": f"{run.joint_model}, {motion}", "verdict": run.verdict}
+        yield row.model_copy(update={"run": f"{run.joint_model}, {motion}", "verdict": run.verdict})
     for failure in result.failures:
-        yield row | {"run": f"{failure.joint_model}, {motion}", "verdict": "refused", "why": failure.why}
+        yield row.model_copy(update={"run": f"{failure.joint_model}, {motion}", "why": failure.why})

@@ -1,0 +1,134 @@
+"""The stored validation report: made again, and what is no longer so.
+
+Most runs rest in equilibrium and none impacts, so that they repeat: from another processor's arithmetic a share of a
+tolerance comes out the same to its one digit, but for shares that are rounding and nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from compare.arguments import Simulators
+from compare.evidence.stored import asked, other_versions, read, stale_page, store
+from compare.evidence.validation.runs import run_all
+from compare.evidence.validation.scales import checked, scales
+from compare.files import output_folder
+from compare.results.document import Part
+from compare.results.validation import Run, Validation, ValidationCheck
+
+WHERE = Path("reports")
+PAGE = "README.md"
+REMEDY = "write both with compare validation update"
+ROUNDING = 1e-3  # a share of a tolerance below this is rounding
+CLEAR = 1e-2  # from here on one signal is nearest to its tolerance, and not by chance
+FACTOR = 2.0  # by which a share may change: 0.14 and 0.16 are 0.1 and 0.2 to one digit
+ANALYTIC = 1e-6  # relative: what is computed without an engine
+BEAMS = 1e-5  # of the displacement: a tenth of the last digit of the page
+
+
+def check_validation(simulators: Simulators = "all", folder: str | Path = WHERE) -> ValidationCheck:
+    """Make all runs again, and a share of those at scales, and find what is not as it is stored.
+
+    Raises OptionError for a stored report that cannot be read, and what :func:`compare.arguments.engines` raises.
+    """
+    stored = read(Validation, folder)
+    names, _ = asked(simulators)
+    found = run_all(names, checked())
+    place = Path(folder)
+    made_again, left_out = looked_at(stored, found)
+    return ValidationCheck(
+        stored=str(place / Validation.file),
+        made_again=made_again,
+        differences=(*stale_page(place / PAGE, stored.files()[PAGE], REMEDY), *differences(stored, found)),
+        notes=tuple(other_versions(stored.versions, found.versions, "report")),
+        left_out=left_out,
+    )
+
+
+def update_validation(folder: str | Path = WHERE) -> Validation:
+    """Make everything in every engine that is installed, and write the report and its page.  Raises OutputError."""
+    output_folder(Path(folder), "--reports")
+    names, _ = asked("all")
+    found = run_all(names, scales())
+    store(found, folder, "--reports")
+    return found
+
+
+def looked_at(stored: Validation, found: Validation) -> tuple[str, tuple[str, ...]]:
+    """How much of a stored report was made again, and what was left out for want of an engine, in words."""
+    count = Counter(run.simulator for run in stored.runs)
+    absent = [name for name in count if name not in found.versions]
+    left_out = [f"{count[name]} runs of {name}" for name in absent]
+    if stored.superposition and not found.superposition:
+        left_out.append("superposition, which takes exudyn")
+    total = len(stored.runs)
+    tables = "first_order and superposition" if found.superposition else "first_order"
+    sized = f"{len(found.scales)} of {len(stored.scales)} at scales"
+    done = f"{total - sum(count[name] for name in absent)} of {total} runs, {sized}, {tables} made again"
+    return done, tuple(left_out)
+
+
+def differences(stored: Validation, found: Validation) -> Iterator[str]:
+    """What changed between two reports, a sentence each; engines that are not installed here are left out."""
+    before, after = ({run.key: run for run in report.runs} for report in (stored, found))
+    for key in sorted(before.keys() | after.keys()):
+        if key[2] in found.versions:
+            yield from (f"{', '.join(key)}: {what}" for what in _moved(before.get(key), after.get(key)))
+    yield from _at_scales(stored, found)
+    yield from _table("first_order", stored.first_order, found.first_order, ("clearance",), ANALYTIC, 0.0)
+    if found.superposition:
+        keys = ("clearance", "crank_angle")
+        yield from _table("superposition", stored.superposition, found.superposition, keys, 0.0, BEAMS)
+
+
+def _at_scales(stored: Validation, found: Validation) -> Iterator[str]:
+    """Verdicts at the scales that were made again, where they are not as they were."""
+    before, after = (
+        {(*row.scale, row.simulator, row.run): row.verdict for row in report.scales} for report in (stored, found)
+    )
+    again = {key[:4] for key in after}
+    for key in sorted(key for key in before.keys() | after.keys() if key[:4] in again):
+        if before.get(key) != after.get(key):
+            where = f"at {key[0]:g} m, {key[1]:g} rad/s, mass ratio {key[2]:g}, {key[3]}, {key[4]}"
+            yield f"{where}: was {before.get(key, 'not there')}, is {after.get(key, 'not there')}"
+
+
+def _moved(old: Run | None, new: Run | None) -> Iterator[str]:
+    if old is None or new is None:
+        was, now = ("not there" if run is None else run.verdict for run in (old, new))
+        yield f"verdict was {was}, is {now}"
+        return
+    if old.verdict != new.verdict:
+        yield f"verdict was {old.verdict}, is {new.verdict}"
+        return
+    if (old.compared, old.signals) != (new.compared, new.signals):
+        was, now = (str(run.signals) if run.compared else "not there" for run in (old, new))
+        yield f"signals was {was}, is {now}"
+        return
+    small, large = sorted((old.share, new.share))
+    other = old.closest != new.closest and small >= CLEAR
+    if other or large > max(FACTOR * small * (1 + 1e-9), ROUNDING):
+        was, now = (f"{100 * run.share:g} % ({run.closest})" for run in (old, new))
+        yield f"largest share of a tolerance was {was}, is {now}"
+
+
+def _table(
+    name: str, old: Sequence[Part], new: Sequence[Part], keys: tuple[str, ...], relative: float, absolute: float
+) -> Iterator[str]:
+    """Rows of a table of numbers that are not as they were; a row is known by its keys."""
+    before, after = ({tuple(row[key] for key in keys): row for row in map(_numbers, rows)} for rows in (old, new))
+    for where in sorted(before.keys() | after.keys()):
+        place = f"{name}, " + ", ".join(f"{key} {value:g}" for key, value in zip(keys, where, strict=True))
+        was, now = before.get(where, {}), after.get(where, {})
+        if not was or not now:
+            yield f"{place}: row is {'new' if now else 'no longer there'}"
+        for what in was:
+            if what in now and not math.isclose(was[what], now[what], rel_tol=relative, abs_tol=absolute):
+                yield f"{place}: {what} was {was[what]:g}, is {now[what]:g}"
+
+
+def _numbers(row: Part) -> Mapping[str, float]:
+    return {name: float(value) for name, value in row}

@@ -1,0 +1,243 @@
+"""The board, shown: its page reports/scoreboard/README.md and its figure."""
+
+from __future__ import annotations
+
+import html
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from compare.evidence.scoreboard.score import DISTINCT
+from compare.report.figures import Axis, Figure, Series
+from compare.report.svg import draw
+from compare.results.scoreboard import Hidden, Scoreboard, Scored, Threshold, Value
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Plotted
+
+ORDER = ("exact", "tie", "clear", "abstained", "partly", "incomplete", "missed", "wrong", "false alarm", "failed")
+MARKS = {
+    "exact": "analytic",
+    "tie": "massless-link",
+    "short of it": "spring-damper",
+    "wrong": "contact",
+}  # a role of the figures' style each
+
+
+def files(result: Scoreboard) -> dict[str, str]:
+    """The page and its figure."""
+    return {"sizes.svg": draw(figure(result.results)), "README.md": page(result)}
+
+
+def print_table(result: Scoreboard, console: Console) -> None:
+    """Print how many sets there are, and the thresholds that they miss."""
+    for row in result.missed:
+        console.print(f"missed: {row.what}: {row.count} of {row.of}", soft_wrap=True, highlight=False, markup=False)
+    thresholds = f"{len(result.missed)} of {len(result.thresholds)} thresholds missed"
+    console.print(f"{len(result.results)} sets, {thresholds}", soft_wrap=True, highlight=False, markup=False)
+
+
+def summary_html(result: Scoreboard) -> str:
+    """What is asked, and how far it is met."""
+    rows = "".join(
+        f"<tr><td>{html.escape(row.what)}</td><td>{row.count} of {row.of}</td><td>{'yes' if row.met else 'NO'}</td></tr>"
+        for row in result.thresholds
+    )
+    head = "<tr><th>what is asked</th><th>sets</th><th>met</th></tr>"
+    return f"<p>{html.escape(repr(result))}</p><table>{head}{rows}</table>"
+
+
+def plot(result: Scoreboard, figure: Plotted) -> None:
+    """Every set with effects: sigmas of its least distinct one's signature, and what the best rival leaves of it."""
+    axis = figure.subplots()
+    groups: dict[str, list[Hidden]] = {}
+    for r in result.results:
+        if r.truth:
+            groups.setdefault(r.outcome, []).append(min(r.truth, key=lambda e: e.distinct))
+    for name, found in groups.items():
+        axis.plot([e.total for e in found], [e.distinct for e in found], ".", label=name)
+    axis.axhline(DISTINCT, color="0.5", linestyle="--")
+    axis.set_xscale("log")
+    axis.set_yscale("symlog")
+    axis.set_xlabel("signature of the least distinct effect (sigmas)")
+    axis.set_ylabel("left after the best rival (sigmas)")
+    axis.legend(fontsize="small")
+
+
+def page(board: Scoreboard) -> str:
+    """The report as Markdown."""
+    results = [r for r in board.results if r.kind is not None]
+    effects = [r for r in results if r.kind == "effects"]
+    versions = ", ".join(f"{name} {version}" for name, version in board.versions.items())
+    lines = [
+        "# Scoreboard of the diagnosis",
+        "",
+        (
+            f"{len(board.results)} sets of measured data in which something, or nothing, is hidden. Each is recorded"
+            " by one engine and diagnosed with"
+        ),
+        (
+            "another, which sees only the CSV files; the seal is opened afterwards. Written by `compare scoreboard"
+            " update`; one set again, with its"
+        ),
+        f"truth: `compare scoreboard show SEED`. Versions: {versions}; code {board.code} (a hash over `analytic/`,",
+        (
+            "`sim_models/`, `compare/diagnose/` and `compare/evidence/scoreboard/`; `compare scoreboard check` says"
+            " whether they have changed since)."
+        ),
+        "",
+        (
+            f"An effect is *distinguishable* where at least {DISTINCT:g} sigma of its signature are left after the best"
+            " other effect has been"
+        ),
+        "fitted to it, the other true effects free to move.",
+        "",
+        *_asked(board.thresholds),
+        *_outcomes("By kind of set", results, lambda r: [str(r.kind)]),
+        *_outcomes(
+            "By size: sigmas left after the best rival, of the least distinct effect",
+            effects,
+            lambda r: [_bin(_least(r))],
+        ),
+        *_outcomes("By effect", effects, lambda r: [e.effect.split("@")[0] for e in r.truth]),
+        *_outcomes("By number of effects", effects, lambda r: [str(len(r.truth))]),
+        *_outcomes("By linkage", effects, lambda r: [r.case]),
+        *_outcomes("By diagnosing engine", effects, lambda r: [r.simulator]),
+        *_outcomes("By engine that made the data", effects, lambda r: [r.source]),
+        *_outcomes("Outside the vocabulary", [r for r in results if r.kind == "outside"], lambda r: [str(r.outside)]),
+        "",
+        "![Each set with effects: sigmas of its faintest signature, and what the best rival leaves](sizes.svg)",
+        *_per_engine(board.by_simulator),
+        *_errors(effects),
+        *_failures(board.results),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _asked(rows: Sequence[Threshold]) -> Iterator[str]:
+    yield "| what is asked | sets | share | asked | met |"
+    yield "|---|--:|--:|--:|---|"
+    for r in rows:
+        least, most = 100 * r.least, 100 * r.most
+        asked = f"at most {most:g} %" if not least else f"{least:g} to {most:g} %" if most < 100 else f"{least:g} %"
+        yield (
+            f"| {r.what} | {r.count} of {r.of} | {100 * r.count / r.of:.1f} % | {asked} | {'yes' if r.met else 'NO'} |"
+        )
+
+
+def _outcomes(title: str, results: Sequence[Scored], groups: Callable[[Scored], list[str]]) -> Iterator[str]:
+    """A table of outcomes by group."""
+    if not results:
+        return
+    columns = [o for o in ORDER if any(r.outcome == o for r in results)]
+    found: dict[str, Counter[str]] = {}
+    for r in results:
+        for group in groups(r):
+            found.setdefault(group, Counter())[r.outcome] += 1
+    yield from ("", f"## {title}", "", f"| | {' | '.join(columns)} |", "|---|" + "--:|" * len(columns))
+    for group in sorted(found, key=_in_order):
+        yield f"| {group} | " + " | ".join(str(found[group][c] or "") for c in columns) + " |"
+
+
+def _per_engine(by_simulator: Mapping[str, Sequence[Threshold]]) -> Iterator[str]:
+    yield from (
+        "",
+        "## What is asked, by diagnosing engine",
+        "",
+        "| | " + " | ".join(by_simulator) + " |",
+        "|---|" + "--:|" * len(by_simulator),
+    )
+    for what in dict.fromkeys(row.what for rows in by_simulator.values() for row in rows):
+        cells = []
+        for rows in by_simulator.values():
+            row = next((r for r in rows if r.what == what), None)
+            cells.append("" if row is None else f"{row.count} of {row.of}{'' if row.met else ' (NO)'}")
+        yield f"| {what} | " + " | ".join(cells) + " |"
+
+
+def _errors(effects: Sequence[Scored]) -> Iterator[str]:
+    """Median relative error and coverage, by parameter."""
+    rows: dict[str, list[Value]] = {}
+    for r in effects:
+        for p in r.parameters:
+            rows.setdefault(p.parameter.split("@")[0], []).append(p)
+    if not rows:
+        return
+    yield from (
+        "",
+        "## Parameters where the name is exact",
+        "",
+        "| | values | median error | in the 95 % interval |",
+        "|---|--:|--:|--:|",
+    )
+    for name, found in sorted(rows.items()):
+        errors = sorted(abs(p.error) for p in found if p.error is not None)
+        middle = f"{100 * errors[len(errors) // 2]:.2g} %" if errors else ""
+        yield f"| {name} | {len(found)} | {middle} | {sum(p.covered for p in found)} |"
+
+
+def _failures(results: Sequence[Scored]) -> Iterator[str]:
+    bad = [r for r in results if not r.good or (r.outcome == "tie" and r.distinguishable and r.kind == "effects")]
+    yield from ("", "## Sets that fall short", "")
+    if not bad:
+        yield "None."
+        return
+    yield "`compare scoreboard show SEED` makes and diagnoses any of them again."
+    yield from (
+        "",
+        "| seed | outcome | verdict | truth (sigmas, left after the best rival) | named (tied with) |",
+        "|--:|---|---|---|---|",
+    )
+    for r in bad:
+        if r.kind is None:
+            yield f"| {r.seed} | failed | | | {_cell(r.why)} |"
+            continue
+        true = "; ".join(f"{e.effect} ({e.total:.0f}, {e.distinct:.1f})" for e in r.truth) or r.outside or ""
+        named = "; ".join(n.effect + (f" ({', '.join(n.ambiguous_with)})" if n.ambiguous_with else "") for n in r.named)
+        yield f"| {r.seed} | {r.outcome} | {r.verdict} | {true} | {_cell(named or r.why)} |"
+
+
+def _cell(words: str) -> str:
+    return words.replace("|", "\\|").replace("\n", " ")
+
+
+def _least(r: Scored) -> float:
+    return min(e.distinct for e in r.truth)
+
+
+def _bin(sigmas: float) -> str:
+    edges = (3.0, DISTINCT, 15.0, 30.0)
+    low = max((e for e in edges if e <= sigmas), default=0.0)
+    high = min((e for e in edges if e > sigmas), default=None)
+    return f"{low:g} to {high:g}" if high is not None else f"{low:g} and more"
+
+
+def _in_order(group: str) -> tuple[float, str]:
+    """Groups that begin with a number by it, all others by name."""
+    first = group.split()[0]
+    return (float(first) if first.isdigit() else 0.0, group)
+
+
+def figure(results: Sequence[Scored]) -> Figure:
+    """Every set with effects by the size of its least distinct one."""
+    groups: dict[str, list[tuple[float, float]]] = {name: [] for name in MARKS}
+    for r in results:
+        if r.kind == "effects":
+            e = min(r.truth, key=lambda e: e.distinct)
+            name: str = r.outcome if r.outcome in groups else "short of it"
+            groups[name].append((min(e.total, 120.0), min(e.distinct, 120.0)))
+    series = [Series("", (0.0, 65.0), (DISTINCT, DISTINCT), "frame", "dashed")]
+    for name, points in groups.items():
+        if points:
+            xs, ys = zip(*points, strict=True)
+            series.append(Series(name, tuple(xs), tuple(ys), MARKS[name], "marker"))
+    return Figure(
+        "sizes",
+        "Hidden effects by size, and how they were named",
+        "each mark is a set; above the dashed line its effects can be told from all others",
+        Axis("signature of the least distinct effect", "sigmas"),
+        Axis("left after the best rival", "sigmas"),
+        tuple(series),
+    )

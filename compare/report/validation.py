@@ -1,0 +1,191 @@
+"""The validation report as a page, of validation.json and nothing else."""
+
+from __future__ import annotations
+
+import html
+import math
+import re
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from compare.evidence.validation.scales import CLEARANCE, EVERY
+from compare.report.figures import reaction_directions
+from compare.report.linkage import linkage_figure
+from compare.report.summary import summarise
+from compare.report.svg import draw
+from compare.results.crosscheck import CrossCheck
+from compare.results.validation import AtScale, Run, Superposed, Validation
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def files(result: Validation) -> dict[str, str]:
+    """The page, and the figures of those cases whose cross-checks are at hand."""
+    figures = {
+        f"figures/{case}-{name}.svg": drawing
+        for case, check in result.checks.items()
+        for name, drawing in drawn(check).items()
+    }
+    return figures | {"README.md": page(result)}
+
+
+def drawn(result: CrossCheck) -> dict[str, str]:
+    """SVG drawings of a result: the linkage, and the reaction directions at its first joint with clearance."""
+    summary = summarise(result)
+    linkage = linkage_figure(result, summary)
+    found = {"gamma": draw(reaction_directions(result, summary, summary.joints[0]))}
+    return found | ({"linkage": draw(linkage)} if linkage else {})
+
+
+def print_table(result: Validation, console: Console) -> None:
+    """Print how many runs there are."""
+    console.print(f"{len(result.runs)} runs", highlight=False)
+
+
+def summary_html(result: Validation) -> str:
+    """How many runs of each case agree in each engine."""
+    engines = list(dict.fromkeys(run.simulator for run in result.runs))
+    out = []
+    for case in dict.fromkeys(run.case for run in result.runs):
+        cells = []
+        for engine in engines:
+            mine = [run for run in result.runs if (run.case, run.simulator) == (case, engine)]
+            cells.append(f"<td>{sum(run.verdict == 'agrees' for run in mine)} of {len(mine)}</td>")
+        out.append(f"<tr><th>{html.escape(case)}</th>{''.join(cells)}</tr>")
+    head = "".join(f"<th>{html.escape(engine)}</th>" for engine in engines)
+    return f"<p>{html.escape(repr(result))}</p><table><tr><th>agree</th>{head}</tr>{''.join(out)}</table>"
+
+
+def plot(result: Validation, figure: Figure) -> None:
+    """The largest share of a tolerance of each run that was compared, by engine."""
+    axis = figure.subplots()
+    for engine in dict.fromkeys(run.simulator for run in result.runs):
+        mine = [run for run in result.runs if run.simulator == engine and run.compared]
+        axis.plot([100 * run.share for run in mine], [f"{run.case}, {run.run}" for run in mine], "o", label=engine)
+    axis.set_xlabel("largest share of a tolerance (%)")
+    axis.set_xscale("log")
+    axis.tick_params(axis="y", labelsize="x-small")
+    axis.legend(fontsize="small")
+
+
+def page(found: Validation) -> str:
+    """The report as Markdown."""
+    agree = sum(run.verdict == "agrees" for run in found.runs)
+    cases = list(dict.fromkeys(run.case for run in found.runs))
+    lines = [
+        "# Validation report",
+        "",
+        f"{agree} of {len(found.runs)} runs agree with the analytic `equilibrium` within"
+        " `compare/judge/tolerances.toml`. Engines: "
+        + ", ".join(f"{name} {version}" for name, version in found.versions.items())
+        + ". Written by `compare validation update`; CI makes every run again with `compare validation check`, and"
+        " holds each reaction force to `reports/baselines/` with `compare baseline check`.",
+        "",
+        (
+            "Each run has its engine's verdict and the largest share of a tolerance that any of its signals uses up."
+            " Ideal joints are"
+        ),
+        (
+            "driven; joints with clearance rest in equilibrium under load (`compare/evidence/baseline/runs.py` says"
+            " which clearance and load)."
+        ),
+    ]
+    for case in cases:
+        lines += ["", f"## {case}", "", *_table([run for run in found.runs if run.case == case])]
+        lines += [
+            "",
+            f"![{case}: ideal and displaced by clearance](figures/{case}-linkage.svg)",
+            f"![{case}: directions of the reaction](figures/{case}-gamma.svg)",
+        ]
+    lines += ["", "## At every scale", "", *_scales(found.scales)]
+    lines += [
+        "",
+        "## How far the paper's Eq. 8 is off",
+        "",
+        "| clearance in B of the paper's case | direction | size |",
+        "|---|--:|--:|",
+    ]
+    lines += [
+        f"| {1000 * r.clearance:g} mm | {r.angle:.2g} deg | {100 * r.magnitude:.2g} % |" for r in found.first_order
+    ]
+    if found.superposition:
+        lines += ["", "## How good superposition is (Fig. 7c)", "", *_superposed(found.superposition)]
+    return "\n".join(lines) + "\n"
+
+
+def _superposed(rows: Sequence[Superposed]) -> Iterator[str]:
+    yield (
+        "Clearance and compliance added up, against Exudyn's Euler-Bernoulli beams with a real journal in its bearing,"
+        " at 50 N: largest"
+    )
+    yield (
+        "error of a pin's or the coupler's middle's displacement over the largest displacement, with `equilibrium` /"
+        " with `first_order`"
+    )
+    yield "(Eq. 8). Without clearance what is left is geometric nonlinearity: at 0.5 N it is a hundred times smaller."
+    yield ""
+    angles = [math.degrees(angle) for angle in dict.fromkeys(row.crank_angle for row in rows)]
+    yield "| clearance in B | " + " | ".join(f"{angle:g} deg" for angle in angles) + " |"
+    yield "|---|" + "---|" * len(angles)
+    for gap in dict.fromkeys(row.clearance for row in rows):
+        cells = [f"{100 * r.equilibrium:.2f} / {100 * r.first_order:.2f} %" for r in rows if r.clearance == gap]
+        yield f"| {1000 * gap:g} mm | " + " | ".join(cells) + " |"
+
+
+def _scales(rows: Sequence[AtScale]) -> Iterator[str]:
+    """A table for each engine: its joint models over the scales; below it, what it said where it refused."""
+    yield (
+        "The crank-rocker of steel at every size, lifting its weight and a torque that presses its pins; radial"
+        f" clearance in B is {CLEARANCE:g}"
+    )
+    yield (
+        "of its coupler. Scales are the coupler's length, the crank's speed, and the coupler's mass relative to a steel"
+        " bar's. A cell says, for"
+    )
+    yield (
+        "driven / static motion, whether the run agrees, or by a letter why it was refused. `compare validation check`"
+        " makes every"
+    )
+    yield f"{EVERY}th scale again."
+    for engine in dict.fromkeys(row.simulator for row in rows):
+        mine = [row for row in rows if row.simulator == engine]
+        reasons = {why: chr(ord("a") + k) for k, why in enumerate(sorted({reason(row) for row in mine} - {""}))}
+        models = list(dict.fromkeys(row.run.split(", ")[0] for row in mine))
+        yield ""
+        yield f"| {engine} | " + " | ".join(models) + " |"
+        yield "|---|" + "---|" * len(models)
+        for key in dict.fromkeys(row.scale for row in mine):
+            said = {row.run: reasons.get(reason(row), row.verdict) for row in mine if row.scale == key}
+            cells = (
+                " / ".join(said.get(f"{model}, {motion}", "-") for motion in ("driven", "static")) for model in models
+            )
+            yield f"| {key[0]:g} m, {key[1]:g} rad/s, {key[2]:g} | " + " | ".join(cells) + " |"
+        yield ""
+        yield from (f"- {letter}: {why}" for why, letter in reasons.items())
+
+
+def reason(row: AtScale) -> str:
+    """Why a run at a scale was refused, without its numbers; empty where it was not."""
+    if " steps of " in row.why:
+        return "it would take more steps than an engine is let take"
+    return (
+        re.sub(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?", "...", row.why.split(": ", 1)[-1].split("; ")[0])
+        if row.verdict == "refused"
+        else ""
+    )
+
+
+def _table(runs: Sequence[Run]) -> Iterator[str]:
+    engines = list(dict.fromkeys(run.simulator for run in runs))
+    yield "| run | " + " | ".join(engines) + " |"
+    yield "|---|" + "---|" * len(engines)
+    for name in dict.fromkeys(run.run for run in runs):
+        cells = {run.simulator: _cell(run) for run in runs if run.run == name}
+        yield f"| {name} | " + " | ".join(cells.get(engine, "not supported") for engine in engines) + " |"
+
+
+def _cell(run: Run) -> str:
+    return f"{run.verdict}, at most {100 * run.share:g} % ({run.closest})" if run.compared else run.verdict

@@ -1,0 +1,126 @@
+"""validation.json: every shipped case in every engine, and what the paper's two approximations cost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, FiniteFloat, PrivateAttr
+
+from compare.results.crosscheck import CrossCheck
+from compare.results.document import Part, Row
+from compare.results.evidence import Remade, Stored
+
+Positive = Annotated[FiniteFloat, Field(gt=0)]
+NotNegative = Annotated[FiniteFloat, Field(ge=0)]
+
+
+class Run(Part):
+    """A shipped case in an engine, and how near its signals are to their tolerances."""
+
+    case: str
+    run: Annotated[str, Field(description="Joint model and motion.")]
+    simulator: str
+    verdict: Annotated[str, Field(min_length=1, description="agrees, disagrees, unjudged, or failed and why")]
+    signals: Annotated[int, Field(ge=1, description="How many were compared.")] = 1
+    closest: Annotated[str, Field(description="The signal that is nearest to its tolerance.")] = ""
+    share: Annotated[FiniteFloat, Field(ge=0, description="Of its tolerance, to one digit.")] = 0.0
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """Case, run and engine."""
+        return self.case, self.run, self.simulator
+
+    @property
+    def compared(self) -> bool:
+        """Whether any signal was compared."""
+        return "share" in self.model_fields_set
+
+
+class AtScale(Part):
+    """A run of the linkage at a scale."""
+
+    length: Annotated[Positive, Field(description="Of the coupler (m).")]
+    speed: Annotated[Positive, Field(description="Of the crank (rad/s).")]
+    mass_ratio: Annotated[Positive, Field(description="The coupler's mass over that of a steel bar of its size.")]
+    simulator: str
+    run: Annotated[str, Field(description="Joint model and motion.")]
+    verdict: Literal["agrees", "disagrees", "refused", "unjudged"]
+    why: Annotated[str, Field(description="The sentence with which a run was refused.")] = ""
+
+    @property
+    def scale(self) -> tuple[float, float, float]:
+        """Length (m), speed (rad/s) and ratio of masses."""
+        return self.length, self.speed, self.mass_ratio
+
+
+class FirstOrder(Part):
+    """What Eq. 8 is off by at one clearance."""
+
+    clearance: Annotated[Positive, Field(description="Radial, in B (m).")]
+    angle: Annotated[NotNegative, Field(description="Of a reaction's direction (deg).")]
+    magnitude: Annotated[NotNegative, Field(description="Of a reaction's size, as a share of it.")]
+
+
+class Superposed(Part):
+    """What superposition is off by at one clearance and crank angle, as a share of the displacement."""
+
+    clearance: Annotated[NotNegative, Field(description="Radial, in B (m).")]
+    crank_angle: Annotated[FiniteFloat, Field(description="rad")]
+    first_order: NotNegative
+    equilibrium: NotNegative
+
+
+class Validation(Stored):
+    """The validation report: every shipped case in every engine, and what the paper's two approximations cost."""
+
+    file: ClassVar[str] = "validation.json"
+    presentation: ClassVar[str] = "validation"
+    remedy: ClassVar[str] = "restore it, or write it with compare validation update"
+    opens: ClassVar[str] = "README.md"
+
+    versions: Annotated[Mapping[str, str | None], Field(description="Of the engines.")]
+    runs: Annotated[tuple[Run, ...], Field(min_length=1)]
+    scales: Annotated[
+        tuple[AtScale, ...],
+        Field(
+            description="One linkage from a micrometre to thirty metres, in every joint model and motion of every"
+            " engine."
+        ),
+    ]
+    first_order: Annotated[
+        tuple[FirstOrder, ...],
+        Field(
+            description="What Eq. 8 (reactions of the ideal linkage) is off by against the self-consistent equilibrium,"
+            " paper's case, 20 to 160 deg."
+        ),
+    ]
+    superposition: Annotated[
+        tuple[Superposed, ...],
+        Field(description="What adding compliance to clearance is off by against beams with real contact."),
+    ]
+    _checks: dict[str, CrossCheck] = PrivateAttr(default_factory=dict)
+
+    @property
+    def checks(self) -> dict[str, CrossCheck]:
+        """Cross-checks of each case with contact, where the report was made here; not in the file."""
+        return self._checks
+
+    def rows(self) -> list[Row]:
+        """A row for each run of a case."""
+        return [
+            {"case": r.case, "run": r.run, "simulator": r.simulator, "verdict": r.verdict}
+            | ({"signals": r.signals, "closest": r.closest, "share": r.share} if r.compared else {})
+            for r in self.runs
+        ]
+
+    def __repr__(self) -> str:
+        agree = sum(run.verdict == "agrees" for run in self.runs)
+        return f"Validation({agree} of {len(self.runs)} runs agree; {len(self.scales)} at scales)"
+
+
+class ValidationCheck(Remade):
+    """The validation report, made again and compared."""
+
+    file: ClassVar[str] = "validation-check.json"
+    remedy: ClassVar[str] = "give what compare validation check --json prints"
