@@ -50,7 +50,7 @@ def effects() -> Effects:
     """The vocabulary of effects: parameters, units, and which engines simulate each."""
     from compare.diagnose.confirm import represents
     from compare.diagnose.effects.vocabulary import VOCABULARY
-    from compare.report.diagnosis_words import says
+    from compare.results.sentences import says
 
     return Effects(
         effects=tuple(

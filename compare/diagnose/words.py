@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from compare.diagnose.explain import Explanation, Interval, Named
-from compare.report.diagnosis_words import says
 from compare.results.diagnosis import Parameter
-from compare.results.sentences import parameter
+from compare.results.sentences import parameter, says
 
 
 def named(n: Named) -> str:
