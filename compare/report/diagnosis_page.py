@@ -79,7 +79,7 @@ def diagnosis_html(result: Diagnosis) -> str:
     return _environment(result).get_template("diagnosis.html.j2").render(context)
 
 
-def toml(mechanism: Mapping[str, Any]) -> str:
+def toml(mechanism: Mapping[str, object]) -> str:
     """A mechanism as its file says it; what has no value is left out."""
     import tomli_w
 

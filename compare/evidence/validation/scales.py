@@ -7,13 +7,17 @@ or says in a sentence why not.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
 
+from analytic.mechanism import Drive, Load, Mechanism, MechanismWarning
+from analytic.mechanism.file import load
 from compare.results.validation import AtScale
+from sim_models.engine import Motion
 
+MOTIONS: tuple[Motion, ...] = ("driven", "static")
 LENGTHS = (1e-6, 1e-3, 0.12, 30.0)  # m, of the coupler
 SPEEDS = (1e-3, 1.0, 30.0, 1e3)  # rad/s
 MASS_RATIOS = (
@@ -47,13 +51,8 @@ def checked() -> list[Scale]:
     return scales()[::EVERY]
 
 
-def linkage(scale: Scale) -> Any:
-    """The crank-rocker at a scale, a :class:`analytic.mechanism.Mechanism`."""
-    import warnings
-
-    from analytic.mechanism import Drive, Load, MechanismWarning
-    from analytic.mechanism.file import load
-
+def linkage(scale: Scale) -> Mechanism:
+    """The crank-rocker at a scale."""
     m = load("crank-rocker").rigid()
     size = scale.length / m.moving["coupler"].length
 
@@ -93,10 +92,10 @@ def scale_rows(simulators: Sequence[str], which: Iterable[Scale], workers: int) 
 
 def _of_engine(item: tuple[int, Scale, str]) -> list[AtScale]:
     _, scale, simulator = item
-    return [row for motion in ("driven", "static") for row in _runs(scale, simulator, motion)]
+    return [row for motion in MOTIONS for row in _runs(scale, simulator, motion)]
 
 
-def _runs(scale: Scale, simulator: str, motion: Any) -> Iterator[AtScale]:
+def _runs(scale: Scale, simulator: str, motion: Motion) -> Iterator[AtScale]:
     import numpy as np
 
     from compare.crosscheck import Job, crosscheck_job
