@@ -804,7 +804,7 @@ ARGUMENTS = {
         {"mine.toml": tomli_w.dumps(SHORT)},
     ),
     "baselines in a file": Row(["baseline", "update", "--baselines", "file"], ["--baselines file"], {"file": ""}),
-    "show without a signal": Row(["show", "r.json", "--at", "30"], ["'--signal'"]),
+    "show without a file": Row(["show", "r.json"], ["r.json", "give a result.json or diagnosis.json"]),
 }
 
 GROUPS = {
