@@ -41,10 +41,8 @@ def print_table(result: Scoreboard, console: Console) -> None:
 
 def summary_html(result: Scoreboard) -> str:
     """What is asked, and how far it is met."""
-    rows = "".join(
-        f"<tr><td>{html.escape(row.what)}</td><td>{row.count} of {row.of}</td><td>{'yes' if row.met else 'NO'}</td></tr>"
-        for row in result.thresholds
-    )
+    cells = ((row.what, f"{row.count} of {row.of}", "yes" if row.met else "NO") for row in result.thresholds)
+    rows = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in cells)
     head = "<tr><th>what is asked</th><th>sets</th><th>met</th></tr>"
     return f"<p>{html.escape(repr(result))}</p><table>{head}{rows}</table>"
 

@@ -43,8 +43,8 @@ def check_baselines(
 ) -> Baselines:
     """Run every case in every engine, and find all reaction forces that are not where the baseline has them.
 
-    ``cases`` are all shipped ones by default, ``folder`` is where the baseline files are.  A baseline that is missing or
-    damaged, and an engine that fails, is an entry with its reason, whatever becomes of the others.
+    ``cases`` are all shipped ones by default, ``folder`` is where the baseline files are.  A baseline that is missing
+    or damaged, and an engine that fails, is an entry with its reason, whatever becomes of the others.
 
     Raises MechanismError for a case, Unsupported for an unknown engine, SimulatorMissing where none is installed.
     """

@@ -1,9 +1,10 @@
 """Open the seal: what a diagnosis said, held against the truth.
 
 ``exact``        the same effects at the same places, no more and no less
-``tie``          every true effect is named or in an ``ambiguous_with``; what else is named has a true one in its own.  A true effect
-                 that these data do not tell from a simpler special case of it (a payload from a moment of inertia) counts as
-                 named if that one is: a richer effect is only named where its further parameters earn their place
+``tie``          every true effect is named or in an ``ambiguous_with``; what else is named has a true one in its own.
+                 A true effect that these data do not tell from a simpler special case of it (a payload from a moment of
+                 inertia) counts as named if that one is: a richer effect is only named where its further parameters
+                 earn their place
 ``incomplete``   what is named is true or ties with it, but a true effect is left out
 ``missed``       no gap was seen, though there was something
 ``wrong``        something is named that is neither true nor tied with it
