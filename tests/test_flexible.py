@@ -90,7 +90,10 @@ def compare(*arguments: str, cwd: Path) -> commands.Ended:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--simulator", "pybullet", "--motion", "static"], ["'pybullet' has rigid links only", "links bend in exudyn"]),
+        (
+            ["--simulator", "pybullet", "--motion", "static"],
+            ["'pybullet' has rigid links only", "links bend in exudyn"],
+        ),
         (["--simulator", "exudyn"], ["--flexible: flexible links are compared at rest", "static motion"]),
         (
             ["--simulator", "exudyn", "--motion", "static", "--joint", "massless-link", "--clearance", "B=1e-4"],
