@@ -16,6 +16,7 @@ import re
 import tokenize
 from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module, resources
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -385,6 +386,12 @@ def results() -> str:
     )
 
 
+def example_engine() -> str:
+    """The example of an engine, whole."""
+    text = (Path(__file__).parents[1] / "example-engine" / "multiplier_engine.py").read_text(encoding="utf-8")
+    return f"```python\n{text}```\n"
+
+
 CONTENTS: dict[str, Callable[[], str]] = {
     "commands": commands,
     "schemas": schemas,
@@ -395,6 +402,7 @@ CONTENTS: dict[str, Callable[[], str]] = {
     "signals": signals,
     "mechanism-file": mechanism_file,
     "seam": seam,
+    "example-engine": example_engine,
     "functions": functions,
     "documents": results,
     **{f"python-{part}": _python(part) for part in PYTHON},
