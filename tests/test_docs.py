@@ -24,6 +24,7 @@ from typer.testing import CliRunner
 from analytic.mechanism.file import load
 from compare.cli.app import app
 from compare.diagnose.data.measured import load_measured
+from sim_models.engine import ENGINES, GROUP
 from test_ci_example import step
 
 ROOT = Path(__file__).parent.parent
@@ -129,7 +130,15 @@ def run(page: Path) -> None:
             exec(compile(block.text, page.name, "exec"), names)
 
 
-@pytest.mark.parametrize("name", [pytest.param(p, marks=[pytest.mark.slow] * (p in DEAR)) for p in PAGES])
+def marks(name: str) -> list[pytest.MarkDecorator]:
+    """A page that is dear to run is slow, and it needs the engines that it names on a command line."""
+    text = "".join(block.text for block in blocks(DOCS / name) if block.kind == "sh")
+    named = [engine for engine in ENGINES if re.search(rf"--simulator (?:\S+,)?{engine}\b", text)]
+    asked = ENGINES if "--simulator all" in text else named
+    return [pytest.mark.slow] * (name in DEAR) + [getattr(pytest.mark, engine) for engine in asked]
+
+
+@pytest.mark.parametrize("name", [pytest.param(page, marks=marks(page)) for page in PAGES])
 def test_the_commands_and_code_of_a_page_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "110")
@@ -147,6 +156,7 @@ def recorded(folder: Path, damping: dict[str, float]) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.exudyn
 def test_the_effect_of_one_s_own_is_found_in_data_that_have_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -162,6 +172,7 @@ def test_the_effect_of_one_s_own_is_found_in_data_that_have_it(
 
 
 @pytest.mark.slow
+@pytest.mark.exudyn
 @pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash to run the workflow's step")
 def test_the_ci_example_s_step_says_what_it_found_and_keeps_the_report(tmp_path: Path) -> None:
     recorded(tmp_path / "rig", {"E": 4e-3})
@@ -343,7 +354,7 @@ def test_every_file_and_every_name_of_the_code_that_a_page_names_exists(page: Pa
     for name in re.findall(r"`((?:analytic|sim_models|compare|docs|tests|\.ci)/[\w./-]*)`", text):
         assert (ROOT / name).exists(), f"{page}: {name}"
     for name in re.findall(r"`((?:analytic|sim_models|compare|linkage_crosscheck)(?:\.\w+)+)`", text):
-        assert resolved(name) is not None, f"{page}: {name}"
+        assert name == GROUP or resolved(name) is not None, f"{page}: {name}"
 
 
 def resolved(name: str) -> object:

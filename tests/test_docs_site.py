@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+import shared
 from analytic.mechanism import signals
 from analytic.mechanism.file import load, shipped_cases
 from compare.cli.app import app
@@ -171,10 +172,9 @@ class Loaded(HTMLParser):
             self.urls.append(given.get("href") or "")
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The site, built as CI builds it: any warning is an error."""
-    folder = tmp_path_factory.mktemp("site")
+def built() -> str:
+    """The folder of the site, built as CI builds it: any warning is an error."""
+    folder = shared.FOLDER / "site"
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)],
         cwd=ROOT,
@@ -184,7 +184,13 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    return folder
+    return str(folder)
+
+
+@pytest.fixture(scope="module")
+def site() -> Path:
+    """The site, built once for all workers."""
+    return Path(shared.document("site", built))
 
 
 @pytest.mark.slow

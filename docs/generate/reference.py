@@ -16,6 +16,7 @@ import re
 import tokenize
 from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module, resources
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -163,29 +164,25 @@ def cases() -> str:
 # ---------------------------------------------------------------- the numbers that decide a diagnosis
 
 DECISIONS = (
-    ("Probability that noise alone names anything at all", "CHANCE"),
+    ("Probability that noise alone names anything at all", "search.CHANCE"),
     ("Effects at once, at most", "search.MOST"),
-    ("Chi-squared that an effect must gain on held-out data", "HELD_OUT"),
-    ("Chi-squared within which two explanations tie (four standard deviations)", "TIE"),
-    ("Standard deviations by which a proposed run must part two explanations", "ENOUGH"),
-    ("Gap, in noise floors, up to which it counts as closed", "CLOSED"),
-    ("Standard deviations of a stretch that is listed", "SURE"),
-    ("Segments of a run", "SEGMENTS"),
-    ("Folds that share the segments", "FOLDS"),
+    ("Chi-squared that an effect must gain on held-out data", "explain.HELD_OUT"),
+    ("Chi-squared within which two explanations tie (four standard deviations)", "explain.TIE"),
+    ("Standard deviations by which a proposed run must part two explanations", "separate.ENOUGH"),
+    ("Gap, in noise floors, up to which it counts as closed", "explain.CLOSED"),
+    ("Standard deviations of a stretch that is listed", "locate.SURE"),
+    ("Segments of a run", "fit.SEGMENTS"),
+    ("Folds that share the segments", "fit.FOLDS"),
 )
 
 
 def decisions() -> str:
-    """The thresholds of the diagnosis, with where they stand.  Raises LookupError for one that no longer does."""
-    modules = [import_module(name) for name in public_modules("compare.diagnose")]
+    """The thresholds of the diagnosis, with where they stand."""
     rows = []
-    for meaning, name in DECISIONS:
-        within, _, constant = name.rpartition(".")
-        assigned = re.compile(rf"(?m)^{constant}\b[^=\n]*=")
-        places = [m for m in modules if m.__name__.endswith(within) and assigned.search(inspect.getsource(m))]
-        if len(places) != 1:
-            raise LookupError(f"{name} is assigned in {[m.__name__ for m in places]}, not in one module")
-        rows.append([meaning, f"{getattr(places[0], constant):g}", f"`{places[0].__name__}.{constant}`"])
+    for meaning, place in DECISIONS:
+        module, _, constant = place.partition(".")
+        value = getattr(import_module(f"compare.diagnose.{module}"), constant)
+        rows.append([meaning, f"{value:g}", f"`compare.diagnose.{place}`"])
     return table(["what", "value", "in the code"], rows)
 
 
@@ -389,6 +386,12 @@ def results() -> str:
     )
 
 
+def example_engine() -> str:
+    """The example of an engine, whole."""
+    text = (Path(__file__).parents[1] / "example-engine" / "multiplier_engine.py").read_text(encoding="utf-8")
+    return f"```python\n{text}```\n"
+
+
 CONTENTS: dict[str, Callable[[], str]] = {
     "commands": commands,
     "schemas": schemas,
@@ -399,6 +402,7 @@ CONTENTS: dict[str, Callable[[], str]] = {
     "signals": signals,
     "mechanism-file": mechanism_file,
     "seam": seam,
+    "example-engine": example_engine,
     "functions": functions,
     "documents": results,
     **{f"python-{part}": _python(part) for part in PYTHON},
