@@ -9,7 +9,7 @@ from __future__ import annotations
 import platform
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path as FilePath
 from typing import Any
@@ -109,52 +109,52 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
     Raises MechanismError, ArgumentError, ToleranceError, AssemblyError, Unsupported or SimulatorMissing; a simulation
     that fails is among the result's ``failures``.
     """
-    with noted() as warned:
-        job = question(
-            linkage(mechanism, clearance),
-            simulators,
-            joint_model=joint_model,
-            motion=motion,
-            angles=angles,
-            analytic=analytic,
-            flexible=flexible,
-            tolerances=tolerances,
-            workers=workers,
-        )
-    return crosscheck_job(replace(job, warnings=(*warned, *job.warnings)), progress)
+    job = question(
+        mechanism,
+        simulators,
+        clearance=clearance,
+        joint_model=joint_model,
+        motion=motion,
+        angles=angles,
+        analytic=analytic,
+        flexible=flexible,
+        tolerances=tolerances,
+        workers=workers,
+    )
+    return crosscheck_job(job, progress)
 
 
 def question(  # noqa: PLR0913 - what a person may ask, by name
-    mechanism: Mechanism,
+    mechanism: Linkage,
     simulators: Simulators,
     *,
-    joint_model: JointModel | None,
-    motion: Motion,
-    angles: Sequence[float] | np.ndarray | None,
-    analytic: Model,
-    flexible: bool,
-    tolerances: Tolerances | str | PathLike[str] | None,
-    workers: int | None,
+    clearance: Metres | None = None,
+    joint_model: JointModel | None = None,
+    motion: Motion = "driven",
+    angles: Sequence[float] | np.ndarray | None = None,
+    analytic: Model = "equilibrium",
+    flexible: bool = False,
+    tolerances: Tolerances | str | PathLike[str] | None = None,
+    workers: int | None = None,
 ) -> Job:
-    """The job that a question comes to.  Warns, and raises, as :func:`crosscheck` does."""
-    names, left_out = engines(simulators)
-    if flexible:
-        names, without = _with_beams(names, simulators == "all", mechanism, motion)
-        left_out += without
-    mechanism = rigidly_and_evenly_driven(mechanism)
-    released = mechanism.speed is None and motion == "driven"
-    if released:
-        if angles is not None:
-            raise ArgumentError("angles", f"{mechanism.name} swings freely and is compared over time; leave angles out")
-        _with_ideal_joints(mechanism, joint_model)
-    theta = np.zeros(0) if released else crank_angles(Assembly(mechanism), angles)
-    read = (
-        tolerances
-        if isinstance(tolerances, Tolerances)
-        else load_tolerances(FilePath(tolerances) if tolerances else None)
-    )
+    """The job that a question comes to.  Warns, and raises, as :func:`crosscheck` does; nothing is simulated yet."""
+    with noted() as warned:
+        given = linkage(mechanism, clearance)
+        names, left_out = engines(simulators)
+        if flexible:
+            names, without = _with_beams(names, simulators == "all", given, motion)
+            left_out += without
+        m = rigidly_and_evenly_driven(given)
+        released = m.speed is None and motion == "driven"
+        if released:
+            if angles is not None:
+                raise ArgumentError("angles", f"{m.name} swings freely and is compared over time; leave angles out")
+            _with_ideal_joints(m, joint_model)
+        theta = np.zeros(0) if released else crank_angles(Assembly(m), angles)
+        path = None if tolerances is None or isinstance(tolerances, Tolerances) else FilePath(tolerances)
+        read = tolerances if isinstance(tolerances, Tolerances) else load_tolerances(path)
     return Job(
-        mechanism=mechanism,
+        mechanism=m,
         simulators=names,
         workers=workers or (cores() if len(names) > 1 else 1),
         tolerances=read,
@@ -163,7 +163,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
         time=FREE_TIME if released else None,
         joint_model=joint_model,
         model=analytic,
-        warnings=tuple(left_out),
+        warnings=(*warned, *left_out),
         flexible=flexible,
     )
 

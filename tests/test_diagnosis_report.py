@@ -151,23 +151,21 @@ def test_the_largest_of_several_numbers_picks_their_unit() -> None:
 
 
 def test_a_parameter_has_the_digits_that_its_interval_allows() -> None:
-    assert parameter(
-        "radial_clearance", Parameter(**{"value": 1.99988e-4, "unit": "m", "low": 1.9e-4, "high": 2.1e-4})
-    ) == (
+    assert parameter("radial_clearance", Parameter(value=1.99988e-4, unit="m", low=1.9e-4, high=2.1e-4)) == (
         "radial clearance",
         "0.200 mm",
         "0.190 to 0.210 mm",
     )
-    assert parameter("offset@run-2", Parameter(**{"value": -6e-4, "unit": "rad", "low": -7e-4, "high": -5e-4})) == (
+    assert parameter("offset@run-2", Parameter(value=-6e-4, unit="rad", low=-7e-4, high=-5e-4)) == (
         "offset in run run-2",
         f"{MINUS}0.60 mrad",
         f"{MINUS}0.70 to {MINUS}0.50 mrad",
     )
-    assert parameter("gain_error", Parameter(**{"value": 0.02, "unit": "1", "low": 0.01, "high": 0.03}))[1:] == (
+    assert parameter("gain_error", Parameter(value=0.02, unit="1", low=0.01, high=0.03))[1:] == (
         "2.0 %",
         "1.0 to 3.0 %",
     )
-    assert parameter("harmonic", Parameter(**{"value": 3, "unit": "1", "low": None, "high": None})) == (
+    assert parameter("harmonic", Parameter(value=3, unit="1", low=None, high=None)) == (
         "harmonic",
         "3",
         "not known",

@@ -307,7 +307,7 @@ def test_a_pin_seen_far_beyond_its_rim_is_warned_of_whatever_its_settings_say() 
         for settings in (result.runs[0].settings, {}):
             warned = [
                 w
-                for w in _too_soft([result.runs[0] | {"settings": settings}])
+                for w in _too_soft([result.runs[0].model_copy(update={"settings": settings})])
                 if "beyond its rim" in w and "joint B" in w
             ]
             assert len(warned) == (stiffness is not None)

@@ -167,7 +167,7 @@ def test_a_real_full_file_system_is_said_and_left_without_litter(tmp_path: Path)
 def test_a_map_whose_records_find_no_room_goes_on_once_there_is(tmp_path: Path) -> None:
     refused(compare(tmp_path, COMMANDS["validity"], limit=500), "out/runs")
     assert compare(tmp_path, COMMANDS["validity"]).returncode == 0
-    assert set(contents(tmp_path)) == {"out/validity.json", "out/validity.md", "out/validity.svg"}
+    assert set(contents(tmp_path)) == {f"out/validity.{kind}" for kind in ("csv", "json", "md", "svg")}
 
 
 # ---------------------------------------------------------------- two at once
@@ -216,7 +216,7 @@ def test_a_second_map_in_the_same_folder_is_refused_and_the_first_is_whole(tmp_p
         if status == 2:
             assert "--out out: another run is writing there; wait for it, or choose another folder with --out" in words
             assert "Traceback" not in words
-    assert set(contents(tmp_path)) == {"out/validity.json", "out/validity.md", "out/validity.svg"}
+    assert set(contents(tmp_path)) == {f"out/validity.{kind}" for kind in ("csv", "json", "md", "svg")}
     json.loads((tmp_path / "out" / "validity.json").read_text(encoding="utf-8"))
 
 

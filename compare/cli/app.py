@@ -105,26 +105,25 @@ def compare(
             typer.echo(context.get_help())
         raise typer.Exit(Exit.BAD_INPUT)
     with complaints(context) as caught:
-        from compare.crosscheck import crosscheck
+        from compare.crosscheck import crosscheck_job, question
         from compare.judge.discrepancy import load_tolerances
         from compare.judge.grid import parse_angles
 
         tolerances = load_tolerances(tolerance)
         mechanism = load_case(case, clearance)
-        theta = parse_angles(angles) if angles is not None else None
+        job = question(
+            mechanism,
+            simulator,
+            joint_model=joint.value if joint else None,
+            motion=motion.value,
+            angles=parse_angles(angles) if angles is not None else None,
+            analytic=analytic.value,
+            flexible=flexible,
+            tolerances=tolerances,
+        )
         folder = output_folder(result_folder(context, mechanism.name, "result.json", out, overwrite))
         with progress_bar() as progress:
-            found = crosscheck(
-                mechanism,
-                simulator,
-                joint_model=joint.value if joint else None,
-                motion=motion.value,
-                angles=theta,
-                analytic=analytic.value,
-                flexible=flexible,
-                tolerances=tolerances,
-                progress=progress,
-            )
+            found = crosscheck_job(job, progress)
         result = finished(found, caught)
         publish(result, folder, json=json, quiet=quiet)
         for failure in result.failures:  # the status is theirs even where the others agree
