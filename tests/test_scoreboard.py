@@ -148,7 +148,8 @@ def test_natural_coordinates_are_the_inverse_of_reported_values() -> None:
     rig: Rig = bench().rig
     for effect in CASES:
         term = Term(VOCABULARY[effect.name], effect.where, effect.values.get("harmonic", 0.0))
-        again = term.effect.values(rig, term.where, natural(term, rig, effect.values), term.variant)
+        x = term.effect.natural(rig, term.where, effect.values, term.variant)
+        again = term.effect.values(rig, term.where, x, term.variant)
         assert again == pytest.approx(dict(effect.values))
 
 

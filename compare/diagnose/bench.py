@@ -133,7 +133,7 @@ class Bench:
             for run in measured.runs
             if run.from_rest
         ]
-        if mechanism.clearances or any(t.effect.name == "joint_clearance" for t in terms):
+        if mechanism.clearances or any("contact" in t.effect.needs for t in terms):
             bench.notes += [
                 f"In run {run.name}, which is free, joints are taken without clearance."
                 for run in measured.runs
@@ -197,7 +197,7 @@ class Bench:
                 break
             simulated = self.data.residual(said.readings)
             if rms(simulated) > FAR * rms(fit.residual):
-                clearance = any(fit.terms[i].effect.name == "joint_clearance" for i in fit.named())
+                clearance = any("contact" in fit.terms[i].effect.needs for i in fit.named())
                 self.notes.append(
                     f"With these effects {self.simulator} is {rms(simulated):.3g} times the noise off the data, the"
                     f" analytic model {rms(fit.residual):.3g}. It moves otherwise, not a little"

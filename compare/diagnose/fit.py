@@ -138,7 +138,7 @@ class Fit:
 
     def named(self) -> list[int]:
         """Positions of the terms that are effects, not starts of runs."""
-        return [i for i, t in enumerate(self.terms) if t.effect.name != StartOfRun.name]
+        return [i for i, t in enumerate(self.terms) if not isinstance(t.effect, StartOfRun)]
 
     def columns(self, i: int) -> slice:
         """Columns of the i-th term's coordinates."""

@@ -56,7 +56,7 @@ def signatures(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> dict[Term, S
         if term in start:
             continue
         probes = term.effect.probes(rig, term.where, term.variant)
-        still = [np.zeros(probes.shape[1])] if term.variant and term.effect.sensor else []
+        still = [np.zeros(probes.shape[1])] if term.effect.acts_by_itself(term.variant) else []
         points = [*still, *probes]
         residuals = fitter.residuals([*base.terms, term], [[*start.values(), p] for p in points])
         if any(r is None for r in residuals):

@@ -25,7 +25,6 @@ from analytic.paper.kinetostatics import Reactions, kinetostatics
 from analytic.paper.superposition import superposed
 from compare.diagnose.data.recording import Measured, Run
 from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
-from compare.diagnose.effects.sensors import EncoderOffset
 from compare.judge.grid import turns_fully
 from compare.judge.signals import with_derived
 
@@ -199,18 +198,14 @@ class Model:
     def start(self, run: Run, hypothesis: Hypothesis) -> tuple[float, float]:
         """Angle (rad) and rate (rad/s) of the driven body that a free run starts from, at its first sample."""
         for term, values in hypothesis:
-            if term.effect.name == StartOfRun.name and term.where == run.name:
+            if isinstance(term.effect, StartOfRun) and term.where == run.name:
                 return values["angle"], values["rate"]
         raise LookupError(f"run {run.name!r} has no start")
 
 
 def motor_offset(run: Run, hypothesis: Hypothesis) -> float:
     """How far (rad) the motor is behind the encoder that it follows; zero in a run that does not follow one."""
-    return (
-        sum(EncoderOffset.offset(run.name, v) for t, v in hypothesis if t.effect.name == EncoderOffset.name)
-        if run.drive == "measured"
-        else 0.0
-    )
+    return sum(t.effect.motor_lag(run.name, v) for t, v in hypothesis) if run.drive == "measured" else 0.0
 
 
 def altered(mechanism: Mechanism, hypothesis: Hypothesis) -> Mechanism:

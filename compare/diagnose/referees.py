@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from compare.diagnose.confirm import Simulated, Task, lacking, simulate
+from compare.diagnose.confirm import Simulated, Task, has_beams, lacking, simulate
 from compare.diagnose.data.recording import Run
 from compare.diagnose.predict import Hypothesis, Model, Term
 from compare.sweep import spread
@@ -69,7 +69,7 @@ class Referees:
 
     def stiffer(self, name: str) -> bool:
         """Whether the links bend and an engine has no beams."""
-        return self.model.mechanism.bends and "link_flexibility" not in engine(name).effects
+        return self.model.mechanism.bends and not has_beams(engine(name))
 
     def task(self, name: str, run: Run, hypothesis: Hypothesis) -> Task:
         """One run for one engine, without what it lacks."""

@@ -14,31 +14,22 @@ from scipy.interpolate import CubicSpline
 from analytic.beyond_paper.drive import Turning
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Load, Mechanism
-from compare.diagnose.effects.effect import Rig
+from compare.diagnose.effects.effect import Effect, Rig, Values
+from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.isolate import candidates, signatures
 from compare.diagnose.predict import Term, derived
 from compare.evidence.scoreboard.outside import KINDS, Course, Outside, draw_outside, resized
 from compare.evidence.scoreboard.rigs import CASES, Bench, Plan, Rejected, draw_bench, draw_log, ideal
-from compare.evidence.scoreboard.sizes import LARGEST, SMALLEST, Growth, Planted, Sizer, Values, growth, left, solve
+from compare.evidence.scoreboard.sizes import LARGEST, SMALLEST, Drawn, Planted, Sizer, drawn, left, solve
 
 FIRST = {"effects": 0, "none": 100_000, "outside": 200_000, "alias": 300_000}  # first seed of each kind of set
-DIAGNOSING = (
-    "mujoco",
-    "exudyn",
-    "mujoco",
-    "dart",
-    "mujoco",
-    "pybullet",
-    "mujoco",
-    "mujoco",
-    "mujoco",
-    "mujoco",
-)  # by seed
+# by seed
+DIAGNOSING = ("mujoco", "exudyn", "mujoco", "dart", "mujoco", "pybullet", "mujoco", "mujoco", "mujoco", "mujoco")
+ELSE = "mujoco"  # diagnoses what only one engine can make, where that one would have to
 COUNTS = (0.6, 0.3, 0.1)  # of sets with one, two, three effects
-SPECIAL = ("joint_clearance", "link_flexibility", "drive_compliance", "speed_ripple")  # one of them in a set at most
-WITH_BEAMS = ("gravity", "external_force", "load_torque")  # and everything on sensors
+MAKERS = {"exudyn": 1.0, "mujoco": 1.0, "dart": 1.0, "pybullet": 0.25}  # engines that make data: the slower the rarer
 KEPT = 0.15  # of its peak, that the reaction of a joint with clearance never falls below
 STRANGE = (60.0, 160.0)  # sigmas that the best rival leaves of a thing outside the vocabulary
 TOGETHER = 4  # effects that may not describe it either:
@@ -79,21 +70,19 @@ def draw(seed: int, attempt: int) -> Hidden:
     return Hidden(seed, kind, bench, draw_source(rng, simulator, ()), simulator)
 
 
-def draw_source(rng: np.random.Generator, simulator: str, names: Sequence[str]) -> str:
+def makers(effects: Sequence[Effect]) -> dict[str, float]:
+    """The engines that make data with all of these effects, and how often each is drawn."""
+    weights = dict(MAKERS)
+    for effect in effects:
+        able = effect.hiding.makers
+        if able is not None:
+            weights = {name: min(weight, able[name]) for name, weight in weights.items() if name in able}
+    return weights
+
+
+def draw_source(rng: np.random.Generator, simulator: str, effects: Sequence[Effect]) -> str:
     """An engine that has these effects and is not the diagnosing one."""
-    weights = {
-        "exudyn": 1.0,
-        "mujoco": 1.0,
-        "dart": 0.3 if "joint_clearance" in names else 1.0,
-        "pybullet": 0.25,
-    }  # the slower the rarer
-    able = {
-        "joint_clearance": {"mujoco", "exudyn", "dart"},
-        "link_flexibility": {"exudyn"},
-        "drive_compliance": {"mujoco", "exudyn"},
-    }
-    for name in names:
-        weights = {e: w for e, w in weights.items() if e in able.get(name, weights)}
+    weights = makers(effects)
     weights.pop(simulator, None)
     engines = list(weights)
     p = np.array([weights[e] for e in engines])
@@ -104,42 +93,45 @@ def draw_source(rng: np.random.Generator, simulator: str, names: Sequence[str]) 
 
 
 def _with_effects(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
-    names = [list(VOCABULARY)[seed % len(VOCABULARY)]]
+    effects = [list(VOCABULARY.values())[seed % len(VOCABULARY)]]
     count = 1 + int(rng.choice(3, p=COUNTS))
-    while len(names) < count:
-        names.append(str(rng.choice([n for n in VOCABULARY if _goes_with(n, names)])))
-    if "link_flexibility" in names and simulator == "exudyn":
-        simulator = "mujoco"  # only Exudyn has beams to make the data with
-    sensors = [w for n, w in (("encoder_offset", "encoder"), ("sensor_frame", "cell")) if n in names]
-    cases = ["crank-rocker"] if "link_flexibility" in names else list(CASES)
-    bench = draw_bench(
-        rng, cases, sensors, "joint_clearance" in names, not {"clock_offset", "speed_ripple"} & set(names)
-    )
+    while len(effects) < count:
+        able = [name for name, effect in VOCABULARY.items() if _goes_with(effect, effects)]
+        effects.append(VOCABULARY[str(rng.choice(able))])
+    if set(makers(effects)) == {simulator}:
+        simulator = ELSE  # no other engine makes the data
+    hiding = [effect.hiding for effect in effects]
+    cases = [case for case in CASES if all(h.cases is None or case in h.cases for h in hiding)]
+    sensors = [sensor for h in hiding for sensor in h.sensors]
+    may_follow = not any(h.commanded for h in hiding)
+    bench = draw_bench(rng, cases, sensors, any(h.in_contact for h in hiding), may_follow)
     sizer = Sizer(bench)
     truth: list[tuple[Term, Values]] = []
-    for name in names:
-        way = _placed(name, bench, sizer.rig, rng, [t.key for t, _ in truth])
-        truth.append((way.term, sizer.grown(way, draw_log(rng, SMALLEST, LARGEST))))
-    return Hidden(seed, "effects", bench, draw_source(rng, simulator, names), simulator, tuple(sizer.judged(truth)))
+    for effect in effects:
+        one = _placed(effect, bench, sizer.rig, rng, [t.key for t, _ in truth])
+        truth.append((one.term, sizer.grown(one, draw_log(rng, SMALLEST, LARGEST))))
+    return Hidden(seed, "effects", bench, draw_source(rng, simulator, effects), simulator, tuple(sizer.judged(truth)))
 
 
-def _goes_with(name: str, names: Sequence[str]) -> bool:
+def _goes_with(effect: Effect, effects: Sequence[Effect]) -> bool:
     """Whether an engine can be found that has them all."""
-    if name in SPECIAL and set(SPECIAL) & set(names):
+    if effect.hiding.exclusive and any(other.hiding.exclusive for other in effects):
         return False
-    flexible = "link_flexibility" in (name, *names)
-    return not flexible or all(
-        VOCABULARY[n].sensor or n in WITH_BEAMS or n == "link_flexibility" for n in (name, *names)
+    together = (effect, *effects)
+    return not any(e.hiding.need_beams for e in together) or all(
+        e.sensor or e.hiding.with_beams or e.hiding.need_beams for e in together
     )
 
 
-def _placed(name: str, bench: Bench, rig: Rig, rng: np.random.Generator, taken: Sequence[tuple[str, str]]) -> Growth:
-    places = [w for w in VOCABULARY[name].places(rig) if (name, w) not in taken]
-    if name == "joint_clearance":
+def _placed(
+    effect: Effect, bench: Bench, rig: Rig, rng: np.random.Generator, taken: Sequence[tuple[str, str]]
+) -> Drawn:
+    places = [w for w in effect.places(rig) if (effect.name, w) not in taken]
+    if effect.hiding.in_contact:
         places = [w for w in places if _stays_in_contact(bench, w)]
     if not places:
-        raise Rejected(f"{name} has no place here")
-    return growth(name, str(rng.choice(places)), bench, rig, rng)
+        raise Rejected(f"{effect.name} has no place here")
+    return drawn(effect, str(rng.choice(places)), bench, rig, rng)
 
 
 def _stays_in_contact(bench: Bench, joint: str) -> bool:
@@ -245,14 +237,14 @@ def _with_alias(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
     if not _stays_in_contact(bench, "B"):
         raise Rejected("the load on B reverses")
     sizer = Sizer(bench)
-    way = growth("joint_clearance", "B", bench, sizer.rig, rng)
-    truth = [(way.term, sizer.grown(way, draw_log(rng, 25.0, 100.0)))]
+    clearance = drawn(JointClearance(), "B", bench, sizer.rig, rng)
+    truth = [(clearance.term, sizer.grown(clearance, draw_log(rng, 25.0, 100.0)))]
     planted = sizer.judged(truth)
     return Hidden(
         seed,
         "alias",
         bench,
-        draw_source(rng, simulator, ["joint_clearance"]),
+        draw_source(rng, simulator, [clearance.term.effect]),
         simulator,
         tuple(planted),
         reversed_load=bool(seed % 2),

@@ -2,7 +2,7 @@
 elsewhere.
 
 ``python -m compare.evidence.scoreboard.record SEED OUT`` writes OUT/data (measured.toml, nominal.toml, CSV files) and
-OUT/seal/truth.json.  What sensors, clocks and the encoder do is written here anew, from the contract and not from the
+OUT/seal/truth.json.  What sensors and the encoder do is written here anew, from the contract and not from the
 diagnosis' own code: a delay is a question to the engine about another time, a turned load cell has axes of its own.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import cmath
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,8 @@ from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps
 from compare.diagnose.data.units import SI, dimension, factor
+from compare.diagnose.effects.effect import Effect, Values
+from compare.diagnose.effects.sensors import EncoderOffset, SensorBias, SensorFrame, SensorGain
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.evidence.scoreboard.hidden import Hidden, course_grid, draw
 from compare.evidence.scoreboard.outside import Course
@@ -56,17 +58,13 @@ def make(seed: int, data: Path, seal: Path) -> Hidden:
 def recorded(hidden: Hidden, plan: Plan) -> Readings:
     """What noiseless sensors read in a run, by signal."""
     bench, effects = hidden.bench, hidden.truth
-    late = sum(e.values["offset"] for e in effects if e.name == "clock_offset" and e.where == plan.name)
-    age = {
-        s: late + sum(e.values["delay"] for e in effects if e.name == "sensor_delay" and e.where == s)
-        for s in bench.noise
-    }
+    age = {s: sum(VOCABULARY[e.name].delay(plan.name, s, e.where, e.values) for e in effects) for s in bench.noise}
     seen: Readings = {}
     for delay in sorted(set(age.values())):
         signals = moved(hidden, plan, plan.time - delay)
         seen |= {s: signals[s] for s in age if age[s] == delay}
     for e in effects:
-        seen = read(e, seen, plan.name, bench.encoder)
+        seen = read(e, seen, plan.name)
     return seen
 
 
@@ -81,13 +79,12 @@ def moved(hidden: Hidden, plan: Plan, time: np.ndarray) -> Mapping[str, np.ndarr
         found = hidden.outside.signals(hidden.bench.nominal, plan, time, simulate)
         return {**found, encoder: plan.command(time)}
     m = hidden.bench.nominal if plan.loads is None else hidden.bench.nominal.replace(loads=plan.loads)
-    ripple = next((e.values for e in hidden.truth if e.name == "speed_ripple"), None)
     for e in hidden.truth:
-        if e.name != "speed_ripple":
-            m = VOCABULARY[e.name].on_mechanism(m, e.where, e.values)
+        m = VOCABULARY[e.name].on_mechanism(m, e.where, e.values)
+    ripple = m.drive.ripple if m.drive else None
     if ripple is None:
         return {**simulate(m, plan, time, None), encoder: plan.command(time)}
-    a, h, p = ripple["amplitude"], ripple["harmonic"], ripple["phase"]
+    a, h, p = ripple.amplitude, ripple.harmonic, ripple.phase
 
     def motor(t: np.ndarray) -> np.ndarray:
         return np.asarray(plan.command(t) + a * np.sin(h * plan.command(t) + p))
@@ -103,7 +100,7 @@ def run(name: str, m: Mechanism, plan: Plan, time: np.ndarray, course: Course | 
     from sim_models.exudyn.beams import flexible
 
     assert m.drive is not None
-    m = m.replace(drive=m.drive.model_copy(update={"speed": plan.speed}))
+    m = m.replace(drive=m.drive.model_copy(update={"speed": plan.speed, "ripple": None}))
     with_clearance: JointModel = "massless-link" if name == "exudyn" else "contact"
     joint_model: JointModel = with_clearance if m.clearances else "ideal"
     if course is None:
@@ -117,22 +114,39 @@ def run(name: str, m: Mechanism, plan: Plan, time: np.ndarray, course: Course | 
     return trace
 
 
-def read(effect: Planted, seen: Readings, run: str, encoder: str) -> Readings:
+def _offset(seen: Readings, run: str, where: str, v: Values) -> Readings:
+    return {**seen, where: seen[where] + v.get("offset", v.get(f"offset@{run}", 0.0))}
+
+
+def _biased(seen: Readings, run: str, where: str, v: Values) -> Readings:
+    return {**seen, where: seen[where] + v["bias"]}
+
+
+def _scaled(seen: Readings, run: str, where: str, v: Values) -> Readings:
+    return {**seen, where: seen[where] + v["gain_error"] * seen[where]}
+
+
+def _turned(seen: Readings, run: str, where: str, v: Values) -> Readings:
+    x, y = f"reaction_{where}_x", f"reaction_{where}_y"
+    axis = cmath.exp(1j * v["rotation"])  # the cell's own x, in the ground frame
+    along = seen[x] * axis.real + seen[y] * axis.imag
+    across = seen[y] * axis.real - seen[x] * axis.imag
+    return {**seen, x: along, y: across}
+
+
+PLAYED_ANEW: Mapping[type[Effect], Callable[[Readings, str, str, Values], Readings]] = {
+    EncoderOffset: _offset,
+    SensorBias: _biased,
+    SensorGain: _scaled,
+    SensorFrame: _turned,
+}
+
+
+def read(planted: Planted, seen: Readings, run: str) -> Readings:
     """What an effect of a sensor makes of the readings (delays and clocks apart)."""
-    v, where = effect.values, effect.where
-    if effect.name == "encoder_offset" and encoder in seen:
-        return {**seen, encoder: seen[encoder] + v.get("offset", v.get(f"offset@{run}", 0.0))}
-    if effect.name == "sensor_bias":
-        return {**seen, where: seen[where] + v["bias"]}
-    if effect.name == "sensor_gain":
-        return {**seen, where: seen[where] + v["gain_error"] * seen[where]}
-    if effect.name == "sensor_frame":
-        x, y = f"reaction_{where}_x", f"reaction_{where}_y"
-        axis = cmath.exp(1j * v["rotation"])  # the cell's own x, in the ground frame
-        along = seen[x] * axis.real + seen[y] * axis.imag
-        across = seen[y] * axis.real - seen[x] * axis.imag
-        return {**seen, x: along, y: across}
-    return seen
+    effect = VOCABULARY[planted.name]
+    play = PLAYED_ANEW.get(type(effect), effect.on_readings)
+    return dict(play(seen, run, planted.where, planted.values))
 
 
 def with_noise(hidden: Hidden, clean: list[Readings], rng: np.random.Generator) -> list[Readings]:

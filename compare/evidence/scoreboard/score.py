@@ -21,6 +21,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from compare.diagnose.effects.bodies import LinkLength
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.results.diagnosis import Diagnosis
 from compare.results.scoreboard import Gap, Hidden, Outcome, Said, Scored, Value
@@ -28,8 +29,6 @@ from compare.results.scoreboard import Gap, Hidden, Outcome, Said, Scored, Value
 Key = tuple[str, str]
 DISTINCT = 8.0  # sigmas left after the best rival, from which on an effect can be told from all others
 GOOD = {"effects": ("exact", "tie"), "none": ("clear",), "outside": ("abstained", "partly"), "alias": ("exact", "tie")}
-DISCRETE = ("harmonic",)
-CIRCULAR = ("phase", "rotation")
 
 
 def opened(seal: Path) -> dict[str, Any]:
@@ -104,11 +103,13 @@ def judged(truth: Mapping[str, Any], diagnosis: Diagnosis, found: Mapping[Key, s
 
 
 def is_special_case(simple: Key, rich: Key) -> bool:
-    """Whether an effect is the simpler form of another: at the same place, where both are of a body; a length of any
-    pivot's.
+    """Whether an effect is the simpler form of another: at the same place, where both have one kind of place; a length
+    of any pivot's.
     """
-    effect = VOCABULARY.get(simple[0])
-    return effect is not None and rich[0] in effect.special_case_of and (simple[1] == rich[1] or rich[0] != "payload")
+    one, other = VOCABULARY.get(simple[0]), VOCABULARY.get(rich[0])
+    if one is None or other is None or other.name not in one.special_case_of:
+        return False
+    return simple[1] == rich[1] or one.place != other.place
 
 
 def _alias(truth: Mapping[str, Any], diagnosis: Diagnosis, found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
@@ -116,7 +117,7 @@ def _alias(truth: Mapping[str, Any], diagnosis: Diagnosis, found: Mapping[Key, s
     only.
     """
     reached = set(found) | set().union(*found.values())
-    length = ("link_length", "follower") in reached
+    length = (LinkLength.name, "follower") in reached
     if not true <= reached:
         return "wrong"
     if truth["reversed_load"]:
@@ -133,14 +134,16 @@ def parameters(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> tuple[Value, .
     rows = []
     for effect in truth["effects"]:
         said, known = answers.get((effect["name"], effect["where"]), {}), effect["parameters"]
+        about = VOCABULARY[effect["name"]].parameters
+        discrete, circular = {p.name for p in about if p.discrete}, {p.name for p in about if p.circular}
         for name in sorted(set(said) | set(known) if not set(said) & set(known) else set(said) & set(known)):
             plain = name.split("@")[0]
             value, answer = known.get(name, known.get(plain)), said.get(name, said.get(plain))
-            if plain in DISCRETE or value is None or answer is None:
+            if plain in discrete or value is None or answer is None:
                 continue
             low = -math.inf if answer.low is None else answer.low
             high = math.inf if answer.high is None else answer.high
-            if plain in CIRCULAR:
+            if plain in circular:
                 value = answer.value + math.remainder(value - answer.value, 2 * math.pi)
             rows.append(
                 Value(
