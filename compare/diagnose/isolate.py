@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from compare.diagnose.effects.effect import Effect, Rig
-from compare.diagnose.fit import RELUCTANCE, Fit, Fitter
+from compare.diagnose.fit import Fit, Fitter
+from compare.diagnose.least_squares import RELUCTANCE
 from compare.diagnose.predict import Term
 
 BEAM = 24  # sets of each size that are carried on
