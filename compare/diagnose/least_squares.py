@@ -1,6 +1,6 @@
 """Bounded least squares for functions that take long: Levenberg-Marquardt that uses a Jacobian as long as it foretells.
 
-``scipy.optimize.least_squares`` ends in the same minima (of 377 fits of 12 hidden sets two were lower by more than 0.05)
+``scipy.optimize.least_squares`` ends in the same minima (of 377 fits of 12 hidden sets two were lower, by over 0.05)
 and asks the model twice as often (6005 times for 2804; 75 s for 45): it takes a new Jacobian at every step, and tries a
 step before it sees that nothing is left to gain.  tests/test_least_squares.py watches that.
 """
