@@ -18,7 +18,7 @@ from compare.diagnose.data.recording import Channel, Run
 from compare.diagnose.data.smooth import Smoother
 from compare.diagnose.data.thin import missed, picked
 from compare.evidence.scoreboard.rigs import Plan
-from diagnosis_rigs import bench, diagnosed, readings, wrong
+from diagnosis_rigs import diagnosed, experiment, readings, wrong
 from measured_files import MeasuredRun, write_measured
 
 COUNTS = (None, 200, 2000)  # per revolution
@@ -159,7 +159,7 @@ def coarse(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Thirteen uneven turns of the crank-rocker at 50 Hz, 12 deg a sample, an encoder of 1000 counts."""
     speed = math.radians(12) * 50
     sensors = dict.fromkeys(("crank_angle", "follower_angle", "coupler_angle"), 1e-3)
-    rig = bench(Plan("coarse", speed, 0.4, np.arange(400) / 50, None, True), sensors=sensors)
+    rig = experiment(Plan("coarse", speed, 0.4, np.arange(400) / 50, None, True), sensors=sensors)
     (seen,) = readings(rig, wrong("speed_ripple", "drive", amplitude=0.15, harmonic=1.0, phase=0.3))
     step = 360 / 1000
     columns = {f"{s} [deg]": np.degrees(v) for s, v in seen.items()}

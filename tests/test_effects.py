@@ -16,13 +16,13 @@ from compare.cli.app import app
 from compare.diagnose.effects.effect import Draw, Effect, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.evidence.scoreboard.rigs import ideal
-from diagnosis_rigs import bench, four_bar, turn
+from diagnosis_rigs import experiment, four_bar, turn
 from sim_models.engine import ENGINES, declared
 
 ROOT = Path(__file__).parent.parent
 RIGS = {
-    "crank-rocker": bench(turn("slow", 4.0), turn("fast-reverse", -12.0)),
-    "slider-crank": bench(
+    "crank-rocker": experiment(turn("slow", 4.0), turn("fast-reverse", -12.0)),
+    "slider-crank": experiment(
         turn("slow", 4.0),
         turn("fast-reverse", -12.0),
         mechanism=four_bar("slider-crank", loads=()),

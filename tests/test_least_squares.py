@@ -10,12 +10,12 @@ from scipy.optimize import least_squares
 
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Data, Fit, Fitter, Space, joined
-from compare.diagnose.isolate import candidates, signatures
 from compare.diagnose.least_squares import ENOUGH, STEPS, Descent
 from compare.diagnose.predict import Term
 from compare.diagnose.search import Search, costs
+from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.evidence.scoreboard.sizes import Sizer
-from diagnosis_rigs import bench
+from diagnosis_rigs import experiment
 
 
 def term(label: str) -> Term:
@@ -71,18 +71,18 @@ class ByScipy(Counted):
 
 def searched(kind: type[Counted]) -> tuple[Fit, int]:
     """The best set of effects in data of a four-bar with a payload and friction, and how often the model was asked."""
-    sizer, rng = Sizer(bench()), np.random.default_rng(5)
+    sizer, rng = Sizer(experiment()), np.random.default_rng(5)
     rig, model = sizer.rig, sizer.model(TRUTH)
     (readings,) = model([TRUTH])
     assert readings is not None
     noisy = [{s: v + rig.noise[s] * rng.standard_normal(v.size) for s, v in run.items()} for run in readings]
-    measured = sizer.bench.measured(noisy)
+    measured = sizer.experiment.measured(noisy)
     sigma = {(run.name, s): c.noise for run in measured.runs for s, c in run.channels.items()}
     fitter = kind(model, Data(measured, sigma, rig.encoder), rig, sizer.bounds)
     base = fitter.at([], {})
     assert base is not None
     terms = [t for t in candidates(rig, VOCABULARY) if not (t.effect.slow or t.effect.sensor or t.variant > 2)]
-    found = signatures(fitter, base, terms)
+    found = sensitivities(fitter, base, terms)
     fitter.asked = 0
     best = Search(fitter, base, found, costs(terms, rig, fitter.data.size)).best()
     return best, fitter.asked

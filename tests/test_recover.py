@@ -14,7 +14,7 @@ from compare.diagnose.effects.effect import Effect, Rig
 from compare.diagnose.effects.sensors import EFFECTS
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.evidence.scoreboard.sizes import Planted
-from diagnosis_rigs import SENSORS, assert_recovered, bench, diagnosed, four_bar, played, turn, wrong
+from diagnosis_rigs import SENSORS, assert_recovered, diagnosed, experiment, four_bar, played, turn, wrong
 
 RECOVERED = {  # effect -> where, values
     "gravity": ("linkage", {"x": 1.0, "y": -9.0}),
@@ -69,7 +69,7 @@ def hidden(name: str) -> Planted:
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in VOCABULARY])
 def test_a_hidden_effect_is_recovered(name: str) -> None:
     assert name in RECOVERED, f"{name} has no case: say where it is hidden and how large it is"
-    rig = bench(sensors=SENSORS | MORE_SENSORS.get(name, {}))
+    rig = experiment(sensors=SENSORS | MORE_SENSORS.get(name, {}))
     data = played(rig, hidden(name), source=PLAYED_BY.get(name, "exudyn"))
     assert_recovered(diagnosed(data), hidden(name))
 
@@ -89,7 +89,7 @@ class Place:
         return f"{self.effect.name}@{self.where}:{self.variant:.3g}"
 
 
-RIG = bench(turn("slow", 4.0), turn("fast-reverse", -12.0)).rig
+RIG = experiment(turn("slow", 4.0), turn("fast-reverse", -12.0)).rig
 SLIDER = four_bar("slider-crank", loads=())
 PLACES = [Place(e, w, v) for e in VOCABULARY.values() for w in e.places(RIG) for v in e.variants(RIG, w)]
 BY_THEMSELVES = [p for p in PLACES if p.effect.acts_by_itself(p.variant)]  # as a quarter turn does

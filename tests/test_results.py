@@ -149,7 +149,7 @@ def test_a_diagnosis_of_a_file_is_that_of_its_recording(monkeypatch: pytest.Monk
         asked.append(given)
         raise Stop
 
-    monkeypatch.setattr(workflow.Bench, "of", of)
+    monkeypatch.setattr(workflow.Problem, "of", of)
     path = Path(__file__).parents[1] / "docs" / "example-rig"
     for measured in (path, str(path / "measured.toml"), lc.read_measured(path)):
         with pytest.raises(Stop):

@@ -15,10 +15,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from compare.diagnose.fit import FOLDS, Data, Fit, rank_of
-from compare.diagnose.isolate import Screen
+from compare.diagnose.noise import rms, sample_weights
 from compare.diagnose.predict import Term
 from compare.diagnose.search import Search, without
-from compare.diagnose.worth import rms, worth
 from compare.results.diagnosis import Verdict
 
 TIE = 16.0  # of chi^2: two explanations closer than four sigmas are not told apart
@@ -94,7 +93,7 @@ def explain(search: Search, fit: Fit) -> Explanation:
 def pruned(search: Search, fit: Fit) -> tuple[Fit, np.ndarray, list[Named]]:
     """The fit without effects that do not pay their way, the worth of its samples, and the effects that stay."""
     while True:
-        weights = worth(search.fitter.data, fit.residual)
+        weights = sample_weights(search.fitter.data, fit.residual)
         named, weak = admitted(search, fit, weights)
         if weak is None:
             return fit, weights, named

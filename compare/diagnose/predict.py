@@ -1,7 +1,7 @@
 """What the sensors of a rig would read if the mechanism were so: the analytic model with any set of effects.
 
 The analytic model is fast enough (a millisecond a run) to try everything; that it says what the chosen simulator says
-is checked on every run of every diagnosis (:mod:`compare.diagnose.confirm`).
+is checked on every run of every diagnosis (:mod:`compare.diagnose.simulate`).
 """
 
 from __future__ import annotations

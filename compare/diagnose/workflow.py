@@ -10,11 +10,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from analytic.mechanism import MechanismWarning
-from compare.diagnose.bench import Bench, Progress
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
 from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.diagnose.problem import Problem, Progress
 from compare.diagnose.result import as_document
 from compare.results.diagnosis import Diagnosis
 
@@ -52,15 +52,15 @@ def diagnose(
     data = measured if isinstance(measured, Measured) else load_measured(Path(measured))
     vocabulary = VOCABULARY | {e.name: e for e in own}
     stiff = data.mechanism.rigid()
-    bench = Bench.of(data, stiff, simulator, vocabulary, only, exclude, others, workers, progress)
-    explanation = bench.settled()
-    if stiff != data.mechanism and bench.sees(data.mechanism):
-        bending = Bench.of(data, data.mechanism, simulator, vocabulary, only, exclude, others, workers, progress)
+    problem = Problem.of(data, stiff, simulator, vocabulary, only, exclude, others, workers, progress)
+    explanation = problem.settled()
+    if stiff != data.mechanism and problem.sees(data.mechanism):
+        bending = Problem.of(data, data.mechanism, simulator, vocabulary, only, exclude, others, workers, progress)
         instead = bending.settled()
-        nearer = bending.price(instead) < bench.price(explanation)
-        bench, explanation = (bending, instead) if nearer else (bench, explanation)
-        bench.notes.append(
+        nearer = bending.price(instead) < problem.price(explanation)
+        problem, explanation = (bending, instead) if nearer else (problem, explanation)
+        problem.notes.append(
             f"The links' stated moduli of elasticity are {'used' if nearer else 'left out'}: that explains the data"
             " with less."
         )
-    return as_document(bench, bench.confirmed(explanation))
+    return as_document(problem, problem.confirmed(explanation))

@@ -137,7 +137,9 @@ class Effect(ABC):
     special_case_of: ClassVar[tuple[str, ...]] = ()
     sensor: ClassVar[bool] = False  # of the measurement, not of the mechanism
     needs: ClassVar[frozenset[str]] = frozenset()
-    slow: ClassVar[bool] = False  # takes the analytic model far longer than others, and changes their signatures little
+    slow: ClassVar[bool] = (
+        False  # takes the analytic model far longer than others, and changes their sensitivities little
+    )
     hiding: ClassVar[Hiding] = Hiding()
 
     # ---------------------------------------------------------------- in words

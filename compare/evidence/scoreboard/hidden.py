@@ -1,4 +1,4 @@
-"""Hidden sets: a bench, what is wrong with it, the engine that plays the rig and the one that diagnoses.  One seed is
+"""Hidden sets: a experiment, what is wrong with it, the engine that plays the rig and the one that diagnoses.  One seed is
 one set.
 """
 
@@ -18,10 +18,10 @@ from compare.diagnose.effects.effect import Effect, Rig, Values
 from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Data, Fit, Fitter
-from compare.diagnose.isolate import candidates, signatures
 from compare.diagnose.predict import Term, derived
+from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.evidence.scoreboard.outside import KINDS, Course, Outside, draw_outside, resized
-from compare.evidence.scoreboard.rigs import CASES, Bench, Plan, Rejected, draw_bench, draw_log, ideal
+from compare.evidence.scoreboard.rigs import CASES, Experiment, Plan, Rejected, draw_experiment, draw_log, ideal
 from compare.evidence.scoreboard.sizes import LARGEST, SMALLEST, Drawn, Planted, Sizer, drawn, left, solve
 
 FIRST = {"effects": 0, "none": 100_000, "outside": 200_000, "alias": 300_000}  # first seed of each kind of set
@@ -42,7 +42,7 @@ class Hidden:
 
     seed: int
     kind: str
-    bench: Bench
+    experiment: Experiment
     source: str
     simulator: str
     truth: tuple[Planted, ...] = ()
@@ -66,8 +66,8 @@ def draw(seed: int, attempt: int) -> Hidden:
         return _with_outside(seed, simulator, rng)
     if kind == "alias":
         return _with_alias(seed, simulator, rng)
-    bench = draw_bench(rng, list(CASES), (), False, True)
-    return Hidden(seed, kind, bench, draw_source(rng, simulator, ()), simulator)
+    experiment = draw_experiment(rng, list(CASES), (), False, True)
+    return Hidden(seed, kind, experiment, draw_source(rng, simulator, ()), simulator)
 
 
 def makers(effects: Sequence[Effect]) -> dict[str, float]:
@@ -104,13 +104,15 @@ def _with_effects(seed: int, simulator: str, rng: np.random.Generator) -> Hidden
     cases = [case for case in CASES if all(h.cases is None or case in h.cases for h in hiding)]
     sensors = [sensor for h in hiding for sensor in h.sensors]
     may_follow = not any(h.commanded for h in hiding)
-    bench = draw_bench(rng, cases, sensors, any(h.in_contact for h in hiding), may_follow)
-    sizer = Sizer(bench)
+    experiment = draw_experiment(rng, cases, sensors, any(h.in_contact for h in hiding), may_follow)
+    sizer = Sizer(experiment)
     truth: list[tuple[Term, Values]] = []
     for effect in effects:
-        one = _placed(effect, bench, sizer.rig, rng, [t.key for t, _ in truth])
+        one = _placed(effect, experiment, sizer.rig, rng, [t.key for t, _ in truth])
         truth.append((one.term, sizer.grown(one, draw_log(rng, SMALLEST, LARGEST))))
-    return Hidden(seed, "effects", bench, draw_source(rng, simulator, effects), simulator, tuple(sizer.judged(truth)))
+    return Hidden(
+        seed, "effects", experiment, draw_source(rng, simulator, effects), simulator, tuple(sizer.judged(truth))
+    )
 
 
 def _goes_with(effect: Effect, effects: Sequence[Effect]) -> bool:
@@ -124,18 +126,18 @@ def _goes_with(effect: Effect, effects: Sequence[Effect]) -> bool:
 
 
 def _placed(
-    effect: Effect, bench: Bench, rig: Rig, rng: np.random.Generator, taken: Sequence[tuple[str, str]]
+    effect: Effect, experiment: Experiment, rig: Rig, rng: np.random.Generator, taken: Sequence[tuple[str, str]]
 ) -> Drawn:
     places = [w for w in effect.places(rig) if (effect.name, w) not in taken]
     if effect.hiding.in_contact:
-        places = [w for w in places if _stays_in_contact(bench, w)]
+        places = [w for w in places if _stays_in_contact(experiment, w)]
     if not places:
         raise Rejected(f"{effect.name} has no place here")
-    return drawn(effect, str(rng.choice(places)), bench, rig, rng)
+    return drawn(effect, str(rng.choice(places)), experiment, rig, rng)
 
 
-def _stays_in_contact(bench: Bench, joint: str) -> bool:
-    sizes = [ideal(bench.nominal, p)[f"reaction_{joint}_magnitude"] for p in bench.plans]
+def _stays_in_contact(experiment: Experiment, joint: str) -> bool:
+    sizes = [ideal(experiment.nominal, p)[f"reaction_{joint}_magnitude"] for p in experiment.plans]
     return all(size.min() > KEPT * size.max() for size in sizes)
 
 
@@ -144,13 +146,13 @@ def _stays_in_contact(bench: Bench, joint: str) -> bool:
 
 def _with_outside(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
     kind = KINDS[seed % len(KINDS)]
-    bench = draw_bench(
+    experiment = draw_experiment(
         rng, ["crank-rocker", "six-bar"] if kind != "periodic torque" else list(CASES), ("torque", "cell"), False, False
     )
-    outside = draw_outside(kind, bench, rng)
+    outside = draw_outside(kind, experiment, rng)
     target, strange, gap = draw_log(rng, *STRANGE), 0.0, 0.0
     for _ in range(4):
-        strange, gap = _strange(bench, outside)
+        strange, gap = _strange(experiment, outside)
         if strange < 1e-6:
             raise Rejected(f"{kind} does not show")
         if abs(strange / target - 1) < 0.05 or gap * (target / strange) ** 2 < 0.8 * GAP:
@@ -158,25 +160,29 @@ def _with_outside(seed: int, simulator: str, rng: np.random.Generator) -> Hidden
         outside = resized(outside, min(target / strange, 100.0))
     if abs(strange / target - 1) > 0.2 or gap < GAP:
         raise Rejected(f"{kind} at {outside.where} is nearly described by the vocabulary")
-    return Hidden(seed, "outside", bench, draw_source(rng, simulator, ()), simulator, outside=outside, strange=strange)
+    return Hidden(
+        seed, "outside", experiment, draw_source(rng, simulator, ()), simulator, outside=outside, strange=strange
+    )
 
 
-def _strange(bench: Bench, outside: Outside) -> tuple[float, float]:
+def _strange(experiment: Experiment, outside: Outside) -> tuple[float, float]:
     """Sigmas of it that the best single effect leaves, and the mean square that the best few leave, found one after the
     other.
     """
-    sizer = Sizer(bench)
+    sizer = Sizer(experiment)
     seen = []
-    for plan in bench.plans:
-        signals = outside.signals(bench.nominal, plan, plan.time, analytic)
-        seen.append({s: plan.command(plan.time) if s == bench.encoder else signals[s] for s in bench.noise})
-    measured = bench.measured(seen)
-    data = Data(measured, {(r.name, s): c.noise for r in measured.runs for s, c in r.channels.items()}, bench.encoder)
+    for plan in experiment.plans:
+        signals = outside.signals(experiment.nominal, plan, plan.time, analytic)
+        seen.append({s: plan.command(plan.time) if s == experiment.encoder else signals[s] for s in experiment.noise})
+    measured = experiment.measured(seen)
+    data = Data(
+        measured, {(r.name, s): c.noise for r in measured.runs for s, c in r.channels.items()}, experiment.encoder
+    )
     fitter = Fitter(sizer.model([]), data, sizer.rig, sizer.bounds)
     residual = fitter.residuals([], [[]])[0]
     assert residual is not None
     base = Fit((), (), residual, np.zeros((residual.size, 0)), np.zeros(0, bool))
-    columns = [s.columns for s in signatures(fitter, base, candidates(sizer.rig, VOCABULARY)).values()]
+    columns = [s.columns for s in sensitivities(fitter, base, candidates(sizer.rig, VOCABULARY)).values()]
     rest, after = residual, []
     for _ in range(TOGETHER):
         best = min(columns, key=lambda c: left(rest, c))
@@ -213,11 +219,11 @@ def _with_alias(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
     """Clearance in B of a four-bar whose load never reverses, beside the same with a run in which it does (odd
     seeds).
     """
-    bench = draw_bench(rng, ["crank-rocker"], ("encoder", "torque"), True, False)
-    m = bench.nominal
+    experiment = draw_experiment(rng, ["crank-rocker"], ("encoder", "torque"), True, False)
+    m = experiment.nominal
     load = Load(body="coupler", force=(0.0, -rng.uniform(35.0, 70.0)))
     m = m.replace(gravity=(0.0, 0.0), loads=(load,))
-    first = bench.plans[0]
+    first = experiment.plans[0]
     speeds = {"slow": 4.0, "fast": 6.5}
     plans = [
         replace(first, name=name, speed=speed, time=first.time * abs(first.speed / speed), loads=None)
@@ -231,19 +237,19 @@ def _with_alias(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
         "follower_angle": 6e-5,
         "coupler_angle": 6e-5,
         "coupler_x": 1e-5,
-        "drive_torque": 4e-3 * bench.rig.torque,
+        "drive_torque": 4e-3 * experiment.rig.torque,
     }
-    bench = replace(bench, nominal=m, plans=tuple(plans), noise=noise, units={})
-    if not _stays_in_contact(bench, "B"):
+    experiment = replace(experiment, nominal=m, plans=tuple(plans), noise=noise, units={})
+    if not _stays_in_contact(experiment, "B"):
         raise Rejected("the load on B reverses")
-    sizer = Sizer(bench)
-    clearance = drawn(JointClearance(), "B", bench, sizer.rig, rng)
+    sizer = Sizer(experiment)
+    clearance = drawn(JointClearance(), "B", experiment, sizer.rig, rng)
     truth = [(clearance.term, sizer.grown(clearance, draw_log(rng, 25.0, 100.0)))]
     planted = sizer.judged(truth)
     return Hidden(
         seed,
         "alias",
-        bench,
+        experiment,
         draw_source(rng, simulator, [clearance.term.effect]),
         simulator,
         tuple(planted),

@@ -42,7 +42,7 @@ def make(seed: int, data: Path, seal: Path) -> Hidden:
     for attempt in range(ATTEMPTS):
         try:
             hidden = draw(seed, attempt)
-            clean = [recorded(hidden, plan) for plan in hidden.bench.plans]
+            clean = [recorded(hidden, plan) for plan in hidden.experiment.plans]
         except (Rejected, SimulationError, AssemblyError):
             continue
         noisy = with_noise(hidden, clean, np.random.default_rng([seed, attempt, 1]))
@@ -57,8 +57,8 @@ def make(seed: int, data: Path, seal: Path) -> Hidden:
 
 def recorded(hidden: Hidden, plan: Plan) -> Readings:
     """What noiseless sensors read in a run, by signal."""
-    bench, effects = hidden.bench, hidden.truth
-    age = {s: sum(VOCABULARY[e.name].delay(plan.name, s, e.where, e.values) for e in effects) for s in bench.noise}
+    experiment, effects = hidden.experiment, hidden.truth
+    age = {s: sum(VOCABULARY[e.name].delay(plan.name, s, e.where, e.values) for e in effects) for s in experiment.noise}
     seen: Readings = {}
     for delay in sorted(set(age.values())):
         signals = moved(hidden, plan, plan.time - delay)
@@ -74,11 +74,11 @@ def moved(hidden: Hidden, plan: Plan, time: np.ndarray) -> Mapping[str, np.ndarr
     def simulate(m: Mechanism, plan: Plan, time: np.ndarray, course: Course | None) -> Mapping[str, np.ndarray]:
         return run(hidden.source, m, plan, time, course).signals
 
-    encoder = hidden.bench.encoder
+    encoder = hidden.experiment.encoder
     if hidden.outside is not None:
-        found = hidden.outside.signals(hidden.bench.nominal, plan, time, simulate)
+        found = hidden.outside.signals(hidden.experiment.nominal, plan, time, simulate)
         return {**found, encoder: plan.command(time)}
-    m = hidden.bench.nominal if plan.loads is None else hidden.bench.nominal.replace(loads=plan.loads)
+    m = hidden.experiment.nominal if plan.loads is None else hidden.experiment.nominal.replace(loads=plan.loads)
     for e in hidden.truth:
         m = VOCABULARY[e.name].on_mechanism(m, e.where, e.values)
     ripple = m.drive.ripple if m.drive else None
@@ -152,7 +152,7 @@ def read(planted: Planted, seen: Readings, run: str) -> Readings:
 def with_noise(hidden: Hidden, clean: list[Readings], rng: np.random.Generator) -> list[Readings]:
     """Readings with each sensor's noise."""
     return [
-        {s: values + hidden.bench.noise[s] * rng.standard_normal(values.size) for s, values in run.items()}
+        {s: values + hidden.experiment.noise[s] * rng.standard_normal(values.size) for s, values in run.items()}
         for run in clean
     ]
 
@@ -164,21 +164,21 @@ def write_data(hidden: Hidden, noisy: list[Readings], folder: Path) -> None:
     """measured.toml, nominal.toml and a CSV file for each run."""
     import tomli_w
 
-    bench, entries = hidden.bench, []
-    for plan, readings in zip(bench.plans, noisy, strict=True):
-        units = {s: bench.units.get(s, SI[dimension(s)]) for s in readings}
+    experiment, entries = hidden.experiment, []
+    for plan, readings in zip(experiment.plans, noisy, strict=True):
+        units = {s: experiment.units.get(s, SI[dimension(s)]) for s in readings}
         columns = [plan.time, *(readings[s] / factor(units[s], dimension(s)) for s in readings)]
         header = ",".join(["time [s]", *(f"{s} [{units[s]}]" for s in readings)])
         rows = (",".join(f"{v:.12g}" for v in row) for row in np.column_stack(columns).tolist())
         write_atomically(folder / f"{plan.name}.csv", "\n".join([header, *rows]) + "\n")
         entry: dict[str, Any] = {"name": plan.name, "file": f"{plan.name}.csv"}
         entry |= {"drive": "measured"} if plan.follows else {"drive_speed": plan.speed, "drive_angle": plan.angle}
-        if bench.noise_given:
-            entry["noise"] = {s: float(f"{sigma:.6g}") for s, sigma in bench.noise.items()}
+        if experiment.noise_given:
+            entry["noise"] = {s: float(f"{sigma:.6g}") for s, sigma in experiment.noise.items()}
         if plan.loads is not None:
             entry["load"] = [load.model_dump(mode="json", exclude_unset=True) for load in plan.loads]
         entries.append(entry)
-    write_atomically(folder / "nominal.toml", dumps(bench.nominal))
+    write_atomically(folder / "nominal.toml", dumps(experiment.nominal))
     write_atomically(folder / "measured.toml", tomli_w.dumps({"mechanism": "nominal.toml", "run": entries}))
 
 
@@ -201,11 +201,11 @@ def truth(hidden: Hidden, attempt: int) -> dict[str, Any]:
         "seed": hidden.seed,
         "attempt": attempt,
         "kind": hidden.kind,
-        "case": hidden.bench.case,
+        "case": hidden.experiment.case,
         "source": {"name": hidden.source, "version": version},
         "simulator": hidden.simulator,
         "effects": effects,
-        "noise": hidden.bench.noise,
+        "noise": hidden.experiment.noise,
         "reversed_load": hidden.reversed_load,
         "outside": strange,
     }
@@ -220,6 +220,6 @@ if __name__ == "__main__":
     out = Path(sys.argv[2])
     made = make(int(sys.argv[1]), out / "data", out / "seal")
     print(
-        f"{made.kind}: {made.bench.case}, played by {made.source}, for {made.simulator} to diagnose:"
+        f"{made.kind}: {made.experiment.case}, played by {made.source}, for {made.simulator} to diagnose:"
         f" {out / 'data' / 'measured.toml'}"
     )

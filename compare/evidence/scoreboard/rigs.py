@@ -1,4 +1,4 @@
-"""Test rigs drawn at random: linkages, runs, sensors and their noise, as an engineer's bench might have them."""
+"""Test rigs drawn at random: linkages, runs, sensors and their noise, as an engineer's experiment might have them."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Bench:
+class Experiment:
     """A nominal mechanism, the runs made on it, and its sensors' noise (1-sigma, SI, by signal)."""
 
     case: str
@@ -70,7 +70,7 @@ class Bench:
 
     @property
     def rig(self) -> Rig:
-        """What effects need to know of the bench."""
+        """What effects need to know of the experiment."""
         names = tuple(plan.name for plan in self.plans)
         following = tuple(plan.name for plan in self.plans if plan.follows)
         length = max(b.length for b in self.nominal.bodies)
@@ -79,7 +79,7 @@ class Bench:
         return Rig(self.nominal, tuple(self.noise), names, names, following, length, float(force), speed, self.noise)
 
     def measured(self, values: Sequence[dict[str, np.ndarray]] | None = None) -> Measured:
-        """The bench's measurement with these readings (by run and signal), or zeros."""
+        """The experiment's measurement with these readings (by run and signal), or zeros."""
         runs = []
         for i, p in enumerate(self.plans):
             channels = {
@@ -121,10 +121,10 @@ def _forces(mechanism: Mechanism, plan: Plan) -> dict[str, np.ndarray]:
 # ---------------------------------------------------------------- drawing
 
 
-def draw_bench(
+def draw_experiment(
     rng: np.random.Generator, cases: Sequence[str], wanted: Sequence[str], slow: bool, may_follow: bool
-) -> Bench:
-    """A bench of one of the cases whose sensors include the ``wanted`` kinds; ``slow`` keeps it far from losing
+) -> Experiment:
+    """A experiment of one of the cases whose sensors include the ``wanted`` kinds; ``slow`` keeps it far from losing
     contact.
 
     Raises Rejected where the linkage that was drawn does not turn.
@@ -143,7 +143,7 @@ def draw_bench(
         if s.startswith("reaction_") and s.endswith("_y"):
             noise[s] = noise.get(s[:-1] + "x", noise[s])
     units = {s: draw_unit(rng, s) for s in signals}
-    return Bench(case, nominal, plans, noise, bool(rng.random() < 0.5), units)
+    return Experiment(case, nominal, plans, noise, bool(rng.random() < 0.5), units)
 
 
 def draw_mechanism(rng: np.random.Generator, case: str) -> Mechanism:

@@ -19,9 +19,9 @@ from analytic.beyond_paper.drive import Motor
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Rig, Values
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Data, Fit, Fitter
-from compare.diagnose.isolate import candidates, signatures
 from compare.diagnose.predict import Model, Term
-from compare.evidence.scoreboard.rigs import Bench, Rejected, ideal
+from compare.diagnose.sensitivities import candidates, sensitivities
+from compare.evidence.scoreboard.rigs import Experiment, Rejected, ideal
 
 SMALLEST, LARGEST = 6.0, 60.0  # sigmas of a signature: a decade, down to just above the noise
 RIVALS = 8  # fitted in full, at most
@@ -50,11 +50,13 @@ class Drawn:
     growth: Growth
 
 
-def drawn(effect: Effect, where: str, bench: Bench, rig: Rig, rng: np.random.Generator) -> Drawn:
+def drawn(effect: Effect, where: str, experiment: Experiment, rig: Rig, rng: np.random.Generator) -> Drawn:
     """A random way for an effect to grow."""
     turn, sign = rng.uniform(0, 2 * math.pi), float(rng.choice([-1, 1]))
-    speeds = {plan.name: abs(plan.speed) for plan in bench.plans}
-    growth = effect.growth(rig, where, Draw(rng, turn, sign, speeds, lambda: ideal(bench.nominal, bench.plans[0])))
+    speeds = {plan.name: abs(plan.speed) for plan in experiment.plans}
+    growth = effect.growth(
+        rig, where, Draw(rng, turn, sign, speeds, lambda: ideal(experiment.nominal, experiment.plans[0]))
+    )
     return Drawn(Term(effect, where, growth.variant), growth)
 
 
@@ -62,18 +64,18 @@ def drawn(effect: Effect, where: str, bench: Bench, rig: Rig, rng: np.random.Gen
 
 
 class Sizer:
-    """Signatures on a bench."""
+    """Sensitivities on a experiment."""
 
-    def __init__(self, bench: Bench) -> None:
-        self.bench, self.rig = bench, bench.rig
+    def __init__(self, experiment: Experiment) -> None:
+        self.experiment, self.rig = experiment, experiment.rig
 
     def model(self, truth: Sequence[tuple[Term, Values]]) -> Model:
-        """The analytic model of the bench; what a run follows is the encoder's column, offset and all."""
+        """The analytic model of the experiment; what a run follows is the encoder's column, offset and all."""
         courses = {}
-        for plan in self.bench.plans:
+        for plan in self.experiment.plans:
             offset = sum(t.effect.motor_lag(plan.name, v) for t, v in truth)
             courses[plan.name] = Motor(course=CubicSpline(plan.time, plan.command(plan.time) + offset))
-        return Model(self.bench.measured(), self.rig, self.bench.nominal, courses)
+        return Model(self.experiment.measured(), self.rig, self.experiment.nominal, courses)
 
     def data(self, truth: Sequence[tuple[Term, Values]]) -> tuple[Model, Data]:
         """The model, and what noiseless sensors would read.  Raises Rejected where the truth is not possible."""
@@ -81,7 +83,7 @@ class Sizer:
         readings = model([truth])[0]
         if readings is None or not all(np.isfinite(v).all() for run in readings for v in run.values()):
             raise Rejected("the truth is not possible everywhere")
-        measured = self.bench.measured(readings)
+        measured = self.experiment.measured(readings)
         noise = {(run.name, s): c.noise for run in measured.runs for s, c in run.channels.items()}
         return model, Data(measured, noise, self.rig.encoder)
 
@@ -166,7 +168,7 @@ class Sizer:
         """Sigmas of the base's residual that the best rival leaves, projected; that rival, and what it leaves when
         fitted.
         """
-        found = signatures(fitter, base, rivals)
+        found = sensitivities(fitter, base, rivals)
         order = []
         for term, sign in found.items():
             columns = np.column_stack([base.jacobian, sign.columns])

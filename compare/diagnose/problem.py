@@ -1,4 +1,4 @@
-"""The bench on which one nominal mechanism is diagnosed: its data, model and engines, and the steps in their order."""
+"""The problem on which one nominal mechanism is diagnosed: its data, model and engines, and the steps in their order."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from compare.diagnose import prepare
-from compare.diagnose.confirm import Simulated
 from compare.diagnose.data.recording import Measured, MeasuredError, Run
 from compare.diagnose.data.units import unit_of
 from compare.diagnose.effects.effect import Effect, Rig
+from compare.diagnose.engines import Engines
 from compare.diagnose.explain import CLOSED, Explanation, explain, has_structure, pruned
 from compare.diagnose.fit import Data, Fit, Fitter
-from compare.diagnose.isolate import candidates, signatures
 from compare.diagnose.locate import Stretch, apart, locate, spread
+from compare.diagnose.noise import rms
 from compare.diagnose.predict import Model, Term, altered
-from compare.diagnose.referees import Referees
 from compare.diagnose.search import Search, costs
-from compare.diagnose.worth import rms
+from compare.diagnose.sensitivities import candidates, sensitivities
+from compare.diagnose.simulate import Simulated
 from compare.quantities import amount
 from sim_models.engine import ENGINES, SimulationError, SimulatorMissing, engine
 
@@ -50,7 +50,7 @@ class Confirmed:
 
 
 @dataclass
-class Bench:
+class Problem:
     """Everything that a diagnosis works on."""
 
     measured: Measured
@@ -67,7 +67,7 @@ class Bench:
     progress: Progress
     notes: list[str]
     base: Fit
-    referees: Referees
+    engine_runs: Engines
     nominal: Callable[[], dict[str, Simulated]] = dict  # what the other engines say of the nominal mechanism
     search: Search | None = None
     remembered: tuple[list[tuple[Term, dict[str, float]]], Simulated] | None = None
@@ -84,7 +84,7 @@ class Bench:
         others: bool,
         workers: int | None,
         progress: Progress,
-    ) -> Bench:
+    ) -> Problem:
         """Prepare: the rig, the noise floor, the nominal model and what each engine says of it."""
         engine(simulator)
         engines: tuple[str, ...] = (simulator,)
@@ -122,26 +122,26 @@ class Bench:
                 f"{measured.source}: the nominal mechanism cannot make these runs; check drive_angle, start and"
                 " assembly"
             )
-        bench = cls(
+        problem = cls(
             measured, rig, mechanism, model, data, fitter, terms, ruled_out, simulator, engines, skipped,
-            progress, notes, base, Referees(model, simulator, workers or min(2, os.cpu_count() or 1)),
+            progress, notes, base, Engines(model, simulator, workers or min(2, os.cpu_count() or 1)),
         )  # fmt: skip
-        _refuse_slips(bench)
-        bench.notes += [
+        _refuse_slips(problem)
+        problem.notes += [
             f"Run {run.name} starts from rest and is simulated in steady motion: leave its start-up out of the file, or"
             " it will look like a fault."
             for run in measured.runs
             if run.from_rest
         ]
         if mechanism.clearances or any("contact" in t.effect.needs for t in terms):
-            bench.notes += [
+            problem.notes += [
                 f"In run {run.name}, which is free, joints are taken without clearance."
                 for run in measured.runs
                 if run.drive == "free"
             ]
-        bench.widen(noise)
-        bench.nominal = bench.referees.begin(bench.base.values(rig), engines[1:])
-        return bench
+        problem.widen(noise)
+        problem.nominal = problem.engine_runs.begin(problem.base.values(rig), engines[1:])
+        return problem
 
     def sees(self, bending: Mechanism) -> bool:
         """Whether these data would show the difference that bending links make to the nominal linkage."""
@@ -243,7 +243,7 @@ class Bench:
         return pruned(self.search, self.search.best(first))[0]
 
     def prepared(self, data: Data, cost: Mapping[Term, float], wanted: Sequence[Term], free: bool) -> Search:
-        """A search in these data, with signatures about the nominal model or, in free runs, about the fit it begins
+        """A search in these data, with sensitivities about the nominal model or, in free runs, about the fit it begins
         with.
         """
         model = (
@@ -255,9 +255,11 @@ class Bench:
         start = dict(zip(self.base.terms, self.base.x, strict=True))
         base = fitter.at(self.base.terms, start) or self.base
         if self.search is not None and not free:
-            found = dict(self.search.signatures)  # differences of residuals, which a shift of the data does not touch
+            found = dict(
+                self.search.sensitivities
+            )  # differences of residuals, which a shift of the data does not touch
         else:
-            found = {} if free else signatures(fitter, base, wanted)
+            found = {} if free else sensitivities(fitter, base, wanted)
         return Search(fitter, base, found, cost, nonlinear=free)
 
     # ---------------------------------------------------------------- simulation in full
@@ -271,9 +273,9 @@ class Bench:
             self.base if explanation.named else fit
         )  # free runs without a gap are released from where all of the data say
         known = begin.values(self.rig) == self.base.values(self.rig)
-        nominal = self.nominal() if known else self.referees.simulate(begin.values(self.rig), self.engines[1:])
+        nominal = self.nominal() if known else self.engine_runs.simulate(begin.values(self.rig), self.engines[1:])
         before = {self.simulator: self.simulated(begin)} | nominal
-        others = nominal if begin is fit else self.referees.simulate(hypothesis, self.engines[1:])
+        others = nominal if begin is fit else self.engine_runs.simulate(hypothesis, self.engines[1:])
         after = {self.simulator: self.simulated(fit)} | others
         said = after[self.simulator].readings
         if explanation.verdict in ("explained", "ambiguous") and (
@@ -300,7 +302,7 @@ class Bench:
         """Every run by the chosen engine under a fit's hypothesis; the last one asked for is remembered."""
         hypothesis = fit.values(self.rig)
         if self.remembered is None or self.remembered[0] != hypothesis:
-            self.remembered = hypothesis, self.referees.simulate(hypothesis, (self.simulator,))[self.simulator]
+            self.remembered = hypothesis, self.engine_runs.simulate(hypothesis, (self.simulator,))[self.simulator]
         return self.remembered[1]
 
     def analytic(self, fit: Fit) -> list[dict[str, np.ndarray]]:
@@ -329,11 +331,11 @@ class Bench:
         return self.model.motor(run, self.mechanism).at(run.time).theta
 
 
-def _refuse_slips(bench: Bench) -> None:
+def _refuse_slips(problem: Problem) -> None:
     """Refuse columns that are plainly another sensor's, or in another unit than they say."""
     from compare.diagnose.data.quality import suspicious_swaps, suspicious_units
 
-    for run, predicted in zip(bench.measured.runs, bench.analytic(bench.base), strict=True):
+    for run, predicted in zip(problem.measured.runs, problem.analytic(problem.base), strict=True):
         slips = [*suspicious_swaps(run, predicted), *suspicious_units(run, predicted)]
         if slips:
             raise MeasuredError(f"{run.file}: {slips[0].text}")

@@ -18,7 +18,7 @@ def rms(residual: np.ndarray) -> float:
     return math.sqrt(float(np.mean(residual**2))) if residual.size else 0.0
 
 
-def worth(data: Data, residual: np.ndarray) -> np.ndarray:
+def sample_weights(data: Data, residual: np.ndarray) -> np.ndarray:
     """What each sample's squared residual counts, (size,): one in white noise of the stated size, less in what
     is not.
     """
