@@ -14,8 +14,8 @@ import numpy as np
 import shared
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
+from analytic.mechanism.signals import named as named_signals
 from compare.diagnose.data.recording import Channel, Measured, Run
-from compare.diagnose.data.units import SI, dimension
 from compare.diagnose.workflow import diagnose
 from compare.evidence.scoreboard.hidden import Hidden
 from compare.evidence.scoreboard.record import recorded, with_noise
@@ -95,7 +95,7 @@ def released(
     """
     from analytic.kinematics.assembly import Assembly
 
-    runs, rng = [], np.random.default_rng(1)
+    runs, rng, known = [], np.random.default_rng(1), named_signals(real.bodies, real.joints)
     for k, (angle, rate) in enumerate(start):
         assembly = Assembly(real)
         s, u = assembly.structure, assembly.coordinates(np.array([angle]))
@@ -106,7 +106,7 @@ def released(
         )
         signals = engine(source).simulate(Request(free, time=time, start_speed=rate)).signals
         channels = {
-            s: Channel(s, signals[s] + sigma * rng.standard_normal(time.size), sigma, True, SI[dimension(s)])
+            s: Channel(known[s], signals[s] + sigma * rng.standard_normal(time.size), sigma, True, known[s].unit)
             for s, sigma in noise.items()
         }
         runs.append(

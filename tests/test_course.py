@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from analytic.mechanism.file import dumps
+from analytic.mechanism.signals import Signal
 from compare.diagnose import prepare
 from compare.diagnose.data import quality
 from compare.diagnose.data.measured import load_measured
@@ -42,7 +43,7 @@ def read(angle: np.ndarray, counts: int | None, noise: float, seed: int = 0) -> 
 
 
 def run_of(time: np.ndarray, values: np.ndarray) -> Run:
-    channel = Channel("crank_angle", values, quality.noise(time, values), False, "rad")
+    channel = Channel(Signal("pose", "crank", "angle"), values, quality.noise(time, values), False, "rad")
     return Run("a", time, {"crank_angle": channel}, "measured", None, None, {}, None, False, "a.csv")
 
 

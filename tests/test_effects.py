@@ -1,4 +1,4 @@
-"""An effect is one thing in one place: words, parameters, coordinates, engines and a random size are its class's own."""
+"""An effect is one thing in one place: words, parameters, coordinates, engines and a random size are its class's."""
 
 from __future__ import annotations
 

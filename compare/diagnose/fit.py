@@ -9,10 +9,11 @@ from functools import cached_property
 
 import numpy as np
 
+from analytic.mechanism.signals import wrapped
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.least_squares import STEPS, Descent
-from compare.diagnose.predict import Model, StartOfRun, Term, wrapped
+from compare.diagnose.predict import Model, StartOfRun, Term
 
 STEP_OF_SCALE = 1.0  # difference step, in the effects' own scales
 FOLDS = 6
@@ -55,7 +56,8 @@ class Data:
                 sigma.append(np.full(used.size, noise[run.name, signal]))
                 fold.append(segment[used])
         self.values, self.sigma, self.fold = (np.concatenate(x) for x in (values, sigma, fold))
-        self.turning = np.concatenate([np.full(p.used.size, p.signal.endswith("_angle")) for p in self.parts])
+        wraps = {name: signal.wraps for name, signal in measured.signals.items()}
+        self.turning = np.concatenate([np.full(p.used.size, wraps[p.signal]) for p in self.parts])
         self.size = at
         self.shared = np.zeros((at, 0)) if shared is None else shared
         basis, spread, _ = np.linalg.svd(self.shared, full_matrices=False)
@@ -153,6 +155,15 @@ def rank_of(jacobian: np.ndarray) -> int:
     norm = np.linalg.norm(jacobian, axis=0)
     seen = jacobian[:, norm > 0] / norm[norm > 0]
     return int(np.sum(np.linalg.eigvalsh(seen.T @ seen) > 1e-9)) if seen.size else 0
+
+
+def without_columns(vector: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """A vector (size,) without what columns (size, k) can take away from it."""
+    norm = np.linalg.norm(columns, axis=0)
+    seen = columns[:, norm > 0] / norm[norm > 0]
+    if not seen.shape[1]:
+        return vector
+    return vector - seen @ np.linalg.solve(seen.T @ seen + 1e-10 * np.eye(seen.shape[1]), seen.T @ vector)
 
 
 def hypothesis(rig: Rig, terms: Iterable[Term], x: Iterable[np.ndarray]) -> list[tuple[Term, dict[str, float]]]:

@@ -1,6 +1,4 @@
-"""What a sample is worth: one in white noise of the stated size, less where a residual is larger than that and
-coloured.
-"""
+"""How noisy a residual is, and how much its samples count: less where they are noisier than stated, or correlated."""
 
 from __future__ import annotations
 

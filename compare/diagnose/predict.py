@@ -6,7 +6,6 @@ is checked on every run of every diagnosis (:mod:`compare.diagnose.simulate`).
 
 from __future__ import annotations
 
-import math
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -252,8 +251,3 @@ def _aged(moved: Reactions, wanted: Iterable[str], time: np.ndarray, delay: floa
 
     at = np.clip(time - delay, time[0], time[-1])
     return {name: CubicSpline(time, values)(at) for name, values in signals.items()}
-
-
-def wrapped(angle: np.ndarray) -> np.ndarray:
-    """Angles (rad) in (-pi, pi]."""
-    return np.remainder(angle + math.pi, 2 * math.pi) - math.pi

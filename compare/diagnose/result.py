@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from compare.diagnose.data.recording import Run as Recording
-from compare.diagnose.data.units import unit_of
 from compare.diagnose.experiment_design import would_separate
 from compare.diagnose.explain import Explanation, Named, left_of
 from compare.diagnose.fit import FOLDS, SEGMENTS, Fit
@@ -38,7 +37,7 @@ from sim_models.engine import installed_version
 
 if TYPE_CHECKING:
     from compare.diagnose.locate import Stretch
-    from compare.diagnose.problem import Confirmed, Problem
+    from compare.diagnose.problem import Problem, Verified
     from compare.diagnose.sensitivities import Screen
     from compare.diagnose.simulate import Simulated
 
@@ -46,7 +45,7 @@ INSEPARABLE = 0.999  # cosine between two sensitivities
 LISTED = 40  # pairs
 
 
-def as_document(problem: Problem, found: Confirmed) -> Diagnosis:
+def as_document(problem: Problem, found: Verified) -> Diagnosis:
     """Everything found; the command that asked for it is not known here."""
     e = found.explanation
     before, after = _gap(problem, found.before[problem.simulator]), _gap(problem, found.after[problem.simulator])
@@ -92,7 +91,7 @@ def _located(stretch: Stretch) -> Located:
         crank_angle_from=stretch.begin,
         crank_angle_to=stretch.end,
         size=stretch.size,
-        unit=unit_of(stretch.signal),
+        unit=stretch.unit,
         sigmas=stretch.sigmas,
     )
 
@@ -126,7 +125,7 @@ def _effect(problem: Problem, fit: Fit, n: Named, noise: dict[tuple[str, str], f
     )
 
 
-def _candidates(problem: Problem, found: Confirmed) -> tuple[Candidate, ...]:
+def _candidates(problem: Problem, found: Verified) -> tuple[Candidate, ...]:
     """Every effect that was considered, what the data thought of it, and why it was not named."""
     search, e = problem.search, found.explanation
     assert search is not None
@@ -219,7 +218,7 @@ def _inseparable(problem: Problem) -> tuple[tuple[str, str, float], ...]:
     )
 
 
-def _engines(problem: Problem, found: Confirmed) -> tuple[Engine, ...]:
+def _engines(problem: Problem, found: Verified) -> tuple[Engine, ...]:
     asked = tuple(
         Engine(
             name=name,
@@ -255,7 +254,7 @@ def _settings(problem: Problem, said: Simulated) -> dict[str, Mapping[str, Setti
     return {run.name: cast(Mapping[str, Setting], found) for run, found in runs}
 
 
-def _run(problem: Problem, found: Confirmed, r: int, run: Recording) -> Run:
+def _run(problem: Problem, found: Verified, r: int, run: Recording) -> Run:
     before, after = found.before[problem.simulator].readings, found.after[problem.simulator].readings
     segment = np.minimum(np.arange(run.time.size) * SEGMENTS // run.time.size, SEGMENTS - 1)
     residual = {
@@ -268,7 +267,7 @@ def _run(problem: Problem, found: Confirmed, r: int, run: Recording) -> Run:
             continue
         channel = run.channels[part.signal]
         signals[part.signal] = Channel(
-            unit=unit_of(part.signal),
+            unit=channel.signal.unit,
             noise=float(problem.data.sigma[part.place][0]) if part.used.size else channel.noise,
             noise_given=channel.noise_given,
             measured=channel.values,
@@ -287,7 +286,7 @@ def _run(problem: Problem, found: Confirmed, r: int, run: Recording) -> Run:
     )
 
 
-def _versions(found: Confirmed) -> dict[str, str]:
+def _versions(found: Verified) -> dict[str, str]:
     packages = {name: installed_version(name) or "not installed" for name in ("linkage-crosscheck", "numpy", "scipy")}
     return {
         "python": platform.python_version(),
@@ -296,7 +295,7 @@ def _versions(found: Confirmed) -> dict[str, str]:
     }
 
 
-def _steps(problem: Problem, found: Confirmed, result: Diagnosis) -> tuple[Step, ...]:
+def _steps(problem: Problem, found: Verified, result: Diagnosis) -> tuple[Step, ...]:
     """The story, step by step."""
     e = found.explanation
     samples = sum(p.used.size for p in problem.data.parts)
@@ -323,7 +322,7 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _isolated(problem: Problem, found: Confirmed, result: Diagnosis) -> tuple[str, ...]:
+def _isolated(problem: Problem, found: Verified, result: Diagnosis) -> tuple[str, ...]:
     visible = sum(c.status not in ("invisible", "excluded") for c in result.candidates)
     considered = (
         f"{len(result.candidates)} effects at their places were considered, {visible} of them would show in"

@@ -1,7 +1,7 @@
-"""Which effects could make this residual: the signature of every candidate, and what the data can tell apart.
+"""Which effects could make this residual: the sensitivity of the data to every candidate, and the best sets of them.
 
-A signature is how the readings of all runs answer to a little of an effect, in units of their noise.  With all
-sensitivities side by side every set of effects is a small linear problem, so the best sets of each size are found before
+A sensitivity is how the readings of all runs answer to a little of an effect, in units of their noise.  With all of
+them side by side, every set of effects is a small linear problem, so the best sets of each size are found before
 anything is fitted.
 """
 
@@ -18,7 +18,7 @@ from compare.diagnose.least_squares import RELUCTANCE
 from compare.diagnose.predict import Term
 
 BEAM = 24  # sets of each size that are carried on
-VISIBLE = 1e-6  # sigmas by which a signature must show, at all, for the effect to be visible
+VISIBLE = 1e-6  # sigmas: an effect whose sensitivity is smaller in every sample is invisible
 
 
 @dataclass(frozen=True)
@@ -101,13 +101,13 @@ class Screen:
             i: (self.chi2 - float((left + o) @ (left + o)), stacked.T @ o, o) for i, o in enumerate(offsets) if o.any()
         }
 
-    def unit(self, signature: Sensitivity) -> np.ndarray:
+    def unit(self, sensitivity: Sensitivity) -> np.ndarray:
         """What one of each column amounts to in the effect's own scales."""
-        t = signature.term
+        t = sensitivity.term
         return (
             np.asarray(t.effect.scales(self.rig, t.where, t.variant), float)
-            if signature.fitted
-            else np.ones(signature.columns.shape[1])
+            if sensitivity.fitted
+            else np.ones(sensitivity.columns.shape[1])
         )
 
     def gain(self, chosen: Sequence[int]) -> tuple[float, np.ndarray]:

@@ -14,11 +14,13 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.signals import Signal, named
 from sim_models.engine import Engine
 
 Place = Literal["linkage", "body", "ground point", "joint", "drive", "signal", "run"]
@@ -62,6 +64,11 @@ class Rig:
     def encoder(self) -> str:
         """The motor's encoder."""
         return f"{self.mechanism.driven}_angle"
+
+    @cached_property
+    def known(self) -> Mapping[str, Signal]:
+        """Every signal that the linkage can have, by name."""
+        return named(self.mechanism.bodies, self.mechanism.joints)
 
     @property
     def torque(self) -> float:

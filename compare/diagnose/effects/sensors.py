@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from compare.diagnose.data.units import unit_of
+from analytic.mechanism.signals import AXES, Signal
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Readings, Rig, Values
 
 
@@ -86,7 +86,7 @@ class SensorBias(OnSensor):
     parameters = (Parameter("bias", "", "bias"),)
 
     def unit(self, rig: Rig, where: str, parameter: str) -> str:
-        return unit_of(where)
+        return rig.known[where].unit
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (rig.noise[where],)
@@ -152,9 +152,7 @@ class SensorFrame(Effect):
     sensor = True
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return [
-            j.name for j in rig.mechanism.joints if {f"reaction_{j.name}_x", f"reaction_{j.name}_y"} <= set(rig.signals)
-        ]
+        return [j.name for j in rig.mechanism.joints if set(_cell(j.name)) <= set(rig.signals)]
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-4,)
@@ -175,7 +173,7 @@ class SensorFrame(Effect):
         return super().natural(rig, where, values, variant) - variant
 
     def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
-        x, y = f"reaction_{where}_x", f"reaction_{where}_y"
+        x, y = _cell(where)
         if x not in readings or y not in readings:
             return readings
         force = (readings[x] + 1j * readings[y]) * np.exp(-1j * values["rotation"])
@@ -209,6 +207,12 @@ class ClockOffset(Effect):
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         return Growth(lambda a: {"offset": a * draw.sign}, 0.1 / draw.speeds[where])
+
+
+def _cell(joint: str) -> tuple[str, str]:
+    """Names of the two signals of a joint's load cell."""
+    x, y = (Signal.of("reaction", joint, axis).name for axis in AXES)
+    return x, y
 
 
 EFFECTS: tuple[Effect, ...] = (

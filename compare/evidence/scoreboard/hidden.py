@@ -1,5 +1,6 @@
-"""Hidden sets: a experiment, what is wrong with it, the engine that plays the rig and the one that diagnoses.  One seed is
-one set.
+"""Hidden sets: an experiment, what is wrong with it, the engine that makes its data and the one that diagnoses them.
+
+One seed is one set.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analytic.mechanism import GROUND, Load, Mechanism
+from analytic.mechanism.signals import wrapped
 from compare.evidence.scoreboard.rigs import Experiment, Plan, ideal
 
 KINDS = ("cracked tooth", "stick-slip", "nonlinear spring", "periodic torque", "bent link")
@@ -44,7 +45,7 @@ class Outside:
         return {s: still[s] + torque * (pushed[s] - still[s]) for s in still}
 
     def _bump(self, angle: np.ndarray) -> np.ndarray:
-        beside = np.remainder(angle - self.shape["angle"] + math.pi, 2 * math.pi) - math.pi
+        beside = wrapped(angle - self.shape["angle"])
         return np.asarray(self.size * np.exp(-0.5 * (beside / self.shape["width"]) ** 2))
 
     def _bent(self, m: Mechanism) -> Mechanism:

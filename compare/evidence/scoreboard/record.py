@@ -19,7 +19,7 @@ import numpy as np
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps
-from compare.diagnose.data.units import SI, dimension, factor
+from compare.diagnose.data.units import dimension, factor
 from compare.diagnose.effects.effect import Effect, Values
 from compare.diagnose.effects.sensors import EncoderOffset, SensorBias, SensorFrame, SensorGain
 from compare.diagnose.effects.vocabulary import VOCABULARY
@@ -166,8 +166,9 @@ def write_data(hidden: Hidden, noisy: list[Readings], folder: Path) -> None:
 
     experiment, entries = hidden.experiment, []
     for plan, readings in zip(experiment.plans, noisy, strict=True):
-        units = {s: experiment.units.get(s, SI[dimension(s)]) for s in readings}
-        columns = [plan.time, *(readings[s] / factor(units[s], dimension(s)) for s in readings)]
+        known = experiment.signals
+        units = {s: experiment.units.get(s, known[s].unit) for s in readings}
+        columns = [plan.time, *(v / factor(units[s], dimension(known[s])) for s, v in readings.items())]
         header = ",".join(["time [s]", *(f"{s} [{units[s]}]" for s in readings)])
         rows = (",".join(f"{v:.12g}" for v in row) for row in np.column_stack(columns).tolist())
         write_atomically(folder / f"{plan.name}.csv", "\n".join([header, *rows]) + "\n")

@@ -1,9 +1,10 @@
 """Open the seal: what a diagnosis said, held against the truth.
 
 ``exact``        the same effects at the same places, no more and no less
-``tie``          every true effect is named or in an ``ambiguous_with``; what else is named has a true one in its own.  A true effect
-                 that these data do not tell from a simpler special case of it (a payload from a moment of inertia) counts as
-                 named if that one is: a richer effect is only named where its further parameters earn their place
+``tie``          every true effect is named or in an ``ambiguous_with``; what else is named has a true one in its own.
+                 A true effect that these data do not tell from a simpler special case of it (a payload from a moment of
+                 inertia) counts as named if that one is: a richer effect is only named where its further parameters
+                 earn their place
 ``incomplete``   what is named is true or ties with it, but a true effect is left out
 ``missed``       no gap was seen, though there was something
 ``wrong``        something is named that is neither true nor tied with it
@@ -21,6 +22,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from analytic.mechanism.signals import wrapped
 from compare.diagnose.effects.bodies import LinkLength
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.results.diagnosis import Diagnosis
@@ -81,7 +83,6 @@ def _of(truth: Mapping[str, Any], outcome: Outcome, verdict: str) -> Scored:
 def judged(truth: Mapping[str, Any], diagnosis: Diagnosis, found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
     """The outcome."""
     kind, verdict = truth["kind"], diagnosis.verdict
-    distinct = {(e["name"], e["where"]): e["distinct"] for e in truth["effects"]}
     if kind == "none":
         return "false alarm" if found else "clear"
     if not found:
@@ -90,8 +91,12 @@ def judged(truth: Mapping[str, Any], diagnosis: Diagnosis, found: Mapping[Key, s
         return "partly" if verdict == "partly explained" else "wrong"
     if kind == "alias":
         return _alias(truth, diagnosis, found, true)
-    if set(found) == true:
-        return "exact"
+    return "exact" if set(found) == true else _nearly(truth, found, true)
+
+
+def _nearly(truth: Mapping[str, Any], found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
+    """The outcome where other effects are named than the true ones, or fewer."""
+    distinct = {(e["name"], e["where"]): e["distinct"] for e in truth["effects"]}
     said = set(found) | set().union(*found.values())
     simpler = {
         key: {other for other in said if is_special_case(other, key)} for key in true if distinct[key] < DISTINCT
@@ -144,7 +149,7 @@ def parameters(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> tuple[Value, .
             low = -math.inf if answer.low is None else answer.low
             high = math.inf if answer.high is None else answer.high
             if plain in circular:
-                value = answer.value + math.remainder(value - answer.value, 2 * math.pi)
+                value = answer.value + float(wrapped(value - answer.value))
             rows.append(
                 Value(
                     parameter=f"{effect['name']}.{name}",
