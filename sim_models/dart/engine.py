@@ -16,7 +16,7 @@ class DartEngine(Engine):
 
     name = "dart"
     package = "dartpy"
-    effects = frozenset({"drive_compliance"})
+    effects = IN_JOINTS | {"drive_compliance"}
     supports: frozenset[tuple[JointModel, Motion]] = frozenset(
         (model, motion) for model in MODELS for motion in MOTIONS
     )
