@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Data, Fit, Fitter, Space, joined
-from compare.diagnose.least_squares import ENOUGH, STEPS, Descent
+from compare.diagnose.least_squares import SETTLED, STEPS, Descent
 from compare.diagnose.predict import Term
 from compare.diagnose.search import Search, costs
 from compare.diagnose.sensitivities import candidates, sensitivities
@@ -62,7 +62,7 @@ class ByScipy(Counted):
             bounds=(space.low, space.high),
             method="dogbox",  # keeps to a bound, where the other method that knows bounds crawls towards it
             x_scale=space.scale,
-            ftol=ENOUGH / float(begin @ begin),
+            ftol=SETTLED / float(begin @ begin),
             gtol=None,
             max_nfev=STEPS,
         )

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 STEPS = 30  # at most
-ENOUGH = 0.01  # decrease of the sum of squares below which a fit has settled
+SETTLED = 0.01  # decrease of the sum of squares below which a fit has settled
 RELUCTANCE = 1e-3  # sum of squares that a coordinate pays for a step of its own scale: nothing for what the data see
 AS_FORETOLD = 0.9  # of the expected decrease: a Jacobian that foretold this much is used again
 FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e6
@@ -74,7 +74,7 @@ class Descent:
         step = bounded_step(self.slopes, self.residual, low, high, self.damping, self.scale)
         trial = self.point + step
         expected = self._squares - float(np.sum((self.residual + self.slopes @ (trial - self.point)) ** 2))
-        if expected < ENOUGH:
+        if expected < SETTLED:
             return self._renewed()
         new = self.function(trial)
         gained = -np.inf if new is None else self._squares - float(new @ new)

@@ -28,7 +28,7 @@ JUDGED = 12  # samples, at least, among which a spike is told
 CLIMBS = 4  # stairs, at least, by which their height is known
 GAP = 5.0  # median intervals
 TELLING = 5.0  # how much better another column's prediction must fit, and by how many sigmas the own one must fail
-ENOUGH = 50_000  # samples that noise is estimated from
+ESTIMATED_FROM = 50_000  # samples that noise is estimated from
 # Slopes of a channel on its prediction that are conversions, and what the reader may have done.
 CONVERSIONS: dict[str, dict[str, float]] = {
     "angle": {
@@ -283,8 +283,8 @@ def _scale(d: np.ndarray) -> float:
 
 
 def _stretches(n: int) -> np.ndarray:
-    """Indices of all of n samples, or of ENOUGH of them in a hundred stretches."""
-    if n <= ENOUGH:
+    """Indices of all of n samples, or of ESTIMATED_FROM of them in a hundred stretches."""
+    if n <= ESTIMATED_FROM:
         return np.arange(n)
-    length = ENOUGH // 100
+    length = ESTIMATED_FROM // 100
     return (np.linspace(0, n - length, 100).astype(int)[:, None] + np.arange(length)).ravel()
