@@ -25,6 +25,8 @@ def simulators() -> Simulators:
 
 
 def _engine(name: str) -> Engine:
+    from compare.diagnose.effects.vocabulary import VOCABULARY
+
     try:
         chosen = declared(name)
     except SimulatorMissing as why:
@@ -42,23 +44,23 @@ def _engine(name: str) -> Engine:
         version=version,
         fault=fault,
         supports=tuple(supports),
-        effects=tuple(sorted(chosen.effects)),
+        effects=tuple(effect.name for effect in VOCABULARY.values() if effect.simulated_by(chosen)),
     )
 
 
 def effects() -> Effects:
-    """The vocabulary of effects: parameters, units, and which engines simulate each."""
-    from compare.diagnose.confirm import represents
+    """The vocabulary of effects: places, parameters, units, and which engines simulate each."""
     from compare.diagnose.effects.vocabulary import VOCABULARY
-    from compare.results.sentences import says
 
+    able = {engine.name: engine.effects for engine in simulators().simulators}
     return Effects(
         effects=tuple(
             Effect(
                 name=effect.name,
-                says=says(effect.name, "<where>"),
+                where=effect.place,
+                says=effect.says("<where>"),
                 parameters=tuple(Parameter(name=p.name, unit=p.unit or "of the signal") for p in effect.parameters),
-                simulators=tuple(name for name in engine_names() if represents(declared(name), effect)),
+                simulators=tuple(name for name, found in able.items() if effect.name in found),
             )
             for effect in VOCABULARY.values()
         )

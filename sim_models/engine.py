@@ -27,14 +27,8 @@ Motion = Literal["driven", "static"]
 Start = Literal["steady", "centred"]
 Pair = tuple[JointModel, Motion]
 JOINT_MODELS: tuple[JointModel, ...] = get_args(JointModel)
-# What the effects of the project's vocabulary need of an engine.  These are fields of the mechanism that every engine
-# must honour; the others an engine declares for itself.
-COMMON_EFFECTS: frozenset[str] = frozenset(
-    {
-        "gravity", "payload", "com_offset", "moment_of_inertia", "link_length", "pivot_position", "joint_clearance",
-        "coulomb_friction", "viscous_friction", "joint_spring", "external_force", "load_torque",
-    }
-)  # fmt: skip
+# What joints can do beside turning and sliding; an engine declares which of it is represented.
+IN_JOINTS: frozenset[str] = frozenset({"coulomb_friction", "viscous_friction", "joint_spring"})
 ENGINES: tuple[str, ...] = ("mujoco", "exudyn", "pybullet", "dart")  # built in
 GROUP = "linkage_crosscheck.engines"  # of the entry points by which other packages offer theirs
 
@@ -143,9 +137,9 @@ class Engine(Protocol):
     """What every engine offers.  One that derives from this class need not write what it does not do.
 
     ``supports`` lists the (joint model, motion) pairs that :meth:`simulate` accepts; ``effects`` names what the engine
-    can represent beside ideal links and joints: COMMON_EFFECTS, and for instance ``drive_compliance`` or
-    ``link_flexibility``.  ``beams`` lists the pairs that :meth:`simulate_flexible` accepts, ``exports`` says whether
-    its models can be exported.
+    can represent beside rigid bodies, gravity and loads: IN_JOINTS, a drive that yields (``drive_compliance``), links
+    that bend (``link_flexibility``).  ``beams`` lists the pairs that :meth:`simulate_flexible` accepts, ``exports`` says
+    whether its models can be exported.
     """
 
     name: str

@@ -25,7 +25,7 @@ import tomli_w
 
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import dumps, load
-from compare.diagnose.data.units import SI, dimension
+from analytic.mechanism.signals import named as signals_by_name
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from sim_models.engine import JointModel, Request, engine
 
@@ -94,11 +94,12 @@ def record(
 ) -> Path:
     """Play the rig with Exudyn, contact in joints with clearance, and write measured.toml with its files."""
     rng, entries = np.random.default_rng(1), []
+    known = signals_by_name(nominal.bodies, nominal.joints)
     folder.mkdir(parents=True, exist_ok=True)
     for run in runs:
         seen = played(nominal, run, truth)
         columns = [run.time, *(seen[s] + sigma * rng.standard_normal(run.time.size) for s, sigma in noise.items())]
-        header = ",".join(["time [s]", *(f"{s} [{SI[dimension(s)]}]" for s in noise)])
+        header = ",".join(["time [s]", *(f"{s} [{known[s].unit}]" for s in noise)])
         np.savetxt(
             folder / f"{run.name}.csv", np.column_stack(columns), fmt="%.12g", delimiter=",", header=header, comments=""
         )

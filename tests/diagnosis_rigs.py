@@ -14,12 +14,12 @@ import numpy as np
 import shared
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
+from analytic.mechanism.signals import named as named_signals
 from compare.diagnose.data.recording import Channel, Measured, Run
-from compare.diagnose.data.units import SI, dimension
 from compare.diagnose.workflow import diagnose
 from compare.evidence.scoreboard.hidden import Hidden
 from compare.evidence.scoreboard.record import recorded, with_noise
-from compare.evidence.scoreboard.rigs import Bench, Plan
+from compare.evidence.scoreboard.rigs import Experiment, Plan
 from compare.evidence.scoreboard.sizes import Planted
 from compare.results.diagnosis import Diagnosis
 from sim_models.engine import Request, engine
@@ -52,10 +52,12 @@ def turn(
     return Plan(name, speed, START, np.linspace(0.0, 2 * math.pi / abs(speed), samples), loads, follows)
 
 
-def bench(*plans: Plan, mechanism: Mechanism | None = None, sensors: Mapping[str, float] | None = None) -> Bench:
+def experiment(
+    *plans: Plan, mechanism: Mechanism | None = None, sensors: Mapping[str, float] | None = None
+) -> Experiment:
     """A rig; left out: the four-bar, slowly forward and three times as fast in reverse."""
     runs = plans or (turn("slow", 4.0), turn("fast-reverse", -12.0))
-    return Bench("crank-rocker", mechanism or four_bar(), runs, dict(sensors or SENSORS), True, {})
+    return Experiment("crank-rocker", mechanism or four_bar(), runs, dict(sensors or SENSORS), True, {})
 
 
 def wrong(name: str, where: str, **values: float) -> Planted:
@@ -63,12 +65,12 @@ def wrong(name: str, where: str, **values: float) -> Planted:
     return Planted(name, where, values)
 
 
-def played(rig: Bench, *effects: Planted, source: str = "exudyn", seed: int = 1) -> Measured:
+def played(rig: Experiment, *effects: Planted, source: str = "exudyn", seed: int = 1) -> Measured:
     """What the rig's sensors read, simulated by ``source``, with noise."""
     return rig.measured(readings(rig, *effects, source=source, seed=seed))
 
 
-def readings(rig: Bench, *effects: Planted, source: str = "exudyn", seed: int = 1) -> list[dict[str, np.ndarray]]:
+def readings(rig: Experiment, *effects: Planted, source: str = "exudyn", seed: int = 1) -> list[dict[str, np.ndarray]]:
     """The same as arrays (N,), SI, by signal, for each run."""
     hidden = Hidden(seed, "effects", rig, source, "mujoco", effects)
 
@@ -93,7 +95,7 @@ def released(
     """
     from analytic.kinematics.assembly import Assembly
 
-    runs, rng = [], np.random.default_rng(1)
+    runs, rng, known = [], np.random.default_rng(1), named_signals(real.bodies, real.joints)
     for k, (angle, rate) in enumerate(start):
         assembly = Assembly(real)
         s, u = assembly.structure, assembly.coordinates(np.array([angle]))
@@ -104,7 +106,7 @@ def released(
         )
         signals = engine(source).simulate(Request(free, time=time, start_speed=rate)).signals
         channels = {
-            s: Channel(s, signals[s] + sigma * rng.standard_normal(time.size), sigma, True, SI[dimension(s)])
+            s: Channel(known[s], signals[s] + sigma * rng.standard_normal(time.size), sigma, True, known[s].unit)
             for s, sigma in noise.items()
         }
         runs.append(

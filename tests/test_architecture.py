@@ -60,7 +60,13 @@ TAKEN_APART = re.compile(
     r"""\.(startswith|endswith|removeprefix|removesuffix)\(\(?["'](reaction_|clearance_|drive_|_)"""
 )
 WRAPPING = ROOT / "analytic" / "mechanism" / "signals.py"
-BY_SIGNAL = ("analytic", "compare/judge", "compare/domain_map")  # rooms that know signals as values
+BY_SIGNAL = (
+    "analytic",
+    "compare/judge",
+    "compare/domain_map",
+    "compare/diagnose",
+    "compare/evidence/scoreboard",
+)  # rooms that know signals as values
 
 
 def lines_with(pattern: re.Pattern[str], folder: str) -> list[str]:

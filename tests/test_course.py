@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from analytic.mechanism.file import dumps
+from analytic.mechanism.signals import Signal
 from compare.diagnose import prepare
 from compare.diagnose.data import quality
 from compare.diagnose.data.measured import load_measured
@@ -18,7 +19,7 @@ from compare.diagnose.data.recording import Channel, Run
 from compare.diagnose.data.smooth import Smoother
 from compare.diagnose.data.thin import missed, picked
 from compare.evidence.scoreboard.rigs import Plan
-from diagnosis_rigs import bench, diagnosed, readings, wrong
+from diagnosis_rigs import diagnosed, experiment, readings, wrong
 from measured_files import MeasuredRun, write_measured
 
 COUNTS = (None, 200, 2000)  # per revolution
@@ -42,7 +43,7 @@ def read(angle: np.ndarray, counts: int | None, noise: float, seed: int = 0) -> 
 
 
 def run_of(time: np.ndarray, values: np.ndarray) -> Run:
-    channel = Channel("crank_angle", values, quality.noise(time, values), False, "rad")
+    channel = Channel(Signal("pose", "crank", "angle"), values, quality.noise(time, values), False, "rad")
     return Run("a", time, {"crank_angle": channel}, "measured", None, None, {}, None, False, "a.csv")
 
 
@@ -159,7 +160,7 @@ def coarse(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Thirteen uneven turns of the crank-rocker at 50 Hz, 12 deg a sample, an encoder of 1000 counts."""
     speed = math.radians(12) * 50
     sensors = dict.fromkeys(("crank_angle", "follower_angle", "coupler_angle"), 1e-3)
-    rig = bench(Plan("coarse", speed, 0.4, np.arange(400) / 50, None, True), sensors=sensors)
+    rig = experiment(Plan("coarse", speed, 0.4, np.arange(400) / 50, None, True), sensors=sensors)
     (seen,) = readings(rig, wrong("speed_ripple", "drive", amplitude=0.15, harmonic=1.0, phase=0.3))
     step = 360 / 1000
     columns = {f"{s} [deg]": np.degrees(v) for s, v in seen.items()}

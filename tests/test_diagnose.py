@@ -23,19 +23,19 @@ from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.measured_file import read_file
 from compare.diagnose.data.recording import Measured, MeasuredError
 from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
+from compare.diagnose.experiment_design import as_toml
 from compare.diagnose.fit import Data
 from compare.diagnose.locate import locate
 from compare.diagnose.prepare import thinned
-from compare.diagnose.separate import as_toml
 from compare.diagnose.workflow import diagnose
 from compare.evidence.scoreboard.record import write_data
-from compare.evidence.scoreboard.rigs import Bench, Plan
+from compare.evidence.scoreboard.rigs import Experiment, Plan
 from compare.evidence.scoreboard.sizes import Planted
 from diagnosis_rigs import (
     SENSORS,
     assert_recovered,
-    bench,
     diagnosed,
+    experiment,
     four_bar,
     named,
     played,
@@ -66,7 +66,7 @@ def one(result: dict[str, Any]) -> dict[str, Any]:
     [(1, "exudyn"), *slow((2, "dart"), (3, "pybullet"), (4, "exudyn"), (5, "dart"))],
 )
 def test_no_gap_names_nothing(seed: int, source: str) -> None:
-    result = diagnosed(played(bench(), source=source, seed=seed))
+    result = diagnosed(played(experiment(), source=source, seed=seed))
     assert (result["verdict"], result["effects"]) == ("no gap", [])
     assert 0.9 < result["gap"]["before"] < 1.1
     assert result["gap"]["after"] == result["gap"]["before"]
@@ -96,7 +96,7 @@ def test_no_gap_in_a_free_run_of_a_closed_linkage() -> None:
 
 def two_effects() -> dict[str, Any]:
     """The diagnosis of two effects at once, which several tests look at."""
-    return shared.document("two effects", lambda: diagnosed(played(bench(), VISCOUS, LONGER)))
+    return shared.document("two effects", lambda: diagnosed(played(experiment(), VISCOUS, LONGER)))
 
 
 def test_two_effects_at_once() -> None:
@@ -105,7 +105,7 @@ def test_two_effects_at_once() -> None:
 
 def test_three_effects_at_once() -> None:
     truth = (VISCOUS, LONGER, BIASED)
-    assert_recovered(diagnosed(played(bench(), *truth)), *truth)
+    assert_recovered(diagnosed(played(experiment(), *truth)), *truth)
 
 
 @pytest.mark.slow
@@ -114,12 +114,12 @@ def test_a_spring_and_an_encoder_offset_at_once() -> None:
         wrong("joint_spring", "E", stiffness=0.05, rest_angle=1.2),
         wrong("encoder_offset", "crank_angle", offset=1e-3),
     )
-    assert_recovered(diagnosed(played(bench(), *truth, source="dart")), *truth)
+    assert_recovered(diagnosed(played(experiment(), *truth, source="dart")), *truth)
 
 
 def test_what_is_outside_the_vocabulary_is_not_explained() -> None:
     """A follower sensor that slips by a step for a third of every revolution is no effect that there is a name for."""
-    rig = bench()
+    rig = experiment()
     seen = readings(rig)
     for plan, run in zip(rig.plans, seen, strict=True):
         sector = np.abs(np.remainder(plan.command(plan.time), 2 * math.pi) - 2.0) < 1.0
@@ -132,7 +132,7 @@ def test_what_is_outside_the_vocabulary_is_not_explained() -> None:
 
 def test_a_place_where_it_is_off_is_found() -> None:
     """Between 1 and 3 rad, by 2 mrad: what "located" says before anything is named."""
-    rig = bench()
+    rig = experiment()
     seen = readings(rig)
     for plan, run in zip(rig.plans, seen, strict=True):
         angle = np.remainder(plan.command(plan.time), 2 * math.pi)
@@ -147,7 +147,7 @@ def test_a_place_where_it_is_off_is_found() -> None:
 
 
 def test_what_the_engines_differ_by_is_not_listed_as_a_deviation() -> None:
-    rig = bench(turn("slow", 4.0))
+    rig = experiment(turn("slow", 4.0))
     data = Data(
         rig.measured(readings(rig)), {("slow", signal): noise for signal, noise in SENSORS.items()}, "crank_angle"
     )
@@ -160,7 +160,7 @@ def test_what_the_engines_differ_by_is_not_listed_as_a_deviation() -> None:
 
 
 def test_data_that_are_thinned_for_the_search_are_said_to_be() -> None:
-    rig = bench(turn("slow", 4.0, samples=6000), turn("fast", 12.0, samples=6000))
+    rig = experiment(turn("slow", 4.0, samples=6000), turn("fast", 12.0, samples=6000))
     data = rig.measured([{s: np.zeros(6000) for s in SENSORS} for _ in rig.plans])
     thin = thinned(data)
     assert sum(run.time.size * len(run.channels) for run in thin.runs) <= 60_000
@@ -183,9 +183,9 @@ DOWN, UP = Load(body="coupler", force=(0.0, -50.0)), Load(body="coupler", force=
 CLEARANCE = wrong("joint_clearance", "B", radial_clearance=1e-4)
 
 
-def alias_rig(*more: Plan) -> Bench:
+def alias_rig(*more: Plan) -> Experiment:
     """The follower carries its pin's force along itself and, while the load only pushes, always the same way."""
-    return bench(
+    return experiment(
         turn("slow", 4.0),
         turn("fast", 6.5),
         *more,
@@ -245,7 +245,7 @@ CRANK_CELL = SENSORS | {"reaction_D_x": 0.01, "reaction_D_y": 0.01}
     ids=lambda t: t.name,
 )
 def test_payload_and_com_offset_of_a_crank_at_constant_speed_are_aliases(truth: Planted) -> None:
-    rig = bench(turn("slow", 6.0), turn("fast", 25.0), mechanism=four_bar(gravity=0.0), sensors=CRANK_CELL)
+    rig = experiment(turn("slow", 6.0), turn("fast", 25.0), mechanism=four_bar(gravity=0.0), sensors=CRANK_CELL)
     result = diagnosed(played(rig, truth))
     assert result["verdict"] == "ambiguous"
     effect = one(result)
@@ -255,7 +255,7 @@ def test_payload_and_com_offset_of_a_crank_at_constant_speed_are_aliases(truth: 
 
 
 def test_friction_and_damping_at_one_speed_are_aliases_and_another_speed_would_tell() -> None:
-    result = diagnosed(played(bench(turn("only", 6.0)), wrong("viscous_friction", "D", damping=2e-3)))
+    result = diagnosed(played(experiment(turn("only", 6.0)), wrong("viscous_friction", "D", damping=2e-3)))
     assert result["verdict"] == "ambiguous"
     effect = one(result)
     said = {(effect["name"], effect["where"]), *((a["name"], a["where"]) for a in effect["ambiguous_with"])}
@@ -271,7 +271,7 @@ FOLLOWER = wrong("link_length", "follower", length_error=2e-4)
 
 @pytest.fixture(scope="module")
 def longer_follower() -> Measured:
-    return played(bench(), FOLLOWER)
+    return played(experiment(), FOLLOWER)
 
 
 def statuses(result: dict[str, Any], name: str, where: str) -> str:
@@ -339,7 +339,7 @@ def test_a_tolerance_that_is_wide_enough_rules_nothing_out(longer_follower: Meas
 )
 def test_a_load_cell_mounted_turned(rotation: float) -> None:
     assert_recovered(
-        diagnosed(played(bench(), wrong("sensor_frame", "E", rotation=rotation))),
+        diagnosed(played(experiment(), wrong("sensor_frame", "E", rotation=rotation))),
         wrong("sensor_frame", "E", rotation=rotation),
     )
 
@@ -347,17 +347,17 @@ def test_a_load_cell_mounted_turned(rotation: float) -> None:
 def test_one_clock_offset_of_many_sensors_is_named_once() -> None:
     sensors = SENSORS | {"coupler_y": 1e-5, "coupler_angle": 5e-5, "reaction_D_x": 0.02, "reaction_D_y": 0.02}
     late = wrong("clock_offset", "slow", offset=2e-3)
-    assert_recovered(diagnosed(played(bench(sensors=sensors), late)), late)
+    assert_recovered(diagnosed(played(experiment(sensors=sensors), late)), late)
 
 
 def test_an_encoder_that_is_off_by_another_amount_in_each_run() -> None:
     values = {"offset@slow": 1e-3, "offset@fast-reverse": -7e-4}
     truth = Planted("encoder_offset", "crank_angle", values)
-    assert_recovered(diagnosed(played(bench(), truth)), truth)
+    assert_recovered(diagnosed(played(experiment(), truth)), truth)
 
 
 def test_a_clipped_sensor_is_a_fault_of_the_data_and_nothing_is_named(tmp_path: Path) -> None:
-    rig = bench()
+    rig = experiment()
     seen = readings(rig)
     for run in seen:
         run["drive_torque"] = np.clip(run["drive_torque"], -0.4, 0.4)
@@ -369,7 +369,7 @@ def test_a_clipped_sensor_is_a_fault_of_the_data_and_nothing_is_named(tmp_path: 
     assert "clipped" in " ".join(result["steps"][0]["text"])
 
 
-def written(rig: Bench, seen: list[dict[str, np.ndarray]], folder: Path) -> Path:
+def written(rig: Experiment, seen: list[dict[str, np.ndarray]], folder: Path) -> Path:
     from compare.evidence.scoreboard.hidden import Hidden
 
     write_data(Hidden(0, "effects", rig, "exudyn", "mujoco"), seen, folder)
@@ -377,7 +377,7 @@ def written(rig: Bench, seen: list[dict[str, np.ndarray]], folder: Path) -> Path
 
 
 def following(*effects: Planted) -> Measured:
-    return played(bench(turn("slow", 4.0, follows=True), turn("fast-reverse", -12.0, follows=True)), *effects)
+    return played(experiment(turn("slow", 4.0, follows=True), turn("fast-reverse", -12.0, follows=True)), *effects)
 
 
 def test_a_run_that_follows_its_noisy_encoder() -> None:
@@ -469,7 +469,7 @@ class Tether(Effect):
 
 
 def test_an_effect_of_ones_own_on_a_sensor_is_found() -> None:
-    rig, tooth = bench(), WornTooth()
+    rig, tooth = experiment(), WornTooth()
     seen = [
         dict(tooth.on_readings(run, plan.name, "follower_angle", {"lag": 5e-4}))
         for plan, run in zip(rig.plans, readings(rig), strict=True)
@@ -482,9 +482,9 @@ def test_an_effect_of_ones_own_on_a_sensor_is_found() -> None:
 
 def test_an_effect_of_ones_own_on_the_mechanism_is_found_and_simulated() -> None:
     real = four_bar(loads=(*four_bar().loads, Load(body="coupler", point="B", force=(1.5, 0.0))))
-    seen = readings(bench(mechanism=real))
+    seen = readings(experiment(mechanism=real))
     result = diagnosed(
-        bench().measured(seen),
+        experiment().measured(seen),
         own=(Tether(),),
         only=("tether", "gravity", "link_length", "viscous_friction", "sensor_bias"),
     )
@@ -515,7 +515,7 @@ PART = Plan("part", 6.0, 0.4, np.linspace(0.0, 0.4, 60), None)  # of a turn: PyB
 
 
 def test_an_engine_that_cannot_simulate_the_explanation_does_not_confirm_it() -> None:
-    data = played(bench(PART), OPEN, source="mujoco")
+    data = played(experiment(PART), OPEN, source="mujoco")
     result = told(diagnose(data, "pybullet", own=(WornBush(),), only=("worn_bush",), others=False, workers=1))
     assert named(result) == [("worn_bush", "B")]
     assert result["verdict"] == "partly explained"
@@ -527,7 +527,7 @@ def test_an_engine_that_cannot_simulate_the_explanation_does_not_confirm_it() ->
 def test_what_the_chosen_engine_lacks_is_said_to_be_the_analytic_models() -> None:
     result = told(
         diagnose(
-            played(bench(PART), OPEN, source="mujoco"),
+            played(experiment(PART), OPEN, source="mujoco"),
             "pybullet",
             only=("joint_clearance", "viscous_friction"),
             others=False,
@@ -542,12 +542,12 @@ def test_what_the_chosen_engine_lacks_is_said_to_be_the_analytic_models() -> Non
 
 def test_the_same_answer_bit_for_bit_when_run_again() -> None:
     """The first time may have been in another process."""
-    again = json.loads(json.dumps(diagnosed(played(bench(), VISCOUS, LONGER))))
+    again = json.loads(json.dumps(diagnosed(played(experiment(), VISCOUS, LONGER))))
     assert again == two_effects()
 
 
 def test_the_explained_mechanism_has_no_gap_left() -> None:
-    rig = bench()
+    rig = experiment()
     seen = readings(rig, VISCOUS, LONGER)
     found = diagnose(rig.measured(seen), "mujoco", others=False, workers=1)
     assert found.explained.joint("E").damping == pytest.approx(0.01, rel=0.02)
@@ -558,7 +558,7 @@ def test_the_explained_mechanism_has_no_gap_left() -> None:
 
 @pytest.mark.parametrize("plans", [(PART,), *slow(((),))], ids=["part of a turn", "two turns"])
 def test_the_gap_shrinks_in_the_other_engines_too(plans: tuple[Plan, ...]) -> None:
-    rig = bench(*plans)
+    rig = experiment(*plans)
     result = told(diagnose(played(rig, VISCOUS), "mujoco", workers=1))
     assert set(result["other_simulators"]) == {"exudyn", "pybullet", "dart"}
     for gap in result["other_simulators"].values():
@@ -573,7 +573,7 @@ def test_the_gap_shrinks_in_the_other_engines_too(plans: tuple[Plan, ...]) -> No
 
 @pytest.mark.slow
 def test_processes_change_nothing() -> None:
-    data = played(bench(), VISCOUS)
+    data = played(experiment(), VISCOUS)
     one_process, two = (told(diagnose(data, "mujoco", workers=n)) for n in (1, 2))
     assert json.dumps(one_process, sort_keys=True) == json.dumps(two, sort_keys=True)
 
@@ -581,7 +581,7 @@ def test_processes_change_nothing() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("simulator", ["exudyn", "pybullet", "dart"])
 def test_every_engine_can_diagnose(simulator: str) -> None:
-    result = told(diagnose(played(bench(), VISCOUS, source="mujoco"), simulator, others=False, workers=1))
+    result = told(diagnose(played(experiment(), VISCOUS, source="mujoco"), simulator, others=False, workers=1))
     assert result["simulator"]["name"] == simulator
     assert_recovered(result, VISCOUS)
 
@@ -607,7 +607,7 @@ def test_the_command(
     verdict: str,
     tmp_path: Path,
 ) -> None:
-    rig = bench()
+    rig = experiment()
     written(rig, readings(rig, *truth), tmp_path)
     command = ["diagnose", "measured.toml", "--simulator", "mujoco", "--json", "--out", "out", "--workers", "1"]
     if run is compare_alone:
@@ -633,7 +633,7 @@ def test_the_command(
 
 @pytest.mark.mujoco
 def test_the_command_refuses_what_it_does_not_know(tmp_path: Path) -> None:
-    rig = bench()
+    rig = experiment()
     written(rig, readings(rig), tmp_path)
     for options, word in (
         (("--only", "gravty"), "did you mean 'gravity'"),

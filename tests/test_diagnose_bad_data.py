@@ -15,9 +15,9 @@ import pytest
 from commands import compare, without
 from compare.evidence.scoreboard.hidden import Hidden
 from compare.evidence.scoreboard.record import write_data
-from diagnosis_rigs import bench, readings
+from diagnosis_rigs import experiment, readings
 
-RIG = bench()
+RIG = experiment()
 RUN = "slow.csv"
 Table = list[list[str]]  # header first
 

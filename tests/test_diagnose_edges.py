@@ -19,7 +19,18 @@ from compare.diagnose.data.recording import Measured, MeasuredError, Run
 from compare.diagnose.data.thin import picked
 from compare.diagnose.prepare import thinned
 from compare.report.diagnosis_words import sentence
-from diagnosis_rigs import SENSORS, assert_recovered, bench, diagnosed, four_bar, named, played, released, turn, wrong
+from diagnosis_rigs import (
+    SENSORS,
+    assert_recovered,
+    diagnosed,
+    experiment,
+    four_bar,
+    named,
+    played,
+    released,
+    turn,
+    wrong,
+)
 from measured_files import MeasuredRun, write_measured
 
 PENDULUM = load("pendulum")
@@ -76,7 +87,7 @@ def test_a_clock_that_does_not_begin_at_zero_changes_nothing(tmp_path: Path) -> 
 @pytest.mark.slow
 def test_clearance_is_found_in_driven_runs_though_another_run_is_free() -> None:
     truth = wrong("joint_clearance", "B", radial_clearance=3e-4)
-    data = played(bench(turn("slow", 4.0, samples=60), turn("fast", 9.0, samples=60)), truth, source="mujoco")
+    data = played(experiment(turn("slow", 4.0, samples=60), turn("fast", 9.0, samples=60)), truth, source="mujoco")
     free = released(
         four_bar(),
         four_bar(),
@@ -114,7 +125,7 @@ def two_rates(drive: str = "speed") -> Run:
     """A run in which the follower's sensor is read at one row in four, never at the rows that a thinning by two or four
     would keep.
     """
-    data = played(bench(turn("slow", 4.0, samples=1200)))
+    data = played(experiment(turn("slow", 4.0, samples=1200)))
     run = data.runs[0]
     sparse = np.where(np.arange(run.time.size) % 4 == 1, run.channels["follower_angle"].values, math.nan)
     return replace(
@@ -183,7 +194,7 @@ def test_a_tolerance_of_nothing_rules_an_effect_out_and_the_report_says_so(
     tolerance: dict[str, float], name: str
 ) -> None:
     data = replace(
-        played(bench(turn("slow", 4.0)), wrong("link_length", "follower", length_error=1e-4)), tolerance=tolerance
+        played(experiment(turn("slow", 4.0)), wrong("link_length", "follower", length_error=1e-4)), tolerance=tolerance
     )
     result = diagnosed(data, only=(name, "link_length"))
     assert statuses(result, name) == {"excluded"}
@@ -191,7 +202,7 @@ def test_a_tolerance_of_nothing_rules_an_effect_out_and_the_report_says_so(
 
 
 def test_a_load_cell_is_not_mounted_farther_round_than_the_tolerance() -> None:
-    data = played(bench(turn("slow", 4.0)), wrong("sensor_frame", "E", rotation=math.pi / 2))
+    data = played(experiment(turn("slow", 4.0)), wrong("sensor_frame", "E", rotation=math.pi / 2))
     assert named(diagnosed(data, only=("sensor_frame",))) == [("sensor_frame", "E")]
     assert named(diagnosed(replace(data, tolerance={"rotation": 0.1}), only=("sensor_frame",))) == []
 
@@ -210,7 +221,7 @@ def test_a_tolerance_that_would_bound_nothing_is_refused(key: str, tmp_path: Pat
 @pytest.mark.slow
 def test_a_run_that_is_proposed_has_a_name_that_no_run_has() -> None:
     down = Load(body="coupler", point="com", force=(0.0, -50.0))
-    rig = bench(
+    rig = experiment(
         turn("reversed-load", 4.0),
         turn("fast", 6.5),
         mechanism=four_bar(gravity=0.0, loads=(down,)),

@@ -87,8 +87,9 @@ def test_the_vocabulary_is_the_code_s(reference: ModuleType) -> None:
     found = cells(reference.effects())
     assert [row[0].strip("`") for row in found] == list(VOCABULARY)
     for row, effect in zip(found, VOCABULARY.values(), strict=True):
+        assert row[1] == effect.place
         for parameter in effect.parameters:
-            assert f"{parameter.name} ({parameter.unit or 'of the signal'})" in row[2].replace("\\", "")
+            assert f"{parameter.name} ({parameter.unit or 'of the signal'})" in row[3].replace("\\", "")
 
 
 def test_every_field_of_a_mechanism_file_is_there_with_its_meaning(reference: ModuleType) -> None:

@@ -11,10 +11,10 @@ import pytest
 from analytic.mechanism import GROUND, MASS_CENTRE, Load, Mechanism
 from analytic.mechanism.file import load
 from compare.diagnose.effects.effect import Effect, Rig
-from compare.diagnose.effects.sensors import SENSOR_EFFECTS
+from compare.diagnose.effects.sensors import EFFECTS
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.evidence.scoreboard.sizes import Planted
-from diagnosis_rigs import SENSORS, assert_recovered, bench, diagnosed, four_bar, played, turn, wrong
+from diagnosis_rigs import SENSORS, assert_recovered, diagnosed, experiment, four_bar, played, turn, wrong
 
 RECOVERED = {  # effect -> where, values
     "gravity": ("linkage", {"x": 1.0, "y": -9.0}),
@@ -69,7 +69,7 @@ def hidden(name: str) -> Planted:
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in VOCABULARY])
 def test_a_hidden_effect_is_recovered(name: str) -> None:
     assert name in RECOVERED, f"{name} has no case: say where it is hidden and how large it is"
-    rig = bench(sensors=SENSORS | MORE_SENSORS.get(name, {}))
+    rig = experiment(sensors=SENSORS | MORE_SENSORS.get(name, {}))
     data = played(rig, hidden(name), source=PLAYED_BY.get(name, "exudyn"))
     assert_recovered(diagnosed(data), hidden(name))
 
@@ -89,9 +89,10 @@ class Place:
         return f"{self.effect.name}@{self.where}:{self.variant:.3g}"
 
 
-RIG = bench(turn("slow", 4.0), turn("fast-reverse", -12.0)).rig
+RIG = experiment(turn("slow", 4.0), turn("fast-reverse", -12.0)).rig
 SLIDER = four_bar("slider-crank", loads=())
 PLACES = [Place(e, w, v) for e in VOCABULARY.values() for w in e.places(RIG) for v in e.variants(RIG, w)]
+BY_THEMSELVES = [p for p in PLACES if p.effect.acts_by_itself(p.variant)]  # as a quarter turn does
 TIME = np.linspace(0.0, 1.0, 50)
 
 
@@ -125,9 +126,21 @@ def test_an_effect_changes_nothing_that_it_is_given(place: Place) -> None:
     assert effect.sensor == (mechanism == RIG.mechanism)
 
 
-@pytest.mark.parametrize(
-    "place", [p for p in PLACES if not (p.effect.name == "sensor_frame" and p.variant)], ids=str
-)  # from a quarter turn on, zero is no small thing
+@pytest.mark.parametrize("place", BY_THEMSELVES, ids=str)
+def test_a_variant_that_acts_by_itself_does_something_at_zero(place: Place) -> None:
+    effect, where, variant = place.effect, place.where, place.variant
+    values = effect.values(RIG, where, np.zeros(len(effect.scales(RIG, where, variant))), variant)
+    seen = {s: np.cos(TIME + k) for k, s in enumerate(RIG.signals)}
+    read = effect.on_readings(seen, "slow", where, values)
+    assert any(not np.allclose(read[s], seen[s]) for s in seen)
+
+
+def test_only_load_cells_have_variants_that_act_by_themselves() -> None:
+    assert {p.effect.name for p in BY_THEMSELVES} == {"sensor_frame"}
+    assert len(BY_THEMSELVES) == 3, "a quarter turn either way and a half turn of the one load cell"
+
+
+@pytest.mark.parametrize("place", [p for p in PLACES if p not in BY_THEMSELVES], ids=str)
 def test_an_effect_of_zero_is_none(place: Place) -> None:
     effect, where, variant = place.effect, place.where, place.variant
     zero = np.zeros(len(effect.scales(RIG, where, variant)))
@@ -245,7 +258,7 @@ def test_effects_sit_where_they_can_and_nowhere_else() -> None:
 
 
 def test_one_effect_of_sensors_is_what_the_contract_says() -> None:
-    by_name = {e.name: e for e in SENSOR_EFFECTS}
+    by_name = {e.name: e for e in EFFECTS}
     seen = {"coupler_x": np.sin(TIME), "reaction_E_x": np.cos(TIME), "reaction_E_y": np.sin(TIME), "crank_angle": TIME}
     assert np.allclose(
         by_name["sensor_bias"].on_readings(seen, "slow", "coupler_x", {"bias": 0.5})["coupler_x"], np.sin(TIME) + 0.5

@@ -139,6 +139,7 @@ def test_measured_data_are_one_line_a_table_and_a_frame() -> None:
 def test_a_diagnosis_of_a_file_is_that_of_its_recording(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is asked for in Python reaches the diagnosis, of a path as of the recording of it."""
     from compare.diagnose import workflow
+    from compare.diagnose.problem import Options
 
     asked: list[tuple[object, ...]] = []
 
@@ -149,13 +150,13 @@ def test_a_diagnosis_of_a_file_is_that_of_its_recording(monkeypatch: pytest.Monk
         asked.append(given)
         raise Stop
 
-    monkeypatch.setattr(workflow.Bench, "of", of)
+    monkeypatch.setattr(workflow.Problem, "of", of)
     path = Path(__file__).parents[1] / "docs" / "example-rig"
     for measured in (path, str(path / "measured.toml"), lc.read_measured(path)):
         with pytest.raises(Stop):
             lc.diagnose(measured, only=["gravity"], others=False, workers=1)
-    for data, mechanism, simulator, _, only, exclude, others, workers, _ in asked:
+    for data, mechanism, options in asked:
         assert isinstance(data, lc.read_measured(path).__class__)
         assert mechanism == data.mechanism.rigid()
-        assert (simulator, only, exclude, others, workers) == ("mujoco", ["gravity"], (), False, 1)
+        assert options == Options("mujoco", only=["gravity"], others=False, workers=1)
     assert len(asked) == 3

@@ -25,7 +25,7 @@ from compare.evidence.scoreboard.board import FULL, board, run_all, seeds, thres
 from compare.evidence.scoreboard.hidden import COUNTS, DIAGNOSING, FIRST, Hidden, draw, kind_of
 from compare.evidence.scoreboard.outside import KINDS
 from compare.evidence.scoreboard.record import make, recorded
-from compare.evidence.scoreboard.rigs import Bench, Plan, Rejected
+from compare.evidence.scoreboard.rigs import Experiment, Plan, Rejected
 from compare.evidence.scoreboard.score import failed, opened, score
 from compare.evidence.scoreboard.sizes import Planted, Sizer, natural
 from compare.evidence.stored import read, status
@@ -46,7 +46,7 @@ SENSORS = {
 }
 
 
-def bench(*plans: Plan) -> Bench:
+def experiment(*plans: Plan) -> Experiment:
     m = load("crank-rocker")
     rigid = [
         type(b).model_validate(b.model_dump(exclude_unset=True, exclude={"youngs_modulus", "shear_modulus"}))
@@ -54,23 +54,23 @@ def bench(*plans: Plan) -> Bench:
     ]
     m = m.replace(gravity=(0.0, -9.81), bodies=tuple(rigid), loads=(Load(body="coupler", force=(5.0, -30.0)),))
     plan = Plan("slow", SPEED, ANGLE, np.linspace(0.0, 2 * math.pi / SPEED, 121), None)
-    return Bench("crank-rocker", m, plans or (plan,), SENSORS, True, {})
+    return Experiment("crank-rocker", m, plans or (plan,), SENSORS, True, {})
 
 
-def hidden(*effects: Planted, rig: Bench | None = None, source: str = "mujoco") -> Hidden:
-    return Hidden(0, "effects", rig or bench(), source, "exudyn", effects)
+def hidden(*effects: Planted, rig: Experiment | None = None, source: str = "mujoco") -> Hidden:
+    return Hidden(0, "effects", rig or experiment(), source, "exudyn", effects)
 
 
-def readings(*effects: Planted, rig: Bench | None = None, source: str = "mujoco") -> list[dict[str, np.ndarray]]:
+def readings(*effects: Planted, rig: Experiment | None = None, source: str = "mujoco") -> list[dict[str, np.ndarray]]:
     set_ = hidden(*effects, rig=rig, source=source)
-    return [recorded(set_, plan) for plan in set_.bench.plans]
+    return [recorded(set_, plan) for plan in set_.experiment.plans]
 
 
 # ---------------------------------------------------------------- sensors, played from the contract's sentences
 
 
 def test_a_delayed_sensor_reads_what_an_undelayed_one_reads_at_earlier_times() -> None:
-    plan = bench().plans[0]
+    plan = experiment().plans[0]
     step = float(plan.time[1])
     now, late = readings()[0], readings(Planted("sensor_delay", "follower_angle", {"delay": step}))[0]
     assert np.allclose(late["follower_angle"][1:], now["follower_angle"][:-1], rtol=0, atol=1e-7)
@@ -78,7 +78,7 @@ def test_a_delayed_sensor_reads_what_an_undelayed_one_reads_at_earlier_times() -
 
 
 def test_a_late_clock_ages_every_sensor_the_encoder_included() -> None:
-    step = float(bench().plans[0].time[1])
+    step = float(experiment().plans[0].time[1])
     now, late = readings()[0], readings(Planted("clock_offset", "slow", {"offset": step}))[0]
     for signal in SENSORS:
         assert np.allclose(late[signal][1:], now[signal][:-1], rtol=0, atol=1e-3 * np.ptp(now[signal])), signal
@@ -93,14 +93,14 @@ def test_a_load_cell_turned_by_a_quarter_reads_y_as_x_and_minus_x_as_y() -> None
 
 def test_the_encoder_sits_on_the_motor_and_its_crank_lags_by_torque_over_stiffness() -> None:
     seen = readings(Planted("drive_compliance", "drive", {"stiffness": 50.0}))[0]
-    plan = bench().plans[0]
+    plan = experiment().plans[0]
     assert np.allclose(seen["crank_angle"], plan.command(plan.time), rtol=0, atol=1e-12)
     assert np.ptp(readings()[0]["follower_angle"] - seen["follower_angle"]) > 1e-4
 
 
 def test_ripple_is_seen_by_the_encoder() -> None:
     ripple = {"amplitude": 1e-3, "harmonic": 2.0, "phase": 0.3}
-    plan = bench().plans[0]
+    plan = experiment().plans[0]
     command = plan.command(plan.time)
     assert np.allclose(
         readings(Planted("speed_ripple", "drive", ripple))[0]["crank_angle"],
@@ -130,7 +130,7 @@ def test_what_is_recorded_is_what_the_vocabulary_means(effect: Planted) -> None:
     """
     variant = effect.values.get("harmonic", 0.0)
     truth = [(Term(VOCABULARY[effect.name], effect.where, variant), effect.values)]
-    sizer = Sizer(bench())
+    sizer = Sizer(experiment())
     predicted, nominal = sizer.model(truth)([truth, []])
     assert predicted is not None
     assert nominal is not None
@@ -145,21 +145,22 @@ def test_what_is_recorded_is_what_the_vocabulary_means(effect: Planted) -> None:
 
 
 def test_natural_coordinates_are_the_inverse_of_reported_values() -> None:
-    rig: Rig = bench().rig
+    rig: Rig = experiment().rig
     for effect in CASES:
         term = Term(VOCABULARY[effect.name], effect.where, effect.values.get("harmonic", 0.0))
-        again = term.effect.values(rig, term.where, natural(term, rig, effect.values), term.variant)
+        x = term.effect.natural(rig, term.where, effect.values, term.variant)
+        again = term.effect.values(rig, term.where, x, term.variant)
         assert again == pytest.approx(dict(effect.values))
 
 
 def test_a_signature_is_its_distance_in_sigmas_and_grows_to_what_is_asked() -> None:
-    sizer = Sizer(bench())
+    sizer = Sizer(experiment())
     truth = [(Term(VOCABULARY["sensor_bias"], "coupler_x"), {"bias": 3e-5})]
     assert sizer.total(truth, 0) == pytest.approx(3.0 * math.sqrt(121))
 
 
 def test_an_exact_alias_is_not_distinguishable_and_an_own_signature_is() -> None:
-    sizer = Sizer(bench())
+    sizer = Sizer(experiment())
     aliased = sizer.judged([(Term(VOCABULARY["load_torque"], "crank"), {"torque": 2e-3})])[0]
     assert aliased.distinct < 0.01 < 5 < aliased.total
     own = sizer.judged(
@@ -186,10 +187,10 @@ def test_what_is_written_can_be_read_and_does_not_tell_the_truth(tmp_path: Path)
     measured = load_measured(tmp_path / "data" / "measured.toml")
     assert [e["name"] for e in truth["effects"]] == [e.name for e in made.truth]
     assert truth["effects"]
-    assert measured.mechanism == made.bench.nominal
-    for run, plan in zip(measured.runs, made.bench.plans, strict=True):
+    assert measured.mechanism == made.experiment.nominal
+    for run, plan in zip(measured.runs, made.experiment.plans, strict=True):
         assert run.time.size == plan.time.size
-        assert list(run.channels) == list(made.bench.noise)
+        assert list(run.channels) == list(made.experiment.noise)
     written = " ".join(p.read_text(encoding="utf-8") for p in (tmp_path / "data").iterdir() if p.name != "nominal.toml")
     assert not any(name in written for name in VOCABULARY)
 
@@ -230,7 +231,7 @@ def test_effects_are_as_large_as_asked_and_another_engine_diagnoses(seed: int) -
 def test_clearance_is_an_alias_of_length_until_the_load_reverses() -> None:
     same, other = drawn(FIRST["alias"]), drawn(FIRST["alias"] + 1)
     for found, lengths in ((same, True), (other, False)):
-        sizer = Sizer(found.bench)
+        sizer = Sizer(found.experiment)
         truth = [(Term(VOCABULARY[e.name], e.where), dict(e.values)) for e in found.truth]
         model, data = sizer.data(truth)
         term = Term(VOCABULARY["link_length"], "follower")

@@ -24,7 +24,7 @@ def simulators(json: Json = False, quiet: Quiet = False) -> None:
 
 
 def effects(json: Json = False, quiet: Quiet = False) -> None:
-    """List the vocabulary of effects: parameters, units, and which engines simulate each."""
+    """List the effects that a diagnosis can name: meaning, parameters, units, and which engines simulate each."""
     with complaints():
         from compare.catalogue import effects as listed
 

@@ -14,11 +14,11 @@ from functools import cached_property
 import numpy as np
 from scipy.stats import chi2
 
-from compare.diagnose.fit import FOLDS, Data, Fit, rank_of
-from compare.diagnose.isolate import Screen
+from compare.diagnose.fit import FOLDS, Data, Fit, rank_of, without_columns
+from compare.diagnose.noise import rms, sample_weights
 from compare.diagnose.predict import Term
 from compare.diagnose.search import Search, without
-from compare.diagnose.worth import rms, worth
+from compare.diagnose.sensitivities import Screen
 from compare.results.diagnosis import Verdict
 
 TIE = 16.0  # of chi^2: two explanations closer than four sigmas are not told apart
@@ -94,7 +94,7 @@ def explain(search: Search, fit: Fit) -> Explanation:
 def pruned(search: Search, fit: Fit) -> tuple[Fit, np.ndarray, list[Named]]:
     """The fit without effects that do not pay their way, the worth of its samples, and the effects that stay."""
     while True:
-        weights = worth(search.fitter.data, fit.residual)
+        weights = sample_weights(search.fitter.data, fit.residual)
         named, weak = admitted(search, fit, weights)
         if weak is None:
             return fit, weights, named
@@ -253,9 +253,4 @@ def ties_with(search: Search, screen: Screen, weights: np.ndarray, fit: Fit, i: 
 def left_of(signature: np.ndarray, columns: np.ndarray, weights: np.ndarray) -> float:
     """Sigmas of a signature (size,) that remain after projecting out columns (size, k)."""
     root = np.sqrt(weights)
-    y, a = signature * root, columns * root[:, None]
-    norm = np.linalg.norm(a, axis=0)
-    a = a[:, norm > 0] / norm[norm > 0]
-    if a.shape[1]:
-        y = y - a @ np.linalg.solve(a.T @ a + 1e-10 * np.eye(a.shape[1]), a.T @ y)
-    return float(np.linalg.norm(y))
+    return float(np.linalg.norm(without_columns(signature * root, columns * root[:, None])))

@@ -9,13 +9,12 @@ from functools import cached_property
 
 import numpy as np
 
+from analytic.mechanism.signals import wrapped
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Rig
-from compare.diagnose.predict import Model, StartOfRun, Term, wrapped
+from compare.diagnose.least_squares import STEPS, Descent
+from compare.diagnose.predict import Model, StartOfRun, Term
 
-STEPS = 30  # of a fit, at most
-RELUCTANCE = 1e-3  # chi^2 that a coordinate pays for a step of its own scale: nothing for what the data see
-ENOUGH = 0.01  # decrease of chi^2 below which a fit has settled
 STEP_OF_SCALE = 1.0  # difference step, in the effects' own scales
 FOLDS = 6
 SEGMENTS = 18  # of a run; every FOLDS-th one is held out together
@@ -57,7 +56,8 @@ class Data:
                 sigma.append(np.full(used.size, noise[run.name, signal]))
                 fold.append(segment[used])
         self.values, self.sigma, self.fold = (np.concatenate(x) for x in (values, sigma, fold))
-        self.turning = np.concatenate([np.full(p.used.size, p.signal.endswith("_angle")) for p in self.parts])
+        wraps = {name: signal.wraps for name, signal in measured.signals.items()}
+        self.turning = np.concatenate([np.full(p.used.size, wraps[p.signal]) for p in self.parts])
         self.size = at
         self.shared = np.zeros((at, 0)) if shared is None else shared
         basis, spread, _ = np.linalg.svd(self.shared, full_matrices=False)
@@ -138,7 +138,7 @@ class Fit:
 
     def named(self) -> list[int]:
         """Positions of the terms that are effects, not starts of runs."""
-        return [i for i, t in enumerate(self.terms) if t.effect.name != StartOfRun.name]
+        return [i for i, t in enumerate(self.terms) if not isinstance(t.effect, StartOfRun)]
 
     def columns(self, i: int) -> slice:
         """Columns of the i-th term's coordinates."""
@@ -157,12 +157,44 @@ def rank_of(jacobian: np.ndarray) -> int:
     return int(np.sum(np.linalg.eigvalsh(seen.T @ seen) > 1e-9)) if seen.size else 0
 
 
+def without_columns(vector: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """A vector (size,) without what columns (size, k) can take away from it."""
+    norm = np.linalg.norm(columns, axis=0)
+    seen = columns[:, norm > 0] / norm[norm > 0]
+    if not seen.shape[1]:
+        return vector
+    return vector - seen @ np.linalg.solve(seen.T @ seen + 1e-10 * np.eye(seen.shape[1]), seen.T @ vector)
+
+
 def hypothesis(rig: Rig, terms: Iterable[Term], x: Iterable[np.ndarray]) -> list[tuple[Term, dict[str, float]]]:
     """Terms with their values."""
     return [(t, t.effect.values(rig, t.where, xi, t.variant)) for t, xi in zip(terms, x, strict=True)]
 
 
 Bounds = Callable[[Term], tuple[np.ndarray, np.ndarray]]
+
+
+class Space:
+    """The natural coordinates (n,) of some terms, one after the other: their bounds, their scales, and which belong to
+    slow effects.
+    """
+
+    def __init__(self, terms: Sequence[Term], rig: Rig, bounds: Bounds) -> None:
+        scales = [np.asarray(t.effect.scales(rig, t.where, t.variant), float) for t in terms]
+        limits = [bounds(t) for t in terms]
+        self.terms = terms
+        self.scale, self.low, self.high = joined(scales), joined([b[0] for b in limits]), joined([b[1] for b in limits])
+        self.slow = joined([np.full(s.size, t.effect.slow) for s, t in zip(scales, terms, strict=True)]).astype(bool)
+        self._edges = np.cumsum([s.size for s in scales])[:-1]
+
+    def parted(self, point: np.ndarray) -> list[np.ndarray]:
+        """Coordinates (n,) by term."""
+        return np.split(point, self._edges) if self.terms else []
+
+
+def joined(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Arrays one after the other; an empty one of none."""
+    return np.concatenate(parts) if parts else np.zeros(0)
 
 
 class Fitter:
@@ -200,112 +232,54 @@ class Fitter:
         key = _sorted(terms)
         return self._fit(key, [np.array(x[t], float) for t in key], steps=0)
 
-    def _fit(self, terms: tuple[Term, ...], x: list[np.ndarray], steps: int = STEPS) -> Fit | None:
-        limits = [self.bounds(t) for t in terms]
-        low, high = (np.concatenate([b[k] for b in limits]) if limits else np.zeros(0) for k in (0, 1))
-        scale = (
-            np.concatenate([np.asarray(t.effect.scales(self.rig, t.where, t.variant), float) for t in terms])
-            if terms
-            else np.zeros(0)
-        )
-        sizes = np.cumsum([len(xi) for xi in x])[:-1]
-        point = np.clip(np.concatenate(x) if x else np.zeros(0), low, high)
+    def _fit(self, terms: tuple[Term, ...], x: Sequence[np.ndarray], steps: int = STEPS) -> Fit | None:
+        space = Space(terms, self.rig, self.bounds)
 
-        def parted(p: np.ndarray) -> list[np.ndarray]:
-            return np.split(p, sizes) if terms else []
+        def residual(point: np.ndarray) -> np.ndarray | None:
+            return self.residuals(terms, [space.parted(point)])[0]
 
-        residual = self.residuals(terms, [parted(point)])[0]
-        if residual is None:
+        def jacobian(point: np.ndarray, here: np.ndarray) -> np.ndarray:
+            return self.jacobian(space, point, here)
+
+        found = Descent(residual, jacobian, space.low, space.high, space.scale).from_point(joined(x), steps)
+        if found is None:
             return None
-        jacobian, stale = self.jacobian(terms, point, residual, scale, high, parted), False
-        damping = 0.0
-        for _ in range(steps if point.size else 0):
-            trial = point + _step(jacobian, residual, low - point, high - point, damping, scale)
-            expected = float(residual @ residual - np.sum((residual + jacobian @ (trial - point)) ** 2))
-            if expected < ENOUGH:
-                if not stale:
-                    break
-                jacobian, stale = self.jacobian(terms, point, residual, scale, high, parted), False
-                continue
-            new = self.residuals(terms, [parted(trial)])[0]
-            gained = -np.inf if new is None else float(residual @ residual - new @ new)
-            if new is None or gained <= 0:
-                if stale:
-                    jacobian, stale = self.jacobian(terms, point, residual, scale, high, parted), False
-                elif damping > 1e6:
-                    break
-                else:
-                    damping = max(damping * 10, 1e-3)
-                continue
-            point, residual = trial, new
-            damping = 0.0 if damping < 1e-3 else damping / 10
-            stale = True
-            if gained < 0.9 * expected:
-                jacobian, stale = self.jacobian(terms, point, residual, scale, high, parted), False
-        if stale:
-            jacobian = self.jacobian(terms, point, residual, scale, high, parted)
-        gradient = jacobian.T @ residual
-        bound = ((point <= low) & (gradient >= 0)) | ((point >= high) & (gradient <= 0))
-        return Fit(terms, tuple(parted(point)), residual, jacobian, bound)
+        return Fit(terms, tuple(space.parted(found.point)), found.residual, found.jacobian, found.bound)
 
-    def jacobian(
-        self,
-        terms: Sequence[Term],
-        point: np.ndarray,
-        residual: np.ndarray,
-        scale: np.ndarray,
-        high: np.ndarray,
-        parted: Callable[[np.ndarray], list[np.ndarray]],
-    ) -> np.ndarray:
+    def jacobian(self, space: Space, point: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Derivatives (size, n) of the residual by forward differences (backward at an upper bound).
 
         Those of all but the slow effects are taken in the linkage without the slow ones: exact to first order in these.
         """
-        if not point.size:
-            return np.zeros((self.data.size, 0))
-        steps = np.where(point + STEP_OF_SCALE * scale > high, -1.0, 1.0) * STEP_OF_SCALE * scale
-        slow = np.concatenate([np.full(len(xi), t.effect.slow) for t, xi in zip(terms, parted(point), strict=True)])
-        quick = [k for k, t in enumerate(terms) if not t.effect.slow]
         columns = np.zeros((self.data.size, point.size))
-        for mine in (slow, ~slow):
-            within = range(len(terms)) if mine is slow or not slow.any() else quick
-            points = [point, *(point + step for step in np.diag(steps)[mine])] if mine.any() else []
-            here = [[parted(p)[k] for k in within] for p in points]
-            found = self.residuals([terms[k] for k in within], here[1:] if mine is slow or not slow.any() else here)
-            origin = residual if mine is slow or not slow.any() else (found.pop(0) if found else None)
-            for at, r in zip(np.flatnonzero(mine), found, strict=True):
-                if r is not None and origin is not None:
-                    columns[:, at] = (r - origin) / steps[at]
+        steps = np.where(point + STEP_OF_SCALE * space.scale > space.high, -1.0, 1.0) * STEP_OF_SCALE * space.scale
+        slow, every = space.slow, list(range(len(space.terms)))
+        if slow.any():
+            columns[:, slow] = self._differences(space, every, point, np.diag(steps)[slow], residual)
+        if not slow.all():
+            quick = [k for k in every if not space.terms[k].effect.slow]
+            origin = None if slow.any() else residual
+            columns[:, ~slow] = self._differences(space, quick, point, np.diag(steps)[~slow], origin)
+        return columns
+
+    def _differences(
+        self, space: Space, kept: Sequence[int], point: np.ndarray, steps: np.ndarray, origin: np.ndarray | None
+    ) -> np.ndarray:
+        """Change (size, k) of the residual of the kept terms by each of the steps (k, n) from a point, by the length of
+        the step; zero where a step is impossible.  ``origin`` is the residual at the point, None if not known.
+        """
+        points = [point + step for step in steps]
+        points = [point, *points] if origin is None else points
+        found = self.residuals([space.terms[k] for k in kept], [[space.parted(p)[k] for k in kept] for p in points])
+        if origin is None:
+            origin, found = found[0], found[1:]
+        columns = np.zeros((self.data.size, len(steps)))
+        for k, (residual, length) in enumerate(zip(found, steps.sum(axis=1), strict=True)):
+            if residual is not None and origin is not None:
+                columns[:, k] = (residual - origin) / length
         return columns
 
 
 def _sorted(terms: Iterable[Term]) -> tuple[Term, ...]:
     """Terms in the order in which a fit has them, whoever asks."""
     return tuple(sorted(terms, key=lambda t: (t.label, t.variant)))
-
-
-def _step(
-    jacobian: np.ndarray, residual: np.ndarray, low: np.ndarray, high: np.ndarray, damping: float, scale: np.ndarray
-) -> np.ndarray:
-    """Least-squares step (n,) within bounds: what would leave them stops there, and the others make up for it."""
-    gradient = jacobian.T @ residual
-    step = np.zeros(gradient.size)
-    free = ~(((low >= 0) & (gradient > 0)) | ((high <= 0) & (gradient < 0))) & (np.linalg.norm(jacobian, axis=0) > 0)
-    while free.any():
-        step[free] = -_solve(jacobian[:, free], residual + jacobian[:, ~free] @ step[~free], damping, scale[free])
-        beyond = free & ((step < low) | (step > high))
-        if not beyond.any():
-            break
-        step = np.clip(step, low, high)
-        free &= ~beyond
-    return step
-
-
-def _solve(jacobian: np.ndarray, residual: np.ndarray, damping: float, scale: np.ndarray) -> np.ndarray:
-    """Least squares with columns scaled to unit length; what the data hardly see pays for going far (in its own
-    scale).
-    """
-    norm = np.linalg.norm(jacobian, axis=0)
-    scaled = jacobian / norm
-    matrix = scaled.T @ scaled + np.diag(damping + RELUCTANCE / (scale * norm) ** 2)
-    return np.linalg.solve(matrix, scaled.T @ residual) / norm

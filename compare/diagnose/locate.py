@@ -9,10 +9,10 @@ from itertools import combinations
 
 import numpy as np
 
+from analytic.mechanism.signals import Signal
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.fit import Data
-from compare.diagnose.predict import wrapped
-from compare.diagnose.worth import correlation_time, rms
+from compare.diagnose.noise import correlation_time, rms
 
 WINDOWS = 36  # of a run, over which residuals are averaged
 SURE = 4.5  # sigmas of a window's mean
@@ -28,6 +28,7 @@ class Stretch:
     begin: float
     end: float
     size: float
+    unit: str  # SI
     sigmas: float  # of the stretch's mean, correlation accounted for
 
 
@@ -59,13 +60,11 @@ def locate(
                 last += 1
             at = np.concatenate(windows[k : last + 1])
             mean = float(r[at].mean())
-            if sign[k] and abs(mean) * float(sigma[0]) > (spread or {}).get((run.name, part.signal), 0.0):
+            size = mean * float(sigma[0])
+            if sign[k] and abs(size) > (spread or {}).get((run.name, part.signal), 0.0):
                 sure = abs(mean) * math.sqrt(at.size / whiteness)
-                found.append(
-                    Stretch(
-                        run.name, part.signal, float(theta[at[0]]), float(theta[at[-1]]), mean * float(sigma[0]), sure
-                    )
-                )
+                begin, end, unit = float(theta[at[0]]), float(theta[at[-1]]), run.channels[part.signal].signal.unit
+                found.append(Stretch(run.name, part.signal, begin, end, size, unit, sure))
             k = last + 1
     return sorted(found, key=lambda s: -s.sigmas)[:MOST]
 
@@ -76,19 +75,19 @@ def spread(
     """Largest rms difference (SI) between two engines' readings, and which two, by run and signal."""
     found = {}
     for r, run in enumerate(measured.runs):
-        for signal in run.channels:
+        for signal, channel in run.channels.items():
             pairs = [
-                (apart(said[a][r][signal], said[b][r][signal], signal), f"{a} and {b}")
+                (rms_difference(channel.signal, said[a][r][signal], said[b][r][signal]), f"{a} and {b}")
                 for a, b in combinations(said, 2)
             ]
             found[run.name, signal] = max(pairs, default=(0.0, ""))
     return found
 
 
-def apart(a: np.ndarray, b: np.ndarray, signal: str) -> float:
+def rms_difference(signal: Signal, a: np.ndarray, b: np.ndarray) -> float:
     """Root mean square of the difference between two readings (N,) of a signal, angles modulo a turn."""
-    d = wrapped(a - b) if signal.endswith("_angle") else a - b
-    return rms(d[np.isfinite(d)])
+    difference = signal.apart(a, b)
+    return rms(difference[np.isfinite(difference)])
 
 
 def _own_correlation(r: np.ndarray) -> float:

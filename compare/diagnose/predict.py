@@ -1,12 +1,11 @@
 """What the sensors of a rig would read if the mechanism were so: the analytic model with any set of effects.
 
 The analytic model is fast enough (a millisecond a run) to try everything; that it says what the chosen simulator says
-is checked on every run of every diagnosis (:mod:`compare.diagnose.confirm`).
+is checked on every run of every diagnosis (:mod:`compare.diagnose.simulate`).
 """
 
 from __future__ import annotations
 
-import math
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,7 +24,6 @@ from analytic.paper.kinetostatics import Reactions, kinetostatics
 from analytic.paper.superposition import superposed
 from compare.diagnose.data.recording import Measured, Run
 from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
-from compare.diagnose.effects.sensors import EncoderOffset
 from compare.judge.grid import turns_fully
 from compare.judge.signals import with_derived
 
@@ -199,18 +197,14 @@ class Model:
     def start(self, run: Run, hypothesis: Hypothesis) -> tuple[float, float]:
         """Angle (rad) and rate (rad/s) of the driven body that a free run starts from, at its first sample."""
         for term, values in hypothesis:
-            if term.effect.name == StartOfRun.name and term.where == run.name:
+            if isinstance(term.effect, StartOfRun) and term.where == run.name:
                 return values["angle"], values["rate"]
         raise LookupError(f"run {run.name!r} has no start")
 
 
 def motor_offset(run: Run, hypothesis: Hypothesis) -> float:
     """How far (rad) the motor is behind the encoder that it follows; zero in a run that does not follow one."""
-    return (
-        sum(EncoderOffset.offset(run.name, v) for t, v in hypothesis if t.effect.name == EncoderOffset.name)
-        if run.drive == "measured"
-        else 0.0
-    )
+    return sum(t.effect.motor_lag(run.name, v) for t, v in hypothesis) if run.drive == "measured" else 0.0
 
 
 def altered(mechanism: Mechanism, hypothesis: Hypothesis) -> Mechanism:
@@ -257,8 +251,3 @@ def _aged(moved: Reactions, wanted: Iterable[str], time: np.ndarray, delay: floa
 
     at = np.clip(time - delay, time[0], time[-1])
     return {name: CubicSpline(time, values)(at) for name, values in signals.items()}
-
-
-def wrapped(angle: np.ndarray) -> np.ndarray:
-    """Angles (rad) in (-pi, pi]."""
-    return np.remainder(angle + math.pi, 2 * math.pi) - math.pi

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,13 +15,14 @@ from scipy.interpolate import CubicSpline
 from analytic.beyond_paper.drive import Motor
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Mechanism
+from analytic.mechanism.signals import turned_near
 from compare.diagnose.data.quality import noise
 from compare.diagnose.data.recording import Fault, Measured, MeasuredError, Run
 from compare.diagnose.data.smooth import Smoother
 from compare.diagnose.data.thin import missed, picked
 from compare.diagnose.effects.effect import Effect, Parameter, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.diagnose.fit import Data
+from compare.diagnose.fit import Bounds, Data
 from compare.diagnose.predict import Model, StartOfRun, Term
 
 SAMPLES = 60_000  # of all sensors together; more are thinned, evenly, for the search and the pages
@@ -219,11 +220,25 @@ def unturned(measured: Measured, model: Model, starts: Mapping[Term, np.ndarray]
         channels = {}
         for signal, channel in run.channels.items():
             turns = 0.0
-            if signal.endswith("_angle") and not signal.startswith("reaction_"):
-                turns = 2 * math.pi * round(float(np.nanmedian(channel.values - predicted[signal])) / (2 * math.pi))
+            if channel.signal.kind == "pose" and channel.signal.wraps:
+                turns = float(turned_near(np.zeros(()), np.nanmedian(channel.values - predicted[signal])))
             channels[signal] = replace(channel, values=channel.values - turns) if turns else channel
         runs.append(replace(run, channels=channels))
     return replace(measured, runs=tuple(runs))
+
+
+def considered(
+    terms: Sequence[Term], tolerance: Mapping[str, float], bounds: Bounds, only: Sequence[str], exclude: Sequence[str]
+) -> tuple[list[Term], dict[tuple[str, str], str]]:
+    """The terms without variants that are beyond the tolerances, and why some of them are ruled out, by name and place.
+
+    Raises MeasuredError for names that are none.
+    """
+    possible = allowed(terms, tolerance, bounds)
+    room = {t.key for t in possible}
+    why = {t.key: "the tolerance leaves it no room" for t in terms if t.key not in room}
+    why |= ruled_out(terms, only, exclude)
+    return [t for t in terms if t in possible or t.key in why], why
 
 
 def ruled_out(terms: Sequence[Term], only: Sequence[str], exclude: Sequence[str]) -> dict[tuple[str, str], str]:
@@ -245,7 +260,7 @@ def ruled_out(terms: Sequence[Term], only: Sequence[str], exclude: Sequence[str]
     return out
 
 
-def bounds(rig: Rig, tolerance: Mapping[str, float]) -> Callable[[Term], tuple[np.ndarray, np.ndarray]]:
+def bounds(rig: Rig, tolerance: Mapping[str, float]) -> Bounds:
     """Natural coordinates' physical bounds, narrowed by the engineer's tolerances."""
 
     def bounds(term: Term) -> tuple[np.ndarray, np.ndarray]:
@@ -268,9 +283,7 @@ def _limit(effect: Effect, p: Parameter, tolerance: Mapping[str, float]) -> floa
     return next((tolerance[key] for key in (f"{effect.name}.{p.name}", p.name, p.quantity) if key in tolerance), None)
 
 
-def allowed(
-    terms: Sequence[Term], tolerance: Mapping[str, float], bounds: Callable[[Term], tuple[np.ndarray, np.ndarray]]
-) -> list[Term]:
+def allowed(terms: Sequence[Term], tolerance: Mapping[str, float], bounds: Bounds) -> list[Term]:
     """The terms to which the tolerances leave room: not of an effect whose first parameter has none, nor a variant
     beyond them.
     """

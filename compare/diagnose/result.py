@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from compare.diagnose.data.recording import Run as Recording
-from compare.diagnose.data.units import unit_of
+from compare.diagnose.experiment_design import would_separate
 from compare.diagnose.explain import Explanation, Named, left_of
 from compare.diagnose.fit import FOLDS, SEGMENTS, Fit
+from compare.diagnose.noise import rms
 from compare.diagnose.predict import Term
-from compare.diagnose.separate import would_separate
-from compare.diagnose.words import as_parameter, named, statement, tied
-from compare.diagnose.worth import rms
+from compare.diagnose.statement import as_parameter, named, statement, tied
 from compare.results.crosscheck import Setting, Simulator
 from compare.results.diagnosis import (
     Candidate,
@@ -37,52 +36,52 @@ from compare.results.sentences import sentence
 from sim_models.engine import installed_version
 
 if TYPE_CHECKING:
-    from compare.diagnose.bench import Bench, Confirmed
-    from compare.diagnose.confirm import Simulated
-    from compare.diagnose.isolate import Screen
     from compare.diagnose.locate import Stretch
+    from compare.diagnose.problem import Problem, Verified
+    from compare.diagnose.sensitivities import Screen
+    from compare.diagnose.simulate import Simulated
 
-INSEPARABLE = 0.999  # cosine between two signatures
+INSEPARABLE = 0.999  # cosine between two sensitivities
 LISTED = 40  # pairs
 
 
-def as_document(bench: Bench, found: Confirmed) -> Diagnosis:
+def as_document(problem: Problem, found: Verified) -> Diagnosis:
     """Everything found; the command that asked for it is not known here."""
     e = found.explanation
-    before, after = _gap(bench, found.before[bench.simulator]), _gap(bench, found.after[bench.simulator])
+    before, after = _gap(problem, found.before[problem.simulator]), _gap(problem, found.after[problem.simulator])
     gap = (before if before is not None else e.gap[0], after if after is not None else e.gap[1])
-    why = found.after[bench.simulator].skipped
+    why = found.after[problem.simulator].skipped
     failure = (
-        f"{bench.simulator} could not simulate that ({why}): the gap after is the analytic model's." if why else ""
+        f"{problem.simulator} could not simulate that ({why}): the gap after is the analytic model's." if why else ""
     )
     result = Diagnosis(
-        case=bench.mechanism.name,
+        case=problem.mechanism.name,
         verdict=e.verdict,
         statement=statement(e, gap, failure),
-        simulator=Simulator(name=bench.simulator, version=found.before[bench.simulator].version),
+        simulator=Simulator(name=problem.simulator, version=found.before[problem.simulator].version),
         command="",
         versions=_versions(found),
         located=tuple(_located(stretch) for stretch in found.stretches),
-        effects=_effects(bench, e),
+        effects=_effects(problem, e),
         gap=Closing(before=gap[0], after=gap[1], noise_floor=1.0),
         other_simulators={
-            name: Elsewhere(before=_gap(bench, found.before[name]), after=_gap(bench, said))
+            name: Elsewhere(before=_gap(problem, found.before[name]), after=_gap(problem, said))
             for name, said in found.after.items()
-            if name != bench.simulator and said.readings is not None
+            if name != problem.simulator and said.readings is not None
         },
         faults=tuple(
             DataFault(run=f.run, signal=f.signal, kind=f.kind, samples=f.samples, text=f.text)
-            for f in bench.measured.faults
+            for f in problem.measured.faults
         ),
-        candidates=_candidates(bench, found),
-        inseparable=_inseparable(bench),
-        engines=_engines(bench, found),
-        runs=tuple(_run(bench, found, r, run) for r, run in enumerate(bench.measured.runs)),
-        mechanism=bench.measured.mechanism,
+        candidates=_candidates(problem, found),
+        inseparable=_inseparable(problem),
+        engines=_engines(problem, found),
+        runs=tuple(_run(problem, found, r, run) for r, run in enumerate(problem.measured.runs)),
+        mechanism=problem.measured.mechanism,
         explained=found.explained,
         steps=(),
     )
-    return result.model_copy(update={"steps": _steps(bench, found, result)})
+    return result.model_copy(update={"steps": _steps(problem, found, result)})
 
 
 def _located(stretch: Stretch) -> Located:
@@ -92,25 +91,25 @@ def _located(stretch: Stretch) -> Located:
         crank_angle_from=stretch.begin,
         crank_angle_to=stretch.end,
         size=stretch.size,
-        unit=unit_of(stretch.signal),
+        unit=stretch.unit,
         sigmas=stretch.sigmas,
     )
 
 
-def _gap(bench: Bench, said: Simulated) -> float | None:
-    return None if said.readings is None else rms(bench.data.residual(said.readings))
+def _gap(problem: Problem, said: Simulated) -> float | None:
+    return None if said.readings is None else rms(problem.data.residual(said.readings))
 
 
-def _effects(bench: Bench, e: Explanation) -> tuple[Effect, ...]:
+def _effects(problem: Problem, e: Explanation) -> tuple[Effect, ...]:
     noise = {
-        (bench.measured.runs[p.run].name, p.signal): float(bench.data.sigma[p.place][0])
-        for p in bench.data.parts
+        (problem.measured.runs[p.run].name, p.signal): float(problem.data.sigma[p.place][0])
+        for p in problem.data.parts
         if p.used.size
     }
-    return tuple(_effect(bench, e.fit, n, noise) for n in e.named)
+    return tuple(_effect(problem, e.fit, n, noise) for n in e.named)
 
 
-def _effect(bench: Bench, fit: Fit, n: Named, noise: dict[tuple[str, str], float]) -> Effect:
+def _effect(problem: Problem, fit: Fit, n: Named, noise: dict[tuple[str, str], float]) -> Effect:
     return Effect(
         name=n.term.effect.name,
         where=n.term.where,
@@ -121,14 +120,14 @@ def _effect(bench: Bench, fit: Fit, n: Named, noise: dict[tuple[str, str], float
         held_out_after=n.held_out[1],
         ambiguous_with=tuple(Place(name=t.effect.name, where=t.where) for t, _ in n.ties),
         would_separate=(
-            would_separate(bench.model, noise, fit, n.ties[0][1]) if n.ties else ""
+            would_separate(problem.model, noise, fit, n.ties[0][1]) if n.ties else ""
         ),  # from the first of its rivals
     )
 
 
-def _candidates(bench: Bench, found: Confirmed) -> tuple[Candidate, ...]:
+def _candidates(problem: Problem, found: Verified) -> tuple[Candidate, ...]:
     """Every effect that was considered, what the data thought of it, and why it was not named."""
-    search, e = bench.search, found.explanation
+    search, e = problem.search, found.explanation
     assert search is not None
     screen = search.screen(search.base)
     chosen = {n.term.key: n for n in e.named}
@@ -139,24 +138,24 @@ def _candidates(bench: Bench, found: Confirmed) -> tuple[Candidate, ...]:
         if term.key not in best or gain > best[term.key][0]:
             best[term.key] = gain, term
     rows: dict[tuple[str, str], Candidate] = {}
-    for term in bench.terms:
+    for term in problem.terms:
         if term.key in rows:
             continue
         status: Status
         remaining, rival, sigmas = None, None, 0.0
-        if term.key in bench.ruled_out:
-            status, why = "excluded", bench.ruled_out[term.key]
+        if term.key in problem.ruled_out:
+            status, why = "excluded", problem.ruled_out[term.key]
         elif term.key not in best:
             status, why = "invisible", "these sensors and runs do not show it"
         else:
             gain, shown = best[term.key]
             sigmas = math.sqrt(max(gain, 0.0))
             if term.key in chosen:
-                rival, remaining = _nearest(bench, chosen[term.key].term, e.fit)
+                rival, remaining = _nearest(problem, chosen[term.key].term, e.fit)
                 status, why = "named", named(chosen[term.key])
             elif term.key in tied:
                 status, why = "tied", f"explains the data as well as {tied[term.key].term.label}"
-            elif _unphysical(screen, shown, bench):
+            elif _unphysical(screen, shown, problem):
                 status, why = "not physical", "it would have to have the wrong sign"
             else:
                 status, why = "not needed", "it brings no more than chance" + " once the rest is in" * bool(e.named)
@@ -172,22 +171,22 @@ def _candidates(bench: Bench, found: Confirmed) -> tuple[Candidate, ...]:
     return tuple(rows.values())
 
 
-def _unphysical(screen: Screen, term: Term, bench: Bench) -> bool:
+def _unphysical(screen: Screen, term: Term, problem: Problem) -> bool:
     """Whether the data want a value beyond the physical."""
     start = screen.starts([screen.terms.index(term)])[term]
-    low, _ = bench.fitter.bounds(term)
+    low, _ = problem.fitter.bounds(term)
     return start.size == low.size and bool(np.any(start < low - 1e-12 * np.abs(low)))
 
 
-def _nearest(bench: Bench, term: Term, fit: Fit) -> tuple[str | None, float]:
+def _nearest(problem: Problem, term: Term, fit: Fit) -> tuple[str | None, float]:
     """The rival that resembles a named effect most, and the sigmas of its signature that remain beside that rival."""
     i = fit.terms.index(term)
     signature = fit.jacobian[:, fit.columns(i)] @ fit.x[i]
     others = np.delete(fit.jacobian, np.arange(fit.jacobian.shape[1])[fit.columns(i)], axis=1)
     weights = np.ones(signature.size)
     left: dict[str, float] = {}
-    assert bench.search is not None
-    for rival, s in bench.search.signatures.items():
+    assert problem.search is not None
+    for rival, s in problem.search.sensitivities.items():
         if rival.key != term.key and rival not in fit.terms:
             left[rival.label] = min(
                 left.get(rival.label, math.inf),
@@ -199,11 +198,11 @@ def _nearest(bench: Bench, term: Term, fit: Fit) -> tuple[str | None, float]:
     return name, left[name]
 
 
-def _inseparable(bench: Bench) -> tuple[tuple[str, str, float], ...]:
-    """Pairs of one-parameter effects whose signatures are the same on these data."""
-    assert bench.search is not None
+def _inseparable(problem: Problem) -> tuple[tuple[str, str, float], ...]:
+    """Pairs of one-parameter effects whose sensitivities are the same on these data."""
+    assert problem.search is not None
     single = {
-        t: s.columns[:, 0] for t, s in bench.search.signatures.items() if s.columns.shape[1] == 1 and not t.variant
+        t: s.columns[:, 0] for t, s in problem.search.sensitivities.items() if s.columns.shape[1] == 1 and not t.variant
     }
     terms = list(single)
     if not terms:
@@ -219,17 +218,17 @@ def _inseparable(bench: Bench) -> tuple[tuple[str, str, float], ...]:
     )
 
 
-def _engines(bench: Bench, found: Confirmed) -> tuple[Engine, ...]:
+def _engines(problem: Problem, found: Verified) -> tuple[Engine, ...]:
     asked = tuple(
         Engine(
             name=name,
             version=said.version or found.before[name].version,
             agreement=found.agreement[name],
-            before=_gap(bench, found.before[name]),
-            after=_gap(bench, said),
+            before=_gap(problem, found.before[name]),
+            after=_gap(problem, said),
             skipped=said.skipped,
             added=tuple(said.added),
-            settings=_settings(bench, said if said.settings else found.before[name]),
+            settings=_settings(problem, said if said.settings else found.before[name]),
         )
         for name, said in found.after.items()
     )
@@ -244,32 +243,32 @@ def _engines(bench: Bench, found: Confirmed) -> tuple[Engine, ...]:
             settings={},
             skipped=why,
         )
-        for name, why in bench.skipped.items()
+        for name, why in problem.skipped.items()
     )
     return asked + absent
 
 
-def _settings(bench: Bench, said: Simulated) -> dict[str, Mapping[str, Setting]]:
+def _settings(problem: Problem, said: Simulated) -> dict[str, Mapping[str, Setting]]:
     """An engine's own settings, by run."""
-    runs = zip(bench.measured.runs, said.settings, strict=False)
+    runs = zip(problem.measured.runs, said.settings, strict=False)
     return {run.name: cast(Mapping[str, Setting], found) for run, found in runs}
 
 
-def _run(bench: Bench, found: Confirmed, r: int, run: Recording) -> Run:
-    before, after = found.before[bench.simulator].readings, found.after[bench.simulator].readings
+def _run(problem: Problem, found: Verified, r: int, run: Recording) -> Run:
+    before, after = found.before[problem.simulator].readings, found.after[problem.simulator].readings
     segment = np.minimum(np.arange(run.time.size) * SEGMENTS // run.time.size, SEGMENTS - 1)
     residual = {
-        name: bench.data.residual(side) for name, side in (("before", before), ("after", after)) if side is not None
+        name: problem.data.residual(side) for name, side in (("before", before), ("after", after)) if side is not None
     }
     absent = np.full(run.time.size, np.nan)
     signals: dict[str, Channel] = {}
-    for part in bench.data.parts:
+    for part in problem.data.parts:
         if part.run != r:
             continue
         channel = run.channels[part.signal]
         signals[part.signal] = Channel(
-            unit=unit_of(part.signal),
-            noise=float(bench.data.sigma[part.place][0]) if part.used.size else channel.noise,
+            unit=channel.signal.unit,
+            noise=float(problem.data.sigma[part.place][0]) if part.used.size else channel.noise,
             noise_given=channel.noise_given,
             measured=channel.values,
             before=before[r][part.signal] if before is not None else absent,
@@ -281,13 +280,13 @@ def _run(bench: Bench, found: Confirmed, r: int, run: Recording) -> Run:
         name=run.name,
         drive=run.drive,
         time=run.time,
-        crank_angle=bench.crank_angle(run),
+        crank_angle=problem.crank_angle(run),
         held_out=tuple(1 if s % FOLDS == 0 else 0 for s in segment),
         signals=signals,
     )
 
 
-def _versions(found: Confirmed) -> dict[str, str]:
+def _versions(found: Verified) -> dict[str, str]:
     packages = {name: installed_version(name) or "not installed" for name in ("linkage-crosscheck", "numpy", "scipy")}
     return {
         "python": platform.python_version(),
@@ -296,14 +295,14 @@ def _versions(found: Confirmed) -> dict[str, str]:
     }
 
 
-def _steps(bench: Bench, found: Confirmed, result: Diagnosis) -> tuple[Step, ...]:
+def _steps(problem: Problem, found: Verified, result: Diagnosis) -> tuple[Step, ...]:
     """The story, step by step."""
     e = found.explanation
-    samples = sum(p.used.size for p in bench.data.parts)
-    given = sum(c.noise_given for run in bench.measured.runs for c in run.channels.values())
-    total = sum(len(run.channels) for run in bench.measured.runs)
+    samples = sum(p.used.size for p in problem.data.parts)
+    given = sum(c.noise_given for run in problem.measured.runs for c in run.channels.values())
+    total = sum(len(run.channels) for run in problem.measured.runs)
     measured = (
-        f"{len(bench.measured.runs)} run(s), {total} sensor records, {samples} samples; the noise of {given}"
+        f"{len(problem.measured.runs)} run(s), {total} sensor records, {samples} samples; the noise of {given}"
         f" records is given, of {total - given} estimated from their own scatter.",
         *(_capital(f"{fault.text}.") for fault in result.faults),
     )
@@ -312,7 +311,7 @@ def _steps(bench: Bench, found: Confirmed, result: Diagnosis) -> tuple[Step, ...
     return (
         Step(title="Measured data", text=measured),
         Step(title="Locate", text=places or ("No sensor leaves its noise floor anywhere.",)),
-        Step(title="Isolate", text=_isolated(bench, found, result)),
+        Step(title="Isolate", text=_isolated(problem, found, result)),
         Step(title="Name", text=_named(e, result) or ("No effect earns its place on held-out data.",)),
         Step(title="Add", text=add if e.named else ("Nothing to add.",)),
         Step(title="Result", text=(result.statement,)),
@@ -323,18 +322,18 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _isolated(bench: Bench, found: Confirmed, result: Diagnosis) -> tuple[str, ...]:
+def _isolated(problem: Problem, found: Verified, result: Diagnosis) -> tuple[str, ...]:
     visible = sum(c.status not in ("invisible", "excluded") for c in result.candidates)
     considered = (
         f"{len(result.candidates)} effects at their places were considered, {visible} of them would show in"
-        f" these data; their signatures come from the analytic model, which agrees with {bench.simulator} on the"
+        f" these data; their sensitivities come from the analytic model, which agrees with {problem.simulator} on the"
         f" nominal mechanism within {found.agreement_before:.2g} of the noise."
     )
     if not result.inseparable:
-        return (considered, *bench.notes)
+        return (considered, *problem.notes)
     pairs = ", ".join(f"{a} and {b}" for a, b, _ in result.inseparable[:5])
     others = " and others" if len(result.inseparable) > 5 else ""
-    return (considered, *bench.notes, f"These data cannot tell apart: {pairs}{others}.")
+    return (considered, *problem.notes, f"These data cannot tell apart: {pairs}{others}.")
 
 
 def _named(e: Explanation, result: Diagnosis) -> tuple[str, ...]:

@@ -11,9 +11,9 @@ from scipy.stats import chi2
 
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.fit import Fit, Fitter
-from compare.diagnose.isolate import Screen, Signature, signatures
+from compare.diagnose.noise import sample_weights
 from compare.diagnose.predict import Term
-from compare.diagnose.worth import worth
+from compare.diagnose.sensitivities import Screen, Sensitivity, sensitivities
 
 CHANCE = 1e-3  # probability that noise alone names anything at all
 MOST = 4  # effects at once
@@ -45,9 +45,9 @@ class Search:
 
     fitter: Fitter
     base: Fit
-    signatures: Mapping[Term, Signature]
+    sensitivities: Mapping[Term, Sensitivity]
     cost: Mapping[Term, float]
-    nonlinear: bool = False  # signatures hold only near the fit they were taken about (free runs)
+    nonlinear: bool = False  # sensitivities hold only near the fit they were taken about (free runs)
     surveyed: Fit | None = None
 
     @property
@@ -66,7 +66,7 @@ class Search:
         if new is None or new is old:
             return False
         better = new if new.chi2 < old.chi2 else old
-        weights = worth(self.fitter.data, better.residual)
+        weights = sample_weights(self.fitter.data, better.residual)
         return float(weights @ (old.residual**2 - new.residual**2)) > self.price(new) - self.price(old) + 1e-6
 
     def best(self, first: Sequence[Fit] = ()) -> Fit:
@@ -86,7 +86,7 @@ class Search:
 
     def leaders(self, best: Fit) -> list[Fit]:
         """The best fits so far, best first."""
-        weights = worth(self.fitter.data, best.residual)
+        weights = sample_weights(self.fitter.data, best.residual)
         others = sorted(
             (float(weights @ f.residual**2) + self.price(f), k)
             for k, f in enumerate(self.fitter.done())
@@ -130,15 +130,15 @@ class Search:
         return dict(zip(self.base.terms, self.base.x, strict=True))
 
     def screen(self, about: Fit) -> Screen:
-        """The linear problem about a fit: its terms by their derivatives there, all others by their signatures."""
+        """The linear problem about a fit: its terms by their derivatives there, all others by their sensitivities."""
         if self.nonlinear and about is not self.surveyed:
-            self.signatures, self.surveyed = signatures(self.fitter, about, list(self.cost)), about
-        found = dict(self.signatures)
+            self.sensitivities, self.surveyed = sensitivities(self.fitter, about, list(self.cost)), about
+        found = dict(self.sensitivities)
         residual = about.residual.copy()
         for i in about.named():
             term, columns = about.terms[i], about.jacobian[:, about.columns(i)]
             residual -= columns @ about.x[i]
-            found[term] = Signature(term, np.zeros(residual.size), columns, fitted=True)
+            found[term] = Sensitivity(term, np.zeros(residual.size), columns, fitted=True)
         always = [about.jacobian[:, about.columns(i)] for i in range(len(about.terms)) if i not in about.named()]
         return Screen(
             self.rig, residual, np.concatenate(always, axis=1) if always else np.zeros((residual.size, 0)), found

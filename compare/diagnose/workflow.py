@@ -10,18 +10,17 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from analytic.mechanism import MechanismWarning
-from compare.diagnose.bench import Bench, Progress
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
-from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.diagnose.problem import Options, Problem, Progress, silent
 from compare.diagnose.result import as_document
 from compare.results.diagnosis import Diagnosis
 
 
 @contextmanager
 def _trying() -> Iterator[None]:
-    """Not a word on the sizes of links that a fit only tries."""
+    """Without the warnings about the sizes of links that a fit only tries."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MechanismWarning)
         yield
@@ -37,7 +36,7 @@ def diagnose(
     own: Sequence[Effect] = (),
     others: bool = True,
     workers: int | None = None,
-    progress: Progress = lambda what, done, total: None,
+    progress: Progress = silent,
 ) -> Diagnosis:
     """Find which effects the data want that the mechanism lacks.
 
@@ -50,17 +49,17 @@ def diagnose(
     SimulationError where it fails on the nominal mechanism.
     """
     data = measured if isinstance(measured, Measured) else load_measured(Path(measured))
-    vocabulary = VOCABULARY | {e.name: e for e in own}
-    stiff = data.mechanism.rigid()
-    bench = Bench.of(data, stiff, simulator, vocabulary, only, exclude, others, workers, progress)
-    explanation = bench.settled()
-    if stiff != data.mechanism and bench.sees(data.mechanism):
-        bending = Bench.of(data, data.mechanism, simulator, vocabulary, only, exclude, others, workers, progress)
-        instead = bending.settled()
-        nearer = bending.price(instead) < bench.price(explanation)
-        bench, explanation = (bending, instead) if nearer else (bench, explanation)
-        bench.notes.append(
+    options = Options(simulator, only, exclude, own, others, workers, progress)
+    rigid = data.mechanism.rigid()
+    problem = Problem.of(data, rigid, options)
+    explanation = problem.explanation()
+    if rigid != data.mechanism and problem.shows_bending(data.mechanism):
+        bending = Problem.of(data, data.mechanism, options)
+        instead = bending.explanation()
+        nearer = bending.price(instead) < problem.price(explanation)
+        problem, explanation = (bending, instead) if nearer else (problem, explanation)
+        problem.notes.append(
             f"The links' stated moduli of elasticity are {'used' if nearer else 'left out'}: that explains the data"
             " with less."
         )
-    return as_document(bench, bench.confirmed(explanation))
+    return as_document(problem, problem.verified(explanation))

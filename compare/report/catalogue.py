@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from compare.results.catalogue import Cases, Effects, Simulators
-from sim_models.engine import COMMON_EFFECTS, JOINT_MODELS
+from sim_models.engine import JOINT_MODELS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,10 +59,11 @@ def _print_simulators(result: Simulators, console: Console) -> None:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for heading in ("simulator", "version", *JOINT_MODELS, "effects"):
         table.add_column(heading, overflow="fold")
+    known = dict.fromkeys(effect for engine in result.simulators for effect in engine.effects)
     for engine in result.simulators:
         motions = {c.joint_model: ", ".join(c.motions) or "-" for c in engine.supports}
-        more, less = sorted(set(engine.effects) - COMMON_EFFECTS), sorted(COMMON_EFFECTS - set(engine.effects))
-        effects = "all common" + "".join(f" + {e}" for e in more) + "".join(f" - {e}" for e in less)
+        lacks = [effect for effect in known if effect not in engine.effects]
+        effects = f"all but {', '.join(lacks)}" if lacks else "all"
         version = engine.version if engine.status == "installed" else engine.status
         table.add_row(engine.name, version, *(motions.get(model, "-") for model in JOINT_MODELS), effects)
     console.width = max(console.width, 130)
@@ -71,7 +72,7 @@ def _print_simulators(result: Simulators, console: Console) -> None:
         if engine.fault:
             fault = f"{engine.name} is installed but cannot be imported: {engine.fault}"
             console.print(fault, soft_wrap=True, markup=False, highlight=False)
-    console.print(f"common effects: {', '.join(sorted(COMMON_EFFECTS))}", soft_wrap=True, highlight=False)
+    console.print(f"effects: {', '.join(known)}; see compare effects", soft_wrap=True, highlight=False)
     console.print(
         "install one with: pip install 'linkage-crosscheck[NAME]' (in a clone: pip install '.[NAME]')",
         markup=False,

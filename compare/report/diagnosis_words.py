@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import number, setting
 from compare.results.diagnosis import Diagnosis, Effect, Engine, Located, Place
-from compare.results.sentences import EFFECTS, ON_SIGNALS, parameter, spoken
+from compare.results.sentences import parameter, spoken
 
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
 TOML_STARTS = ("[", "#")
@@ -14,9 +15,10 @@ TOML_STARTS = ("[", "#")
 
 def phrase(result: Diagnosis, name: str, where: str) -> str:
     """An effect at its place: ``clearance in joint B``; one outside the vocabulary by its own name."""
-    if name not in EFFECTS:
+    effect = VOCABULARY.get(name)
+    if effect is None:
         return f"{name.replace('_', ' ')} at {where}"
-    return EFFECTS[name][0].format(spoken(result, where) if name in ON_SIGNALS else where)
+    return effect.called(spoken(result, where) if effect.place == "signal" else where)
 
 
 def named(result: Diagnosis, key: str) -> str:

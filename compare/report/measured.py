@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 
 from compare.diagnose.data.recording import Measured
-from compare.diagnose.data.units import unit_of
 from compare.quantities import amount
 
 
@@ -14,7 +13,7 @@ def summary_html(measured: Measured) -> str:
     rows = []
     for run in measured.runs:
         for name, channel in run.channels.items():
-            noise = amount(channel.noise, unit_of(name)) + ("" if channel.noise_given else ", estimated")
+            noise = amount(channel.noise, channel.signal.unit) + ("" if channel.noise_given else ", estimated")
             rows.append((run.name, run.drive, name, str(channel.values.size), noise))
     head = "".join(f"<th>{name}</th>" for name in ("run", "drive", "signal", "samples", "noise (1 sigma)"))
     body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)

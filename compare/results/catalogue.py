@@ -114,6 +114,7 @@ class Effect(Part):
     """An effect that a diagnosis can name."""
 
     name: str
+    where: Annotated[str, Field(description="Kind of place where it can be: linkage, body, joint, signal, run, ...")]
     says: Annotated[str, Field(description="The effect in words.")]
     parameters: tuple[Parameter, ...]
     simulators: Annotated[tuple[str, ...], Field(description="Engines that simulate it.")]

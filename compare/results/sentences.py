@@ -6,34 +6,12 @@ import math
 
 import numpy as np
 
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import MINUS, Quantity, amount, fitting, number, quantities, shown
 from compare.results.diagnosis import Diagnosis, Located, Parameter, Run
 
 TURN = math.tau
-EFFECTS = {  # what a person calls an effect, and what it means; {} is where it is
-    "gravity": ("gravity", "gravity acts on the linkage"),
-    "payload": ("a payload on the {}", "a payload rides on the {}"),
-    "com_offset": ("an offset centre of mass of the {}", "the centre of mass of the {} is off"),
-    "moment_of_inertia": ("an error in the moment of inertia of the {}", "the moment of inertia of the {} is off"),
-    "link_length": ("an error in the length of the {}", "the {} is not as long as thought"),
-    "pivot_position": ("a displaced ground pivot {}", "the ground pivot {} is not where it is thought to be"),
-    "joint_clearance": ("clearance in joint {}", "joint {} has clearance"),
-    "coulomb_friction": ("Coulomb friction in joint {}", "joint {} has dry friction"),
-    "viscous_friction": ("viscous friction in joint {}", "joint {} has viscous friction"),
-    "joint_spring": ("a spring in joint {}", "a spring acts in joint {}"),
-    "external_force": ("an external force on the {}", "an unknown force acts on the {}"),
-    "load_torque": ("a load torque on the {}", "an unknown torque acts on the {}"),
-    "link_flexibility": ("flexible links", "the links bend"),
-    "drive_compliance": ("a compliant drive", "the drive is springy"),
-    "speed_ripple": ("a ripple of the drive's speed", "the drive turns unevenly"),
-    "encoder_offset": ("an offset of the encoder for {}", "the encoder {} has an offset"),
-    "sensor_bias": ("a bias of the sensor for {}", "the sensor {} has a bias"),
-    "sensor_gain": ("a gain error of the sensor for {}", "the sensor {} has a wrong gain"),
-    "sensor_delay": ("a delay of the sensor for {}", "the sensor {} is late"),
-    "sensor_frame": ("a turned load cell at joint {}", "the load cell at {} is mounted turned"),
-    "clock_offset": ("a clock offset of run {}", "the clock of run {} is off against its command"),
-}
-ON_SIGNALS = {"encoder_offset", "sensor_bias", "sensor_gain", "sensor_delay"}
+PERCENT = {p.name for effect in VOCABULARY.values() for p in effect.parameters if p.percent}  # parameters read in %
 
 
 def quantity(result: Diagnosis, signal: str) -> Quantity:
@@ -51,11 +29,6 @@ def spoken(result: Diagnosis, signal: str) -> str:
     return f"{found.place[3:]} {found.name}" if found.place.startswith("of ") else found.label
 
 
-def says(name: str, where: str) -> str:
-    """What an effect at a place means: ``joint B has clearance``."""
-    return EFFECTS[name][1].format(where) if name in EFFECTS else f"{name.replace('_', ' ')} at {where}"
-
-
 def parameter(name: str, found: Parameter) -> tuple[str, str, str]:
     """A parameter's name, its value, and its 95 % interval, in one unit and to as many digits as the interval allows.
 
@@ -64,7 +37,7 @@ def parameter(name: str, found: Parameter) -> tuple[str, str, str]:
     value, low, high = found.value, found.low, found.high
     unit, factor = fitting(found.unit, value, low, high)
     what, _, run = name.partition("@")
-    if what == "gain_error":
+    if what in PERCENT:
         unit, factor = "%", 100.0
     half = 0.5 * abs(high - low) * factor if low is not None and high is not None else 0.0
     decimals = 1 - math.floor(math.log10(half * (1 + 1e-9))) if half > 0 else None

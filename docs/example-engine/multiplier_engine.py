@@ -27,10 +27,6 @@ class MultiplierEngine(Engine):
     name = "multipliers"
     package = "numpy"  # what must be installed for it to run
     supports: frozenset[Pair] = frozenset({("ideal", "driven"), ("ideal", "static")})
-    effects = frozenset(
-        {"gravity", "payload", "com_offset", "moment_of_inertia", "link_length", "pivot_position"}
-        | {"external_force", "load_torque"}
-    )
 
     def simulate(self, request: Request) -> Trace:
         """Run one request, in units that suit the linkage, and check what must be true of it whoever runs it."""

@@ -135,13 +135,14 @@ def effects() -> str:
     rows = [
         [
             f"`{e.name}`",
+            e.where,
             escaped(e.says),
             ", ".join(f"{escaped(p.name)} ({p.unit})" for p in e.parameters),
             ", ".join(e.simulators),
         ]
         for e in found().effects
     ]
-    return table(["effect", "what it says", "parameters", "simulated by"], rows)
+    return table(["effect", "where", "what it says", "parameters", "simulated by"], rows)
 
 
 def simulators() -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sim_models.common.simulate import simulate
 from sim_models.dart.world import DartWorld
-from sim_models.engine import COMMON_EFFECTS, Engine, JointModel, Motion, Request, Trace
+from sim_models.engine import IN_JOINTS, Engine, JointModel, Motion, Request, Trace
 from sim_models.leapfrog.runs import run
 
 MODELS: tuple[JointModel, ...] = ("ideal", "spring-damper", "contact")
@@ -16,7 +16,7 @@ class DartEngine(Engine):
 
     name = "dart"
     package = "dartpy"
-    effects = COMMON_EFFECTS | {"drive_compliance"}
+    effects = IN_JOINTS | {"drive_compliance"}
     supports: frozenset[tuple[JointModel, Motion]] = frozenset(
         (model, motion) for model in MODELS for motion in MOTIONS
     )

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from sim_models.common.simulate import simulate
 from sim_models.engine import (
-    COMMON_EFFECTS,
+    IN_JOINTS,
     JOINT_MODELS,
     Engine,
     JointModel,
@@ -34,7 +34,7 @@ class Exudyn(Engine):
     supports: frozenset[tuple[JointModel, Motion]] = frozenset(
         (model, motion) for model in JOINT_MODELS for motion in ("static", "driven")
     )
-    effects = COMMON_EFFECTS | {"drive_compliance", "link_flexibility"}
+    effects = IN_JOINTS | {"drive_compliance", "link_flexibility"}
     beams: frozenset[Pair] = frozenset({("ideal", "static"), ("contact", "static")})
     exports = True
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from sim_models.common.simulate import simulate
-from sim_models.engine import COMMON_EFFECTS, JOINT_MODELS, Engine, JointModel, Motion, Request, Trace, check_supported
+from sim_models.engine import IN_JOINTS, JOINT_MODELS, Engine, JointModel, Motion, Request, Trace, check_supported
 
 
 class MujocoEngine(Engine):
@@ -23,7 +23,7 @@ class MujocoEngine(Engine):
     supports: frozenset[tuple[JointModel, Motion]] = frozenset(
         (model, motion) for model in JOINT_MODELS for motion in ("driven", "static")
     )
-    effects = COMMON_EFFECTS | {"drive_compliance"}
+    effects = IN_JOINTS | {"drive_compliance"}
     exports = True
 
     def simulate(self, request: Request) -> Trace:

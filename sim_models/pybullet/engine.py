@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from sim_models.common.simulate import simulate
-from sim_models.engine import COMMON_EFFECTS, Engine, JointModel, Motion, Request, Trace, check_supported
+from sim_models.engine import IN_JOINTS, Engine, JointModel, Motion, Request, Trace, check_supported
 from sim_models.leapfrog.runs import run
 from sim_models.pybullet.world import BulletWorld
 
@@ -15,7 +15,7 @@ class BulletEngine(Engine):
 
     name = "pybullet"
     package = "pybullet"
-    effects = COMMON_EFFECTS | {"drive_compliance"}
+    effects = IN_JOINTS | {"drive_compliance"}
     exports = True
     supports: frozenset[tuple[JointModel, Motion]] = frozenset(
         {

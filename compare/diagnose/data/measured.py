@@ -18,13 +18,14 @@ from pydantic import ValidationError
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import MechanismError, load, shipped_cases
+from analytic.mechanism.signals import wrapped
 from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured_file import Entry, read_file, tolerances
 from compare.diagnose.data.quality import FLOOR, gaps, noise, outliers, unwrapped
 from compare.diagnose.data.recording import LARGEST, Channel, Drive, Fault, Measured, MeasuredError, Run, shown
 from compare.diagnose.data.table import ROWS, Column, Table, canonical, read_table
 from compare.diagnose.data.thin import frozen, held, missed, picked
-from compare.diagnose.data.units import dimension, listed
+from compare.diagnose.data.units import listed
 
 ASTRAY = math.radians(20.0)  # an encoder that far from its command throughout is no offset but a wrong drive_angle
 MULTIPLE = 2.0  # of the command, or its inverse: an encoder that turns beyond is not of this run
@@ -102,12 +103,14 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism) -> tuple[Run, list[Faul
     channels: dict[str, Channel] = {}
     for column in table.columns:
         command = (
-            angle + speed * table.time if column.signal == encoder and angle is not None and speed is not None else None
+            angle + speed * table.time
+            if column.signal.name == encoder and angle is not None and speed is not None
+            else None
         )
         channel, found = _channel(entry, column, table, command)
         faults += found
         if channel is not None:
-            channels[column.signal] = channel
+            channels[column.signal.name] = channel
     if drive == "measured" and encoder not in channels:
         raise MeasuredError(
             f"{where}: drive is measured, but {encoder!r} in {entry.file} does not move; check the encoder or give"
@@ -197,13 +200,13 @@ def _channel(
     entry: Entry, column: Column, table: Table, command: np.ndarray | None
 ) -> tuple[Channel | None, list[Fault]]:
     """A column as a channel, without what is faulty in it; None if nothing is left."""
-    run, signal, values = entry.name, column.signal, table.values[column.signal]
+    run, signal, values = entry.name, column.signal.name, table.values[column.signal.name]
     faults: list[Fault] = []
 
     def fault(kind: str, samples: int, text: str) -> None:
         faults.append(Fault(run, signal, kind, samples, f"{signal} of run {run!r} {text}"))
 
-    if dimension(signal) == "angle":
+    if column.signal.wraps:
         values, jumps = unwrapped(values, command)
         if jumps:
             fault("wrapped", jumps, f"jumps by a turn {jumps} times; it is continued instead")
@@ -247,7 +250,7 @@ def _channel(
             present.size,
             f"has a noise of {estimate:.3g} (SI) by its own scatter, and {given:.3g} is given; the given one is used",
         )
-    return Channel(signal, frozen(values), given or estimate, given is not None, column.unit), faults
+    return Channel(column.signal, frozen(values), given or estimate, given is not None, column.unit), faults
 
 
 def _gap_fault(run: str, time: np.ndarray) -> list[Fault]:
@@ -281,21 +284,19 @@ def _check_speed(where: str, file: str, time: np.ndarray, encoder: Channel, spee
     found = float(
         np.median((encoder.values[here[lag:]] - encoder.values[here[:-lag]]) / (time[here[lag:]] - time[here[:-lag]]))
     )
-    away = float(
-        np.median(np.remainder(encoder.values[here] - angle - speed * time[here] + math.pi, 2 * math.pi) - math.pi)
-    )
+    away = float(np.median(wrapped(encoder.values[here] - angle - speed * time[here])))
     if abs(found / speed - 1) < 0.03 and abs(away) > ASTRAY:
-        text = f"{encoder.signal} in {file} is {math.degrees(away):.4g} deg ahead of its command throughout"
+        text = f"{encoder.signal.name} in {file} is {math.degrees(away):.4g} deg ahead of its command throughout"
         raise MeasuredError(f"{where}: {text}; check drive_angle = {angle:g} rad, which is the angle at time 0")
     for ratio, remedy in SLIPS.items():
         if abs(found / speed / ratio - 1) < 0.03:
             text = (
-                f"drive_speed = {speed:g} rad/s, but {encoder.signal} in {file} turns at {found:.5g} rad/s,"
+                f"drive_speed = {speed:g} rad/s, but {encoder.signal.name} in {file} turns at {found:.5g} rad/s,"
                 f" {found / speed:.4g} times as fast"
             )
             raise MeasuredError(f"{where}: {text}; {remedy}")
     if not 1 / MULTIPLE < found / speed < MULTIPLE:
-        text = f"drive_speed = {speed:g} rad/s, but {encoder.signal} in {file} turns at {found:.5g} rad/s"
+        text = f"drive_speed = {speed:g} rad/s, but {encoder.signal.name} in {file} turns at {found:.5g} rad/s"
         raise MeasuredError(f"{where}: {text}; put the one right that is wrong")
 
 

@@ -13,6 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
+from analytic.mechanism.signals import turned_near
 from compare.diagnose.data.recording import Fault, Run
 from compare.diagnose.data.units import dimension
 
@@ -27,7 +28,7 @@ JUDGED = 12  # samples, at least, among which a spike is told
 CLIMBS = 4  # stairs, at least, by which their height is known
 GAP = 5.0  # median intervals
 TELLING = 5.0  # how much better another column's prediction must fit, and by how many sigmas the own one must fail
-ENOUGH = 50_000  # samples that noise is estimated from
+ESTIMATED_FROM = 50_000  # samples that noise is estimated from
 # Slopes of a channel on its prediction that are conversions, and what the reader may have done.
 CONVERSIONS: dict[str, dict[str, float]] = {
     "angle": {
@@ -204,7 +205,7 @@ def unwrapped(angle: np.ndarray, command: np.ndarray | None = None) -> tuple[np.
     if command is None:
         out[here[1:]] -= 2 * math.pi * np.cumsum(np.where(turn, np.sign(step), 0.0))
     elif np.any(turn):
-        out += 2 * math.pi * np.round((command - angle) / (2 * math.pi))
+        out = turned_near(angle, command)
     return out, int(np.sum(turn))
 
 
@@ -220,7 +221,7 @@ def suspicious_swaps(run: Run, predicted: Mapping[str, np.ndarray]) -> list[Faul
     """Pairs of channels each of which fits the other's prediction (N,), SI, far better than its own."""
     faults = []
     for a, b in combinations([s for s in run.channels if s in predicted], 2):
-        if dimension(a) != dimension(b):
+        if dimension(run.channels[a].signal) != dimension(run.channels[b].signal):
             continue
         own = {s: _misfit(run, s, predicted[s]) for s in (a, b)}
         other = {s: _misfit(run, s, predicted[t]) for s, t in ((a, b), (b, a))}
@@ -250,7 +251,7 @@ def suspicious_units(run: Run, predicted: Mapping[str, np.ndarray]) -> list[Faul
         if np.std(model) == 0 or np.std(measured) == 0 or abs(np.corrcoef(model, measured)[0, 1]) < 0.99:
             continue
         slope = float(np.polyfit(model, measured, 1)[0])
-        for what, factor in CONVERSIONS.get(dimension(signal), {}).items():
+        for what, factor in CONVERSIONS.get(dimension(channel.signal), {}).items():
             if abs(slope / factor - 1) < 0.03:
                 text = (
                     f"{signal} of run {run.name!r} is {slope:.4g} times its prediction: it looks {what}, but {run.file}"
@@ -266,8 +267,8 @@ def _misfit(run: Run, signal: str, prediction: np.ndarray) -> float:
     residual = residual[np.isfinite(residual)]
     if residual.size == 0:
         return 0.0
-    if dimension(signal) == "angle":
-        residual = residual - 2 * math.pi * np.round(np.mean(residual) / (2 * math.pi))
+    if run.channels[signal].signal.wraps:
+        residual = residual - turned_near(np.zeros(()), np.mean(residual))
     return float(np.sqrt(np.mean(residual**2)))
 
 
@@ -282,8 +283,8 @@ def _scale(d: np.ndarray) -> float:
 
 
 def _stretches(n: int) -> np.ndarray:
-    """Indices of all of n samples, or of ENOUGH of them in a hundred stretches."""
-    if n <= ENOUGH:
+    """Indices of all of n samples, or of ESTIMATED_FROM of them in a hundred stretches."""
+    if n <= ESTIMATED_FROM:
         return np.arange(n)
-    length = ENOUGH // 100
+    length = ESTIMATED_FROM // 100
     return (np.linspace(0, n - length, 100).astype(int)[:, None] + np.arange(length)).ravel()

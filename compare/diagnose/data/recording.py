@@ -8,11 +8,13 @@ import importlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from analytic.mechanism import Load, Mechanism
+from analytic.mechanism.signals import Signal, named
 
 if TYPE_CHECKING:
     import pandas
@@ -55,7 +57,7 @@ class Channel:
     ``noise_given`` says whether measured.toml gave it (else it is estimated); ``unit`` is the header's, for people.
     """
 
-    signal: str
+    signal: Signal
     values: np.ndarray
     noise: float
     noise_given: bool
@@ -63,7 +65,7 @@ class Channel:
 
     def __repr__(self) -> str:
         known = int(np.count_nonzero(np.isfinite(self.values)))
-        return f"Channel({self.signal}, {known} samples, noise {self.noise:.3g})"
+        return f"Channel({self.signal.name}, {known} samples, noise {self.noise:.3g})"
 
 
 @dataclass(frozen=True, repr=False)
@@ -102,6 +104,11 @@ class Measured:
     tolerance: Mapping[str, float]
     faults: tuple[Fault, ...]
     source: str
+
+    @cached_property
+    def signals(self) -> Mapping[str, Signal]:
+        """Every signal that the linkage can have, by name."""
+        return named(self.mechanism.bodies, self.mechanism.joints)
 
     def rows(self) -> list[dict[str, float | str | None]]:
         """A row for each sample of each run: its run, its time (s) and every sensor in SI, None where it is silent."""

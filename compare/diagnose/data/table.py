@@ -20,6 +20,7 @@ from typing import TextIO
 import numpy as np
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.signals import Signal
 from compare.diagnose.data.recording import LARGEST, MeasuredError, shown
 from compare.diagnose.data.units import UnitError, dimension, factor, listed, readable
 
@@ -28,6 +29,7 @@ ROWS = 8  # at least
 BLOCK = 1 << 20  # characters read at a time
 SHORTEST = 1e-12  # s, between two rows
 HEADER = 100_000  # characters; what has no line end in so many is no table
+TIME = Signal("time", "", "time")
 DELIMITERS = (",", ";", "\t")
 
 
@@ -35,7 +37,7 @@ DELIMITERS = (",", ";", "\t")
 class Column:
     """A column's header: the signal, its unit as written, and the factor to SI."""
 
-    signal: str
+    signal: Signal
     unit: str
     factor: float
 
@@ -104,7 +106,7 @@ def _read(name: str, file: TextIO, mechanism: Mechanism) -> Table:
         )
     delimiter = max(DELIMITERS, key=header.count)
     time, columns = _columns(name, header, delimiter, mechanism)
-    names = [f"time [{time.unit}]", *(f"{c.signal} [{c.unit}]" for c in columns)]
+    names = [f"time [{time.unit}]", *(f"{c.signal.name} [{c.unit}]" for c in columns)]
     blocks = [_block(name, lines, first, delimiter, names) for first, lines in _blocks(file)]
     numbers = np.concatenate([b for b, _ in blocks]) if blocks else np.zeros((0, len(names)))
     if len(numbers) < ROWS:
@@ -115,7 +117,9 @@ def _read(name: str, file: TextIO, mechanism: Mechanism) -> Table:
     lines = np.concatenate([n for _, n in blocks])
     _check_order(name, stamps, lines, time.unit)
     _check_range(name, numbers, lines, names, np.array([time.factor, *(c.factor for c in columns)]))
-    return Table(columns, stamps * time.factor, {c.signal: numbers[:, k] * c.factor for k, c in enumerate(columns, 1)})
+    return Table(
+        columns, stamps * time.factor, {c.signal.name: numbers[:, k] * c.factor for k, c in enumerate(columns, 1)}
+    )
 
 
 def _columns(name: str, header: str, delimiter: str, mechanism: Mechanism) -> tuple[Column, tuple[Column, ...]]:
@@ -127,7 +131,7 @@ def _columns(name: str, header: str, delimiter: str, mechanism: Mechanism) -> tu
             " [deg]'"
         )
     columns = [_column(name, k, cell, mechanism) for k, cell in enumerate(cells, 1)]
-    signals = [c.signal for c in columns]
+    signals = [c.signal.name for c in columns]
     if signals[0] != "time":
         raise MeasuredError(f"{name}: line 1: column 1 is {cells[0]!r}; the first column must be 'time [s]'")
     twice = next((s for s in signals if signals.count(s) > 1), None)
@@ -147,13 +151,14 @@ def _column(name: str, k: int, cell: str, mechanism: Mechanism) -> Column:
             f"{name}: line 1: column {k} is {shown(cell)}; write 'signal [unit]', such as 'crank_angle [deg]'"
         )
     signal, unit = canonical(found[1], mechanism), (found[2] or "").strip()
-    if signal != "time" and signal not in readable(mechanism):
+    known = {TIME.name: TIME, **readable(mechanism)}
+    if signal not in known:
         raise MeasuredError(
             f"{name}: line 1: column {k}, {shown(signal)}, is not a signal of {mechanism.name!r};"
             f" {suggestion(signal, mechanism)}"
         )
     try:
-        return Column(signal, unit, factor(unit, dimension(signal)))
+        return Column(known[signal], unit, factor(unit, dimension(known[signal])))
     except UnitError as error:
         raise MeasuredError(f"{name}: line 1: column {k}, {signal!r}, has {error}") from None
 
@@ -162,12 +167,10 @@ def canonical(signal: str, mechanism: Mechanism) -> str:
     """``crank_angle`` stands for the driven body's angle, ``crank_angular_velocity`` for its rate, unless another body
     is called crank.
     """
-    body, _, part = signal.partition("_")
-    return (
-        f"{mechanism.driven}_{part}"
-        if body == "crank" and body not in mechanism.moving and part in ("angle", "angular_velocity")
-        else signal
-    )
+    if "crank" in mechanism.moving:
+        return signal
+    parts = ("angle", "angular_velocity")
+    return {f"crank_{part}": f"{mechanism.driven}_{part}" for part in parts}.get(signal, signal)
 
 
 def suggestion(signal: str, mechanism: Mechanism) -> str:

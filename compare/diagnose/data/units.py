@@ -11,13 +11,14 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.signals import Signal, Unit, named
 from compare.diagnose.data.recording import shown
 
 if TYPE_CHECKING:
     import pint
 
 Dimension = Literal["time", "angle", "angular velocity", "length", "force", "torque"]
-SI: dict[Dimension, str] = {
+SI: dict[Dimension, Unit] = {
     "time": "s",
     "angle": "rad",
     "angular velocity": "rad/s",
@@ -25,6 +26,7 @@ SI: dict[Dimension, str] = {
     "force": "N",
     "torque": "N.m",
 }
+DIMENSIONS: dict[Unit, Dimension] = {unit: kind for kind, unit in SI.items()}
 # What messages offer; any other unit of the dimension that pint knows is accepted as well.
 ACCEPTED: dict[Dimension, str] = {
     "time": "s, ms, us or min",
@@ -42,35 +44,15 @@ class UnitError(ValueError):
     """A unit is missing, unknown or of another dimension; the message says what is accepted."""
 
 
-def unit_of(signal: str) -> str:
-    """SI unit of a signal."""
-    return SI[dimension(signal)]
+def dimension(signal: Signal) -> Dimension:
+    """What kind of quantity a signal is."""
+    return DIMENSIONS[signal.unit]
 
 
-def dimension(signal: str) -> Dimension:
-    """What kind of quantity a signal is, by its name (see :func:`readable`)."""
-    if signal == "time":
-        return "time"
-    if signal == "drive_torque" or (signal.startswith("reaction_") and signal.endswith("_moment")):
-        return "torque"
-    if signal.endswith("_angular_velocity"):
-        return "angular velocity"
-    if signal.endswith("_angle"):
-        return "angle"
-    return "force" if signal.startswith("reaction_") else "length"
-
-
-def readable(mechanism: Mechanism) -> list[str]:
-    """Names of the signals that a data file of this mechanism may hold, ``time`` apart."""
-    names = [f"{body.name}_{part}" for body in mechanism.bodies for part in ("angle", "x", "y", "angular_velocity")]
-    for joint in mechanism.joints:
-        names += [f"reaction_{joint.name}_{part}" for part in ("x", "y", "angle", "magnitude")]
-        names += (
-            [f"reaction_{joint.name}_moment"]
-            if joint.prismatic
-            else [f"clearance_{joint.name}_{axis}" for axis in "xy"]
-        )
-    return [*names, "drive_torque"]
+def readable(mechanism: Mechanism) -> dict[str, Signal]:
+    """The signals that a data file of this mechanism may hold, by name, ``time`` apart; no sensor reads a rotation."""
+    found = named(mechanism.bodies, mechanism.joints)
+    return {name: signal for name, signal in found.items() if signal.kind != "rotation"}
 
 
 def factor(unit: str, kind: Dimension) -> float:

@@ -1,4 +1,4 @@
-"""Effects on links, ground and loads: masses, lengths, forces and bending, as pure functions on the mechanism."""
+"""Effects on links and ground: gravity, masses and lengths."""
 
 from __future__ import annotations
 
@@ -6,14 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analytic.mechanism import GROUND, Body, Load, Mechanism
-from compare.diagnose.effects.effect import Effect, Parameter, Reciprocal, Rig, Values
+from analytic.mechanism import GROUND, Body, Mechanism
+from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Rig, Values
 
 
 class Gravity(Effect):
     """Weight that the model lacks or directs wrongly; values are the whole vector."""
 
     name = "gravity"
+    place = "linkage"
+    label = "gravity"
+    meaning = "gravity acts on the linkage"
+    hiding = Hiding(with_beams=True)
     parameters = (Parameter("x", "m/s^2", "gravity"), Parameter("y", "m/s^2", "gravity"))
 
     def places(self, rig: Rig) -> Sequence[str]:
@@ -25,14 +29,24 @@ class Gravity(Effect):
     def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
         return {"x": rig.mechanism.gravity[0] + float(x[0]), "y": rig.mechanism.gravity[1] + float(x[1])}
 
+    def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
+        return super().natural(rig, where, values, variant) - rig.mechanism.gravity
+
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         return mechanism.replace(gravity=(values["x"], values["y"]))
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        (x, y), (c, s) = rig.mechanism.gravity, draw.direction
+        return Growth(lambda a: {"x": x + a * c, "y": y + a * s}, 9.81)
 
 
 class Payload(Effect):
     """A point mass riding on a body; marker and loads stay where the nominal com is."""
 
     name = "payload"
+    place = "body"
+    label = "a payload on the {}"
+    meaning = "a payload rides on the {}"
     parameters = (
         Parameter("mass", "kg", "mass", 0.0),
         Parameter("along", "m", "position"),
@@ -40,10 +54,10 @@ class Payload(Effect):
     )
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return _bodies(rig)
+        return bodies(rig)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        body = _body(rig.mechanism, where)
+        body = body_of(rig.mechanism, where)
         size = body.length or rig.length
         return (1e-2 * body.mass, 0.3 * size, 0.3 * size)
 
@@ -64,7 +78,7 @@ class Payload(Effect):
         return np.array([max(float(x[0]), self.scales(rig, where)[0]), 0.0, 0.0])
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
-        body = _body(mechanism, where)
+        body = body_of(mechanism, where)
         arm, m = complex(values["along"], values["normal"]), values["mass"]
         mass = body.mass + m
         centre = body.centre + m * (body.point("com") + arm - body.centre) / mass
@@ -75,52 +89,76 @@ class Payload(Effect):
         )
         return mechanism.with_body(where, **_pinned(body) | {"mass": mass, "com": _pair(centre), "inertia": inertia})
 
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        body = body_of(rig.mechanism, where)
+        size = body.length or rig.length
+        along, normal = draw.rng.uniform(-0.4, 0.4) * size, draw.rng.uniform(-0.2, 0.2) * size
+        return Growth(lambda a: {"mass": a * body.mass, "along": along, "normal": normal}, 1.0)
+
 
 class ComOffset(Effect):
     """A centre of mass elsewhere than thought; marker and loads stay."""
 
     name = "com_offset"
+    place = "body"
+    label = "an offset centre of mass of the {}"
+    meaning = "the centre of mass of the {} is off"
     parameters = (Parameter("along", "m", "com"), Parameter("normal", "m", "com"))
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return _bodies(rig)
+        return bodies(rig)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-3 * rig.length, 1e-3 * rig.length)
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
-        body = _body(mechanism, where)
+        body = body_of(mechanism, where)
         return mechanism.with_body(
             where, **_pinned(body) | {"com": _pair(body.centre + complex(values["along"], values["normal"]))}
         )
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        (c, s), size = draw.direction, body_of(rig.mechanism, where).length or rig.length
+        return Growth(lambda a: {"along": a * c * size, "normal": a * s * size}, 0.2)
 
 
 class MomentOfInertia(Effect):
     """A moment of inertia (about the com) that differs from the model's."""
 
     name = "moment_of_inertia"
+    place = "body"
+    label = "an error in the moment of inertia of the {}"
+    meaning = "the moment of inertia of the {} is off"
     parameters = (Parameter("inertia_error", "kg.m^2", "inertia"),)
     special_case_of = ("payload",)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return _bodies(rig)
+        return bodies(rig)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        body = _body(rig.mechanism, where)
+        body = body_of(rig.mechanism, where)
         return (1e-2 * (body.moment_of_inertia or body.mass * rig.length**2),)
 
     def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
-        return np.array([-_body(rig.mechanism, where).moment_of_inertia])
+        return np.array([-body_of(rig.mechanism, where).moment_of_inertia])
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
-        body = _body(mechanism, where)
+        body = body_of(mechanism, where)
         return mechanism.with_body(where, inertia=body.moment_of_inertia + values["inertia_error"])
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        body = body_of(rig.mechanism, where)
+        own = body.moment_of_inertia or body.mass * (body.length or rig.length) ** 2
+        return Growth(lambda a: {"inertia_error": a * draw.sign * own}, 3.0 if draw.sign > 0 else 0.8)
 
 
 class LinkLength(Effect):
     """A link that is longer or shorter: its last named point moves along its x axis; com, marker and inertia stay."""
 
     name = "link_length"
+    place = "body"
+    label = "an error in the length of the {}"
+    meaning = "the {} is not as long as thought"
     parameters = (Parameter("length_error", "m", "length"),)
     special_case_of = ("pivot_position",)
 
@@ -132,18 +170,25 @@ class LinkLength(Effect):
         return (1e-5 * rig.length,)
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
-        body = _body(mechanism, where)
+        body = body_of(mechanism, where)
         last = list(body.points)[-1]
         x, y = body.points[last]
         return mechanism.with_body(
             where, **_pinned(body) | {"points": {**body.points, last: (x + values["length_error"], y)}}
         )
 
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        size = body_of(rig.mechanism, where).length or rig.length
+        return Growth(lambda a: {"length_error": a * draw.sign * size}, 0.02)
+
 
 class PivotPosition(Effect):
     """A ground point that sits elsewhere than thought; values are its displacement."""
 
     name = "pivot_position"
+    place = "ground point"
+    label = "a displaced ground pivot {}"
+    meaning = "the ground pivot {} is not where it is thought to be"
     parameters = (Parameter("x", "m", "length"), Parameter("y", "m", "length"))
 
     def places(self, rig: Rig) -> Sequence[str]:
@@ -158,73 +203,18 @@ class PivotPosition(Effect):
         points[where] = (points[where][0] + values["x"], points[where][1] + values["y"])
         return mechanism.replace(ground={"points": points})
 
-
-class ExternalForce(Effect):
-    """A force at a body's com, fixed in direction, beside the loads of the model."""
-
-    name = "external_force"
-    parameters = (Parameter("x", "N", "force"), Parameter("y", "N", "force"))
-
-    def places(self, rig: Rig) -> Sequence[str]:
-        return _bodies(rig)
-
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-3 * rig.force, 1e-3 * rig.force)
-
-    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
-        return mechanism.replace(loads=(*mechanism.loads, Load(body=where, force=(values["x"], values["y"]))))
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        c, s = draw.direction
+        return Growth(lambda a: {"x": a * c * rig.length, "y": a * s * rig.length}, 0.02)
 
 
-class LoadTorque(Effect):
-    """A constant torque on a body."""
-
-    name = "load_torque"
-    parameters = (Parameter("torque", "N.m", "torque"),)
-    special_case_of = ("joint_spring",)
-
-    def places(self, rig: Rig) -> Sequence[str]:
-        return _bodies(rig)
-
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-3 * rig.torque,)
-
-    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
-        return mechanism.replace(loads=(*mechanism.loads, Load(body=where, torque=values["torque"])))
-
-
-class LinkFlexibility(Reciprocal):
-    """Links that bend, all of one modulus; they need a section."""
-
-    name = "link_flexibility"
-    needs_engine = True
-    slow = True
-    parameters = (Parameter("youngs_modulus", "Pa", "modulus", 0.0),)
-
-    def places(self, rig: Rig) -> Sequence[str]:
-        return ["linkage"] if any(_bends(b) for b in rig.mechanism.bodies) else []
-
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-11,)
-
-    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
-        return mechanism.replace(bodies=tuple(_flexible(b, values["youngs_modulus"]) for b in mechanism.bodies))
-
-
-def _bends(body: Body) -> bool:
-    return min(body.section) > 0 and body.length > 0
-
-
-def _flexible(body: Body, modulus: float) -> Body:
-    return (
-        Body.model_validate(body.model_dump(exclude_unset=True) | {"youngs_modulus": modulus}) if _bends(body) else body
-    )
-
-
-def _bodies(rig: Rig) -> list[str]:
+def bodies(rig: Rig) -> list[str]:
+    """Names of the moving bodies."""
     return [b.name for b in rig.mechanism.bodies]
 
 
-def _body(mechanism: Mechanism, name: str) -> Body:
+def body_of(mechanism: Mechanism, name: str) -> Body:
+    """A moving body."""
     return mechanism.moving[name]
 
 
@@ -235,3 +225,13 @@ def _pair(z: complex) -> tuple[float, float]:
 def _pinned(body: Body) -> dict[str, object]:
     """What must stay when points or masses move: com, inertia and marker as they are now."""
     return {"com": _pair(body.centre), "inertia": body.moment_of_inertia, "marker": _pair(body.point("com"))}
+
+
+EFFECTS: tuple[Effect, ...] = (
+    Gravity(),
+    Payload(),
+    ComOffset(),
+    MomentOfInertia(),
+    LinkLength(),
+    PivotPosition(),
+)

@@ -1,35 +1,49 @@
-"""What an effect is: a name, places, parameters, and pure functions on the mechanism or on the readings of its sensors.
+"""What an effect is: everything that is said of it stands in its own class, in one file of this folder.
 
-``values`` are the parameters as reported (SI); a search moves in *natural* coordinates x instead, in which zero is "no
-effect" and the signals answer nearly linearly (1/E instead of E, say).
+A class has the effect's name, the kind of place where it can be, its words and parameters, what an engine must be able
+to do to simulate it, the pure functions on the mechanism or on the readings of its sensors, and how the scoreboard
+draws one.  ``values`` are the parameters as reported (SI); a search moves in *natural* coordinates x instead, in which
+zero is "no effect" and the signals answer nearly linearly (1/E instead of E, say).
+
+To add an effect, write its class and put it into the list ``EFFECTS`` at the end of the file.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from functools import cached_property
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.signals import Signal, named
+from sim_models.engine import Engine
 
+Place = Literal["linkage", "body", "ground point", "joint", "drive", "signal", "run"]
 Values = Mapping[str, float]
 Readings = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter as reported: its unit, what kind of quantity it is (for ``tolerance``), and its smallest physical
-    value.
+    """A parameter as reported.
+
+    ``unit`` is SI, empty for the unit of the signal where the effect is; ``quantity`` is what kind it is, for
+    ``tolerance``; ``lowest`` is its smallest physical value.  A ``discrete`` one has whole values only, and values of a
+    ``circular`` one that are a turn (rad) apart are the same.  People read a ``percent`` one in %.
     """
 
     name: str
     unit: str
     quantity: str
     lowest: float = -math.inf
+    discrete: bool = False
+    circular: bool = False
+    percent: bool = False
 
 
 @dataclass(frozen=True)
@@ -51,27 +65,113 @@ class Rig:
         """The motor's encoder."""
         return f"{self.mechanism.driven}_angle"
 
+    @cached_property
+    def known(self) -> Mapping[str, Signal]:
+        """Every signal that the linkage can have, by name."""
+        return named(self.mechanism.bodies, self.mechanism.joints)
+
     @property
     def torque(self) -> float:
         """A torque (N.m) typical of the rig."""
         return self.force * self.length
 
 
+@dataclass(frozen=True)
+class Draw:
+    """What a random size of an effect is drawn with.
+
+    ``turn`` (rad) is a random direction in the plane and ``sign`` 1 or -1; ``speeds`` (rad/s) are those of the runs, by
+    name; ``motion`` gives every signal (N,) of the first run, of the nominal linkage.
+    """
+
+    rng: np.random.Generator
+    turn: float
+    sign: float
+    speeds: Mapping[str, float]
+    motion: Callable[[], Mapping[str, np.ndarray]]
+
+    @property
+    def direction(self) -> tuple[float, float]:
+        """Components x and y of a unit vector in the random direction."""
+        return math.cos(self.turn), math.sin(self.turn)
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Reported values as a function of one number: no effect at 0, a signature about linear in it, physical up to
+    ``most``.
+    """
+
+    values: Callable[[float], Values]
+    most: float
+    variant: float = 0.0
+
+
+@dataclass(frozen=True)
+class Hiding:
+    """What a hidden set of the scoreboard must be like to have the effect.
+
+    ``sensors`` are kinds of sensor that it needs (``encoder``, ``cell``); ``cases`` the shipped linkages that it is
+    drawn on (None: any); ``commanded``, that no run follows its encoder; ``in_contact``, that the runs are slow enough
+    for the pin of its joint to keep touching its bearing.  A set has at most one ``exclusive`` effect.
+    ``makers`` are the engines that make data with it and how often each is drawn (None: any).  Links that bend
+    ``need_beams``, and beams know the effects that go ``with_beams``, and all those of sensors.
+    """
+
+    sensors: tuple[str, ...] = ()
+    cases: tuple[str, ...] | None = None
+    commanded: bool = False
+    in_contact: bool = False
+    exclusive: bool = False
+    makers: Mapping[str, float] | None = None
+    need_beams: bool = False
+    with_beams: bool = False
+
+
 class Effect(ABC):
-    """A missing effect.  Subclasses say what it does; everything it does is pure."""
+    """A missing effect.  Subclasses say all that there is to say of it; everything it does is pure.
+
+    ``label`` is what it is called and ``meaning`` what it means, each with ``{}`` for the place; ``special_case_of``
+    are richer effects, which must earn their further parameter against this one; ``needs`` what an engine must declare
+    to simulate it in full: one of its ``effects``, or a joint model in driven motion.
+    """
 
     name: ClassVar[str]
+    place: ClassVar[Place] = "linkage"  # the kind of place where it can be
+    label: ClassVar[str] = ""
+    meaning: ClassVar[str] = ""
     parameters: ClassVar[tuple[Parameter, ...]]
-    special_case_of: ClassVar[
-        tuple[str, ...]
-    ] = ()  # richer effects that must earn their extra parameter against this one
+    special_case_of: ClassVar[tuple[str, ...]] = ()
     sensor: ClassVar[bool] = False  # of the measurement, not of the mechanism
-    needs_engine: ClassVar[bool] = (
-        False  # only engines that declare it have it; the others are fields that each must honour
-    )
+    needs: ClassVar[frozenset[str]] = frozenset()
     slow: ClassVar[bool] = (
-        False  # costs the analytic model many times what the others do, and changes their signatures little
+        False  # takes the analytic model far longer than others, and changes their sensitivities little
     )
+    hiding: ClassVar[Hiding] = Hiding()
+
+    # ---------------------------------------------------------------- in words
+
+    @classmethod
+    def called(cls, where: str) -> str:
+        """The effect at its place as a noun: ``clearance in joint B``."""
+        return (cls.label or cls._plain()).format(where)
+
+    @classmethod
+    def says(cls, where: str) -> str:
+        """What the effect at a place means: ``joint B has clearance``."""
+        return (cls.meaning or cls._plain()).format(where)
+
+    @classmethod
+    def _plain(cls) -> str:
+        return f"{cls.name.replace('_', ' ')} at {{}}"
+
+    # ---------------------------------------------------------------- who simulates it
+
+    def simulated_by(self, engine: Engine) -> bool:
+        """Whether an engine can simulate the effect in full; what sensors do is added to any engine's readings."""
+        return all(need in engine.effects or (need, "driven") in engine.supports for need in self.needs)
+
+    # ---------------------------------------------------------------- where, and in which coordinates
 
     @abstractmethod
     def places(self, rig: Rig) -> Sequence[str]:
@@ -107,9 +207,19 @@ class Effect(ABC):
         """Reported values of natural coordinates."""
         return {p.name: float(v) for p, v in zip(self.parameters, x, strict=True)}
 
+    def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
+        """Natural coordinates (n,) of reported values: the inverse of :meth:`values`."""
+        return np.array([values[p.name] for p in self.parameters])
+
+    def acts_by_itself(self, variant: float) -> bool:
+        """Whether a variant does something even where all natural coordinates are zero, as a quarter turn does."""
+        return False
+
     def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
         """Smallest physical natural coordinates, (n,)."""
         return np.array([p.lowest for p in self.parameters])
+
+    # ---------------------------------------------------------------- tolerances
 
     def measured_by(self, i: int) -> Parameter:
         """The reported parameter whose tolerance bounds the i-th natural coordinate."""
@@ -125,6 +235,8 @@ class Effect(ABC):
         """
         return True
 
+    # ---------------------------------------------------------------- what it does
+
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         """The mechanism with the effect."""
         return mechanism
@@ -136,6 +248,16 @@ class Effect(ABC):
     def delay(self, run: str, signal: str, where: str, values: Values) -> float:
         """Seconds by which a signal's readings are older than their time stamps."""
         return 0.0
+
+    def motor_lag(self, run: str, values: Values) -> float:
+        """How far (rad) the motor is behind the encoder's readings, in a run that follows them."""
+        return 0.0
+
+    # ---------------------------------------------------------------- a random one
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        """A random way for the effect to grow from nothing at a place, for the scoreboard."""
+        raise NotImplementedError(f"{self.name}: Effect.growth has to say how one is drawn for the scoreboard")
 
 
 class Reciprocal(Effect):
@@ -149,3 +271,6 @@ class Reciprocal(Effect):
 
     def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
         return {self.parameters[0].name: 1.0 / max(float(x[0]), 1e-9 * self.scales(rig, where)[0])}
+
+    def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
+        return 1 / super().natural(rig, where, values, variant)

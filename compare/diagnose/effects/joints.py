@@ -1,6 +1,4 @@
-"""Effects in joints and in the drive: play, friction, springs, a soft or uneven motor, as pure functions on the
-mechanism.
-"""
+"""Effects in joints: play, friction and springs."""
 
 from __future__ import annotations
 
@@ -10,10 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from analytic.mechanism import Mechanism, Ripple
-from compare.diagnose.effects.effect import Effect, Parameter, Reciprocal, Rig, Values
-
-HARMONICS = range(1, 13)
+from analytic.mechanism import Mechanism
+from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Rig, Values
 
 
 class OnJoint(Effect):
@@ -21,6 +17,7 @@ class OnJoint(Effect):
     of it.
     """
 
+    place = "joint"
     field_name: ClassVar[str]
 
     def places(self, rig: Rig) -> Sequence[str]:
@@ -36,6 +33,9 @@ class OnJoint(Effect):
     def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
         return {self.parameters[0].name: self.nominal(rig, where) + float(x[0])}
 
+    def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
+        return super().natural(rig, where, values, variant) - self.nominal(rig, where)
+
     def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
         return np.array([-self.nominal(rig, where)])
 
@@ -47,6 +47,10 @@ class JointClearance(OnJoint):
     """Play between pin and bearing."""
 
     name = "joint_clearance"
+    label = "clearance in joint {}"
+    meaning = "joint {} has clearance"
+    needs = frozenset({"contact"})
+    hiding = Hiding(in_contact=True, exclusive=True, makers={"exudyn": 1.0, "mujoco": 1.0, "dart": 0.3})
     slow = True
     field_name = "clearance"
     parameters = (Parameter("radial_clearance", "m", "clearance", 0.0),)
@@ -57,33 +61,55 @@ class JointClearance(OnJoint):
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (2e-4 * rig.length,)
 
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        shortest = min(b.length for b in rig.mechanism.bodies if b.length > 0)
+        return Growth(lambda a: {"radial_clearance": a * shortest}, 0.01)
+
 
 class CoulombFriction(OnJoint):
     """A constant friction torque (a force in a prismatic joint)."""
 
     name = "coulomb_friction"
+    label = "Coulomb friction in joint {}"
+    meaning = "joint {} has dry friction"
+    needs = frozenset({"coulomb_friction"})
     field_name = "friction_torque"
     parameters = (Parameter("friction_torque", "N.m", "torque", 0.0),)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-3 * (rig.force if rig.mechanism.joint(where).prismatic else rig.torque),)
+        return (1e-3 * _torque(rig, where),)
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        torque = _torque(rig, where)
+        return Growth(lambda a: {"friction_torque": a * torque}, 0.5)
 
 
 class ViscousFriction(OnJoint):
     """A damper in a joint."""
 
     name = "viscous_friction"
+    label = "viscous friction in joint {}"
+    meaning = "joint {} has viscous friction"
+    needs = frozenset({"viscous_friction"})
     field_name = "damping"
     parameters = (Parameter("damping", "N.m.s/rad", "damping", 0.0),)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-3 * (rig.force / rig.length if rig.mechanism.joint(where).prismatic else rig.torque) / rig.speed,)
 
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        damping = _torque(rig, where) / rig.speed / (rig.length if rig.mechanism.joint(where).prismatic else 1.0)
+        return Growth(lambda a: {"damping": a * damping}, 0.5)
+
 
 class JointSpring(Effect):
     """A spring in a joint: torque -k (q - rest).  Natural coordinates are k and k rest, in which it is linear."""
 
     name = "joint_spring"
+    place = "joint"
+    label = "a spring in joint {}"
+    meaning = "a spring acts in joint {}"
+    needs = frozenset({"joint_spring"})
     parameters = (Parameter("stiffness", "N.m/rad", "stiffness", 0.0), Parameter("rest_angle", "rad", "angle"))
 
     def unit(self, rig: Rig, where: str, parameter: str) -> str:
@@ -107,69 +133,28 @@ class JointSpring(Effect):
         stiffness = max(float(x[0]), 1e-9 * self.scales(rig, where)[0])
         return {"stiffness": stiffness, "rest_angle": float(x[1]) / stiffness}
 
+    def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
+        return np.array([values["stiffness"], values["stiffness"] * values["rest_angle"]])
+
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         return mechanism.with_joint(where, stiffness=values["stiffness"], rest_angle=values["rest_angle"])
 
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        rest = self._rest(rig, where, draw)
+        torque = _torque(rig, where)
+        stiffness = torque / rig.length if rig.mechanism.joint(where).prismatic else torque
+        return Growth(lambda a: {"stiffness": a * stiffness, "rest_angle": rest}, 0.5)
 
-class DriveCompliance(Reciprocal):
-    """A springy transmission: the crank lags its motor by torque over stiffness."""
-
-    name = "drive_compliance"
-    needs_engine = True
-    slow = True
-    parameters = (Parameter("stiffness", "N.m/rad", "stiffness", 0.0),)
-
-    def places(self, rig: Rig) -> Sequence[str]:
-        return ["drive"] if rig.driven and not (rig.mechanism.drive and rig.mechanism.drive.stiffness) else []
-
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-5 / rig.torque,)
-
-    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
-        return _with_drive(mechanism, stiffness=values["stiffness"])
-
-
-class SpeedRipple(Effect):
-    """A motor that turns unevenly: command plus amplitude sin(harmonic command + phase).  Natural: a cos p, a sin p."""
-
-    name = "speed_ripple"
-    parameters = (
-        Parameter("amplitude", "rad", "angle", 0.0),
-        Parameter("harmonic", "1", "harmonic"),
-        Parameter("phase", "rad", "phase"),
-    )
-
-    def places(self, rig: Rig) -> Sequence[str]:
-        uneven = rig.mechanism.drive is not None and rig.mechanism.drive.ripple is not None
-        return ["drive"] if set(rig.driven) - set(rig.following) and not uneven else []
-
-    def measured_by(self, i: int) -> Parameter:
-        return self.parameters[0]
-
-    def variants(self, rig: Rig, where: str) -> Sequence[float]:
-        return [float(h) for h in HARMONICS]
-
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-5, 1e-5)
-
-    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
-        return np.array([-math.inf, -math.inf])
-
-    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
-        return {"amplitude": math.hypot(x[0], x[1]), "harmonic": variant, "phase": math.atan2(x[1], x[0])}
-
-    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
-        ripple = Ripple(amplitude=values["amplitude"], harmonic=round(values["harmonic"]), phase=values["phase"])
-        return _with_drive(mechanism, ripple=ripple)
-
-
-def _with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:
-    drive = (
-        mechanism.drive.model_dump(exclude_unset=True)
-        if mechanism.drive
-        else {"joint": mechanism.drive_joint.name, "speed": "measured"}
-    )
-    return mechanism.replace(drive=drive | fields)
+    @staticmethod
+    def _rest(rig: Rig, where: str, draw: Draw) -> float:
+        """Where a spring might rest: about the middle of its joint's travel (rad, or m)."""
+        signals, joint = draw.motion(), rig.mechanism.joint(where)
+        first, second = joint.bodies
+        if joint.prismatic:
+            travel = signals[f"{second}_x"]
+            return float(draw.rng.uniform(travel.min(), travel.max()))
+        angle = signals[f"{second}_angle"] - (signals[f"{first}_angle"] if first in rig.mechanism.moving else 0.0)
+        return float(angle.mean() + draw.rng.uniform(-1.0, 1.0))
 
 
 def _joints(rig: Rig) -> list[str]:
@@ -182,3 +167,11 @@ def _unit(rig: Rig, where: str, revolute: str) -> str:
     """
     prismatic = {"N.m": "N", "N.m.s/rad": "N.s/m", "N.m/rad": "N/m", "rad": "m"}
     return prismatic.get(revolute, revolute) if rig.mechanism.joint(where).prismatic else revolute
+
+
+def _torque(rig: Rig, where: str) -> float:
+    """A torque (N.m) typical of a joint of the rig, a force (N) of a prismatic one."""
+    return rig.force if rig.mechanism.joint(where).prismatic else rig.torque
+
+
+EFFECTS: tuple[Effect, ...] = (JointClearance(), CoulombFriction(), ViscousFriction(), JointSpring())

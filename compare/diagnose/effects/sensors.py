@@ -1,4 +1,4 @@
-"""Effects on sensors, clocks and the encoder, as pure functions on readings."""
+"""Effects on sensors, clocks and the encoder: pure functions on readings."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from compare.diagnose.data.units import unit_of
-from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
+from analytic.mechanism.signals import AXES, Signal
+from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Readings, Rig, Values
 
 
 class EncoderOffset(Effect):
@@ -19,6 +19,10 @@ class EncoderOffset(Effect):
     """
 
     name = "encoder_offset"
+    place = "signal"
+    label = "an offset of the encoder for {}"
+    meaning = "the encoder {} has an offset"
+    hiding = Hiding(sensors=("encoder",))
     parameters = (Parameter("offset", "rad", "angle"),)
     sensor = True
     each_run = 1.0  # the variant with a value of its own for each run
@@ -40,6 +44,9 @@ class EncoderOffset(Effect):
             return {f"offset@{run}": float(v) for run, v in zip(rig.runs, x, strict=True)}
         return {"offset": float(x[0])}
 
+    def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
+        return np.array(list(values.values()))
+
     def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
         offset = self.offset(run, values)
         return {**readings, where: readings[where] + offset} if offset and where in readings else readings
@@ -49,10 +56,21 @@ class EncoderOffset(Effect):
         """The offset (rad) in a run."""
         return values.get("offset", values.get(f"offset@{run}", 0.0))
 
+    def motor_lag(self, run: str, values: Values) -> float:
+        return self.offset(run, values)
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        share = draw.rng.uniform(-1, 1, len(rig.driven))
+        if len(rig.driven) > 1 and draw.rng.random() < 0.3:
+            shares = {f"offset@{run}": float(k) for run, k in zip(rig.driven, share, strict=True)}
+            return Growth(lambda a: {name: a * k for name, k in shares.items()}, 0.05, self.each_run)
+        return Growth(lambda a: {"offset": a * draw.sign}, 0.05)
+
 
 class OnSensor(Effect):
     """Effects on one sensor."""
 
+    place = "signal"
     sensor = True
 
     def places(self, rig: Rig) -> Sequence[str]:
@@ -63,10 +81,12 @@ class SensorBias(OnSensor):
     """A constant error of a sensor (of the encoder it is called ``encoder_offset``)."""
 
     name = "sensor_bias"
+    label = "a bias of the sensor for {}"
+    meaning = "the sensor {} has a bias"
     parameters = (Parameter("bias", "", "bias"),)
 
     def unit(self, rig: Rig, where: str, parameter: str) -> str:
-        return unit_of(where)
+        return rig.known[where].unit
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (rig.noise[where],)
@@ -74,12 +94,17 @@ class SensorBias(OnSensor):
     def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
         return {**readings, where: readings[where] + values["bias"]} if where in readings else readings
 
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        return Growth(lambda a: {"bias": a * draw.sign * rig.noise[where]}, 30.0)
+
 
 class SensorGain(OnSensor):
     """A sensor whose scale is off: reading = (1 + gain_error) value."""
 
     name = "sensor_gain"
-    parameters = (Parameter("gain_error", "1", "gain"),)
+    label = "a gain error of the sensor for {}"
+    meaning = "the sensor {} has a wrong gain"
+    parameters = (Parameter("gain_error", "1", "gain", percent=True),)
 
     def places(self, rig: Rig) -> Sequence[str]:
         return rig.signals
@@ -90,11 +115,16 @@ class SensorGain(OnSensor):
     def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
         return {**readings, where: readings[where] * (1 + values["gain_error"])} if where in readings else readings
 
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        return Growth(lambda a: {"gain_error": a * draw.sign}, 0.2)
+
 
 class SensorDelay(OnSensor):
     """A sensor that reads the motion of some time ago."""
 
     name = "sensor_delay"
+    label = "a delay of the sensor for {}"
+    meaning = "the sensor {} is late"
     parameters = (Parameter("delay", "s", "time", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:
@@ -106,18 +136,23 @@ class SensorDelay(OnSensor):
     def delay(self, run: str, signal: str, where: str, values: Values) -> float:
         return values["delay"] if signal == where else 0.0
 
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        return Growth(lambda a: {"delay": a}, 0.1 / rig.speed)
+
 
 class SensorFrame(Effect):
     """A load cell mounted turned about z: it reports the components of the force along its own axes."""
 
     name = "sensor_frame"
-    parameters = (Parameter("rotation", "rad", "angle"),)
+    place = "joint"
+    label = "a turned load cell at joint {}"
+    meaning = "the load cell at {} is mounted turned"
+    hiding = Hiding(sensors=("cell",))
+    parameters = (Parameter("rotation", "rad", "angle", circular=True),)
     sensor = True
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return [
-            j.name for j in rig.mechanism.joints if {f"reaction_{j.name}_x", f"reaction_{j.name}_y"} <= set(rig.signals)
-        ]
+        return [j.name for j in rig.mechanism.joints if set(_cell(j.name)) <= set(rig.signals)]
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-4,)
@@ -125,24 +160,39 @@ class SensorFrame(Effect):
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
         return (0.0, math.pi / 2, math.pi, -math.pi / 2)
 
+    def acts_by_itself(self, variant: float) -> bool:
+        return variant != 0.0
+
     def middle(self, variant: float) -> float:
         return variant
 
     def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
         return {"rotation": float(x[0]) + variant}
 
+    def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
+        return super().natural(rig, where, values, variant) - variant
+
     def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
-        x, y = f"reaction_{where}_x", f"reaction_{where}_y"
+        x, y = _cell(where)
         if x not in readings or y not in readings:
             return readings
         force = (readings[x] + 1j * readings[y]) * np.exp(-1j * values["rotation"])
         return {**readings, x: force.real, y: force.imag}
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        quarters = (math.pi / 2, math.pi, -math.pi / 2)
+        turn = float(draw.rng.choice(quarters)) if draw.rng.random() < 0.25 else 0.0
+        return Growth(lambda a: {"rotation": turn + a * draw.sign}, 0.3, turn)
 
 
 class ClockOffset(Effect):
     """A whole run that is late on its command: it reads the motion that was commanded some time ago."""
 
     name = "clock_offset"
+    place = "run"
+    label = "a clock offset of run {}"
+    meaning = "the clock of run {} is off against its command"
+    hiding = Hiding(commanded=True)
     parameters = (Parameter("offset", "s", "time"),)
     sensor = True
 
@@ -155,8 +205,17 @@ class ClockOffset(Effect):
     def delay(self, run: str, signal: str, where: str, values: Values) -> float:
         return values["offset"] if run == where else 0.0
 
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        return Growth(lambda a: {"offset": a * draw.sign}, 0.1 / draw.speeds[where])
 
-SENSOR_EFFECTS: tuple[Effect, ...] = (
+
+def _cell(joint: str) -> tuple[str, str]:
+    """Names of the two signals of a joint's load cell."""
+    x, y = (Signal.of("reaction", joint, axis).name for axis in AXES)
+    return x, y
+
+
+EFFECTS: tuple[Effect, ...] = (
     EncoderOffset(),
     SensorBias(),
     SensorGain(),

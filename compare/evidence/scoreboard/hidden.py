@@ -1,5 +1,6 @@
-"""Hidden sets: a bench, what is wrong with it, the engine that plays the rig and the one that diagnoses.  One seed is
-one set.
+"""Hidden sets: an experiment, what is wrong with it, the engine that makes its data and the one that diagnoses them.
+
+One seed is one set.
 """
 
 from __future__ import annotations
@@ -14,31 +15,22 @@ from scipy.interpolate import CubicSpline
 from analytic.beyond_paper.drive import Turning
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Load, Mechanism
-from compare.diagnose.effects.effect import Rig
+from compare.diagnose.effects.effect import Effect, Rig, Values
+from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Data, Fit, Fitter
-from compare.diagnose.isolate import candidates, signatures
 from compare.diagnose.predict import Term, derived
+from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.evidence.scoreboard.outside import KINDS, Course, Outside, draw_outside, resized
-from compare.evidence.scoreboard.rigs import CASES, Bench, Plan, Rejected, draw_bench, draw_log, ideal
-from compare.evidence.scoreboard.sizes import LARGEST, SMALLEST, Growth, Planted, Sizer, Values, growth, left, solve
+from compare.evidence.scoreboard.rigs import CASES, Experiment, Plan, Rejected, draw_experiment, draw_log, ideal
+from compare.evidence.scoreboard.sizes import LARGEST, SMALLEST, Drawn, Planted, Sizer, drawn, left, solve
 
 FIRST = {"effects": 0, "none": 100_000, "outside": 200_000, "alias": 300_000}  # first seed of each kind of set
-DIAGNOSING = (
-    "mujoco",
-    "exudyn",
-    "mujoco",
-    "dart",
-    "mujoco",
-    "pybullet",
-    "mujoco",
-    "mujoco",
-    "mujoco",
-    "mujoco",
-)  # by seed
+# by seed
+DIAGNOSING = ("mujoco", "exudyn", "mujoco", "dart", "mujoco", "pybullet", "mujoco", "mujoco", "mujoco", "mujoco")
+ELSE = "mujoco"  # diagnoses what only one engine can make, where that one would have to
 COUNTS = (0.6, 0.3, 0.1)  # of sets with one, two, three effects
-SPECIAL = ("joint_clearance", "link_flexibility", "drive_compliance", "speed_ripple")  # one of them in a set at most
-WITH_BEAMS = ("gravity", "external_force", "load_torque")  # and everything on sensors
+MAKERS = {"exudyn": 1.0, "mujoco": 1.0, "dart": 1.0, "pybullet": 0.25}  # engines that make data: the slower the rarer
 KEPT = 0.15  # of its peak, that the reaction of a joint with clearance never falls below
 STRANGE = (60.0, 160.0)  # sigmas that the best rival leaves of a thing outside the vocabulary
 TOGETHER = 4  # effects that may not describe it either:
@@ -51,7 +43,7 @@ class Hidden:
 
     seed: int
     kind: str
-    bench: Bench
+    experiment: Experiment
     source: str
     simulator: str
     truth: tuple[Planted, ...] = ()
@@ -75,25 +67,23 @@ def draw(seed: int, attempt: int) -> Hidden:
         return _with_outside(seed, simulator, rng)
     if kind == "alias":
         return _with_alias(seed, simulator, rng)
-    bench = draw_bench(rng, list(CASES), (), False, True)
-    return Hidden(seed, kind, bench, draw_source(rng, simulator, ()), simulator)
+    experiment = draw_experiment(rng, list(CASES), (), False, True)
+    return Hidden(seed, kind, experiment, draw_source(rng, simulator, ()), simulator)
 
 
-def draw_source(rng: np.random.Generator, simulator: str, names: Sequence[str]) -> str:
+def makers(effects: Sequence[Effect]) -> dict[str, float]:
+    """The engines that make data with all of these effects, and how often each is drawn."""
+    weights = dict(MAKERS)
+    for effect in effects:
+        able = effect.hiding.makers
+        if able is not None:
+            weights = {name: min(weight, able[name]) for name, weight in weights.items() if name in able}
+    return weights
+
+
+def draw_source(rng: np.random.Generator, simulator: str, effects: Sequence[Effect]) -> str:
     """An engine that has these effects and is not the diagnosing one."""
-    weights = {
-        "exudyn": 1.0,
-        "mujoco": 1.0,
-        "dart": 0.3 if "joint_clearance" in names else 1.0,
-        "pybullet": 0.25,
-    }  # the slower the rarer
-    able = {
-        "joint_clearance": {"mujoco", "exudyn", "dart"},
-        "link_flexibility": {"exudyn"},
-        "drive_compliance": {"mujoco", "exudyn"},
-    }
-    for name in names:
-        weights = {e: w for e, w in weights.items() if e in able.get(name, weights)}
+    weights = makers(effects)
     weights.pop(simulator, None)
     engines = list(weights)
     p = np.array([weights[e] for e in engines])
@@ -104,46 +94,51 @@ def draw_source(rng: np.random.Generator, simulator: str, names: Sequence[str]) 
 
 
 def _with_effects(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
-    names = [list(VOCABULARY)[seed % len(VOCABULARY)]]
+    effects = [list(VOCABULARY.values())[seed % len(VOCABULARY)]]
     count = 1 + int(rng.choice(3, p=COUNTS))
-    while len(names) < count:
-        names.append(str(rng.choice([n for n in VOCABULARY if _goes_with(n, names)])))
-    if "link_flexibility" in names and simulator == "exudyn":
-        simulator = "mujoco"  # only Exudyn has beams to make the data with
-    sensors = [w for n, w in (("encoder_offset", "encoder"), ("sensor_frame", "cell")) if n in names]
-    cases = ["crank-rocker"] if "link_flexibility" in names else list(CASES)
-    bench = draw_bench(
-        rng, cases, sensors, "joint_clearance" in names, not {"clock_offset", "speed_ripple"} & set(names)
-    )
-    sizer = Sizer(bench)
+    while len(effects) < count:
+        able = [name for name, effect in VOCABULARY.items() if _goes_with(effect, effects)]
+        effects.append(VOCABULARY[str(rng.choice(able))])
+    if set(makers(effects)) == {simulator}:
+        simulator = ELSE  # no other engine makes the data
+    hiding = [effect.hiding for effect in effects]
+    cases = [case for case in CASES if all(h.cases is None or case in h.cases for h in hiding)]
+    sensors = [sensor for h in hiding for sensor in h.sensors]
+    may_follow = not any(h.commanded for h in hiding)
+    experiment = draw_experiment(rng, cases, sensors, any(h.in_contact for h in hiding), may_follow)
+    sizer = Sizer(experiment)
     truth: list[tuple[Term, Values]] = []
-    for name in names:
-        way = _placed(name, bench, sizer.rig, rng, [t.key for t, _ in truth])
-        truth.append((way.term, sizer.grown(way, draw_log(rng, SMALLEST, LARGEST))))
-    return Hidden(seed, "effects", bench, draw_source(rng, simulator, names), simulator, tuple(sizer.judged(truth)))
-
-
-def _goes_with(name: str, names: Sequence[str]) -> bool:
-    """Whether an engine can be found that has them all."""
-    if name in SPECIAL and set(SPECIAL) & set(names):
-        return False
-    flexible = "link_flexibility" in (name, *names)
-    return not flexible or all(
-        VOCABULARY[n].sensor or n in WITH_BEAMS or n == "link_flexibility" for n in (name, *names)
+    for effect in effects:
+        one = _placed(effect, experiment, sizer.rig, rng, [t.key for t, _ in truth])
+        truth.append((one.term, sizer.grown(one, draw_log(rng, SMALLEST, LARGEST))))
+    return Hidden(
+        seed, "effects", experiment, draw_source(rng, simulator, effects), simulator, tuple(sizer.judged(truth))
     )
 
 
-def _placed(name: str, bench: Bench, rig: Rig, rng: np.random.Generator, taken: Sequence[tuple[str, str]]) -> Growth:
-    places = [w for w in VOCABULARY[name].places(rig) if (name, w) not in taken]
-    if name == "joint_clearance":
-        places = [w for w in places if _stays_in_contact(bench, w)]
+def _goes_with(effect: Effect, effects: Sequence[Effect]) -> bool:
+    """Whether an engine can be found that has them all."""
+    if effect.hiding.exclusive and any(other.hiding.exclusive for other in effects):
+        return False
+    together = (effect, *effects)
+    return not any(e.hiding.need_beams for e in together) or all(
+        e.sensor or e.hiding.with_beams or e.hiding.need_beams for e in together
+    )
+
+
+def _placed(
+    effect: Effect, experiment: Experiment, rig: Rig, rng: np.random.Generator, taken: Sequence[tuple[str, str]]
+) -> Drawn:
+    places = [w for w in effect.places(rig) if (effect.name, w) not in taken]
+    if effect.hiding.in_contact:
+        places = [w for w in places if _stays_in_contact(experiment, w)]
     if not places:
-        raise Rejected(f"{name} has no place here")
-    return growth(name, str(rng.choice(places)), bench, rig, rng)
+        raise Rejected(f"{effect.name} has no place here")
+    return drawn(effect, str(rng.choice(places)), experiment, rig, rng)
 
 
-def _stays_in_contact(bench: Bench, joint: str) -> bool:
-    sizes = [ideal(bench.nominal, p)[f"reaction_{joint}_magnitude"] for p in bench.plans]
+def _stays_in_contact(experiment: Experiment, joint: str) -> bool:
+    sizes = [ideal(experiment.nominal, p)[f"reaction_{joint}_magnitude"] for p in experiment.plans]
     return all(size.min() > KEPT * size.max() for size in sizes)
 
 
@@ -152,13 +147,13 @@ def _stays_in_contact(bench: Bench, joint: str) -> bool:
 
 def _with_outside(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
     kind = KINDS[seed % len(KINDS)]
-    bench = draw_bench(
+    experiment = draw_experiment(
         rng, ["crank-rocker", "six-bar"] if kind != "periodic torque" else list(CASES), ("torque", "cell"), False, False
     )
-    outside = draw_outside(kind, bench, rng)
+    outside = draw_outside(kind, experiment, rng)
     target, strange, gap = draw_log(rng, *STRANGE), 0.0, 0.0
     for _ in range(4):
-        strange, gap = _strange(bench, outside)
+        strange, gap = _strange(experiment, outside)
         if strange < 1e-6:
             raise Rejected(f"{kind} does not show")
         if abs(strange / target - 1) < 0.05 or gap * (target / strange) ** 2 < 0.8 * GAP:
@@ -166,25 +161,29 @@ def _with_outside(seed: int, simulator: str, rng: np.random.Generator) -> Hidden
         outside = resized(outside, min(target / strange, 100.0))
     if abs(strange / target - 1) > 0.2 or gap < GAP:
         raise Rejected(f"{kind} at {outside.where} is nearly described by the vocabulary")
-    return Hidden(seed, "outside", bench, draw_source(rng, simulator, ()), simulator, outside=outside, strange=strange)
+    return Hidden(
+        seed, "outside", experiment, draw_source(rng, simulator, ()), simulator, outside=outside, strange=strange
+    )
 
 
-def _strange(bench: Bench, outside: Outside) -> tuple[float, float]:
+def _strange(experiment: Experiment, outside: Outside) -> tuple[float, float]:
     """Sigmas of it that the best single effect leaves, and the mean square that the best few leave, found one after the
     other.
     """
-    sizer = Sizer(bench)
+    sizer = Sizer(experiment)
     seen = []
-    for plan in bench.plans:
-        signals = outside.signals(bench.nominal, plan, plan.time, analytic)
-        seen.append({s: plan.command(plan.time) if s == bench.encoder else signals[s] for s in bench.noise})
-    measured = bench.measured(seen)
-    data = Data(measured, {(r.name, s): c.noise for r in measured.runs for s, c in r.channels.items()}, bench.encoder)
+    for plan in experiment.plans:
+        signals = outside.signals(experiment.nominal, plan, plan.time, analytic)
+        seen.append({s: plan.command(plan.time) if s == experiment.encoder else signals[s] for s in experiment.noise})
+    measured = experiment.measured(seen)
+    data = Data(
+        measured, {(r.name, s): c.noise for r in measured.runs for s, c in r.channels.items()}, experiment.encoder
+    )
     fitter = Fitter(sizer.model([]), data, sizer.rig, sizer.bounds)
     residual = fitter.residuals([], [[]])[0]
     assert residual is not None
     base = Fit((), (), residual, np.zeros((residual.size, 0)), np.zeros(0, bool))
-    columns = [s.columns for s in signatures(fitter, base, candidates(sizer.rig, VOCABULARY)).values()]
+    columns = [s.columns for s in sensitivities(fitter, base, candidates(sizer.rig, VOCABULARY)).values()]
     rest, after = residual, []
     for _ in range(TOGETHER):
         best = min(columns, key=lambda c: left(rest, c))
@@ -221,11 +220,11 @@ def _with_alias(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
     """Clearance in B of a four-bar whose load never reverses, beside the same with a run in which it does (odd
     seeds).
     """
-    bench = draw_bench(rng, ["crank-rocker"], ("encoder", "torque"), True, False)
-    m = bench.nominal
+    experiment = draw_experiment(rng, ["crank-rocker"], ("encoder", "torque"), True, False)
+    m = experiment.nominal
     load = Load(body="coupler", force=(0.0, -rng.uniform(35.0, 70.0)))
     m = m.replace(gravity=(0.0, 0.0), loads=(load,))
-    first = bench.plans[0]
+    first = experiment.plans[0]
     speeds = {"slow": 4.0, "fast": 6.5}
     plans = [
         replace(first, name=name, speed=speed, time=first.time * abs(first.speed / speed), loads=None)
@@ -239,20 +238,20 @@ def _with_alias(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
         "follower_angle": 6e-5,
         "coupler_angle": 6e-5,
         "coupler_x": 1e-5,
-        "drive_torque": 4e-3 * bench.rig.torque,
+        "drive_torque": 4e-3 * experiment.rig.torque,
     }
-    bench = replace(bench, nominal=m, plans=tuple(plans), noise=noise, units={})
-    if not _stays_in_contact(bench, "B"):
+    experiment = replace(experiment, nominal=m, plans=tuple(plans), noise=noise, units={})
+    if not _stays_in_contact(experiment, "B"):
         raise Rejected("the load on B reverses")
-    sizer = Sizer(bench)
-    way = growth("joint_clearance", "B", bench, sizer.rig, rng)
-    truth = [(way.term, sizer.grown(way, draw_log(rng, 25.0, 100.0)))]
+    sizer = Sizer(experiment)
+    clearance = drawn(JointClearance(), "B", experiment, sizer.rig, rng)
+    truth = [(clearance.term, sizer.grown(clearance, draw_log(rng, 25.0, 100.0)))]
     planted = sizer.judged(truth)
     return Hidden(
         seed,
         "alias",
-        bench,
-        draw_source(rng, simulator, ["joint_clearance"]),
+        experiment,
+        draw_source(rng, simulator, [clearance.term.effect]),
         simulator,
         tuple(planted),
         reversed_load=bool(seed % 2),

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analytic.mechanism import GROUND, Load, Mechanism
-from compare.evidence.scoreboard.rigs import Bench, Plan, ideal
+from analytic.mechanism.signals import wrapped
+from compare.evidence.scoreboard.rigs import Experiment, Plan, ideal
 
 KINDS = ("cracked tooth", "stick-slip", "nonlinear spring", "periodic torque", "bent link")
 Course = Callable[[np.ndarray], np.ndarray]  # motor angle (rad) at times (s)
@@ -44,7 +45,7 @@ class Outside:
         return {s: still[s] + torque * (pushed[s] - still[s]) for s in still}
 
     def _bump(self, angle: np.ndarray) -> np.ndarray:
-        beside = np.remainder(angle - self.shape["angle"] + math.pi, 2 * math.pi) - math.pi
+        beside = wrapped(angle - self.shape["angle"])
         return np.asarray(self.size * np.exp(-0.5 * (beside / self.shape["width"]) ** 2))
 
     def _bent(self, m: Mechanism) -> Mechanism:
@@ -86,10 +87,10 @@ def _relative(m: Mechanism, joint: str, signals: Mapping[str, np.ndarray]) -> tu
     return angle, rate
 
 
-def draw_outside(kind: str, bench: Bench, rng: np.random.Generator) -> Outside:
+def draw_outside(kind: str, experiment: Experiment, rng: np.random.Generator) -> Outside:
     """One of a kind, of unit size."""
-    m = bench.nominal
-    signals = ideal(m, bench.plans[0])
+    m = experiment.nominal
+    signals = ideal(m, experiment.plans[0])
     rocking = [
         j.name
         for j in m.joints
@@ -103,7 +104,7 @@ def draw_outside(kind: str, bench: Bench, rng: np.random.Generator) -> Outside:
         return Outside(kind, where, 1e-3 * m.moving[where].length, {})
     if kind == "periodic torque":
         rocker = [b.name for b in m.bodies if b.name != m.driven and b.length > 0]
-        rate = abs(bench.plans[0].speed) * rng.uniform(4.2, 4.8)
+        rate = abs(experiment.plans[0].speed) * rng.uniform(4.2, 4.8)
         return Outside(kind, str(rng.choice(rocker)), 1e-3, {"rate": rate, "phase": rng.uniform(-math.pi, math.pi)})
     where = str(rng.choice(rocking))
     angle, turning = _relative(m, where, signals)

@@ -2,7 +2,7 @@
 elsewhere.
 
 ``python -m compare.evidence.scoreboard.record SEED OUT`` writes OUT/data (measured.toml, nominal.toml, CSV files) and
-OUT/seal/truth.json.  What sensors, clocks and the encoder do is written here anew, from the contract and not from the
+OUT/seal/truth.json.  What sensors and the encoder do is written here anew, from the contract and not from the
 diagnosis' own code: a delay is a question to the engine about another time, a turned load cell has axes of its own.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import cmath
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,9 @@ import numpy as np
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps
-from compare.diagnose.data.units import SI, dimension, factor
+from compare.diagnose.data.units import dimension, factor
+from compare.diagnose.effects.effect import Effect, Values
+from compare.diagnose.effects.sensors import EncoderOffset, SensorBias, SensorFrame, SensorGain
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.evidence.scoreboard.hidden import Hidden, course_grid, draw
 from compare.evidence.scoreboard.outside import Course
@@ -40,7 +42,7 @@ def make(seed: int, data: Path, seal: Path) -> Hidden:
     for attempt in range(ATTEMPTS):
         try:
             hidden = draw(seed, attempt)
-            clean = [recorded(hidden, plan) for plan in hidden.bench.plans]
+            clean = [recorded(hidden, plan) for plan in hidden.experiment.plans]
         except (Rejected, SimulationError, AssemblyError):
             continue
         noisy = with_noise(hidden, clean, np.random.default_rng([seed, attempt, 1]))
@@ -55,18 +57,14 @@ def make(seed: int, data: Path, seal: Path) -> Hidden:
 
 def recorded(hidden: Hidden, plan: Plan) -> Readings:
     """What noiseless sensors read in a run, by signal."""
-    bench, effects = hidden.bench, hidden.truth
-    late = sum(e.values["offset"] for e in effects if e.name == "clock_offset" and e.where == plan.name)
-    age = {
-        s: late + sum(e.values["delay"] for e in effects if e.name == "sensor_delay" and e.where == s)
-        for s in bench.noise
-    }
+    experiment, effects = hidden.experiment, hidden.truth
+    age = {s: sum(VOCABULARY[e.name].delay(plan.name, s, e.where, e.values) for e in effects) for s in experiment.noise}
     seen: Readings = {}
     for delay in sorted(set(age.values())):
         signals = moved(hidden, plan, plan.time - delay)
         seen |= {s: signals[s] for s in age if age[s] == delay}
     for e in effects:
-        seen = read(e, seen, plan.name, bench.encoder)
+        seen = read(e, seen, plan.name)
     return seen
 
 
@@ -76,18 +74,17 @@ def moved(hidden: Hidden, plan: Plan, time: np.ndarray) -> Mapping[str, np.ndarr
     def simulate(m: Mechanism, plan: Plan, time: np.ndarray, course: Course | None) -> Mapping[str, np.ndarray]:
         return run(hidden.source, m, plan, time, course).signals
 
-    encoder = hidden.bench.encoder
+    encoder = hidden.experiment.encoder
     if hidden.outside is not None:
-        found = hidden.outside.signals(hidden.bench.nominal, plan, time, simulate)
+        found = hidden.outside.signals(hidden.experiment.nominal, plan, time, simulate)
         return {**found, encoder: plan.command(time)}
-    m = hidden.bench.nominal if plan.loads is None else hidden.bench.nominal.replace(loads=plan.loads)
-    ripple = next((e.values for e in hidden.truth if e.name == "speed_ripple"), None)
+    m = hidden.experiment.nominal if plan.loads is None else hidden.experiment.nominal.replace(loads=plan.loads)
     for e in hidden.truth:
-        if e.name != "speed_ripple":
-            m = VOCABULARY[e.name].on_mechanism(m, e.where, e.values)
+        m = VOCABULARY[e.name].on_mechanism(m, e.where, e.values)
+    ripple = m.drive.ripple if m.drive else None
     if ripple is None:
         return {**simulate(m, plan, time, None), encoder: plan.command(time)}
-    a, h, p = ripple["amplitude"], ripple["harmonic"], ripple["phase"]
+    a, h, p = ripple.amplitude, ripple.harmonic, ripple.phase
 
     def motor(t: np.ndarray) -> np.ndarray:
         return np.asarray(plan.command(t) + a * np.sin(h * plan.command(t) + p))
@@ -103,7 +100,7 @@ def run(name: str, m: Mechanism, plan: Plan, time: np.ndarray, course: Course | 
     from sim_models.exudyn.beams import flexible
 
     assert m.drive is not None
-    m = m.replace(drive=m.drive.model_copy(update={"speed": plan.speed}))
+    m = m.replace(drive=m.drive.model_copy(update={"speed": plan.speed, "ripple": None}))
     with_clearance: JointModel = "massless-link" if name == "exudyn" else "contact"
     joint_model: JointModel = with_clearance if m.clearances else "ideal"
     if course is None:
@@ -117,28 +114,45 @@ def run(name: str, m: Mechanism, plan: Plan, time: np.ndarray, course: Course | 
     return trace
 
 
-def read(effect: Planted, seen: Readings, run: str, encoder: str) -> Readings:
+def _offset(seen: Readings, run: str, where: str, v: Values) -> Readings:
+    return {**seen, where: seen[where] + v.get("offset", v.get(f"offset@{run}", 0.0))}
+
+
+def _biased(seen: Readings, run: str, where: str, v: Values) -> Readings:
+    return {**seen, where: seen[where] + v["bias"]}
+
+
+def _scaled(seen: Readings, run: str, where: str, v: Values) -> Readings:
+    return {**seen, where: seen[where] + v["gain_error"] * seen[where]}
+
+
+def _turned(seen: Readings, run: str, where: str, v: Values) -> Readings:
+    x, y = f"reaction_{where}_x", f"reaction_{where}_y"
+    axis = cmath.exp(1j * v["rotation"])  # the cell's own x, in the ground frame
+    along = seen[x] * axis.real + seen[y] * axis.imag
+    across = seen[y] * axis.real - seen[x] * axis.imag
+    return {**seen, x: along, y: across}
+
+
+PLAYED_ANEW: Mapping[type[Effect], Callable[[Readings, str, str, Values], Readings]] = {
+    EncoderOffset: _offset,
+    SensorBias: _biased,
+    SensorGain: _scaled,
+    SensorFrame: _turned,
+}
+
+
+def read(planted: Planted, seen: Readings, run: str) -> Readings:
     """What an effect of a sensor makes of the readings (delays and clocks apart)."""
-    v, where = effect.values, effect.where
-    if effect.name == "encoder_offset" and encoder in seen:
-        return {**seen, encoder: seen[encoder] + v.get("offset", v.get(f"offset@{run}", 0.0))}
-    if effect.name == "sensor_bias":
-        return {**seen, where: seen[where] + v["bias"]}
-    if effect.name == "sensor_gain":
-        return {**seen, where: seen[where] + v["gain_error"] * seen[where]}
-    if effect.name == "sensor_frame":
-        x, y = f"reaction_{where}_x", f"reaction_{where}_y"
-        axis = cmath.exp(1j * v["rotation"])  # the cell's own x, in the ground frame
-        along = seen[x] * axis.real + seen[y] * axis.imag
-        across = seen[y] * axis.real - seen[x] * axis.imag
-        return {**seen, x: along, y: across}
-    return seen
+    effect = VOCABULARY[planted.name]
+    play = PLAYED_ANEW.get(type(effect), effect.on_readings)
+    return dict(play(seen, run, planted.where, planted.values))
 
 
 def with_noise(hidden: Hidden, clean: list[Readings], rng: np.random.Generator) -> list[Readings]:
     """Readings with each sensor's noise."""
     return [
-        {s: values + hidden.bench.noise[s] * rng.standard_normal(values.size) for s, values in run.items()}
+        {s: values + hidden.experiment.noise[s] * rng.standard_normal(values.size) for s, values in run.items()}
         for run in clean
     ]
 
@@ -150,21 +164,22 @@ def write_data(hidden: Hidden, noisy: list[Readings], folder: Path) -> None:
     """measured.toml, nominal.toml and a CSV file for each run."""
     import tomli_w
 
-    bench, entries = hidden.bench, []
-    for plan, readings in zip(bench.plans, noisy, strict=True):
-        units = {s: bench.units.get(s, SI[dimension(s)]) for s in readings}
-        columns = [plan.time, *(readings[s] / factor(units[s], dimension(s)) for s in readings)]
+    experiment, entries = hidden.experiment, []
+    for plan, readings in zip(experiment.plans, noisy, strict=True):
+        known = experiment.signals
+        units = {s: experiment.units.get(s, known[s].unit) for s in readings}
+        columns = [plan.time, *(v / factor(units[s], dimension(known[s])) for s, v in readings.items())]
         header = ",".join(["time [s]", *(f"{s} [{units[s]}]" for s in readings)])
         rows = (",".join(f"{v:.12g}" for v in row) for row in np.column_stack(columns).tolist())
         write_atomically(folder / f"{plan.name}.csv", "\n".join([header, *rows]) + "\n")
         entry: dict[str, Any] = {"name": plan.name, "file": f"{plan.name}.csv"}
         entry |= {"drive": "measured"} if plan.follows else {"drive_speed": plan.speed, "drive_angle": plan.angle}
-        if bench.noise_given:
-            entry["noise"] = {s: float(f"{sigma:.6g}") for s, sigma in bench.noise.items()}
+        if experiment.noise_given:
+            entry["noise"] = {s: float(f"{sigma:.6g}") for s, sigma in experiment.noise.items()}
         if plan.loads is not None:
             entry["load"] = [load.model_dump(mode="json", exclude_unset=True) for load in plan.loads]
         entries.append(entry)
-    write_atomically(folder / "nominal.toml", dumps(bench.nominal))
+    write_atomically(folder / "nominal.toml", dumps(experiment.nominal))
     write_atomically(folder / "measured.toml", tomli_w.dumps({"mechanism": "nominal.toml", "run": entries}))
 
 
@@ -187,11 +202,11 @@ def truth(hidden: Hidden, attempt: int) -> dict[str, Any]:
         "seed": hidden.seed,
         "attempt": attempt,
         "kind": hidden.kind,
-        "case": hidden.bench.case,
+        "case": hidden.experiment.case,
         "source": {"name": hidden.source, "version": version},
         "simulator": hidden.simulator,
         "effects": effects,
-        "noise": hidden.bench.noise,
+        "noise": hidden.experiment.noise,
         "reversed_load": hidden.reversed_load,
         "outside": strange,
     }
@@ -206,6 +221,6 @@ if __name__ == "__main__":
     out = Path(sys.argv[2])
     made = make(int(sys.argv[1]), out / "data", out / "seal")
     print(
-        f"{made.kind}: {made.bench.case}, played by {made.source}, for {made.simulator} to diagnose:"
+        f"{made.kind}: {made.experiment.case}, played by {made.source}, for {made.simulator} to diagnose:"
         f" {out / 'data' / 'measured.toml'}"
     )

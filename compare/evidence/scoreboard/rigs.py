@@ -1,11 +1,11 @@
-"""Test rigs drawn at random: linkages, runs, sensors and their noise, as an engineer's bench might have them."""
+"""Test rigs drawn at random: linkages, runs, sensors and their noise, as an engineer's experiment might have them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from analytic.beyond_paper.drive import Turning
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
-from compare.diagnose.data.recording import Channel, Measured, Run
-from compare.diagnose.data.units import SI, dimension
+from analytic.mechanism.signals import AXES, Signal, Unit, named
+from compare.diagnose.data.recording import Channel, Drive, Measured, Run
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.predict import derived
 from compare.judge.grid import turns_fully
@@ -53,7 +53,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Bench:
+class Experiment:
     """A nominal mechanism, the runs made on it, and its sensors' noise (1-sigma, SI, by signal)."""
 
     case: str
@@ -70,7 +70,7 @@ class Bench:
 
     @property
     def rig(self) -> Rig:
-        """What effects need to know of the bench."""
+        """What effects need to know of the experiment."""
         names = tuple(plan.name for plan in self.plans)
         following = tuple(plan.name for plan in self.plans if plan.follows)
         length = max(b.length for b in self.nominal.bodies)
@@ -78,32 +78,24 @@ class Bench:
         force = max(np.abs(f).max() for plan in self.plans for f in _forces(self.nominal, plan).values())
         return Rig(self.nominal, tuple(self.noise), names, names, following, length, float(force), speed, self.noise)
 
+    @cached_property
+    def signals(self) -> Mapping[str, Signal]:
+        """Every signal that the linkage can have, by name."""
+        return named(self.nominal.bodies, self.nominal.joints)
+
     def measured(self, values: Sequence[dict[str, np.ndarray]] | None = None) -> Measured:
-        """The bench's measurement with these readings (by run and signal), or zeros."""
-        runs = []
-        for i, p in enumerate(self.plans):
-            channels = {
-                s: Channel(
-                    s, values[i][s] if values is not None else np.zeros(p.time.size), sigma, True, SI[dimension(s)]
-                )
-                for s, sigma in self.noise.items()
-            }
-            speed, angle = (None, None) if p.follows else (p.speed, p.angle)
-            runs.append(
-                Run(
-                    p.name,
-                    p.time,
-                    channels,
-                    "measured" if p.follows else "speed",
-                    speed,
-                    angle,
-                    {},
-                    p.loads,
-                    False,
-                    f"{p.name}.csv",
-                )
-            )
-        return Measured(self.nominal, tuple(runs), {}, (), "")
+        """The experiment's measurement with these readings (by run and signal), or zeros."""
+        runs = tuple(self._run(p, values[i] if values is not None else None) for i, p in enumerate(self.plans))
+        return Measured(self.nominal, runs, {}, (), "")
+
+    def _run(self, p: Plan, values: Mapping[str, np.ndarray] | None) -> Run:
+        channels = {}
+        for name, sigma in self.noise.items():
+            signal, read = self.signals[name], np.zeros(p.time.size) if values is None else values[name]
+            channels[name] = Channel(signal, read, sigma, True, signal.unit)
+        drive: Drive = "measured" if p.follows else "speed"
+        speed, angle = (None, None) if p.follows else (p.speed, p.angle)
+        return Run(p.name, p.time, channels, drive, speed, angle, {}, p.loads, False, f"{p.name}.csv")
 
 
 def ideal(mechanism: Mechanism, plan: Plan) -> dict[str, np.ndarray]:
@@ -121,10 +113,10 @@ def _forces(mechanism: Mechanism, plan: Plan) -> dict[str, np.ndarray]:
 # ---------------------------------------------------------------- drawing
 
 
-def draw_bench(
+def draw_experiment(
     rng: np.random.Generator, cases: Sequence[str], wanted: Sequence[str], slow: bool, may_follow: bool
-) -> Bench:
-    """A bench of one of the cases whose sensors include the ``wanted`` kinds; ``slow`` keeps it far from losing
+) -> Experiment:
+    """A experiment of one of the cases whose sensors include the ``wanted`` kinds; ``slow`` keeps it far from losing
     contact.
 
     Raises Rejected where the linkage that was drawn does not turn.
@@ -138,12 +130,12 @@ def draw_bench(
         for signal, values in ideal(nominal, plan).items():
             peaks[signal] = max(peaks.get(signal, 0.0), float(np.abs(values).max()))
     signals = draw_sensors(rng, nominal, peaks, [*wanted, *(["encoder"] if plans[0].follows else [])])
-    noise = {s: draw_noise(rng, s, peaks) for s in signals}
+    noise = {s.name: draw_noise(rng, s, peaks) for s in signals}
     for s in signals:  # the two axes of a load cell are of one kind
-        if s.startswith("reaction_") and s.endswith("_y"):
-            noise[s] = noise.get(s[:-1] + "x", noise[s])
-    units = {s: draw_unit(rng, s) for s in signals}
-    return Bench(case, nominal, plans, noise, bool(rng.random() < 0.5), units)
+        if s.kind == "reaction" and s.component == "y":
+            noise[s.name] = noise.get(s.sibling("x").name, noise[s.name])
+    units = {s.name: draw_unit(rng, s) for s in signals}
+    return Experiment(case, nominal, plans, noise, bool(rng.random() < 0.5), units)
 
 
 def draw_mechanism(rng: np.random.Generator, case: str) -> Mechanism:
@@ -201,54 +193,51 @@ def draw_plans(
                 Load.model_validate({**x.model_dump(), "force": (k * x.force[0], k * x.force[1])})
                 for x in nominal.loads
             )
-        name = f"{('slow', 'middle', 'fast')[i] if count == 3 else ('slow', 'fast')[i]}-{'forward' if sign > 0 else 'reverse'}"
+        pace = ("slow", "middle", "fast")[i] if count == 3 else ("slow", "fast")[i]
+        name = f"{pace}-{'forward' if sign > 0 else 'reverse'}"
         plans.append(Plan(name, float(sign * speed), float(rng.uniform(-math.pi, math.pi)), time, loads, follows))
     return tuple(plans)
 
 
-def draw_sensors(rng: np.random.Generator, m: Mechanism, peaks: dict[str, float], wanted: Sequence[str]) -> list[str]:
+def draw_sensors(
+    rng: np.random.Generator, m: Mechanism, peaks: dict[str, float], wanted: Sequence[str]
+) -> list[Signal]:
     """Five to nine signals: most rigs have the encoder and the drive torque, all something of motion and of force."""
-    encoder = f"{m.driven}_angle"
-    cells = [(f"reaction_{j.name}_x", f"reaction_{j.name}_y") for j in m.joints if not j.prismatic]
-    others = [b.name for b in m.bodies if b.name != m.driven and peaks[f"{b.name}_angular_velocity"] > 1e-9]
-    motion = [f"{b}_angle" for b in others] + [
-        f"{b.name}_{axis}" for b in m.bodies for axis in "xy" if peaks[f"{b.name}_{axis}"] > 1e-9
-    ]
-    rates = [f"{b}_angular_velocity" for b in others]
+    encoder, torque = Signal.of("pose", m.driven, "angle"), Signal.of("drive", "", "torque")
+    cells = [[Signal.of("reaction", j.name, axis) for axis in AXES] for j in m.joints if not j.prismatic]
+    rates = [Signal.of("rate", b.name, "angular_velocity") for b in m.bodies if b.name != m.driven]
+    rates = [rate for rate in rates if peaks[rate.name] > 1e-9]
+    angles = [Signal.of("pose", rate.place, "angle") for rate in rates]
+    points = [Signal.of("pose", b.name, axis) for b in m.bodies for axis in AXES]
+    motion = angles + [point for point in points if peaks[point.name] > 1e-9]
     chosen = dict.fromkeys([encoder] if "encoder" in wanted or rng.random() < 0.85 else [])
     if "torque" in wanted or rng.random() < 0.85:
-        chosen["drive_torque"] = None
-    if "cell" in wanted or "drive_torque" not in chosen or rng.random() < 0.6:
+        chosen[torque] = None
+    if "cell" in wanted or torque not in chosen or rng.random() < 0.6:
         chosen |= dict.fromkeys(cells[int(rng.integers(len(cells)))])
-    chosen[motion[int(rng.integers(len(others)))] if others else motion[0]] = None
+    chosen[motion[int(rng.integers(len(angles)))] if angles else motion[0]] = None
     pool = [*motion, *motion, *rates, *(x for cell in cells for x in cell)]
     target = int(rng.integers(SENSORS[0], SENSORS[1] + 1))
     while len(chosen) < target:
         new = pool[int(rng.integers(len(pool)))]
-        pair = [new[:-1] + axis for axis in "xy"] if new.startswith("reaction_") else [new]
+        pair = [new.sibling(axis) for axis in AXES] if new.kind == "reaction" else [new]
         if len(chosen) + len(pair) <= SENSORS[1]:
             chosen |= dict.fromkeys(pair)
     return list(chosen)
 
 
-def draw_noise(rng: np.random.Generator, signal: str, peaks: dict[str, float]) -> float:
+def draw_noise(rng: np.random.Generator, signal: Signal, peaks: dict[str, float]) -> float:
     """A sensor's 1-sigma, SI."""
-    if signal.endswith("_angle"):
-        low, high, unit = 2e-5, 1e-4, 1.0
-    elif signal.endswith(("_angular_velocity", "drive_torque")) or signal.startswith("reaction_"):
-        low, high, unit = 1e-3, 5e-3, peaks[signal]
-        if signal.startswith("reaction_"):
-            unit = max(peaks[signal[:-1] + axis] for axis in "xy")
-    else:
-        low, high, unit = 5e-6, 2e-5, 1.0
-    return unit * draw_log(rng, low, high)
+    if signal.kind == "pose":
+        return draw_log(rng, 2e-5, 1e-4) if signal.wraps else draw_log(rng, 5e-6, 2e-5)
+    axes = [signal.sibling(axis) for axis in AXES] if signal.kind == "reaction" else [signal]
+    return max(peaks[axis.name] for axis in axes) * draw_log(rng, 1e-3, 5e-3)
 
 
-def draw_unit(rng: np.random.Generator, signal: str) -> str:
+def draw_unit(rng: np.random.Generator, signal: Signal) -> str:
     """A unit that such a sensor's file might be written in."""
-    other: dict[Any, str] = {"angle": "deg", "length": "mm", "angular velocity": "rpm", "torque": "N.mm", "force": "N"}
-    kind = dimension(signal)
-    return other[kind] if rng.random() < 0.3 else SI[kind]
+    other: dict[Unit, str] = {"rad": "deg", "m": "mm", "rad/s": "rpm", "N.m": "N.mm", "N": "N"}
+    return other[signal.unit] if rng.random() < 0.3 else signal.unit
 
 
 def draw_log(rng: np.random.Generator, low: float, high: float) -> float:

@@ -22,6 +22,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from analytic.mechanism.signals import wrapped
+from compare.diagnose.effects.bodies import LinkLength
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.results.diagnosis import Diagnosis
 from compare.results.scoreboard import Gap, Hidden, Outcome, Said, Scored, Value
@@ -29,8 +31,6 @@ from compare.results.scoreboard import Gap, Hidden, Outcome, Said, Scored, Value
 Key = tuple[str, str]
 DISTINCT = 8.0  # sigmas left after the best rival, from which on an effect can be told from all others
 GOOD = {"effects": ("exact", "tie"), "none": ("clear",), "outside": ("abstained", "partly"), "alias": ("exact", "tie")}
-DISCRETE = ("harmonic",)
-CIRCULAR = ("phase", "rotation")
 
 
 def opened(seal: Path) -> dict[str, Any]:
@@ -83,7 +83,6 @@ def _of(truth: Mapping[str, Any], outcome: Outcome, verdict: str) -> Scored:
 def judged(truth: Mapping[str, Any], diagnosis: Diagnosis, found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
     """The outcome."""
     kind, verdict = truth["kind"], diagnosis.verdict
-    distinct = {(e["name"], e["where"]): e["distinct"] for e in truth["effects"]}
     if kind == "none":
         return "false alarm" if found else "clear"
     if not found:
@@ -92,8 +91,12 @@ def judged(truth: Mapping[str, Any], diagnosis: Diagnosis, found: Mapping[Key, s
         return "partly" if verdict == "partly explained" else "wrong"
     if kind == "alias":
         return _alias(truth, diagnosis, found, true)
-    if set(found) == true:
-        return "exact"
+    return "exact" if set(found) == true else _nearly(truth, found, true)
+
+
+def _nearly(truth: Mapping[str, Any], found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
+    """The outcome where other effects are named than the true ones, or fewer."""
+    distinct = {(e["name"], e["where"]): e["distinct"] for e in truth["effects"]}
     said = set(found) | set().union(*found.values())
     simpler = {
         key: {other for other in said if is_special_case(other, key)} for key in true if distinct[key] < DISTINCT
@@ -105,11 +108,13 @@ def judged(truth: Mapping[str, Any], diagnosis: Diagnosis, found: Mapping[Key, s
 
 
 def is_special_case(simple: Key, rich: Key) -> bool:
-    """Whether an effect is the simpler form of another: at the same place, where both are of a body; a length of any
-    pivot's.
+    """Whether an effect is the simpler form of another: at the same place, where both have one kind of place; a length
+    of any pivot's.
     """
-    effect = VOCABULARY.get(simple[0])
-    return effect is not None and rich[0] in effect.special_case_of and (simple[1] == rich[1] or rich[0] != "payload")
+    one, other = VOCABULARY.get(simple[0]), VOCABULARY.get(rich[0])
+    if one is None or other is None or other.name not in one.special_case_of:
+        return False
+    return simple[1] == rich[1] or one.place != other.place
 
 
 def _alias(truth: Mapping[str, Any], diagnosis: Diagnosis, found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
@@ -117,7 +122,7 @@ def _alias(truth: Mapping[str, Any], diagnosis: Diagnosis, found: Mapping[Key, s
     only.
     """
     reached = set(found) | set().union(*found.values())
-    length = ("link_length", "follower") in reached
+    length = (LinkLength.name, "follower") in reached
     if not true <= reached:
         return "wrong"
     if truth["reversed_load"]:
@@ -134,15 +139,17 @@ def parameters(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> tuple[Value, .
     rows = []
     for effect in truth["effects"]:
         said, known = answers.get((effect["name"], effect["where"]), {}), effect["parameters"]
+        about = VOCABULARY[effect["name"]].parameters
+        discrete, circular = {p.name for p in about if p.discrete}, {p.name for p in about if p.circular}
         for name in sorted(set(said) | set(known) if not set(said) & set(known) else set(said) & set(known)):
             plain = name.split("@")[0]
             value, answer = known.get(name, known.get(plain)), said.get(name, said.get(plain))
-            if plain in DISCRETE or value is None or answer is None:
+            if plain in discrete or value is None or answer is None:
                 continue
             low = -math.inf if answer.low is None else answer.low
             high = math.inf if answer.high is None else answer.high
-            if plain in CIRCULAR:
-                value = answer.value + math.remainder(value - answer.value, 2 * math.pi)
+            if plain in circular:
+                value = answer.value + float(wrapped(value - answer.value))
             rows.append(
                 Value(
                     parameter=f"{effect['name']}.{name}",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from compare.diagnose.explain import Explanation, Interval, Named
 from compare.results.diagnosis import Parameter
-from compare.results.sentences import parameter, says
+from compare.results.sentences import parameter
 
 
 def named(n: Named) -> str:
@@ -13,13 +13,13 @@ def named(n: Named) -> str:
     for p, i in n.parameters.items():
         name, value, interval = parameter(p, as_parameter(i))
         values.append(f"{name} {value}" + (f" (95 %: {interval})" if i.low < i.high else ""))
-    text = f"{says(*n.term.key)}: {'; '.join(values)}."
+    text = f"{n.term.effect.says(n.term.where)}: {'; '.join(values)}."
     return text[0].upper() + text[1:]
 
 
 def tied(n: Named) -> str:
     """What explains the data as well as a named effect, in words."""
-    return "; or ".join(says(*t.key) for t, _ in n.ties)
+    return "; or ".join(t.effect.says(t.where) for t, _ in n.ties)
 
 
 def as_parameter(interval: Interval) -> Parameter:

@@ -1,7 +1,7 @@
-"""Which effects could make this residual: the signature of every candidate, and what the data can tell apart.
+"""Which effects could make this residual: the sensitivity of the data to every candidate, and the best sets of them.
 
-A signature is how the readings of all runs answer to a little of an effect, in units of their noise.  With all
-signatures side by side every set of effects is a small linear problem, so the best sets of each size are found before
+A sensitivity is how the readings of all runs answer to a little of an effect, in units of their noise.  With all of
+them side by side, every set of effects is a small linear problem, so the best sets of each size are found before
 anything is fitted.
 """
 
@@ -13,15 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from compare.diagnose.effects.effect import Effect, Rig
-from compare.diagnose.fit import RELUCTANCE, Fit, Fitter
+from compare.diagnose.fit import Fit, Fitter
+from compare.diagnose.least_squares import RELUCTANCE
 from compare.diagnose.predict import Term
 
 BEAM = 24  # sets of each size that are carried on
-VISIBLE = 1e-6  # sigmas by which a signature must show, at all, for the effect to be visible
+VISIBLE = 1e-6  # sigmas: an effect whose sensitivity is smaller in every sample is invisible
 
 
 @dataclass(frozen=True)
-class Signature:
+class Sensitivity:
     """How the residual answers to a term: ``offset`` (size,) by its variant alone, ``columns`` (size, k) by its
     probes.
     """
@@ -46,8 +47,8 @@ def candidates(rig: Rig, vocabulary: Mapping[str, Effect]) -> list[Term]:
     return found
 
 
-def signatures(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> dict[Term, Signature]:
-    """Signatures of all terms that the data can see, about a fit (mostly of the nominal model) that has none of
+def sensitivities(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> dict[Term, Sensitivity]:
+    """Sensitivities of all terms that the data can see, about a fit (mostly of the nominal model) that has none of
     them.
     """
     rig, found = fitter.rig, {}
@@ -56,7 +57,7 @@ def signatures(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> dict[Term, S
         if term in start:
             continue
         probes = term.effect.probes(rig, term.where, term.variant)
-        still = [np.zeros(probes.shape[1])] if term.variant and term.effect.sensor else []
+        still = [np.zeros(probes.shape[1])] if term.effect.acts_by_itself(term.variant) else []
         points = [*still, *probes]
         residuals = fitter.residuals([*base.terms, term], [[*start.values(), p] for p in points])
         if any(r is None for r in residuals):
@@ -66,21 +67,21 @@ def signatures(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> dict[Term, S
         columns = np.column_stack([r - origin for r in kept[len(still) :]])
         offset = origin - base.residual
         if np.abs(columns).max() > VISIBLE or np.abs(offset).max() > VISIBLE:
-            found[term] = Signature(term, offset, columns)
+            found[term] = Sensitivity(term, offset, columns)
     return found
 
 
 class Screen:
-    """The linear problem of all signatures: which sets of terms take most of the residual's square away.
+    """The linear problem of all sensitivities: which sets of terms take most of the residual's square away.
 
     ``residual`` is that of the model without any of the terms; ``always`` (size, a) are columns that every set has.
     """
 
-    def __init__(self, rig: Rig, residual: np.ndarray, always: np.ndarray, found: Mapping[Term, Signature]) -> None:
+    def __init__(self, rig: Rig, residual: np.ndarray, always: np.ndarray, found: Mapping[Term, Sensitivity]) -> None:
         self.rig = rig
         basis = np.linalg.qr(always)[0] if always.shape[1] else always
         self.terms = list(found)
-        self.signatures = found
+        self.sensitivities = found
         columns = [found[t].columns - basis @ (basis.T @ found[t].columns) for t in self.terms]
         offsets = [found[t].offset for t in self.terms]
         self.edges = np.cumsum([0, *(c.shape[1] for c in columns)])
@@ -100,13 +101,13 @@ class Screen:
             i: (self.chi2 - float((left + o) @ (left + o)), stacked.T @ o, o) for i, o in enumerate(offsets) if o.any()
         }
 
-    def unit(self, signature: Signature) -> np.ndarray:
+    def unit(self, sensitivity: Sensitivity) -> np.ndarray:
         """What one of each column amounts to in the effect's own scales."""
-        t = signature.term
+        t = sensitivity.term
         return (
             np.asarray(t.effect.scales(self.rig, t.where, t.variant), float)
-            if signature.fitted
-            else np.ones(signature.columns.shape[1])
+            if sensitivity.fitted
+            else np.ones(sensitivity.columns.shape[1])
         )
 
     def gain(self, chosen: Sequence[int]) -> tuple[float, np.ndarray]:
@@ -144,6 +145,6 @@ class Screen:
         out, at = {}, 0
         for i in chosen:
             k = int(self.edges[i + 1] - self.edges[i])
-            out[self.terms[i]] = self.signatures[self.terms[i]].start(self.rig, coefficients[at : at + k])
+            out[self.terms[i]] = self.sensitivities[self.terms[i]].start(self.rig, coefficients[at : at + k])
             at += k
         return out

@@ -1,4 +1,4 @@
-"""The engines as referees: every run under a hypothesis by some engines, in processes where there are several
+"""The engines as engine_runs: every run under a hypothesis by some engines, in processes where there are several
 workers.
 """
 
@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from compare.diagnose.confirm import Simulated, Task, lacking, simulate
 from compare.diagnose.data.recording import Run
 from compare.diagnose.predict import Hypothesis, Model, Term
+from compare.diagnose.simulate import Simulated, Task, has_beams, lacking, simulate
 from compare.sweep import spread
 from sim_models.engine import engine
 
@@ -21,7 +21,7 @@ Outcome = tuple[dict[str, np.ndarray], str, Mapping[str, object]] | str
 
 
 @dataclass(frozen=True)
-class Referees:
+class Engines:
     """Simulates the runs of a model's measurement.  ``chosen`` gets what it lacks from the model; other engines are
     left out then.
     """
@@ -69,7 +69,7 @@ class Referees:
 
     def stiffer(self, name: str) -> bool:
         """Whether the links bend and an engine has no beams."""
-        return self.model.mechanism.bends and "link_flexibility" not in engine(name).effects
+        return self.model.mechanism.bends and not has_beams(engine(name))
 
     def task(self, name: str, run: Run, hypothesis: Hypothesis) -> Task:
         """One run for one engine, without what it lacks."""

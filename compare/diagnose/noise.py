@@ -1,6 +1,4 @@
-"""What a sample is worth: one in white noise of the stated size, less where a residual is larger than that and
-coloured.
-"""
+"""How noisy a residual is, and how much its samples count: less where they are noisier than stated, or correlated."""
 
 from __future__ import annotations
 
@@ -18,7 +16,7 @@ def rms(residual: np.ndarray) -> float:
     return math.sqrt(float(np.mean(residual**2))) if residual.size else 0.0
 
 
-def worth(data: Data, residual: np.ndarray) -> np.ndarray:
+def sample_weights(data: Data, residual: np.ndarray) -> np.ndarray:
     """What each sample's squared residual counts, (size,): one in white noise of the stated size, less in what
     is not.
     """

@@ -15,7 +15,8 @@ from analytic.beyond_paper.drive import Motor
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Mechanism
 from compare.diagnose.data.recording import Run
-from compare.diagnose.effects.effect import Effect, Readings, Rig
+from compare.diagnose.effects.effect import Readings, Rig
+from compare.diagnose.effects.loads import LinkFlexibility
 from compare.diagnose.predict import Hypothesis, Term, altered, motor_offset
 from compare.judge.signals import with_derived
 from sim_models.engine import Engine, JointModel, Request, SimulationError, SimulatorMissing, Trace, Unsupported, engine
@@ -50,14 +51,12 @@ class Task:
 
 def lacking(name: str, terms: Sequence[Term]) -> list[Term]:
     """Effects that an engine cannot represent."""
-    return [t for t in terms if not represents(engine(name), t.effect)]
+    return [t for t in terms if not t.effect.simulated_by(engine(name))]
 
 
-def represents(chosen: Engine, effect: Effect) -> bool:
-    """Whether an engine can simulate an effect in full; clearance needs real contact in motion."""
-    if effect.name == "joint_clearance":
-        return ("contact", "driven") in chosen.supports
-    return effect.sensor or not effect.needs_engine or effect.name in chosen.effects
+def has_beams(chosen: Engine) -> bool:
+    """Whether an engine simulates links that bend."""
+    return LinkFlexibility().simulated_by(chosen)
 
 
 def simulate(task: Task) -> tuple[dict[str, np.ndarray], str, Mapping[str, object]] | str:
@@ -133,7 +132,7 @@ def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -
 def _run(chosen: Engine, request: Request) -> Trace:
     if not request.mechanism.bends:
         return chosen.simulate(request)
-    if "link_flexibility" not in chosen.effects:
+    if not has_beams(chosen):
         return chosen.simulate(replace(request, mechanism=request.mechanism.rigid()))
     from sim_models.exudyn.beams import flexible
 

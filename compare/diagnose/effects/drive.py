@@ -1,0 +1,95 @@
+"""Effects in the drive: a motor that is springy or turns unevenly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from analytic.mechanism import Mechanism, Ripple
+from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Reciprocal, Rig, Values
+
+HARMONICS = range(1, 13)
+
+
+class DriveCompliance(Reciprocal):
+    """A springy transmission: the crank lags its motor by torque over stiffness."""
+
+    name = "drive_compliance"
+    place = "drive"
+    label = "a compliant drive"
+    meaning = "the drive is springy"
+    hiding = Hiding(exclusive=True, makers={"exudyn": 1.0, "mujoco": 1.0})
+    needs = frozenset({"drive_compliance"})
+    slow = True
+    parameters = (Parameter("stiffness", "N.m/rad", "stiffness", 0.0),)
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return ["drive"] if rig.driven and not (rig.mechanism.drive and rig.mechanism.drive.stiffness) else []
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-5 / rig.torque,)
+
+    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
+        return _with_drive(mechanism, stiffness=values["stiffness"])
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        return Growth(lambda a: {"stiffness": rig.torque / a}, 0.02)
+
+
+class SpeedRipple(Effect):
+    """A motor that turns unevenly: command plus amplitude sin(harmonic command + phase).  Natural: a cos p, a sin p."""
+
+    name = "speed_ripple"
+    place = "drive"
+    label = "a ripple of the drive's speed"
+    meaning = "the drive turns unevenly"
+    hiding = Hiding(commanded=True, exclusive=True)
+    parameters = (
+        Parameter("amplitude", "rad", "angle", 0.0),
+        Parameter("harmonic", "1", "harmonic", discrete=True),
+        Parameter("phase", "rad", "phase", circular=True),
+    )
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        uneven = rig.mechanism.drive is not None and rig.mechanism.drive.ripple is not None
+        return ["drive"] if set(rig.driven) - set(rig.following) and not uneven else []
+
+    def measured_by(self, i: int) -> Parameter:
+        return self.parameters[0]
+
+    def variants(self, rig: Rig, where: str) -> Sequence[float]:
+        return [float(h) for h in HARMONICS]
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-5, 1e-5)
+
+    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return np.array([-math.inf, -math.inf])
+
+    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
+        return {"amplitude": math.hypot(x[0], x[1]), "harmonic": variant, "phase": math.atan2(x[1], x[0])}
+
+    def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
+        return values["amplitude"] * np.array([math.cos(values["phase"]), math.sin(values["phase"])])
+
+    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
+        ripple = Ripple(amplitude=values["amplitude"], harmonic=round(values["harmonic"]), phase=values["phase"])
+        return _with_drive(mechanism, ripple=ripple)
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        harmonic, phase = float(draw.rng.integers(1, 7)), draw.turn - math.pi
+        return Growth(lambda a: {"amplitude": a, "harmonic": harmonic, "phase": phase}, 0.02, harmonic)
+
+
+def _with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:
+    drive = (
+        mechanism.drive.model_dump(exclude_unset=True)
+        if mechanism.drive
+        else {"joint": mechanism.drive_joint.name, "speed": "measured"}
+    )
+    return mechanism.replace(drive=drive | fields)
+
+
+EFFECTS: tuple[Effect, ...] = (DriveCompliance(), SpeedRipple())

@@ -1,0 +1,214 @@
+"""Which further run, or which further sensor, would tell two explanations apart: found by computing it."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analytic.mechanism import Load, Mechanism
+from analytic.mechanism.signals import AXES, POSE, Signal, Unit
+from compare.diagnose.data.recording import Channel, Measured, Run
+from compare.diagnose.effects.effect import Readings, Rig
+from compare.diagnose.fit import Fit, bridged, hypothesis, without_columns
+from compare.diagnose.predict import Model
+from compare.files import file_name
+from compare.quantities import amount
+
+ENOUGH = 8.0  # sigmas between two explanations that separate them
+USEFUL = 3.0
+SAMPLES = 90  # of a run that is tried
+SHARE = 0.005  # of a signal's peak: the noise taken for a sensor that is not there yet
+TYPICAL: dict[Unit, float] = {"rad": 5e-5, "rad/s": 1e-3, "m": 2e-5}  # the same for motions
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A run that could be made: in words, and as it would stand in measured.toml."""
+
+    words: str
+    run: Run
+    sensor: str = ""  # that is not there yet
+
+    def as_toml(self, measured: Measured) -> str:
+        """The run as a [[run]] of measured.toml, under a name that no run has yet."""
+        name = f"{self.run.name}-with-{self.sensor}" if self.sensor else self.run.name
+        taken = {run.name for run in measured.runs} | {run.file.removesuffix(".csv") for run in measured.runs}
+        return as_toml(
+            replace(
+                self.run,
+                name=next(n for k in itertools.count(1) if (n := name if k == 1 else f"{name}-{k}") not in taken),
+            )
+        )
+
+
+def would_separate(model: Model, noise: dict[tuple[str, str], float], one: Fit, other: Fit) -> str:
+    """The first run or sensor that would tell two fits apart by ENOUGH sigmas, or what came nearest."""
+    rig = model.rig
+    best: tuple[float, str] = (0.0, "")
+    tried: list[str] = []
+    for trial in _trials(rig, model.measured):
+        sigmas, sigma = _apart(model, noise, one, other, trial.run)
+        given = ""
+        if sigmas and trial.sensor:
+            given = f", if its noise is {amount(sigma[trial.sensor], rig.known[trial.sensor].unit)}"
+        if sigmas > ENOUGH:
+            return f"{trial.words} (would part them by {sigmas:.0f} sigma{given}):\n{trial.as_toml(model.measured)}"
+        tried += [trial.words] if not trial.sensor else []
+        best = max(
+            best, (sigmas, f"{trial.words}, though only by {sigmas:.0f} sigma{given}:\n{trial.as_toml(model.measured)}")
+        )
+    if best[0] > USEFUL:
+        return best[1]
+    sensors = "any further position, angle, reaction (x, y) or drive torque in a run like the first"
+    return f"none of the runs and sensors tried would: {'; '.join([*tried, sensors])}"
+
+
+def _trials(rig: Rig, measured: Measured) -> Iterator[Trial]:
+    """Runs worth trying, the easiest first; then the sensors that are not there, one at a time."""
+    driven = [r for r in measured.runs if r.drive == "speed" and r.speed]
+    if driven:
+        yield from Variations(max(driven, key=lambda r: r.time.size), rig, {r.speed for r in driven}).all()
+    for base in measured.runs[:1]:
+        for signal in _sensors(rig.mechanism):
+            if signal.name not in rig.signals:
+                channel = Channel(signal, np.zeros(base.time.size), 0.0, False, "")
+                more = replace(base, channels={**base.channels, signal.name: channel})
+                yield Trial(f"measure {signal.name} too, in a run like {base.name!r}", more, signal.name)
+
+
+@dataclass(frozen=True)
+class Variations:
+    """Runs like one that was made at a speed, but with other loads, speeds or direction; ``taken`` are the speeds
+    (rad/s) that have been run.
+    """
+
+    base: Run
+    rig: Rig
+    taken: Collection[float | None]
+
+    def all(self) -> Iterator[Trial]:
+        """The runs, the easiest to make first."""
+        loads, speed = self.loads, self.base.speed or 0.0
+        if loads:
+            yield self.run("reversed-load", "reverse the load", loads=tuple(_turned(load, -1) for load in loads))
+        if -speed not in self.taken:
+            yield self.run("reverse", "run the drive the other way", speed=-speed)
+        yield from self.other_loads()
+        for factor in (2.0, 0.5, 4.0, 0.25):
+            faster = math.copysign(abs(speed) * factor, speed or 1.0)
+            yield self.run(f"{factor:g}-times-the-speed", f"run at {factor:g} times the speed", speed=faster)
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """The loads of the run."""
+        return self.base.loads if self.base.loads is not None else self.rig.mechanism.loads
+
+    def other_loads(self) -> Iterator[Trial]:
+        """The loads turned, doubled and taken off; where there are none, one up and one down."""
+        loads, m = self.loads, self.rig.mechanism
+        if loads:
+            yield self.run(
+                "turned-load", "turn the load by a quarter", loads=tuple(_turned(load, 1j) for load in loads)
+            )
+            yield self.run("double-load", "double the load", loads=tuple(_turned(load, 2) for load in loads))
+            yield self.run("no-load", "take the load off", loads=())
+            return
+        floating = next((b.name for b in reversed(m.bodies) if b.name != m.driven), m.driven)
+        force = 10 * self.rig.force
+        for sign in (1, -1):
+            pull = Load(body=floating, force=(0.0, sign * force))
+            name = f"load-{'up' if sign > 0 else 'down'}"
+            yield self.run(name, f"load {floating} with {force:.3g} N", loads=(pull,))
+
+    def run(self, name: str, words: str, **change: object) -> Trial:
+        """A run with something changed, over as large an angle."""
+        base = self.base
+        now = replace(base, name=name, **change)  # type: ignore[arg-type]
+        span = abs(base.speed or 1.0) * float(base.time[-1] - base.time[0])
+        time = np.linspace(0.0, span / abs(now.speed or 1.0), min(SAMPLES, base.time.size))
+        return Trial(words, replace(now, time=time))
+
+
+def _turned(load: Load, by: complex) -> Load:
+    force = complex(*load.force) * by
+    torque = load.torque * (by.real if by.imag == 0 else -1.0)
+    return Load(body=load.body, point=load.point, force=(force.real, force.imag), torque=torque)
+
+
+def _sensors(mechanism: Mechanism) -> list[Signal]:
+    poses = [Signal.of("pose", b.name, component) for b in mechanism.bodies for component in POSE]
+    cells = [Signal.of("reaction", j.name, axis) for j in mechanism.joints for axis in AXES]
+    return [*poses, Signal.of("drive", "", "torque"), *cells]
+
+
+def _apart(
+    model: Model, noise: dict[tuple[str, str], float], one: Fit, other: Fit, run: Run
+) -> tuple[float, dict[str, float]]:
+    """Sigmas between two fits if the run were made too, after the second has been fitted to data and run again; the
+    noise taken for it.
+    """
+    trial = Model(replace(model.measured, runs=(run,)), model.rig, model.mechanism, model.courses)
+    scale = [np.asarray(t.effect.scales(model.rig, t.where, t.variant), float) for t in other.terms]
+    points = [list(other.x)]
+    for i, x in enumerate(other.x):
+        points += [[*other.x[:i], x + step, *other.x[i + 1 :]] for step in np.diag(scale[i])]
+    found = trial([hypothesis(model.rig, one.terms, one.x), *(hypothesis(model.rig, other.terms, p) for p in points)])
+    if found[0] is None or found[1] is None:
+        return 0.0, {}
+    single = {s: _noise(channel.signal, found[0][0][s], noise) for s, channel in run.channels.items()}
+    longest = max(r.time.size for r in model.measured.runs)
+    coarse = math.sqrt(run.time.size / longest)  # fewer samples than the run would have
+    sigma = {s: coarse * size for s, size in single.items()}
+
+    def difference(a: Readings, b: Readings) -> np.ndarray:
+        """Of two predictions of the run, over the noise; angles modulo a turn."""
+        parts = [c.signal.apart(bridged(a[s]), bridged(b[s])) / sigma[s] for s, c in run.channels.items()]
+        return np.concatenate(parts)
+
+    new = difference(found[0][0], found[1][0])
+    steps = np.concatenate(scale or [np.zeros(0)])
+    columns = [
+        np.zeros(new.size) if f is None else difference(f[0], found[1][0]) / h
+        for f, h in zip(found[2:], steps, strict=True)
+    ]
+    apart = np.concatenate([other.residual - one.residual, new])
+    jacobian = np.concatenate([other.jacobian, -np.column_stack(columns) if columns else np.zeros((new.size, 0))])
+    return float(np.linalg.norm(without_columns(apart, jacobian)[-new.size :])), single
+
+
+def _noise(signal: Signal, values: np.ndarray, noise: dict[tuple[str, str], float]) -> float:
+    known = [v for (_, s), v in noise.items() if s == signal.name]
+    if known:
+        return min(known)
+    if signal.unit in TYPICAL and signal.kind != "reaction":
+        return TYPICAL[signal.unit]
+    return max(SHARE * float(np.nanmax(np.abs(values))), 1e-9)
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)  # which is a string of TOML too
+
+
+def as_toml(run: Run) -> str:
+    """A run as a [[run]] of measured.toml."""
+    lines = ["[[run]]", f"name = {_quoted(run.name)}", f"file = {_quoted(file_name(run.name) + '.csv')}"]
+    if run.drive == "speed":
+        lines += [f"drive_speed = {run.speed!r}", f"drive_angle = {run.angle!r}"]
+    else:
+        lines.append(f'drive = "{run.drive}"')
+    if run.loads == ():
+        lines.append("load = []")  # none, not the mechanism's own
+    for load in run.loads or ():
+        lines += [
+            "[[run.load]]",
+            f"body = {_quoted(load.body)}",
+            f"point = {_quoted(load.point)}",
+            f"force = [{load.force[0]!r}, {load.force[1]!r}]",
+        ]
+        lines += [f"torque = {load.torque!r}"] if load.torque else []
+    return "\n".join(lines)

@@ -1,0 +1,393 @@
+"""The problem of a diagnosis: one nominal mechanism, its data, model and engines, and the steps in their order."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from analytic.mechanism import Mechanism
+from compare.diagnose import prepare
+from compare.diagnose.data.quality import suspicious_swaps, suspicious_units
+from compare.diagnose.data.recording import Measured, MeasuredError, Run
+from compare.diagnose.effects.effect import Effect, Rig
+from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.diagnose.engines import Engines
+from compare.diagnose.explain import CLOSED, Explanation, explain, has_structure, pruned
+from compare.diagnose.fit import Data, Fit, Fitter
+from compare.diagnose.locate import Stretch, locate, rms_difference, spread
+from compare.diagnose.noise import rms
+from compare.diagnose.predict import Model, Term, altered
+from compare.diagnose.search import Search, costs
+from compare.diagnose.sensitivities import candidates, sensitivities
+from compare.diagnose.simulate import Simulated
+from compare.quantities import amount
+from sim_models.engine import SimulationError, SimulatorMissing, engine, engine_names
+
+EQUIVALENT = 0.1  # of the noise: an engine this near the analytic model is the same
+HORIZONS = (0.06, 0.12, 0.25, 0.5)  # shares of free runs that are explained one after the other
+SHOWS = 0.2  # of the noise (rms), from which on links that bend are seen
+FAR = 2.0  # times the gap of the analytic model: an engine with a larger one moves in another way altogether
+REFITS = 2  # to the engine's own difference from the analytic model
+Progress = Callable[[str, int, int | None], None]
+Noise = Mapping[tuple[str, str], float]  # 1-sigma, SI, by run and signal
+
+
+def silent(what: str, done: int, total: int | None) -> None:
+    """Progress that nobody watches."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What an engineer asks of a diagnosis.
+
+    ``simulator`` is the chosen engine; ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects
+    beside the vocabulary; with ``others`` every installed engine simulates too, in as many processes as ``workers``.
+    """
+
+    simulator: str
+    only: Sequence[str] = ()
+    exclude: Sequence[str] = ()
+    own: Sequence[Effect] = ()
+    others: bool = True
+    workers: int | None = None
+    progress: Progress = silent
+
+    @property
+    def vocabulary(self) -> Mapping[str, Effect]:
+        """All effects that are considered, by name."""
+        return VOCABULARY | {e.name: e for e in self.own}
+
+    def engines(self) -> tuple[tuple[str, ...], dict[str, str]]:
+        """The engines that simulate, the chosen one first, and why others do not.  Raises Unsupported or
+        SimulatorMissing for the chosen one.
+        """
+        engine(self.simulator)
+        names: tuple[str, ...] = (self.simulator,)
+        skipped: dict[str, str] = {}
+        for name in engine_names() if self.others else ():
+            if name != self.simulator:
+                try:
+                    engine(name)
+                    names = (*names, name)
+                except SimulatorMissing as error:
+                    skipped[name] = str(error)
+        return names, skipped
+
+
+@dataclass(frozen=True)
+class Verified:
+    """An explanation with what the engines say of it, by engine: the chosen one first.
+
+    ``agreement`` is the largest rms difference of a sensor between an engine and the analytic model, in noise;
+    ``agreement_before`` the same of the chosen engine on the nominal mechanism.
+    """
+
+    explanation: Explanation
+    explained: Mechanism
+    before: Mapping[str, Simulated]
+    after: Mapping[str, Simulated]
+    agreement: Mapping[str, float]
+    agreement_before: float
+    stretches: Sequence[Stretch]
+
+
+@dataclass
+class Problem:
+    """Everything that a diagnosis works on.
+
+    ``terms`` are all effects at their places, ``ruled_out`` says why some are not considered; ``base`` is the nominal
+    mechanism as a fit (of the starts of free runs); ``notes`` are sentences for the report.
+    """
+
+    measured: Measured
+    rig: Rig
+    mechanism: Mechanism
+    model: Model
+    data: Data
+    fitter: Fitter
+    terms: list[Term]
+    ruled_out: dict[tuple[str, str], str]
+    options: Options
+    engines: tuple[str, ...]
+    skipped: dict[str, str]
+    base: Fit
+    engine_runs: Engines
+    notes: list[str] = field(default_factory=list)
+    nominal: Callable[[], dict[str, Simulated]] = dict  # what the other engines say of the nominal mechanism
+    search: Search | None = None
+    remembered: tuple[list[tuple[Term, dict[str, float]]], Simulated] | None = None
+
+    @classmethod
+    def of(cls, measured: Measured, mechanism: Mechanism, options: Options) -> Problem:
+        """Prepare: the rig, the noise floor, the nominal model and what each engine says of it."""
+        engines, skipped = options.engines()
+        courses, measured = prepare.followed(prepare.thinned(measured))
+        noise = {(run.name, s): c.noise for run in measured.runs for s, c in run.channels.items()}
+        rig, model = prepare.nominal(measured, mechanism, courses)
+        measured = prepare.unturned(measured, model, prepare.starts(measured))
+        model = Model(measured, rig, mechanism, courses)
+        data = Data(measured, noise, rig.encoder, prepare.shared(measured, noise, model))
+        fitter = Fitter(model, data, rig, prepare.bounds(rig, measured.tolerance))
+        terms, ruled_out = prepare.considered(
+            candidates(rig, options.vocabulary), measured.tolerance, fitter.bounds, options.only, options.exclude
+        )
+        workers = options.workers or min(2, os.cpu_count() or 1)
+        problem = cls(
+            measured, rig, mechanism, model, data, fitter, terms, ruled_out, options, engines, skipped,
+            _begun(fitter), Engines(model, options.simulator, workers),
+        )  # fmt: skip
+        problem.refuse_slips()
+        problem.note_limits()
+        problem.raise_noise_floor(noise)
+        problem.nominal = problem.engine_runs.begin(problem.base.values(rig), engines[1:])
+        return problem
+
+    @property
+    def simulator(self) -> str:
+        """The chosen engine."""
+        return self.options.simulator
+
+    def refuse_slips(self) -> None:
+        """Refuse columns that are plainly another sensor's, or in another unit than they say.  Raises MeasuredError."""
+        for run, predicted in zip(self.measured.runs, self.analytic(self.base), strict=True):
+            slips = [*suspicious_swaps(run, predicted), *suspicious_units(run, predicted)]
+            if slips:
+                raise MeasuredError(f"{run.file}: {slips[0].text}")
+
+    def note_limits(self) -> None:
+        """Note what is not modelled in these runs."""
+        self.notes += [
+            f"Run {run.name} starts from rest and is simulated in steady motion: leave its start-up out of the file, or"
+            " it will look like a fault."
+            for run in self.measured.runs
+            if run.from_rest
+        ]
+        if self.mechanism.clearances or any("contact" in t.effect.needs for t in self.terms):
+            self.notes += [
+                f"In run {run.name}, which is free, joints are taken without clearance."
+                for run in self.measured.runs
+                if run.drive == "free"
+            ]
+
+    def shows_bending(self, bending: Mechanism) -> bool:
+        """Whether these data would show the difference that bending links make to the nominal linkage."""
+        if self.base.terms:
+            return False
+        found = Model(self.measured, self.rig, bending, self.model.courses)([[]])[0]
+        difference = np.zeros(1) if found is None else self.data.residual(found) - self.base.residual
+        return found is not None and max(rms(difference[p.place]) for p in self.data.parts) > SHOWS
+
+    def price(self, explanation: Explanation) -> float:
+        """chi^2 that an explanation leaves, and what its effects cost."""
+        assert self.search is not None
+        return explanation.fit.chi2 + self.search.price(explanation.fit)
+
+    def raise_noise_floor(self, noise: Noise) -> None:
+        """Simulate the nominal mechanism and let the noise floor be no lower than what the engine and the analytic
+        model differ by.  Raises SimulationError where the engine cannot.
+        """
+        chosen = self.simulated(self.base)
+        if chosen.readings is None:
+            raise SimulationError(
+                f"{self.simulator} cannot simulate the nominal mechanism in these runs: {chosen.skipped}"
+            )
+        floor = dict(noise)
+        for run, simulated, predicted in zip(
+            self.measured.runs, chosen.readings, self.analytic(self.base), strict=True
+        ):
+            for name, channel in run.channels.items():
+                key, unit = (run.name, name), channel.signal.unit
+                difference = rms_difference(channel.signal, simulated[name], predicted[name])
+                floor[key] = math.hypot(noise[key], difference)
+                if difference > 0.5 * noise[key]:
+                    self.notes.append(
+                        f"In run {run.name}, {name} differs between {self.simulator} and the analytic model by"
+                        f" {amount(difference, unit)} (rms), noise {amount(noise[key], unit)}; the noise floor is"
+                        f" raised to {amount(floor[key], unit)}."
+                    )
+        raised = Data(self.measured, floor, self.rig.encoder)
+        self.data = Data(
+            self.measured, floor, self.rig.encoder, self.data.shared * (self.data.sigma / raised.sigma)[:, None]
+        )
+        self.fitter = Fitter(self.model, self.data, self.rig, self.fitter.bounds)
+        self.base = self.fitter.at(self.base.terms, dict(zip(self.base.terms, self.base.x, strict=True))) or self.base
+
+    # ---------------------------------------------------------------- the explanation
+
+    def explanation(self) -> Explanation:
+        """What the data say.  Where the chosen engine differs from the analytic model, that difference is taken off the
+        data, and they are fitted or searched again.
+        """
+        self.options.progress("search", 1, 4)
+        data, fit, shift = self.data, self.best_fit(self.data), np.zeros(self.data.size)
+        for _ in range(REFITS):
+            difference = self.difference(fit)
+            if difference is None:
+                break
+            change = self.largest_rms(difference - shift)
+            if change < EQUIVALENT:
+                break
+            self.options.progress(f"search with {self.simulator}'s difference", 2, 4)
+            first = not shift.any()
+            closed = first and rms(fit.residual) <= CLOSED and not has_structure(self.data, fit.residual)
+            if first:
+                self.notes.append(
+                    f"With these effects {self.simulator} differs from the analytic model by up to {change:.2g} of a"
+                    f" sensor's noise (rms). That difference was taken off the data, and"
+                    f" {'they were fitted' if closed else 'the search was made'} again."
+                )
+            shift, data = difference, self.data.shifted(difference)
+            # where these effects close the gap, what more the difference asks for is the engine's, not the rig's
+            fit = self.best_fit(data, [fit], again=closed)
+        assert self.search is not None
+        return explain(self.search, fit)
+
+    def difference(self, fit: Fit) -> np.ndarray | None:
+        """Residual (size,) of the analytic model less that of the chosen engine, with the effects of a fit; None where
+        the engine fails, or moves in another way altogether.
+        """
+        found = self.simulated(fit) if fit.named() else None
+        if found is None or found.readings is None:
+            return None
+        simulated = self.data.residual(found.readings)
+        if rms(simulated) > FAR * rms(fit.residual):
+            clearance = any("contact" in fit.terms[i].effect.needs for i in fit.named())
+            self.notes.append(
+                f"With these effects {self.simulator} is {rms(simulated):.3g} times the noise off the data, the"
+                f" analytic model {rms(fit.residual):.3g}. The two move in different ways"
+                f"{', as they do when pins leave their bearings or bounce' if clearance else ''}: nothing was fitted"
+                f" to {self.simulator}."
+            )
+            return None
+        return self.data.residual(self.analytic(fit)) - simulated
+
+    def best_fit(self, data: Data, first: Sequence[Fit] = (), again: bool = False) -> Fit:
+        """The best set of effects in these data, by the analytic model; or the first one ``again``, fitted to these
+        data.
+        """
+        wanted = [t for t in self.terms if t.key not in self.ruled_out]
+        cost = costs(wanted, self.rig, data.size)
+        free = bool(self.base.terms)
+        # a free motion answers linearly only for a while: its first part is explained first
+        for share in HORIZONS if free and not first else ():
+            search = self.prepared(data.until(share), cost, wanted, free)
+            first = search.leaders(search.best(first))
+        self.search = self.prepared(data, cost, wanted, free)
+        if again:
+            begun = [self.search.fitter.fit(f.terms, dict(zip(f.terms, f.x, strict=True))) for f in first]
+            return pruned(self.search, next((f for f in begun if f is not None), self.search.base))[0]
+        return pruned(self.search, self.search.best(first))[0]
+
+    def prepared(self, data: Data, cost: Mapping[Term, float], wanted: Sequence[Term], free: bool) -> Search:
+        """A search in these data, with sensitivities about the nominal model or, in free runs, about the fit it begins
+        with.
+        """
+        model = (
+            self.model
+            if data.measured is self.measured
+            else Model(data.measured, self.rig, self.mechanism, self.model.courses)
+        )
+        fitter = Fitter(model, data, self.rig, self.fitter.bounds)
+        start = dict(zip(self.base.terms, self.base.x, strict=True))
+        base = fitter.at(self.base.terms, start) or self.base
+        if self.search is not None and not free:
+            found = dict(self.search.sensitivities)  # differences of residuals: a shift of the data does not touch them
+        else:
+            found = {} if free else sensitivities(fitter, base, wanted)
+        return Search(fitter, base, found, cost, nonlinear=free)
+
+    # ---------------------------------------------------------------- simulation in full
+
+    def verified(self, explanation: Explanation) -> Verified:
+        """The explanation simulated in full by every engine, beside the nominal mechanism."""
+        self.options.progress("simulation", 3, 4)
+        fit = explanation.fit
+        hypothesis = fit.values(self.rig)
+        begin = (
+            self.base if explanation.named else fit
+        )  # free runs without a gap are released from where all of the data say
+        known = begin.values(self.rig) == self.base.values(self.rig)
+        nominal = self.nominal() if known else self.engine_runs.simulate(begin.values(self.rig), self.engines[1:])
+        before = {self.simulator: self.simulated(begin)} | nominal
+        others = nominal if begin is fit else self.engine_runs.simulate(hypothesis, self.engines[1:])
+        after = {self.simulator: self.simulated(fit)} | others
+        readings = after[self.simulator].readings
+        if explanation.verdict in ("explained", "ambiguous") and (
+            readings is None or rms(self.data.residual(readings)) > CLOSED
+        ):
+            explanation = replace(explanation, verdict="partly explained")
+        explained = altered(self.measured.mechanism, [h for h in hypothesis if not h[0].effect.sensor])
+        agreement = {name: self.agreement(s, explanation.fit) for name, s in after.items()}
+        stretches = self.located(begin, before)
+        self.options.progress("done", 4, 4)
+        return Verified(
+            explanation, explained, before, after, agreement, self.agreement(before[self.simulator], begin), stretches
+        )
+
+    def located(self, begin: Fit, before: Mapping[str, Simulated]) -> list[Stretch]:
+        """Where the data leave the nominal mechanism by more than the engines differ among themselves."""
+        angles = {run.name: self.crank_angle(run) for run in self.measured.runs}
+        between = spread(self.measured, {name: s.readings for name, s in before.items() if s.readings is not None})
+        self.notes += [
+            f"In run {run}, {signal} differs between {pair} by {amount(size, self.measured.signals[signal].unit)} (rms)"
+            " on the nominal mechanism; deviations are listed only beyond that."
+            for (run, signal), (size, pair) in between.items()
+            if size > self.data.noise[run, signal]
+        ]
+        return locate(self.data, begin.residual, angles, {key: size for key, (size, _) in between.items()})
+
+    def simulated(self, fit: Fit) -> Simulated:
+        """Every run by the chosen engine under a fit's hypothesis; the last one asked for is remembered."""
+        hypothesis = fit.values(self.rig)
+        if self.remembered is None or self.remembered[0] != hypothesis:
+            self.remembered = hypothesis, self.engine_runs.simulate(hypothesis, (self.simulator,))[self.simulator]
+        return self.remembered[1]
+
+    def analytic(self, fit: Fit) -> list[dict[str, np.ndarray]]:
+        """Readings by the analytic model.  Raises SimulationError where it has none."""
+        found = self.model([fit.values(self.rig)])[0]
+        if found is None:
+            raise SimulationError("the analytic model cannot make these runs")
+        return found
+
+    def agreement(self, said: Simulated, fit: Fit) -> float:
+        """Largest rms difference of a sensor between an engine and the analytic model, in noise; NaN without
+        readings.
+        """
+        if said.readings is None:
+            return math.nan
+        predicted = self.data.residual(self.analytic(fit))
+        return self.largest_rms(self.data.residual(said.readings) - predicted)
+
+    def largest_rms(self, residual: np.ndarray) -> float:
+        """The largest root mean square of a sensor's part of a residual (size,)."""
+        return max((rms(residual[p.place]) for p in self.data.parts), default=0.0)
+
+    def crank_angle(self, run: Run) -> np.ndarray:
+        """The motor's commanded angle (N,) rad; in a free run the driven body's."""
+        if run.drive == "free":
+            found = self.model.released(run, [self.base.values(self.rig)])[0]
+            assert found is not None
+            return found.motion.theta
+        return self.model.motor(run, self.mechanism).at(run.time).theta
+
+
+def _begun(fitter: Fitter) -> Fit:
+    """The nominal mechanism as a fit of the starts of free runs, first to their first part.  Raises MeasuredError where
+    it cannot make the runs.
+    """
+    model, early = fitter.model, fitter.data.until(HORIZONS[0])
+    starts = prepare.starts(model.measured)
+    first = Model(early.measured, fitter.rig, model.mechanism, model.courses)
+    begun = Fitter(first, early, fitter.rig, fitter.bounds).fit(list(starts), starts)
+    base = begun and fitter.at(begun.terms, dict(zip(begun.terms, begun.x, strict=True)))
+    if base is None:
+        raise MeasuredError(
+            f"{model.measured.source}: the nominal mechanism cannot make these runs; check drive_angle, start and"
+            " assembly"
+        )
+    return base

@@ -1,0 +1,132 @@
+"""An effect is one thing in one place: words, parameters, coordinates, engines and a random size are its class's."""
+
+from __future__ import annotations
+
+import ast
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from analytic.mechanism import Mechanism
+from compare.cli.app import app
+from compare.diagnose.effects.effect import Draw, Effect, Rig
+from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.evidence.scoreboard.rigs import ideal
+from diagnosis_rigs import experiment, four_bar, turn
+from sim_models.engine import ENGINES, declared
+
+ROOT = Path(__file__).parent.parent
+RIGS = {
+    "crank-rocker": experiment(turn("slow", 4.0), turn("fast-reverse", -12.0)),
+    "slider-crank": experiment(
+        turn("slow", 4.0),
+        turn("fast-reverse", -12.0),
+        mechanism=four_bar("slider-crank", loads=()),
+        sensors={"crank_angle": 5e-5, "slider_x": 1e-5, "drive_torque": 1e-3},
+    ),
+}
+PLACES = [(case, effect, where) for case, rig in RIGS.items() for effect in VOCABULARY.values()
+          for where in effect.places(rig.rig)]  # fmt: skip
+
+
+def kinds_of_place(rig: Rig) -> dict[str, set[str]]:
+    """Every place that there is, by kind."""
+    m = rig.mechanism
+    return {
+        "linkage": {"linkage"},
+        "drive": {"drive"},
+        "body": {b.name for b in m.bodies},
+        "joint": {j.name for j in m.joints},
+        "ground point": set(m.ground.points),
+        "signal": set(rig.signals),
+        "run": set(rig.runs),
+    }
+
+
+@pytest.mark.parametrize("effect", VOCABULARY.values(), ids=lambda e: e.name)
+def test_an_effect_has_words_of_its_own(effect: Effect) -> None:
+    somewhere = effect.place not in ("linkage", "drive")
+    for text in (effect.label, effect.meaning):
+        assert text
+        assert text.count("{}") == somewhere, "the words name the place where there are several"
+    assert ("Q" in effect.called("Q")) == ("Q" in effect.says("Q")) == somewhere
+    assert set(effect.special_case_of) <= set(VOCABULARY)
+
+
+@pytest.mark.parametrize(("case", "effect", "where"), PLACES, ids=lambda v: getattr(v, "name", str(v)))
+def test_an_effect_is_where_its_kind_of_place_says(case: str, effect: Effect, where: str) -> None:
+    assert where in kinds_of_place(RIGS[case].rig)[effect.place]
+
+
+@pytest.mark.parametrize(
+    ("case", "effect", "where"),
+    [place for place in PLACES if place[1:] != (VOCABULARY["moment_of_inertia"], "slider")],  # which does not turn
+    ids=lambda v: getattr(v, "name", str(v)),
+)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_drawn_effect_grows_from_nothing_and_stays_physical(case: str, effect: Effect, where: str, seed: int) -> None:
+    experiment, rng = RIGS[case], np.random.default_rng(seed)
+    rig, speeds = experiment.rig, {plan.name: abs(plan.speed) for plan in experiment.plans}
+    draw = Draw(
+        rng, rng.uniform(0, 2 * math.pi), float(rng.choice([-1, 1])), speeds,
+        lambda: ideal(experiment.nominal, experiment.plans[0]),
+    )  # fmt: skip
+    growth = effect.growth(rig, where, draw)
+    assert growth.variant in effect.variants(rig, where)
+    sizes = []
+    for amount in (1e-6, 1e-3, 0.5, 1.0):
+        values = growth.values(amount * min(growth.most, 100.0))
+        x = effect.natural(rig, where, values, growth.variant)
+        assert effect.values(rig, where, x, growth.variant) == pytest.approx(dict(values)), "natural inverts values"
+        assert np.all(x >= effect.lowest(rig, where, growth.variant) - 1e-15)
+        sizes.append(abs(float(x[0])))  # a payload's place stays while its mass grows
+        changed = effect.on_mechanism(rig.mechanism, where, values)
+        assert isinstance(changed, Mechanism)
+    assert sizes == sorted(sizes)
+    assert 0 < sizes[0] < 1e-2 * sizes[-1]
+
+
+def test_the_commands_agree_on_what_each_engine_simulates() -> None:
+    runner = CliRunner()
+    listed = json.loads(runner.invoke(app, ["effects", "--json"]).stdout)["effects"]
+    assert [row["name"] for row in listed] == list(VOCABULARY)
+    table = runner.invoke(app, ["simulators"]).stdout
+    for name in ENGINES:
+        lacks = [row["name"] for row in listed if name not in row["simulators"]]
+        assert lacks == [e.name for e in VOCABULARY.values() if not e.simulated_by(declared(name))]
+        row = next(line for line in table.splitlines() if line.startswith(name))
+        assert all(effect in " ".join(table.split()) for effect in lacks)
+        assert ("all but" in row) == bool(lacks)
+    clearance = next(row for row in listed if row["name"] == "joint_clearance")
+    real_contact = [name for name in ENGINES if ("contact", "driven") in declared(name).supports]
+    assert clearance["simulators"] == real_contact != list(ENGINES)
+
+
+def names_compared(path: Path) -> list[str]:
+    """Names of effects that a file compares something with."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Compare):
+            literals = [node.left, *node.comparators] if isinstance(node.ops[0], ast.Eq | ast.NotEq) else []
+            for side in node.comparators:
+                literals += side.elts if isinstance(side, ast.Tuple | ast.List | ast.Set) else []
+            found += [c.value for c in literals if isinstance(c, ast.Constant) and c.value in VOCABULARY]
+    return found
+
+
+@pytest.mark.parametrize("folder", ["compare", "sim_models"])
+def test_nothing_but_an_effect_s_own_class_asks_for_its_name(folder: str) -> None:
+    own = ROOT / "compare" / "diagnose" / "effects"
+    asking = {p.relative_to(ROOT).as_posix(): names_compared(p) for p in (ROOT / folder).rglob("*.py")
+              if own not in p.parents}  # fmt: skip
+    assert not {path: names for path, names in asking.items() if names}
+
+
+def test_a_comparison_with_a_name_would_be_found(tmp_path: Path) -> None:
+    file = tmp_path / "wrong.py"
+    file.write_text('a = x == "payload"\nb = x in ("gravity", "other")\nc = {"payload": 1}\n', encoding="utf-8")
+    assert names_compared(file) == ["payload", "gravity"]

@@ -1,0 +1,131 @@
+"""The fit's own least squares: it ends where SciPy's does, asks the model far less often, and takes walls and pins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.diagnose.fit import Data, Fit, Fitter, Space, joined
+from compare.diagnose.least_squares import SETTLED, STEPS, Descent
+from compare.diagnose.predict import Term
+from compare.diagnose.search import Search, costs
+from compare.diagnose.sensitivities import candidates, sensitivities
+from compare.evidence.scoreboard.sizes import Sizer
+from diagnosis_rigs import experiment
+
+
+def term(label: str) -> Term:
+    name, where = label.split("@")
+    return Term(VOCABULARY[name], where)
+
+
+TRUTH = [
+    (term("payload@coupler"), {"mass": 2e-3, "along": 0.02, "normal": 0.015}),
+    (term("viscous_friction@E"), {"damping": 1e-3}),
+]
+
+
+class Counted(Fitter):
+    """A fitter that counts for how many points it asks the model."""
+
+    asked = 0
+
+    def residuals(self, terms: Sequence[Term], points: Sequence[Sequence[np.ndarray]]) -> list[np.ndarray | None]:
+        self.asked += len(points)
+        return super().residuals(terms, points)
+
+
+class ByScipy(Counted):
+    """The same by SciPy, with the same residuals, bounds, scales and Jacobian."""
+
+    def _fit(self, terms: tuple[Term, ...], x: Sequence[np.ndarray], steps: int = STEPS) -> Fit | None:
+        space, kept = Space(terms, self.rig, self.bounds), {}
+
+        def residual(point: np.ndarray) -> np.ndarray:
+            if point.tobytes() not in kept:
+                (found,) = self.residuals(terms, [space.parted(point)])
+                kept[point.tobytes()] = np.full(self.data.size, np.nan) if found is None else found
+            return kept[point.tobytes()]
+
+        start = np.clip(joined(x), space.low, space.high)
+        begin = residual(start)
+        if not steps or not start.size or np.isnan(begin).any():
+            return super()._fit(terms, x, steps)
+        found = least_squares(
+            residual,
+            start,
+            lambda point: self.jacobian(space, point, residual(point)),
+            bounds=(space.low, space.high),
+            method="dogbox",  # keeps to a bound, where the other method that knows bounds crawls towards it
+            x_scale=space.scale,
+            ftol=SETTLED / float(begin @ begin),
+            gtol=None,
+            max_nfev=STEPS,
+        )
+        return Fit(terms, tuple(space.parted(found.x)), found.fun, found.jac, found.active_mask != 0)
+
+
+def searched(kind: type[Counted]) -> tuple[Fit, int]:
+    """The best set of effects in data of a four-bar with a payload and friction, and how often the model was asked."""
+    sizer, rng = Sizer(experiment()), np.random.default_rng(5)
+    rig, model = sizer.rig, sizer.model(TRUTH)
+    (readings,) = model([TRUTH])
+    assert readings is not None
+    noisy = [{s: v + rig.noise[s] * rng.standard_normal(v.size) for s, v in run.items()} for run in readings]
+    measured = sizer.experiment.measured(noisy)
+    sigma = {(run.name, s): c.noise for run in measured.runs for s, c in run.channels.items()}
+    fitter = kind(model, Data(measured, sigma, rig.encoder), rig, sizer.bounds)
+    base = fitter.at([], {})
+    assert base is not None
+    terms = [t for t in candidates(rig, VOCABULARY) if not (t.effect.slow or t.effect.sensor or t.variant > 2)]
+    found = sensitivities(fitter, base, terms)
+    fitter.asked = 0
+    best = Search(fitter, base, found, costs(terms, rig, fitter.data.size)).best()
+    return best, fitter.asked
+
+
+def test_it_ends_where_scipy_does_and_asks_the_model_far_less_often() -> None:
+    (ours, asked), (theirs, asked_by_scipy) = searched(Counted), searched(ByScipy)
+    print(f"the model was asked {asked} times, by SciPy {asked_by_scipy} times")
+    assert {t.label for t in ours.terms} == {t.label for t in theirs.terms} == {t.label for t, _ in TRUTH}
+    assert ours.chi2 == pytest.approx(theirs.chi2, abs=0.05)
+    for mine, other in zip(ours.x, theirs.x, strict=True):
+        assert mine == pytest.approx(other, rel=5e-3)  # far less than the noise leaves open
+    assert asked < 0.75 * asked_by_scipy
+
+
+def line(wall: float) -> Descent:
+    """(x - 3, y - 1), with y pinned to 0.5, impossible for x beyond a wall."""
+
+    def residual(point: np.ndarray) -> np.ndarray | None:
+        return None if point[0] > wall else point - [3.0, 1.0]
+
+    low, high = np.array([-np.inf, 0.5]), np.array([np.inf, 0.5])
+    return Descent(residual, lambda point, here: np.eye(2), low, high, np.full(2, 1.0))
+
+
+def test_a_coordinate_without_room_stays_and_lies_on_its_bound() -> None:
+    found = line(wall=10.0).from_point(np.array([0.0, 0.0]))
+    assert found is not None
+    assert found.point == pytest.approx([3.0, 0.5], abs=5e-3)
+    assert found.bound.tolist() == [False, True]
+
+
+def test_it_goes_up_to_a_wall_and_not_beyond() -> None:
+    found = line(wall=2.0).from_point(np.array([0.0, 0.5]))
+    assert found is not None
+    assert 1.5 < found.point[0] <= 2.0
+
+
+def test_a_start_that_is_impossible_has_no_minimum() -> None:
+    assert line(wall=2.0).from_point(np.array([2.5, 0.5])) is None
+
+
+def test_no_steps_stay_where_they_start() -> None:
+    found = line(wall=10.0).from_point(np.array([0.0, 0.5]), steps=0)
+    assert found is not None
+    assert found.point.tolist() == [0.0, 0.5]
