@@ -6,26 +6,30 @@ moving ones with ideal joints, and with clearances.  "Left" is the largest share
 cases, the linkages of the tests, their joint models and motions, released and compliant cranks, courses, joint
 friction, friction in contact, pins that fly, by every engine.
 
-========== ==================================================================== ======= =================================================
-check      what must be true                                                    left    scale
-========== ==================================================================== ======= =================================================
-pins       ideal pins coincide, a slide's block is on its line                  3e-7    the longest body
-closure    no body would have to turn, the crank held, for that                 3e-6    a radian; positions are judged to 1e-5
-turned     a slide keeps its angle                                              1e-15   a radian
-signal     a clearance's displacement is that of its pins                       3e-12   the clearance
-crank      the crank is where its motor has it, or as far behind as it yields   4e-9    a radian
-speed      and as fast as a rigid one                                           2e-6    the motor's speed
-evenness   and even                                                             6e-9    its square
-parting    closed joints stay closed: velocities                                1e-5    the largest speed
-jolt       and accelerations                                                    9e-3    the largest, or the largest reaction over the mass
-rod        a massless link keeps its length                                     6e-3    the clearance
-bearing    a pin is in its bearing (whether too deep to see it, is a warning)   4e-3    the shorter of its bodies
-line       a pin is pushed along its displacement; not with contact friction    2e-5    its largest force
-loose      and not at all while it is free                                      0       the same
-force      the forces on a body give its mass its acceleration                  8e-5    the sum of their sizes, at its largest
-moment     and their moments its inertia its angular acceleration               2e-5    the same, and a thousandth of the longest lever
-power      all forces together change the kinetic energy                        7e-5    the same
-========== ==================================================================== ======= =================================================
+========== ================================================================== ======= ==================================
+check      what must be true                                                  left    scale
+========== ================================================================== ======= ==================================
+pins       ideal pins coincide, a slide's block is on its line                3e-7    the longest body
+closure    no body would have to turn, the crank held, for that               3e-6    a radian; positions are judged to
+                                                                                      1e-5
+turned     a slide keeps its angle                                            1e-15   a radian
+signal     a clearance's displacement is that of its pins                     3e-12   the clearance
+crank      the crank is where its motor has it, or as far behind as it yields 4e-9    a radian
+speed      and as fast as a rigid one                                         2e-6    the motor's speed
+evenness   and even                                                           6e-9    its square
+parting    closed joints stay closed: velocities                              1e-5    the largest speed
+jolt       and accelerations                                                  9e-3    the largest, or the largest
+                                                                                      reaction over the mass
+rod        a massless link keeps its length                                   6e-3    the clearance
+bearing    a pin is in its bearing (whether too deep to see it, is a warning) 4e-3    the shorter of its bodies
+line       a pin is pushed along its displacement; not with contact friction  2e-5    its largest force
+loose      and not at all while it is free                                    0       the same
+force      the forces on a body give its mass its acceleration                8e-5    the sum of their sizes, at its
+                                                                                      largest
+moment     and their moments its inertia its angular acceleration             2e-5    the same, and a thousandth of the
+                                                                                      longest lever
+power      all forces together change the kinetic energy                      7e-5    the same
+========== ================================================================== ======= ==================================
 
 DART and PyBullet leave most of the balances, by their first order in the step; MuJoCo most of what joints give, by its
 soft rows. Forces are judged to 1e-4 (static), 1e-3 (ideal) and 5e-3 (clearance) of their peak.  Not checked, because
@@ -55,6 +59,8 @@ from sim_models.engine import Request, SimulationError, Trace
 FREE = 0.1  # of the clearance, inside of the rim: a pin farther inside touches nothing in any engine
 # of a moving run's instants: where pins fly they touch and leave, and one such instant does not make the run wrong
 RARE = 5e-3
+# Of one equation of small displacements: its right side (N,), and by body how x and y (complex) and the angle enter it.
+Row = tuple[np.ndarray | float, dict[str, tuple[complex | np.ndarray, np.ndarray | float]]]
 SINGULAR = 1e-9  # of the largest: a singular value of closed joints that says nothing
 
 
@@ -195,39 +201,37 @@ def closure(seen: Seen) -> Iterator[Miss]:
 
     At a poor transmission angle a small miss of a pin turns bodies far.
     """
-    rows: list[np.ndarray] = []  # (N, 3 bodies): of x and y over the longest body, and angle, of each
-    missed: list[np.ndarray] = []
     place = {b.name: 3 * k for k, b in enumerate(seen.m.bodies)}
-
-    def row(miss: np.ndarray | float, **terms: tuple[complex | np.ndarray, np.ndarray | float]) -> None:
-        line = np.zeros((seen.count, 3 * len(place)))
+    found = [row for joint in seen.m.joints if joint.name not in seen.trace.clearance for row in _closing(seen, joint)]
+    if seen.held:
+        found.append((0.0, {seen.m.driven: (0j, 1.0)}))
+    if not found:
+        return
+    rows = np.zeros((seen.count, len(found), 3 * len(place)))  # of x and y over the longest body, and angle, of each
+    missed = np.empty((seen.count, len(found), 1))
+    for i, (miss, terms) in enumerate(found):
+        missed[:, i, 0] = miss
         for name, (towards, turning) in terms.items():
             if name != GROUND:
                 k = place[name]
-                line[:, k], line[:, k + 1], line[:, k + 2] = np.real(towards), np.imag(towards), turning
-        rows.append(line)
-        missed.append(np.broadcast_to(miss, (seen.count,)))
-
-    for joint in seen.m.joints:
-        if joint.name in seen.trace.clearance:
-            continue
-        (first, second), gap = joint.bodies, seen.gap(joint) / seen.size
-        a, b = (seen.arm(name, joint.name) / seen.size for name in joint.bodies)
-        axes: list[complex | np.ndarray] = [1.0 + 0j, 1j]
-        if joint.prismatic:
-            a = a - gap
-            axes = [1j * joint.direction * np.exp(1j * seen.angle(first))]
-            row(-seen.turned(joint), **{first: (0j, -1.0), second: (0j, 1.0)})
-        for axis in axes:
-            row(-dot(gap, axis), **{first: (-axis, -cross(a, axis)), second: (axis, cross(b, axis))})
-    if seen.held:
-        row(0.0, **{seen.m.driven: (0j, 1.0)})
-    if not rows:
-        return
-    turn = np.linalg.pinv(np.stack(rows, axis=1), rcond=SINGULAR) @ np.stack(missed, axis=1)[..., None]
+                rows[:, i, k], rows[:, i, k + 1], rows[:, i, k + 2] = np.real(towards), np.imag(towards), turning
+    turn = np.linalg.pinv(rows, rcond=SINGULAR) @ missed
     for body in seen.m.bodies:
         what = f"body {body.name!r} would have to turn for the joints to close"
         yield Miss("closure", what, np.abs(turn[:, place[body.name] + 2, 0]), 1.0, "rad")
+
+
+def _closing(seen: Seen, joint: Joint) -> Iterator[Row]:
+    """What a closed joint asks of the small displacements of its bodies."""
+    (first, second), gap = joint.bodies, seen.gap(joint) / seen.size
+    a, b = (seen.arm(name, joint.name) / seen.size for name in joint.bodies)
+    axes: list[complex | np.ndarray] = [1.0 + 0j, 1j]
+    if joint.prismatic:
+        a = a - gap
+        axes = [1j * joint.direction * np.exp(1j * seen.angle(first))]
+        yield -seen.turned(joint), {first: (0j, -1.0), second: (0j, 1.0)}
+    for axis in axes:
+        yield -dot(gap, axis), {first: (-axis, -cross(a, axis)), second: (axis, cross(b, axis))}
 
 
 def crank(seen: Seen) -> Iterator[Miss]:

@@ -101,9 +101,11 @@ class Description:
         )
         return f"""<mujoco model={quoteattr(m.name)}>
 <compiler angle="radian" inertiafromgeom="false"/>
-<option timestep="{self.step!r}" gravity="{_xy(complex(*m.gravity))}" integrator="{integrator}" cone="elliptic" impratio="100"
-  jacobian="dense" solver="Newton" tolerance="{SOLVED!r}" iterations="30"><flag autoreset="disable" island="disable"/></option>
-<default><equality solref="{solref}" solimp="{RIGID}"/><tendon solreffriction="{sticking}" solimpfriction="{RIGID}"/></default>
+<option timestep="{self.step!r}" gravity="{_xy(complex(*m.gravity))}" integrator="{integrator}" cone="elliptic"
+  impratio="100" jacobian="dense" solver="Newton" tolerance="{SOLVED!r}" iterations="30">
+  <flag autoreset="disable" island="disable"/></option>
+<default><equality solref="{solref}" solimp="{RIGID}"/>
+  <tendon solreffriction="{sticking}" solimpfriction="{RIGID}"/></default>
 <worldbody>{self._places(GROUND)}{self._children(GROUND)}{self._motor()}</worldbody>
 <tendon>{self._links()}{"".join(self._law(j) for j in m.joints)}{self._drive_spring()}</tendon>
 <equality>{closed}{self._bars()}</equality>

@@ -1,15 +1,18 @@
 """A linkage with clearance in bare Exudyn: `python run.py` needs exudyn and numpy, and nothing else.
 
-model.json    bodies, loads, joints and drive, each to become an Exudyn item; how the linkage starts, and how it is stepped
-expected.csv  what the cross-check got; this script writes what it gets to signals.csv and prints the largest differences
+model.json    bodies, loads, joints and drive, each to become an Exudyn item; how the linkage starts, and how it is
+              stepped
+expected.csv  what the cross-check got; this script writes its own to signals.csv and prints the largest differences
 
-SI units and rad.  reaction_<joint> is the force of the joint's first body on its second.  A body's node is at its centre
-of mass, and its points are measured from there, "com" too: it is where <body>_x and <body>_y are taken.  What closes a joint:
+SI units and rad.  reaction_<joint> is the force of the joint's first body on its second.  A body's node is at its
+centre of mass, and its points are measured from there, "com" too: it is where <body>_x and <body>_y are taken.
+What closes a joint:
     pin             an ideal joint (RevoluteJoint2D)
     slide           a prismatic joint, along the x axis of its two markers
-    massless link   a constraint on the distance between the two pin centres, the clearance: it pulls and pushes, and on velocity
-                    (index 2), as all constraints here, it keeps the distance of the start
-    stiff rod       the same at rest, but a spring of 1e10 N/m: Exudyn's static solver overlooks how a constraint's force turns
+    massless link   a constraint on the distance between the two pin centres, the clearance: it pulls and pushes, and on
+                    velocity (index 2), as all constraints here, it keeps the distance of the start
+    stiff rod       the same at rest, but a spring of 1e10 N/m: Exudyn's static solver overlooks how a constraint's
+                    force turns
     spring-damper   between the pin centres; beyond the clearance it pulls with max(0, K d + C d'), within it is slack
     contact         a journal in its bearing: one sphere in another, hollow one
 """

@@ -1,17 +1,19 @@
 """A linkage with clearance in bare MuJoCo: `python run.py` needs mujoco and numpy, and nothing else.
 
 model.xml     the linkage: bodies hang in a tree of hinges and slides, constraints close its loops
-start.json    where it starts, how it is stepped, what closes each joint, and the few numbers that MJCF has no attribute for
-expected.csv  what the cross-check got; this script writes what it gets to signals.csv and prints the largest differences
+start.json    where it starts, how it is stepped, what closes each joint, and the few numbers for which MJCF has no
+              attribute
+expected.csv  what the cross-check got; this script writes its own to signals.csv and prints the largest differences
 
-SI units and rad.  A vector in the plane is complex, x + iy; reaction_<joint> is the force of the joint's first body on its second.
-What closes a joint:
+SI units and rad.  A vector in the plane is complex, x + iy; reaction_<joint> is the force of the joint's first body on
+its second.  What closes a joint:
     connect         an ideal pin
     massless link   a bar between the two pin centres, as long as the clearance: it pulls and pushes
     spring-damper   a cord between them, as long as the clearance; beyond it stretches with K and C, and it never pushes
     contact         a journal in a bearing: one contact point where the circles touch, handed to MuJoCo's contact solver
-The motor is an armature so heavy that no reaction changes its speed.  One that follows a course, a piecewise cubic in start.json, is
-pushed by an actuator whose activation is the acceleration, and put where it belongs at the end of every stage.
+The motor is an armature so heavy that no reaction changes its speed.  One that follows a course, a piecewise cubic in
+start.json, is pushed by an actuator whose activation is the acceleration, and put where it belongs at the end of every
+stage.
 """
 
 from __future__ import annotations

@@ -1,17 +1,20 @@
 """A linkage with clearance in bare PyBullet: `python run.py` needs pybullet and numpy, and nothing else.
 
-<part>.urdf   bodies that hang on the ground in a tree of hinges and slides; one that floats has two weightless slides and a hinge
-start.json    the solver's settings, the point constraints that close loops, loads, joint laws, clearances, the motor, and the runs
-expected.csv  what the cross-check got; this script writes what it gets to signals.csv and prints the largest differences
+<part>.urdf   bodies that hang on the ground in a tree of hinges and slides; one that floats has two weightless slides
+              and a hinge
+start.json    the solver's settings, the point constraints that close loops, loads, joint laws, clearances, the motor,
+              and the runs
+expected.csv  what the cross-check got; this script writes its own to signals.csv and prints the largest differences
 
-SI units and rad.  A vector in the plane is complex, x + iy; reaction_<joint> is the force of the joint's first body on its second.
-What holds a joint together:
-    tree           a joint of a URDF; its force is what Newton and Euler leave over (PyBullet's sensors are wrong in longer chains)
+SI units and rad.  A vector in the plane is complex, x + iy; reaction_<joint> is the force of the joint's first body on
+its second.  What holds a joint together:
+    tree           a joint of a URDF; its force is what Newton and Euler leave over (PyBullet's sensors are wrong in
+                   longer chains)
     constraint     one of Bullet's point constraints
     strut          a URDF of its own between the pins, as long as the clearance, or (contact) with a limit there
     spring-damper  beyond the clearance max(0, K d + C d') along the gap, applied here as an external force in each step
-Bullet steps v += a h; x += v h.  A moving run reads that as a leapfrog: velocities belong to half a step before positions.
-Its steps are equal; what is asked for between two of them follows from four by a cubic.
+Bullet steps v += a h; x += v h.  A moving run reads that as a leapfrog: velocities belong to half a step before
+positions.  Its steps are equal; what is asked for between two of them follows from four by a cubic.
 """
 
 from __future__ import annotations
