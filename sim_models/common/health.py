@@ -213,8 +213,8 @@ def closure(seen: Seen) -> Iterator[Miss]:
         missed[:, i, 0] = miss
         for name, (towards, turning) in terms.items():
             if name != GROUND:
-                k = place[name]
-                rows[:, i, k], rows[:, i, k + 1], rows[:, i, k + 2] = np.real(towards), np.imag(towards), turning
+                k, axis = place[name], np.asarray(towards)
+                rows[:, i, k], rows[:, i, k + 1], rows[:, i, k + 2] = axis.real, axis.imag, turning
     turn = np.linalg.pinv(rows, rcond=SINGULAR) @ missed
     for body in seen.m.bodies:
         what = f"body {body.name!r} would have to turn for the joints to close"

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
-from analytic.mechanism import GROUND, Mechanism
+from analytic.mechanism import Mechanism
 from sim_models.common.contact_laws import PIN_RADIUS, lighter_mass, restitution
 from sim_models.leapfrog.parts import Pin
-
-if TYPE_CHECKING:
-    from sim_models.dart.world import DartWorld
 
 RIM = 1e-9  # of the clearance: how far inside the rim a pin counts as touching
 # of the clearance: a pin pressed to the rim in the last step that is no farther inside has not been lifted off
@@ -42,15 +40,23 @@ class Bearing:
     1).
     """
 
-    def __init__(self, world: DartWorld, name: str, floor: int) -> None:
-        self.world, self.pin = world, world.pins[name]
-        dynamics = world.dart.dynamics
-        joint = self.pin.joint
-        self.reach = (joint.pin_radius or PIN_RADIUS) + ANVIL
-        self.restitution = rebound(world.mechanism, self.pin)
-        self.level = FLOOR * floor
-        self.first, second = (world.nodes[body] if body != GROUND else world.stand() for body in joint.bodies)
-        self.centre, at = (world.points[body, name] for body in joint.bodies)
+    def __init__(
+        self,
+        dynamics: Any,
+        pin: Pin,
+        rebound: float,
+        bodies: tuple[Any, Any],
+        points: tuple[complex, complex],
+        level: float,
+    ) -> None:
+        """``bodies`` are the joint's two in DART, ``points`` (m) their pin centres in their frames, ``rebound`` is the
+        restitution, ``level`` (m) the place of the shapes along z.
+        """
+        self.pin, self.restitution, self.level = pin, rebound, level
+        self.reach = (pin.joint.pin_radius or PIN_RADIUS) + ANVIL
+        self.first, second = bodies
+        self.centre, at = points
+        self.held = False  # whether the journal was pressed to the rim in the last step
         self.anvil = self.first.createShapeNode(dynamics.SphereShape(ANVIL))
         self.journal = second.createShapeNode(dynamics.SphereShape(self.reach - ANVIL))
         for shape, bounce in ((self.anvil, 1.0), (self.journal, self.restitution)):
@@ -60,20 +66,17 @@ class Bearing:
             shape.getDynamicsAspect().setRestitutionCoeff(bounce)
         self.journal.setRelativeTranslation([at.real, at.imag, self.level])
 
-    def arrive(self) -> None:
-        """Take note of where the pin was placed."""
-        self.held = abs(self.world.gap(self.pin.joint.name)[0]) > self.pin.clearance * (1 - RIM)
+    def arrive(self, gap: complex) -> None:
+        """Take note of where the pin was placed (m)."""
+        self.held = abs(gap) > self.pin.clearance * (1 - RIM)
 
-    def seat(self) -> None:
-        """Put a pin back on the rim from which the curvature of the steps, not a force, has taken it."""
-        gap = self.world.gap(self.pin.joint.name)[0]
+    def lifted(self, gap: complex) -> complex:
+        """By how much (m) the curvature of the steps, not a force, has taken a pin with this gap (m) off its rim."""
         inside = self.pin.clearance - abs(gap)
-        if self.held and SEAT < inside / self.pin.clearance < HOLD:
-            self.world.nudge(self.pin.joint, inside * gap / abs(gap))
+        return inside * gap / abs(gap) if self.held and SEAT < inside / self.pin.clearance < HOLD else 0j
 
-    def face(self) -> None:
-        """Put the anvil where the journal meets its circle, or out of the way where it does not."""
-        gap = self.world.pin_gaps[self.pin.joint.name] = self.world.gap(self.pin.joint.name)[0]
+    def face(self, gap: complex) -> None:
+        """Put the anvil where the journal, with this gap (m), meets its circle, or out of the way where it does not."""
         depth = abs(gap) - self.pin.clearance
         touching = depth > -self.pin.clearance * (HOLD if self.held else RIM)
         outwards = gap + gap / abs(gap) * (self.reach - max(depth, TOUCH)) if touching else 2 * self.reach + 0j
@@ -81,10 +84,10 @@ class Bearing:
         at = self.centre - outwards * complex(turned[0], -turned[1])
         self.anvil.setRelativeTranslation([at.real, at.imag, self.level])
 
-    def force(self) -> complex:
-        """Contact force (N) on the second body in the last step."""
+    def force(self, contacts: Iterable[Any]) -> complex:
+        """Contact force (N) on the second body in the last step, among DART's ``contacts`` of it."""
         total = 0j
-        for contact in self.world.world.getLastCollisionResult().getContacts():
+        for contact in contacts:
             if abs(contact.point[2] - self.level) < FLOOR / 2:
                 on_first = contact.collisionObject1.getShapeFrame() == self.journal
                 total += plane(contact.force) * (1 if on_first else -1)

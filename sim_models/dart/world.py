@@ -19,11 +19,10 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Joint
 from sim_models.common.start import Pose, poses
-from sim_models.dart.contact import Bearing, plane, vector
-from sim_models.dart.reactions import reactions
+from sim_models.dart.contact import FLOOR, Bearing, plane, rebound, vector
 from sim_models.engine import Request
 from sim_models.leapfrog.bodies import PlanarWorld
-from sim_models.leapfrog.parts import Branch, moving_body, spanning_tree
+from sim_models.leapfrog.parts import Branch, coordinates, moving_body, spanning_tree
 
 ERROR_REDUCTION = 1.0  # share of a closing pin's drift that DART removes in a step: all, so that no transient lingers
 SETTLING = 3  # steps in which a loop that was closed without drift gets the drift that belongs to its motion
@@ -81,7 +80,7 @@ class DartWorld(PlanarWorld):
             skeleton.enableSelfCollisionCheck()
             skeleton.enableAdjacentBodyCheck()
         if request.joint_model == "contact":
-            self.bearings = {name: Bearing(self, name, floor) for floor, name in enumerate(self.pins, 1)}
+            self.bearings = {name: self._bearing(name, FLOOR * k) for k, name in enumerate(self.pins, 1)}
 
     def settings(self) -> dict[str, Any]:
         if not self.bearings:
@@ -131,7 +130,14 @@ class DartWorld(PlanarWorld):
         node.setInertia(self.dart.dynamics.Inertia(body.mass, vector(body.centre), np.diag([size, size, size])))
         self.nodes[name], self.roots[name] = node, dart_joint
 
-    def stand(self) -> Any:
+    def _bearing(self, name: str, level: float) -> Bearing:
+        pin = self.pins[name]
+        first, second = (self.nodes[body] if body != GROUND else self._stand() for body in pin.joint.bodies)
+        at, beside = (self.points[body, name] for body in pin.joint.bodies)
+        bounce = rebound(self.mechanism, pin)
+        return Bearing(self.dart.dynamics, pin, bounce, (first, second), (at, beside), level)
+
+    def _stand(self) -> Any:
         """The ground as a DART body, for contact shapes."""
         ground = self.dart.dynamics.Skeleton("ground")
         _, node = ground.createWeldJointAndBodyNodePair()
@@ -159,7 +165,7 @@ class DartWorld(PlanarWorld):
 
     def place(self, bodies: Mapping[str, Pose]) -> None:
         for branch in self.branches:
-            positions, velocities = self.coordinates(branch, bodies)
+            positions, velocities = coordinates(self.mechanism, branch, bodies)
             if len(positions) > self.roots[branch.child].getNumDofs():  # the driven body's two joints
                 self.carriage.setPositions(positions[:2])
                 self.carriage.setVelocities(velocities[:2])
@@ -167,8 +173,8 @@ class DartWorld(PlanarWorld):
             self.roots[branch.child].setPositions(positions)
             self.roots[branch.child].setVelocities(velocities)
         self.command = bodies[self.mechanism.driven].angular_velocity
-        for bearing in self.bearings.values():
-            bearing.arrive()
+        for name, bearing in self.bearings.items():
+            bearing.arrive(self.gap(name)[0])
 
     def pose(self, body: str) -> Pose:
         node = self.nodes[body]
@@ -233,19 +239,74 @@ class DartWorld(PlanarWorld):
             self.world.setTimeStep(h)
         if self.held:
             self.motor.setCommand(0, self.command)
-        for bearing in self.bearings.values():
-            bearing.seat()
-        for bearing in self.bearings.values():
-            bearing.face()
+        for name, bearing in self.bearings.items():
+            lifted = bearing.lifted(self.gap(name)[0])
+            if lifted:
+                self.nudge(self.pins[name].joint, lifted)
+        for name, bearing in self.bearings.items():
+            self.pin_gaps[name] = self.gap(name)[0]
+            bearing.face(self.pin_gaps[name])
         self.world.step(True)
         for name, bearing in self.bearings.items():
-            self.pin_forces[name] = bearing.force()
+            self.pin_forces[name] = bearing.force(self.world.getLastCollisionResult().getContacts())
 
     def before_observing(self) -> None:
         self.before = {name: self.pose(name) for name in self.nodes}
 
     def reactions(self) -> tuple[dict[str, complex], dict[str, float], float]:
-        return reactions(self)
+        forces = dict(self.pin_forces) | self._closing_forces()
+        moments: dict[str, float] = {}
+        torque = 0.0
+        for name, joint in ((branch.child, branch.joint) for branch in self.branches):
+            wrench = -self.roots[name].getWrenchToChildBodyNode()  # on the child, in its frame, about its pin
+            force, moment = complex(wrench[3], wrench[4]) * np.exp(1j * self.before[name].angle), float(wrench[2])
+            if name == self.mechanism.driven:
+                missing = self._forgotten(forces)
+                force, moment = force - missing[0], moment - missing[1]
+                torque = moment
+            if joint is None:
+                continue
+            if name == joint.bodies[0]:  # the second body takes the opposite, at its own point
+                force = -force
+                slip = self._place(joint.bodies[1], joint.name) - self._place(name, joint.name)
+                moment = -moment - (np.conj(slip) * force).imag
+            forces[joint.name] = force
+            if joint.prismatic:
+                moments[joint.name] = moment
+        return forces, moments, torque if self.held else 0.0
+
+    def _closing_forces(self) -> dict[str, complex]:
+        """Forces of the pins that close loops, from the generalised forces that DART's constraints exerted."""
+        if not self.closing:
+            return {}
+        generalised = np.concatenate([skeleton.getConstraintForces() for skeleton in self.skeletons])
+        for name in self.bearings:
+            force = self.pin_forces[name]
+            generalised -= self.pin_jacobian(self.mechanism.joint(name), self.before).T @ [force.real, force.imag]
+        rows = np.vstack([self.pin_jacobian(joint, self.before) for joint in self.closing])
+        solved = np.linalg.lstsq(rows.T, generalised, rcond=None)[0]
+        return {joint.name: complex(solved[2 * k], solved[2 * k + 1]) for k, joint in enumerate(self.closing)}
+
+    def _forgotten(self, forces: Mapping[str, complex]) -> tuple[complex, float]:
+        """Force, and moment about its pin, of DART's constraints on a driven body that nothing hangs on.
+
+        DART passes constraint forces on only in skeletons that have a freedom of their own.
+        """
+        driven, pivot = self.mechanism.driven, self.mechanism.drive_joint.name
+        if not self.held or self.nodes[driven].getSkeleton().getNumDofs() > 1:
+            return 0j, 0.0
+        total, moment = 0j, 0.0
+        for joint in self.mechanism.joints:
+            if driven in joint.bodies and (joint in self.closing or joint.name in self.bearings):
+                force = forces[joint.name] if joint.bodies[1] == driven else -forces[joint.name]
+                total += force
+                moment += (np.conj(self._place(driven, joint.name) - self._place(driven, pivot)) * force).imag
+        return total, moment
+
+    def _place(self, body: str, point: str) -> complex:
+        """Place (m) of a body's point before the step."""
+        at = self.points[body, point]
+        return at if body == GROUND else self.before[body].origin + at * np.exp(1j * self.before[body].angle)
 
     def nudge(self, joint: Joint, change: complex) -> None:
         """Move the linkage, the crank apart, as little as changes a joint's gap by this much (m)."""

@@ -132,22 +132,6 @@ class PlanarWorld(ABC):
         Without what :meth:`step` applied for a joint's law.
         """
 
-    def coordinates(self, branch: Branch, bodies: Mapping[str, Pose]) -> tuple[list[float], list[float]]:
-        """A branch's coordinates and their rates: [travel], [relative angle], or [x, y, angle] of the body's frame."""
-        here = bodies[branch.child]
-        if branch.joint is None:
-            return [here.origin.real, here.origin.imag, here.angle], [
-                here.velocity.real,
-                here.velocity.imag,
-                here.angular_velocity,
-            ]
-        if branch.joint.prismatic:
-            a, b = (bodies.get(name, AT_REST) for name in branch.joint.bodies)
-            travel, rate = travel_of(self.mechanism, branch.joint, a, b)
-            return [travel], [rate]
-        base = bodies.get(branch.parent, AT_REST)
-        return [here.angle - base.angle], [here.angular_velocity - base.angular_velocity]
-
     def close(self) -> None:  # noqa: B027
         """Give back what the engine holds."""
 
@@ -258,7 +242,8 @@ class PlanarWorld(ABC):
             force += self.slide_forces.get(name, 0j)  # a slide's reaction holds its friction, damper and spring too
             out |= {f"reaction_{name}_x": force.real, f"reaction_{name}_y": force.imag}
         out |= {f"reaction_{name}_moment": moment for name, moment in moments.items()}
-        return out | centre_rates(self, here, h)
+        after = None if self.static else {name: self.pose(name) for name in names}
+        return out | centre_rates(self.mechanism, self.branch.values(), here, after, h, self.trailing)
 
     def start(
         self,

@@ -4,6 +4,7 @@ coordinates.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,3 +105,17 @@ def travel_of(m: Mechanism, j: Joint, a: Pose, b: Pose) -> tuple[float, float]:
     offset = b.origin + q - a.origin - p
     slip = b.velocity + 1j * b.angular_velocity * q - a.velocity - 1j * a.angular_velocity * (p + offset)
     return float((offset * np.conj(along)).real), float((slip * np.conj(along)).real)
+
+
+def coordinates(m: Mechanism, branch: Branch, bodies: Mapping[str, Pose]) -> tuple[list[float], list[float]]:
+    """A branch's coordinates and their rates: [travel], [relative angle], or [x, y, angle] of the body's frame."""
+    here = bodies[branch.child]
+    if branch.joint is None:
+        rates = [here.velocity.real, here.velocity.imag, here.angular_velocity]
+        return [here.origin.real, here.origin.imag, here.angle], rates
+    if branch.joint.prismatic:
+        a, b = (bodies.get(name, AT_REST) for name in branch.joint.bodies)
+        travel, rate = travel_of(m, branch.joint, a, b)
+        return [travel], [rate]
+    base = bodies.get(branch.parent, AT_REST)
+    return [here.angle - base.angle], [here.angular_velocity - base.angular_velocity]

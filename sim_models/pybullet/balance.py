@@ -5,48 +5,49 @@ Each body's loads, weight, pins and children are known, and so are its accelerat
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence, Set
 
 import numpy as np
 
-from analytic.mechanism import GROUND, MASS_CENTRE
-from sim_models.leapfrog.parts import moving_body
-from sim_models.leapfrog.rates import body_rates
-
-if TYPE_CHECKING:
-    from sim_models.pybullet.world import BulletWorld
+from analytic.mechanism import GROUND, MASS_CENTRE, Mechanism
+from sim_models.common.start import Pose
+from sim_models.leapfrog.parts import Branch, moving_body
+from sim_models.leapfrog.rates import Turning
 
 
 class Balance:
-    """The step that a world has just made, seen from the positions before it."""
+    """A step that was just made, seen from the ``poses`` before it."""
 
-    def __init__(self, world: BulletWorld) -> None:
-        self.world = world
-        self.poses = world.before
+    def __init__(
+        self, mechanism: Mechanism, poses: Mapping[str, Pose], applied: Mapping[str, tuple[complex, float]]
+    ) -> None:
+        """``applied`` is the force (N) and the moment (N.m, about the com) that was put on each body in the step."""
+        self.mechanism, self.poses = mechanism, poses
         self.force: dict[str, complex] = {}  # N on each body
         self.moment: dict[str, float] = {}  # N.m about its com
-        for body in world.mechanism.bodies:
-            applied, moment = world.was_applied.get(body.name, (0j, 0.0))
-            self.force[body.name] = applied + body.mass * complex(*world.mechanism.gravity)
+        for body in mechanism.bodies:
+            force, moment = applied.get(body.name, (0j, 0.0))
+            self.force[body.name] = force + body.mass * complex(*mechanism.gravity)
             self.moment[body.name] = moment
 
-    def solve(self, pins: Mapping[str, complex]) -> tuple[dict[str, complex], dict[str, float], float]:
-        """All joints' forces, prismatic joints' moments and the drive torque, given the pins' forces (N, on the second
-        body).
+    def solve(
+        self, branches: Sequence[Branch], motion: Mapping[str, Turning], pins: Mapping[str, complex], tied: Set[str]
+    ) -> tuple[dict[str, complex], dict[str, float], float]:
+        """All joints' forces, prismatic joints' moments and the drive torque.
+
+        ``branches`` are parents first, ``motion`` is of the bodies' origins, ``pins`` the pins' forces (N, on the
+        second body), of which those ``tied`` are not among what was applied.
         """
-        m = self.world.mechanism
+        m = self.mechanism
         forces = dict(pins)
         moments: dict[str, float] = {}
         torque = 0.0
         for name, force in pins.items():
-            if name in self.world.ties or name in self.world.struts:  # a spring-damper's was applied
+            if name in tied:
                 first, second = m.joint(name).bodies
                 self._load(second, self.place(second, name), force)
                 self._load(first, self.place(first, name), -force)
-        after = {body.name: self.world.pose(body.name) for body in m.bodies}
-        motion = body_rates(self.world, self.poses, after, self.world.step_size)
-        for branch in reversed(self.world.branches):
+        for branch in reversed(branches):
             child, joint = branch.child, branch.joint
             centre = motion[child].carried(self.place(child, MASS_CENTRE) - self.poses[child].origin)
             force = moving_body(m, child).mass * centre.acceleration - self.force[child]
@@ -72,7 +73,7 @@ class Balance:
 
     def place(self, body: str, point: str) -> complex:
         """Place (m) of a body's point."""
-        at = self.world.points[body, point]
+        at = self.mechanism.body(body).point(point)
         return at if body == GROUND else self.poses[body].origin + at * np.exp(1j * self.poses[body].angle)
 
 

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from sim_models.common.contact_laws import lighter_mass
 from sim_models.common.start import Pose
-from sim_models.leapfrog.parts import AT_REST
-
-if TYPE_CHECKING:
-    from sim_models.pybullet.world import BulletWorld
+from sim_models.leapfrog.parts import AT_REST, Pin
 
 TRIFLE = 1e-9  # kg, kg.m^2: bodies between the joints of a floating one
 RIM = 1e-9  # of the clearance: how far beyond its limit a strut at rest is, lest rounding leave it short of it
@@ -55,6 +51,18 @@ def floating(parent: int, number: int, com: complex, heavy: Mapping[str, float])
     ]
 
 
+def strut_links(pin: Pin, mass: float, one_sided: bool) -> tuple[list[dict[str, Any]], complex]:
+    """Links of a strut whose parts have this mass (kg), and where on the last of them its second end is (m)."""
+    part = {"mass": mass, "inertia": mass * pin.clearance**2}
+    links = floating(-1, 0, 0j, part)
+    if not one_sided:
+        return links, pin.clearance + 0j
+    slide = {"at": 0j, "twist": 0.0, "com": 0j, "slides": True, "axis": SLIDE_X}
+    limits = {"limits": (-pin.clearance, pin.clearance * (1 - RIM))}
+    return [*links, {**part, "parent": 2, **slide, **limits}], 0j
+
+
+@dataclass(frozen=True)
 class Strut:
     """A weightless bar from a joint's first pin to its second: as long as the clearance, or, for contact, at most that.
 
@@ -62,50 +70,20 @@ class Strut:
     solver.
     """
 
-    def __init__(self, world: BulletWorld, name: str) -> None:
-        self.world, self.pin = world, world.pins[name]
-        self.mass = lighter_mass(world.mechanism, self.pin.joint)  # of each part
-        part = {"mass": self.mass, "inertia": self.mass * self.pin.clearance**2}
-        links = floating(-1, 0, 0j, part)
-        tip = self.pin.clearance + 0j
-        if world.request.joint_model == "contact":
-            limits = -self.pin.clearance, self.pin.clearance * (1 - RIM)
-            links += [
-                {
-                    **part,
-                    "parent": 2,
-                    "at": 0j,
-                    "twist": 0.0,
-                    "com": 0j,
-                    "slides": True,
-                    "axis": SLIDE_X,
-                    "limits": limits,
-                }
-            ]
-            tip = 0j
-        begin, self.parts = len(world.freedoms), len(links)
-        self.number = number = world.grow(links)
-        self.own = list(range(begin, len(world.freedoms)))
-        if world.request.joint_model == "contact":
-            world.call("changeDynamics", number, 3, jointLowerLimit=limits[0], jointUpperLimit=limits[1])
-        first, second = self.pin.joint.bodies
-        ends = [world.points[body, name] for body in (first, second)]
-        world.tie(world.links[first], ends[0], Link(number, 2), 0j)
-        self.tie = world.tie(Link(number, len(links) - 1), tip, world.links[second], ends[1])
-
-    def bear_up(self) -> None:
-        """Carry its own weight during the next step."""
-        weight = self.mass * complex(*self.world.mechanism.gravity)
-        for part in range(2, self.parts) if weight else ():
-            at = self.world.call("getLinkState", self.number, part, computeForwardKinematics=True)[0]
-            self.world.call("applyExternalForce", self.number, part, flat(-weight), at, self.world.p.WORLD_FRAME)
+    pin: Pin
+    ends: tuple[complex, complex]  # m, the pin centres in their bodies' frames
+    mass: float  # kg, of each part
+    number: int  # of its multibody
+    parts: int  # of its links
+    own: list[int]  # numbers of its freedoms
+    tie: Tie  # at its second end
 
     def coordinates(self, bodies: Mapping[str, Pose]) -> tuple[list[float], list[float]]:
         """Its coordinates and their rates, between the pins of bodies at these poses."""
         ends = []
-        for body in self.pin.joint.bodies:
+        for body, end in zip(self.pin.joint.bodies, self.ends, strict=True):
             pose = bodies.get(body, AT_REST)
-            arm = self.world.points[body, self.pin.joint.name] * np.exp(1j * pose.angle)
+            arm = end * np.exp(1j * pose.angle)
             ends.append((pose.origin + arm, pose.velocity + 1j * pose.angular_velocity * arm))
         (p, p_rate), (q, q_rate) = ends
         angle = float(np.angle(q - p)) if q != p else 0.0

@@ -23,12 +23,14 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE
+from sim_models.common.contact_laws import lighter_mass
 from sim_models.common.start import Pose
 from sim_models.engine import Request, SimulationError
 from sim_models.leapfrog.bodies import PlanarWorld
-from sim_models.leapfrog.parts import AT_REST, Branch, moving_body, spanning_tree
+from sim_models.leapfrog.parts import AT_REST, Branch, coordinates, moving_body, spanning_tree
+from sim_models.leapfrog.rates import body_rates
 from sim_models.pybullet.balance import Balance
-from sim_models.pybullet.parts import HINGE, Link, Strut, Tie, flat, floating
+from sim_models.pybullet.parts import HINGE, Link, Strut, Tie, flat, floating, strut_links
 
 ITERATIONS = 200  # of the direct solver, at most; a residual of 1e-20 ends them sooner
 SWEEPS = 5000  # of the sequential solver, always: a small residual once ended it, 16 % short of the force
@@ -77,7 +79,7 @@ class BulletWorld(PlanarWorld):
         self._plant()
         self.ties = {j.name: self._tie(j.name, *j.bodies) for j in ideal if j in rest or j not in trunk}
         self.struts = {
-            name: Strut(self, name) for name in self.pins if request.joint_model in ("massless-link", "contact")
+            name: self._strut(name) for name in self.pins if request.joint_model in ("massless-link", "contact")
         }
         self.step_size = 0.0
         self.commanded = 0.0  # rad/s, what the motor was last told
@@ -206,13 +208,30 @@ class BulletWorld(PlanarWorld):
         self.call("changeConstraint", number, maxForce=STRENGTH)
         return Tie(number, sign)
 
+    def _strut(self, name: str) -> Strut:
+        """Put a strut between a joint's pins."""
+        pin = self.pins[name]
+        mass = lighter_mass(self.mechanism, pin.joint)
+        links, tip = strut_links(pin, mass, self.one_sided)
+        begin = len(self.freedoms)
+        number = self.grow(links)
+        if self.one_sided:
+            lower, upper = links[-1]["limits"]
+            self.call("changeDynamics", number, 3, jointLowerLimit=lower, jointUpperLimit=upper)
+        first, second = pin.joint.bodies
+        at, beside = (self.points[body, name] for body in (first, second))
+        self.tie(self.links[first], at, Link(number, 2), 0j)
+        tie = self.tie(Link(number, len(links) - 1), tip, self.links[second], beside)
+        own = list(range(begin, len(self.freedoms)))
+        return Strut(pin, (at, beside), mass, number, len(links), own, tie)
+
     # ---------------------------------------------------------------- state
 
     def place(self, bodies: Mapping[str, Pose]) -> None:
         positions, velocities = np.zeros(len(self.freedoms)), np.zeros(len(self.freedoms))
         for branch in self.branches:
             own = self.own[branch.child]
-            positions[own], velocities[own] = self.coordinates(branch, bodies)
+            positions[own], velocities[own] = coordinates(self.mechanism, branch, bodies)
         for strut in self.struts.values():
             positions[strut.own], velocities[strut.own] = strut.coordinates(bodies)
         self._reset(positions, velocities)
@@ -328,7 +347,7 @@ class BulletWorld(PlanarWorld):
         if self.held and self.command != self.commanded:
             self._run_motor()
         for strut in self.struts.values():
-            strut.bear_up()
+            self._bear_up(strut)
         self.p.stepSimulation(self.client)
         for number in self.multibodies:
             self.p.getLinkState(
@@ -338,6 +357,13 @@ class BulletWorld(PlanarWorld):
         self.state = None
         for name, strut in self.struts.items():
             self.pin_forces[name] = self.tension(strut.tie)
+
+    def _bear_up(self, strut: Strut) -> None:
+        """Carry a strut's own weight during the next step."""
+        weight = strut.mass * complex(*self.mechanism.gravity)
+        for part in range(2, strut.parts) if weight else ():
+            at = self.call("getLinkState", strut.number, part, computeForwardKinematics=True)[0]
+            self.call("applyExternalForce", strut.number, part, flat(-weight), at, self.p.WORLD_FRAME)
 
     def tension(self, tie: Tie) -> complex:
         """Force (N) of a tie on its second body in the last step."""
@@ -349,5 +375,9 @@ class BulletWorld(PlanarWorld):
 
     def reactions(self) -> tuple[dict[str, complex], dict[str, float], float]:
         forces = self.pin_forces | {name: self.tension(tie) for name, tie in self.ties.items()}
-        found = Balance(self).solve(forces)
-        return found[0], found[1], found[2] if self.held else 0.0
+        after = {body.name: self.pose(body.name) for body in self.mechanism.bodies}
+        motion = body_rates(self.mechanism, self.branches, self.before, after, self.step_size, self.trailing)
+        tied = {*self.ties, *self.struts}  # a spring-damper's force was applied
+        balance = Balance(self.mechanism, self.before, self.was_applied)
+        forces, moments, torque = balance.solve(self.branches, motion, forces, tied)
+        return forces, moments, torque if self.held else 0.0
