@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from analytic.mechanism import Drive, Load, Mechanism
-from analytic.mechanism.file import load, shipped_cases
+from analytic.mechanism.file import dumps, load, loads, shipped_cases
+from analytic.mechanism.signals import named
 from compare.crosscheck import Job, crosscheck_job
 from compare.evidence.baseline.runs import setups
 from compare.evidence.validation.scales import Scale, linkage, scale_rows, scales
@@ -18,9 +19,9 @@ from compare.judge.discrepancy import load_tolerances
 from linkages import inverted_slider
 from marks import slow
 from sim_models.common.contact_laws import DRIVEN_STIFFNESS, STATIC_STIFFNESS, default_stiffness
-from sim_models.common.units import SI, Units, dimension
+from sim_models.common.units import OF_UNIT, SI, Units
 from sim_models.common.weights import with_equal_masses
-from sim_models.engine import ENGINES, Request, engine
+from sim_models.engine import ENGINES, Request, SimulationError, Trace, engine
 
 TURN = np.radians(np.arange(0.0, 360.0, 30.0))
 OTHER = Units(2.0**3, 2.0**-30, 2.0**-12)  # of length (m), mass (kg) and time (s)
@@ -78,12 +79,34 @@ def test_similar_linkages_have_the_same_digits(name: str, joint_model: str, moti
     small = linkage(Scale(1e-5, 300.0, 1.0))
     smaller = Units(2.0**3, 2.0**7, 2.0**2).mechanism(small)
     first, second = (chosen.simulate(Request(m, joint_model, motion, TURN[1:4])) for m in (small, smaller))  # type: ignore[arg-type]
+    known = named(small.bodies, small.joints)
     for signal, values in first.signals.items():
-        scale = Units(2.0**3, 2.0**7, 2.0**2).size(dimension(signal))
+        scale = Units(2.0**3, 2.0**7, 2.0**2).size(OF_UNIT[known[signal].unit])
         assert np.array_equal(values, second.signals[signal] * scale), signal
     assert first.settings["units"]["length"] < 1e-3
     if first.settings.get("step"):
         assert first.settings["step"] == second.settings["step"] * 4
+
+
+@pytest.mark.parametrize(("joint_model", "motion"), [("ideal", "driven"), ("ideal", "static"), ("contact", "static")])
+@pytest.mark.parametrize("name", ENGINES)
+def test_a_bodys_name_does_not_make_its_signals_others(name: str, joint_model: str, motion: str) -> None:
+    """A coupler called reaction_hub, in a micromechanism, whose units are not SI's: its angle is no force."""
+    chosen = engine(name)
+    plain = linkage(Scale(1e-5, 300.0, 1.0))
+    hub = loads(dumps(plain).replace("coupler", "reaction_hub"))
+    assert "reaction_hub" in hub.moving
+    expected, found = (chosen.simulate(Request(m, joint_model, motion, TURN[1:4])) for m in (plain, hub))  # type: ignore[arg-type]
+    assert found.settings["units"]["length"] < 1e-3
+    for signal, values in expected.signals.items():
+        assert np.array_equal(values, found.signals[signal.replace("coupler", "reaction_hub")]), signal
+
+
+def test_a_signal_that_a_linkage_has_not_is_refused() -> None:
+    m = load("paper")
+    trace = Trace("fake", "1", "ideal", "static", TURN[:1], None, {"elbow_angle": np.zeros(1)})
+    with pytest.raises(SimulationError, match=r"fake: .* has no signal 'elbow_angle'"):
+        SI.trace(m, trace)
 
 
 def test_units_are_those_of_si_where_engines_are_at_home() -> None:

@@ -116,7 +116,7 @@ def wrapped(angle: np.ndarray) -> np.ndarray:
     return (np.asarray(angle, float) + np.pi) % (2 * np.pi) - np.pi
 
 
-def turned_near(angle: np.ndarray, near: np.ndarray) -> np.ndarray:
+def turned_near(angle: np.ndarray | float, near: np.ndarray | float) -> np.ndarray:
     """Angles (rad) brought within half a turn of others by whole turns; shapes broadcast."""
     return np.asarray(angle + 2 * np.pi * np.rint((near - angle) / (2 * np.pi)))
 

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint
+from analytic.mechanism.signals import wrapped
 from sim_models.common.contact_laws import PIN_RADIUS, contact_parameters, longest
 from sim_models.engine import Request, Trace
 
@@ -136,7 +137,7 @@ class Seen:
     def turned(self, joint: Joint) -> np.ndarray:
         """Angle (N,) rad by which a prismatic joint's bodies have turned against each other."""
         first, second = joint.bodies
-        return np.asarray(np.angle(np.exp(1j * (self.angle(second) - self.angle(first) - joint.angle))))
+        return wrapped(self.angle(second) - self.angle(first) - joint.angle)
 
     def acts_at(self, joint: Joint, body: str) -> np.ndarray:
         """Where a joint's reaction acts on one of its bodies (N,) m: at its own pin, a slide's at the second's

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import Joint, Mechanism
+from analytic.mechanism.signals import Unit, named
 from sim_models.common.contact_laws import default_stiffness, heaviest, longest, power_of_two, turning_rate
 from sim_models.common.failed_starts import TooSoft
 from sim_models.common.weights import with_equal_masses
@@ -42,6 +43,7 @@ PRESSURE: Dimension = (-1, 1, -2)
 STIFFNESS: Dimension = (0, 1, -2)
 DAMPING: Dimension = (0, 1, -1)
 
+OF_UNIT: dict[Unit, Dimension] = {"m": LENGTH, "rad": NONE, "rad/s": RATE, "N": FORCE, "N.m": TORQUE, "s": TIME}
 BODY = {
     "mass": (0, 1, 0),
     "com": LENGTH,
@@ -145,13 +147,17 @@ class Units:
             course=course,
         )
 
-    def trace(self, t: Trace) -> Trace:
-        """A trace of these units, in SI."""
+    def trace(self, m: Mechanism, t: Trace) -> Trace:
+        """A trace of these units, of mechanism ``m``, in SI.  Raises SimulationError for a signal that it has not."""
+        known = named(m.bodies, m.joints)
+        unknown = sorted(set(t.signals) - set(known))
+        if unknown:
+            raise SimulationError(f"{t.simulator}: {m.name} has no signal {unknown[0]!r}; leave it out of the trace")
         own = {"length": self.length, "mass": self.mass, "time": self.time}
         return replace(
             t,
             time=None if t.time is None else t.time * self.time,
-            signals={name: values * self.size(dimension(name)) for name, values in t.signals.items()},
+            signals={name: values * self.size(OF_UNIT[known[name].unit]) for name, values in t.signals.items()},
             rates={body: self._rates(rates) for body, rates in t.rates.items()},
             clearance={name: c * self.length for name, c in t.clearance.items()},
             journal={name: path * self.length for name, path in t.journal.items()},
@@ -187,9 +193,9 @@ def in_own_units(run: Callable[[Request], Trace], request: Request) -> Trace:
         whole = replace(whole, mechanism=with_equal_masses(whole.mechanism))
     units = Units.of(whole)
     if units == SI:
-        return units.trace(run(whole))
+        return units.trace(whole.mechanism, run(whole))
     try:
-        return units.trace(run(units.request(whole)))
+        return units.trace(whole.mechanism, run(units.request(whole)))
     except TooSoft as error:
         raise error.of(whole.mechanism) from None
     except SimulationError as error:
@@ -218,14 +224,3 @@ def fastest(request: Request) -> float:
         if time.shape == angle.shape and time.size > 1 and np.all(np.diff(time) > 0):
             rate = max(rate, float(np.abs(np.diff(angle) / np.diff(time)).max()))
     return rate if math.isfinite(rate) else 0.0
-
-
-def dimension(signal: str) -> Dimension:
-    """The dimension of a trace's signal."""
-    if signal.startswith("reaction_"):
-        return TORQUE if signal.endswith("_moment") else FORCE
-    if signal == "drive_torque":
-        return TORQUE
-    if signal.endswith(("_x", "_y")):
-        return LENGTH
-    return RATE if signal.endswith("_angular_velocity") else NONE

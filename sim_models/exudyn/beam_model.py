@@ -11,6 +11,7 @@ import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism
 from analytic.mechanism.bars import POISSON, division
+from analytic.mechanism.signals import turned_near
 from sim_models.common.contact_laws import PIN_RADIUS, STATIC_STIFFNESS
 from sim_models.common.start import Pose
 from sim_models.engine import Unsupported
@@ -313,7 +314,7 @@ class BeamModel:
         node, direction = self._section[body, point]
         moved = self.mbs.GetNodeOutput(node, self.exu.OutputVariableType.Coordinates)
         if body in self._rigid:
-            return math.remainder(moved[2] - cmath.phase(direction), 2 * math.pi)
+            return float(turned_near(moved[2] - cmath.phase(direction), 0.0))
         if self.element == "timoshenko":
             return float(moved[2])
         return cmath.phase(1 + complex(moved[2], moved[3]) / direction)

@@ -13,7 +13,6 @@ have ``youngs_modulus``, as :meth:`sim_models.engine.Engine.simulate` does one f
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -22,6 +21,7 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
+from analytic.mechanism.signals import turned_near
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
 from sim_models.common.start import Course, poses, schedule
@@ -180,10 +180,8 @@ class _Beams:
 
     def _turned(self, model: BeamModel, body: str, k: int) -> float:
         """Angle (rad) of a link where it is read, from the ideal rigid one's."""
-        return math.remainder(
-            model.start[body].angle - self.motion.angle(body)[k] + model.rotation(body, self._read_at(body)),
-            2 * math.pi,
-        )
+        turned = model.start[body].angle - self.motion.angle(body)[k]
+        return float(turned_near(turned + model.rotation(body, self.m.angle_point(body)), 0.0))
 
     def _pressing(self, k: int) -> dict[str, complex]:
         """Forces (N) of the rigid linkage that press its pins into their bearings."""
@@ -235,10 +233,6 @@ class _Beams:
                     + (model.moment(j) if j.prismatic else 0.0)
                 )
         return -total
-
-    def _read_at(self, body: str) -> str:
-        """Point at which a link's angle is read: its joint on the ground, or its com."""
-        return next((j.name for j in self.m.joints if body in j.bodies and GROUND in j.bodies), "com")
 
 
 def _crank(request: Request) -> tuple[np.ndarray, np.ndarray | float, np.ndarray | float, np.ndarray | None]:
