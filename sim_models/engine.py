@@ -75,6 +75,11 @@ class Request:
     course: tuple[np.ndarray, np.ndarray] | None = None
     assumed: frozenset[str] = frozenset()
 
+    @property
+    def clearances(self) -> dict[str, float]:
+        """Radial clearance (m) of each joint that has one in this run; none where joints are ideal."""
+        return {} if self.joint_model == "ideal" else self.mechanism.clearances
+
 
 @dataclass(frozen=True)
 class Rates:

@@ -205,8 +205,8 @@ def in_own_units(run: Callable[[Request], Trace], request: Request) -> Trace:
 def with_stiffness(request: Request) -> Request:
     """The request with a contact stiffness in every joint with clearance; ``assumed`` names those that had none."""
     m = request.mechanism
-    soft = [j.name for j in m.joints if j.clearance and j.contact_stiffness is None and not j.prismatic]
-    if request.joint_model == "ideal" or not soft:
+    soft = [name for name in request.clearances if m.joint(name).contact_stiffness is None]
+    if not soft:
         return request
     stiffness = default_stiffness(m, request.motion)
     for name in soft:

@@ -37,7 +37,7 @@ from sim_models.exudyn.beam_model import (
 from sim_models.exudyn.beam_motion import RigidMotion
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.record import FLIPPED
-from sim_models.exudyn.settings import silence
+from sim_models.exudyn.settings import console_off
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def flexible_static(
     :func:`flexible` does.
     """
     at_rest = _Beams(Request(mechanism, joint_model, "static", np.array([theta])), element)
-    with silence():
+    with console_off():
         model = at_rest.solved(0)
         named = [(b.name, point) for b in mechanism.bodies for point in (*b.points, "com")]
         moved = {
@@ -89,7 +89,7 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
     cannot be assembled.
     """
     beams = _Beams(request, element)
-    with silence(), own_start("exudyn", request, beams.assembly):
+    with console_off(), own_start("exudyn", request, beams.assembly):
         rows = [beams.signals(k) for k in range(beams.motion.theta.size)]
     signals = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     moving = request.motion == "driven"
@@ -130,7 +130,7 @@ class _Beams:
         refuse_what_is_not_modelled(self.m)
         if request.joint_model not in ("ideal", "contact"):
             raise Unsupported(f"{self.m.name}: beams are joined by ideal joints or contact, not {request.joint_model}")
-        self.clearance = self.m.clearances if request.joint_model == "contact" else {}
+        self.clearance = request.clearances
         self.moving = request.motion == "driven"
         self.assembly = Assembly(self.m)
         theta, rate, acceleration, self.time = _crank(request)

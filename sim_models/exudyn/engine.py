@@ -23,7 +23,7 @@ from sim_models.engine import (
     Trace,
     check_supported,
 )
-from sim_models.exudyn.settings import silence
+from sim_models.exudyn.settings import console_off
 
 
 class Exudyn(Engine):
@@ -48,7 +48,7 @@ class Exudyn(Engine):
         """
         from sim_models.exudyn.runs import Run
 
-        with silence():
+        with console_off():
             return simulate(self, request, lambda r: Run(r).trace())
 
     def simulate_flexible(self, request: Request) -> Trace:
@@ -64,7 +64,7 @@ class Exudyn(Engine):
         from sim_models.exudyn.export import export
 
         check_supported(self, request)
-        with silence():
+        with console_off():
             return export(request, folder)
 
 

@@ -45,7 +45,7 @@ class Equilibria:
         self.request, self.m, self.assembly, self.speed, self.creep = request, m, assembly, speed, creep
         home = poses(assembly, assembly.start)
         self.ideal = Linkage(m, "ideal", "static", home, held=True)
-        self.clearance = m.clearances if request.joint_model != "ideal" else {}
+        self.clearance = request.clearances
         self.rods = self.real = self.ideal
         if self.clearance:
             self.rods = Linkage(m, "massless-link", "static", home, held=True)

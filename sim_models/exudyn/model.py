@@ -16,7 +16,7 @@ import numpy as np
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 from sim_models.common.contact_laws import PIN_RADIUS, contact_parameters
 from sim_models.common.start import Pose
-from sim_models.engine import JointModel, Motion
+from sim_models.engine import JointModel, Motion, Request
 from sim_models.exudyn.laws import CONTACT_CREEP, MINIMUM_IMPACT_SPEED, contact_restitution, hysteresis, joint_creep
 from sim_models.exudyn.motor import Motor
 
@@ -52,7 +52,7 @@ class Model:
         self.exu: Any = exudyn
         self.items = items
         self.m, self.joint_model, self.motion = mechanism, joint_model, motion
-        self.clearance = mechanism.clearances if joint_model != "ideal" else {}
+        self.clearance = Request(mechanism, joint_model).clearances
         self.laws = {
             name: contact_parameters(mechanism, mechanism.joint(name), contact_for or motion) for name in self.clearance
         }

@@ -48,12 +48,12 @@ def _check(request: Request) -> None:
             raise Unsupported(f"{m.name}: a released linkage is asked for by time (s, from 0 on); give Request.time")
     elif not request.crank_angle.size:
         raise Unsupported(f"{m.name}: no crank angle is asked for; give Request.crank_angle")
-    if request.joint_model == "massless-link" and moving and request.start == "centred" and m.clearances:
+    if request.joint_model == "massless-link" and moving and request.start == "centred" and request.clearances:
         raise Unsupported(
             "exudyn: a massless link is as long as the clearance and cannot start with its pin centred; use start"
             " 'steady'"
         )
-    rubbing = [j.name for j in m.joints if j.clearance and j.friction]
+    rubbing = [name for name in request.clearances if m.joint(name).friction]
     if rubbing and request.joint_model == "contact" and not moving:
         raise Unsupported(
             f"exudyn: contact friction (joint {rubbing[0]}) depends on the sliding speed and vanishes at rest; run it"
@@ -68,7 +68,7 @@ class Run:
         _check(request)
         self.request, self.m = request, request.mechanism
         self.assembly = Assembly(self.m)
-        self.clearance = self.m.clearances if request.joint_model != "ideal" else {}
+        self.clearance = request.clearances
         compliant = self.clearance if request.joint_model in ("spring-damper", "contact") else {}
         self.contact = {name: contact_parameters(self.m, self.m.joint(name), request.motion) for name in compliant}
         self.judge = Judge(self.m, self.clearance, {name: law.stiffness for name, law in self.contact.items()})

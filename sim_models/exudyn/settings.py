@@ -1,4 +1,4 @@
-"""Exudyn, kept quiet: its console, and settings of its solvers that leave no files."""
+"""Exudyn's own settings: its console off, and solvers that leave no files."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 
 
 @contextmanager
-def silence() -> Iterator[None]:
-    """Keep Exudyn from printing, and leave its global settings as they were."""
+def console_off() -> Iterator[None]:
+    """Switch off what Exudyn itself prints, and leave its global settings as they were."""
     import exudyn
 
     before = exudyn.config.printToConsole, exudyn.config.suppressWarnings

@@ -53,9 +53,8 @@ class PlanarWorld(ABC):
         self.points = {(GROUND, name): m.ground.point(name) for name in m.ground.points}  # m, in the body's frame
         self.points |= {(b.name, name): b.point(name) for b in m.bodies for name in (*b.points, "com", MASS_CENTRE)}
         self.pins = {
-            j.name: Pin(j, j.clearance, contact_parameters(m, j, request.motion))
-            for j in m.joints
-            if j.clearance > 0 and request.joint_model != "ideal"
+            name: Pin(m.joint(name), clearance, contact_parameters(m, m.joint(name), request.motion))
+            for name, clearance in request.clearances.items()
         }
         rough = [pin.joint for pin in self.pins.values() if pin.joint.friction]
         if rough:

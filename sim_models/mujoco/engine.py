@@ -30,7 +30,7 @@ class MujocoEngine(Engine):
         """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""
         from sim_models.mujoco.runs import Run
 
-        with _quiet():
+        with _no_log_file():
             return simulate(self, request, lambda r: Run(r).trace())
 
     def export(self, request: Request, folder: Path) -> list[Path]:
@@ -40,7 +40,7 @@ class MujocoEngine(Engine):
         from sim_models.mujoco.export import export
 
         check_supported(self, request)
-        with _quiet():
+        with _no_log_file():
             return export(request, folder)
 
 
@@ -48,7 +48,7 @@ ENGINE = MujocoEngine()
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def _no_log_file() -> Iterator[None]:
     """MuJoCo would write its warnings to a file; it also counts them, and every run checks the count."""
     import mujoco
 

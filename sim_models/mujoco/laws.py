@@ -39,7 +39,7 @@ def contact_laws(request: Request) -> dict[str, Contact]:
     mechanism gives a stiffness or damping; every other compliant joint is a spring and damper in SI units.
     """
     laws = {}
-    for name in request.mechanism.clearances if request.joint_model != "ideal" else ():
+    for name in request.clearances:
         joint = request.mechanism.joint(name)
         law = contact_parameters(request.mechanism, joint, request.motion)
         hard = None

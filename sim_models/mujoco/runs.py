@@ -287,7 +287,7 @@ class Run:
             crank_angle=theta,
             time=time,
             signals=signals,
-            clearance={name: self.mechanism.joint(name).clearance for name in self.laws},
+            clearance=self.request.clearances,
             journal={name: np.array([[g.real, g.imag] for g in path]) for name, path in log.gaps.items()},
             free_share={name: free_share(np.array(gaps), self.wall(name), times) for name, gaps in log.gaps.items()},
             settings={**law_settings(self.request, self.laws), **settings, "solver": "Newton, elliptic cone"},
