@@ -29,6 +29,9 @@ class Pose:
     angular_velocity: float = 0.0
 
 
+AT_REST = Pose(0j, 0.0)  # the ground
+
+
 def poses(assembly: Assembly, theta: float, speed: float = 0.0, gaps: Gaps = lambda theta: {}) -> dict[str, Pose]:
     """Pose of every moving body with the crank at theta (rad), turning at ``speed`` (rad/s).
 

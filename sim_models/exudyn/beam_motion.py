@@ -14,6 +14,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from sim_models.common.start import poses
+from sim_models.common.travel import slide_travel
 from sim_models.exudyn.equilibria import Inertia
 
 # rad from one crank angle to the next: a second derivative's rounding and the cut-off fifth order weigh about the same
@@ -101,7 +102,7 @@ class RigidMotion:
         if not joint.prismatic:
             return self._angle[second] - self._angle[first]
         apart = self._place(second, joint.name) - self._place(first, joint.name)
-        return np.real(apart * np.conj(joint.direction * np.exp(1j * self._angle[first])))
+        return slide_travel(joint, apart, self._angle[first])
 
     def _in_time(self, around: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """First and second derivative (N,) by time of what is (5, N) around the crank angles."""

@@ -11,7 +11,8 @@ from scipy.optimize import newton
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, Joint
 from sim_models.common.failed_starts import check_stiff_enough, where, who, why_no_equilibrium
-from sim_models.common.start import Pose, poses
+from sim_models.common.start import AT_REST, poses
+from sim_models.common.travel import travel
 from sim_models.engine import Request, SimulationError
 from sim_models.exudyn.linkage import Linkage
 from sim_models.exudyn.record import Record
@@ -150,18 +151,8 @@ class Equilibria:
 
     def _rates(self, theta: float, speed: float) -> dict[str, float]:
         """Relative angular velocity (rad/s), or speed along the slide (m/s), of every joint of the ideal linkage."""
-        moving = poses(self.assembly, theta, speed) | {GROUND: Pose(0j, 0.0)}
+        moving = poses(self.assembly, theta, speed) | {GROUND: AT_REST}
         rates = {}
         for j in self.m.joints:
-            a, b = (moving[body] for body in j.bodies)
-            rates[j.name] = b.angular_velocity - a.angular_velocity
-            if j.prismatic:
-                along = j.direction * np.exp(1j * a.angle)
-                arms = [
-                    self.m.body(body).point(j.name) * np.exp(1j * p.angle)
-                    for body, p in zip(j.bodies, (a, b), strict=True)
-                ]
-                offset = b.origin + arms[1] - a.origin
-                slip = b.velocity + 1j * b.angular_velocity * arms[1] - a.velocity - 1j * a.angular_velocity * offset
-                rates[j.name] = float((slip * np.conj(along)).real)
+            rates[j.name] = travel(self.m, j, *(moving[body] for body in j.bodies))[1]
         return {name: 0.0 if abs(rate) < 1e-9 * abs(speed) else rate for name, rate in rates.items()}

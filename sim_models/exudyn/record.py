@@ -12,6 +12,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism
 from sim_models.common.start import poses
+from sim_models.common.travel import slide_travel
 from sim_models.engine import Rates
 from sim_models.exudyn.motor import Motor
 
@@ -108,7 +109,7 @@ def travel(m: Mechanism, record: Record, joint: Joint) -> np.ndarray:
     apart = locate(m, record.com, record.angle, second, joint.name) - locate(
         m, record.com, record.angle, first, joint.name
     )
-    return np.real(apart * np.conj(joint.direction * np.exp(1j * angle[first])))
+    return slide_travel(joint, apart, angle[first])
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,11 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from sim_models.common.contact_laws import contact_parameters
-from sim_models.common.start import Pose, poses
+from sim_models.common.start import AT_REST, Pose, poses
+from sim_models.common.travel import travel
 from sim_models.engine import Request, Unsupported
 from sim_models.leapfrog.courses import Even, Grid, course_of, pace
-from sim_models.leapfrog.parts import AT_REST, Branch, Pin, moving_body, travel_of
+from sim_models.leapfrog.parts import Branch, Pin, moving_body
 from sim_models.leapfrog.rates import centre_rates
 
 PROBE = 1e-5  # s, the step from which accelerations are read
@@ -194,16 +195,16 @@ class PlanarWorld(ABC):
     def _apply_law(self, j: Joint) -> None:
         first, second = j.bodies
         a, b = self._any_pose(first), self._any_pose(second)
+        way, rate = travel(self.mechanism, j, a, b)
         if not j.prismatic:
-            torque = self._law(j, b.angle - a.angle, b.angular_velocity - a.angular_velocity)
+            torque = self._law(j, way, rate)
             self.turn(second, torque)
             self.turn(first, -torque)
             return
-        travel, rate = travel_of(self.mechanism, j, a, b)
         along = j.direction * np.exp(1j * a.angle)
-        force = self.slide_forces[j.name] = self._law(j, travel, rate) * along
+        force = self.slide_forces[j.name] = self._law(j, way, rate) * along
         self.push(second, self.points[second, j.name], force)
-        self.push(first, self.points[first, j.name] + travel * j.direction, -force)
+        self.push(first, self.points[first, j.name] + way * j.direction, -force)
 
     def _law(self, j: Joint, position: float, rate: float) -> float:
         """Torque (N.m; prismatic: force, N) of friction, damper and spring on the second body."""
@@ -301,8 +302,7 @@ class PlanarWorld(ABC):
         moving = poses(self.assembly, theta, -1.0 if self.speed < 0 else 1.0) | {GROUND: AT_REST}
         for j in self.laws:
             a, b = (moving[name] for name in j.bodies)
-            rate = travel_of(self.mechanism, j, a, b)[1] if j.prismatic else b.angular_velocity - a.angular_velocity
-            self.sliding[j.name] = float(np.sign(round(rate, 9)))
+            self.sliding[j.name] = float(np.sign(round(travel(self.mechanism, j, a, b)[1], 9)))
 
     def gap_accelerations(self, bodies: Mapping[str, Pose], spin_up: float) -> dict[str, complex]:
         """Acceleration (m/s^2) of every pin's gap from these poses, velocities and the crank's acceleration

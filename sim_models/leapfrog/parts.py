@@ -11,9 +11,8 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Body, Joint, Mechanism
 from sim_models.common.contact_laws import KelvinVoigt
-from sim_models.common.start import Pose
-
-AT_REST = Pose(0j, 0.0)  # the ground
+from sim_models.common.start import AT_REST, Pose
+from sim_models.common.travel import travel
 
 
 def moving_body(m: Mechanism, name: str) -> Body:
@@ -95,18 +94,6 @@ def spanning_tree(m: Mechanism, joints: list[Joint]) -> tuple[list[Branch], list
     return branches, rest
 
 
-def travel_of(m: Mechanism, j: Joint, a: Pose, b: Pose) -> tuple[float, float]:
-    """Travel (m) of a prismatic joint and its rate: second body's point along the axis from the first's, at these
-    poses.
-    """
-    p, q = (m.body(name).point(j.name) for name in j.bodies)
-    along = j.direction * np.exp(1j * a.angle)
-    p, q = p * np.exp(1j * a.angle), q * np.exp(1j * b.angle)
-    offset = b.origin + q - a.origin - p
-    slip = b.velocity + 1j * b.angular_velocity * q - a.velocity - 1j * a.angular_velocity * (p + offset)
-    return float((offset * np.conj(along)).real), float((slip * np.conj(along)).real)
-
-
 def coordinates(m: Mechanism, branch: Branch, bodies: Mapping[str, Pose]) -> tuple[list[float], list[float]]:
     """A branch's coordinates and their rates: [travel], [relative angle], or [x, y, angle] of the body's frame."""
     here = bodies[branch.child]
@@ -115,7 +102,7 @@ def coordinates(m: Mechanism, branch: Branch, bodies: Mapping[str, Pose]) -> tup
         return [here.origin.real, here.origin.imag, here.angle], rates
     if branch.joint.prismatic:
         a, b = (bodies.get(name, AT_REST) for name in branch.joint.bodies)
-        travel, rate = travel_of(m, branch.joint, a, b)
-        return [travel], [rate]
+        way, rate = travel(m, branch.joint, a, b)
+        return [way], [rate]
     base = bodies.get(branch.parent, AT_REST)
     return [here.angle - base.angle], [here.angular_velocity - base.angular_velocity]

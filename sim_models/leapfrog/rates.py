@@ -11,8 +11,8 @@ import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Mechanism
 from sim_models.common.rates import rate_columns
-from sim_models.common.start import Pose
-from sim_models.leapfrog.parts import AT_REST, Branch, coordinates
+from sim_models.common.start import AT_REST, Pose
+from sim_models.leapfrog.parts import Branch, coordinates
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from analytic.mechanism import GROUND, Joint, Mechanism
-from sim_models.common.start import Pose
+from sim_models.common.start import AT_REST, Pose
+from sim_models.common.travel import slide_travel
 from sim_models.mujoco.tree import Branch, spanning_tree
 
 MOTOR_INERTIA = 1e9  # kg.m^2 of armature: so much that no reaction changes a motor's speed
@@ -74,7 +75,7 @@ class Description:
             "spring-damper",
             "contact",
         )  # semi-implicit Euler: what is stiff allows no larger step, and RK4 four times the work
-        self.place = {GROUND: Pose(0j, 0.0), **pose}
+        self.place = {GROUND: AT_REST, **pose}
         self.forms, self.twist = self._angles()
 
     def _angles(self) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
@@ -115,7 +116,7 @@ class Description:
     def coordinates(self, pose: Mapping[str, Pose], branches: list[Branch] | None = None) -> dict[str, float]:
         """Value of each MuJoCo joint (rad, m) in a pose."""
         at: dict[str, float] = {}
-        everything = {GROUND: Pose(0j, 0.0), **pose}
+        everything = {GROUND: AT_REST, **pose}
 
         def pin(j: Joint, body: str) -> complex:
             return everything[body].origin + complex(np.exp(1j * everything[body].angle)) * self.mechanism.body(
@@ -128,8 +129,8 @@ class Description:
                 at |= {f"{name}:x": here.origin.real, f"{name}:y": here.origin.imag, name: here.angle}
             elif b.joint.prismatic:
                 first, second = (pin(b.joint, n) for n in b.joint.bodies)
-                axis = b.joint.direction * np.exp(1j * everything[b.joint.bodies[0]].angle)
-                at[f"{name}:slide"] = float(((second - first) * np.conj(axis)).real)
+                angle = everything[b.joint.bodies[0]].angle
+                at[f"{name}:slide"] = float(slide_travel(b.joint, second - first, angle))
             else:
                 at[name] = here.angle - everything[b.parent].angle
         if self.compliant:

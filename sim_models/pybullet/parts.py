@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from sim_models.common.start import Pose
-from sim_models.leapfrog.parts import AT_REST, Pin
+from sim_models.common.start import AT_REST, Pose
+from sim_models.leapfrog.parts import Pin
 
 TRIFLE = 1e-9  # kg, kg.m^2: bodies between the joints of a floating one
 RIM = 1e-9  # of the clearance: how far beyond its limit a strut at rest is, lest rounding leave it short of it

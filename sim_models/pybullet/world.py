@@ -24,10 +24,10 @@ import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE
 from sim_models.common.contact_laws import lighter_mass
-from sim_models.common.start import Pose
+from sim_models.common.start import AT_REST, Pose
 from sim_models.engine import Request, SimulationError
 from sim_models.leapfrog.bodies import PlanarWorld
-from sim_models.leapfrog.parts import AT_REST, Branch, coordinates, moving_body, spanning_tree
+from sim_models.leapfrog.parts import Branch, coordinates, moving_body, spanning_tree
 from sim_models.leapfrog.rates import body_rates
 from sim_models.pybullet.balance import Balance
 from sim_models.pybullet.parts import HINGE, Link, Strut, Tie, flat, floating, strut_links
