@@ -67,18 +67,18 @@ def harness() -> None:
     """A driven MuJoCo run beside nothing but the steps that it took: same model, same number and sizes of steps."""
     from analytic.mechanism.file import load
     from sim_models.engine import JOINT_MODELS, Request
-    from sim_models.mujoco.march import Record
-    from sim_models.mujoco.runs import Run
+    from sim_models.mujoco.march import MujocoSteps
+    from sim_models.mujoco.runs import MujocoRun
     from sim_models.mujoco.state import advance
 
-    def bare(record: Record) -> None:
+    def bare(record: MujocoSteps) -> None:
         m, d = record.link.model, record.link.data
         d.qpos[:], d.qvel[:] = record.q, record.v
         for count, m.opt.timestep, _ in record.stages:
             advance(record.link, count)
 
-    def whole(request: Request) -> Run:
-        run = Run(request)
+    def whole(request: Request) -> MujocoRun:
+        run = MujocoRun(request)
         run.trace()
         return run
 

@@ -34,7 +34,7 @@ FOUR_BAR = """
 """
 
 
-def closing_force(link: Linkage) -> complex:
+def closing_force(link: MujocoLinkage) -> complex:
     """Force (N) in the rows of the four-bar's closing pin, with the crank held."""
     m, d = link.model, link.data
     mujoco.mj_forward(m, d)
@@ -43,7 +43,7 @@ def closing_force(link: Linkage) -> complex:
 
 
 def test_the_default_impedance_bends_an_ideal_joint() -> None:
-    link = Linkage(PAPER, {}, "ideal", poses(Assembly(PAPER), np.radians(30.0)), 2.5e-5)
+    link = MujocoLinkage(PAPER, {}, "ideal", poses(Assembly(PAPER), np.radians(30.0)), 2.5e-5)
     ours = closing_force(link)
     link.model.eq_solimp[:], link.model.eq_solref[:] = (0.9, 0.95, 1e-3, 0.5, 2.0), (0.02, 1.0)
     default = closing_force(link)
@@ -70,7 +70,7 @@ def test_after_a_runge_kutta_step_forces_are_the_last_stages() -> None:
 
 
 def test_the_default_tolerance_stops_the_solver_early_and_ours_does_not() -> None:
-    link = Linkage(PAPER, {}, "ideal", poses(Assembly(PAPER), np.radians(30.0)), 1e-4)
+    link = MujocoLinkage(PAPER, {}, "ideal", poses(Assembly(PAPER), np.radians(30.0)), 1e-4)
     assert mujoco.MjModel.from_xml_string("<mujoco/>").opt.tolerance > 0
     assert link.model.opt.tolerance <= 1e-14
 

@@ -21,7 +21,7 @@ from analytic.mechanism import GROUND, Joint
 from sim_models.common.start import Pose, poses
 from sim_models.dart.contact import FLOOR, Bearing, plane, rebound, vector
 from sim_models.engine import Request
-from sim_models.leapfrog.bodies import PlanarWorld
+from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.parts import Branch, coordinates, moving_body, spanning_tree
 
 ERROR_REDUCTION = 1.0  # share of a closing pin's drift that DART removes in a step: all, so that no transient lingers
@@ -38,7 +38,7 @@ def placed(dart: Any, at: complex, angle: float = 0.0) -> Any:
     return frame
 
 
-class DartWorld(PlanarWorld):
+class DartWorld(LeapfrogWorld):
     """A linkage as DART skeletons, one for each tree that stands on the ground."""
 
     engine = "dart"
@@ -102,7 +102,7 @@ class DartWorld(PlanarWorld):
         else:
             properties, create = D.RevoluteJointProperties(), skeleton.createRevoluteJointAndBodyNodePair
             properties.mAxis = np.array([0.0, 0.0, 1.0])
-        properties.mT_ParentBodyToJoint = placed(self.dart, m.body(branch.parent).point(joint.name), branch.twist)
+        properties.mT_ParentBodyToJoint = placed(self.dart, m.body(branch.parent).point(joint.name), branch.fixed_angle)
         properties.mT_ChildBodyToJoint = placed(self.dart, m.body(branch.child).point(joint.name))
         self._keep(branch.child, *create(self.nodes.get(branch.parent), properties))
 
@@ -191,7 +191,7 @@ class DartWorld(PlanarWorld):
         while body != GROUND:
             branch, root = self.branch[body], self.roots[body]
             angle += (
-                branch.twist
+                branch.fixed_angle
                 if branch.joint is not None and branch.joint.prismatic
                 else root.getPosition(root.getNumDofs() - 1)
             )

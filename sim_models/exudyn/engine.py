@@ -26,7 +26,7 @@ from sim_models.engine import (
 from sim_models.exudyn.settings import console_off
 
 
-class Exudyn(Engine):
+class ExudynEngine(Engine):
     """The engine; see :class:`sim_models.engine.Engine`."""
 
     name = "exudyn"
@@ -46,10 +46,10 @@ class Exudyn(Engine):
         crank lags by torque / stiffness, and ``steady`` is :func:`sim_models.exudyn.steady.crank_behind`.  Raises
         SimulationError, Unsupported or AssemblyError.
         """
-        from sim_models.exudyn.runs import Run
+        from sim_models.exudyn.runs import ExudynRun
 
         with console_off():
-            return simulate(self, request, lambda r: Run(r).trace())
+            return simulate(self, request, lambda r: ExudynRun(r).trace())
 
     def simulate_flexible(self, request: Request) -> Trace:
         """Run one request with links of beams.  Raises SimulationError, Unsupported or AssemblyError."""
@@ -68,4 +68,4 @@ class Exudyn(Engine):
             return export(request, folder)
 
 
-ENGINE = Exudyn()
+ENGINE = ExudynEngine()

@@ -14,7 +14,7 @@ from sim_models.common.failed_starts import check_stiff_enough, where, who, why_
 from sim_models.common.start import AT_REST, poses
 from sim_models.common.travel import travel
 from sim_models.engine import Request, SimulationError
-from sim_models.exudyn.linkage import Linkage
+from sim_models.exudyn.linkage import ExudynLinkage
 from sim_models.exudyn.record import Record
 
 STILL = 1e-12  # rad: last correction of a crank's angle behind a compliant drive
@@ -45,12 +45,12 @@ class Equilibria:
         m = request.mechanism
         self.request, self.m, self.assembly, self.speed, self.creep = request, m, assembly, speed, creep
         home = poses(assembly, assembly.start)
-        self.ideal = Linkage(m, "ideal", "static", home, held=True)
+        self.ideal = ExudynLinkage(m, "ideal", "static", home, held=True)
         self.clearance = request.clearances
         self.rods = self.real = self.ideal
         if self.clearance:
-            self.rods = Linkage(m, "massless-link", "static", home, held=True)
-            self.real = Linkage(m, request.joint_model, "static", home, held=True, contact_for=request.motion)
+            self.rods = ExudynLinkage(m, "massless-link", "static", home, held=True)
+            self.real = ExudynLinkage(m, request.joint_model, "static", home, held=True, contact_for=request.motion)
 
     def at(self, theta: float, inertia: Inertia | None = None, speed: float | None = None) -> Record:
         """Equilibrium at a crank angle (rad), a record of one instant.  Raises SimulationError.
@@ -96,7 +96,7 @@ class Equilibria:
         except RuntimeError:
             raise self._failure(f"a drive of {stiffness:g} N.m/rad holds the crank nowhere near", theta) from None
 
-    def _taken_up(self, linkage: Linkage, near: Record, theta: float) -> dict[str, complex]:
+    def _taken_up(self, linkage: ExudynLinkage, near: Record, theta: float) -> dict[str, complex]:
         """Gaps (m) where the reactions of a neighbouring equilibrium press every pin."""
         scale = max(abs(force[0]) for force in near.force.values())
         gaps = {}
@@ -109,7 +109,7 @@ class Equilibria:
             gaps[name] = (clearance + abs(force) / linkage.stiffness(name)) * force / abs(force)
         return gaps
 
-    def _solve(self, linkage: Linkage, theta: float, gaps: Mapping[str, complex], loads: Loads) -> Record:
+    def _solve(self, linkage: ExudynLinkage, theta: float, gaps: Mapping[str, complex], loads: Loads) -> Record:
         linkage.place(poses(self.assembly, theta, gaps=lambda _: gaps))
         linkage.load_bodies(*loads)
         if not linkage.solve_static():

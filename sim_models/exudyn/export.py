@@ -13,10 +13,10 @@ from analytic.mechanism import MASS_CENTRE, Body, Joint
 from sim_models.common.export_files import expected, lines
 from sim_models.engine import Request, Unsupported
 from sim_models.exudyn.equilibria import Equilibria
-from sim_models.exudyn.linkage import HALVED, Linkage
+from sim_models.exudyn.linkage import HALVED, ExudynLinkage
 from sim_models.exudyn.motor import Motor
 from sim_models.exudyn.record import Record
-from sim_models.exudyn.runs import Run
+from sim_models.exudyn.runs import ExudynRun
 
 CONTACT = (
     "spheresRadii", "isHollowSphere1", "contactStiffness", "contactDamping", "impactModel", "restitutionCoefficient",
@@ -63,7 +63,7 @@ def export(request: Request, folder: Path) -> list[Path]:
     return [folder / name for name in files]
 
 
-class _Remembered(Run):
+class _Remembered(ExudynRun):
     """A run that remembers its linkage, its stages (begin, end, steps, instants recorded), and the rows that it
     reports.
     """
@@ -73,24 +73,24 @@ class _Remembered(Run):
         self.stages: list[tuple[float, float, int, int]] = []
         self.marks = np.zeros(0, int)
 
-    def launch(self, motor: Motor | None) -> tuple[Linkage, float]:
+    def launch(self, motor: Motor | None) -> tuple[ExudynLinkage, float]:
         self.linkage, longest = super().launch(motor)
         self.stages.clear()  # those that led to the start
         return self.linkage, longest
 
-    def advance(self, linkage: Linkage, begin: float, end: float, count: int, onward: bool = False) -> Record:
+    def advance(self, linkage: ExudynLinkage, begin: float, end: float, count: int, onward: bool = False) -> Record:
         record = super().advance(linkage, begin, end, count, onward)
         self.stages.append((begin, end, count, record.time.size))
         return record
 
     def march(
-        self, linkage: Linkage, times: np.ndarray, longest: float, motor: Motor | None = None
+        self, linkage: ExudynLinkage, times: np.ndarray, longest: float, motor: Motor | None = None
     ) -> tuple[Record, np.ndarray]:
         history, self.marks = super().march(linkage, times, longest, motor)
         return history, self.marks
 
 
-def _moving(run: _Remembered) -> tuple[Linkage, dict[str, Any]]:
+def _moving(run: _Remembered) -> tuple[ExudynLinkage, dict[str, Any]]:
     """The linkage of a run in time, its stages, and after which of them it is read (0: at the start)."""
     plan: dict[str, Any] = {"halved": HALVED, "stages": [stage[:3] for stage in run.stages], "after_stage": None}
     last = np.cumsum(
@@ -100,7 +100,7 @@ def _moving(run: _Remembered) -> tuple[Linkage, dict[str, Any]]:
     return run.linkage, plan | {"after_stage": (after + (after > 0)).tolist()}
 
 
-def _at_rest(run: Run) -> tuple[Linkage, dict[str, Any]]:
+def _at_rest(run: ExudynRun) -> tuple[ExudynLinkage, dict[str, Any]]:
     """The linkage at rest, and where its bodies are put, and loaded with what besides the mechanism's loads, to find
     each equilibrium.
     """
@@ -124,7 +124,7 @@ def _at_rest(run: Run) -> tuple[Linkage, dict[str, Any]]:
     return equilibria.real, {"residual": equilibria.real.residual, "equilibria": near}
 
 
-def _parts(link: Linkage) -> dict[str, Any]:
+def _parts(link: ExudynLinkage) -> dict[str, Any]:
     """Everything that becomes an item of Exudyn's, in the order in which it is added."""
     m = link.m
     return {
@@ -142,7 +142,7 @@ def _parts(link: Linkage) -> dict[str, Any]:
     }
 
 
-def _body(link: Linkage, body: Body) -> dict[str, Any]:
+def _body(link: ExudynLinkage, body: Body) -> dict[str, Any]:
     node = link.item(f"Coordinates {body.name}")
     return {
         "mass": body.mass,
@@ -153,7 +153,7 @@ def _body(link: Linkage, body: Body) -> dict[str, Any]:
     }
 
 
-def _joint(link: Linkage, joint: Joint) -> dict[str, Any]:
+def _joint(link: ExudynLinkage, joint: Joint) -> dict[str, Any]:
     how = _closed_by(link, joint)
     part: dict[str, Any] = {"bodies": joint.bodies, "closed_by": how}
     if joint.prismatic:
@@ -182,7 +182,7 @@ def _has_law(joint: Joint) -> bool:
     return bool(joint.stiffness or joint.damping or joint.coulomb)
 
 
-def _closed_by(link: Linkage, joint: Joint) -> str:
+def _closed_by(link: ExudynLinkage, joint: Joint) -> str:
     if joint.prismatic:
         return "slide"
     if joint.name not in link.clearance:
@@ -192,7 +192,7 @@ def _closed_by(link: Linkage, joint: Joint) -> str:
     return link.joint_model
 
 
-def _drive(link: Linkage) -> dict[str, Any] | None:
+def _drive(link: ExudynLinkage) -> dict[str, Any] | None:
     """The motor, or None where the linkage is released; its shaft's angle (rad) and speed at the start, if a spring is
     behind it.
     """

@@ -12,7 +12,7 @@ import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE
 from sim_models.common.start import Pose
-from sim_models.exudyn.model import Model, gap_at, point_at
+from sim_models.exudyn.model import ExudynModel, gap_at, point_at
 from sim_models.exudyn.record import Record, locate
 from sim_models.exudyn.settings import quiet_settings, static_settings
 
@@ -23,7 +23,7 @@ HALVED = 256  # a step that Newton's method only manages when shorter than this 
 DIFFERENCES = (1e-7, 1e-8, 1e-9, 1e-10)
 
 
-class Linkage(Model):
+class ExudynLinkage(ExudynModel):
     """A model that can be placed, loaded, solved, advanced and read."""
 
     # ---------------------------------------------------------------- statics

@@ -25,7 +25,7 @@ ROD_STIFFNESS = (
 )
 
 
-class Model:
+class ExudynModel:
     """A mechanism assembled as an Exudyn system, in a given pose; ``static`` and ``driven`` differ in joint laws and
     drive.
 

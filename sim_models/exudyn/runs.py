@@ -23,7 +23,7 @@ from sim_models.engine import (
 )
 from sim_models.exudyn.equilibria import Equilibria, Inertia
 from sim_models.exudyn.laws import MINIMUM_IMPACT_SPEED, contact_restitution, joint_creep
-from sim_models.exudyn.linkage import Linkage
+from sim_models.exudyn.linkage import ExudynLinkage
 from sim_models.exudyn.motor import INSTANT, SETTLING, Motor
 from sim_models.exudyn.record import Judge, Record, join
 from sim_models.exudyn.steady import steady_start
@@ -61,7 +61,7 @@ def _check(request: Request) -> None:
         )
 
 
-class Run:
+class ExudynRun:
     """One request being run.  Raises Unsupported for one that Exudyn cannot."""
 
     def __init__(self, request: Request) -> None:
@@ -128,7 +128,7 @@ class Run:
 
     # ---------------------------------------------------------------- start
 
-    def launch(self, motor: Motor | None) -> tuple[Linkage, float]:
+    def launch(self, motor: Motor | None) -> tuple[ExudynLinkage, float]:
         """The linkage ready to go, and its longest step (s)."""
         r, m = self.request, self.m
         pressing: dict[str, float] = {}
@@ -146,18 +146,18 @@ class Run:
                 gaps = {name: complex(here.gap[name][0]) for name in self.clearance}
                 start = poses(self.assembly, theta, r.start_speed, lambda _: gaps)
             pressing = {name: abs(force[0]) for name, force in here.force.items()}
-        linkage = Linkage(m, r.joint_model, "driven", start, motor=motor)
+        linkage = ExudynLinkage(m, r.joint_model, "driven", start, motor=motor)
         return linkage, r.step or self.longest_step(linkage, motor, inertia, pressing)
 
     def release_accelerations(self) -> Inertia:
         """Accelerations of the ideal linkage as it is let go at rest."""
-        linkage = Linkage(self.m, "ideal", "driven", poses(self.assembly, self.assembly.start))
+        linkage = ExudynLinkage(self.m, "ideal", "driven", poses(self.assembly, self.assembly.start))
         self.advance(linkage, 0.0, INSTANT, 1)
         found = linkage.accelerations()
         return Inertia({name: a for name, (a, _) in found.items()}, {name: w for name, (_, w) in found.items()})
 
     def longest_step(
-        self, linkage: Linkage, motor: Motor | None, inertia: Inertia | None, pressing: Mapping[str, float]
+        self, linkage: ExudynLinkage, motor: Motor | None, inertia: Inertia | None, pressing: Mapping[str, float]
     ) -> float:
         if motor is None:
             assert inertia is not None
@@ -177,7 +177,7 @@ class Run:
     # ---------------------------------------------------------------- stepping
 
     def march(
-        self, linkage: Linkage, times: np.ndarray, longest: float, motor: Motor | None = None
+        self, linkage: ExudynLinkage, times: np.ndarray, longest: float, motor: Motor | None = None
     ) -> tuple[Record, np.ndarray]:
         """Integrate from 0 through all times (s, sorted): every step, and the row of each time."""
         check_steps(
@@ -203,7 +203,7 @@ class Run:
             rows.append(rows[-1] + parts[-1].time.size)
         return join(parts), np.array(rows)[np.searchsorted(ends, times)]
 
-    def advance(self, linkage: Linkage, begin: float, end: float, count: int, onward: bool = False) -> Record:
+    def advance(self, linkage: ExudynLinkage, begin: float, end: float, count: int, onward: bool = False) -> Record:
         """Integrate in ``count`` steps, or settle in one (count 0)."""
         if not (linkage.advance(begin, end, count, onward) if count else linkage.settle(begin, end)):
             raise self.failure(

@@ -1,7 +1,7 @@
 """What DART and PyBullet share: a linkage of planar bodies advanced by an engine's semi-implicit Euler step.
 
 Both engines step ``v += a h; x += v h``.  Read as a leapfrog (velocities half a step before positions) that is second
-order, and positions, forces and the mean of two velocities belong to the same instant; :class:`PlanarWorld` does the
+order, and positions, forces and the mean of two velocities belong to the same instant; :class:`LeapfrogWorld` does the
 reading, and applies what neither engine has: loads, joint laws and spring-damper clearance.  Forces keep an error of
 first order in the step, because the engines reckon Coriolis forces with the velocities half a step before.
 """
@@ -30,7 +30,7 @@ FREE_SPEED = 1.0  # rad/s, in its place where nothing is driven
 WARM_UP = 4  # steps towards the first instant
 
 
-class PlanarWorld(ABC):
+class LeapfrogWorld(ABC):
     """A linkage in an engine.  Points are complex (m), in a body's frame; velocities trail positions by half a step."""
 
     engine: str

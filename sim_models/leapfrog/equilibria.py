@@ -1,4 +1,4 @@
-"""Where the pins of a :class:`~sim_models.leapfrog.bodies.PlanarWorld` rest, and how far a crank lags a drive that
+"""Where the pins of a :class:`~sim_models.leapfrog.bodies.LeapfrogWorld` rest, and how far a crank lags a drive that
 yields.
 """
 
@@ -15,7 +15,7 @@ from analytic.kinematics.assembly import AssemblyError
 from sim_models.common.failed_starts import check_stiff_enough, where, who, why_no_equilibrium
 from sim_models.common.start import Course, Pose
 from sim_models.engine import SimulationError
-from sim_models.leapfrog.bodies import PlanarWorld
+from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.courses import NONE, STENCIL, Behind, Changes, Motor, Path, duration, moving, near
 
 NO_LOAD = 1e-9  # of the largest reaction: one below it leaves its pin loose
@@ -44,8 +44,8 @@ class Equilibria:
     same engine's ideal linkage, turned and scaled as the last answer was.  Both linkages are driven rigidly.
     """
 
-    world: PlanarWorld
-    ideal: PlanarWorld
+    world: LeapfrogWorld
+    ideal: LeapfrogWorld
     last: dict[str, tuple[complex, float]] = field(default_factory=dict)
 
     def gaps(self, path: Path, time: float, rate: Changes = NONE, bend: Changes = NONE) -> dict[str, complex]:

@@ -55,7 +55,7 @@ class Branch:
         return self.joint is not None and self.child == self.joint.bodies[1]
 
     @property
-    def twist(self) -> float:
+    def fixed_angle(self) -> float:
         """Angle (rad) of the child minus its parent's that a prismatic joint keeps."""
         if self.joint is None or not self.joint.prismatic:
             return 0.0
@@ -65,7 +65,7 @@ class Branch:
     def axis(self) -> complex:
         """Direction in the child's frame along which it moves as a prismatic joint's travel grows."""
         assert self.joint is not None
-        return self.joint.direction * np.exp(-1j * self.twist) if self.forward else -self.joint.direction
+        return self.joint.direction * np.exp(-1j * self.fixed_angle) if self.forward else -self.joint.direction
 
 
 def spanning_tree(m: Mechanism, joints: list[Joint]) -> tuple[list[Branch], list[Joint]]:

@@ -1,4 +1,4 @@
-"""How the bodies of a :class:`~sim_models.leapfrog.bodies.PlanarWorld` moved in a step, centred on the positions from
+"""How the bodies of a :class:`~sim_models.leapfrog.bodies.LeapfrogWorld` moved in a step, centred on the positions from
 which it started.
 """
 

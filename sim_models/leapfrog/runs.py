@@ -1,4 +1,4 @@
-"""Runs of a :class:`~sim_models.leapfrog.bodies.PlanarWorld`: static, driven and released."""
+"""Runs of a :class:`~sim_models.leapfrog.bodies.LeapfrogWorld`: static, driven and released."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sim_models.common.rates import part_rates
 from sim_models.common.silence import silence
 from sim_models.common.start import check_steps, schedule
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
-from sim_models.leapfrog.bodies import PROBE, WARM_UP, PlanarWorld
+from sim_models.leapfrog.bodies import PROBE, WARM_UP, LeapfrogWorld
 from sim_models.leapfrog.courses import Changes, Even, Grid, Motor, Path, angles, moving, near
 from sim_models.leapfrog.equilibria import Equilibria
 from sim_models.leapfrog.steps import drive_inertia, longest_step
@@ -26,7 +26,7 @@ HELD = 1e-3  # of the largest reaction: what one-sided pins and rods may differ 
 TOO_DEEP = 0.1  # of the shortest link at a joint: a penetration that means divergence
 
 
-def run(make: Callable[[Request], PlanarWorld], request: Request, package: str) -> Trace:
+def run(make: Callable[[Request], LeapfrogWorld], request: Request, package: str) -> Trace:
     """Run a request in worlds that ``make`` builds.  Raises SimulationError, Unsupported or AssemblyError."""
     with silence(), contextlib.ExitStack() as stack:
         world = stack.enter_context(contextlib.closing(make(request)))
@@ -48,7 +48,7 @@ def run(make: Callable[[Request], PlanarWorld], request: Request, package: str) 
 # -------------------------------------------------------------------- runs
 
 
-def _static(world: PlanarWorld, found: Equilibria, rods: Equilibria | None) -> Trace:
+def _static(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None) -> Trace:
     asked = world.request.crank_angle
     rows: list[dict[str, float]] = [{}] * asked.size
     by_rods = 0
@@ -63,7 +63,7 @@ def _static(world: PlanarWorld, found: Equilibria, rods: Equilibria | None) -> T
     return replace(trace, free_share=free, journal={n: np.column_stack([g.real, g.imag]) for n, g in gaps.items()})
 
 
-def _rest(world: PlanarWorld, found: Equilibria, rods: Equilibria | None, motor: float) -> dict[str, float]:
+def _rest(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None, motor: float) -> dict[str, float]:
     """Signals at rest with the motor at an angle (rad), which a crank on a spring lags."""
     theta = motor
     for _ in range(50):
@@ -81,7 +81,7 @@ def _rest(world: PlanarWorld, found: Equilibria, rods: Equilibria | None, motor:
     )
 
 
-def _still(world: PlanarWorld, theta: float, gaps: Changes) -> dict[str, float]:
+def _still(world: LeapfrogWorld, theta: float, gaps: Changes) -> dict[str, float]:
     """Signals with the crank at rest at an angle (rad), and the pins off centre by these gaps (m)."""
     world.approach(moving(world.assembly, Even(theta), 0.0, near(gaps, 0.0)), PROBE)
     return world.observe(PROBE)
@@ -123,7 +123,7 @@ class Plan:
     seen: np.ndarray  # (M,) s at which the motor is known to be on its path
 
     @classmethod
-    def of(cls, world: PlanarWorld) -> Plan:
+    def of(cls, world: LeapfrogWorld) -> Plan:
         """Raises Unsupported where a request's angles or times make no run."""
         request = world.request
         if world.course is not None:
@@ -146,7 +146,7 @@ class Plan:
         return cls(times, -abs(request.lead_in / plan.speed), Even(float(plan.theta[0]), plan.speed), plan.time)
 
 
-def _moving(world: PlanarWorld, found: Equilibria) -> Trace:
+def _moving(world: LeapfrogWorld, found: Equilibria) -> Trace:
     """Drive the crank, or release it, and observe on the way."""
     request, plan = world.request, Plan.of(world)
     longest = request.step or longest_step(world, plan.motor.angle(plan.begin), found.peaks(plan.motor, plan.seen))
@@ -166,7 +166,7 @@ def _moving(world: PlanarWorld, found: Equilibria) -> Trace:
     return replace(trace, free_share=tally.free_share(), journal=tally.journal())
 
 
-def _start(world: PlanarWorld, found: Equilibria, plan: Plan, grid: Grid) -> None:
+def _start(world: LeapfrogWorld, found: Equilibria, plan: Plan, grid: Grid) -> None:
     """Bring the linkage to its first poses, a crank that will lag its motor with the speed and acceleration of its
     steady motion.
     """
@@ -185,7 +185,7 @@ def _start(world: PlanarWorld, found: Equilibria, plan: Plan, grid: Grid) -> Non
         world.hold(False)
 
 
-def _follow(world: PlanarWorld, plan: Plan, grid: Grid, tally: Tally) -> dict[int, dict[str, float]]:
+def _follow(world: LeapfrogWorld, plan: Plan, grid: Grid, tally: Tally) -> dict[int, dict[str, float]]:
     """Signals at the beginnings of the grid's steps that reports need."""
     seen: dict[int, dict[str, float]] = {}
     wanted = set(grid.nodes.ravel().tolist())
@@ -210,7 +210,7 @@ def _follow(world: PlanarWorld, plan: Plan, grid: Grid, tally: Tally) -> dict[in
 class Tally:
     """Samples the pins' paths, and every step of them for the time without contact."""
 
-    def __init__(self, world: PlanarWorld, stride: int) -> None:
+    def __init__(self, world: LeapfrogWorld, stride: int) -> None:
         self.world, self.stride = world, stride
         self.paths: dict[str, list[complex]] = {name: [] for name in world.pins}
 
@@ -228,7 +228,7 @@ class Tally:
         return {name: np.array([(g.real, g.imag) for g in path[:: self.stride]]) for name, path in self.paths.items()}
 
 
-def _check_depth(world: PlanarWorld, theta: float) -> None:
+def _check_depth(world: LeapfrogWorld, theta: float) -> None:
     for name, pin in world.pins.items():
         gap = abs(world.gap(name)[0])
         shortest = min(b.length for b in world.mechanism.bodies if b.name in pin.joint.bodies and b.length)
@@ -241,7 +241,7 @@ def _check_depth(world: PlanarWorld, theta: float) -> None:
 
 
 def _trace(
-    world: PlanarWorld, rows: list[dict[str, float]], theta: np.ndarray, time: np.ndarray | None, step: float
+    world: LeapfrogWorld, rows: list[dict[str, float]], theta: np.ndarray, time: np.ndarray | None, step: float
 ) -> Trace:
     request = world.request
     signals, rates = part_rates({name: np.array([row[name] for row in rows]) for name in rows[0]})

@@ -1,5 +1,5 @@
-"""How short the steps of a :class:`~sim_models.leapfrog.bodies.PlanarWorld` must be, and the inertia that its pins and
-its motor feel.
+"""How short the steps of a :class:`~sim_models.leapfrog.bodies.LeapfrogWorld` must be, and the inertia that its pins
+and its motor feel.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 
 from analytic.mechanism import Joint
 from sim_models.common.start import poses
-from sim_models.leapfrog.bodies import PROBE, PlanarWorld
+from sim_models.leapfrog.bodies import PROBE, LeapfrogWorld
 from sim_models.leapfrog.courses import Even, duration
 
 STEP_ANGLE = 2e-4  # rad of crank angle in a step, at most
@@ -22,7 +22,7 @@ SWING_PHASE = 0.2  # rad of a pin's swing along its bearing in a step, at most
 CONTACT_DECAY = 0.6  # of a contact's own relaxation in a step, at most
 
 
-def longest_step(world: PlanarWorld, theta: float, peaks: Mapping[str, float]) -> float:
+def longest_step(world: LeapfrogWorld, theta: float, peaks: Mapping[str, float]) -> float:
     """Step (s) that follows the crank and every pin: its swing about the bearing, and its spring's oscillation.
 
     ``theta`` (rad) is the crank angle at which the pins' effective masses are taken, ``peaks`` their largest forces
@@ -43,7 +43,7 @@ def longest_step(world: PlanarWorld, theta: float, peaks: Mapping[str, float]) -
     return step
 
 
-def pin_mass(world: PlanarWorld, joint: Joint, theta: float) -> float:
+def pin_mass(world: LeapfrogWorld, joint: Joint, theta: float) -> float:
     """Least effective mass (kg) that a joint's gap opposes to a force, at crank angle theta (rad)."""
     bodies = poses(world.assembly, theta)
     changes = []
@@ -55,7 +55,7 @@ def pin_mass(world: PlanarWorld, joint: Joint, theta: float) -> float:
     return PROBE / float(np.abs(np.array(changes[1:]) - changes[0]).max())
 
 
-def drive_inertia(world: PlanarWorld, theta: float) -> float:
+def drive_inertia(world: LeapfrogWorld, theta: float) -> float:
     """Moment of inertia (kg.m^2) that the linkage opposes to its motor, at crank angle theta (rad)."""
     spins = []
     world.hold(False)

@@ -28,10 +28,10 @@ class MujocoEngine(Engine):
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""
-        from sim_models.mujoco.runs import Run
+        from sim_models.mujoco.runs import MujocoRun
 
         with _no_log_file():
-            return simulate(self, request, lambda r: Run(r).trace())
+            return simulate(self, request, lambda r: MujocoRun(r).trace())
 
     def export(self, request: Request, folder: Path) -> list[Path]:
         """Write a request, and what came of it, as files that run in MuJoCo alone.  Raises what

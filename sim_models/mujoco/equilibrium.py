@@ -18,7 +18,7 @@ from sim_models.common.failed_starts import check_stiff_enough, where, who, why_
 from sim_models.common.start import poses
 from sim_models.engine import Request, SimulationError
 from sim_models.mujoco.laws import Contact
-from sim_models.mujoco.model import Linkage
+from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.state import contact_rows, gap, joint_forces, signals, touch
 
 NUDGE = 1e-7  # rad or m, of difference quotients
@@ -38,7 +38,7 @@ class Balance:
     rows: np.ndarray
 
 
-def balance(link: Linkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]) -> Balance:
+def balance(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]) -> Balance:
     """What joint forces f must satisfy for the linkage to have this position, velocity and acceleration.
 
     Every joint with clearance counts as pressed; ``slip`` is the sign of its relative angular velocity, against which
@@ -78,7 +78,7 @@ class Rest:
     force: np.ndarray
 
 
-def rest(link: Linkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]) -> Rest | None:
+def rest(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]) -> Rest | None:
     """Solve :func:`balance` for coordinates and forces, the motor held; None where Newton's method finds no solution.
 
     Forces are unknowns of their own: however stiff the rows, a step along the rim of a clearance circle does not
@@ -151,11 +151,11 @@ class Equilibria:
         )
         pose = poses(assembly, theta)
         rows = "spring" if request.joint_model == "spring-damper" else request.joint_model
-        self.ideal = Linkage(self.mechanism, {}, "ideal", pose, step, friction=False)
-        self.pressed = Linkage(self.mechanism, laws, rows, pose, step, friction=False) if laws else self.ideal
+        self.ideal = MujocoLinkage(self.mechanism, {}, "ideal", pose, step, friction=False)
+        self.pressed = MujocoLinkage(self.mechanism, laws, rows, pose, step, friction=False) if laws else self.ideal
         self.forces: dict[str, float] = {}
 
-    def place(self, link: Linkage, theta: float, gaps: Mapping[str, complex] | None = None) -> np.ndarray:
+    def place(self, link: MujocoLinkage, theta: float, gaps: Mapping[str, complex] | None = None) -> np.ndarray:
         """Coordinates (nq,) of an assembled linkage with these gaps (m)."""
         return link.vector(link.coordinates(poses(self.assembly, theta, gaps=lambda _: gaps or {})))
 
@@ -170,7 +170,7 @@ class Equilibria:
         }
         return {name: math.copysign(1.0, w) if abs(w) > STANDSTILL else 0.0 for name, w in rates.items()}
 
-    def signals(self, link: Linkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:
+    def signals(self, link: MujocoLinkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:
         """All signals of the equilibrium that was found last."""
         friction = {j.name: -j.coulomb * slip[j.name] for j in self.mechanism.joints}
         return signals(link, joint_forces(link, found.force), friction)

@@ -17,8 +17,8 @@ from sim_models.common.export_files import expected, lines
 from sim_models.common.start import poses
 from sim_models.engine import Request
 from sim_models.mujoco.equilibrium import Equilibria, rest
-from sim_models.mujoco.model import Linkage
-from sim_models.mujoco.runs import STATIC_STEP, Run
+from sim_models.mujoco.model import MujocoLinkage
+from sim_models.mujoco.runs import STATIC_STEP, MujocoRun
 from sim_models.mujoco.state import contact_rows
 
 CLOSED_BY = {"massless-link": "massless link", "spring-damper": "spring-damper", "contact": "contact"}
@@ -26,7 +26,7 @@ CLOSED_BY = {"massless-link": "massless link", "spring-damper": "spring-damper",
 
 def export(request: Request, folder: Path) -> list[Path]:
     """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError."""
-    run = Run(request)
+    run = MujocoRun(request)
     trace = run.trace()
     link, start = _equilibria(run) if request.motion == "static" else _stages(run)
     text = model_text(link)
@@ -51,7 +51,7 @@ def export(request: Request, folder: Path) -> list[Path]:
     return [folder / name for name in files]
 
 
-def model_text(link: Linkage) -> str:
+def model_text(link: MujocoLinkage) -> str:
     """The linkage as MJCF, with the numbers that it was given after compiling wherever MJCF has an attribute
     for them.
     """
@@ -83,7 +83,7 @@ def _beyond_mjcf(ours: mujoco.MjModel, compiled: mujoco.MjModel) -> dict[str, An
     }
 
 
-def _meaning(link: Linkage) -> dict[str, Any]:
+def _meaning(link: MujocoLinkage) -> dict[str, Any]:
     """What the names in the model stand for."""
     return {
         "motor": "drive:motor" if link.compliant else link.mechanism.driven,
@@ -94,7 +94,7 @@ def _meaning(link: Linkage) -> dict[str, Any]:
                 "parent": b.parent,
                 "joint": b.joint.name if b.joint else None,
                 "hinges": list(link.forms[b.body.name]),
-                "twist": link.twist[b.body.name],
+                "fixed_angle": link.fixed_angle[b.body.name],
             }
             for b in link.branches
         },
@@ -121,13 +121,13 @@ def _meaning(link: Linkage) -> dict[str, Any]:
     }
 
 
-def _closed_by(link: Linkage, joint: Joint) -> str:
+def _closed_by(link: MujocoLinkage, joint: Joint) -> str:
     if joint.name in link.contacts:
         return CLOSED_BY[link.rows]
     return "connect" if joint in link.closing else "tree"
 
 
-def _stages(run: Run) -> tuple[Linkage, dict[str, Any]]:
+def _stages(run: MujocoRun) -> tuple[MujocoLinkage, dict[str, Any]]:
     """The model of a run that steps, its start, and its steps."""
     record = run.record
     state = {"time": record.time, "qpos": record.q.tolist(), "qvel": record.v.tolist()}
@@ -136,7 +136,7 @@ def _stages(run: Run) -> tuple[Linkage, dict[str, Any]]:
     return record.link, {**state, "course": course, "stages": record.stages}
 
 
-def _equilibria(run: Run) -> tuple[Linkage, dict[str, Any]]:
+def _equilibria(run: MujocoRun) -> tuple[MujocoLinkage, dict[str, Any]]:
     """The model of a run at rest, and each equilibrium: coordinates, and dry friction as it acts against the drive's
     direction.
 
@@ -144,7 +144,7 @@ def _equilibria(run: Run) -> tuple[Linkage, dict[str, Any]]:
     """
     theta = run.request.crank_angle.tolist()
     near = run.near(theta[0])
-    link = Linkage(
+    link = MujocoLinkage(
         run.mechanism, run.laws, run.request.joint_model, poses(run.assembly, theta[0]), STATIC_STEP, friction=False
     )
     for con in link.touch.values():

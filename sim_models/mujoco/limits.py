@@ -8,7 +8,7 @@ import numpy as np
 
 from sim_models.engine import Request, SimulationError
 from sim_models.mujoco.laws import Contact
-from sim_models.mujoco.model import Linkage
+from sim_models.mujoco.model import MujocoLinkage
 
 DEEPEST = 0.1  # of the clearance: penetration that is in order without asking; more must be what the stiffness allows
 LOOSEST = 1e-5  # of the linkage's size, by which its rigid joints may come apart
@@ -22,7 +22,7 @@ class CameApart(SimulationError):
     """Rigid joints came apart: the step was too long."""
 
 
-def room_apart(request: Request, link: Linkage) -> float:
+def room_apart(request: Request, link: MujocoLinkage) -> float:
     """The distance (m) by which rigid joints may come apart."""
     links = link.contacts if request.joint_model == "massless-link" else ()
     return min([LOOSEST * link.size, *(STRETCH * request.mechanism.joint(name).clearance for name in links)])

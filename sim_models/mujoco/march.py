@@ -11,7 +11,7 @@ import numpy as np
 from sim_models.common.start import MOST_STEPS, check_steps, substeps
 from sim_models.engine import Request
 from sim_models.mujoco.limits import check_closed, check_depth, check_together, room_apart
-from sim_models.mujoco.model import Linkage
+from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import Motor
 from sim_models.mujoco.state import (
     apart,
@@ -25,13 +25,13 @@ from sim_models.mujoco.state import (
     signals,
 )
 
-MOST_STEPS_ALONE = 5_000_000  # of a run that MuJoCo steps by itself: half a minute
+MOST_STEPS_IN_MUJOCO = 5_000_000  # of a run that MuJoCo steps by itself: half a minute
 SAMPLES = 600  # of a run's journal path, or somewhat more
 
 
-def most_steps(link: Linkage) -> int:
+def most_steps(link: MujocoLinkage) -> int:
     """Steps that a run may take; a contact passes through Python in each of them."""
-    return MOST_STEPS if link.touch else MOST_STEPS_ALONE
+    return MOST_STEPS if link.touch else MOST_STEPS_IN_MUJOCO
 
 
 @dataclass
@@ -49,12 +49,12 @@ class Log:
 
 
 @dataclass
-class Record:
+class MujocoSteps:
     """What a run stepped: the model, its state at the first ``time`` (s), then (steps, their size in s, whether signals
     were taken after them).
     """
 
-    link: Linkage
+    link: MujocoLinkage
     time: float
     q: np.ndarray
     v: np.ndarray
@@ -62,8 +62,13 @@ class Record:
 
 
 def march(
-    request: Request, link: Linkage, motor: Motor, state: tuple[np.ndarray, np.ndarray], marks: np.ndarray, lead: float
-) -> tuple[dict[str, np.ndarray], Log, Record]:
+    request: Request,
+    link: MujocoLinkage,
+    motor: Motor,
+    state: tuple[np.ndarray, np.ndarray],
+    marks: np.ndarray,
+    lead: float,
+) -> tuple[dict[str, np.ndarray], Log, MujocoSteps]:
     """Step from mark to mark (s), after the lead-in (s), from a state (nq,), (nv,): signals at the marks, samples of
     the journals between them.
 
@@ -86,7 +91,7 @@ def march(
     time = float(marks[0]) - lead
     motor.place(link, time, 0.0)
     on_track(link)
-    record = Record(link, time, d.qpos.copy(), d.qvel.copy())
+    record = MujocoSteps(link, time, d.qpos.copy(), d.qvel.copy())
     look(link)
     lag, span, room = 0.0, lead + float(marks[-1] - marks[0]), room_apart(request, link)
     for k, interval in enumerate(np.diff(marks, prepend=time).tolist()):

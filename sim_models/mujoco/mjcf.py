@@ -76,20 +76,20 @@ class Description:
             "contact",
         )  # semi-implicit Euler: what is stiff allows no larger step, and RK4 four times the work
         self.place = {GROUND: AT_REST, **pose}
-        self.forms, self.twist = self._angles()
+        self.forms, self.fixed_angle = self._angles()
 
     def _angles(self) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
         """Each body's angle as a sum of hinges, and the constant that prismatic joints add."""
         forms: dict[str, dict[str, float]] = {GROUND: {}}
-        twist = {GROUND: 0.0}
+        fixed_angle = {GROUND: 0.0}
         for b in self.branches:
             name = b.body.name
-            forms[name], twist[name] = dict(forms[b.parent]), twist[b.parent]
+            forms[name], fixed_angle[name] = dict(forms[b.parent]), fixed_angle[b.parent]
             if b.joint is not None and b.joint.prismatic:
-                twist[name] += b.joint.angle if b.is_second else -b.joint.angle
+                fixed_angle[name] += b.joint.angle if b.is_second else -b.joint.angle
             else:
                 forms[name][name] = 1.0
-        return forms, twist
+        return forms, fixed_angle
 
     def mjcf(self) -> str:
         """The model as MJCF text."""

@@ -39,11 +39,11 @@ class Part:
     marker: int  # site
     mass: float  # kg
     inertia: float  # kg.m^2
-    twist: float  # rad
-    form: np.ndarray  # angle less twist, over qpos
+    fixed_angle: float  # rad
+    form: np.ndarray  # angle less fixed_angle, over qpos
 
 
-class Linkage(Description):
+class MujocoLinkage(Description):
     """MuJoCo's model and data of a mechanism, and how to talk to them in the mechanism's words.
 
     ``contacts`` has the contact law of every joint that is not ideal; the rest is as described (:class:`Description`).
@@ -121,7 +121,7 @@ class Linkage(Description):
             marker,
             b.body.mass,
             inertia,
-            self.twist[name],
+            self.fixed_angle[name],
             self.form[name],
         )
 
@@ -133,7 +133,11 @@ class Linkage(Description):
         m = self.model
         for name, t in self.laws.items():
             j = self.mechanism.joint(name)
-            rest = j.rest_angle if j.prismatic else j.rest_angle - self.twist[j.bodies[1]] + self.twist[j.bodies[0]]
+            rest = (
+                j.rest_angle
+                if j.prismatic
+                else j.rest_angle - self.fixed_angle[j.bodies[1]] + self.fixed_angle[j.bodies[0]]
+            )
             m.tendon_lengthspring[t] = rest
         self.touch = {name: self._touch(name) for name in self.contacts} if self.rows == "contact" else {}
         if self.rows in ("massless-link", "spring"):

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from sim_models.common.start import Course
-from sim_models.mujoco.model import Linkage
+from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.state import advance
 
 BESIDE = 0.01  # rad, about, that a motor turns between the instants whose equilibria give the rates of a steady start
@@ -93,7 +93,7 @@ class Motor:
         """Rate (rad/s) at the start."""
         return self.direction * self.fastest if self.course is None else self.course.rate(self.begin)
 
-    def turn(self, link: Linkage, time: float, count: int) -> None:
+    def turn(self, link: MujocoLinkage, time: float, count: int) -> None:
         """Take steps from this time (s) on."""
         m, d = link.model, link.data
         if self.course is None:
@@ -114,7 +114,7 @@ class Motor:
             acceleration[0], jerk[0] = now, change
             advance(link, 1)
 
-    def place(self, link: Linkage, time: float, lag: float) -> None:
+    def place(self, link: MujocoLinkage, time: float, lag: float) -> None:
         """Put the motor where it should be at this time (s), its velocity being ``lag`` (s) older; at constant speed,
         if it is ASIDE.
         """

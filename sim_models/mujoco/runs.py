@@ -20,7 +20,7 @@ from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.laws import contact_laws, law_settings
 from sim_models.mujoco.limits import CameApart
 from sim_models.mujoco.march import Log, march
-from sim_models.mujoco.model import Linkage
+from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import Motor
 from sim_models.mujoco.state import (
     joint_forces,
@@ -45,7 +45,7 @@ State = tuple[np.ndarray, np.ndarray]  # coordinates (nq,) and velocities (nv,)
 RELEASED = Motor(np.zeros(0), np.zeros(0), 0, 0.0, 0.0)  # no motor: nothing but steps
 
 
-class Run:
+class MujocoRun:
     """One request on its way to a trace."""
 
     def __init__(self, request: Request) -> None:
@@ -130,7 +130,7 @@ class Run:
         v = (rate @ q)[here]
         v[near.pressed.motor] = motor.speed
         if near.pressed.compliant and not self.laws and motor.period is not None:
-            link = Linkage(
+            link = MujocoLinkage(
                 self.mechanism, {}, "ideal", poses(self.assembly, angles[here]), step, follows=self.course is not None
             )
             revolution = Revolution(link, self.assembly, motor, motor.period)
@@ -150,7 +150,7 @@ class Run:
         """
         link = near.pressed
         if self.released:  # nothing holds the crank: pins are lighter
-            link = Linkage(
+            link = MujocoLinkage(
                 self.mechanism,
                 self.laws,
                 self.request.joint_model,
@@ -239,7 +239,7 @@ class Run:
         """Gaps (m) along the ideal linkage's reactions at the instant of release, x where there is none; zero to start
         centred.
         """
-        link = Linkage(self.mechanism, {}, "ideal", poses(self.assembly, theta), STATIC_STEP, hold=False)
+        link = MujocoLinkage(self.mechanism, {}, "ideal", poses(self.assembly, theta), STATIC_STEP, hold=False)
         look(link)
         forces = near.noted(signals(link, joint_forces(link, link.data.efc_force), {}))
         return {} if self.centred else {name: near.rim(name, force or complex(1e-12)) for name, force in forces.items()}
@@ -253,7 +253,9 @@ class Run:
         for attempt in range(HALVINGS + 1):
             place = poses(self.assembly, theta)
             hold, follows = not self.released, self.course is not None
-            link = Linkage(self.mechanism, self.laws, self.request.joint_model, place, step, hold=hold, follows=follows)
+            link = MujocoLinkage(
+                self.mechanism, self.laws, self.request.joint_model, place, step, hold=hold, follows=follows
+            )
             try:
                 signals, log, self.record = march(self.request, link, self.motor, state, marks, lead)
                 return signals, log, step

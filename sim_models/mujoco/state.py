@@ -11,13 +11,13 @@ import numpy as np
 from analytic.mechanism import GROUND
 from sim_models.common.rates import rate_columns
 from sim_models.engine import SimulationError
-from sim_models.mujoco.model import CONTACT_ROWS, ROW, Linkage
+from sim_models.mujoco.model import CONTACT_ROWS, ROW, MujocoLinkage
 
 SINGULAR = 1e-9  # of the largest: a singular value of closing joints that says nothing
 Applied = tuple[complex, complex]  # force on a joint's second body (N), and the point where it acts (m)
 
 
-def touch(link: Linkage, always: bool = False) -> bool:
+def touch(link: MujocoLinkage, always: bool = False) -> bool:
     """Add the contact of each journal that has left its gap (or of every journal); says whether there is one."""
     x, link.touching = link.data.site_xpos, []
     for name, con in link.touch.items():
@@ -38,7 +38,7 @@ def touch(link: Linkage, always: bool = False) -> bool:
     return bool(link.touching)
 
 
-def advance(link: Linkage, count: int) -> None:
+def advance(link: MujocoLinkage, count: int) -> None:
     """Take steps."""
     m, d = link.model, link.data
     if not link.touch:
@@ -49,7 +49,7 @@ def advance(link: Linkage, count: int) -> None:
         mujoco.mj_step2(m, d)
 
 
-def begin_step(link: Linkage) -> None:
+def begin_step(link: MujocoLinkage) -> None:
     """First half of a step, contacts included.
 
     MuJoCo's convex cone drives sliding surfaces apart at friction coefficient times slip; that is taken back here.
@@ -67,7 +67,7 @@ def begin_step(link: Linkage) -> None:
             d.efc_aref[row] -= friction * abs(d.efc_aref[row + 1])
 
 
-def look(link: Linkage) -> None:
+def look(link: MujocoLinkage) -> None:
     """Evaluate forces and accelerations at the present state, without a step."""
     m, d = link.model, link.data
     begin_step(link)
@@ -77,7 +77,7 @@ def look(link: Linkage) -> None:
     mujoco.mj_rnePostConstraint(m, d)
 
 
-def first_rows(link: Linkage) -> dict[tuple[int, int], int]:
+def first_rows(link: MujocoLinkage) -> dict[tuple[int, int], int]:
     """First row of each constraint, by its type and id."""
     d = link.data
     found: dict[tuple[int, int], int] = {}
@@ -86,7 +86,7 @@ def first_rows(link: Linkage) -> dict[tuple[int, int], int]:
     return found
 
 
-def contact_rows(link: Linkage) -> dict[str, int]:
+def contact_rows(link: MujocoLinkage) -> dict[str, int]:
     """First row of each contact, by its joint."""
     if not link.touching:
         return {}
@@ -99,19 +99,19 @@ def contact_rows(link: Linkage) -> dict[str, int]:
     }
 
 
-def gap(link: Linkage, name: str) -> complex:
+def gap(link: MujocoLinkage, name: str) -> complex:
     """First pin centre minus second (m)."""
     first, second = link.sites[name]
     x = link.data.site_xpos
     return complex(x[first, 0] - x[second, 0], x[first, 1] - x[second, 1])
 
 
-def pin(link: Linkage, name: str, second: bool = True) -> complex:
+def pin(link: MujocoLinkage, name: str, second: bool = True) -> complex:
     """Centre of a joint's pin on its second (or first) body (m)."""
     return complex(*link.data.site_xpos[link.sites[name][second], :2])
 
 
-def joint_forces(link: Linkage, force: np.ndarray) -> dict[str, Applied]:
+def joint_forces(link: MujocoLinkage, force: np.ndarray) -> dict[str, Applied]:
     """Force of each closing joint on its second body, from the constraint rows' forces (nefc,)."""
     m, rows = link.model, first_rows(link)
     applied: dict[str, Applied] = {}
@@ -137,18 +137,22 @@ def joint_forces(link: Linkage, force: np.ndarray) -> dict[str, Applied]:
     return applied
 
 
-def friction_torques(link: Linkage) -> dict[str, float]:
+def friction_torques(link: MujocoLinkage) -> dict[str, float]:
     """Coulomb friction of each joint's law on its second body (N.m or N), from the present rows."""
     rows = first_rows(link) if link.laws else {}
     found = {name: rows.get((int(ROW.mjCNSTR_FRICTION_TENDON), t), -1) for name, t in link.laws.items()}
     return {name: float(link.data.efc_force[row]) if row >= 0 else 0.0 for name, row in found.items()}
 
 
-def law_torque(link: Linkage, name: str, friction: Mapping[str, float]) -> float:
+def law_torque(link: MujocoLinkage, name: str, friction: Mapping[str, float]) -> float:
     """Spring, damper and friction of a joint on its second body (N.m or N)."""
     j = link.mechanism.joint(name)
     if name not in link.laws:  # nothing, or a spring that slides keep from turning
-        return 0.0 if j.prismatic else -j.stiffness * (link.twist[j.bodies[1]] - link.twist[j.bodies[0]] - j.rest_angle)
+        return (
+            0.0
+            if j.prismatic
+            else -j.stiffness * (link.fixed_angle[j.bodies[1]] - link.fixed_angle[j.bodies[0]] - j.rest_angle)
+        )
     m, d, t = link.model, link.data, link.laws[name]
     return (
         friction.get(name, 0.0)
@@ -162,7 +166,10 @@ def _cross(a: complex, b: complex) -> float:
 
 
 def signals(
-    link: Linkage, forces: Mapping[str, Applied], friction: Mapping[str, float], velocity: np.ndarray | None = None
+    link: MujocoLinkage,
+    forces: Mapping[str, Applied],
+    friction: Mapping[str, float],
+    velocity: np.ndarray | None = None,
 ) -> dict[str, float]:
     """All signals of the present state, and its rates; accelerations are those that :func:`look` left in the data, or
     an equilibrium.
@@ -200,7 +207,7 @@ def signals(
         moment = part.inertia * float(motion[2]) + _cross(complex(*centre[part.number]), push) - turn_on[name]
         out[f"{name}_x"], out[f"{name}_y"] = site[part.marker]
         out[f"{name}_angle"], out[f"{name}_angular_velocity"] = (
-            part.twist + float(part.form @ q),
+            part.fixed_angle + float(part.form @ q),
             float(part.form @ velocity),
         )
         mujoco.mj_jacBodyCom(m, d, carry, None, part.number)
@@ -222,7 +229,7 @@ def signals(
     return out
 
 
-def on_track(link: Linkage) -> None:
+def on_track(link: MujocoLinkage) -> None:
     """Remove from the data's velocity what would tear rigid rows apart; the motor's speed stays."""
     m, d = link.model, link.data
     mujoco.mj_fwdPosition(m, d)
@@ -233,7 +240,7 @@ def on_track(link: Linkage) -> None:
         d.qvel[others] -= np.linalg.lstsq(jacobian[:, others], jacobian @ d.qvel, rcond=None)[0]
 
 
-def mobility(link: Linkage, q: np.ndarray, name: str) -> float:
+def mobility(link: MujocoLinkage, q: np.ndarray, name: str) -> float:
     """Largest acceleration (1/kg) of a joint's gap by a unit force in it."""
     m, d = link.model, link.data
     d.qpos[:] = q
@@ -247,7 +254,7 @@ def mobility(link: Linkage, q: np.ndarray, name: str) -> float:
     return float(np.linalg.eigvalsh(across @ eased.T).max())
 
 
-def stiffest_law(link: Linkage, q: np.ndarray) -> float:
+def stiffest_law(link: MujocoLinkage, q: np.ndarray) -> float:
     """Highest rate (1/s) of a joint's spring or damper, or of the drive's spring."""
     m, d = link.model, link.data
     d.qpos[:] = q
@@ -265,7 +272,7 @@ def stiffest_law(link: Linkage, q: np.ndarray) -> float:
     return max(rates)
 
 
-def apart(link: Linkage) -> float:
+def apart(link: MujocoLinkage) -> float:
     """Largest distance (m) by which the pins of rigid closing joints, or the ends of massless links, miss each
     other.
     """
@@ -275,7 +282,7 @@ def apart(link: Linkage) -> float:
     return max(misses, default=0.0)
 
 
-def misclosure(link: Linkage) -> float:
+def misclosure(link: MujocoLinkage) -> float:
     """Largest angle (rad) by which a body would have to turn, the motor held, for the pins of rigid closing joints to
     meet.
     """
@@ -291,7 +298,7 @@ def misclosure(link: Linkage) -> float:
     return max(abs(float(form @ turn)) for form in link.form.values())
 
 
-def check_warnings(link: Linkage, where: str) -> None:
+def check_warnings(link: MujocoLinkage, where: str) -> None:
     """Raise SimulationError for anything that MuJoCo only warns of, and for a state that is not a number."""
     d = link.data
     if not d.warning.number.any() and math.isfinite(float(d.qpos.sum()) + float(d.qvel.sum())):

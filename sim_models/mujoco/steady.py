@@ -14,7 +14,7 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from sim_models.common.start import check_steps, poses, substeps
-from sim_models.mujoco.model import Linkage
+from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import Motor
 from sim_models.mujoco.state import on_track, stiffest_law
 
@@ -39,7 +39,7 @@ class Revolution:
     A lag is (angle in rad, rate over ``sway``), motor less crank; ``sway`` (rad/s) is about the crank's own frequency.
     """
 
-    def __init__(self, link: Linkage, assembly: Assembly, motor: Motor, period: float) -> None:
+    def __init__(self, link: MujocoLinkage, assembly: Assembly, motor: Motor, period: float) -> None:
         self.link, self.assembly, self.motor = link, assembly, motor
         self.theta = float(motor.angles[motor.here])
         check_steps(f"mujoco: {link.mechanism.name}, a revolution on its drive.stiffness", period, link.step)
@@ -72,7 +72,7 @@ class Revolution:
         link, crank = self.link, self.link.mechanism.driven
         return np.array(
             [
-                q[link.motor] - link.twist[crank] - link.form[crank] @ q,
+                q[link.motor] - link.fixed_angle[crank] - link.form[crank] @ q,
                 (v[link.motor] - link.form[crank] @ v) / self.sway,
             ]
         )

@@ -128,7 +128,9 @@ def urdf(world: RecordedWorld, number: int) -> str:
         joint = ElementTree.SubElement(robot, "joint", name=name, type="prismatic" if how["slides"] else "continuous")
         ElementTree.SubElement(joint, "parent", link=world.names.get((number, how["parent"]), GROUND))
         ElementTree.SubElement(joint, "child", link=name)
-        ElementTree.SubElement(joint, "origin", xyz=_numbers(flat(how["at"])), rpy=_numbers([0.0, 0.0, how["twist"]]))
+        ElementTree.SubElement(
+            joint, "origin", xyz=_numbers(flat(how["at"])), rpy=_numbers([0.0, 0.0, how["fixed_angle"]])
+        )
         ElementTree.SubElement(joint, "axis", xyz=_numbers(how["axis"]))
         if how["slides"]:
             lower, upper = how.get("limits", FREE)

@@ -40,14 +40,14 @@ def flat(z: complex) -> list[float]:
 
 def floating(parent: int, number: int, com: complex, heavy: Mapping[str, float]) -> list[dict[str, Any]]:
     """Links of a body that floats in the plane: two slides and a hinge, the first two next to weightless."""
-    between = {"mass": TRIFLE, "inertia": TRIFLE, "at": 0j, "twist": 0.0, "com": 0j}
+    between = {"mass": TRIFLE, "inertia": TRIFLE, "at": 0j, "fixed_angle": 0.0, "com": 0j}
     slides = [
         between | {"parent": parent, "slides": True, "axis": SLIDE_X},
         between | {"parent": number, "slides": True, "axis": SLIDE_Y},
     ]
     return [
         *slides,
-        {**heavy, "at": 0j, "twist": 0.0, "com": com, "parent": number + 1, "slides": False, "axis": HINGE},
+        {**heavy, "at": 0j, "fixed_angle": 0.0, "com": com, "parent": number + 1, "slides": False, "axis": HINGE},
     ]
 
 
@@ -57,7 +57,7 @@ def strut_links(pin: Pin, mass: float, one_sided: bool) -> tuple[list[dict[str, 
     links = floating(-1, 0, 0j, part)
     if not one_sided:
         return links, pin.clearance + 0j
-    slide = {"at": 0j, "twist": 0.0, "com": 0j, "slides": True, "axis": SLIDE_X}
+    slide = {"at": 0j, "fixed_angle": 0.0, "com": 0j, "slides": True, "axis": SLIDE_X}
     limits = {"limits": (-pin.clearance, pin.clearance * (1 - RIM))}
     return [*links, {**part, "parent": 2, **slide, **limits}], 0j
 

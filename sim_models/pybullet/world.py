@@ -26,7 +26,7 @@ from analytic.mechanism import GROUND, MASS_CENTRE
 from sim_models.common.contact_laws import lighter_mass
 from sim_models.common.start import AT_REST, Pose
 from sim_models.engine import Request, SimulationError
-from sim_models.leapfrog.bodies import PlanarWorld
+from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.parts import Branch, coordinates, moving_body, spanning_tree
 from sim_models.leapfrog.rates import body_rates
 from sim_models.pybullet.balance import Balance
@@ -43,7 +43,7 @@ FASTEST = 1e9  # rad/s, m/s: in place of Bullet's clamp
 SETTLING = 3  # steps in which the direct solver's softness and what it undoes in the next step die away
 
 
-class BulletWorld(PlanarWorld):
+class BulletWorld(LeapfrogWorld):
     """A linkage in a PyBullet client of its own."""
 
     engine = "pybullet"
@@ -143,7 +143,7 @@ class BulletWorld(PlanarWorld):
             | {
                 "parent": parent,
                 "at": at,
-                "twist": branch.twist,
+                "fixed_angle": branch.fixed_angle,
                 "com": com,
                 "slides": joint.prismatic,
                 "axis": axis,
@@ -160,7 +160,7 @@ class BulletWorld(PlanarWorld):
             linkCollisionShapeIndices=[-1] * len(links),
             linkVisualShapeIndices=[-1] * len(links),
             linkPositions=[flat(k["at"]) for k in links],
-            linkOrientations=[p.getQuaternionFromEuler([0, 0, k["twist"]]) for k in links],
+            linkOrientations=[p.getQuaternionFromEuler([0, 0, k["fixed_angle"]]) for k in links],
             linkInertialFramePositions=[flat(k["com"]) for k in links],
             linkInertialFrameOrientations=[[0, 0, 0, 1]] * len(links),
             linkParentIndices=[k["parent"] + 1 for k in links],
@@ -293,7 +293,7 @@ class BulletWorld(PlanarWorld):
         name = branch.joint.name
         slides = branch.joint.prismatic
         angle, spin = (
-            (base.angle + branch.twist, base.angular_velocity)
+            (base.angle + branch.fixed_angle, base.angular_velocity)
             if slides
             else (base.angle + q[0], base.angular_velocity + v[0])
         )

@@ -167,7 +167,7 @@ class Linkage:
             com, hinges = complex(*data.xipos[number, :2]), [model.joint(name).id for name in how["hinges"]]
             out[f"{body}_x"], out[f"{body}_y"] = data.site_xpos[model.site(f"marker of {body}").id, :2]
             out[f"{body}_angle"], out[f"{body}_angular_velocity"] = (
-                how["twist"] + data.qpos[hinges].sum(),
+                how["fixed_angle"] + data.qpos[hinges].sum(),
                 velocity[hinges].sum(),
             )
             inertia = model.body_mass[number] * complex(*acceleration[3:5])

@@ -43,7 +43,7 @@ class Link(NamedTuple):
     inertia: float
     com: complex  # in the link's frame, which is its joint's
     slides: complex | None  # direction, in the link's frame
-    twist: float  # angle from its parent where the joint is at zero
+    fixed_angle: float  # angle from its parent where the joint is at zero
 
 
 class Place(NamedTuple):
@@ -100,9 +100,11 @@ class Linkage:
             joint, dynamics = p.getJointInfo(body, k), p.getDynamicsInfo(body, k)
             names[k] = joint[12].decode()
             slides = complex(*joint[13][:2]) if joint[2] == p.JOINT_PRISMATIC else None
-            twist = -2 * math.atan2(joint[15][2], joint[15][3])  # Bullet tells the turn from the link to its parent
+            fixed_angle = -2 * math.atan2(
+                joint[15][2], joint[15][3]
+            )  # Bullet tells the turn from the link to its parent
             self.links[names[k]] = Link(
-                (body, k), names[joint[16]], dynamics[0], dynamics[2][2], complex(*dynamics[3][:2]), slides, twist
+                (body, k), names[joint[16]], dynamics[0], dynamics[2][2], complex(*dynamics[3][:2]), slides, fixed_angle
             )
 
     def constrain(self, first: str, second: str, pivots: list[list[float]]) -> int:
@@ -123,7 +125,7 @@ class Linkage:
         self.places = {"ground": Place()}
         for (name, link), turned in zip(self.links.items(), self.coordinates()[0], strict=True):
             com, *_, velocity, spin = p.getLinkState(*link.at, computeLinkVelocity=True, computeForwardKinematics=True)
-            angle = self.places[link.parent].angle + link.twist + (turned if link.slides is None else 0.0)
+            angle = self.places[link.parent].angle + link.fixed_angle + (turned if link.slides is None else 0.0)
             hinge = complex(*com[:2]) - link.com * exp(
                 1j * angle
             )  # Bullet tells a link's frame in single precision, its com in double
