@@ -19,10 +19,11 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Joint
 from sim_models.common.start import Pose, poses
+from sim_models.common.tree import Branch
 from sim_models.dart.contact import FLOOR, Bearing, plane, rebound, vector
 from sim_models.engine import Request
 from sim_models.leapfrog.bodies import LeapfrogWorld
-from sim_models.leapfrog.parts import Branch, coordinates, moving_body, spanning_tree
+from sim_models.leapfrog.parts import coordinates, moving_body, spanning_tree
 
 ERROR_REDUCTION = 1.0  # share of a closing pin's drift that DART removes in a step: all, so that no transient lingers
 SETTLING = 3  # steps in which a loop that was closed without drift gets the drift that belongs to its motion

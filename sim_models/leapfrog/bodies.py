@@ -19,9 +19,10 @@ from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from sim_models.common.contact_laws import contact_parameters
 from sim_models.common.start import AT_REST, Pose, poses
 from sim_models.common.travel import travel
+from sim_models.common.tree import Branch
 from sim_models.engine import Request, Unsupported
 from sim_models.leapfrog.courses import Even, Grid, course_of, pace
-from sim_models.leapfrog.parts import Branch, Pin, moving_body
+from sim_models.leapfrog.parts import Pin, moving_body
 from sim_models.leapfrog.rates import centre_rates
 
 PROBE = 1e-5  # s, the step from which accelerations are read

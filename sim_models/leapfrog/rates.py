@@ -12,7 +12,8 @@ import numpy as np
 from analytic.mechanism import GROUND, MASS_CENTRE, Mechanism
 from sim_models.common.rates import rate_columns
 from sim_models.common.start import AT_REST, Pose
-from sim_models.leapfrog.parts import Branch, coordinates
+from sim_models.common.tree import Branch
+from sim_models.leapfrog.parts import coordinates
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,8 @@ import numpy as np
 from analytic.mechanism import GROUND, Joint, Mechanism
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import slide_travel
-from sim_models.mujoco.tree import Branch, spanning_tree
+from sim_models.common.tree import Branch
+from sim_models.mujoco.tree import spanning_tree
 
 MOTOR_INERTIA = 1e9  # kg.m^2 of armature: so much that no reaction changes a motor's speed
 RIGID = "0.9999 0.9999 0.001 0.5 2"  # solimp of a rigid row; 0.9999 is MuJoCo's largest impedance
@@ -86,7 +87,7 @@ class Description:
             name = b.body.name
             forms[name], fixed_angle[name] = dict(forms[b.parent]), fixed_angle[b.parent]
             if b.joint is not None and b.joint.prismatic:
-                fixed_angle[name] += b.joint.angle if b.is_second else -b.joint.angle
+                fixed_angle[name] += b.fixed_angle
             else:
                 forms[name][name] = 1.0
         return forms, fixed_angle

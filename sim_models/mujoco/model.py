@@ -14,10 +14,10 @@ import numpy as np
 from analytic.mechanism import Body, Mechanism
 from sim_models.common.contact_laws import PIN_RADIUS
 from sim_models.common.start import Pose
+from sim_models.common.tree import Branch
 from sim_models.engine import Unsupported
 from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.mjcf import RIGID, Description
-from sim_models.mujoco.tree import Branch
 
 SOFT = 1e-4  # impedance of a row that is a spring and damper: MuJoCo's smallest, so that its reference is the force
 LIGHT = 1e2  # 1/kg times the lighter link's mass: makes the virtual mass of such a row 1e-6 of that link's

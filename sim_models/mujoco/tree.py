@@ -1,67 +1,27 @@
-"""The tree of ideal joints in which the bodies of a MuJoCo linkage hang, and the joints that close its loops."""
+"""Which ideal joints of a MuJoCo linkage make the tree in which its bodies hang, and which close its loops."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
-from analytic.mechanism import GROUND, Body, Joint, Mechanism
-
-
-@dataclass(frozen=True)
-class Branch:
-    """How a body hangs in the tree: on a parent by a joint, or floating (no joint)."""
-
-    body: Body
-    parent: str
-    joint: Joint | None
-
-    @property
-    def is_second(self) -> bool:
-        """Whether the body is its joint's second."""
-        return self.joint is not None and self.joint.bodies[1] == self.body.name
+from analytic.mechanism import GROUND, Joint, Mechanism
+from sim_models.common.tree import Branch, grown, without_loops
 
 
 def spanning_tree(mechanism: Mechanism, cut: set[str]) -> tuple[list[Branch], list[Joint]]:
     """Branches, parents first, and the ideal joints that are left to close loops; joints named in ``cut`` join nothing.
 
     Rows that close a loop give by a part of what their bodies would accelerate by, so the joints of far lighter bodies
-    are in the tree.
+    are in the tree.  A drive joint with clearance leaves the crank floating, its angle a coordinate.
     """
-    part = {name: name for name in (GROUND, *(b.name for b in mechanism.bodies))}
     drive = mechanism.drive_joint
-    edges, closing = [], []
-    for joint in sorted(
-        mechanism.joints,
+    preferred = sorted(
+        (j for j in mechanism.joints if j.name not in cut or j.name == drive.name),
         key=lambda j: (not j.prismatic, j.name != drive.name, -_lightness(mechanism, j), GROUND not in j.bodies),
-    ):
-        if joint.name in cut and joint.name != drive.name:
-            continue
-        a, b = (part[name] for name in joint.bodies)
-        if a == b:
-            closing.append(joint)
-        else:
-            edges += (
-                [joint] if joint.name not in cut else []
-            )  # a drive joint with clearance leaves the crank floating, its angle a coordinate
-            part = {name: b if p == a else p for name, p in part.items()}
-    branches: list[Branch] = []
-    placed = {GROUND}
-    roots = [mechanism.driven] if drive.name in cut else []
-    waiting = roots + [b.name for b in mechanism.bodies if b.name not in roots]
-    while waiting:
-        via = next((j for j in edges if len(placed & set(j.bodies)) == 1), None)
-        if via is None or (waiting[0] in roots):
-            child, parent, via = waiting[0], GROUND, None
-        else:
-            edges.remove(via)
-            parent, child = sorted(via.bodies, key=lambda name: name not in placed)
-        body = mechanism.body(child)
-        assert isinstance(body, Body)
-        branches.append(Branch(body, parent, via))
-        placed.add(child)
-        waiting.remove(child)
-    return branches, closing
+    )
+    tree, closing = without_loops(mechanism, preferred)
+    floating = mechanism.driven if drive.name in cut else None
+    return grown(mechanism, [j for j in tree if j.name not in cut], floating), closing
 
 
 def _lightness(mechanism: Mechanism, joint: Joint) -> int:

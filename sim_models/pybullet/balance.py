@@ -11,7 +11,8 @@ import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Mechanism
 from sim_models.common.start import Pose
-from sim_models.leapfrog.parts import Branch, moving_body
+from sim_models.common.tree import Branch
+from sim_models.leapfrog.parts import moving_body
 from sim_models.leapfrog.rates import Turning
 
 
@@ -60,9 +61,9 @@ class Balance:
                 continue
             pin = self.place(joint.bodies[1], joint.name)
             moment = about_com - _cross(pin - self.place(child, MASS_CENTRE), force)
-            forces[joint.name] = force if branch.forward else -force
+            forces[joint.name] = force if branch.is_second else -force
             if joint.prismatic:
-                moments[joint.name] = moment if branch.forward else -moment
+                moments[joint.name] = moment if branch.is_second else -moment
             self._load(branch.parent, pin, -force, -moment)
         return forces, moments, torque
 

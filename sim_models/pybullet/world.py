@@ -25,9 +25,10 @@ import numpy as np
 from analytic.mechanism import GROUND, MASS_CENTRE
 from sim_models.common.contact_laws import lighter_mass
 from sim_models.common.start import AT_REST, Pose
+from sim_models.common.tree import Branch
 from sim_models.engine import Request, SimulationError
 from sim_models.leapfrog.bodies import LeapfrogWorld
-from sim_models.leapfrog.parts import Branch, coordinates, moving_body, spanning_tree
+from sim_models.leapfrog.parts import coordinates, moving_body, spanning_tree
 from sim_models.leapfrog.rates import body_rates
 from sim_models.pybullet.balance import Balance
 from sim_models.pybullet.parts import HINGE, Link, Strut, Tie, flat, floating, strut_links
