@@ -143,8 +143,8 @@ class Engine(Protocol):
 
     ``supports`` lists the (joint model, motion) pairs that :meth:`simulate` accepts; ``effects`` names what the engine
     can represent beside rigid bodies, gravity and loads: IN_JOINTS, a drive that yields (``drive_compliance``), links
-    that bend (``link_flexibility``).  ``beams`` lists the pairs that :meth:`simulate_flexible` accepts, ``exports`` says
-    whether its models can be exported.
+    that bend (``link_flexibility``).  ``beams`` lists the pairs that :meth:`simulate_flexible` accepts, ``exports``
+    says whether its models can be exported.
     """
 
     name: str

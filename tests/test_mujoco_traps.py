@@ -14,7 +14,7 @@ from sim_models.engine import Request, SimulationError
 from sim_models.mujoco.engine import ENGINE
 
 mujoco = pytest.importorskip("mujoco", exc_type=ImportError)
-from sim_models.mujoco.model import Linkage  # noqa: E402 - it imports MuJoCo
+from sim_models.mujoco.model import MujocoLinkage  # noqa: E402 - it imports MuJoCo
 
 pytestmark = pytest.mark.mujoco
 PAPER = load("paper")

@@ -27,7 +27,7 @@ from compare.evidence.scoreboard.outside import KINDS
 from compare.evidence.scoreboard.record import make, recorded
 from compare.evidence.scoreboard.rigs import Experiment, Plan, Rejected
 from compare.evidence.scoreboard.score import failed, opened, score
-from compare.evidence.scoreboard.sizes import Planted, Sizer, natural
+from compare.evidence.scoreboard.sizes import Planted, Sizer
 from compare.evidence.stored import read, status
 from compare.faults import Exit, OptionError
 from compare.results.diagnosis import Closing, Diagnosis, Effect
@@ -370,7 +370,7 @@ def test_the_committed_board_is_written_again_as_it_is() -> None:
 def test_a_check_names_the_sets_that_are_worse_and_no_others(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     stored = read(Scoreboard, REPORTS)
     again = {r.seed: r for r in stored.results}
-    worse, better = [r.seed for r in stored.results if r.good][20], [r.seed for r in stored.results if not r.good][0]
+    worse, better = [r.seed for r in stored.results if r.good][20], next(r.seed for r in stored.results if not r.good)
     again[worse] = again[worse].model_copy(update={"outcome": "wrong", "good": False})
     again[better] = again[better].model_copy(update={"outcome": "exact", "good": True})
     monkeypatch.setattr(check, "run_all", lambda wanted, folder, workers, progress: [again[seed] for seed in wanted])

@@ -169,7 +169,7 @@ DECISIONS = (
     ("Effects at once, at most", "search.MOST"),
     ("Chi-squared that an effect must gain on held-out data", "explain.HELD_OUT"),
     ("Chi-squared within which two explanations tie (four standard deviations)", "explain.TIE"),
-    ("Standard deviations by which a proposed run must part two explanations", "separate.ENOUGH"),
+    ("Standard deviations by which a proposed run must part two explanations", "experiment_design.ENOUGH"),
     ("Gap, in noise floors, up to which it counts as closed", "explain.CLOSED"),
     ("Standard deviations of a stretch that is listed", "locate.SURE"),
     ("Segments of a run", "fit.SEGMENTS"),
