@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from analytic.mechanism.file import load, shipped_cases
 from compare.results.catalogue import Capability, Case, Cases, Effect, Effects, Engine, Parameter, Simulators
-from sim_models.engine import JOINT_MODELS, Motion, SimulatorMissing, broken, declared, engine_names, installed_version
-
-MOTIONS: tuple[Motion, ...] = ("driven", "static")
+from sim_models.engine import JOINT_MODELS, MOTIONS, SimulatorMissing, broken, declared, engine_names, installed_version
 
 
 def cases() -> Cases:
@@ -35,7 +33,7 @@ def _engine(name: str) -> Engine:
     fault = broken(chosen.package) if version else ""
     supports = []
     for model in JOINT_MODELS:
-        motions = tuple(motion for motion in MOTIONS if (model, motion) in chosen.supports)
+        motions = tuple(motion for motion in MOTIONS if (model, motion) in chosen.capabilities.runs)
         supports.append(Capability(joint_model=model, motions=motions))
     return Engine(
         name=name,

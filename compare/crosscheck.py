@@ -302,7 +302,7 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
     if job.joint_model is not None:
         models = [m for m in models if m == job.joint_model]
     if job.joint_model is None or len(job.simulators) > 1:
-        supports = resolve(simulator).supports
+        supports = resolve(simulator).capabilities.runs
         models = [m for m in models if (m, job.motion) in supports]
     settle = 2 * np.pi if job.motion == "driven" and not released and turns_fully(assembly) else 0.0
     return [

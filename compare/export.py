@@ -42,8 +42,8 @@ def exported(
 ) -> dict[str, str]:
     """The files of an export: text by name."""
     chosen = engine(simulator)
-    if not chosen.exports:
-        can = ", ".join(name for name in engine_names() if declared(name).exports)
+    if chosen.capabilities.export is None:
+        can = ", ".join(name for name in engine_names() if declared(name).capabilities.export is not None)
         raise ArgumentError("simulator", f"{simulator}: its model cannot be exported; that of {can} can")
     m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
     asked = request(m, joint_model, motion, angles)

@@ -12,7 +12,7 @@ import functools
 import importlib
 import importlib.metadata
 import importlib.util
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol, cast, get_args
@@ -25,10 +25,26 @@ from sim_models.common.silence import silence, uninterrupted
 JointModel = Literal["ideal", "massless-link", "spring-damper", "contact"]
 Motion = Literal["driven", "static"]
 Start = Literal["steady", "centred"]
+Feature = Literal[
+    "prismatic", "coulomb_friction", "viscous_friction", "joint_spring", "contact_friction", "drive_compliance",
+    "course", "released",
+]  # fmt: skip
 Pair = tuple[JointModel, Motion]
 JOINT_MODELS: tuple[JointModel, ...] = get_args(JointModel)
-# What joints can do beside turning and sliding; an engine declares which of it is represented.
-IN_JOINTS: frozenset[str] = frozenset({"coulomb_friction", "viscous_friction", "joint_spring"})
+MOTIONS: tuple[Motion, ...] = get_args(Motion)
+FEATURES: tuple[Feature, ...] = get_args(Feature)
+IN_WORDS: Mapping[Feature, str] = {
+    "prismatic": "prismatic joints",
+    "coulomb_friction": "Coulomb friction of joints",
+    "viscous_friction": "dampers in joints",
+    "joint_spring": "springs in joints",
+    "contact_friction": "friction in contact",
+    "drive_compliance": "drives that yield",
+    "course": "courses of a motor",
+    "released": "released linkages",
+}
+MOVING: frozenset[Feature] = frozenset({"viscous_friction", "course", "released"})  # only runs that move have them
+TOUCHING: frozenset[Feature] = frozenset({"contact_friction"})  # only contact has it
 ENGINES: tuple[str, ...] = ("mujoco", "exudyn", "pybullet", "dart")  # built in
 GROUP = "linkage_crosscheck.engines"  # of the entry points by which other packages offer theirs
 
@@ -138,34 +154,83 @@ class Trace:
             values.flags.writeable = False
 
 
-class Engine(Protocol):
-    """What every engine offers.  One that derives from this class need not write what it does not do.
+@dataclass(frozen=True)
+class Scope:
+    """What an engine does: the pairs of joint model and motion that it runs, and the features that each may have.
 
-    ``supports`` lists the (joint model, motion) pairs that :meth:`simulate` accepts; ``effects`` names what the engine
-    can represent beside rigid bodies, gravity and loads: IN_JOINTS, a drive that yields (``drive_compliance``), links
-    that bend (``link_flexibility``).  ``beams`` lists the pairs that :meth:`simulate_flexible` accepts, ``exports``
-    says whether its models can be exported.
+    A feature that is not there with a pair is refused.  What makes no sense with a pair, such as a course at rest, is
+    nobody's (:func:`sensible`).
     """
+
+    runs: frozenset[Pair]
+    features: frozenset[tuple[Feature, Pair]]
+
+    @classmethod
+    def of(
+        cls, runs: Iterable[Pair], features: Iterable[Feature] = FEATURES, but: Iterable[tuple[Feature, Pair]] = ()
+    ) -> Scope:
+        """These runs, each with all of these features as far as they make sense, ``but`` for some."""
+        pairs = frozenset(runs)
+        every = {(feature, pair) for feature in features for pair in pairs if sensible(feature, pair)}
+        return cls(pairs, frozenset(every - set(but)))
+
+    def at_rest(self) -> Scope:
+        """What of it is static."""
+        runs = frozenset(pair for pair in self.runs if pair[1] == "static")
+        return Scope(runs, frozenset((feature, pair) for feature, pair in self.features if pair in runs))
+
+
+def sensible(feature: Feature, pair: Pair) -> bool:
+    """Whether a run of this joint model and motion can have a feature at all."""
+    model, motion = pair
+    return (motion == "driven" or feature not in MOVING) and (model == "contact" or feature not in TOUCHING)
+
+
+@dataclass(frozen=True)
+class Capabilities:
+    """What an engine declares, once: what it simulates with rigid links, what with links that bend, what it exports."""
+
+    rigid: Scope
+    beams: Scope | None = None
+    export: Scope | None = None
+
+    @property
+    def runs(self) -> frozenset[Pair]:
+        """Pairs of joint model and motion that are simulated with rigid links."""
+        return self.rigid.runs
+
+    @property
+    def in_motion(self) -> frozenset[str]:
+        """What effects may need of an engine: joint models and features in motion, links that bend
+        (``link_flexibility``).
+        """
+        found: set[str] = {model for model, motion in self.runs if motion == "driven"}
+        found |= {feature for feature, (_, motion) in self.rigid.features if motion == "driven"}
+        return frozenset(found | ({"link_flexibility"} if self.beams is not None else set()))
+
+
+class Engine(Protocol):
+    """What every engine offers.  One that derives from this class need not write what it does not do."""
 
     name: str
     package: str  # importable module; of a built-in engine also the name of this project's extra that installs it
-    supports: frozenset[Pair]
-    effects: frozenset[str] = frozenset()
-    beams: frozenset[Pair] = frozenset()
-    exports: bool = False
+    capabilities: Capabilities
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.  Raises SimulationError, Unsupported, or analytic's AssemblyError for a bad start."""
         ...
 
     def simulate_flexible(self, request: Request) -> Trace:
-        """Run one request in which bodies with a modulus of elasticity bend.  Raises what :meth:`simulate` does."""
+        """Run one request in which bodies with a modulus of elasticity bend.
+
+        Raises what :meth:`simulate` does, and Unsupported beyond ``capabilities.beams``.
+        """
         raise Unsupported(f"simulator {self.name!r} has rigid links only; leave flexible links out")
 
     def export(self, request: Request, folder: Path) -> list[Path]:
         """Write a request, and what came of it, into a folder as files that run in the bare engine.
 
-        Raises what :meth:`simulate` does.
+        Raises what :meth:`simulate` does, Unsupported beyond ``capabilities.export``, and OSError.
         """
         raise Unsupported(f"simulator {self.name!r}: its models cannot be exported")
 
@@ -218,9 +283,20 @@ def declared(name: str) -> Engine:
         raise SimulatorMissing(
             f"{left_out} cannot be imported ({_in_a_line(error)}); mend it or uninstall it"
         ) from None
-    if getattr(found, "name", None) != name or not all(hasattr(found, part) for part in ("supports", "simulate")):
-        raise SimulatorMissing(f"{left_out} is no engine of that name with package, supports and simulate")
+    if not _is_engine(name, found):
+        raise SimulatorMissing(f"{left_out} is no engine of that name with package, capabilities and simulate")
     return cast(Engine, found)
+
+
+def _is_engine(name: str, found: Any) -> bool:
+    """Whether somebody's object is an engine of that name."""
+    parts = {part: getattr(found, part, None) for part in ("name", "package", "capabilities", "simulate")}
+    return (
+        parts["name"] == name
+        and isinstance(parts["package"], str)
+        and isinstance(parts["capabilities"], Capabilities)
+        and callable(parts["simulate"])
+    )
 
 
 def engine(name: str) -> Engine:
@@ -265,10 +341,59 @@ def installed_version(package: str) -> str | None:
         return None
 
 
-def check_supported(chosen: Engine, request: Request) -> None:
-    """Raise Unsupported, naming what the engine does instead, if it cannot run this request."""
-    if (request.joint_model, request.motion) not in chosen.supports:
-        does = ", ".join(sorted(f"{m} {motion}" for m, motion in chosen.supports))
-        raise Unsupported(
-            f"{chosen.name} does not simulate {request.joint_model} joints in {request.motion} motion; it does: {does}"
+def needed(request: Request) -> dict[Feature, str]:
+    """The features that a request has, and of each what of it the request would have to leave out."""
+    m = request.mechanism
+    moving, touching = request.motion == "driven", request.joint_model == "contact"
+    found: dict[Feature, str] = {}
+    for joint in m.joints:
+        at = f"of joint {joint.name!r}"
+        rubs = touching and not joint.prismatic and bool(joint.clearance and joint.friction)
+        asked: tuple[tuple[Feature, bool, str], ...] = (
+            ("prismatic", joint.prismatic, f"the prismatic joint {joint.name!r}"),
+            ("coulomb_friction", bool(joint.coulomb), f"friction_torque = {joint.coulomb:g} {at}"),
+            ("viscous_friction", moving and bool(joint.damping), f"damping = {joint.damping:g} {at}"),
+            ("joint_spring", bool(joint.stiffness), f"stiffness = {joint.stiffness:g} {at}"),
+            ("contact_friction", rubs, f"friction = {joint.friction:g} {at}"),
         )
+        found |= {feature: what for feature, has, what in asked if has and feature not in found}
+    free = m.drive is None or m.drive.speed == "free"
+    if m.drive is not None and m.drive.stiffness and not (free and moving):
+        found["drive_compliance"] = f"drive.stiffness = {m.drive.stiffness:g}"
+    if request.course is not None:
+        found["course"] = "a course"
+    elif moving and free:
+        found["released"] = "the release, with a drive.speed in rad/s"
+    return found
+
+
+def check_supported(chosen: Engine, request: Request) -> None:
+    """Raise Unsupported, naming what the engine does instead, if it cannot simulate this request with rigid links."""
+    _check(chosen.name, "", chosen.capabilities.rigid, request)
+
+
+def check_flexible(chosen: Engine, request: Request) -> None:
+    """Raise Unsupported, naming what the engine does instead, if it cannot simulate it with links that bend."""
+    if chosen.capabilities.beams is None:
+        raise Unsupported(f"simulator {chosen.name!r} has rigid links only; leave flexible links out")
+    _check(chosen.name, " among links that bend", chosen.capabilities.beams, request)
+
+
+def check_exported(chosen: Engine, request: Request) -> None:
+    """Raise Unsupported, naming what the engine does instead, if it cannot simulate and export this request."""
+    check_supported(chosen, request)
+    if chosen.capabilities.export is None:
+        raise Unsupported(f"simulator {chosen.name!r}: its models cannot be exported")
+    _check(chosen.name, " in its exports", chosen.capabilities.export, request)
+
+
+def _check(name: str, where: str, scope: Scope, request: Request) -> None:
+    pair = request.joint_model, request.motion
+    runs = f"{request.joint_model} joints in {request.motion} motion"
+    if pair not in scope.runs:
+        does = ", ".join(sorted(f"{model} {motion}" for model, motion in scope.runs))
+        raise Unsupported(f"{name} does not simulate {runs}{where}; it does: {does}")
+    for feature, what in needed(request).items():
+        if (feature, pair) not in scope.features and sensible(feature, pair):
+            lacks = f"{name} has no {IN_WORDS[feature]}{where} (for {runs})"
+            raise Unsupported(f"{lacks}: leave out {what}, or use another simulator")

@@ -9,7 +9,7 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.paper.clearance import displaced
-from sim_models.engine import JointModel, Motion, Request, Trace
+from sim_models.engine import Capabilities, JointModel, Motion, Request, Scope, Trace
 
 Signals = dict[str, np.ndarray]
 Fault = Callable[[Signals], Signals]
@@ -41,6 +41,11 @@ class Planted:
     supports: frozenset[tuple[JointModel, Motion]] = field(
         default=frozenset({("ideal", "driven"), ("ideal", "static"), ("contact", "static")})
     )
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What the engine declares: its runs."""
+        return Capabilities(rigid=Scope.of(self.supports))
 
     def simulate(self, request: Request) -> Trace:
         """The answer to a request."""

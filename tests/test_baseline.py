@@ -466,7 +466,9 @@ def test_every_shipped_case_has_a_baseline_in_every_engine(case: str, name: str)
     stored = read(file_of(ROOT / "reports" / "baselines", case, name), case, name, "")
     assert [run.name for run in stored.runs] == [setup.name for setup in setups(load(case))]
     for run, setup in zip(stored.runs, setups(load(case)), strict=True):
-        assert bool(run.skipped) == ((setup.request.joint_model, setup.request.motion) not in declared(name).supports)
+        assert bool(run.skipped) == (
+            (setup.request.joint_model, setup.request.motion) not in declared(name).capabilities.runs
+        )
 
 
 @pytest.mark.slow

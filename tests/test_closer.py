@@ -32,12 +32,8 @@ class Faulty:
     package = "mujoco"
 
     @property
-    def supports(self) -> Any:
-        return self.real.supports
-
-    @property
-    def effects(self) -> Any:
-        return self.real.effects
+    def capabilities(self) -> Any:
+        return self.real.capabilities
 
     def simulate(self, request: Request) -> Trace:
         trace = self.real.simulate(request)

@@ -94,7 +94,7 @@ ROWS = [
     for name in ENGINES
     for motion in ("static", "driven")
     for model in JOINT_MODELS
-    if (model, motion) in declared(name).supports
+    if (model, motion) in declared(name).capabilities.runs
     for case in CASES
 ]
 

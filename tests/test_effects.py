@@ -102,7 +102,7 @@ def test_the_commands_agree_on_what_each_engine_simulates() -> None:
         assert all(effect in " ".join(table.split()) for effect in lacks)
         assert ("all but" in row) == bool(lacks)
     clearance = next(row for row in listed if row["name"] == "joint_clearance")
-    real_contact = [name for name in ENGINES if ("contact", "driven") in declared(name).supports]
+    real_contact = [name for name in ENGINES if ("contact", "driven") in declared(name).capabilities.runs]
     assert clearance["simulators"] == real_contact != list(ENGINES)
 
 

@@ -75,7 +75,10 @@ def test_it_stands_beside_the_built_in_ones(packages: Path, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--case", "slider-crank"], "joint 'S' is no plain pin"),
+        (
+            ["--case", "slider-crank"],
+            "multipliers has no prismatic joints (for ideal joints in driven motion): leave out the prismatic",
+        ),
         (["--joint", "contact"], "multipliers does not simulate contact joints in driven motion"),
         (["--flexible", "--motion", "static"], "'multipliers' has rigid links only"),
     ],

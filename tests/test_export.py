@@ -243,7 +243,7 @@ def test_a_run_that_fails_leaves_no_file(tmp_path: Path) -> None:
     assert not list((tmp_path / "out").iterdir())
 
 
-@pytest.mark.parametrize("name", [n for n in ENGINES if not declared(n).exports])
+@pytest.mark.parametrize("name", [n for n in ENGINES if declared(n).capabilities.export is None])
 def test_an_engine_without_an_export_says_which_have_one(name: str, tmp_path: Path) -> None:
     code, _, why = command("--simulator", name, "--out", str(tmp_path))
     assert code == 2

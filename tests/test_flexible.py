@@ -48,12 +48,7 @@ class Softer:
 
     def __init__(self, name: str) -> None:
         self.beams = Beams.of(name)
-        self.name, self.package, self.effects, self.supports = (
-            self.beams.name,
-            self.beams.package,
-            self.beams.effects,
-            self.beams.supports,
-        )
+        self.name, self.package, self.capabilities = self.beams.name, self.beams.package, self.beams.capabilities
 
     def simulate(self, request: Request) -> Trace:
         m = request.mechanism

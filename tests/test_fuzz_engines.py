@@ -52,7 +52,7 @@ def outcomes(m: Mechanism, theta: np.ndarray) -> Iterator[tuple[str, str, str]]:
     """(engine and run, verdict, why) of every engine that is installed."""
     for name in ENGINES:
         for model, motion in RUNS:
-            if (model, motion) not in declared(name).supports or (model != "ideal" and not m.clearances):
+            if (model, motion) not in declared(name).capabilities.runs or (model != "ideal" and not m.clearances):
                 continue
             run = f"{name} {model} {motion}"
             try:

@@ -71,7 +71,7 @@ def test_shipped_cases_keep_well_clear_of_every_limit(name: str, case: str) -> N
     chosen = engine(name)
     for setup in setups(load(case)):
         request = setup.request
-        if (request.joint_model, request.motion) in chosen.supports and not setup.impacting:
+        if (request.joint_model, request.motion) in chosen.capabilities.runs and not setup.impacting:
             assert not over(request, chosen.simulate(request), KEPT), setup.name
 
 
@@ -80,7 +80,7 @@ def test_shipped_cases_keep_well_clear_of_every_limit(name: str, case: str) -> N
 def test_pins_that_fly_and_hit_keep_clear_of_them_too(name: str) -> None:
     chosen = engine(name)
     for setup in setups(load("crank-rocker")):
-        if setup.impacting and (setup.request.joint_model, "driven") in chosen.supports:
+        if setup.impacting and (setup.request.joint_model, "driven") in chosen.capabilities.runs:
             request = replace(setup.request, crank_angle=setup.request.crank_angle[:720])
             assert not over(request, chosen.simulate(request), KEPT), setup.name
 

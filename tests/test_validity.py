@@ -69,7 +69,10 @@ def one(case: str, rpm: float, clearance: float, simulator: str = "mujoco") -> d
 
 @pytest.mark.parametrize(
     "simulator",
-    ["mujoco", *slow(*(e for e in ENGINES if e != "mujoco" and ("contact", "driven") in declared(e).supports))],
+    [
+        "mujoco",
+        *slow(*(e for e in ENGINES if e != "mujoco" and ("contact", "driven") in declared(e).capabilities.runs)),
+    ],
 )
 def test_the_papers_case_agrees_at_its_own_speed_and_first_order_does_not(simulator: str) -> None:
     found = one("paper", 15.0, 1e-3, simulator)

@@ -15,18 +15,30 @@ from analytic.mechanism.signals import AXES, Signal
 from compare.judge.discrepancy import Rule
 from compare.judge.reference import Reference
 from compare.judge.signals import DRIVE_TORQUE
-from sim_models.engine import Engine, Request, Trace, Unsupported, check_supported, declared, engine, engine_names
+from sim_models.engine import (
+    Capabilities,
+    Engine,
+    Request,
+    Scope,
+    Trace,
+    Unsupported,
+    check_supported,
+    declared,
+    engine,
+    engine_names,
+)
 
 OF_DISPLACEMENT = 1e-3  # of a body's displacement: what beams of few elements may be off by
 OF_LENGTH = 1e-9  # of the longest body: rounding, all that there is where nothing moves
 
 
 class Beams(Engine):
-    """An engine whose bodies bend where they have a modulus of elasticity."""
+    """An engine whose bodies bend where they have a modulus of elasticity, at rest, where the superposition holds."""
 
     def __init__(self, chosen: Engine) -> None:
-        self.engine, self.name, self.package, self.effects = chosen, chosen.name, chosen.package, chosen.effects
-        self.supports = chosen.beams
+        self.engine, self.name, self.package = chosen, chosen.name, chosen.package
+        beams = chosen.capabilities.beams
+        self.capabilities = Capabilities(rigid=Scope.of(()) if beams is None else beams.at_rest())
 
     @classmethod
     def of(cls, name: str) -> Beams:
@@ -34,8 +46,8 @@ class Beams(Engine):
         raises.
         """
         chosen = engine(name)
-        if not chosen.beams:
-            bending = ", ".join(each for each in engine_names() if declared(each).beams)
+        if chosen.capabilities.beams is None:
+            bending = ", ".join(each for each in engine_names() if declared(each).capabilities.beams)
             raise Unsupported(
                 f"simulator {name!r} has rigid links only; links bend in {bending}, or leave flexible links out"
             )

@@ -16,7 +16,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Mechanism
 from sim_models.common.simulate import simulate
 from sim_models.common.start import poses
-from sim_models.engine import Engine, Pair, Rates, Request, SimulationError, Trace, Unsupported
+from sim_models.engine import Capabilities, Engine, Rates, Request, Scope, SimulationError, Trace
 
 ITERATIONS, CLOSED = 20, 1e-13  # of Newton's method; how far pins may be apart, of the longest body
 
@@ -26,7 +26,7 @@ class MultiplierEngine(Engine):
 
     name = "multipliers"
     package = "numpy"  # what must be installed for it to run
-    supports: frozenset[Pair] = frozenset({("ideal", "driven"), ("ideal", "static")})
+    capabilities = Capabilities(rigid=Scope.of([("ideal", "driven"), ("ideal", "static")], features=()))
 
     def simulate(self, request: Request) -> Trace:
         """Run one request, in units that suit the linkage, and check what must be true of it whoever runs it."""
@@ -37,9 +37,8 @@ ENGINE = MultiplierEngine()
 
 
 def run(request: Request) -> Trace:
-    """The linkage at every crank angle.  Raises Unsupported or SimulationError."""
+    """The linkage at every crank angle.  Raises SimulationError."""
     m = request.mechanism
-    refuse(m, request)
     linkage, assembly = Multipliers(m), Assembly(m)
     speed = (m.speed or 0.0) if request.motion == "driven" else 0.0
     found = [linkage.at(theta, speed, assembly) for theta in request.crank_angle]
@@ -48,17 +47,6 @@ def run(request: Request) -> Trace:
     theta = np.array(request.crank_angle, float)
     time = (theta - theta[0]) / speed if speed else None
     return Trace("multipliers", "1.0", "ideal", request.motion, theta, time, signals, rates=rates)
-
-
-def refuse(m: Mechanism, request: Request) -> None:
-    """Nothing that a request asks for is left out in silence.  Raises Unsupported."""
-    if m.speed is None and request.motion == "driven":
-        raise Unsupported("multipliers: needs a drive of constant speed; use another simulator")
-    if request.course is not None or (m.drive is not None and m.drive.stiffness):
-        raise Unsupported("multipliers: its drive is rigid and turns evenly; use another simulator")
-    for j in m.joints:
-        if j.prismatic or j.coulomb or j.damping or j.stiffness:
-            raise Unsupported(f"multipliers: joint {j.name!r} is no plain pin; use another simulator")
 
 
 @dataclass

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from sim_models.common.simulate import simulate
 from sim_models.dart.world import DartWorld
-from sim_models.engine import IN_JOINTS, Engine, JointModel, Motion, Request, Trace
+from sim_models.engine import FEATURES, MOTIONS, Capabilities, Engine, JointModel, Request, Scope, Trace
 from sim_models.leapfrog.runs import run
 
 MODELS: tuple[JointModel, ...] = ("ideal", "spring-damper", "contact")
-MOTIONS: tuple[Motion, ...] = ("driven", "static")
 
 
 class DartEngine(Engine):
@@ -16,9 +15,10 @@ class DartEngine(Engine):
 
     name = "dart"
     package = "dartpy"
-    effects = IN_JOINTS | {"drive_compliance"}
-    supports: frozenset[tuple[JointModel, Motion]] = frozenset(
-        (model, motion) for model in MODELS for motion in MOTIONS
+    capabilities = Capabilities(
+        rigid=Scope.of(
+            ((model, motion) for model in MODELS for motion in MOTIONS), set(FEATURES) - {"contact_friction"}
+        )
     )
 
     def simulate(self, request: Request) -> Trace:

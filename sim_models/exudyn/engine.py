@@ -13,17 +13,25 @@ from pathlib import Path
 
 from sim_models.common.simulate import simulate
 from sim_models.engine import (
-    IN_JOINTS,
+    FEATURES,
     JOINT_MODELS,
+    MOTIONS,
+    Capabilities,
     Engine,
-    JointModel,
-    Motion,
+    Feature,
     Pair,
     Request,
+    Scope,
     Trace,
-    check_supported,
+    check_exported,
+    check_flexible,
 )
 from sim_models.exudyn.settings import console_off
+
+RUNS: tuple[Pair, ...] = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
+BENDING: tuple[Pair, ...] = tuple((model, motion) for model in ("ideal", "contact") for motion in MOTIONS)
+# Friction of a pin on its rim falls to zero with its sliding speed: at rest there is none.
+AT_REST: frozenset[tuple[Feature, Pair]] = frozenset({("contact_friction", ("contact", "static"))})
 
 
 class ExudynEngine(Engine):
@@ -31,12 +39,11 @@ class ExudynEngine(Engine):
 
     name = "exudyn"
     package = "exudyn"
-    supports: frozenset[tuple[JointModel, Motion]] = frozenset(
-        (model, motion) for model in JOINT_MODELS for motion in ("static", "driven")
+    capabilities = Capabilities(
+        rigid=Scope.of(RUNS, but=AT_REST),
+        beams=Scope.of(BENDING, set(FEATURES) - {"contact_friction", "drive_compliance", "released"}),
+        export=Scope.of(RUNS, set(FEATURES) - {"course"}, but=AT_REST),
     )
-    effects = IN_JOINTS | {"drive_compliance", "link_flexibility"}
-    beams: frozenset[Pair] = frozenset({("ideal", "static"), ("contact", "static")})
-    exports = True
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.
@@ -55,6 +62,7 @@ class ExudynEngine(Engine):
         """Run one request with links of beams.  Raises SimulationError, Unsupported or AssemblyError."""
         from sim_models.exudyn.beams import flexible
 
+        check_flexible(self, request)
         return flexible(request)
 
     def export(self, request: Request, folder: Path) -> list[Path]:
@@ -63,7 +71,7 @@ class ExudynEngine(Engine):
         """
         from sim_models.exudyn.export import export
 
-        check_supported(self, request)
+        check_exported(self, request)
         with console_off():
             return export(request, folder)
 

@@ -7,7 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from sim_models.common.simulate import simulate
-from sim_models.engine import IN_JOINTS, JOINT_MODELS, Engine, JointModel, Motion, Request, Trace, check_supported
+from sim_models.engine import JOINT_MODELS, MOTIONS, Capabilities, Engine, Request, Scope, Trace, check_exported
+
+EVERY = Scope.of((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
 
 
 class MujocoEngine(Engine):
@@ -20,11 +22,7 @@ class MujocoEngine(Engine):
 
     name = "mujoco"
     package = "mujoco"
-    supports: frozenset[tuple[JointModel, Motion]] = frozenset(
-        (model, motion) for model in JOINT_MODELS for motion in ("driven", "static")
-    )
-    effects = IN_JOINTS | {"drive_compliance"}
-    exports = True
+    capabilities = Capabilities(rigid=EVERY, export=EVERY)
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""
@@ -39,7 +37,7 @@ class MujocoEngine(Engine):
         """
         from sim_models.mujoco.export import export
 
-        check_supported(self, request)
+        check_exported(self, request)
         with _no_log_file():
             return export(request, folder)
 

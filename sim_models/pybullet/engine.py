@@ -5,9 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 
 from sim_models.common.simulate import simulate
-from sim_models.engine import IN_JOINTS, Engine, JointModel, Motion, Request, Trace, check_supported
+from sim_models.engine import FEATURES, Capabilities, Engine, Feature, Pair, Request, Scope, Trace, check_exported
 from sim_models.leapfrog.runs import run
 from sim_models.pybullet.world import BulletWorld
+
+RUNS: tuple[Pair, ...] = (
+    ("ideal", "driven"),
+    ("ideal", "static"),
+    ("spring-damper", "driven"),
+    ("spring-damper", "static"),
+    ("massless-link", "static"),
+    ("contact", "static"),
+)
+HAS: frozenset[Feature] = frozenset(FEATURES) - {"contact_friction"}
 
 
 class BulletEngine(Engine):
@@ -15,18 +25,7 @@ class BulletEngine(Engine):
 
     name = "pybullet"
     package = "pybullet"
-    effects = IN_JOINTS | {"drive_compliance"}
-    exports = True
-    supports: frozenset[tuple[JointModel, Motion]] = frozenset(
-        {
-            ("ideal", "driven"),
-            ("ideal", "static"),
-            ("spring-damper", "driven"),
-            ("spring-damper", "static"),
-            ("massless-link", "static"),
-            ("contact", "static"),
-        }
-    )
+    capabilities = Capabilities(rigid=Scope.of(RUNS, HAS), export=Scope.of(RUNS, HAS - {"course", "drive_compliance"}))
 
     def simulate(self, request: Request) -> Trace:
         """Run one request; see the protocol."""
@@ -38,7 +37,7 @@ class BulletEngine(Engine):
         """
         from sim_models.pybullet.export import export
 
-        check_supported(self, request)
+        check_exported(self, request)
         return export(request, folder)
 
 

@@ -169,7 +169,7 @@ class Effect(ABC):
 
     def simulated_by(self, engine: Engine) -> bool:
         """Whether an engine can simulate the effect in full; what sensors do is added to any engine's readings."""
-        return all(need in engine.effects or (need, "driven") in engine.supports for need in self.needs)
+        return self.needs <= engine.capabilities.in_motion
 
     # ---------------------------------------------------------------- where, and in which coordinates
 

@@ -107,7 +107,7 @@ def simulated(mechanism: Mechanism, simulator: str, resolve: Resolve) -> tuple[s
     engine, version, runs = resolve(simulator), "", []
     for setup in setups(mechanism):
         request = setup.request
-        if (request.joint_model, request.motion) not in engine.supports:
+        if (request.joint_model, request.motion) not in engine.capabilities.runs:
             why = f"{simulator} does not simulate {request.joint_model} joints in {request.motion} motion"
             runs.append(Run(setup.name, setup.added, skipped=why))
             continue

@@ -37,7 +37,7 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale]) -> Validation:
             if setup.impacting:
                 continue  # nothing to hold an impacting run to but another engine: the baselines do
             r = setup.request
-            engines = tuple(n for n in names if (r.joint_model, r.motion) in declared(n).supports)
+            engines = tuple(n for n in names if (r.joint_model, r.motion) in declared(n).capabilities.runs)
             workers = min(len(engines), cores())
             job = Job(r.mechanism, engines, tolerances, r.motion, r.crank_angle, r.time, r.joint_model, workers=workers)
             result = crosscheck_job(job)

@@ -1,0 +1,181 @@
+"""What engines declare is true: whatever they declare they run, and it shows; whatever they do not, they refuse.
+
+The table is made from the declarations: every engine, with rigid links, with links that bend, and its export; every
+pair of joint model and motion; and each feature that makes sense with it.
+"""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from analytic.mechanism import Mechanism
+from analytic.mechanism.file import load
+from marks import slow
+from sim_models.engine import (
+    ENGINES,
+    FEATURES,
+    IN_WORDS,
+    JOINT_MODELS,
+    MOTIONS,
+    Capabilities,
+    Feature,
+    JointModel,
+    Pair,
+    Request,
+    Scope,
+    Unsupported,
+    declared,
+    engine,
+    needed,
+    sensible,
+)
+
+What = Literal["rigid", "beams", "export"]
+PAIRS: tuple[Pair, ...] = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
+STEEL = 2e11  # Pa
+SPEED = 6.0  # rad/s
+FIRST = 1.2  # rad
+TIMES = np.array([0.012, 0.02, 0.025])  # s
+KNOTS = np.linspace(0.0, 0.03, 7)  # s
+COURSE = FIRST + 5.0 * KNOTS + 60.0 * KNOTS**2  # rad
+COMPLIANCE = 400.0  # N.m/rad
+
+
+def loaded(case: str) -> Mechanism:
+    m = load(case)
+    return m.replace(gravity=(0.0, -9.81), drive=m.drive.model_dump(exclude_unset=True) | {"speed": SPEED})  # type: ignore[union-attr]
+
+
+def mechanism(model: JointModel, feature: Feature | None) -> Mechanism:
+    """A linkage with this feature, and clearance in joint B unless all joints are ideal."""
+    m = loaded("slider-crank" if feature == "prismatic" else "paper")
+    m = m.with_clearances({} if model == "ideal" else {"B": 5e-4})
+    if feature == "contact_friction":
+        return m.with_joint("B", friction=0.15, pin_radius=0.02)
+    laws = {"coulomb_friction": {"friction_torque": 0.2}, "viscous_friction": {"damping": 0.05}}
+    laws["joint_spring"] = {"stiffness": 3.0, "rest_angle": 0.2}
+    if feature in laws:
+        return m.with_joint("A", **laws[feature])
+    drive = m.drive.model_dump(exclude_unset=True)  # type: ignore[union-attr]
+    if feature == "drive_compliance":
+        return m.replace(drive=drive | {"stiffness": COMPLIANCE})
+    if feature == "released":
+        return m.replace(drive=drive | {"speed": "free"})
+    return m.replace(drive=drive | {"speed": "measured"}) if feature == "course" else m
+
+
+def request(pair: Pair, feature: Feature | None) -> Request:
+    """A short run of this joint model and motion with this feature."""
+    model, motion = pair
+    m = mechanism(model, feature)
+    if feature == "course":
+        return Request(m, model, motion, time=TIMES, course=(KNOTS, COURSE))
+    if feature == "released":
+        return Request(m, model, motion, time=TIMES)
+    return Request(m, model, motion, FIRST + np.array([0.0, 0.06, 0.1]))
+
+
+def bending(asked: Request) -> Request:
+    """The same with its bars of steel."""
+    m = asked.mechanism
+    for body in m.bodies:
+        if body.length > 0:
+            m = m.with_body(body.name, youngs_modulus=STEEL, section=(0.01, 0.01))
+    return Request(m, asked.joint_model, asked.motion, asked.crank_angle, asked.time, course=asked.course)
+
+
+def scopes(capabilities: Capabilities) -> dict[What, Scope]:
+    none = Scope.of(())
+    return {
+        "rigid": capabilities.rigid,
+        "beams": capabilities.beams or none,
+        "export": capabilities.export or none,
+    }
+
+
+def has(scope: Scope, pair: Pair, feature: Feature | None) -> bool:
+    return pair in scope.runs if feature is None else (feature, pair) in scope.features
+
+
+EVERY: list[tuple[str, What, Pair, Feature | None]] = [
+    (name, what, pair, feature)
+    for name in ENGINES
+    for what in ("rigid", "beams", "export")
+    for pair in PAIRS
+    for feature in (None, *FEATURES)
+    if feature is None or (sensible(feature, pair) and pair in scopes(declared(name).capabilities)[what].runs)  # type: ignore[index]
+]
+DECLARED = [row for row in EVERY if has(scopes(declared(row[0]).capabilities)[row[1]], *row[2:])]
+REFUSED = [row for row in EVERY if row not in DECLARED]
+# An export runs what is run without it: of its features the short part of the suite has those of ideal joints.
+LONG = [row for row in DECLARED if row[1] == "export" and row[3] is not None and row[2][0] != "ideal"]
+SHORT = [row for row in DECLARED if row not in LONG]
+
+
+def title(value: object) -> str:
+    return "-".join(value) if isinstance(value, tuple) else str(value)
+
+
+def answer(name: str, what: What, asked: Request, folder: Path) -> dict[str, np.ndarray]:
+    """Signals (N,) of a request; of an export, those that it expects."""
+    chosen = engine(name)
+    if what == "rigid":
+        return dict(chosen.simulate(asked).signals)
+    if what == "beams":
+        return dict(chosen.simulate_flexible(bending(asked)).signals)
+    folder.mkdir()
+    written = {path.name: path for path in chosen.export(asked, folder)}
+    assert "run.py" in written
+    with written["expected.csv"].open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return {signal: np.array([float(row[signal]) for row in rows]) for signal in rows[0]}
+
+
+def shows(feature: Feature, pair: Pair, seen: dict[str, np.ndarray], without: dict[str, np.ndarray]) -> bool:
+    """Whether a feature is seen in the signals of a run, beside those of the same run without it."""
+    crank = seen["crank_angle"]
+    if feature == "prismatic":
+        return "reaction_S_moment" in seen
+    if feature == "course":
+        from scipy.interpolate import CubicSpline
+
+        return bool(np.abs(crank - CubicSpline(KNOTS, COURSE)(TIMES)).max() < 1e-6)
+    if feature == "released":
+        return bool(np.all(seen["drive_torque"] == 0) and np.ptp(crank) > 1e-4)
+    if feature == "drive_compliance":
+        lag = request(pair, feature).crank_angle - crank
+        return bool(np.abs(lag).max() > 1e-4 and np.allclose(lag, seen["drive_torque"] / COMPLIANCE, atol=1e-6))
+    changed = [name for name in without if name.startswith("reaction_") or name == "drive_torque"]
+    return max(float(np.abs(seen[name] - without[name]).max()) for name in changed) > 1e-3
+
+
+@pytest.mark.parametrize(("name", "what", "pair", "feature"), [*SHORT, *slow(*LONG)], ids=title)
+def test_what_is_declared_runs_and_shows(
+    name: str, what: What, pair: Pair, feature: Feature | None, tmp_path: Path
+) -> None:
+    asked = request(pair, feature)
+    assert feature is None or feature in needed(asked)
+    seen = answer(name, what, asked, tmp_path / "with")
+    assert all(np.all(np.isfinite(values)) for values in seen.values())
+    if feature is not None:
+        alters = feature not in ("prismatic", "course", "released", "drive_compliance")
+        without = answer(name, what, request(pair, None), tmp_path / "without") if alters else {}
+        assert shows(feature, pair, seen, without)
+
+
+@pytest.mark.parametrize(("name", "what", "pair", "feature"), REFUSED, ids=title)
+def test_what_is_not_declared_is_refused(
+    name: str, what: What, pair: Pair, feature: Feature | None, tmp_path: Path
+) -> None:
+    with pytest.raises(Unsupported) as refusal:
+        answer(name, what, request(pair, feature), tmp_path / "with")
+    said = str(refusal.value)
+    assert name in said
+    if feature is not None:
+        assert IN_WORDS[feature] in said
+        assert needed(request(pair, feature))[feature] in said
