@@ -164,7 +164,13 @@ def test_ideal_driven_linkages_reproduce_kinetostatics(name: str) -> None:
         np.testing.assert_allclose(trace.signals[signal], values, rtol=0, atol=rtol * scale, err_msg=signal)
 
 
-@pytest.mark.parametrize(("joint_model", "clearance"), slow(*product(REAL, (1e-2, 1e-3, 1e-4))))
+@pytest.mark.parametrize(
+    ("joint_model", "clearance"),
+    [
+        ("massless-link", 1e-3),
+        *slow(*(row for row in product(REAL, (1e-2, 1e-3, 1e-4)) if row != ("massless-link", 1e-3))),
+    ],
+)
 def test_driven_paper_case_starts_and_stays_in_the_analytic_equilibrium(
     joint_model: JointModel, clearance: float
 ) -> None:
