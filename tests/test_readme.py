@@ -53,7 +53,7 @@ def test_there_are_commands_to_check() -> None:
 def test_a_reader_is_through_it_in_a_minute_and_knows_the_paper() -> None:
     assert len(README.splitlines()) <= 90
     assert TITLE in README
-    assert len(re.findall(r"!\[", README)) <= 2
+    assert len(re.findall(r"!\[", README)) == 1
 
 
 def test_its_first_three_shell_blocks_are_what_ci_runs() -> None:
