@@ -27,7 +27,7 @@ from compare.evidence.scoreboard.outside import KINDS
 from compare.evidence.scoreboard.record import make, recorded
 from compare.evidence.scoreboard.rigs import Experiment, Plan, Rejected
 from compare.evidence.scoreboard.score import failed, opened, score
-from compare.evidence.scoreboard.sizes import Planted, Sizer, natural
+from compare.evidence.scoreboard.sizes import Planted, Sizer
 from compare.evidence.stored import read, status
 from compare.faults import Exit, OptionError
 from compare.results.diagnosis import Closing, Diagnosis, Effect
