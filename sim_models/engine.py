@@ -96,6 +96,12 @@ class Request:
         """Radial clearance (m) of each joint that has one in this run; none where joints are ideal."""
         return {} if self.joint_model == "ideal" else self.mechanism.clearances
 
+    @property
+    def released(self) -> bool:
+        """Whether the linkage is let go: no motor turns it, and no course says how it moves."""
+        drive = self.mechanism.drive
+        return self.motion == "driven" and self.course is None and (drive is None or drive.speed == "free")
+
 
 @dataclass(frozen=True)
 class Rates:
@@ -357,12 +363,11 @@ def needed(request: Request) -> dict[Feature, str]:
             ("contact_friction", rubs, f"friction = {joint.friction:g} {at}"),
         )
         found |= {feature: what for feature, has, what in asked if has and feature not in found}
-    free = m.drive is None or m.drive.speed == "free"
-    if m.drive is not None and m.drive.stiffness and not (free and moving):
+    if m.drive is not None and m.drive.stiffness and not request.released:
         found["drive_compliance"] = f"drive.stiffness = {m.drive.stiffness:g}"
     if request.course is not None:
         found["course"] = "a course"
-    elif moving and free:
+    elif request.released:
         found["released"] = "the release, with a drive.speed in rad/s"
     return found
 

@@ -347,7 +347,7 @@ def test_what_exudyn_does_not_do_is_refused_in_words() -> None:
         run(m, "massless-link", "driven", [30.0], start="centred")
     with pytest.raises(Unsupported, match="friction"):
         run(m.with_joint("B", friction=0.1), "contact", "static", [30.0])
-    with pytest.raises(Unsupported, match=r"Request\.time"):
+    with pytest.raises(Unsupported, match=r"request\.time"):
         run(load("pendulum"), "ideal", "driven", [30.0])
     with pytest.raises(Unsupported, match="no crank angle"):
         run(m, "ideal", "driven", [])

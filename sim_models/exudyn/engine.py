@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_models.common.simulate import simulate
+from sim_models.common.simulate import export, simulate, simulate_flexible
 from sim_models.engine import (
     FEATURES,
     JOINT_MODELS,
@@ -23,8 +23,6 @@ from sim_models.engine import (
     Request,
     Scope,
     Trace,
-    check_exported,
-    check_flexible,
 )
 from sim_models.exudyn.settings import console_off
 
@@ -62,18 +60,16 @@ class ExudynEngine(Engine):
         """Run one request with links of beams.  Raises SimulationError, Unsupported or AssemblyError."""
         from sim_models.exudyn.beams import flexible
 
-        check_flexible(self, request)
-        return flexible(request)
+        return simulate_flexible(self, request, flexible)
 
     def export(self, request: Request, folder: Path) -> list[Path]:
         """Write a request, and what came of it, as files that run in Exudyn alone.  Raises what
         :meth:`simulate` does.
         """
-        from sim_models.exudyn.export import export
+        from sim_models.exudyn.export import write
 
-        check_exported(self, request)
         with console_off():
-            return export(request, folder)
+            return export(self, request, folder, write)
 
 
 ENGINE = ExudynEngine()

@@ -11,7 +11,7 @@ import numpy as np
 
 from analytic.mechanism import MASS_CENTRE, Body, Joint
 from sim_models.common.export_files import expected, lines
-from sim_models.engine import Request, Unsupported
+from sim_models.engine import Request
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.linkage import HALVED, ExudynLinkage
 from sim_models.exudyn.motor import Motor
@@ -31,15 +31,8 @@ PARAMETERS = {  # what closes a joint: the numbers that make it, by Exudyn's nam
 }
 
 
-def export(request: Request, folder: Path) -> list[Path]:
-    """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError.
-
-    Raises Unsupported for a course: the script's motor has a constant speed.
-    """
-    if request.course is not None:
-        raise Unsupported(
-            f"{request.mechanism.name}: a course is not exported; ask for crank angles at a constant drive.speed"
-        )
+def write(request: Request, folder: Path) -> list[Path]:
+    """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError."""
     run = _Remembered(request)
     trace = run.trace()
     linkage, motion = _at_rest(run) if request.motion == "static" else _moving(run)

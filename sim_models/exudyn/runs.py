@@ -34,30 +34,13 @@ MOST_STEPS = 500_000  # all of which are kept
 STEPS_PER_PERIOD = 40  # of the lighter link on a contact's stiffness, or hanging on a massless link
 
 
-def _check(request: Request) -> None:
-    m = request.mechanism
-    moving = request.motion == "driven"
-    measured = m.drive is not None and m.drive.speed == "measured"
-    if request.course is not None:
-        if not moving or (m.speed is None and not measured):
-            raise Unsupported(f"{m.name}: a course is for a driven run of a drive that is not free")
-    elif moving and measured:
-        raise Unsupported(f"{m.name}: a measured drive follows a course; give Request.course, or drive.speed in rad/s")
-    elif moving and m.speed is None:
-        if request.time is None or not request.time.size or request.time.min() < 0:
-            raise Unsupported(f"{m.name}: a released linkage is asked for by time (s, from 0 on); give Request.time")
-    elif not request.crank_angle.size:
-        raise Unsupported(f"{m.name}: no crank angle is asked for; give Request.crank_angle")
-    if request.joint_model == "massless-link" and moving and request.start == "centred" and request.clearances:
+def _check_start(request: Request) -> None:
+    """Raise Unsupported for a start that Exudyn's constraint on a distance does not allow."""
+    centred = request.motion == "driven" and request.start == "centred" and request.clearances
+    if request.joint_model == "massless-link" and centred:
         raise Unsupported(
             "exudyn: a massless link is as long as the clearance and cannot start with its pin centred; use start"
             " 'steady'"
-        )
-    rubbing = [name for name in request.clearances if m.joint(name).friction]
-    if rubbing and request.joint_model == "contact" and not moving:
-        raise Unsupported(
-            f"exudyn: contact friction (joint {rubbing[0]}) depends on the sliding speed and vanishes at rest; run it"
-            " driven, or give friction_torque"
         )
 
 
@@ -65,7 +48,7 @@ class ExudynRun:
     """One request being run.  Raises Unsupported for one that Exudyn cannot."""
 
     def __init__(self, request: Request) -> None:
-        _check(request)
+        _check_start(request)
         self.request, self.m = request, request.mechanism
         self.assembly = Assembly(self.m)
         self.clearance = request.clearances
@@ -77,7 +60,7 @@ class ExudynRun:
         with own_start("exudyn", self.request, self.assembly):
             if self.request.motion == "static":
                 return self.static()
-            return self.driven() if self.request.course is not None or self.m.speed is not None else self.released()
+            return self.released() if self.request.released else self.driven()
 
     # ---------------------------------------------------------------- motions
 

@@ -17,11 +17,11 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from sim_models.common.contact_laws import contact_parameters
-from sim_models.common.start import AT_REST, Pose, poses
+from sim_models.common.start import AT_REST, Course, Pose, poses
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
 from sim_models.engine import Request, Unsupported
-from sim_models.leapfrog.courses import Even, Grid, course_of, pace
+from sim_models.leapfrog.courses import Even, Grid, pace
 from sim_models.leapfrog.parts import Pin, moving_body
 from sim_models.leapfrog.rates import centre_rates
 
@@ -44,7 +44,7 @@ class LeapfrogWorld(ABC):
         m = self.mechanism = request.mechanism
         self.request = request
         self.static, self.speed = request.motion == "static", m.speed or 0.0
-        self.course = course_of(request)
+        self.course = None if request.course is None else Course.of(request)
         self.pace = pace(self.course or Even(0.0, self.speed))  # rad/s, of the crank at its fastest
         self.turned = not self.static and (m.speed is not None or self.course is not None)  # by a motor
         self.drive_stiffness = (m.drive.stiffness or 0.0) if m.drive is not None and m.drive.speed != "free" else 0.0

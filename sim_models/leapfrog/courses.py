@@ -11,7 +11,6 @@ from numpy.polynomial import Polynomial
 
 from analytic.kinematics.assembly import Assembly
 from sim_models.common.start import Course, Pose, poses, substeps
-from sim_models.engine import Request, Unsupported
 
 STENCIL = 1e-3  # rad of crank angle, for rates of positions and of the pins' equilibria
 KNOT_SHARE = 0.125  # of the time between a course's knots: below it a course has nothing new to say
@@ -63,26 +62,6 @@ class Behind:
 
 Motor = Even | Course
 Path = Motor | Behind
-
-
-def course_of(request: Request) -> Course | None:
-    """The course that a request's motor follows, if it has one.  Raises Unsupported where motor and course do not go
-    together.
-    """
-    m = request.mechanism
-    if request.course is None:
-        if m.drive is not None and m.drive.speed == "measured" and request.motion == "driven":
-            raise Unsupported(
-                f"{m.name}: a measured drive follows a course; give the request one, or drive.speed in rad/s, or 'free'"
-            )
-        return None
-    if request.motion == "static" or m.drive is None or m.drive.speed == "free":
-        raise Unsupported(
-            f"{m.name}: only a driven motor follows a course; leave the course out of a static or released run"
-        )
-    if request.lead_in:
-        raise Unsupported(f"{m.name}: a course leads in by itself; leave out lead_in = {request.lead_in:g} rad")
-    return Course.of(request)
 
 
 def angles(path: Path, time: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from sim_models.common.journal import free_share
 from sim_models.common.rates import part_rates
 from sim_models.common.silence import silence
 from sim_models.common.start import check_steps, schedule
-from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
+from sim_models.engine import Request, SimulationError, Trace, installed_version
 from sim_models.leapfrog.bodies import PROBE, WARM_UP, LeapfrogWorld
 from sim_models.leapfrog.courses import Changes, Even, Grid, Motor, Path, angles, moving, near
 from sim_models.leapfrog.equilibria import Equilibria
@@ -124,22 +124,14 @@ class Plan:
 
     @classmethod
     def of(cls, world: LeapfrogWorld) -> Plan:
-        """Raises Unsupported where a request's angles or times make no run."""
+        """The plan of a world's request."""
         request = world.request
         if world.course is not None:
             times, knots = np.asarray(request.time, float), world.course.spline.x
             return cls(times, float(knots[0]), world.course, knots[knots <= times.max()])
-        if not world.speed:
-            times = np.zeros(0) if request.time is None else np.asarray(request.time, float)
-            if times.size == 0 or not np.all(times >= 0):
-                raise Unsupported(
-                    f"{world.mechanism.name}: a released linkage needs request.time, from 0 s on; it is {request.time}"
-                )
+        if request.released:
+            times = np.asarray(request.time, float)
             return cls(times, 0.0, Even(world.assembly.start, request.start_speed), np.zeros(1))
-        if request.crank_angle.size == 0:
-            raise Unsupported(
-                f"{world.mechanism.name}: a driven run needs crank angles to report at; give at least one"
-            )
         plan = schedule(request)
         times = np.empty(plan.order.size)
         times[plan.order] = np.round(plan.time, 12)  # equal angles, at equal times

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from sim_models.common.simulate import simulate
-from sim_models.engine import JOINT_MODELS, MOTIONS, Capabilities, Engine, Request, Scope, Trace, check_exported
+from sim_models.common.simulate import export, simulate
+from sim_models.engine import JOINT_MODELS, MOTIONS, Capabilities, Engine, Request, Scope, Trace
 
 EVERY = Scope.of((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
 
@@ -35,11 +35,10 @@ class MujocoEngine(Engine):
         """Write a request, and what came of it, as files that run in MuJoCo alone.  Raises what
         :meth:`simulate` does.
         """
-        from sim_models.mujoco.export import export
+        from sim_models.mujoco.export import write
 
-        check_exported(self, request)
         with _no_log_file():
-            return export(request, folder)
+            return export(self, request, folder, write)
 
 
 ENGINE = MujocoEngine()

@@ -24,7 +24,7 @@ from sim_models.mujoco.state import contact_rows
 CLOSED_BY = {"massless-link": "massless link", "spring-damper": "spring-damper", "contact": "contact"}
 
 
-def export(request: Request, folder: Path) -> list[Path]:
+def write(request: Request, folder: Path) -> list[Path]:
     """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError."""
     run = MujocoRun(request)
     trace = run.trace()

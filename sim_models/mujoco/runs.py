@@ -15,7 +15,7 @@ from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
 from sim_models.common.rates import part_rates
 from sim_models.common.start import Course, poses, schedule
-from sim_models.engine import Request, SimulationError, Trace, Unsupported
+from sim_models.engine import Request, SimulationError, Trace
 from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.laws import contact_laws, law_settings
 from sim_models.mujoco.limits import CameApart
@@ -50,31 +50,12 @@ class MujocoRun:
 
     def __init__(self, request: Request) -> None:
         self.request, self.mechanism = request, request.mechanism
-        drive = self.mechanism.drive
-        free = drive is None or drive.speed == "free"
-        self.released = request.motion == "driven" and request.time is not None and request.course is None and free
-        self.course = None if request.course is None or request.motion == "static" else Course.of(request)
-        if request.motion == "driven" and not self.released:
-            self.check_drive(free)
-        if not self.released and self.course is None and request.crank_angle.size == 0:
-            raise Unsupported(f"{self.mechanism.name}: there is no crank angle to report at; give at least one")
+        self.released = request.released
+        self.course = None if request.course is None else Course.of(request)
         self.assembly = Assembly(self.mechanism)
         self.laws = contact_laws(request)
         self.motor = RELEASED
         self.direction = 0.0 if self.released else math.copysign(1.0, self.mechanism.speed or 1.0)
-
-    def check_drive(self, free: bool) -> None:
-        """Raise Unsupported where nothing says how the motor moves, or more than one thing does."""
-        drive = self.mechanism.drive
-        has = "no drive" if drive is None else f"drive.speed = {drive.speed!r}"
-        if self.course is not None and (free or self.request.lead_in):
-            has = f"a lead-in of {self.request.lead_in:g} rad" if not free else has
-            raise Unsupported(
-                f"{self.mechanism.name}: a course is a motor's, which follows it from its first time on; this has {has}"
-            )
-        if self.course is None and self.mechanism.speed is None:
-            ways = "drives a crank at constant speed or along a course, or releases it with times to report"
-            raise Unsupported(f"{self.mechanism.name}: mujoco {ways}; this has {has}")
 
     def trace(self) -> Trace:
         """Run the request."""
@@ -215,10 +196,6 @@ class MujocoRun:
         """Released at the assembly angles, at rest or with the request's speed."""
         time = np.asarray(self.request.time, float)
         order = np.argsort(time, kind="stable")
-        if time.size == 0 or time[order[0]] < 0:
-            raise Unsupported(
-                f"{self.mechanism.name}: a released linkage needs times to report at, none of them before 0 s"
-            )
         theta = self.assembly.start
         near = self.near(theta)
         gaps = self.gaps_at_release(near, theta) if self.laws else {}

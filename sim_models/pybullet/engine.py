@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_models.common.simulate import simulate
-from sim_models.engine import FEATURES, Capabilities, Engine, Feature, Pair, Request, Scope, Trace, check_exported
+from sim_models.common.simulate import export, simulate
+from sim_models.engine import FEATURES, Capabilities, Engine, Feature, Pair, Request, Scope, Trace
 from sim_models.leapfrog.runs import run
 from sim_models.pybullet.world import BulletWorld
 
@@ -35,10 +35,9 @@ class BulletEngine(Engine):
         """Write a request, and what came of it, as files that run in PyBullet alone.  Raises what :meth:`simulate`
         does.
         """
-        from sim_models.pybullet.export import export
+        from sim_models.pybullet.export import write
 
-        check_exported(self, request)
-        return export(request, folder)
+        return export(self, request, folder, write)
 
 
 ENGINE = BulletEngine()

@@ -15,7 +15,7 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Joint
 from sim_models.common.export_files import expected, lines
-from sim_models.engine import Request, Trace, Unsupported
+from sim_models.engine import Request, Trace
 from sim_models.leapfrog.bodies import WARM_UP
 from sim_models.leapfrog.runs import run
 from sim_models.pybullet.parts import flat
@@ -81,21 +81,8 @@ class RecordedWorld(BulletWorld):
             self.observing = False
 
 
-def export(request: Request, folder: Path) -> list[Path]:
-    """Run a request, and write what repeats it into an existing folder.
-
-    Raises what the run raises, Unsupported for a motor that does not turn evenly, and OSError.
-    """
-    drive = request.mechanism.drive
-    if request.course is not None or (drive is not None and drive.stiffness is not None):
-        what = (
-            "a course"
-            if request.course is not None
-            else f"drive.stiffness = {drive.stiffness:g} N.m/rad"
-            if drive is not None
-            else ""
-        )
-        raise Unsupported(f"pybullet's files drive the crank evenly and rigidly: leave out {what}")
+def write(request: Request, folder: Path) -> list[Path]:
+    """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError."""
     worlds: list[RecordedWorld] = []
 
     def make(asked: Request) -> RecordedWorld:
