@@ -137,9 +137,9 @@ class Engine(Protocol):
     """What every engine offers.  One that derives from this class need not write what it does not do.
 
     ``supports`` lists the (joint model, motion) pairs that :meth:`simulate` accepts; ``effects`` names what the engine
-    can represent beside rigid bodies, gravity and loads: IN_JOINTS, a drive that yields (``drive_compliance``), links
-    that bend (``link_flexibility``).  ``beams`` lists the pairs that :meth:`simulate_flexible` accepts, ``exports`` says
-    whether its models can be exported.
+    can represent beside rigid bodies, gravity and loads: IN_JOINTS, and a drive that yields (``drive_compliance``).
+    ``beams`` lists the pairs that a cross-check asks :meth:`simulate_flexible` for, empty where links do not bend;
+    ``exports`` says whether its models can be exported.
     """
 
     name: str

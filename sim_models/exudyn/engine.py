@@ -34,7 +34,7 @@ class Exudyn(Engine):
     supports: frozenset[tuple[JointModel, Motion]] = frozenset(
         (model, motion) for model in JOINT_MODELS for motion in ("static", "driven")
     )
-    effects = IN_JOINTS | {"drive_compliance", "link_flexibility"}
+    effects = IN_JOINTS | {"drive_compliance"}
     beams: frozenset[Pair] = frozenset({("ideal", "static"), ("contact", "static")})
     exports = True
 
