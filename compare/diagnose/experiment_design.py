@@ -1,4 +1,4 @@
-"""Which further run, or which further sensor, would tell two explanations apart: found by computing it."""
+"""The next experiment: which further run, or which further sensor, would tell two explanations apart, by simulation."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Name the missing effects: admit what pays on held-out data, test every rival, and say where the data cannot decide.
+"""Name the missing effects: keep what improves held-out data, try every rival, and say where the data cannot decide.
 
 Sets of effects are compared by chi^2.  Where the final residual is more than noise, or is coloured, each sensor's
-share of chi^2 is divided by its excess and by its correlation time, so that N samples count for what they are worth.
+share of chi^2 is divided by its excess and by its correlation time, so that N samples count as many as are independent.
 """
 
 from __future__ import annotations
@@ -29,10 +29,8 @@ DOMINANT = 0.5  # share of the excess that an effect must remove where something
 RIVALS = 10  # fitted in full for each named effect
 STRUCTURE = 1e-6  # chance of as much structure in noise alone
 BINS = 24
-SLIGHT = 0.3  # of the noise: structure that is let pass
-MODEL = (
-    1.0  # the same beside named effects, which the models of contact and bending do not follow to the last micrometre
-)
+SLIGHT = 0.3  # of the noise: structure that is accepted
+MODEL = 1.0  # the same beside named effects: models of contact and bending are not exact to the last micrometre
 
 
 @dataclass(frozen=True)
@@ -47,14 +45,14 @@ class Interval:
 
 @dataclass(frozen=True)
 class Named:
-    """An effect that the data want."""
+    """An effect that the data show."""
 
     term: Term
     parameters: dict[str, Interval]
     chi2_gain: float  # weighted decrease of chi^2 that it brings
     gap: tuple[float, float]  # before, after
     held_out: tuple[float, float]
-    ties: tuple[tuple[Term, Fit], ...] = ()  # what would explain the data as well in its place
+    ties: tuple[tuple[Term, Fit], ...] = ()  # what explains the data as well in its place
 
 
 @dataclass(frozen=True)
@@ -65,7 +63,7 @@ class Explanation:
     fit: Fit
     named: tuple[Named, ...]
     verdict: Verdict
-    weights: np.ndarray = field(repr=False)  # (size,) worth of each sample
+    weights: np.ndarray = field(repr=False)  # (size,) of each sample
     structured: bool  # whether what is left is more than noise
 
     @cached_property
@@ -75,7 +73,7 @@ class Explanation:
 
 
 def explain(search: Search, fit: Fit) -> Explanation:
-    """The explanation that a fit amounts to: which of its effects hold, how large, how sure, what else would do, and
+    """What a fit says: which of its effects stand, how large and how sure they are, what else explains the data, and
     the verdict.
     """
     data = search.fitter.data
@@ -92,7 +90,7 @@ def explain(search: Search, fit: Fit) -> Explanation:
 
 
 def pruned(search: Search, fit: Fit) -> tuple[Fit, np.ndarray, list[Named]]:
-    """The fit without effects that do not pay their way, the worth of its samples, and the effects that stay."""
+    """The fit without effects that bring too little, the weights of its samples, and the effects that stay."""
     while True:
         weights = sample_weights(search.fitter.data, fit.residual)
         named, weak = admitted(search, fit, weights)
@@ -129,7 +127,7 @@ def has_structure(data: Data, residual: np.ndarray, slight: float = SLIGHT) -> b
 
 
 def admitted(search: Search, fit: Fit, weights: np.ndarray) -> tuple[list[Named], int | None]:
-    """The effects of a fit with what each brings, and the position of the weakest that does not pay its way, if any."""
+    """The effects of a fit with what each brings, and the position of the weakest that brings too little, if any."""
     screen = search.screen(fit)
     closed = rms(fit.residual) <= CLOSED
     found, failing = [], []
@@ -209,7 +207,7 @@ def intervals(search: Search, fit: Fit, i: int, weights: np.ndarray) -> dict[str
 
 
 def rivalled(search: Search, fit: Fit, weights: np.ndarray, named: Named) -> Named:
-    """The effect with every other one that would do as well in its place."""
+    """The effect with every other one that explains the data as well in its place."""
     screen = search.screen(fit)
     i = fit.terms.index(named.term)
     others = without(fit, i)
@@ -237,20 +235,20 @@ def ties_with(search: Search, screen: Screen, weights: np.ndarray, fit: Fit, i: 
     """Whether the data cannot tell a fit from one with a rival in place of its i-th term."""
     j = rival.terms.index(term)
     if rival.bound[rival.columns(j)].any() and not np.any(rival.x[j]):
-        return False  # it would have to be unphysical
+        return False  # its value would be unphysical
     worse = float(weights @ (rival.residual**2 - fit.residual**2))
     mine, theirs = fit.jacobian[:, fit.columns(i)], rival.jacobian[:, rival.columns(j)]
     more = max(rank_of(theirs) - rank_of(mine), 0)
     share = max(8.0, math.log(weights.size))  # of chi^2, that a further parameter must bring
-    if term.effect.name in fit.terms[i].effect.special_case_of:  # the richer one must show that it is needed
+    if term.effect.name in fit.terms[i].effect.special_case_of:  # the rival is richer: it must be better
         return -worse > float(chi2.isf(RICHER, max(more, 1)))
-    if fit.terms[i].effect.name in term.effect.special_case_of:  # and this is the richer one: it has, unless by little
+    if fit.terms[i].effect.name in term.effect.special_case_of:  # this one is richer, and is the better one by more
         return worse < TIE + share
     contained = left_of(mine @ fit.x[i], rival.jacobian, weights) < 1.0
     return worse < TIE - (0.0 if contained else share * more)
 
 
-def left_of(signature: np.ndarray, columns: np.ndarray, weights: np.ndarray) -> float:
-    """Sigmas of a signature (size,) that remain after projecting out columns (size, k)."""
+def left_of(change: np.ndarray, columns: np.ndarray, weights: np.ndarray) -> float:
+    """Sigmas that remain of a residual's change (size,) after projecting out columns (size, k)."""
     root = np.sqrt(weights)
-    return float(np.linalg.norm(without_columns(signature * root, columns * root[:, None])))
+    return float(np.linalg.norm(without_columns(change * root, columns * root[:, None])))

@@ -89,8 +89,8 @@ class Data:
         return other
 
     def residual(self, readings: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
-        """(measured - predicted) / noise, (size,); angles modulo a turn.  Where the model has no answer it is
-        bridged.
+        """(measured - predicted) / noise, (size,); angles modulo a turn.  Where the model has no answer, straight lines
+        between its answers are taken.
         """
         predicted = np.concatenate([bridged(readings[p.run][p.signal])[p.used] for p in self.parts])
         difference = self.values - predicted
@@ -102,9 +102,7 @@ class Data:
 
 
 def bridged(values: np.ndarray) -> np.ndarray:
-    """Values with straight lines across what is not a number; all NaN becomes a huge number, so that nothing
-    fits it.
-    """
+    """Values (N,) with straight lines across NaN; without any number, a huge one that nothing fits."""
     known = np.isfinite(values)
     if known.all():
         return values
@@ -116,7 +114,7 @@ def bridged(values: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Fit:
-    """A set of effects and the coordinates at which the data like it best."""
+    """A set of effects and the coordinates at which it explains the data best."""
 
     terms: tuple[Term, ...]
     x: tuple[np.ndarray, ...]  # natural coordinates by term
@@ -210,7 +208,7 @@ class Fitter:
         return [None if f is None else self.data.residual(f) for f in found]
 
     def fit(self, terms: Sequence[Term], *starts: Mapping[Term, np.ndarray]) -> Fit | None:
-        """The best fit of a set of terms from the start that the data like best; None where none is possible."""
+        """The best fit of a set of terms from the start with the smallest residual; None where none is possible."""
         key = _sorted(terms)
         if key not in self._fits:
             points = [self._within(key, [np.array(start[t], float) for t in key]) for start in starts]
@@ -281,5 +279,5 @@ class Fitter:
 
 
 def _sorted(terms: Iterable[Term]) -> tuple[Term, ...]:
-    """Terms in the order in which a fit has them, whoever asks."""
+    """Terms in the order in which every fit has them."""
     return tuple(sorted(terms, key=lambda t: (t.label, t.variant)))

@@ -91,6 +91,6 @@ def rms_difference(signal: Signal, a: np.ndarray, b: np.ndarray) -> float:
 
 
 def _own_correlation(r: np.ndarray) -> float:
-    """Correlation time of a residual's noise, its slow part taken away by windows' means."""
+    """Correlation time (samples) of a residual's noise, after its means over windows are taken off."""
     rough = np.concatenate([w - w.mean() for w in np.array_split(r, min(WINDOWS, r.size))])
     return correlation_time(rough) if rough.any() else 1.0

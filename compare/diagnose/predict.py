@@ -1,4 +1,4 @@
-"""What the sensors of a rig would read if the mechanism were so: the analytic model with any set of effects.
+"""What the sensors of a rig read if the mechanism has a set of effects, by the analytic model.
 
 The analytic model is fast enough (a millisecond a run) to try everything; that it says what the chosen simulator says
 is checked on every run of every diagnosis (:mod:`compare.diagnose.simulate`).
@@ -32,7 +32,7 @@ CACHED = 400  # runs whose signals are kept
 
 
 class StartOfRun(Effect):
-    """The state that a free run starts from: not an effect but an unknown that always comes along."""
+    """The state that a free run starts from: not an effect, but an unknown of every fit."""
 
     name = "start"
     parameters = (Parameter("angle", "rad", "angle"), Parameter("rate", "rad/s", "rate"))
@@ -72,7 +72,7 @@ Signals = Mapping[str, np.ndarray]
 
 
 class Impossible(ValueError):
-    """A hypothesis that no linkage can have: it does not assemble, or a value is not physical."""
+    """A hypothesis that no linkage fulfils: it cannot be assembled, or a value is not physical."""
 
 
 class Model:
@@ -226,9 +226,7 @@ def _balanced(assembly: Assembly, turning: Turning, clearances: Mapping[str, flo
 
 
 def derived(assembly: Assembly, crank: Turning) -> dict[str, np.ndarray]:
-    """Every signal of the contract with the crank so moving: clearances taken up, links bent where they have a
-    modulus.
-    """
+    """Every signal with this motion of the crank: pins on their bearings' walls, links with a modulus bent."""
     mechanism = assembly.mechanism
     if mechanism.clearances:
         found = displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha)

@@ -1,5 +1,5 @@
-"""Before anything is compared: the rig and the nominal model, the courses that runs follow, what may be blamed and how
-far.
+"""What comes before the search: the rig and the nominal model, the courses that runs follow, the effects that are
+considered and their bounds.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Bounds, Data
 from compare.diagnose.predict import Model, StartOfRun, Term
 
-SAMPLES = 60_000  # of all sensors together; more are thinned, evenly, for the search and the pages
-REDRAWN = 32  # courses of runs that follow a noisy encoder
+SAMPLES = 60_000  # of all sensors together; of more, evenly spaced ones are used
+REDRAWN = 32  # courses with new noise, of runs that follow a noisy encoder
 TOGETHER = 8  # samples over which a course may not miss its encoder
-STRAY = 3.0  # sigmas (rms) by which it misses it then
+STRAY = 3.0  # sigmas (rms) by which it misses the encoder then
 
 
 def thinned(measured: Measured) -> Measured:
-    """The measurement with about SAMPLES samples at most, one in so many of each run; a course is left whole if it
-    needs its samples.
+    """The measurement with about SAMPLES samples at most, one in so many of each run; all of a run whose course needs
+    them.
     """
     total = sum(run.time.size * len(run.channels) for run in measured.runs)
     every = math.ceil(total / SAMPLES)
@@ -63,8 +63,8 @@ def thinned(measured: Measured) -> Measured:
 
 
 def followed(measured: Measured) -> tuple[dict[str, Motor], Measured]:
-    """The motors of the runs that follow their encoder, by run, and the measurement with what they do not follow among
-    its faults.
+    """The motors of the runs that follow their encoder, by run, and the measurement with a fault where a motor strays
+    from its encoder.
     """
     encoder = f"{measured.mechanism.driven}_angle"
     courses = {run.name: course(run, encoder) for run in measured.runs if run.drive == "measured"}
@@ -149,7 +149,7 @@ def starts(measured: Measured) -> dict[Term, np.ndarray]:
 
 
 def nominal(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor]) -> tuple[Rig, Model]:
-    """The rig and the model of a mechanism that is believed.  Raises MeasuredError where it cannot make the runs."""
+    """The rig and the model of the nominal mechanism.  Raises MeasuredError where it cannot make the runs."""
     rig = _rig(measured, mechanism, courses)
     model = Model(measured, rig, mechanism, courses)
     if model([[(t, t.effect.values(rig, t.where, x)) for t, x in starts(measured).items()]])[0] is None:
@@ -279,13 +279,13 @@ def bounds(rig: Rig, tolerance: Mapping[str, float]) -> Bounds:
 
 
 def _limit(effect: Effect, p: Parameter, tolerance: Mapping[str, float]) -> float | None:
-    """The tolerance on a parameter, the most particular one."""
+    """The tolerance on a parameter: of effect and parameter, or of the parameter, or of its quantity."""
     return next((tolerance[key] for key in (f"{effect.name}.{p.name}", p.name, p.quantity) if key in tolerance), None)
 
 
 def allowed(terms: Sequence[Term], tolerance: Mapping[str, float], bounds: Bounds) -> list[Term]:
-    """The terms to which the tolerances leave room: not of an effect whose first parameter has none, nor a variant
-    beyond them.
+    """The terms that the tolerances leave possible: not an effect whose first parameter must be exact, nor a variant
+    beyond its tolerance.
     """
 
     def has_room(term: Term) -> bool:

@@ -272,7 +272,7 @@ class Problem:
         wanted = [t for t in self.terms if t.key not in self.ruled_out]
         cost = costs(wanted, self.rig, data.size)
         free = bool(self.base.terms)
-        # a free motion answers linearly only for a while: its first part is explained first
+        # a free motion answers linearly only at first: its first part is explained first
         for share in HORIZONS if free and not first else ():
             search = self.prepared(data.until(share), cost, wanted, free)
             first = search.leaders(search.best(first))

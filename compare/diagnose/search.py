@@ -22,7 +22,7 @@ ROUNDS = 3
 # of chi^2: sets that the screen puts farther behind its best are not fitted, unless they are among the first few
 MARGIN = 60.0
 FIRST = 5
-LEADERS = 5  # sets of effects that go on from a part of the data to more of it
+LEADERS = 5  # of the best sets of a part of the data are tried on more of it
 
 
 def costs(terms: Sequence[Term], rig: Rig, samples: int) -> dict[Term, float]:
@@ -56,12 +56,12 @@ class Search:
         return self.fitter.rig
 
     def price(self, fit: Fit) -> float:
-        """What the terms of a fit must bring."""
+        """Decrease of chi^2 that the terms of a fit must bring."""
         return sum(self.cost[fit.terms[i]] for i in fit.named())
 
     def beats(self, new: Fit | None, old: Fit) -> bool:
-        """Whether a fit is better than another, its price paid; samples count for what the better of the two makes of
-        them.
+        """Whether a fit is better than another, its price taken off; samples are weighted by the residual of the better
+        of the two.
         """
         if new is None or new is old:
             return False
@@ -70,8 +70,8 @@ class Search:
         return float(weights @ (old.residual**2 - new.residual**2)) > self.price(new) - self.price(old) + 1e-6
 
     def best(self, first: Sequence[Fit] = ()) -> Fit:
-        """The set of effects with the smallest chi^2 and price; maybe none.  ``first`` are fits to other data to begin
-        with.
+        """The set of effects, maybe empty, with the smallest sum of chi^2 and price.  ``first`` are fits to other data
+        that are tried first.
         """
         best = self.base
         for fit in first:

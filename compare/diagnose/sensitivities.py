@@ -17,7 +17,7 @@ from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.least_squares import RELUCTANCE
 from compare.diagnose.predict import Term
 
-BEAM = 24  # sets of each size that are carried on
+BEAM = 24  # sets of each size to which a further term is added
 VISIBLE = 1e-6  # sigmas: an effect whose sensitivity is smaller in every sample is invisible
 
 
@@ -33,7 +33,7 @@ class Sensitivity:
     fitted: bool = False  # columns are derivatives by the natural coordinates at a fit
 
     def start(self, rig: Rig, coefficients: np.ndarray) -> np.ndarray:
-        """Natural coordinates (n,) that linear coefficients of the columns amount to."""
+        """Natural coordinates (n,) that belong to coefficients of the columns."""
         t = self.term
         return coefficients if self.fitted else t.effect.start(rig, t.where, coefficients, t.variant)
 
@@ -72,7 +72,7 @@ def sensitivities(fitter: Fitter, base: Fit, terms: Sequence[Term]) -> dict[Term
 
 
 class Screen:
-    """The linear problem of all sensitivities: which sets of terms take most of the residual's square away.
+    """The linear problem of all sensitivities: which sets of terms lower chi^2 most.
 
     ``residual`` is that of the model without any of the terms; ``always`` (size, a) are columns that every set has.
     """
@@ -102,7 +102,7 @@ class Screen:
         }
 
     def unit(self, sensitivity: Sensitivity) -> np.ndarray:
-        """What one of each column amounts to in the effect's own scales."""
+        """How many of the effect's own scales one of each column is."""
         t = sensitivity.term
         return (
             np.asarray(t.effect.scales(self.rig, t.where, t.variant), float)

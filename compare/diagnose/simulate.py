@@ -1,8 +1,4 @@
-"""Simulate in full: the readings of every run by an engine, with real clearance joints, friction, beams and all.
-
-Nothing here uses the analytic model, except for what an engine cannot represent: that part is then added as the
-analytic difference that it makes, and said so.
-"""
+"""The readings of a run by an engine, with real clearance joints, friction and beams: no analytic model is used."""
 
 from __future__ import annotations
 
@@ -16,7 +12,6 @@ from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Mechanism
 from compare.diagnose.data.recording import Run
 from compare.diagnose.effects.effect import Readings, Rig
-from compare.diagnose.effects.loads import LinkFlexibility
 from compare.diagnose.predict import Hypothesis, Term, altered, motor_offset
 from compare.judge.signals import with_derived
 from sim_models.engine import Engine, JointModel, Request, SimulationError, SimulatorMissing, Trace, Unsupported, engine
@@ -52,11 +47,6 @@ class Task:
 def lacking(name: str, terms: Sequence[Term]) -> list[Term]:
     """Effects that an engine cannot represent."""
     return [t for t in terms if not t.effect.simulated_by(engine(name))]
-
-
-def has_beams(chosen: Engine) -> bool:
-    """Whether an engine simulates links that bend."""
-    return LinkFlexibility().simulated_by(chosen)
 
 
 def simulate(task: Task) -> tuple[dict[str, np.ndarray], str, Mapping[str, object]] | str:
@@ -111,7 +101,7 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
 
 
 def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -> tuple[Trace, dict[str, np.ndarray]]:
-    """Trace and signals of a released run; what is asked of it before its first sample is what holds there."""
+    """Trace and signals of a released run; before its first sample, those of that sample."""
     assert task.start is not None
     mechanism = mechanism.with_clearances({})
     angle, rate = task.start
@@ -132,8 +122,6 @@ def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -
 def _run(chosen: Engine, request: Request) -> Trace:
     if not request.mechanism.bends:
         return chosen.simulate(request)
-    if not has_beams(chosen):
+    if chosen.capabilities.beams is None:
         return chosen.simulate(replace(request, mechanism=request.mechanism.rigid()))
-    from sim_models.exudyn.beams import flexible
-
-    return flexible(request)
+    return chosen.simulate_flexible(request)

@@ -1,4 +1,4 @@
-"""A diagnosis in an engineer's words."""
+"""What a diagnosis says, in sentences."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""The diagnosis from end to end: measured data in; where it disagrees, what is missing, and how far that closes the gap
-out.
-"""
+"""The diagnosis from end to end: from measured data to where they disagree with the model, and what it lacks."""
 
 from __future__ import annotations
 

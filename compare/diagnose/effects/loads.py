@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from analytic.mechanism import Body, Load, Mechanism
 from compare.diagnose.effects.bodies import bodies
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Reciprocal, Rig, Values
+from sim_models.engine import Engine
 
 STEEL = 2e11  # Pa
 
@@ -67,9 +68,11 @@ class LinkFlexibility(Reciprocal):
     label = "flexible links"
     meaning = "the links bend"
     hiding = Hiding(cases=("crank-rocker",), exclusive=True, makers={"exudyn": 1.0}, need_beams=True)
-    needs = frozenset({"link_flexibility"})
     slow = True
     parameters = (Parameter("youngs_modulus", "Pa", "modulus", 0.0),)
+
+    def simulated_by(self, engine: Engine) -> bool:
+        return engine.capabilities.beams is not None
 
     def places(self, rig: Rig) -> Sequence[str]:
         return ["linkage"] if any(_bends(b) for b in rig.mechanism.bodies) else []

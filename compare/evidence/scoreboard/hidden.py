@@ -28,13 +28,13 @@ from compare.evidence.scoreboard.sizes import LARGEST, SMALLEST, Drawn, Planted,
 FIRST = {"effects": 0, "none": 100_000, "outside": 200_000, "alias": 300_000}  # first seed of each kind of set
 # by seed
 DIAGNOSING = ("mujoco", "exudyn", "mujoco", "dart", "mujoco", "pybullet", "mujoco", "mujoco", "mujoco", "mujoco")
-ELSE = "mujoco"  # diagnoses what only one engine can make, where that one would have to
+ELSE = "mujoco"  # diagnoses where the engine of the seed is the only one that can make the data
 COUNTS = (0.6, 0.3, 0.1)  # of sets with one, two, three effects
 MAKERS = {"exudyn": 1.0, "mujoco": 1.0, "dart": 1.0, "pybullet": 0.25}  # engines that make data: the slower the rarer
-KEPT = 0.15  # of its peak, that the reaction of a joint with clearance never falls below
-STRANGE = (60.0, 160.0)  # sigmas that the best rival leaves of a thing outside the vocabulary
-TOGETHER = 4  # effects that may not describe it either:
-GAP = 0.6  # of the noise's mean square is what they leave at least
+KEPT = 0.15  # of its peak: the reaction of a joint with clearance never falls below that
+UNDESCRIBED = (60.0, 160.0)  # sigmas that the best rival leaves of a thing outside the vocabulary
+TOGETHER = 4  # effects together leave GAP of it at least
+GAP = 0.6  # of the noise's mean square
 
 
 @dataclass(frozen=True)
@@ -48,17 +48,17 @@ class Hidden:
     simulator: str
     truth: tuple[Planted, ...] = ()
     outside: Outside | None = None
-    strange: float = 0.0  # sigmas of it that no single effect describes
+    undescribed: float = 0.0  # sigmas of it that no single effect describes
     reversed_load: bool = False  # alias sets: whether a run has it
 
 
 def kind_of(seed: int) -> str:
-    """What kind of set a seed stands for."""
+    """The kind of set that a seed makes."""
     return max((first, kind) for kind, first in FIRST.items() if first <= seed)[1]
 
 
 def draw(seed: int, attempt: int) -> Hidden:
-    """The set of a seed; raises Rejected where this attempt makes none, for the next one to be tried."""
+    """The set of a seed.  Raises Rejected where this attempt makes none; then the next one is tried."""
     rng = np.random.default_rng([seed, attempt])
     kind, simulator = kind_of(seed), DIAGNOSING[seed % len(DIAGNOSING)]
     if kind == "effects":
@@ -151,22 +151,28 @@ def _with_outside(seed: int, simulator: str, rng: np.random.Generator) -> Hidden
         rng, ["crank-rocker", "six-bar"] if kind != "periodic torque" else list(CASES), ("torque", "cell"), False, False
     )
     outside = draw_outside(kind, experiment, rng)
-    target, strange, gap = draw_log(rng, *STRANGE), 0.0, 0.0
+    target, undescribed, gap = draw_log(rng, *UNDESCRIBED), 0.0, 0.0
     for _ in range(4):
-        strange, gap = _strange(experiment, outside)
-        if strange < 1e-6:
+        undescribed, gap = _undescribed(experiment, outside)
+        if undescribed < 1e-6:
             raise Rejected(f"{kind} does not show")
-        if abs(strange / target - 1) < 0.05 or gap * (target / strange) ** 2 < 0.8 * GAP:
+        if abs(undescribed / target - 1) < 0.05 or gap * (target / undescribed) ** 2 < 0.8 * GAP:
             break
-        outside = resized(outside, min(target / strange, 100.0))
-    if abs(strange / target - 1) > 0.2 or gap < GAP:
+        outside = resized(outside, min(target / undescribed, 100.0))
+    if abs(undescribed / target - 1) > 0.2 or gap < GAP:
         raise Rejected(f"{kind} at {outside.where} is nearly described by the vocabulary")
     return Hidden(
-        seed, "outside", experiment, draw_source(rng, simulator, ()), simulator, outside=outside, strange=strange
+        seed,
+        "outside",
+        experiment,
+        draw_source(rng, simulator, ()),
+        simulator,
+        outside=outside,
+        undescribed=undescribed,
     )
 
 
-def _strange(experiment: Experiment, outside: Outside) -> tuple[float, float]:
+def _undescribed(experiment: Experiment, outside: Outside) -> tuple[float, float]:
     """Sigmas of it that the best single effect leaves, and the mean square that the best few leave, found one after the
     other.
     """
@@ -194,7 +200,7 @@ def _strange(experiment: Experiment, outside: Outside) -> tuple[float, float]:
 
 
 def analytic(mechanism: Mechanism, plan: Plan, time: np.ndarray, course: Course | None) -> Mapping[str, np.ndarray]:
-    """The analytic model as a way to run a plan."""
+    """Every signal of a plan at times (N,) s, by the analytic model."""
     if course is None:
         theta = plan.command(time)
         turning = Turning(theta, np.full_like(theta, plan.speed), np.zeros_like(theta))
@@ -206,14 +212,14 @@ def analytic(mechanism: Mechanism, plan: Plan, time: np.ndarray, course: Course 
 
 
 def course_grid(plan: Plan, time: np.ndarray) -> np.ndarray:
-    """Times (s) dense enough for a course: 720 a revolution, a little beyond the reports."""
+    """Times (s) that are dense enough for a course: 720 a revolution, a little beyond both ends of the plan."""
     period = 2 * math.pi / abs(plan.speed)
     spare = 0.02 * period
     count = math.ceil(720 * (np.ptp(time) + 2 * spare) / period) + 1
     return np.linspace(time.min() - spare, time.max() + spare, count)
 
 
-# ---------------------------------------------------------------- clearance or length?
+# ---------------------------------------------------------------- clearance, which may look like a length
 
 
 def _with_alias(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:

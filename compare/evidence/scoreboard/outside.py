@@ -1,4 +1,4 @@
-"""What is wrong with some rigs and has no name in the vocabulary: it must be reported as unexplained.
+"""Faults that have no name in the vocabulary: a diagnosis must report them as unexplained.
 
 The motor of a rigid linkage prescribes how it moves, so that reactions and drive torque are linear in whatever torques
 act on it: a law that no engine has is run exactly as (undisturbed) + torque(t) x (run with a unit torque -
@@ -24,7 +24,7 @@ Simulate = Callable[[Mechanism, Plan, np.ndarray, Course | None], Mapping[str, n
 
 @dataclass(frozen=True)
 class Outside:
-    """A thing outside the vocabulary: ``size`` scales it, ``shape`` are the numbers that say what it looks like."""
+    """A fault outside the vocabulary: ``size`` scales it, ``shape`` are the other numbers that it has."""
 
     kind: str
     where: str
@@ -88,7 +88,7 @@ def _relative(m: Mechanism, joint: str, signals: Mapping[str, np.ndarray]) -> tu
 
 
 def draw_outside(kind: str, experiment: Experiment, rng: np.random.Generator) -> Outside:
-    """One of a kind, of unit size."""
+    """A fault of a kind, of a size that is scaled afterwards."""
     m = experiment.nominal
     signals = ideal(m, experiment.plans[0])
     rocking = [
@@ -115,5 +115,5 @@ def draw_outside(kind: str, experiment: Experiment, rng: np.random.Generator) ->
 
 
 def resized(outside: Outside, factor: float) -> Outside:
-    """The same, that many times as large."""
+    """The same fault, ``factor`` times as large."""
     return replace(outside, size=outside.size * factor)

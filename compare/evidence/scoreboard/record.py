@@ -1,5 +1,5 @@
-"""Play the rig: run an engine, read its sensors, add noise, and write what a person would have measured; the truth goes
-elsewhere.
+"""Record a hidden set: run an engine, read its sensors, add noise, and write what a person would have measured; the
+truth goes elsewhere.
 
 ``python -m compare.evidence.scoreboard.record SEED OUT`` writes OUT/data (measured.toml, nominal.toml, CSV files) and
 OUT/seal/truth.json.  What sensors and the encoder do is written here anew, from the contract and not from the
@@ -69,7 +69,7 @@ def recorded(hidden: Hidden, plan: Plan) -> Readings:
 
 
 def moved(hidden: Hidden, plan: Plan, time: np.ndarray) -> Mapping[str, np.ndarray]:
-    """Every signal (N,) at times (N,) s, the encoder on the motor, by the engine that plays the rig."""
+    """Every signal (N,) at times (N,) s, the encoder on the motor, by the engine that makes the data."""
 
     def simulate(m: Mechanism, plan: Plan, time: np.ndarray, course: Course | None) -> Mapping[str, np.ndarray]:
         return run(hidden.source, m, plan, time, course).signals
@@ -97,8 +97,6 @@ def run(name: str, m: Mechanism, plan: Plan, time: np.ndarray, course: Course | 
 
     Raises Rejected where a pin leaves its bearing.
     """
-    from sim_models.exudyn.beams import flexible
-
     assert m.drive is not None
     m = m.replace(drive=m.drive.model_copy(update={"speed": plan.speed, "ripple": None}))
     with_clearance: JointModel = "massless-link" if name == "exudyn" else "contact"
@@ -108,7 +106,7 @@ def run(name: str, m: Mechanism, plan: Plan, time: np.ndarray, course: Course | 
     else:
         grid = course_grid(plan, time)
         request = Request(m, joint_model, time=time, course=(grid, course(grid)))
-    trace = flexible(request) if m.bends else engine(name).simulate(request)
+    trace = engine(name).simulate_flexible(request) if m.bends else engine(name).simulate(request)
     if any(trace.free_share.values()):
         raise Rejected(f"a pin flies free in {plan.name}")
     return trace
@@ -134,7 +132,7 @@ def _turned(seen: Readings, run: str, where: str, v: Values) -> Readings:
     return {**seen, x: along, y: across}
 
 
-PLAYED_ANEW: Mapping[type[Effect], Callable[[Readings, str, str, Values], Readings]] = {
+ANEW: Mapping[type[Effect], Callable[[Readings, str, str, Values], Readings]] = {
     EncoderOffset: _offset,
     SensorBias: _biased,
     SensorGain: _scaled,
@@ -145,7 +143,7 @@ PLAYED_ANEW: Mapping[type[Effect], Callable[[Readings, str, str, Values], Readin
 def read(planted: Planted, seen: Readings, run: str) -> Readings:
     """What an effect of a sensor makes of the readings (delays and clocks apart)."""
     effect = VOCABULARY[planted.name]
-    play = PLAYED_ANEW.get(type(effect), effect.on_readings)
+    play = ANEW.get(type(effect), effect.on_readings)
     return dict(play(seen, run, planted.where, planted.values))
 
 
@@ -184,7 +182,7 @@ def write_data(hidden: Hidden, noisy: list[Readings], folder: Path) -> None:
 
 
 def truth(hidden: Hidden, attempt: int) -> dict[str, Any]:
-    """What is sealed."""
+    """The content of truth.json."""
     effects = [
         {"name": e.name, "where": e.where, "parameters": dict(e.values)}
         | {"total": e.total, "linear": e.linear, "distinct": e.distinct, "rival": e.rival}
@@ -192,10 +190,10 @@ def truth(hidden: Hidden, attempt: int) -> dict[str, Any]:
     ]
     other = hidden.outside
     version = installed_version(engine(hidden.source).package)
-    strange = (
+    outside = (
         None
         if other is None
-        else {"kind": other.kind, "where": other.where, "size": other.size, "left": hidden.strange, **other.shape}
+        else {"kind": other.kind, "where": other.where, "size": other.size, "left": hidden.undescribed, **other.shape}
     )
     return {
         "schema": 1,
@@ -208,7 +206,7 @@ def truth(hidden: Hidden, attempt: int) -> dict[str, Any]:
         "effects": effects,
         "noise": hidden.experiment.noise,
         "reversed_load": hidden.reversed_load,
-        "outside": strange,
+        "outside": outside,
     }
 
 

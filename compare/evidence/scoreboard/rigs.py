@@ -1,4 +1,4 @@
-"""Test rigs drawn at random: linkages, runs, sensors and their noise, as an engineer's experiment might have them."""
+"""Experiments drawn at random: linkages, runs, sensors and their noise, such as an engineer might have."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def _forces(mechanism: Mechanism, plan: Plan) -> dict[str, np.ndarray]:
 def draw_experiment(
     rng: np.random.Generator, cases: Sequence[str], wanted: Sequence[str], slow: bool, may_follow: bool
 ) -> Experiment:
-    """A experiment of one of the cases whose sensors include the ``wanted`` kinds; ``slow`` keeps it far from losing
+    """An experiment with one of the cases whose sensors include the ``wanted`` kinds; ``slow`` keeps it far from losing
     contact.
 
     Raises Rejected where the linkage that was drawn does not turn.

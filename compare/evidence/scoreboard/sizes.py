@@ -23,7 +23,7 @@ from compare.diagnose.predict import Model, Term
 from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.evidence.scoreboard.rigs import Experiment, Rejected, ideal
 
-SMALLEST, LARGEST = 6.0, 60.0  # sigmas of a signature: a decade, down to just above the noise
+SMALLEST, LARGEST = 6.0, 60.0  # sigmas of a signature: a decade, from just above the noise
 RIVALS = 8  # fitted in full, at most
 
 
@@ -64,13 +64,13 @@ def drawn(effect: Effect, where: str, experiment: Experiment, rig: Rig, rng: np.
 
 
 class Sizer:
-    """Sensitivities on a experiment."""
+    """Sizes of effects in an experiment."""
 
     def __init__(self, experiment: Experiment) -> None:
         self.experiment, self.rig = experiment, experiment.rig
 
     def model(self, truth: Sequence[tuple[Term, Values]]) -> Model:
-        """The analytic model of the experiment; what a run follows is the encoder's column, offset and all."""
+        """The analytic model of the experiment; a run that follows its encoder follows it with its offset."""
         courses = {}
         for plan in self.experiment.plans:
             offset = sum(t.effect.motor_lag(plan.name, v) for t, v in truth)
@@ -88,7 +88,7 @@ class Sizer:
         return model, Data(measured, noise, self.rig.encoder)
 
     def total(self, truth: Sequence[tuple[Term, Values]], i: int) -> float:
-        """Sigmas that the readings change by when the i-th effect goes."""
+        """Sigmas by which the readings change without the i-th effect."""
         model, data = self.data(truth)
         found = model([[t for k, t in enumerate(truth) if k != i]])[0]
         if found is None:
@@ -101,7 +101,7 @@ class Sizer:
         """
         term, growth = drawn.term, drawn.growth
         if term.effect.acts_by_itself(term.variant):
-            return growth.values(0.0)  # a quarter turn is what it is
+            return growth.values(0.0)  # a quarter turn has no size
         amount = min(1e-3 * growth.most, 1.0)
         seen = 0.0
         for _ in range(4):
@@ -200,5 +200,5 @@ def solve(columns: np.ndarray, residual: np.ndarray) -> np.ndarray:
 
 
 def left(residual: np.ndarray, columns: np.ndarray) -> float:
-    """Norm of what columns cannot take away."""
+    """Norm of a residual (N,) after columns (N, k) have taken away what they can."""
     return float(np.linalg.norm(residual + columns @ solve(columns, residual)))
