@@ -103,6 +103,7 @@ def test_two_effects_at_once() -> None:
     assert_recovered(two_effects(), VISCOUS, LONGER)
 
 
+@pytest.mark.slow
 def test_three_effects_at_once() -> None:
     truth = (VISCOUS, LONGER, BIASED)
     assert_recovered(diagnosed(played(experiment(), *truth)), *truth)
@@ -540,6 +541,7 @@ def test_what_the_chosen_engine_lacks_is_said_to_be_the_analytic_models() -> Non
     assert "it has no joint_clearance@B, and got the difference that the analytic model makes of it" in said
 
 
+@pytest.mark.slow
 def test_the_same_answer_bit_for_bit_when_run_again() -> None:
     """The first time may have been in another process."""
     again = json.loads(json.dumps(diagnosed(played(experiment(), VISCOUS, LONGER))))

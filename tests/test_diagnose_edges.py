@@ -56,6 +56,7 @@ def test_a_tolerance_on_angles_does_not_bind_where_a_free_run_starts() -> None:
     assert (result["verdict"], result["effects"]) == ("no gap", [])
 
 
+@pytest.mark.slow
 def test_a_free_run_of_a_large_swing_without_a_gap_is_off_nowhere() -> None:
     """Where it starts is fitted to all of it, and what is located is off from that."""
     result = diagnosed(released(PENDULUM, PENDULUM, {"pendulum_angle": 1e-3}, [(1.45, 0.0)], np.linspace(0, 3, 600)))

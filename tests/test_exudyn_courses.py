@@ -75,7 +75,7 @@ def errors(trace: Trace, m: Mechanism, crank: tuple[np.ndarray, np.ndarray, np.n
     return worst
 
 
-@pytest.mark.parametrize("times", ["at the knots", "anywhere"])
+@pytest.mark.parametrize("times", [*slow("at the knots"), "anywhere"])
 @pytest.mark.parametrize("name", COURSES)
 def test_a_course_has_the_angles_inertia_forces_and_torque_of_its_spline(name: str, times: str) -> None:
     m, time, angle = COURSES[name]
@@ -104,7 +104,8 @@ def test_pins_pressed_into_small_gaps_follow_a_course_as_an_ideal_linkage_does(j
     assert trace.free_share["B"] == 0.0
 
 
-@pytest.mark.parametrize("joint_model", [pytest.param("spring-damper", marks=pytest.mark.slow), "contact"])
+@pytest.mark.slow
+@pytest.mark.parametrize("joint_model", ["spring-damper", "contact"])
 def test_impacts_on_a_course_of_constant_speed_are_those_at_constant_speed(joint_model: JointModel) -> None:
     m = ROCKER.replace(drive=Drive(joint="D", speed=62.8)).with_clearances({"B": 2e-4})
     m = m.with_joint("B", contact_stiffness=1e6, contact_damping=300.0)

@@ -88,7 +88,7 @@ def test_a_load_that_only_hides_the_clearance_is_simulated() -> None:
 
 @pytest.mark.exudyn
 def test_one_engines_soft_start_leaves_the_other_runs_their_verdicts() -> None:
-    job = Job(soft(100.0, clearance=1e-3), ("mujoco", "exudyn"), load_tolerances(None), theta=ANGLES[:4])
+    job = Job(soft(100.0, clearance=3e-3), ("mujoco", "exudyn"), load_tolerances(None), theta=ANGLES[:4])
     found = crosscheck_job(job)
     assert {(r.simulator.name, r.joint_model) for r in found.runs} >= {
         ("mujoco", "ideal"),
@@ -101,7 +101,7 @@ def test_one_engines_soft_start_leaves_the_other_runs_their_verdicts() -> None:
 
 @pytest.mark.mujoco
 def test_the_command_writes_the_other_runs_and_leaves_with_status_3(tmp_path: Path) -> None:
-    (tmp_path / "soft.toml").write_text(dumps(soft(100.0, clearance=1e-3)), encoding="utf-8")
+    (tmp_path / "soft.toml").write_text(dumps(soft(100.0, clearance=3e-3)), encoding="utf-8")
     done = compare("--case", "soft.toml", "--simulator", "mujoco", "--angles", "0:90:30", "--out", "out", cwd=tmp_path)
     assert done.returncode == 3
     assert "contact too soft for this load" in done.stderr

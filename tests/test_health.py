@@ -264,7 +264,7 @@ def test_a_trace_without_rates_is_held_to_its_positions(runs: dict[str, Trace]) 
 
 
 @pytest.mark.mujoco
-@pytest.mark.parametrize("push", [0.0, 20.0])
+@pytest.mark.parametrize("push", [0.0, *slow(20.0)])
 def test_mujoco_takes_the_steps_that_jansens_leg_asks_for(push: float) -> None:
     """Its foot was 2e-5 rad off with steps of 0.5 ms and a push of 20 N, and the model was blamed for it."""
     theta = np.radians(np.arange(0.0, 360.0, 10.0))

@@ -88,6 +88,7 @@ def searched(kind: type[Counted]) -> tuple[Fit, int]:
     return best, fitter.asked
 
 
+@pytest.mark.slow
 def test_it_ends_where_scipy_does_and_asks_the_model_far_less_often() -> None:
     (ours, asked), (theirs, asked_by_scipy) = searched(Counted), searched(ByScipy)
     print(f"the model was asked {asked} times, by SciPy {asked_by_scipy} times")

@@ -20,6 +20,7 @@ from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from analytic.paper.kinetostatics import kinetostatics
 from linkages import inverted_slider
+from marks import slow
 from planar_checks import vector
 from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported
 
@@ -101,6 +102,7 @@ def test_a_course_may_stand_still(planar: Engine) -> None:
     assert_agrees(planar.simulate(Request(m, course=course, time=TURN[::20])), expected(m, course, TURN[::20]), 1e-7)
 
 
+@pytest.mark.parametrize("planar", ["dart", *slow("pybullet")], indirect=True)
 def test_joint_laws_and_slides_on_a_course(planar: Engine) -> None:
     m = inverted_slider()
     assert m.speed is not None
@@ -195,6 +197,7 @@ def crank_on_spring(
     return np.asarray(solve_ivp(rates, (time[0], time[-1]), start, t_eval=time, rtol=1e-9, atol=1e-12).y[0])
 
 
+@pytest.mark.parametrize("planar", ["dart", *slow("pybullet")], indirect=True)
 def test_a_crank_on_a_spring_moves_by_its_equation_of_motion(planar: Engine) -> None:
     time, stiffness = TURN[:16], 2000.0
     motor = CubicSpline(TURN, EVEN + 2e-3 * np.sin(6 * EVEN))

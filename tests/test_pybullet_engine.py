@@ -41,7 +41,7 @@ REAL: tuple[JointModel, ...] = ("spring-damper", *RIGID)
 # ---------------------------------------------------------------- statics
 
 
-@pytest.mark.parametrize("clearance", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("clearance", [*slow(1e-2), 1e-3, *slow(1e-4)])
 @pytest.mark.parametrize(
     ("joint_model", "degrees", "percent"),
     [("ideal", 1e-8, 1e-7), ("spring-damper", 0.001, 0.005), ("massless-link", 1e-7, 1e-7), ("contact", 1e-7, 1e-7)],

@@ -57,6 +57,9 @@ SLOW = {"link_flexibility", "drive_compliance"} | {
     "clock_offset",
     "sensor_delay",
     "moment_of_inertia",
+    "gravity",
+    "pivot_position",
+    "load_torque",
 }
 MORE_SENSORS = {"com_offset": {"coupler_y": 1e-5}}
 

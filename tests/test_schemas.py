@@ -77,7 +77,7 @@ CASES: dict[str, Callable[[], Any]] = {
     "driven, every joint model": lambda: written("paper"),
     "first order": lambda: written("paper", "static", model="first_order"),
     "ideal only, a prismatic joint": lambda: written("slider-crank"),
-    "flagged angles": lambda: written("crank-rocker", clearance={"B": 1e-3}, theta=np.radians([30.0, 60.0])),
+    "flagged angles": lambda: written("crank-rocker", clearance={"B": 3e-3}, theta=np.radians([30.0, 60.0])),
     "no answer anywhere": lambda: written("slider-crank", clearance={"A": 1e-4}, theta=np.radians([300.0])),
     "a free drive": lambda: written("pendulum"),
 }

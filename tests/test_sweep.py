@@ -25,6 +25,7 @@ from compare.domain_map.map import RPM, Grid, cells
 from compare.judge.discrepancy import load_tolerances
 from compare.runs import Failure, simulate_all
 from compare.sweep import AHEAD, ClusterError, Outcome, sweep
+from marks import slow
 from sim_models.engine import Request
 
 HERE = Path(__file__).parent
@@ -47,7 +48,7 @@ def results(outcomes: Iterator[Outcome]) -> str:
 # ---------------------------------------------------------------- the same numbers
 
 
-@pytest.mark.parametrize("workers", [2, 3])
+@pytest.mark.parametrize("workers", [2, *slow(3)])
 def test_the_numbers_are_the_same_whatever_the_number_of_workers(workers: int) -> None:
     assert results(sweep(sweep_work.solve, MATRICES, workers=workers)) == results(sweep(sweep_work.solve, MATRICES))
 
@@ -185,7 +186,7 @@ for outcome in sweep(sweep_work.logged, runs, Path(folder), workers=int(workers)
 
 
 @POSIX
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [*slow(1), 2])
 def test_a_killed_sweep_goes_on_where_it_stopped(workers: int, tmp_path: Path) -> None:
     folder, log = tmp_path / "runs", tmp_path / "log.txt"
     folder.mkdir()

@@ -306,7 +306,8 @@ def test_the_command_writes_a_map_that_meets_its_schema(tmp_path: Path) -> None:
 
 @pytest.mark.mujoco
 @pytest.mark.parametrize(
-    ("case", "rpm", "joint"), [("crank-rocker", "300", "B"), ("slider-crank", "3000", "B"), ("six-bar", "60", "C")]
+    ("case", "rpm", "joint"),
+    [("slider-crank", "3000", "B"), *slow(("crank-rocker", "300", "B"), ("six-bar", "60", "C"))],
 )
 def test_every_linkage_has_a_map(case: str, rpm: str, joint: str, tmp_path: Path) -> None:
     done = validity("--case", case, "--speeds", rpm, "--clearances", "1e-4", "--workers", "1", "--json", cwd=tmp_path)
