@@ -22,9 +22,18 @@ def simulators() -> Simulators:
     return Simulators(simulators=tuple(_engine(name) for name in engine_names()))
 
 
-def _engine(name: str) -> Engine:
+def _simulated(name: str) -> tuple[str, ...]:
+    """Names of the effects that an engine declares to simulate, none of its package imported."""
     from compare.diagnose.effects.vocabulary import VOCABULARY
 
+    try:
+        chosen = declared(name)
+    except SimulatorMissing:
+        return ()
+    return tuple(effect.name for effect in VOCABULARY.values() if effect.simulated_by(chosen))
+
+
+def _engine(name: str) -> Engine:
     try:
         chosen = declared(name)
     except SimulatorMissing as why:
@@ -42,7 +51,7 @@ def _engine(name: str) -> Engine:
         version=version,
         fault=fault,
         supports=tuple(supports),
-        effects=tuple(effect.name for effect in VOCABULARY.values() if effect.simulated_by(chosen)),
+        effects=_simulated(name),
     )
 
 
@@ -50,7 +59,7 @@ def effects() -> Effects:
     """The vocabulary of effects: places, parameters, units, and which engines simulate each."""
     from compare.diagnose.effects.vocabulary import VOCABULARY
 
-    able = {engine.name: engine.effects for engine in simulators().simulators}
+    able = {name: _simulated(name) for name in engine_names()}
     return Effects(
         effects=tuple(
             Effect(
