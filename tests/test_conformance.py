@@ -62,8 +62,9 @@ CASES = {
     "slider-crank": (loaded_slider_crank().with_clearances({"B": 2e-4}), TURN),
     "six-bar": (load("six-bar").with_clearances({"B": 1e-4, "F": 1e-4}), TURN),
 }
-# At rest every case is quick.  In motion a case takes up to seconds: each engine does one with pins that yield, which no
-# other does but MuJoCo, where it is less; with ideal joints and rods it does the laws: its own tests do the linkages.
+# At rest every case is quick.  In motion a case takes up to seconds: each engine does one with pins that yield, which
+# no other does but MuJoCo, where it is less; with ideal joints and rods it does the laws: its own tests do the
+# linkages.
 LAWS = {"gravity", "oblique load", "joint friction", "joint spring", "reverse rotation"}
 YIELDING = {
     "mujoco": {"paper, 0.1 mm", "joint friction", "reverse rotation", "crank-rocker"},

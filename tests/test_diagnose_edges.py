@@ -18,7 +18,8 @@ from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured, MeasuredError, Run
 from compare.diagnose.data.thin import picked
 from compare.diagnose.prepare import thinned
-from compare.report.diagnosis_words import sentence
+from compare.results.diagnosis import Located
+from compare.results.sentences import sentence
 from diagnosis_rigs import (
     SENSORS,
     assert_recovered,
@@ -32,6 +33,7 @@ from diagnosis_rigs import (
     wrong,
 )
 from measured_files import MeasuredRun, write_measured
+from sample_diagnosis import as_document, sample_diagnosis
 
 PENDULUM = load("pendulum")
 TIME = np.linspace(0.0, 3.0, 150)
@@ -243,17 +245,22 @@ def test_a_located_deviation_has_the_sign_of_its_size_whatever_the_next_turn_bri
     angle = np.linspace(0.0, 4 * np.pi, 200)
     before = np.zeros(200)
     measured = np.where(angle < 2 * np.pi, 1.0, -2.0)
-    signal = {"unit": "N.m", "measured": measured.tolist(), "before": before.tolist()}
-    run = {"name": "two turns", "drive": "speed", "crank_angle": angle.tolist(), "signals": {"drive_torque": signal}}
-    mechanism = load("crank-rocker").model_dump(by_alias=True, exclude_none=True, exclude_unset=True, mode="json")
-    place = {
-        "run": "two turns",
-        "signal": "drive_torque",
-        "crank_angle_from": 1.0,
-        "crank_angle_to": 2.0,
-        "size": 1.0,
-        "unit": "N.m",
-    }
-    assert "drive torque is too high by 1 N" in sentence({"runs": [run], "mechanism": mechanism}, place)
-    later = place | {"crank_angle_from": 1.0 + 2 * np.pi, "crank_angle_to": 2.0 + 2 * np.pi, "size": -2.0}
-    assert "drive torque is too low by 2 N" in sentence({"runs": [run], "mechanism": mechanism}, later)
+    document = as_document(sample_diagnosis(runs=1, samples=200))
+    (run,) = document.runs
+    torque = next(iter(run.signals.values())).model_copy(
+        update={"unit": "N.m", "measured": measured, "before": before, "after": before}
+    )
+    two_turns = run.model_copy(
+        update={"name": "two turns", "drive": "speed", "crank_angle": angle, "signals": {"drive_torque": torque}}
+    )
+    document = document.model_copy(update={"runs": (two_turns,)})
+    place = next(iter(document.located)).model_copy(
+        update={"run": "two turns", "signal": "drive_torque", "unit": "N.m"}
+    )
+
+    def said(start: float, end: float, size: float) -> str:
+        here: Located = place.model_copy(update={"crank_angle_from": start, "crank_angle_to": end, "size": size})
+        return sentence(document, here)
+
+    assert "drive torque is too high by 1 N" in said(1.0, 2.0, 1.0)
+    assert "drive torque is too low by 2 N" in said(1.0 + 2 * np.pi, 2.0 + 2 * np.pi, -2.0)

@@ -80,10 +80,23 @@ def test_a_default_folder_is_named_after_what_is_not_at_its_default(line: str) -
     assert folder(line, stem) == Path("reports") / NAMES[line]
 
 
-def test_the_commands_of_the_readme_do_not_meet_in_a_folder() -> None:
-    asking = [line for line in COMMANDS if line.split()[1] in ("--simulator", "accuracy", "validity", "diagnose")]
-    found = [folder(line, f"{line.partition('--case ')[2].split(' ')[0]} {line.split()[1]}") for line in asking]
-    assert len(set(found)) == len(found) >= 8
+def documented() -> list[str]:
+    """Every command line of the README and of the documentation whose folder is left to the command."""
+    pages = sorted((Path(__file__).parents[1] / "docs").rglob("*.md"))
+    text = "\n".join(page.read_text(encoding="utf-8") for page in pages)
+    lines = [line.partition("#")[0].strip() for line in text.splitlines() if line.startswith("compare ")]
+    own = [line for line in lines if not {"--out", "<", "...", "\\"} & set(line.split())]
+    return list(dict.fromkeys([*COMMANDS, *own]))
+
+
+def test_the_commands_of_the_documentation_do_not_meet_in_a_folder() -> None:
+    asking = [line for line in documented() if line.split()[1] in ("--simulator", "accuracy", "validity", "diagnose")]
+    asked: dict[Path, set[tuple[str, ...]]] = {}
+    for line in asking:
+        stem = f"{line.partition('--case ')[2].split(' ')[0]} {line.split()[1]}"
+        asked.setdefault(folder(line, stem), set()).add(tuple(sorted(line.split())))
+    assert len(asked) >= 8
+    assert [lines for lines in asked.values() if len(lines) > 1] == []
 
 
 def test_a_name_that_would_be_too_long_is_cut_and_stays_its_own() -> None:

@@ -178,7 +178,7 @@ def test_the_command_says_what_is_not_found_again_and_leaves_with_status_1(
     (tmp_path / "validation.json").write_text(json.dumps(tampered), encoding="utf-8")
     asked = []
     monkeypatch.setattr(
-        "compare.evidence.validation.runs.run_all", lambda engines, scales: asked.append(engines) or only("mujoco")
+        "compare.evidence.validation.check.run_all", lambda engines, scales: asked.append(engines) or only("mujoco")
     )
     done = compare("validation", "check", "--reports", ".", "--simulator", "mujoco", cwd=tmp_path)
     assert asked == [("mujoco",)]
