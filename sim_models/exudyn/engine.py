@@ -63,7 +63,7 @@ class ExudynEngine(Engine):
         return simulate_flexible(self, request, flexible)
 
     def export(self, request: Request, folder: Path) -> list[Path]:
-        """Write a request, and what came of it, as files that run in Exudyn alone.  Raises what
+        """Write a request, and what came of it, as a script that runs in bare Exudyn.  Raises what
         :meth:`simulate` does.
         """
         from sim_models.exudyn.export import write

@@ -32,7 +32,7 @@ class MujocoEngine(Engine):
             return simulate(self, request, lambda r: MujocoRun(r).trace())
 
     def export(self, request: Request, folder: Path) -> list[Path]:
-        """Write a request, and what came of it, as files that run in MuJoCo alone.  Raises what
+        """Write a request, and what came of it, as a script that runs in bare MuJoCo.  Raises what
         :meth:`simulate` does.
         """
         from sim_models.mujoco.export import write

@@ -32,7 +32,7 @@ class BulletEngine(Engine):
         return simulate(self, request, lambda r: run(BulletWorld, r, self.package))
 
     def export(self, request: Request, folder: Path) -> list[Path]:
-        """Write a request, and what came of it, as files that run in PyBullet alone.  Raises what :meth:`simulate`
+        """Write a request, and what came of it, as a script that runs in bare PyBullet.  Raises what :meth:`simulate`
         does.
         """
         from sim_models.pybullet.export import write
