@@ -631,6 +631,9 @@ def test_the_command(
     assert load(tmp_path / "out" / "explained.toml").joint("E").damping == pytest.approx(
         0.01 if verdict == "explained" else 0.0, rel=0.02
     )
+    head = (tmp_path / "out" / "explained.toml").read_text(encoding="utf-8")
+    assert "# Data: slow (slow.csv), fast-reverse (fast-reverse.csv)." in head.splitlines()
+    assert ("viscous_friction@E: damping 0.0" in head) == (verdict == "explained")
 
 
 @pytest.mark.mujoco

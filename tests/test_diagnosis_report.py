@@ -19,7 +19,7 @@ import pytest
 
 from compare.files import to_json
 from compare.quantities import DASH, MINUS, amount, fitting
-from compare.report.diagnosis import explained_toml, junit
+from compare.report.diagnosis import junit
 from compare.report.diagnosis_figures import COLUMNS, LEVELS, figure, level, maps, panels
 from compare.report.diagnosis_page import changes, diagnosis_html, toml
 from compare.report.diagnosis_text import diagnosis_md, terminal_lines
@@ -538,16 +538,6 @@ def test_a_diagnosis_is_read_and_written_as_it_was(make: Any) -> None:
 def test_a_series_of_another_length_is_refused(small: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"signals.drive_torque.before has 1 values for 37 samples"):
         as_document(changed(small, "runs", 0, "signals", "drive_torque", "before", value=[0.0]))
-
-
-def test_the_explained_mechanism_says_what_was_added_and_by_which_command(explained: dict[str, Any]) -> None:
-    text = explained_toml(as_document(explained))
-    first, second, third = text.splitlines()[:3]
-    assert first == "# crank-rocker with what a diagnosis added (explained)"
-    assert re.fullmatch(r"# joint\[B\].clearance = 0.0001999\d+, was left out", second)
-    assert third == f"# {explained['command']}"
-    value = explained["effects"][0]["parameters"]["radial_clearance"]["value"]
-    assert [j.get("clearance") for j in tomllib.loads(text)["joint"] if j["name"] == "B"] == [value]
 
 
 def test_junit_fails_where_the_diagnosis_is_not_settled_and_names_what_is_left(

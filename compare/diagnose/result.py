@@ -278,6 +278,7 @@ def _run(problem: Problem, found: Verified, r: int, run: Recording) -> Run:
         )
     return Run(
         name=run.name,
+        file=run.file,
         drive=run.drive,
         time=run.time,
         crank_angle=problem.crank_angle(run),

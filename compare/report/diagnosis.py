@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
-from analytic.mechanism.file import dumps
-from compare.faults import printable
-from compare.quantities import DASH, fitting, number
-from compare.report.diagnosis_page import changes, diagnosis_html
+from compare.quantities import fitting, number
+from compare.report.diagnosis_page import diagnosis_html
 from compare.report.diagnosis_text import diagnosis_md, terminal_lines
 from compare.report.diagnosis_words import phrase, remaining
+from compare.report.explained import explained_toml
 from compare.report.junit import Case, junit_xml
 from compare.results.diagnosis import Diagnosis
 from compare.results.sentences import parameter, spoken
@@ -32,14 +31,6 @@ def files(result: Diagnosis) -> dict[str, str]:
         "diagnosis.html": diagnosis_html(result),
         "junit.xml": junit(result),
     }
-
-
-def explained_toml(result: Diagnosis) -> str:
-    """The mechanism with the effects as its file, headed by what was changed, from what, and by which diagnosis."""
-    head = [f"{result.case} with what a diagnosis added ({result.verdict})"]
-    head += [f"{field} = {found}, was {nominal.replace(DASH, 'left out')}" for field, nominal, found in changes(result)]
-    head += [result.command] if result.command else []
-    return "".join(f"# {printable(line)}\n" for line in head) + dumps(result.explained)
 
 
 def junit(result: Diagnosis) -> str:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from importlib import resources
 from typing import Any
 
-import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
@@ -15,6 +13,7 @@ from compare.quantities import DASH, MINUS, number
 from compare.report import diagnosis_figures as figures
 from compare.report import diagnosis_words as words
 from compare.report.diagnosis_text import SIGNS, of_effect
+from compare.report.explained import changes, without_null
 from compare.report.pages import script_json
 from compare.report.svg import NOT_XML, draw
 from compare.results.diagnosis import Diagnosis, Run
@@ -83,43 +82,7 @@ def toml(mechanism: Mapping[str, object]) -> str:
     """A mechanism as its file says it; what has no value is left out."""
     import tomli_w
 
-    return tomli_w.dumps(_without_null(mechanism))
-
-
-def _without_null(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _without_null(v) for key, v in value.items() if v is not None}
-    return [_without_null(v) for v in value if v is not None] if isinstance(value, list) else value
-
-
-def changes(result: Diagnosis) -> list[tuple[str, str, str]]:
-    """Each field in which the explained mechanism differs from the nominal one, and its two values in SI units.
-
-    What a mechanism leaves out is zero or nothing, so that a field written out as that is no difference.
-    """
-    nominal, explained = (dict(_fields(_without_null(as_written(m)), "")) for m in (result.mechanism, result.explained))
-    fields = [name for name in explained | nominal if _set(nominal.get(name)) != _set(explained.get(name))]
-
-    def said(side: Mapping[str, Any], name: str) -> str:
-        return json.dumps(side[name], ensure_ascii=False) if name in side else DASH
-
-    return [(name, said(nominal, name), said(explained, name)) for name in fields]
-
-
-def _fields(value: Any, path: str) -> Iterator[tuple[str, Any]]:
-    """``joint[B].clearance`` and its value for every field of a mechanism."""
-    if isinstance(value, Mapping):
-        for key, inner in value.items():
-            yield from _fields(inner, f"{path}.{key}" if path else str(key))
-    elif isinstance(value, list) and value and all(isinstance(item, Mapping) for item in value):
-        for i, item in enumerate(value):
-            yield from _fields(item, f"{path}[{item.get('name', i)}]")
-    else:
-        yield path, value
-
-
-def _set(value: Any) -> Any:
-    return value if np.any(value) else None
+    return tomli_w.dumps(without_null(mechanism))
 
 
 def _runs(result: Diagnosis, panels: list[figures.Panel]) -> list[tuple[int, Run, list[tuple[int, figures.Panel]]]]:

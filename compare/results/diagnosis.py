@@ -157,6 +157,7 @@ class Run(Part):
     """One recording (N samples)."""
 
     name: str
+    file: Annotated[str, Field(description="The data file; empty where the recording comes from none.")] = ""
     drive: Literal["speed", "measured", "free"]
     time: Annotated[Grid, Field(min_length=1, description="s")]
     crank_angle: Annotated[
