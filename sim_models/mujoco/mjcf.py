@@ -11,8 +11,8 @@ two slides and a hinge to the world.  What the tree leaves open is closed by con
 Joint friction, damping and springs are fixed tendons over the hinges, because a relative angle of any two bodies is a
 linear form of the hinges.  Loads are actuators of constant force, fixed in the world's directions.
 
-It is text, and no ``MjSpec``, because the export is this text with all digits: ``MjSpec.to_xml`` prints six, which moves
-its numbers by up to 3e-6 and opens closed pins by 3e-7 m (MuJoCo 4.0.0; tests/test_mujoco_traps.py).
+It is text, and no ``MjSpec``, because the export is this text with all digits: ``MjSpec.to_xml`` prints six, which
+moves its numbers by up to 3e-6 and opens closed pins by 3e-7 m (MuJoCo 4.0.0; tests/test_mujoco_traps.py).
 """
 
 from __future__ import annotations
