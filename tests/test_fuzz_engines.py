@@ -72,7 +72,7 @@ def outcomes(m: Mechanism, theta: np.ndarray) -> Iterator[tuple[str, str, str]]:
                 for d in one.discrepancies
                 if d.verdict == "disagrees"
             ]
-            yield run, one.verdict, "; ".join(differ) or one.get("reason", "")
+            yield run, one.verdict, "; ".join(differ) or one.reason
 
 
 def conditioned(number: int) -> tuple[int, Mechanism, np.ndarray]:

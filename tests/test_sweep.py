@@ -287,7 +287,8 @@ def test_cells_of_a_map_are_the_same_to_the_last_bit_on_a_cluster_in_processes_a
     cluster: tuple[str, list[subprocess.Popen[bytes]]],
 ) -> None:
     paper = load("paper")
-    runs = cells(Grid(paper, ("B",), (400 * RPM, 600 * RPM), (1e-4, 1e-2), ("mujoco",), "contact", load_tolerances()))
+    tasks = cells(Grid(paper, ("B",), (400 * RPM, 600 * RPM), (1e-4, 1e-2), ("mujoco",), "contact", load_tolerances()))
+    runs = [task.model_dump() for task in tasks]
     here = results(sweep(examine, runs))
     assert results(sweep(examine, runs, workers=2)) == here
     assert results(sweep(examine, runs, dask=cluster[0])) == here
