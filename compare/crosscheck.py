@@ -55,7 +55,17 @@ from compare.results.crosscheck import CrossCheck, Path, Printed, Run, Simulator
 from compare.results.crosscheck import Discrepancy as Judgement
 from compare.results.crosscheck import Failure as Failed
 from compare.runs import Failure, Resolve, simulate_all
-from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Trace, Unsupported, engine, installed_version
+from sim_models.engine import (
+    JOINT_MODELS,
+    Cause,
+    JointModel,
+    Motion,
+    Request,
+    Trace,
+    Unsupported,
+    engine,
+    installed_version,
+)
 
 Progress = Callable[[str, int, int], None]
 Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Reference]
@@ -264,7 +274,7 @@ def crosscheck_job(
     failed += [one for one in settled.values() if isinstance(one, Failure)]
     judged = [(one.run, one.rules) for one in settled.values() if isinstance(one, Judged)]
     runs = tuple(run for run, _ in judged)
-    failures = tuple(Failed(simulator=f.simulator, joint_model=f.joint_model, why=f.why) for f in failed)
+    failures = tuple(Failed(simulator=f.simulator, joint_model=f.joint_model, why=f.why, cause=f.cause) for f in failed)
     result = CrossCheck(
         case=job.mechanism.name,
         verdict=_verdict(runs, failures),
@@ -327,6 +337,7 @@ def _whole(outcome: Trace | Failure, mechanism: Mechanism) -> Trace | Failure:
         outcome.simulator,
         outcome.joint_model,
         f"{outcome.simulator} {outcome.joint_model}: the simulation reports no {', '.join(lacks)}",
+        Cause.FAULTY,
     )
 
 

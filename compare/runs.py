@@ -11,7 +11,17 @@ from functools import partial
 import numpy as np
 
 from compare.sweep import Died, spread
-from sim_models.engine import Engine, JointModel, Request, SimulationError, SimulatorMissing, Trace, Unsupported, engine
+from sim_models.engine import (
+    Cause,
+    Engine,
+    JointModel,
+    Request,
+    SimulationError,
+    SimulatorMissing,
+    Trace,
+    Unsupported,
+    engine,
+)
 
 Resolve = Callable[[str], Engine]
 Numbered = tuple[int, str, Request]
@@ -19,14 +29,17 @@ Numbered = tuple[int, str, Request]
 
 @dataclass(frozen=True)
 class Failure:
-    """A simulation that raised; ``why`` is its sentence.  ``unsupported`` if the engine never had what it was asked
-    for.
-    """
+    """A simulation that raised; ``why`` is its sentence, ``cause`` what kind it is, if that is known."""
 
     simulator: str
     joint_model: JointModel
     why: str
-    unsupported: bool = False
+    cause: Cause | None = None
+
+    @property
+    def unsupported(self) -> bool:
+        """Whether the engine never had what it was asked for."""
+        return self.cause is Cause.UNSUPPORTED
 
 
 def simulate(simulator: str, request: Request, resolve: Resolve = engine) -> Trace | Failure:
@@ -35,20 +48,20 @@ def simulate(simulator: str, request: Request, resolve: Resolve = engine) -> Tra
     """
     try:
         return resolve(simulator).simulate(request)
-    except (SimulationError, SimulatorMissing) as error:
+    except (SimulationError, Unsupported) as error:
+        return Failure(simulator, request.joint_model, str(error), error.cause)
+    except SimulatorMissing as error:
         return Failure(simulator, request.joint_model, str(error))
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         why = (
-            f"{simulator} {request.joint_model} {request.motion} ({request.mechanism.name}): numbers beyond what can be"
-            f" reckoned with ({error})"
+            f"{simulator} {request.joint_model} {request.motion} ({request.mechanism.name}): {Cause.OVERFLOW.words}"
+            f" ({error}); {Cause.OVERFLOW.remedy}"
         )
-        return Failure(simulator, request.joint_model, f"{why}; check masses, lengths, loads and drive.speed")
+        return Failure(simulator, request.joint_model, why, Cause.OVERFLOW)
     except ImportError as error:
         return Failure(
             simulator, request.joint_model, f"{simulator}: its installation is broken ({error}); install it anew"
         )
-    except Unsupported as error:
-        return Failure(simulator, request.joint_model, str(error), unsupported=True)
 
 
 def simulate_all(

@@ -14,6 +14,7 @@ import importlib.metadata
 import importlib.util
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from pathlib import Path
 from typing import Any, Literal, Protocol, cast, get_args
 
@@ -49,10 +50,83 @@ ENGINES: tuple[str, ...] = ("mujoco", "exudyn", "pybullet", "dart")  # built in
 GROUP = "linkage_crosscheck.engines"  # of the entry points by which other packages offer theirs
 
 
+class Cause(StrEnum):
+    """Why there is no result, by name in files; ``words`` say it without a run's numbers, ``remedy`` what may help."""
+
+    DIVERGED = "diverged"
+    CAME_APART = "came apart"
+    TOO_DEEP = "too deep"
+    TOO_SOFT = "too soft"
+    UNPRESSED = "unpressed"
+    NO_EQUILIBRIUM = "no equilibrium"
+    PULLED = "pulled"
+    NO_START = "no start"
+    TOO_MANY_STEPS = "too many steps"
+    OFF_COURSE = "off course"
+    RESONANCE = "resonance"
+    IMPLAUSIBLE = "implausible"
+    NOT_CONVERGED = "not converged"
+    OVERFLOW = "overflow"
+    FAULTY = "faulty"
+    UNSUPPORTED = "unsupported"
+
+    @property
+    def words(self) -> str:
+        """What happened, in words."""
+        return _CAUSES[self][0]
+
+    @property
+    def remedy(self) -> str:
+        """What may help, in words."""
+        return _CAUSES[self][1]
+
+
+_CAUSES: Mapping[Cause, tuple[str, str]] = {
+    Cause.DIVERGED: ("the run diverged", "use a smaller step or a softer contact"),
+    Cause.CAME_APART: ("joints came apart", "use a smaller step"),
+    Cause.TOO_DEEP: ("a pin went too deep into its bearing", "use a smaller step or a stiffer contact"),
+    Cause.TOO_SOFT: ("contact is too soft for the load", "give a larger contact_stiffness (N/m), or a smaller load"),
+    Cause.UNPRESSED: ("nothing presses a pin", "give the linkage a load or gravity, or start it centred"),
+    Cause.NO_EQUILIBRIUM: ("no equilibrium was found", "check the loads, or use a smaller clearance"),
+    Cause.PULLED: ("in the only equilibrium found a pin is pulled, not pressed", "check the loads"),
+    Cause.NO_START: (
+        "the run could not be started or held",
+        "use a smaller clearance or a stiffer contact, or keep clear of where the linkage locks",
+    ),
+    Cause.TOO_MANY_STEPS: (
+        "it would take more steps than an engine is let take",
+        "raise drive.speed, use a larger clearance or a softer contact, ask for less, or use --motion static",
+    ),
+    Cause.OFF_COURSE: ("the crank left its course", "use a smaller step"),
+    Cause.RESONANCE: (
+        "the crank has no steady motion on its drive",
+        "it is near a resonance: give a stiffer drive or a slower one",
+    ),
+    Cause.IMPLAUSIBLE: (
+        "what must be true of every run is not true of this one",
+        "this run is no evidence: use another simulator",
+    ),
+    Cause.NOT_CONVERGED: ("finer runs still change, or fail", "use another simulator"),
+    Cause.OVERFLOW: ("numbers beyond what can be reckoned with", "check masses, lengths, loads and drive.speed"),
+    Cause.FAULTY: ("the engine did not answer as it should", "install it anew, or use another simulator"),
+    Cause.UNSUPPORTED: ("the engine does not do it", "use another simulator"),
+}
+
+
 class SimulationError(RuntimeError):
-    """A run diverged, penetrated more than it should or did not settle; the message says which, where and the
-    remedy.
+    """A simulation has no result: ``what`` happened and where, the ``cause`` if it is known, and the remedy.
+
+    ``remedy`` is this failure's own; left out, it is its cause's.  A ``note`` ends the message.
     """
+
+    def __init__(self, what: str, cause: Cause | None = None, remedy: str = "", note: str = "") -> None:
+        super().__init__(what, cause, remedy, note)
+        self.what, self.cause, self.note = what, cause, note
+        self.remedy = remedy or (cause.remedy if cause is not None else "")
+
+    def __str__(self) -> str:
+        said = f"{self.what}; {self.remedy}" if self.remedy else self.what
+        return f"{said} {self.note}" if self.note else said
 
 
 class SimulatorMissing(RuntimeError):
@@ -61,6 +135,8 @@ class SimulatorMissing(RuntimeError):
 
 class Unsupported(ValueError):
     """The engine does not do what was asked; the message says what it does."""
+
+    cause = Cause.UNSUPPORTED
 
 
 @dataclass(frozen=True)
@@ -149,13 +225,15 @@ class Trace:
         for name, values in self.signals.items():
             if values.shape != self.crank_angle.shape:
                 raise SimulationError(
-                    f"{self.simulator}: {name} has {values.shape[0]} samples for {self.crank_angle.size} crank angles"
+                    f"{self.simulator}: {name} has {values.shape[0]} samples for {self.crank_angle.size} crank angles",
+                    Cause.FAULTY,
                 )
             if not np.all(np.isfinite(values)):
                 k = int(np.argmin(np.isfinite(values)))
                 raise SimulationError(
                     f"{self.simulator} {self.joint_model} {self.motion}: {name} is {values[k]} at crank angle "
-                    f"{np.degrees(self.crank_angle[k]):.4g} deg: the run diverged; use a smaller step or softer contact"
+                    f"{np.degrees(self.crank_angle[k]):.4g} deg: the run diverged",
+                    Cause.DIVERGED,
                 )
             values.flags.writeable = False
 

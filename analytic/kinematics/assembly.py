@@ -256,8 +256,9 @@ class Assembly:
         with_gap = " with its joints' clearance taken up" if displaced else ""
         raise AssemblyError(
             f"{self.mechanism.name}: crank angle {np.degrees(theta[first]):.6g} deg cannot be reached{with_gap}: "
-            f"the loop through {', '.join(group.bodies)} does not close; choose crank angles that it reaches",
+            f"the loop through {', '.join(group.bodies)} does not close",
             float(theta[first]),
+            "choose crank angles that it reaches",
         )
 
     def _change_point(self, group: Group, theta: float) -> AssemblyError:
@@ -268,9 +269,9 @@ class Assembly:
         )
         return AssemblyError(
             f"{self.mechanism.name}: change point at crank angle {np.degrees(theta):.6g} deg, where {fall} and the"
-            f" assembly mode is lost; keep the range from the assembly angle ({np.degrees(self.start):.6g} deg) on"
-            " clear of it",
+            " assembly mode is lost",
             float(theta),
+            f"keep the range from the assembly angle ({np.degrees(self.start):.6g} deg) on clear of it",
         )
 
 

@@ -12,14 +12,17 @@ from analytic.kinematics.structure import Group, Structure
 
 
 class AssemblyError(ValueError):
-    """The linkage cannot be assembled at some crank angle; the message says which and why.
+    """The linkage cannot be assembled at some crank angle: ``what`` says which and why, ``remedy`` what may help.
 
     ``at`` (rad) is that crank angle, NaN where it is not a single one.
     """
 
-    def __init__(self, message: str, at: float = float("nan")) -> None:
-        super().__init__(message)
-        self.at = at
+    def __init__(self, what: str, at: float = float("nan"), remedy: str = "") -> None:
+        super().__init__(what, at, remedy)
+        self.what, self.at, self.remedy = what, at, remedy
+
+    def __str__(self) -> str:
+        return f"{self.what}; {self.remedy}" if self.remedy else self.what
 
 
 def set_coordinate(
@@ -172,8 +175,9 @@ def newton(
     worst = int(np.argmax(np.nan_to_num(np.abs(residual).max(axis=0), nan=np.inf)))
     raise AssemblyError(
         f"{s.mechanism.name}: crank angle {np.degrees(theta[worst]):.6g} deg cannot be reached: the loops through "
-        f"{', '.join(group.bodies)} do not close; choose crank angles that they reach",
+        f"{', '.join(group.bodies)} do not close",
         float(theta[worst]),
+        "choose crank angles that they reach",
     )
 
 

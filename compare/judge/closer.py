@@ -22,7 +22,7 @@ from compare.results.crosscheck import Discrepancy, Run
 from compare.runs import Failure
 from sim_models.common.contact_laws import default_stiffness
 from sim_models.common.failed_starts import STIFF
-from sim_models.engine import Request, Trace
+from sim_models.engine import Cause, Request, Trace
 
 NEAR = 1e3  # tolerances: a run that is off by more is not off by its step
 NEAR_LOOSE = 10.0  # the same with clearance, where pins that fly do so differently in every step
@@ -139,7 +139,10 @@ def _too_soft(one: Judged) -> Failure:
     )
     times = f"{depths[joint] / one.run.clearance[joint]:.2g} times its clearance"
     return Failure(
-        t.simulator, t.joint_model, f"{what} beyond its rim, {times}; {stiff_enough(one.run, joint)}, or a smaller load"
+        t.simulator,
+        t.joint_model,
+        f"{what} beyond its rim, {times}; {stiff_enough(one.run, joint)}, or a smaller load",
+        Cause.TOO_SOFT,
     )
 
 
@@ -163,5 +166,6 @@ def _undecided(one: Judged, why: str) -> Failure:
     return Failure(
         t.simulator,
         t.joint_model,
-        f"{t.simulator} {t.joint_model} {t.motion}: {one.words} is its own error: {why}; use another simulator",
+        f"{t.simulator} {t.joint_model} {t.motion}: {one.words} is its own error: {why}; {Cause.NOT_CONVERGED.remedy}",
+        Cause.NOT_CONVERGED,
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import math
-import re
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -168,14 +167,10 @@ def _scales(rows: Sequence[AtScale]) -> Iterator[str]:
 
 
 def reason(row: AtScale) -> str:
-    """Why a run at a scale was refused, without its numbers; empty where it was not."""
-    if " steps of " in row.why:
-        return "it would take more steps than an engine is let take"
-    return (
-        re.sub(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?", "...", row.why.split(": ", 1)[-1].split("; ")[0])
-        if row.verdict == "refused"
-        else ""
-    )
+    """Why a run at a scale was refused, in words of its cause; empty where it was not."""
+    if row.verdict != "refused":
+        return ""
+    return row.cause.words if row.cause is not None else "it failed"
 
 
 def _table(runs: Sequence[Run]) -> Iterator[str]:

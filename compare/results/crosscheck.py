@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, FiniteFloat, model_vali
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.document import Document, Grid, Mechanism, Number, Part, Row, Series, Share, Text, listed
-from sim_models.engine import JointModel, Motion
+from sim_models.engine import Cause, JointModel, Motion
 
 Verdict = Literal["agrees", "disagrees", "unjudged"]
 Unit = Literal["rad", "N", "m", "N.m"]
@@ -176,6 +176,7 @@ class Failure(Part):
     simulator: str
     joint_model: JointModel
     why: Text
+    cause: Annotated[Cause | None, Field(description="What kind of failure it is, if that is known.")] = None
 
     def __repr__(self) -> str:
         return f"Failure({self.why[:120]})"

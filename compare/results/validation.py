@@ -10,6 +10,7 @@ from pydantic import Field, FiniteFloat, PrivateAttr
 from compare.results.crosscheck import CrossCheck
 from compare.results.document import Part, Row
 from compare.results.evidence import Remade, Stored
+from sim_models.engine import Cause
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
 NotNegative = Annotated[FiniteFloat, Field(ge=0)]
@@ -47,6 +48,7 @@ class AtScale(Part):
     run: Annotated[str, Field(description="Joint model and motion.")]
     verdict: Literal["agrees", "disagrees", "refused", "unjudged"]
     why: Annotated[str, Field(description="The sentence with which a run was refused.")] = ""
+    cause: Annotated[Cause | None, Field(description="What kind of failure that is, if it is known.")] = None
 
     @property
     def scale(self) -> tuple[float, float, float]:

@@ -19,6 +19,7 @@ SUITED = (
 )  # N/m, of force over length of the linkages that these suit; for others they are harder or softer in proportion
 STIFFEST = 1e30  # N/m, of those
 DAMPING_RATIO = 0.5  # of the lighter link on that stiffness, where the mechanism gives neither damping nor restitution
+TOO_DEEP = 0.1  # of the shortest link at a joint: a pin that is deeper in its bearing is in none
 PIN_RADIUS = 0.01  # m, where the mechanism gives none; matters only with friction
 
 
@@ -28,6 +29,10 @@ class KelvinVoigt:
 
     stiffness: float
     damping: float
+
+    def give(self, force: float) -> float:
+        """How far (m) it yields under a steady force (N)."""
+        return force / self.stiffness
 
 
 def contact_parameters(mechanism: Mechanism, joint: Joint, motion: Motion) -> KelvinVoigt:
@@ -69,6 +74,17 @@ def turning_rate(mechanism: Mechanism, motion: Motion) -> float:
 def longest(mechanism: Mechanism) -> float:
     """Length (m) of the longest body; of one with a single point, from there to its centre of mass."""
     return max(max(b.length, *(abs(b.point(name) - b.centre) for name in b.points)) for b in mechanism.bodies) or 1.0
+
+
+def shortest_link(mechanism: Mechanism, joint: Joint) -> float:
+    """Length (m) of the shortest body at a joint that has one; if none has, of the longest of the linkage."""
+    lengths = [b.length for b in mechanism.bodies if b.name in joint.bodies and b.length > 0]
+    return min(lengths, default=longest(mechanism))
+
+
+def pressed_to(clearance: float, give: float, force: complex) -> complex:
+    """Gap (m) of a pin that a force (N) presses to its rim and, as far as that gives (m), beyond."""
+    return (clearance + give) * force / abs(force)
 
 
 def heaviest(mechanism: Mechanism) -> float:

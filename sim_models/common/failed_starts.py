@@ -10,16 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Mechanism
-from sim_models.common.contact_laws import contact_parameters
+from sim_models.common.contact_laws import TOO_DEEP, contact_parameters, shortest_link
 from sim_models.common.start import Course
-from sim_models.engine import Motion, Request, SimulationError
+from sim_models.engine import Cause, Motion, Request, SimulationError
 
-NO_CONTACT = 0.1  # of the shortest link at a joint: a contact that gives more has become another link
 HIDDEN = 0.5  # of the clearance: a contact that gives more may well be why there is no equilibrium
 STIFF = 0.1  # of the clearance: what a contact that is stiff enough gives
 SAME = 1e-6  # rad: angles that are one and the same
@@ -32,25 +32,21 @@ class TooSoft(SimulationError):
     """
 
     def __init__(self, who: str, mechanism: Mechanism, motion: Motion, joint: str, times: float, where: str) -> None:
-        super().__init__(who, mechanism, motion, joint, times, where)
-        self.who, self.mechanism, self.motion, self.joint, self.times, self.where = (
-            who,
-            mechanism,
-            motion,
-            joint,
-            times,
-            where,
+        clearance = mechanism.joint(joint).clearance
+        stiffness = contact_parameters(mechanism, mechanism.joint(joint), motion).stiffness
+        super().__init__(
+            f"{who}: contact too soft for this load: {times * clearance * stiffness:.3g} N press the pin of joint"
+            f" {joint!r} {times * clearance:.3g} m into its bearing {where} (clearance {clearance:g} m, stiffness"
+            f" {stiffness:.3g} N/m)",
+            Cause.TOO_SOFT,
+            f"give joint {joint!r} contact_stiffness = {_rounded_up(times / STIFF * stiffness):.1e} (N/m) or more, or a"
+            " smaller load",
         )
+        self.who, self.motion, self.joint, self.times, self.where = who, motion, joint, times, where
+        self.mechanism = mechanism
 
-    def __str__(self) -> str:
-        clearance = self.mechanism.joint(self.joint).clearance
-        stiffness = contact_parameters(self.mechanism, self.mechanism.joint(self.joint), self.motion).stiffness
-        return (
-            f"{self.who}: contact too soft for this load: {self.times * clearance * stiffness:.3g} N press the pin of"
-            f" joint {self.joint!r} {self.times * clearance:.3g} m into its bearing {self.where} (clearance"
-            f" {clearance:g} m, stiffness {stiffness:.3g} N/m); give joint {self.joint!r} contact_stiffness ="
-            f" {_rounded_up(self.times / STIFF * stiffness):.1e} (N/m) or more, or a smaller load"
-        )
+    def __reduce__(self) -> tuple[Any, ...]:
+        return TooSoft, (self.who, self.mechanism, self.motion, self.joint, self.times, self.where)
 
     def of(self, mechanism: Mechanism) -> TooSoft:
         """The same failure of the same linkage in other units."""
@@ -67,8 +63,7 @@ def check_stiff_enough(engine: str, request: Request, theta: float, forces: Mapp
     """Raise TooSoft where the ideal linkage's reactions (N) at a crank angle (rad) press a pin through its bearing."""
     m = request.mechanism
     for name, depth in _depths(request, forces).items():
-        shortest = min((b.length for b in m.bodies if b.name in m.joint(name).bodies and b.length), default=math.inf)
-        if not depth < NO_CONTACT * shortest:
+        if not depth < TOO_DEEP * shortest_link(m, m.joint(name)):
             raise _too_soft(engine, request, theta, name, depth)
 
 
@@ -89,9 +84,7 @@ def why_no_equilibrium(
 def _depths(request: Request, forces: Mapping[str, float]) -> dict[str, float]:
     """How far (m) each contact gives under its force (N)."""
     m = request.mechanism
-    return {
-        name: force / contact_parameters(m, m.joint(name), request.motion).stiffness for name, force in forces.items()
-    }
+    return {name: contact_parameters(m, m.joint(name), request.motion).give(force) for name, force in forces.items()}
 
 
 def _too_soft(engine: str, request: Request, theta: float, joint: str, depth: float) -> TooSoft:
@@ -115,6 +108,11 @@ def where(request: Request, theta: float) -> str:
     return f"{here}, where the run starts that was asked for {wanted}"
 
 
+def no_start(engine: str, request: Request, cause: Cause, what: str, theta: float, remedy: str = "") -> SimulationError:
+    """The error that says what went wrong at a crank angle (rad)."""
+    return SimulationError(f"{who(engine, request)}: {what} {where(request, theta)}", cause, remedy)
+
+
 @contextmanager
 def own_start(engine: str, request: Request, assembly: Assembly) -> Iterator[None]:
     """Within this, a linkage that cannot be assembled raises SimulationError; AssemblyError at a crank angle that was
@@ -126,10 +124,10 @@ def own_start(engine: str, request: Request, assembly: Assembly) -> Iterator[Non
     try:
         yield
     except AssemblyError as error:
-        said, _, _ = str(error).rpartition("; ")  # the rest speaks of the angles that were asked for
         raise SimulationError(
             f"{who(engine, request)}: the angles asked for can be reached, but the run could not be started or held:"
-            f" {said or error}; use a smaller clearance or a stiffer contact, or keep clear of where the linkage locks"
+            f" {error.what}",
+            Cause.NO_START,
         ) from None
 
 

@@ -51,10 +51,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analytic.mechanism import GROUND, Body, Joint
+from analytic.mechanism import GROUND, Joint
 from sim_models.common.balances import balances
+from sim_models.common.contact_laws import TOO_DEEP, shortest_link
 from sim_models.common.seen import REST, TINY, Miss, Seen, cross, dot
-from sim_models.engine import Request, SimulationError, Trace
+from sim_models.engine import Cause, Request, SimulationError, Trace
 
 FREE = 0.1  # of the clearance, inside of the rim: a pin farther inside touches nothing in any engine
 # of a moving run's instants: where pins fly they touch and leave, and one such instant does not make the run wrong
@@ -92,7 +93,7 @@ LIMITS = {
     "parting": Limit(1e-5, 1e-5, 1e-4),
     "jolt": Limit(1e-3, 1e-3, 2e-2),
     "rod": Limit(1e-3, 1e-2, 1e-2),
-    "bearing": Limit(0.1, 0.1, 0.1),
+    "bearing": Limit(TOO_DEEP, TOO_DEEP, TOO_DEEP),
     "line": Limit(1e-5, 3e-4, 3e-4),
     "loose": Limit(1e-5, 3e-4, 3e-4),
     "force": Limit(2e-5, 3e-4, 3e-4),
@@ -114,8 +115,8 @@ def check(request: Request, trace: Trace) -> None:
             )
             raise Implausible(
                 f"{trace.simulator} {trace.joint_model} {trace.motion} ({request.mechanism.name}): {miss.what} at {at}:"
-                f" {miss.size[worst]:.3g} {miss.unit} are missed, {allowed:.3g} are in order; this run is no evidence:"
-                " use another simulator"
+                f" {miss.size[worst]:.3g} {miss.unit} are missed, {allowed:.3g} are in order",
+                Cause.IMPLAUSIBLE,
             )
 
 
@@ -273,7 +274,11 @@ def bearings(seen: Seen) -> Iterator[Miss]:
             yield Miss("rod", f"the massless link of {what} changes its length", np.abs(deep), clearance, "m")
         else:
             yield Miss(
-                "bearing", f"the pin of {what} leaves its bearing", np.maximum(deep, 0.0), _shortest(seen, joint), "m"
+                "bearing",
+                f"the pin of {what} leaves its bearing",
+                np.maximum(deep, 0.0),
+                shortest_link(seen.m, joint),
+                "m",
             )
             loose = np.where(np.abs(gap) < (1 - FREE) * clearance, np.abs(force), 0.0)
             yield Miss("loose", f"the free pin of {what} is pushed", loose, peak, "N", seen.nothing)
@@ -282,10 +287,3 @@ def bearings(seen: Seen) -> Iterator[Miss]:
             yield Miss(
                 "line", f"the force of {what} is not along its pin's displacement", across, peak, "N", seen.nothing
             )
-
-
-def _shortest(seen: Seen, joint: Joint) -> float:
-    """Length (m) of the shortest body at a joint that has one."""
-    return min(
-        (b.length for b in map(seen.m.body, joint.bodies) if isinstance(b, Body) and b.length), default=seen.size
-    )

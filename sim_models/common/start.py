@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
-from sim_models.engine import Request, SimulationError, Unsupported
+from sim_models.engine import Cause, Request, SimulationError, Unsupported
 
 MOST_STEPS = 1_500_000  # of a run whose steps pass through Python or are all kept: a minute or two
 
@@ -144,6 +144,6 @@ def check_steps(who: str, time: float, longest: float, most: int = MOST_STEPS) -
     count = time / longest
     if not count <= most:
         raise SimulationError(
-            f"{who}: {time:.3g} s would take {count:.2g} steps of {longest:.2g} s, and {most:g} are the most; raise"
-            " drive.speed, use a larger clearance or a softer contact, ask for less, or use --motion static"
+            f"{who}: {time:.3g} s would take {count:.2g} steps of {longest:.2g} s, and {most:g} are the most",
+            Cause.TOO_MANY_STEPS,
         )

@@ -21,7 +21,7 @@ from analytic.mechanism.signals import Unit, named
 from sim_models.common.contact_laws import default_stiffness, heaviest, longest, power_of_two, turning_rate
 from sim_models.common.failed_starts import TooSoft
 from sim_models.common.weights import with_equal_masses
-from sim_models.engine import Rates, Request, SimulationError, Trace
+from sim_models.engine import Cause, Rates, Request, SimulationError, Trace
 
 # What an engine is at home with, in SI: where a linkage lies within, its units are SI's; else it is brought to the
 # middle.
@@ -152,7 +152,9 @@ class Units:
         known = named(m.bodies, m.joints)
         unknown = sorted(set(t.signals) - set(known))
         if unknown:
-            raise SimulationError(f"{t.simulator}: {m.name} has no signal {unknown[0]!r}; leave it out of the trace")
+            raise SimulationError(
+                f"{t.simulator}: {m.name} has no signal {unknown[0]!r}", Cause.FAULTY, "leave it out of the trace"
+            )
         own = {"length": self.length, "mass": self.mass, "time": self.time}
         return replace(
             t,
@@ -199,7 +201,8 @@ def in_own_units(run: Callable[[Request], Trace], request: Request) -> Trace:
     except TooSoft as error:
         raise error.of(whole.mechanism) from None
     except SimulationError as error:
-        raise SimulationError(f"{error} (numbers in {units.words})") from error
+        note = f"(numbers in {units.words})"
+        raise SimulationError(error.what, error.cause, error.remedy, note) from error
 
 
 def with_stiffness(request: Request) -> Request:

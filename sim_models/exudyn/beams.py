@@ -22,10 +22,11 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 from analytic.mechanism.signals import turned_near
+from sim_models.common.contact_laws import pressed_to
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
 from sim_models.common.start import Course, poses, schedule
-from sim_models.engine import Request, SimulationError, Trace, Unsupported, installed_version
+from sim_models.engine import Cause, Request, SimulationError, Trace, Unsupported, installed_version
 from sim_models.exudyn.beam_model import (
     BeamModel,
     Element,
@@ -163,8 +164,7 @@ class _Beams:
         pressing = self._pressing(k)
         soft = {name: soft_stiffness(self.m.joint(name), abs(force)) for name, force in pressing.items()}
         gaps = {
-            name: (self.clearance[name] + abs(force) / soft[name]) * force / abs(force)
-            for name, force in pressing.items()
+            name: pressed_to(self.clearance[name], abs(force) / soft[name], force) for name, force in pressing.items()
         }
         start = poses(self.assembly, float(self.motion.theta[k]), gaps=lambda _: gaps)
         model = BeamModel(self.m, self.element, self.clearance, start, self._pushes(k))
@@ -173,8 +173,9 @@ class _Beams:
         ):
             raise SimulationError(
                 f"exudyn {self.element} beams ({self.m.name}): no static equilibrium in the assembly mode found at"
-                f" crank angle {np.degrees(self.motion.theta[k]):.4g} deg; use a smaller clearance, keep clear of"
-                " change points, or check youngs_modulus, section and the loads"
+                f" crank angle {np.degrees(self.motion.theta[k]):.4g} deg",
+                Cause.NO_EQUILIBRIUM,
+                "use a smaller clearance, keep clear of change points, or check youngs_modulus, section and the loads",
             )
         return model
 

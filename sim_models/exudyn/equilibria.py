@@ -10,10 +10,11 @@ from scipy.optimize import newton
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, Joint
-from sim_models.common.failed_starts import check_stiff_enough, where, who, why_no_equilibrium
+from sim_models.common.contact_laws import pressed_to
+from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
 from sim_models.common.start import AT_REST, poses
 from sim_models.common.travel import travel
-from sim_models.engine import Request, SimulationError
+from sim_models.engine import Cause, Request, SimulationError
 from sim_models.exudyn.linkage import ExudynLinkage
 from sim_models.exudyn.record import Record
 
@@ -74,7 +75,7 @@ class Equilibria:
             raise why_no_equilibrium("exudyn", self.request, theta, springs) or error from None
         for name in self.clearance:
             if np.real(found.force[name][0] * np.conj(found.gap[name][0])) <= 0:
-                raise self._failure(f"the pin of joint {name} would have to be pushed, not pulled", theta)
+                raise self._failure(Cause.PULLED, f"the pin of joint {name} would have to be pushed, not pulled", theta)
         return found
 
     def crank(self, theta: float) -> float:
@@ -94,7 +95,9 @@ class Equilibria:
                 )
             )
         except RuntimeError:
-            raise self._failure(f"a drive of {stiffness:g} N.m/rad holds the crank nowhere near", theta) from None
+            raise self._failure(
+                Cause.NO_EQUILIBRIUM, f"a drive of {stiffness:g} N.m/rad holds the crank nowhere near", theta
+            ) from None
 
     def _taken_up(self, linkage: ExudynLinkage, near: Record, theta: float) -> dict[str, complex]:
         """Gaps (m) where the reactions of a neighbouring equilibrium press every pin."""
@@ -103,24 +106,21 @@ class Equilibria:
         for name, clearance in self.clearance.items():
             force = complex(near.force[name][0])
             if abs(force) <= NO_LOAD * scale or scale == 0:
-                raise self._failure(
-                    f"nothing presses the pin of joint {name}, so its equilibrium is undetermined", theta
-                )
-            gaps[name] = (clearance + abs(force) / linkage.stiffness(name)) * force / abs(force)
+                what = f"nothing presses the pin of joint {name}, so its equilibrium is undetermined"
+                raise self._failure(Cause.UNPRESSED, what, theta)
+            gaps[name] = pressed_to(clearance, abs(force) / linkage.stiffness(name), force)
         return gaps
 
     def _solve(self, linkage: ExudynLinkage, theta: float, gaps: Mapping[str, complex], loads: Loads) -> Record:
         linkage.place(poses(self.assembly, theta, gaps=lambda _: gaps))
         linkage.load_bodies(*loads)
         if not linkage.solve_static():
-            raise self._failure("Newton's method finds no equilibrium", theta)
+            raise self._failure(Cause.NO_EQUILIBRIUM, "Newton's method finds no equilibrium", theta)
         return linkage.now()
 
-    def _failure(self, why: str, theta: float) -> SimulationError:
-        return SimulationError(
-            f"{who('exudyn', self.request)}: {why} {where(self.request, theta)}; load the linkage, "
-            "use a smaller clearance, leave the angle out, or run it driven with start 'centred'"
-        )
+    def _failure(self, cause: Cause, what: str, theta: float) -> SimulationError:
+        remedy = "load the linkage, use a smaller clearance, leave the angle out, or run it driven with start 'centred'"
+        return no_start("exudyn", self.request, cause, what, theta, remedy)
 
     def _loads(self, theta: float, inertia: Inertia | None, speed: float) -> Loads:
         """Weight, inertia, friction and damping: force and torque on every body, force along every slide."""

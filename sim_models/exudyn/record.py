@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
-from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism
+from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
+from sim_models.common.contact_laws import TOO_DEEP, shortest_link
 from sim_models.common.start import poses
 from sim_models.common.travel import slide_travel
 from sim_models.engine import Rates
 from sim_models.exudyn.motor import Motor
 
 OPEN_LOOP = 1e-4  # of the largest link: gap at an ideal joint beyond which a run is garbage
-DEEP = 0.1  # of the shorter link at a joint: penetration beyond which a run is garbage
 ENERGY_FROM_NOTHING = 0.05  # of the energy that a run turns over
 FLIPPED = math.radians(45)  # between a body and the ideal linkage: it has left its assembly mode
 
@@ -137,11 +137,8 @@ class Judge:
         for name, gap in record.gap.items():
             excess, allowed = np.abs(gap), OPEN_LOOP * size
             if name in self.clearance:
-                links = [self.mechanism.body(body) for body in self.mechanism.joint(name).bodies]
-                shorter = min(
-                    (link.length for link in links if isinstance(link, Body) and link.length > 0), default=size
-                )
-                excess, allowed = excess - self.clearance[name], DEEP * shorter
+                shortest = shortest_link(self.mechanism, self.mechanism.joint(name))
+                excess, allowed = excess - self.clearance[name], TOO_DEEP * shortest
             worst = int(np.argmax(excess))
             if excess[worst] > allowed:
                 return (

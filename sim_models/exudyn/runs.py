@@ -15,6 +15,7 @@ from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
 from sim_models.common.start import Course, check_steps, poses, schedule, substeps
 from sim_models.engine import (
+    Cause,
     Request,
     SimulationError,
     Trace,
@@ -202,8 +203,9 @@ class ExudynRun:
     def failure(self, why: str) -> SimulationError:
         r = self.request
         return SimulationError(
-            f"exudyn {r.joint_model} {r.motion} ({self.m.name}): {why}; use a smaller step or a softer, more damped"
-            " contact"
+            f"exudyn {r.joint_model} {r.motion} ({self.m.name}): {why}",
+            Cause.DIVERGED,
+            "use a smaller step or a softer, more damped contact",
         )
 
     def check(self, *wrong: str | None) -> None:

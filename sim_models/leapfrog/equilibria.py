@@ -12,9 +12,9 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from analytic.kinematics.assembly import AssemblyError
-from sim_models.common.failed_starts import check_stiff_enough, where, who, why_no_equilibrium
+from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
 from sim_models.common.start import Course, Pose
-from sim_models.engine import SimulationError
+from sim_models.engine import Cause, SimulationError
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.courses import NONE, STENCIL, Behind, Changes, Motor, Path, duration, moving, near
 
@@ -64,11 +64,7 @@ class Equilibria:
             name for name in names if abs(forces[name]) <= max(NO_FORCE, NO_LOAD * max(abs(f) for f in forces.values()))
         ]
         if loose:
-            raise self.failed(
-                f"nothing presses the pin of joint {loose[0]!r}",
-                theta,
-                "give the linkage a load or gravity, or start it centred",
-            )
+            raise self.failed(Cause.UNPRESSED, f"nothing presses the pin of joint {loose[0]!r}", theta)
         springs = {name: abs(forces[name]) for name in names if world.compliant}
         check_stiff_enough(world.engine, world.request, theta, springs)
         begin = np.array([self._guess(name, forces[name]) for name in names])
@@ -97,7 +93,7 @@ class Equilibria:
             what = f"no equilibrium of the pins at {', '.join(world.pins)} was found"
             remedy = "use a smaller clearance, leave the angle out, or run it driven with start 'centred'"
             raise why_no_equilibrium(world.engine, world.request, theta, springs) or self.failed(
-                what, theta, remedy
+                Cause.NO_EQUILIBRIUM, what, theta, remedy
             ) from None
         settled = gaps_at(x)
         for name in names:
@@ -131,10 +127,9 @@ class Equilibria:
             previous = relative
         raise Nowhere
 
-    def failed(self, what: str, theta: float, remedy: str) -> SimulationError:
+    def failed(self, cause: Cause, what: str, theta: float, remedy: str = "") -> SimulationError:
         """The error that says what went wrong at which crank angle."""
-        request = self.world.request
-        return SimulationError(f"{who(self.world.engine, request)}: {what} {where(request, theta)}; {remedy}")
+        return no_start(self.world.engine, self.world.request, cause, what, theta, remedy)
 
     def ideal_forces(self, path: Path, time: float) -> tuple[dict[str, complex], float]:
         """Reactions (N) and drive torque (N.m) of the ideal linkage at a time (s) of the crank's path."""
@@ -184,7 +179,7 @@ class Equilibria:
                 break
             last = here
         why = f"no steady motion of the crank on a drive.stiffness of {stiffness:g} N.m/rad was found"
-        raise self.failed(why, motor.angle(time), "it is near a resonance: give a stiffer drive or a slower one")
+        raise self.failed(Cause.RESONANCE, why, motor.angle(time))
 
     def _with_gaps(self, crank: Behind, time: float, stiffness: float) -> Behind:
         """The same crank with a lag (rad) that holds what the pins' gaps add to the drive torque at a time (s)."""

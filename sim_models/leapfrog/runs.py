@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sim_models.common.contact_laws import TOO_DEEP, shortest_link
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
 from sim_models.common.rates import part_rates
 from sim_models.common.silence import silence
 from sim_models.common.start import check_steps, schedule
-from sim_models.engine import Request, SimulationError, Trace, installed_version
+from sim_models.engine import Cause, Request, SimulationError, Trace, installed_version
 from sim_models.leapfrog.bodies import PROBE, WARM_UP, LeapfrogWorld
 from sim_models.leapfrog.courses import Changes, Even, Grid, Motor, Path, angles, moving, near
 from sim_models.leapfrog.equilibria import Equilibria
@@ -23,7 +24,6 @@ JOURNAL_SAMPLES = 4000  # at least, where a run has as many steps
 AT_REST = 1e-9  # rad, of a crank on a spring
 OFF_COURSE = 1e-7  # rad, what a rigidly driven crank may be off its course
 HELD = 1e-3  # of the largest reaction: what one-sided pins and rods may differ by where both hold the same equilibrium
-TOO_DEEP = 0.1  # of the shortest link at a joint: a penetration that means divergence
 
 
 def run(make: Callable[[Request], LeapfrogWorld], request: Request, package: str) -> Trace:
@@ -77,7 +77,9 @@ def _rest(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None, moto
         theta = lagging
     raise SimulationError(
         f"{world.engine}: no rest of the crank on its drive.stiffness was found near crank angle"
-        f" {np.degrees(motor):.6g} deg"
+        f" {np.degrees(motor):.6g} deg",
+        Cause.NO_EQUILIBRIUM,
+        "give a stiffer drive, or smaller loads",
     )
 
 
@@ -96,11 +98,8 @@ def _one_sided(found: Equilibria, rods: Equilibria, theta: float) -> dict[str, f
     forces = _reactions(sure, gaps)
     lifted = [name for name, gap in gaps.items() if (forces[name] * gap.conjugate()).real <= 0]
     if lifted:
-        raise found.failed(
-            f"the only equilibrium found has the pin of joint {lifted[0]!r} pulled off its rim",
-            theta,
-            "check the loads",
-        )
+        what = f"the only equilibrium found has the pin of joint {lifted[0]!r} pulled off its rim"
+        raise found.failed(Cause.PULLED, what, theta)
     with contextlib.suppress(SimulationError):
         gaps = found.gaps(Even(theta), 0.0)
     row = _still(found.world, theta, gaps)
@@ -153,7 +152,7 @@ def _moving(world: LeapfrogWorld, found: Equilibria) -> Trace:
     if world.turned and world.held:
         off = float(np.abs(theta - angles(plan.motor, plan.times)).max())
         if not off < OFF_COURSE:
-            raise SimulationError(f"{world.engine}: the crank is {off:.3g} rad off its course; use a smaller step")
+            raise SimulationError(f"{world.engine}: the crank is {off:.3g} rad off its course", Cause.OFF_COURSE)
     trace = _trace(world, rows, request.crank_angle if request.crank_angle.size else theta, plan.times, grid.step)
     return replace(trace, free_share=tally.free_share(), journal=tally.journal())
 
@@ -223,12 +222,11 @@ class Tally:
 def _check_depth(world: LeapfrogWorld, theta: float) -> None:
     for name, pin in world.pins.items():
         gap = abs(world.gap(name)[0])
-        shortest = min(b.length for b in world.mechanism.bodies if b.name in pin.joint.bodies and b.length)
-        if not gap < pin.clearance + TOO_DEEP * shortest:
+        if not gap < pin.clearance + TOO_DEEP * shortest_link(world.mechanism, pin.joint):
             raise SimulationError(
                 f"{world.engine} {world.request.joint_model}: the pin at {name} is {gap:.3g} m off its centre"
-                f" (clearance {pin.clearance:g} m) near crank angle {np.degrees(theta):.4g} deg: the run diverged; use"
-                " a smaller step or softer contact"
+                f" (clearance {pin.clearance:g} m) near crank angle {np.degrees(theta):.4g} deg: the run diverged",
+                Cause.DIVERGED,
             )
 
 

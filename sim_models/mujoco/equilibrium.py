@@ -14,9 +14,10 @@ import mujoco
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
-from sim_models.common.failed_starts import check_stiff_enough, where, who, why_no_equilibrium
+from sim_models.common.contact_laws import pressed_to
+from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
 from sim_models.common.start import poses
-from sim_models.engine import Request, SimulationError
+from sim_models.engine import Cause, Request, SimulationError
 from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.state import contact_rows, gap, joint_forces, signals, touch
@@ -180,7 +181,7 @@ class Equilibria:
         slip = self.slip(theta)
         found = rest(self.ideal, q, v, a, slip)
         if found is None:
-            raise self.failed("the ideal linkage is not in equilibrium", theta, "check its loads")
+            raise self.failed(Cause.NO_EQUILIBRIUM, "the ideal linkage is not in equilibrium", theta, "check its loads")
         return self.noted(self.signals(self.ideal, found, slip))
 
     def noted(self, seen: Mapping[str, float]) -> dict[str, complex]:
@@ -199,11 +200,7 @@ class Equilibria:
         """Where these reactions press each pin (m): on the rim, and as far beyond as its stiffness lets it."""
         for name, force in forces.items():
             if force == 0:
-                raise self.failed(
-                    f"nothing presses the pin of joint {name!r}",
-                    theta,
-                    "give the linkage a load or gravity, or start it centred",
-                )
+                raise self.failed(Cause.UNPRESSED, f"nothing presses the pin of joint {name!r}", theta)
         check_stiff_enough("mujoco", self.request, theta, self.on_springs(forces))
         return {name: self.rim(name, force) for name, force in forces.items()}
 
@@ -217,7 +214,7 @@ class Equilibria:
     def rim(self, name: str, force: complex) -> complex:
         """Gap (m) of a joint that carries this force (N)."""
         give = self.on_springs({name: force}).get(name, 0.0) / self.laws[name].stiffness
-        return (self.mechanism.joint(name).clearance + give) * force / abs(force)
+        return pressed_to(self.mechanism.joint(name).clearance, give, force)
 
     def at_rest(self, theta: float) -> dict[str, float]:
         """Signals of the equilibrium at one crank angle.  Raises SimulationError if there is none with the pins
@@ -231,14 +228,11 @@ class Equilibria:
         found = rest(self.pressed, self.place(self.pressed, theta, gaps), still, still, slip)
         if found is None:
             soft = why_no_equilibrium("mujoco", self.request, theta, self.on_springs(forces))
-            raise soft or self.failed("no equilibrium was found", theta, "check the loads, or use a smaller clearance")
+            raise soft or self.failed(Cause.NO_EQUILIBRIUM, "no equilibrium was found", theta)
         for name, (force, _) in joint_forces(self.pressed, found.force).items():
             if name in self.laws and not _pressed(force, gap(self.pressed, name)):
-                raise self.failed(
-                    f"the only equilibrium found has the pin of joint {name!r} pulled, not pressed",
-                    theta,
-                    "check the loads",
-                )
+                what = f"the only equilibrium found has the pin of joint {name!r} pulled, not pressed"
+                raise self.failed(Cause.PULLED, what, theta)
         return self.signals(self.pressed, found, slip)
 
     def steady(self, angles: np.ndarray, q: np.ndarray, rate: np.ndarray) -> np.ndarray | None:
@@ -270,9 +264,9 @@ class Equilibria:
         forces = joint_forces(self.pressed, found.force)
         return found.q if all(_pressed(forces[name][0], gap(self.pressed, name)) for name in self.laws) else None
 
-    def failed(self, what: str, theta: float, remedy: str) -> SimulationError:
+    def failed(self, cause: Cause, what: str, theta: float, remedy: str = "") -> SimulationError:
         """The error that says what went wrong at which crank angle."""
-        return SimulationError(f"{who('mujoco', self.request)}: {what} {where(self.request, theta)}; {remedy}")
+        return no_start("mujoco", self.request, cause, what, theta, remedy)
 
 
 def _pressed(force: complex, gap: complex) -> bool:

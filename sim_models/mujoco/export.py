@@ -15,7 +15,7 @@ import numpy as np
 from analytic.mechanism import Joint
 from sim_models.common.export_files import expected, lines
 from sim_models.common.start import poses
-from sim_models.engine import Request
+from sim_models.engine import Cause, Request
 from sim_models.mujoco.equilibrium import Equilibria, rest
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.runs import STATIC_STEP, MujocoRun
@@ -163,7 +163,9 @@ def _state(near: Equilibria, theta: float) -> dict[str, Any]:
         link, link.data.qpos.copy(), still, still, slip
     )  # once more, from there: forces are taken from the position here
     if found is None:
-        raise near.failed("the equilibrium cannot be found a second time", theta, "use a smaller clearance")
+        raise near.failed(
+            Cause.NO_EQUILIBRIUM, "the equilibrium cannot be found a second time", theta, "use a smaller clearance"
+        )
     dry = -sum((slip[name] * form for name, form in link.friction_forms.items()), still)
     sliding = {name: -slip[name] * link.mechanism.joint(name).friction for name in link.touch}
     for name, row in contact_rows(link).items():

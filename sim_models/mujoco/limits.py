@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sim_models.engine import Request, SimulationError
+from sim_models.engine import Cause, Request, SimulationError
 from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.model import MujocoLinkage
 
@@ -18,10 +18,6 @@ TURNED = 2e-6
 STRETCH = 1e-3  # of the clearance, by which a massless link may change its length
 
 
-class CameApart(SimulationError):
-    """Rigid joints came apart: the step was too long."""
-
-
 def room_apart(request: Request, link: MujocoLinkage) -> float:
     """The distance (m) by which rigid joints may come apart."""
     links = link.contacts if request.joint_model == "massless-link" else ()
@@ -29,23 +25,25 @@ def room_apart(request: Request, link: MujocoLinkage) -> float:
 
 
 def check_together(request: Request, distance: float, room: float, step: float) -> None:
-    """Raise CameApart where rigid joints have come apart by more than is in order."""
+    """Raise SimulationError (CAME_APART) where rigid joints have come apart by more than is in order."""
     if distance > room:
-        raise CameApart(
+        raise SimulationError(
             f"mujoco: {request.mechanism.name}, {request.joint_model} joints: a rigid joint came apart by"
-            f" {distance:.3g} m, {room:.3g} m is in order (step {step:.3g} s); use a smaller step"
+            f" {distance:.3g} m, {room:.3g} m is in order (step {step:.3g} s)",
+            Cause.CAME_APART,
         )
 
 
 def check_closed(request: Request, turn: float, step: float) -> None:
-    """Raise CameApart where rigid joints have given so far that a body would have to turn by more than is in order
-    (rad) to close them.
+    """Raise SimulationError (CAME_APART) where rigid joints have given so far that a body would have to turn by more
+    than is in order (rad) to close them.
     """
     if turn > TURNED:
-        raise CameApart(
+        raise SimulationError(
             f"mujoco: {request.mechanism.name}, {request.joint_model} joints: the rigid joints have given so far that a"
-            f" body is {turn:.3g} rad off, {TURNED:.3g} rad is in order (step {step:.3g} s); use a smaller step, or"
-            " smaller loads"
+            f" body is {turn:.3g} rad off, {TURNED:.3g} rad is in order (step {step:.3g} s)",
+            Cause.CAME_APART,
+            "use a smaller step, or smaller loads",
         )
 
 
@@ -66,5 +64,6 @@ def check_depth(
             raise SimulationError(
                 f"mujoco: {request.mechanism.name}, {request.joint_model} joints: the pin of joint {name!r} is"
                 f" {deepest:.3g} m deep in its bearing, {allowed:.3g} m is in order (clearance {clearance:g} m,"
-                f" stiffness {law.stiffness:g} N/m); use a smaller step or a stiffer contact"
+                f" stiffness {law.stiffness:g} N/m)",
+                Cause.TOO_DEEP,
             )

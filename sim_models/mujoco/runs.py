@@ -15,10 +15,9 @@ from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
 from sim_models.common.rates import part_rates
 from sim_models.common.start import Course, poses, schedule
-from sim_models.engine import Request, SimulationError, Trace
+from sim_models.engine import Cause, Request, SimulationError, Trace
 from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.laws import contact_laws, law_settings
-from sim_models.mujoco.limits import CameApart
 from sim_models.mujoco.march import Log, march
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import Motor
@@ -236,8 +235,9 @@ class MujocoRun:
             try:
                 signals, log, self.record = march(self.request, link, self.motor, state, marks, lead)
                 return signals, log, step
-            except CameApart:
-                if self.request.step is not None or attempt == HALVINGS:
+            except SimulationError as error:
+                apart = error.cause is Cause.CAME_APART
+                if not apart or self.request.step is not None or attempt == HALVINGS:
                     raise
                 step /= 2
                 state = begin(step)

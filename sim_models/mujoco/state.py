@@ -10,7 +10,7 @@ import numpy as np
 
 from analytic.mechanism import GROUND
 from sim_models.common.rates import rate_columns
-from sim_models.engine import SimulationError
+from sim_models.engine import Cause, SimulationError
 from sim_models.mujoco.model import CONTACT_ROWS, ROW, MujocoLinkage
 
 SINGULAR = 1e-9  # of the largest: a singular value of closing joints that says nothing
@@ -32,7 +32,9 @@ def touch(link: MujocoLinkage, always: bool = False) -> bool:
             con.frame = (-nx, -ny, 0.0, ny, -nx, 0.0, 0.0, 0.0, 1.0)
             if mujoco.mj_addContact(link.model, link.data, con):
                 raise SimulationError(
-                    f"mujoco: no room for the contact of joint {name!r}; use fewer joints with clearance"
+                    f"mujoco: no room for the contact of joint {name!r}",
+                    Cause.FAULTY,
+                    "use fewer joints with clearance",
                 )
             link.touching.append(name)
     return bool(link.touching)
@@ -304,7 +306,4 @@ def check_warnings(link: MujocoLinkage, where: str) -> None:
     if not d.warning.number.any() and math.isfinite(float(d.qpos.sum()) + float(d.qvel.sum())):
         return
     raised = [mujoco.mjtWarning(i).name.removeprefix("mjWARN_") for i in range(len(d.warning)) if d.warning[i].number]
-    raise SimulationError(
-        f"mujoco: {where}: the run diverged ({', '.join(raised) or 'not a number'}); use a smaller step or a softer"
-        " contact"
-    )
+    raise SimulationError(f"mujoco: {where}: the run diverged ({', '.join(raised) or 'not a number'})", Cause.DIVERGED)

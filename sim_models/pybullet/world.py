@@ -26,7 +26,7 @@ from analytic.mechanism import GROUND, MASS_CENTRE
 from sim_models.common.contact_laws import lighter_mass
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.tree import Branch
-from sim_models.engine import Request, SimulationError
+from sim_models.engine import Cause, Request, SimulationError
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.parts import coordinates, moving_body, spanning_tree
 from sim_models.leapfrog.rates import body_rates
@@ -178,7 +178,8 @@ class BulletWorld(LeapfrogWorld):
             kept = self.call("getDynamicsInfo", number, index)[2][2]
             if not np.isclose(kept, link["inertia"], rtol=1e-12, atol=0):
                 raise SimulationError(
-                    f"pybullet: a link's moment of inertia is {kept:g} kg.m^2 where {link['inertia']:g} was set"
+                    f"pybullet: a link's moment of inertia is {kept:g} kg.m^2 where {link['inertia']:g} was set",
+                    Cause.FAULTY,
                 )
             self.freedoms.append((number, index))
         self.multibodies.append(number)

@@ -114,9 +114,11 @@ def _runs(scale: Scale, simulator: str, motion: Motion) -> Iterator[AtScale]:
     try:
         result = crosscheck_job(Job(linkage(scale), (simulator,), load_tolerances(), motion, theta))
     except Unsupported as error:
-        yield row.model_copy(update={"why": str(error)})
+        yield row.model_copy(update={"why": str(error), "cause": error.cause})
         return
     for run in result.runs:
         yield row.model_copy(update={"run": f"{run.joint_model}, {motion}", "verdict": run.verdict})
     for failure in result.failures:
-        yield row.model_copy(update={"run": f"{failure.joint_model}, {motion}", "why": failure.why})
+        yield row.model_copy(
+            update={"run": f"{failure.joint_model}, {motion}", "why": failure.why, "cause": failure.cause}
+        )
