@@ -86,6 +86,13 @@ def test_without_clearance_the_total_is_the_compliance() -> None:
     np.testing.assert_array_equal(found.displacement("coupler"), found.compliance.displacement("coupler"))
 
 
+def test_a_body_that_bends_turns_as_its_sensor_has_it() -> None:
+    found = accuracy(Assembly(load("paper")), np.radians([30.0, 90.0]), [Output("crank", "angle")], {}, 1.0, False)
+    turned = found.total.signals()["crank_angle"] - found.total.clearance.signals()["crank_angle"]
+    np.testing.assert_allclose(found.compliance(Output("crank", "angle")), turned, rtol=1e-9, atol=1e-12)
+    assert not np.allclose(turned, found.total.compliance.rotation("crank"), rtol=1e-3)  # of its com
+
+
 # ---------------------------------------------------------------- sensitivities
 
 

@@ -31,7 +31,10 @@ ASCENTS = 30
 
 @dataclass(frozen=True)
 class Output:
-    """One number that a user cares about: x or y of a body's point (m, ground frame), or a body's angle (rad)."""
+    """One number that a user cares about: x or y of a body's point (m, ground frame), or a body's angle (rad).
+
+    A body that bends has its angle where a sensor reads it: at its joint on the ground, else at its com.
+    """
 
     body: str
     axis: Literal["x", "y", "angle"]
@@ -67,7 +70,7 @@ class Output:
     def elastic(self, compliance: Compliance) -> np.ndarray:
         """Its displacement (N,) by compliance."""
         if self.axis == "angle":
-            return compliance.rotation(self.body, self.point)
+            return compliance.rotation(self.body, compliance.mechanism.angle_point(self.body))
         return self._part(compliance.displacement(self.body, self.point))
 
     def _part(self, z: np.ndarray) -> np.ndarray:
