@@ -37,7 +37,7 @@ OPTIONS = {  # a function's argument, where its option has another name
 def complaints(context: typer.Context | None = None) -> Iterator[list[str]]:
     """Turn every foreseen fault into one sentence on standard error and its exit status; collect warnings.
 
-    With the ``context`` of a command a fault of an argument is told as one of the option that it was typed in.
+    With the ``context`` of a command a fault of an argument names the option in which it was typed.
     """
     caught: list[str] = []
 

@@ -1,1 +1,1 @@
-"""The referees: multibody engines that see only the mechanism, never an analytic result."""
+"""The engines: multibody engines that see only the mechanism, never an analytic result."""

@@ -103,11 +103,11 @@ _CAUSES: Mapping[Cause, tuple[str, str]] = {
         "it is near a resonance: give a stiffer drive or a slower one",
     ),
     Cause.IMPLAUSIBLE: (
-        "what must be true of every run is not true of this one",
+        "it breaks what must be true of every run",
         "this run is no evidence: use another simulator",
     ),
     Cause.NOT_CONVERGED: ("finer runs still change, or fail", "use another simulator"),
-    Cause.OVERFLOW: ("numbers beyond what can be reckoned with", "check masses, lengths, loads and drive.speed"),
+    Cause.OVERFLOW: ("numbers too large or too small to compute with", "check masses, lengths, loads and drive.speed"),
     Cause.FAULTY: ("the engine did not answer as it should", "install it anew, or use another simulator"),
     Cause.UNSUPPORTED: ("the engine does not do it", "use another simulator"),
 }

@@ -231,7 +231,7 @@ class Diagnosis(Document):
     inseparable: Annotated[
         tuple[Pair, ...],
         Field(
-            description="Pairs of candidates that look alike in these data, and the correlation of their signatures."
+            description="Pairs of candidates that look alike in these data, and the correlation of what they do to the data."
         ),
     ]
     engines: Annotated[

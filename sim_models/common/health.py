@@ -1,4 +1,4 @@
-"""What must be true of a run whatever the model: a run of which it is not has failed, and is no referee.
+"""What must be true of every run, whatever the model: a run that breaks it has failed, and is no evidence.
 
 A run is held to the mechanism that it was asked for (its masses and inertias, never the engine's), by its trace alone.
 Each check has a scale of the run's own, of which LIMITS says the share that may be missed, in order of static runs, of

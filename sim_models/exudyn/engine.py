@@ -1,4 +1,4 @@
-"""Exudyn as a referee: static equilibria, driven and released motion, with ideal or real clearance joints.
+"""Exudyn as an engine: static equilibria, driven and released motion, with ideal or real clearance joints.
 
 ``ideal`` is a RevoluteJoint2D; ``massless-link`` a DistanceConstraint as long as the clearance (in statics a rod of
 1e10 N/m); ``spring-damper`` pushes with max(0, K d + C d') outside the gap; ``contact`` is a journal in its bearing

@@ -1,4 +1,4 @@
-"""MuJoCo as a referee: its declaration, without the package."""
+"""MuJoCo as an engine: its declaration, without the package."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def _saturates(time: np.ndarray, x: np.ndarray, flat: np.ndarray, first: int, la
     )  # a file of six digits is coarser at a high reading than at a low one
     stays = np.mean(
         np.concatenate([np.diff(x[side]) == 0 for side in sides])
-    )  # as what is reckoned from counts does, unevenly
+    )  # values computed from counts lie unevenly
     if sigma > max(step, 10 * FLOOR * np.ptp(x)) and stays < STAYS:
         return True
     limit = max(2 * step, 3 * sigma)

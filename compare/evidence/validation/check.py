@@ -58,7 +58,7 @@ def update_validation(folder: str | Path = WHERE) -> Validation:
 
 
 def looked_at(stored: Validation, found: Validation) -> tuple[str, tuple[str, ...]]:
-    """How much of a stored report was made again, and what was left out for want of an engine, in words."""
+    """How much of a stored report was made again, and what was left out because an engine is missing, in words."""
     count = Counter(run.simulator for run in stored.runs)
     absent = [name for name in count if name not in found.versions]
     left_out = [f"{count[name]} runs of {name}" for name in absent]
