@@ -13,6 +13,7 @@ import pytest
 from analytic.mechanism import Ripple
 from analytic.mechanism.file import dumps, load
 from commands import Ended, compare, compare_alone, without
+from marks import slow
 
 pytestmark = pytest.mark.mujoco
 
@@ -202,7 +203,7 @@ def test_clearance_of_a_linkage_that_swings_freely_is_left_out_aloud(tmp_path: P
     assert "clearance in O is left out" in (tmp_path / "o" / "report.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+@pytest.mark.parametrize("engine", ["mujoco", *slow("pybullet")])
 def test_friction_has_no_direction_at_a_dead_centre_and_nothing_is_judged_there(engine: str, tmp_path: Path) -> None:
     rubbing = load("slider-crank").with_joint("S", friction=20.0)
     done = compare(

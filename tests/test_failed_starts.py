@@ -87,6 +87,7 @@ def test_a_load_that_only_hides_the_clearance_is_simulated() -> None:
 
 
 @pytest.mark.exudyn
+@pytest.mark.slow
 def test_one_engines_soft_start_leaves_the_other_runs_their_verdicts() -> None:
     job = Job(soft(100.0, clearance=3e-3), ("mujoco", "exudyn"), load_tolerances(None), theta=ANGLES[:4])
     found = crosscheck_job(job)

@@ -90,6 +90,7 @@ def test_a_run_that_raises_is_reported_and_the_others_are_done(workers: int, tmp
 
 
 @POSIX
+@pytest.mark.slow
 def test_a_run_that_kills_its_process_is_reported_and_the_others_are_done(tmp_path: Path) -> None:
     kinds = ["no"] * 3 + ["die"] + ["no"] * 4 + ["die"] + ["no"] * 3
     found = in_order(sweep(sweep_work.troubled, trouble(*kinds), tmp_path, workers=2))

@@ -15,6 +15,8 @@ from pathlib import Path
 
 import pytest
 
+from marks import slow
+
 HERE = Path(__file__).parent
 GONE = 5.0  # s
 pytestmark = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks for processes in Linux's /proc")
@@ -122,7 +124,7 @@ def test_workers_in_the_middle_of_a_long_call_end_with_their_parent(how: str, tm
     assert "resource_tracker" not in words(command)
 
 
-@pytest.mark.parametrize("pause", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize("pause", [*slow(0.0, 0.1), 0.3])
 def test_workers_that_are_only_starting_end_with_their_parent(pause: float, tmp_path: Path) -> None:
     command = Command(["-c", BUSY], tmp_path)
     command.until_workers(1)
