@@ -150,7 +150,7 @@ class Request:
     ``start`` says how a driven run begins at its first angle: ``steady`` (no start-up transient: pins in contact,
     velocities to match) or ``centred`` (pins centred, velocities of the ideal linkage). ``course`` replaces the
     constant speed: times (M,) s, strictly increasing, and the motor's angles (M,) rad at them, which the motor follows
-    on the cubic spline through them (:meth:`sim_models.common.start.Course.of`); reports are then at ``time`` (N,) s,
+    on the cubic spline through them (:class:`sim_models.common.motor.Course`); reports are then at ``time`` (N,) s,
     within the course, and ``crank_angle`` is empty.  ``lead_in`` (rad) is how far the crank turns before its first
     angle.  ``step`` (s) replaces the engine's own choice.
     """

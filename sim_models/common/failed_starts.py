@@ -17,7 +17,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Mechanism
 from sim_models.common.contact_laws import TOO_DEEP, contact_parameters, shortest_link
-from sim_models.common.start import Course
+from sim_models.common.motor import Course, motor_of
 from sim_models.engine import Cause, Motion, Request, SimulationError
 
 HIDDEN = 0.5  # of the clearance: a contact that gives more may well be why there is no equilibrium
@@ -133,11 +133,9 @@ def own_start(engine: str, request: Request, assembly: Assembly) -> Iterator[Non
 
 def _asked(request: Request) -> np.ndarray:
     """Crank angles (rad) that a request names, the start of its lead-in among them; none of a released linkage."""
-    if request.course is not None and request.time is not None and request.motion == "driven":
-        spline, last = Course.of(request).spline, np.max(request.time)
-        return np.asarray(spline(np.union1d(request.time, spline.x[spline.x <= last])))
+    motor = motor_of(request)
+    if isinstance(motor, Course):
+        knots, last = motor.knots, np.max(np.asarray(request.time, float))
+        return motor.angles(np.union1d(np.asarray(request.time, float), knots[knots <= last]))
     theta = np.asarray(request.crank_angle, float)
-    speed = request.mechanism.speed
-    if not theta.size or not speed or request.motion == "static":
-        return theta
-    return np.append(theta, theta.min() - request.lead_in if speed > 0 else theta.max() + request.lead_in)
+    return theta if motor is None else np.append(theta, motor.angle(motor.begin))

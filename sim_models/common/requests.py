@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim_models.common.start import Course
 from sim_models.engine import Request, Unsupported
 
 
@@ -19,7 +18,7 @@ def check_request(request: Request) -> None:
             )
         if request.lead_in:
             raise Unsupported(f"{name}: a course leads in by itself; leave out lead_in = {request.lead_in:g} rad")
-        Course.of(request)
+        _check_course(request)
     elif request.released:
         time = np.zeros(0) if request.time is None else np.asarray(request.time, float)
         if time.size == 0 or not np.all(time >= 0):
@@ -30,3 +29,21 @@ def check_request(request: Request) -> None:
         )
     elif request.crank_angle.size == 0:
         raise Unsupported(f"{name}: there is no crank angle to report at; give request.crank_angle, at least one")
+
+
+def _check_course(request: Request) -> None:
+    """Raise Unsupported where times, angles or reports do not make a course."""
+    name = request.mechanism.name
+    if request.course is None or request.time is None or request.crank_angle.size:
+        raise Unsupported(f"{name}: a course needs course = (times, angles), report times in time, and no crank_angle")
+    time, angle = (np.asarray(x, float) for x in request.course)
+    whole = time.ndim == 1 and time.shape == angle.shape and time.size >= 4
+    if not (whole and np.all(np.diff(time) > 0) and np.all(np.isfinite(angle))):
+        raise Unsupported(
+            f"{name}: a course is at least four strictly increasing times with an angle each; it has {time.size} times"
+        )
+    report = np.asarray(request.time, float)
+    if report.size == 0 or report.min() < time[0] or report.max() > time[-1]:
+        raise Unsupported(
+            f"{name}: reports are wanted outside the course, which lasts from {time[0]:g} to {time[-1]:g} s"
+        )

@@ -14,6 +14,7 @@ import numpy as np
 
 from analytic.mechanism import Joint
 from sim_models.common.export_files import expected, lines
+from sim_models.common.motor import Course
 from sim_models.common.start import poses
 from sim_models.engine import Cause, Request
 from sim_models.mujoco.equilibrium import Equilibria, rest
@@ -131,8 +132,9 @@ def _stages(run: MujocoRun) -> tuple[MujocoLinkage, dict[str, Any]]:
     """The model of a run that steps, its start, and its steps."""
     record = run.record
     state = {"time": record.time, "qpos": record.q.tolist(), "qvel": record.v.tolist()}
-    spline = None if run.course is None else run.course.spline
-    course = None if spline is None else {"times": spline.x.tolist(), "cubics": spline.c.T.tolist()}
+    course = None
+    if isinstance(run.motor, Course):
+        course = {"times": run.motor.knots.tolist(), "cubics": run.motor.spline.c.T.tolist()}
     return record.link, {**state, "course": course, "stages": record.stages}
 
 

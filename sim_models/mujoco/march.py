@@ -12,7 +12,7 @@ from sim_models.common.start import MOST_STEPS, check_steps, substeps
 from sim_models.engine import Request
 from sim_models.mujoco.limits import check_closed, check_depth, check_together, room_apart
 from sim_models.mujoco.model import MujocoLinkage
-from sim_models.mujoco.motor import Motor
+from sim_models.mujoco.motor import Steering
 from sim_models.mujoco.state import (
     apart,
     check_warnings,
@@ -64,7 +64,7 @@ class MujocoSteps:
 def march(
     request: Request,
     link: MujocoLinkage,
-    motor: Motor,
+    steering: Steering,
     state: tuple[np.ndarray, np.ndarray],
     marks: np.ndarray,
     lead: float,
@@ -89,7 +89,7 @@ def march(
         0.5 if link.stepped else 0.0
     )  # the velocities of semi-implicit Euler are half a step older than its positions
     time = float(marks[0]) - lead
-    motor.place(link, time, 0.0)
+    steering.place(link, time, 0.0)
     on_track(link)
     record = MujocoSteps(link, time, d.qpos.copy(), d.qvel.copy())
     look(link)
@@ -103,9 +103,9 @@ def march(
         for piece in range(pieces):
             steps = count * (piece + 1) // pieces - count * piece // pieces
             record.stages.append((steps, m.opt.timestep, piece == pieces - 1))
-            motor.turn(link, time, steps)
+            steering.turn(link, time, steps)
             time += steps * m.opt.timestep
-            motor.place(link, time, lag)
+            steering.place(link, time, lag)
             look(link)
             check_warnings(link, f"{link.mechanism.name}, {request.joint_model} joints, t = {time:.4g} s")
             forces = joint_forces(link, d.efc_force)

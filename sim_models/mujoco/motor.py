@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sim_models.common.start import Course
+from sim_models.common.motor import ConstantSpeed, Course, Motor
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.state import advance
 
@@ -30,83 +30,100 @@ STANDSTILL = 1e-9  # of a course's largest rate or acceleration: nothing
 
 
 @dataclass(frozen=True)
-class Motor:
-    """How a motor moves, and how it begins.
-
-    ``instants`` and ``angles`` (n,) are times (s, since the start) and the motor's angles (rad) then, close to the
-    start, which is number ``here`` of them.  ``direction`` is the sign of the rate at the start, or of the rate to
-    come; 0 for a motor that stands.
+class Stencil:
+    """Instants whose equilibria give the rates of a steady start: times (n,) s since the start, which is number
+    ``here`` of them, and the motor's angles (n,) rad then.
     """
 
-    angles: np.ndarray
     instants: np.ndarray
+    angles: np.ndarray
     here: int
-    direction: float
-    fastest: float  # rad/s, at any time
-    begin: float = 0.0  # s
-    course: Course | None = None
 
-    @classmethod
-    def at_speed(cls, theta: float, speed: float, begin: float = 0.0) -> Motor:
-        """Constant speed (rad/s), beginning at the angle theta (rad) and a time (s)."""
-        return cls(theta + AROUND * BESIDE, AROUND * BESIDE / speed, 2, math.copysign(1.0, speed), abs(speed), begin)
+    @property
+    def theta(self) -> float:
+        """The motor's angle (rad) at the start."""
+        return float(self.angles[self.here])
 
-    @classmethod
-    def along(cls, course: Course) -> Motor:
-        """Along a course, from its first time on."""
-        knots = course.spline.x
-        times = np.sort(np.concatenate([knots, (knots[1:] + knots[:-1]) / 2]))
-        rate, acceleration, jerk = (float(np.abs(course.spline(times, order)).max()) for order in (1, 2, 3))
-        apart = float(knots[-1] - knots[0]) / (2 * AHEAD.size)
-        if rate:
-            apart = min(apart, BESIDE / rate)
+
+class Steering:
+    """How a motor's armature is kept where its motion has it; without a motor nothing is kept."""
+
+    direction = 0.0  # sign of the rate at the start, or of the rate to come; 0 for a motor that stands, or none
+    top_speed = 0.0  # rad/s
+
+    def turn(self, link: MujocoLinkage, time: float, count: int) -> None:
+        """Take steps from this time (s) on."""
+        advance(link, count)
+
+    def place(self, link: MujocoLinkage, time: float, lag: float) -> None:
+        """Put the motor where it should be at this time (s), its velocity being ``lag`` (s) older."""
+
+
+class AtConstantSpeed(Steering):
+    """Of a motor at constant speed, which is put back if it is ASIDE."""
+
+    def __init__(self, motor: ConstantSpeed) -> None:
+        self.motor = motor
+        self.direction, self.top_speed = math.copysign(1.0, motor.speed), motor.top_speed
+        theta = motor.angle(motor.begin)
+        self.stencil = Stencil(AROUND * BESIDE / motor.speed, theta + AROUND * BESIDE, 2)
+
+    @property
+    def period(self) -> float | None:
+        """Time (s) in which the motor turns once, if it then turns as before; None if it does not."""
+        return 2 * math.pi / self.top_speed
+
+    def place(self, link: MujocoLinkage, time: float, lag: float) -> None:
+        angle = self.motor.angle(time)
+        if abs(link.data.qpos[link.motor] - angle) > ASIDE:
+            link.data.qpos[link.motor], link.data.qvel[link.motor] = angle, self.motor.speed
+
+
+class AlongCourse(Steering):
+    """Of a motor on a course."""
+
+    def __init__(self, motor: Course) -> None:
+        self.motor = motor
+        self.top_speed, acceleration, jerk = (motor.peak(order) for order in (1, 2, 3))
+        apart = (motor.end - motor.begin) / (2 * AHEAD.size)
+        if self.top_speed:
+            apart = min(apart, BESIDE / self.top_speed)
         if acceleration * apart**2 > STRAIGHT * BESIDE:
             apart = min(apart, BEND * acceleration / jerk) if jerk else apart
-        instants = apart * AHEAD
-        begin = float(knots[0])
+        self.stencil = Stencil(apart * AHEAD, motor.angles(motor.begin + apart * AHEAD), 0)
+        begin = motor.begin
         leading = [
             x
-            for x, peak in ((course.rate(begin), rate), (course.acceleration(begin), acceleration))
+            for x, peak in ((motor.rate(begin), self.top_speed), (motor.acceleration(begin), acceleration))
             if abs(x) > STANDSTILL * peak
         ]
-        direction = math.copysign(1.0, leading[0]) if leading else 0.0
-        return cls(course.spline(begin + instants), instants, 0, direction, rate, begin, course)
+        self.direction = math.copysign(1.0, leading[0]) if leading else 0.0
 
     @cached_property
     def period(self) -> float | None:
         """Time (s) in which the motor turns once, if it then turns as before; None if it does not."""
-        if self.course is None:
-            return 2 * math.pi / self.fastest
+        motor = self.motor
+        begin, end = motor.begin, motor.end
         if self.direction == 0:
             return None
-        spline, end = self.course.spline, float(self.course.spline.x[-1])
-        once = np.sort(spline.solve(float(spline(self.begin)) + self.direction * 2 * math.pi))
-        once = once[(once > self.begin) & (once - self.begin < (end - self.begin) * (1 + ROUNDING))]
+        once = np.sort(motor.spline.solve(motor.angle(begin) + self.direction * 2 * math.pi))
+        once = once[(once > begin) & (once - begin < (end - begin) * (1 + ROUNDING))]
         if not once.size:
             return None
         again = np.linspace(once[0], max(end, once[0]), SAMPLES)
-        change = spline(again, 1) - spline(again - once[0] + self.begin, 1)
-        return float(once[0]) - self.begin if np.abs(change).max() < AS_BEFORE * self.fastest else None
-
-    @property
-    def speed(self) -> float:
-        """Rate (rad/s) at the start."""
-        return self.direction * self.fastest if self.course is None else self.course.rate(self.begin)
+        change = motor.angles(again, 1) - motor.angles(again - once[0] + begin, 1)
+        return float(once[0]) - begin if np.abs(change).max() < AS_BEFORE * self.top_speed else None
 
     def turn(self, link: MujocoLinkage, time: float, count: int) -> None:
-        """Take steps from this time (s) on."""
         m, d = link.model, link.data
-        if self.course is None:
-            advance(link, count)
-            return
         h = m.opt.timestep
         times = time + h * np.arange(-1, count + 1)
-        x = self.course.spline(times)
+        x = self.motor.angles(times)
         if link.stepped:  # semi-implicit Euler: each rate is that between two positions
             d.qvel[link.motor] = (x[1] - x[0]) / h
             push, slope = np.diff(x, 2) / h**2, np.zeros(count)
         else:  # the cubic with the course's angle and rate at either end of the step, which RK4 integrates exactly
-            x, v = x[1:], self.course.spline(times[1:], 1)
+            x, v = x[1:], self.motor.angles(times[1:], 1)
             mean = np.diff(x) / h
             push, slope = (6 * mean - 4 * v[:-1] - 2 * v[1:]) / h, (6 * (v[:-1] + v[1:]) - 12 * mean) / h**2
         acceleration, jerk = d.act, d.ctrl[-1:]
@@ -115,14 +132,11 @@ class Motor:
             advance(link, 1)
 
     def place(self, link: MujocoLinkage, time: float, lag: float) -> None:
-        """Put the motor where it should be at this time (s), its velocity being ``lag`` (s) older; at constant speed,
-        if it is ASIDE.
-        """
-        if self.course is None:
-            angle = float(self.angles[self.here]) + self.speed * (time - self.begin) if self.fastest else 0.0
-            if self.fastest and abs(link.data.qpos[link.motor] - angle) > ASIDE:
-                link.data.qpos[link.motor], link.data.qvel[link.motor] = angle, self.speed
-            return
-        d, acceleration = link.data, self.course.acceleration(time)
-        d.qpos[link.motor], d.act[0], d.ctrl[-1] = self.course.angle(time), acceleration, 0.0
-        d.qvel[link.motor] = self.course.rate(time) - lag * acceleration
+        d, acceleration = link.data, self.motor.acceleration(time)
+        d.qpos[link.motor], d.act[0], d.ctrl[-1] = self.motor.angle(time), acceleration, 0.0
+        d.qvel[link.motor] = self.motor.rate(time) - lag * acceleration
+
+
+def steering(motor: Motor) -> AtConstantSpeed | AlongCourse:
+    """What keeps this motor's armature in its motion."""
+    return AtConstantSpeed(motor) if isinstance(motor, ConstantSpeed) else AlongCourse(motor)

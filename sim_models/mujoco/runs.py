@@ -13,14 +13,15 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
+from sim_models.common.motor import Motor, motor_of, report_times
 from sim_models.common.rates import part_rates
-from sim_models.common.start import Course, poses, schedule
+from sim_models.common.start import poses
 from sim_models.engine import Cause, Request, SimulationError, Trace
 from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.laws import contact_laws, law_settings
 from sim_models.mujoco.march import Log, march
 from sim_models.mujoco.model import MujocoLinkage
-from sim_models.mujoco.motor import Motor
+from sim_models.mujoco.motor import AtConstantSpeed, AlongCourse, Steering, steering
 from sim_models.mujoco.state import (
     joint_forces,
     look,
@@ -41,27 +42,25 @@ HALVINGS = 5  # of the step, before a run with rigid joints coming apart is give
 
 State = tuple[np.ndarray, np.ndarray]  # coordinates (nq,) and velocities (nv,)
 
-RELEASED = Motor(np.zeros(0), np.zeros(0), 0, 0.0, 0.0)  # no motor: nothing but steps
-
 
 class MujocoRun:
     """One request on its way to a trace."""
 
     def __init__(self, request: Request) -> None:
         self.request, self.mechanism = request, request.mechanism
-        self.released = request.released
-        self.course = None if request.course is None else Course.of(request)
+        self.motor = motor_of(request)
+        self.follows = self.motor is not None and not self.motor.constant_speed
+        self.steering = Steering()
         self.assembly = Assembly(self.mechanism)
         self.laws = contact_laws(request)
-        self.motor = RELEASED
-        self.direction = 0.0 if self.released else math.copysign(1.0, self.mechanism.speed or 1.0)
+        self.direction = 0.0 if request.released else math.copysign(1.0, self.mechanism.speed or 1.0)  # at rest, too
 
     def trace(self) -> Trace:
         """Run the request."""
         with own_start("mujoco", self.request, self.assembly):
             if self.request.motion == "static":
                 return self.static()
-            return self.free() if self.released else self.driven()
+            return self.free() if self.motor is None else self.driven(self.motor)
 
     def near(self, theta: float, step: float = STATIC_STEP) -> Equilibria:
         """Equilibria near a crank angle, with rows as rigid as at this step."""
@@ -85,13 +84,13 @@ class MujocoRun:
         columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
         return self.report(theta, None, columns, log, {"step": None, "start": "equilibrium"})
 
-    def begin(self, motor: Motor, step: float | None = None) -> tuple[np.ndarray, np.ndarray, float, str]:
+    def begin(self, steering: AtConstantSpeed | AlongCourse, step: float | None = None) -> tuple[np.ndarray, np.ndarray, float, str]:
         """Coordinates, velocities, step (s; the longest that is in order, where none is given) and kind of a driven
         run's start.
         """
-        angles, here = motor.angles, motor.here
+        angles, here = steering.stencil.angles, steering.stencil.here
         near = self.near(angles[here])
-        rate = derivative(motor.instants)
+        rate = derivative(steering.stencil.instants)
         q = np.array([near.place(near.ideal, at) for at in angles])
         states = zip(angles, q, rate @ q, rate @ rate @ q, strict=True)
         forces = [near.reactions(at, *state) for at, *state in states] if self.laws else [{}] * angles.size
@@ -108,12 +107,12 @@ class MujocoRun:
             settled = self.near(angles[here], step).steady(angles, q, rate)
             q, how = (q, "pressed where the ideal linkage's reaction points") if settled is None else (settled, how)
         v = (rate @ q)[here]
-        v[near.pressed.motor] = motor.speed
-        if near.pressed.compliant and not self.laws and motor.period is not None:
+        v[near.pressed.motor] = steering.motor.rate(steering.motor.begin)
+        if near.pressed.compliant and not self.laws and steering.period is not None:
             link = MujocoLinkage(
-                self.mechanism, {}, "ideal", poses(self.assembly, angles[here]), step, follows=self.course is not None
+                self.mechanism, {}, "ideal", poses(self.assembly, angles[here]), step, follows=self.follows
             )
-            revolution = Revolution(link, self.assembly, motor, motor.period)
+            revolution = Revolution(link, self.assembly, steering, steering.period)
             repeated = revolution.steady(q[here], v) if revolution.repeats() else None
             if repeated is not None:
                 return *repeated, step, "equilibrium, the same a revolution later"
@@ -129,7 +128,7 @@ class MujocoRun:
         joint laws.
         """
         link = near.pressed
-        if self.released:  # nothing holds the crank: pins are lighter
+        if self.motor is None:  # nothing holds the crank: pins are lighter
             link = MujocoLinkage(
                 self.mechanism,
                 self.laws,
@@ -139,8 +138,8 @@ class MujocoRun:
                 hold=False,
             )
         limits = [LARGEST_STEP]
-        if self.motor.fastest:
-            limits.append(TURN_PER_STEP[self.request.joint_model] / self.motor.fastest)
+        if self.steering.top_speed:
+            limits.append(TURN_PER_STEP[self.request.joint_model] / self.steering.top_speed)
         for name, law in list(self.laws.items()):
             ease = mobility(link, q, name)
             clearance = self.mechanism.joint(name).clearance
@@ -158,38 +157,25 @@ class MujocoRun:
                 )
         return self.request.step or min(*limits, 0.5 / max(stiffest_law(link, q), 1e-9))
 
-    def driven(self) -> Trace:
-        """The motor at constant speed, or along its course."""
-        if self.course is not None:
-            return self.along(self.course)
-        plan = schedule(self.request)
-        lead = self.request.lead_in / abs(plan.speed)
-        motor = Motor.at_speed(float(plan.theta[0]) - plan.speed * lead, plan.speed, float(plan.time[0]) - lead)
-        signals, log, settings = self.turned(motor, plan.time, lead)
-        columns = {name: _scatter(values, plan.order) for name, values in signals.items()}
-        return self.report(self.request.crank_angle, _scatter(plan.time, plan.order), columns, log, settings)
-
-    def along(self, course: Course) -> Trace:
-        """The motor along its course; the crank angles reported are the simulated ones."""
-        time = np.asarray(self.request.time, float)
-        order = np.argsort(time, kind="stable")
-        knots = course.spline.x
-        signals, log, settings = self.turned(Motor.along(course), time[order], float(time.min() - knots[0]))
-        columns = {name: _scatter(values, order) for name, values in signals.items()}
-        return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
-
-    def turned(self, motor: Motor, marks: np.ndarray, lead: float) -> tuple[dict[str, np.ndarray], Log, dict[str, Any]]:
-        """A run that a motor turns, reported at the marks (s), the first of them ``lead`` (s) after the start; with its
-        settings.
+    def driven(self, motor: Motor) -> Trace:
+        """The motor turns, at constant speed or along its course.  Without crank angles in the request, those reported
+        are the simulated ones.
         """
-        self.motor, self.direction = motor, motor.direction
-        q, v, step, how = self.begin(motor)
+        time = report_times(self.request, motor)
+        order = np.argsort(time, kind="stable")
+        self.steering = turned = steering(motor)
+        self.direction = turned.direction
+        q, v, step, how = self.begin(turned)
 
         def begin(step: float) -> tuple[np.ndarray, np.ndarray]:
-            return self.begin(motor, step)[:2]  # where its rows give as they do in such steps
+            return self.begin(turned, step)[:2]  # where its rows give as they do in such steps
 
-        signals, log, step = self.run(float(motor.angles[motor.here]), (q, v), begin, step, marks, lead)
-        return signals, log, {"step": step, "start": how}
+        lead = float(time.min()) - motor.begin
+        signals, log, step = self.run(turned.stencil.theta, (q, v), begin, step, time[order], lead)
+        columns = {name: _scatter(values, order) for name, values in signals.items()}
+        theta = self.request.crank_angle
+        theta = theta if theta.size else columns[f"{self.mechanism.driven}_angle"].copy()
+        return self.report(theta, time, columns, log, {"step": step, "start": how})
 
     def free(self) -> Trace:
         """Released at the assembly angles, at rest or with the request's speed."""
@@ -228,12 +214,17 @@ class MujocoRun:
         """
         for attempt in range(HALVINGS + 1):
             place = poses(self.assembly, theta)
-            hold, follows = not self.released, self.course is not None
             link = MujocoLinkage(
-                self.mechanism, self.laws, self.request.joint_model, place, step, hold=hold, follows=follows
+                self.mechanism,
+                self.laws,
+                self.request.joint_model,
+                place,
+                step,
+                hold=self.motor is not None,
+                follows=self.follows,
             )
             try:
-                signals, log, self.record = march(self.request, link, self.motor, state, marks, lead)
+                signals, log, self.record = march(self.request, link, self.steering, state, marks, lead)
                 return signals, log, step
             except SimulationError as error:
                 apart = error.cause is Cause.CAME_APART

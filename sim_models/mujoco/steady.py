@@ -15,7 +15,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from sim_models.common.start import check_steps, poses, substeps
 from sim_models.mujoco.model import MujocoLinkage
-from sim_models.mujoco.motor import Motor
+from sim_models.mujoco.motor import AtConstantSpeed, AlongCourse
 from sim_models.mujoco.state import on_track, stiffest_law
 
 RETURNED = 5e-8  # rad: where it was, a revolution later
@@ -39,16 +39,16 @@ class Revolution:
     A lag is (angle in rad, rate over ``sway``), motor less crank; ``sway`` (rad/s) is about the crank's own frequency.
     """
 
-    def __init__(self, link: MujocoLinkage, assembly: Assembly, motor: Motor, period: float) -> None:
-        self.link, self.assembly, self.motor = link, assembly, motor
-        self.theta = float(motor.angles[motor.here])
+    def __init__(self, link: MujocoLinkage, assembly: Assembly, steering: AtConstantSpeed | AlongCourse, period: float) -> None:
+        self.link, self.assembly, self.steering = link, assembly, steering
+        self.theta, self.speed = steering.stencil.theta, steering.motor.rate(steering.motor.begin)
         check_steps(f"mujoco: {link.mechanism.name}, a revolution on its drive.stiffness", period, link.step)
         self.count, self.step = substeps(period, link.step)
         self.sway = stiffest_law(link, link.vector(link.coordinates(poses(assembly, self.theta))))
 
     def repeats(self) -> bool:
         """Whether a revolution of the crank is possible, and winds up no spring."""
-        link, ends = self.link, self.theta + np.array([0.0, 2 * math.pi * self.motor.direction])
+        link, ends = self.link, self.theta + np.array([0.0, 2 * math.pi * self.steering.direction])
         try:
             self.assembly.coordinates(ends)
         except AssemblyError:
@@ -63,8 +63,8 @@ class Revolution:
         beside = np.array(
             [link.vector(link.coordinates(poses(self.assembly, at))) for at in self.theta - lag[0] + STENCIL]
         )
-        q, v = beside[2], (derivative(STENCIL) @ beside)[2] * (self.motor.speed - lag[1] * self.sway)
-        q[link.motor], v[link.motor] = self.theta, self.motor.speed
+        q, v = beside[2], (derivative(STENCIL) @ beside)[2] * (self.speed - lag[1] * self.sway)
+        q[link.motor], v[link.motor] = self.theta, self.speed
         return q, v
 
     def lag(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -84,7 +84,7 @@ class Revolution:
         d.qpos[:], d.qvel[:] = self.state(lag)
         on_track(self.link)
         m.opt.timestep = self.step
-        self.motor.turn(self.link, self.motor.begin, self.count)
+        self.steering.turn(self.link, self.steering.motor.begin, self.count)
         return self.lag(d.qpos, d.qvel)
 
     def steady(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
