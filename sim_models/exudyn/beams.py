@@ -25,7 +25,8 @@ from analytic.mechanism.signals import turned_near
 from sim_models.common.contact_laws import pressed_to
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
-from sim_models.common.start import Course, poses, schedule
+from sim_models.common.motor import motor_of, report_times
+from sim_models.common.start import poses
 from sim_models.engine import Cause, Request, SimulationError, Trace, Unsupported, installed_version
 from sim_models.exudyn.beam_model import (
     BeamModel,
@@ -241,15 +242,11 @@ def _crank(request: Request) -> tuple[np.ndarray, np.ndarray | float, np.ndarray
     friction its direction.
     """
     m = request.mechanism
-    if m.drive is not None and m.drive.speed == "free" and request.motion == "driven":
+    if request.released:
         raise Unsupported(f"{m.name}: beams move with their crank; a free drive has no angle to put it at")
-    if request.course is not None:
-        course = Course.of(request).spline
-        time = np.asarray(request.time, float)
-        return course(time), course(time, 1), course(time, 2), time
-    if request.motion == "static":
+    motor, theta = motor_of(request), np.asarray(request.crank_angle, float)
+    if motor is None:
         rubs = any(j.coulomb for j in m.joints)
-        return np.asarray(request.crank_angle, float), (m.speed or 1.0) if rubs else 0.0, 0.0, None
-    plan = schedule(request)
-    back = np.argsort(plan.order)
-    return plan.theta[back], plan.speed, 0.0, plan.time[back]
+        return theta, (m.speed or 1.0) if rubs else 0.0, 0.0, None
+    time = report_times(request, motor)
+    return theta if theta.size else motor.angles(time), motor.angles(time, 1), motor.angles(time, 2), time

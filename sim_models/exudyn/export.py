@@ -14,7 +14,7 @@ from sim_models.common.export_files import expected, lines
 from sim_models.engine import Request
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.linkage import HALVED, ExudynLinkage
-from sim_models.exudyn.motor import Motor
+from sim_models.exudyn.motor import RunMotor
 from sim_models.exudyn.record import Record
 from sim_models.exudyn.runs import ExudynRun
 
@@ -66,7 +66,7 @@ class _Remembered(ExudynRun):
         self.stages: list[tuple[float, float, int, int]] = []
         self.marks = np.zeros(0, int)
 
-    def launch(self, motor: Motor | None) -> tuple[ExudynLinkage, float]:
+    def launch(self, motor: RunMotor | None) -> tuple[ExudynLinkage, float]:
         self.linkage, longest = super().launch(motor)
         self.stages.clear()  # those that led to the start
         return self.linkage, longest
@@ -77,7 +77,7 @@ class _Remembered(ExudynRun):
         return record
 
     def march(
-        self, linkage: ExudynLinkage, times: np.ndarray, longest: float, motor: Motor | None = None
+        self, linkage: ExudynLinkage, times: np.ndarray, longest: float, motor: RunMotor | None = None
     ) -> tuple[Record, np.ndarray]:
         history, self.marks = super().march(linkage, times, longest, motor)
         return history, self.marks

@@ -6,7 +6,7 @@ import math
 
 from analytic.mechanism import Joint, Mechanism
 from sim_models.common.contact_laws import KelvinVoigt, lighter_mass, restitution
-from sim_models.exudyn.motor import Motor
+from sim_models.exudyn.motor import RunMotor
 
 MINIMUM_IMPACT_SPEED = 1e-2  # m/s: slower touches are damped as one of this speed
 CONTACT_CREEP = 1e-3  # m/s, sliding speed below which contact friction falls to zero
@@ -33,6 +33,6 @@ def hysteresis(e: float) -> float:
     return 1.5 * (1 - e) * (11 - e) / (1 + 9 * e) if e > 1 / 3 else (1 - e**2) / e
 
 
-def joint_creep(motor: Motor | None) -> float:
+def joint_creep(motor: RunMotor | None) -> float:
     """Angular velocity (rad/s) of a joint below which its Coulomb friction falls to zero."""
     return JOINT_CREEP * ((motor.top_speed if motor else 0.0) or 1.0)

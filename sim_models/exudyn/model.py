@@ -18,7 +18,7 @@ from sim_models.common.contact_laws import PIN_RADIUS, contact_parameters
 from sim_models.common.start import Pose
 from sim_models.engine import JointModel, Motion, Request
 from sim_models.exudyn.laws import CONTACT_CREEP, MINIMUM_IMPACT_SPEED, contact_restitution, hysteresis, joint_creep
-from sim_models.exudyn.motor import Motor
+from sim_models.exudyn.motor import RunMotor
 
 ROD_STIFFNESS = (
     1e10  # N/m of the static massless link: Exudyn's static Newton knows no geometric stiffness of a constraint
@@ -44,7 +44,7 @@ class ExudynModel:
         *,
         held: bool = False,
         contact_for: Motion | None = None,
-        motor: Motor | None = None,
+        motor: RunMotor | None = None,
     ) -> None:
         import exudyn
         import exudyn.itemInterface as items
@@ -285,7 +285,7 @@ class ExudynModel:
         self._slide[joint.name] = number
         self._sense(f"law {joint.name}", self.items.SensorObject, "ForceLocal", objectNumber=number)
 
-    def _add_drive(self, held: bool, start: Mapping[str, Pose], motor: Motor | None) -> None:
+    def _add_drive(self, held: bool, start: Mapping[str, Pose], motor: RunMotor | None) -> None:
         self._drive, self.compliant = None, False
         if not held and motor is None:
             return
@@ -308,7 +308,7 @@ class ExudynModel:
                 self._drive = self.mbs.AddObject(spring(markerNumbers=[crank, turned], stiffness=stiffness))
         self._sense("drive", self.items.SensorObject, "Force", objectNumber=self._drive)
 
-    def _add_shaft(self, motor: Motor) -> Any:
+    def _add_shaft(self, motor: RunMotor) -> Any:
         """The motor's shaft, whose inertia its prescribed motion makes immaterial; marker of its angle."""
         angle, speed = float(motor.angle(0.0)), float(motor.rate(0.0))
         shaft = self.mbs.AddNode(self.items.Node1D(initialCoordinates=[angle], initialVelocities=[speed]))
@@ -316,7 +316,7 @@ class ExudynModel:
         return self._coordinate(shaft, 0)
 
 
-def _called(motor: Motor) -> Callable[[Any, float, int, float], float]:
+def _called(motor: RunMotor) -> Callable[[Any, float, int, float], float]:
     """A motor's speed as Exudyn asks for it."""
     speed = motor.speed_function()
     return lambda mbs, t, item, offset: speed(t)

@@ -1,4 +1,4 @@
-"""How the motor of a driven run moves: at constant speed, or along a course."""
+"""The motor of a driven run in Exudyn, whose clock starts at 0, and the steps that keep to its motion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PPoly
 
-from sim_models.common.start import Course
+from sim_models.common.motor import ConstantSpeed, Motor
 
 INSTANT = 1e-9  # s, the first step of a run: it puts velocities right that are only nearly consistent
 SETTLING = 1e-7  # s, the step after which accelerations are consistent, where Exudyn does not know the motor's
@@ -20,30 +20,32 @@ OF_SCATTER = 1e-3  # of a noisy course's scatter, that it may be off
 
 
 @dataclass(frozen=True)
-class Motor:
-    """A motor's angle (rad) over the time (s) of the run, a piecewise polynomial.
+class RunMotor:
+    """A motor's angle (rad) over the time (s) of an Exudyn run, a piecewise polynomial; it ``begins`` at its own begin.
 
     A course begins a moment after the run does, so that its first report is of a settled linkage.
     """
 
+    motor: Motor
     path: PPoly
-    begins: float  # s of the run when the course does
+    begins: float  # s of the run
 
     @classmethod
-    def at_speed(cls, theta: float, speed: float) -> Motor:
-        """From angle theta (rad) on at a constant speed (rad/s)."""
-        return cls(PPoly([[speed], [theta]], [0.0, 1.0]), 0.0)
-
-    @classmethod
-    def along(cls, course: Course) -> Motor:
-        """Along a course."""
+    def of(cls, motor: Motor) -> RunMotor:
+        """On the clock of a run."""
+        if isinstance(motor, ConstantSpeed):
+            return cls(motor, PPoly([[motor.speed], [motor.angle(motor.begin)]], [0.0, 1.0]), 0.0)
         begins = INSTANT + SETTLING
-        return cls(PPoly(course.spline.c, course.spline.x - course.spline.x[0] + begins), begins)
+        return cls(motor, PPoly(motor.spline.c, motor.knots - motor.begin + begins), begins)
+
+    def clock(self, time: np.ndarray) -> np.ndarray:
+        """Times of the run (s) at the motor's own times (s)."""
+        return time - self.motor.begin + self.begins
 
     @property
     def steady(self) -> bool:
         """Whether the speed is constant."""
-        return bool(len(self.path.c) == 2)
+        return self.motor.constant_speed
 
     def angle(self, time: np.ndarray | float) -> np.ndarray:
         """Angle (rad) at times (s)."""
@@ -67,13 +69,17 @@ class Motor:
     @property
     def top_speed(self) -> float:
         """The largest angular velocity (rad/s), either way."""
-        x = self.path.x
-        return float(np.abs(self.rate(np.concatenate([x, (x[1:] + x[:-1]) / 2]))).max())
+        return self.motor.top_speed
+
+    @property
+    def end(self) -> float:
+        """Time of the run (s) when the motion ends; infinite at constant speed."""
+        return math.inf if self.steady else float(self.path.x[-1])
 
     @property
     def range(self) -> tuple[float, float]:
         """Least and largest angle (rad) of a course."""
-        angles = self.angle(np.linspace(self.begins, self.path.x[-1], 8 * len(self.path.x)))
+        angles = self.angle(np.linspace(self.begins, self.end, 8 * len(self.path.x)))
         return float(angles.min()), float(angles.max())
 
     @property

@@ -15,7 +15,7 @@ from sim_models.common.contact_laws import TOO_DEEP, shortest_link
 from sim_models.common.start import poses
 from sim_models.common.travel import slide_travel
 from sim_models.engine import Rates
-from sim_models.exudyn.motor import Motor
+from sim_models.exudyn.motor import RunMotor
 
 OPEN_LOOP = 1e-4  # of the largest link: gap at an ideal joint beyond which a run is garbage
 ENERGY_FROM_NOTHING = 0.05  # of the energy that a run turns over
@@ -122,7 +122,7 @@ class Judge:
     mechanism: Mechanism
     clearance: Mapping[str, float]
     stiffness: Mapping[str, float]
-    motor: Motor | None = None
+    motor: RunMotor | None = None
 
     def finite(self, record: Record) -> str | None:
         """Divergence."""

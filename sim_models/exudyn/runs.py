@@ -13,7 +13,8 @@ from analytic.kinematics.assembly import Assembly
 from sim_models.common.contact_laws import contact_parameters, lighter_mass
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
-from sim_models.common.start import Course, check_steps, poses, schedule, substeps
+from sim_models.common.motor import Motor, motor_of, report_times
+from sim_models.common.start import check_steps, poses, substeps
 from sim_models.engine import (
     Cause,
     Request,
@@ -25,7 +26,7 @@ from sim_models.engine import (
 from sim_models.exudyn.equilibria import Equilibria, Inertia
 from sim_models.exudyn.laws import MINIMUM_IMPACT_SPEED, contact_restitution, joint_creep
 from sim_models.exudyn.linkage import ExudynLinkage
-from sim_models.exudyn.motor import INSTANT, SETTLING, Motor
+from sim_models.exudyn.motor import INSTANT, SETTLING, RunMotor
 from sim_models.exudyn.record import Judge, Record, join
 from sim_models.exudyn.steady import steady_start
 
@@ -61,7 +62,8 @@ class ExudynRun:
         with own_start("exudyn", self.request, self.assembly):
             if self.request.motion == "static":
                 return self.static()
-            return self.released() if self.request.released else self.driven()
+            motor = motor_of(self.request)
+            return self.released() if motor is None else self.driven(motor)
 
     # ---------------------------------------------------------------- motions
 
@@ -74,36 +76,23 @@ class ExudynRun:
         )
         return self.report(found.rows(np.argsort(order)), found)
 
-    def driven(self) -> Trace:
-        motor, passing, time = self.follow() if self.request.course is not None else self.turn()
+    def driven(self, motor: Motor) -> Trace:
+        time, turned = report_times(self.request, motor), RunMotor.of(motor)
+        passing = turned.clock(time)
         order = np.argsort(passing, kind="stable")
+        if not turned.steady:
+            self.assembly.path(*turned.range)
         if self.m.drive is not None and self.m.drive.stiffness is not None:
-            self.judge = replace(self.judge, motor=motor)
-        linkage, longest = self.launch(motor)
-        history, marks = self.march(linkage, passing[order], longest, motor)
+            self.judge = replace(self.judge, motor=turned)
+        linkage, longest = self.launch(turned)
+        history, marks = self.march(linkage, passing[order], longest, turned)
         self.check(self.judge.energy(history), self.judge.in_assembly_mode(history, self.assembly))
         return self.report(
             history.rows(marks[np.argsort(order)]), history.rows(slice(int(marks[0]), None)), time, longest
         )
 
-    def turn(self) -> tuple[Motor, np.ndarray, np.ndarray]:
-        """A motor of constant speed, when (s) in the run it passes each requested angle, and when after the first of
-        them.
-        """
-        plan = schedule(self.request)
-        start = float(plan.theta[0]) - math.copysign(self.request.lead_in, plan.speed)
-        time = plan.time[np.argsort(plan.order)]
-        return Motor.at_speed(start, plan.speed), time + self.request.lead_in / abs(plan.speed), time
-
-    def follow(self) -> tuple[Motor, np.ndarray, np.ndarray]:
-        """A motor on a course, when (s) in the run each report is wanted, and when on the course."""
-        course, time = Course.of(self.request), np.asarray(self.request.time, float)
-        motor = Motor.along(course)
-        self.assembly.path(*motor.range)
-        return motor, time - course.spline.x[0] + motor.begins, time
-
     def released(self) -> Trace:
-        time = np.asarray(self.request.time, float)
+        time = report_times(self.request, None)
         order = np.argsort(time, kind="stable")
         linkage, longest = self.launch(None)
         history, marks = self.march(linkage, time[order], longest)
@@ -112,7 +101,7 @@ class ExudynRun:
 
     # ---------------------------------------------------------------- start
 
-    def launch(self, motor: Motor | None) -> tuple[ExudynLinkage, float]:
+    def launch(self, motor: RunMotor | None) -> tuple[ExudynLinkage, float]:
         """The linkage ready to go, and its longest step (s)."""
         r, m = self.request, self.m
         pressing: dict[str, float] = {}
@@ -141,7 +130,7 @@ class ExudynRun:
         return Inertia({name: a for name, (a, _) in found.items()}, {name: w for name, (_, w) in found.items()})
 
     def longest_step(
-        self, linkage: ExudynLinkage, motor: Motor | None, inertia: Inertia | None, pressing: Mapping[str, float]
+        self, linkage: ExudynLinkage, motor: RunMotor | None, inertia: Inertia | None, pressing: Mapping[str, float]
     ) -> float:
         if motor is None:
             assert inertia is not None
@@ -161,7 +150,7 @@ class ExudynRun:
     # ---------------------------------------------------------------- stepping
 
     def march(
-        self, linkage: ExudynLinkage, times: np.ndarray, longest: float, motor: Motor | None = None
+        self, linkage: ExudynLinkage, times: np.ndarray, longest: float, motor: RunMotor | None = None
     ) -> tuple[Record, np.ndarray]:
         """Integrate from 0 through all times (s, sorted): every step, and the row of each time."""
         check_steps(

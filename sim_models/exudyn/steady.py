@@ -10,7 +10,7 @@ from analytic.mechanism import Mechanism
 from sim_models.common.start import Pose, poses
 from sim_models.engine import Request
 from sim_models.exudyn.equilibria import Equilibria, Inertia
-from sim_models.exudyn.motor import Motor
+from sim_models.exudyn.motor import RunMotor
 from sim_models.exudyn.record import Record
 from sim_models.exudyn.sway import sway
 
@@ -24,13 +24,13 @@ PASSES_COMPLIANT = 8  # at most
 STILL = 1e-11  # rad by which a crank that has been found moves from one pass to the next
 
 
-def instants(motor: Motor, compliant: bool) -> np.ndarray:
+def instants(motor: RunMotor, compliant: bool) -> np.ndarray:
     """Times (s), the first instant among them: around it at constant speed, from it on along a course or where they
     reach far.
     """
     turn = APART_COMPLIANT if compliant else APART
     first = NODES // 2 if motor.steady and not compliant else 0
-    end = np.inf if motor.steady else motor.path.x[-1] / (NODES - 1)
+    end = motor.end / (NODES - 1)
     spacing = min(turn / motor.top_speed if motor.top_speed else np.inf, end)
     return spacing * (np.arange(NODES) - first)
 
@@ -44,7 +44,7 @@ def derivative(time: np.ndarray) -> np.ndarray:
     return np.asarray(rates @ np.linalg.inv(powers)) / scale
 
 
-def steady_start(equilibria: Equilibria, motor: Motor, stiffness: float | None) -> tuple[dict[str, Pose], Record]:
+def steady_start(equilibria: Equilibria, motor: RunMotor, stiffness: float | None) -> tuple[dict[str, Pose], Record]:
     """Poses and rates of the linkage at the first instant, and the equilibrium with inertia forces that it passes
     there.
 
@@ -69,7 +69,7 @@ def _ideal(equilibria: Equilibria) -> Request:
     return Request(equilibria.m.with_clearances({}), motion="driven")
 
 
-def crank_behind(equilibria: Equilibria, motor: Motor, stiffness: float, time: np.ndarray) -> np.ndarray:
+def crank_behind(equilibria: Equilibria, motor: RunMotor, stiffness: float, time: np.ndarray) -> np.ndarray:
     """Angle (rad) at some times (s) near the first instant of the ideal linkage's crank on a drive of that stiffness
     (N.m/rad).
 

@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from analytic.kinematics.assembly import AssemblyError
 from sim_models.common.start import poses
 from sim_models.exudyn.equilibria import Equilibria, Inertia
-from sim_models.exudyn.motor import Motor
+from sim_models.exudyn.motor import RunMotor
 
 AROUND = 96  # crank angles at which the torque is sampled
 GRID = 192  # instants of a revolution
@@ -38,11 +38,11 @@ class Sway:
         return np.asarray(self.lag(time))
 
 
-def period(motor: Motor) -> float | None:
+def period(motor: RunMotor) -> float | None:
     """Time (s) of a revolution after which the motor's motion repeats itself; None if it does not."""
     if motor.steady:
         return 2 * math.pi / motor.top_speed if motor.top_speed else None
-    end = float(motor.path.x[-1])
+    end = motor.end
     turn = math.copysign(2 * math.pi, float(motor.angle(end) - motor.angle(0.0)))
     if (float(motor.angle(end) - motor.angle(0.0)) - turn) * turn < -REPEATS:
         return None
@@ -59,7 +59,7 @@ def period(motor: Motor) -> float | None:
     return time if abs(float(motor.rate(time) - motor.rate(0.0))) < 1e3 * REPEATS * speed else None
 
 
-def sway(equilibria: Equilibria, motor: Motor, stiffness: float) -> Sway | None:
+def sway(equilibria: Equilibria, motor: RunMotor, stiffness: float) -> Sway | None:
     """The repeating motion behind a drive of that stiffness (N.m/rad); None where nothing repeats itself, or it is not
     found.
     """
