@@ -69,7 +69,7 @@ class DartWorld(LeapfrogWorld):
                 self._float(branch.child)
         for skeleton in self.skeletons:
             self.world.addSkeleton(skeleton)
-        self.motor = self.roots[self.mechanism.driven]
+        self.crank_joint = self.roots[self.mechanism.driven]
         self.hold(self.held)
         self.bearings: dict[str, Bearing] = {}
         self.frames = {
@@ -232,14 +232,14 @@ class DartWorld(LeapfrogWorld):
 
     def hold(self, held: bool) -> None:
         self.held = held
-        self.motor.setActuatorType(self.dart.dynamics.VELOCITY if held else self.dart.dynamics.FORCE)
-        self.motor.setCommand(0, 0.0)
+        self.crank_joint.setActuatorType(self.dart.dynamics.VELOCITY if held else self.dart.dynamics.FORCE)
+        self.crank_joint.setCommand(0, 0.0)
 
     def advance(self, h: float) -> None:
         if h != self.world.getTimeStep():
             self.world.setTimeStep(h)
         if self.held:
-            self.motor.setCommand(0, self.command)
+            self.crank_joint.setCommand(0, self.command)
         for name, bearing in self.bearings.items():
             lifted = bearing.lifted(self.gap(name)[0])
             if lifted:
@@ -315,7 +315,9 @@ class DartWorld(LeapfrogWorld):
         x, y = -self.pin_jacobian(joint, turned)
         row = x * change.real + y * change.imag
         if self.held:
-            self._parts(row)[self.skeletons.index(self.motor.getSkeleton())][self.motor.getIndexInSkeleton(0)] = 0.0
+            self._parts(row)[self.skeletons.index(self.crank_joint.getSkeleton())][
+                self.crank_joint.getIndexInSkeleton(0)
+            ] = 0.0
         self.shift(row * abs(change) ** 2 / (row @ row))
 
     def pin_jacobian(self, j: Joint, turned: Mapping[str, Pose]) -> np.ndarray:

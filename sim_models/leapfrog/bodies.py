@@ -17,11 +17,12 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from sim_models.common.contact_laws import contact_parameters
-from sim_models.common.start import AT_REST, Course, Pose, poses
+from sim_models.common.motor import motor_of
+from sim_models.common.start import AT_REST, Pose, poses
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
 from sim_models.engine import Request, Unsupported
-from sim_models.leapfrog.courses import Even, Grid, pace
+from sim_models.leapfrog.courses import Grid
 from sim_models.leapfrog.parts import Pin, moving_body
 from sim_models.leapfrog.rates import centre_rates
 
@@ -43,13 +44,11 @@ class LeapfrogWorld(ABC):
     def __init__(self, request: Request) -> None:
         m = self.mechanism = request.mechanism
         self.request = request
-        self.static, self.speed = request.motion == "static", m.speed or 0.0
-        self.course = None if request.course is None else Course.of(request)
-        self.pace = pace(self.course or Even(0.0, self.speed))  # rad/s, of the crank at its fastest
-        self.turned = not self.static and (m.speed is not None or self.course is not None)  # by a motor
+        self.static, self.motor = request.motion == "static", motor_of(request)
+        self.speed = m.speed or 0.0  # rad/s; its sign is the direction of friction and of the angles at rest, too
         self.drive_stiffness = (m.drive.stiffness or 0.0) if m.drive is not None and m.drive.speed != "free" else 0.0
         self.held = (
-            self.static or self.turned
+            self.static or self.motor is not None
         )  # the crank's motion is prescribed: of a drive that yields, until the run begins
         self.assembly = Assembly(m)
         self.points = {(GROUND, name): m.ground.point(name) for name in m.ground.points}  # m, in the body's frame
@@ -77,7 +76,7 @@ class LeapfrogWorld(ABC):
         self.pin_gaps: dict[str, complex] = {}  # m, of the driven pins as the last step began
         self.slide_forces: dict[str, complex] = {}  # of the prismatic joints' laws, on their second bodies
         self.sliding: dict[str, float] = {}  # direction of each joint's sliding where nothing moves
-        zone = SLIDING_ZONE * (self.pace or FREE_SPEED)
+        zone = SLIDING_ZONE * ((self.motor.top_speed if self.motor else abs(self.speed)) or FREE_SPEED)
         self.zone = {j.name: zone * (moving_body(m, m.driven).length if j.prismatic else 1.0) for j in m.joints}
 
     # ---------------------------------------------------------------- what an engine provides

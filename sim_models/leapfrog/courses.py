@@ -1,16 +1,18 @@
-"""How a crank is to move, evenly or along a course, and the steps in which a run follows it."""
+"""How a crank moves, as its motor or behind it, and the steps in which a run follows it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
 from analytic.kinematics.assembly import Assembly
-from sim_models.common.start import Course, Pose, poses, substeps
+from sim_models.common.motor import Motor
+from sim_models.common.start import Pose, poses, substeps
 
 STENCIL = 1e-3  # rad of crank angle, for rates of positions and of the pins' equilibria
 KNOT_SHARE = 0.125  # of the time between a course's knots: below it a course has nothing new to say
@@ -21,31 +23,23 @@ NONE: Changes = MappingProxyType({})
 
 
 @dataclass(frozen=True)
-class Even:
-    """Constant speed (rad/s), from an angle (rad) at time 0."""
-
-    begin: float
-    speed: float = 0.0
-
-    def angle(self, time: float) -> float:
-        """Angle (rad)."""
-        return self.begin + self.speed * time
-
-    def rate(self, time: float) -> float:
-        """Angular velocity (rad/s)."""
-        return self.speed
-
-    def acceleration(self, time: float) -> float:
-        """Angular acceleration (rad/s^2)."""
-        return 0.0
-
-
-@dataclass(frozen=True)
 class Behind:
     """A crank that lags its motor by a polynomial (rad) in time (s)."""
 
-    motor: Even | Course
+    motor: Motor
     lag: Polynomial
+
+    constant_speed: ClassVar[bool] = False
+
+    @property
+    def top_speed(self) -> float:
+        """The motor's largest angular velocity (rad/s), either way."""
+        return self.motor.top_speed
+
+    @property
+    def knot_spacing(self) -> float:
+        """Time (s) between the knots of the motor's course."""
+        return self.motor.knot_spacing
 
     def angle(self, time: float) -> float:
         """Angle (rad)."""
@@ -59,34 +53,20 @@ class Behind:
         """Angular acceleration (rad/s^2)."""
         return self.motor.acceleration(time) - float(self.lag.deriv(2)(time))
 
-
-Motor = Even | Course
-Path = Motor | Behind
-
-
-def angles(path: Path, time: np.ndarray) -> np.ndarray:
-    """Angles (N,) rad at times (N,) s."""
-    if isinstance(path, Behind):
-        return angles(path.motor, time) - path.lag(time)
-    return path.begin + path.speed * time if isinstance(path, Even) else np.asarray(path.spline(time))
+    def angles(self, times: np.ndarray) -> np.ndarray:
+        """Angles (N,) rad at times (N,) s."""
+        return np.asarray(self.motor.angles(times) - self.lag(times))
 
 
-def pace(path: Motor) -> float:
-    """The largest angular speed (rad/s)."""
-    if isinstance(path, Even):
-        return abs(path.speed)
-    knots = path.spline.x
-    return float(np.abs(path.spline(np.concatenate([knots, (knots[1:] + knots[:-1]) / 2]), 1)).max())
+Path = Motor | Behind  # of a crank
 
 
 def duration(path: Path, angle: float, knots: float = KNOT_SHARE) -> float:
     """The time (s) in which a crank turns by at most an angle (rad), and by at most a share of that between a course's
     ``knots``.
     """
-    motor = path.motor if isinstance(path, Behind) else path
-    fastest = pace(motor)
-    turning = angle / fastest if fastest else np.inf
-    return turning if isinstance(motor, Even) else min(turning, knots * float(np.median(np.diff(motor.spline.x))))
+    turning = angle / path.top_speed if path.top_speed else np.inf
+    return min(turning, knots * path.knot_spacing)
 
 
 def moving(

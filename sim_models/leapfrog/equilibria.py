@@ -13,10 +13,11 @@ from numpy.polynomial import Polynomial
 
 from analytic.kinematics.assembly import AssemblyError
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
-from sim_models.common.start import Course, Pose
+from sim_models.common.motor import Motor
+from sim_models.common.start import Pose
 from sim_models.engine import Cause, SimulationError
 from sim_models.leapfrog.bodies import LeapfrogWorld
-from sim_models.leapfrog.courses import NONE, STENCIL, Behind, Changes, Motor, Path, duration, moving, near
+from sim_models.leapfrog.courses import NONE, STENCIL, Behind, Changes, Path, duration, moving, near
 
 NO_LOAD = 1e-9  # of the largest reaction: one below it leaves its pin loose
 NO_FORCE = 1e-6  # N, the same where all vanish: the engines' rounding
@@ -191,6 +192,6 @@ class Equilibria:
     @staticmethod
     def _window(motor: Motor, time: float, reach: float) -> np.ndarray:
         """Times (s) on both sides of one, within a course."""
-        first, last = (motor.spline.x[0], motor.spline.x[-1]) if isinstance(motor, Course) else (-np.inf, np.inf)
+        first, last = (-np.inf, np.inf) if motor.constant_speed else (motor.begin, motor.end)
         low = max(first, min(time, last - reach) - reach)
         return np.linspace(low, min(low + 2 * reach, last), 2 * LAG_DEGREE + 1)

@@ -11,12 +11,13 @@ import numpy as np
 from sim_models.common.contact_laws import TOO_DEEP, shortest_link
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
+from sim_models.common.motor import ConstantSpeed, Course, Motor, report_times
 from sim_models.common.rates import part_rates
 from sim_models.common.silence import silence
-from sim_models.common.start import check_steps, schedule
+from sim_models.common.start import check_steps
 from sim_models.engine import Cause, Request, SimulationError, Trace, installed_version
 from sim_models.leapfrog.bodies import PROBE, WARM_UP, LeapfrogWorld
-from sim_models.leapfrog.courses import Changes, Even, Grid, Motor, Path, angles, moving, near
+from sim_models.leapfrog.courses import Changes, Grid, Path, moving, near
 from sim_models.leapfrog.equilibria import Equilibria
 from sim_models.leapfrog.steps import drive_inertia, longest_step
 
@@ -69,7 +70,7 @@ def _rest(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None, moto
     for _ in range(50):
         for each in (world, found.ideal, *([rods.world] if rods else [])):
             each.set_sliding(theta)
-        row = _one_sided(found, rods, theta) if rods else _still(world, theta, found.gaps(Even(theta), 0.0))
+        row = _one_sided(found, rods, theta) if rods else _still(world, theta, found.gaps(ConstantSpeed(theta), 0.0))
         _check_depth(world, theta)
         lagging = motor - row["drive_torque"] / world.drive_stiffness if world.drive_stiffness else theta
         if abs(lagging - theta) < AT_REST:
@@ -85,7 +86,7 @@ def _rest(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None, moto
 
 def _still(world: LeapfrogWorld, theta: float, gaps: Changes) -> dict[str, float]:
     """Signals with the crank at rest at an angle (rad), and the pins off centre by these gaps (m)."""
-    world.approach(moving(world.assembly, Even(theta), 0.0, near(gaps, 0.0)), PROBE)
+    world.approach(moving(world.assembly, ConstantSpeed(theta), 0.0, near(gaps, 0.0)), PROBE)
     return world.observe(PROBE)
 
 
@@ -93,7 +94,7 @@ def _one_sided(found: Equilibria, rods: Equilibria, theta: float) -> dict[str, f
     """Signals of pins that may leave their rims: their own, or, where the engine does not hold them there, those of
     rods, all of which pull.
     """
-    gaps = rods.gaps(Even(theta), 0.0)
+    gaps = rods.gaps(ConstantSpeed(theta), 0.0)
     sure, found.last = _still(rods.world, theta, gaps), dict(rods.last)
     forces = _reactions(sure, gaps)
     lifted = [name for name, gap in gaps.items() if (forces[name] * gap.conjugate()).real <= 0]
@@ -101,7 +102,7 @@ def _one_sided(found: Equilibria, rods: Equilibria, theta: float) -> dict[str, f
         what = f"the only equilibrium found has the pin of joint {lifted[0]!r} pulled off its rim"
         raise found.failed(Cause.PULLED, what, theta)
     with contextlib.suppress(SimulationError):
-        gaps = found.gaps(Even(theta), 0.0)
+        gaps = found.gaps(ConstantSpeed(theta), 0.0)
     row = _still(found.world, theta, gaps)
     apart = max(abs(force - forces[name]) for name, force in _reactions(row, gaps).items())
     found.world.by_rods = not apart < HELD * max(map(abs, forces.values()))
@@ -124,17 +125,13 @@ class Plan:
     @classmethod
     def of(cls, world: LeapfrogWorld) -> Plan:
         """The plan of a world's request."""
-        request = world.request
-        if world.course is not None:
-            times, knots = np.asarray(request.time, float), world.course.spline.x
-            return cls(times, float(knots[0]), world.course, knots[knots <= times.max()])
-        if request.released:
-            times = np.asarray(request.time, float)
-            return cls(times, 0.0, Even(world.assembly.start, request.start_speed), np.zeros(1))
-        plan = schedule(request)
-        times = np.empty(plan.order.size)
-        times[plan.order] = np.round(plan.time, 12)  # equal angles, at equal times
-        return cls(times, -abs(request.lead_in / plan.speed), Even(float(plan.theta[0]), plan.speed), plan.time)
+        request, motor = world.request, world.motor
+        times = report_times(request, motor)
+        if motor is None:
+            return cls(times, 0.0, ConstantSpeed(world.assembly.start, request.start_speed), np.zeros(1))
+        if isinstance(motor, Course):
+            return cls(times, motor.begin, motor, motor.knots[motor.knots <= times.max()])
+        return cls(np.round(times, 12), motor.begin, motor, np.sort(times))  # equal angles, at equal times
 
 
 def _moving(world: LeapfrogWorld, found: Equilibria) -> Trace:
@@ -144,13 +141,13 @@ def _moving(world: LeapfrogWorld, found: Equilibria) -> Trace:
     check_steps(
         f"{world.engine} {request.joint_model} ({world.mechanism.name})", float(plan.times.max()) - plan.begin, longest
     )
-    grid = world.grid = Grid.of(plan.times, plan.begin, longest, early=world.turned)
+    grid = world.grid = Grid.of(plan.times, plan.begin, longest, early=world.motor is not None)
     _start(world, found, plan, grid)
     tally = Tally(world, max(1, (grid.last - grid.lead) // JOURNAL_SAMPLES))
     rows = grid.rows(_follow(world, plan, grid, tally))
     theta = np.array([row[f"{world.mechanism.driven}_angle"] for row in rows])
-    if world.turned and world.held:
-        off = float(np.abs(theta - angles(plan.motor, plan.times)).max())
+    if world.motor is not None and world.held:
+        off = float(np.abs(theta - plan.motor.angles(plan.times)).max())
         if not off < OFF_COURSE:
             raise SimulationError(f"{world.engine}: the crank is {off:.3g} rad off its course", Cause.OFF_COURSE)
     trace = _trace(world, rows, request.crank_angle if request.crank_angle.size else theta, plan.times, grid.step)
@@ -167,10 +164,12 @@ def _start(world: LeapfrogWorld, found: Equilibria, plan: Plan, grid: Grid) -> N
         crank = found.lagging(plan.motor, begin, world.drive_stiffness, drive_inertia(world, plan.motor.angle(begin)))
     steady = world.request.start == "steady"
     bodies = found.steady(crank, begin) if steady else moving(world.assembly, crank, begin)
-    even = isinstance(crank, Even)
     towards = begin + grid.step * np.arange(1.0 - WARM_UP, 1.0)
     world.start(
-        bodies, grid.step, crank.acceleration(begin), [None] * WARM_UP if even else angles(crank, towards).tolist()
+        bodies,
+        grid.step,
+        crank.acceleration(begin),
+        [None] * WARM_UP if crank.constant_speed else crank.angles(towards).tolist(),
     )
     if world.drive_stiffness:
         world.hold(False)
@@ -180,10 +179,10 @@ def _follow(world: LeapfrogWorld, plan: Plan, grid: Grid, tally: Tally) -> dict[
     """Signals at the beginnings of the grid's steps that reports need."""
     seen: dict[int, dict[str, float]] = {}
     wanted = set(grid.nodes.ravel().tolist())
-    steers = world.drive_stiffness or world.course is not None
+    steers = world.drive_stiffness or not plan.motor.constant_speed
     ahead = 1 if world.held else 0
     aims = (
-        angles(plan.motor, grid.begin + grid.step * np.arange(ahead, grid.last + 1 + ahead)).tolist()
+        plan.motor.angles(grid.begin + grid.step * np.arange(ahead, grid.last + 1 + ahead)).tolist()
         if steers
         else [None] * (grid.last + 1)
     )

@@ -12,7 +12,7 @@ import numpy as np
 from analytic.mechanism import Joint
 from sim_models.common.start import poses
 from sim_models.leapfrog.bodies import PROBE, LeapfrogWorld
-from sim_models.leapfrog.courses import Even, duration
+from sim_models.leapfrog.courses import duration
 
 STEP_ANGLE = 2e-4  # rad of crank angle in a step, at most
 FREE_STEP = 2e-5  # s
@@ -28,7 +28,7 @@ def longest_step(world: LeapfrogWorld, theta: float, peaks: Mapping[str, float])
     ``theta`` (rad) is the crank angle at which the pins' effective masses are taken, ``peaks`` their largest forces
     (N).
     """
-    step = duration(world.course or Even(theta, world.speed), STEP_ANGLE) if world.course or world.speed else FREE_STEP
+    step = FREE_STEP if world.motor is None else duration(world.motor, STEP_ANGLE)
     if world.drive_stiffness:
         step = min(step, DRIVE_PHASE * math.sqrt(drive_inertia(world, theta) / world.drive_stiffness))
     for name, pin in world.pins.items():

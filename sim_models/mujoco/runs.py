@@ -21,7 +21,7 @@ from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.laws import contact_laws, law_settings
 from sim_models.mujoco.march import Log, march
 from sim_models.mujoco.model import MujocoLinkage
-from sim_models.mujoco.motor import AtConstantSpeed, AlongCourse, Steering, steering
+from sim_models.mujoco.motor import AlongCourse, AtConstantSpeed, Steering, steering
 from sim_models.mujoco.state import (
     joint_forces,
     look,
@@ -84,7 +84,9 @@ class MujocoRun:
         columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
         return self.report(theta, None, columns, log, {"step": None, "start": "equilibrium"})
 
-    def begin(self, steering: AtConstantSpeed | AlongCourse, step: float | None = None) -> tuple[np.ndarray, np.ndarray, float, str]:
+    def begin(
+        self, steering: AtConstantSpeed | AlongCourse, step: float | None = None
+    ) -> tuple[np.ndarray, np.ndarray, float, str]:
         """Coordinates, velocities, step (s; the longest that is in order, where none is given) and kind of a driven
         run's start.
         """

@@ -15,7 +15,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from sim_models.common.start import check_steps, poses, substeps
 from sim_models.mujoco.model import MujocoLinkage
-from sim_models.mujoco.motor import AtConstantSpeed, AlongCourse
+from sim_models.mujoco.motor import AlongCourse, AtConstantSpeed
 from sim_models.mujoco.state import on_track, stiffest_law
 
 RETURNED = 5e-8  # rad: where it was, a revolution later
@@ -39,7 +39,9 @@ class Revolution:
     A lag is (angle in rad, rate over ``sway``), motor less crank; ``sway`` (rad/s) is about the crank's own frequency.
     """
 
-    def __init__(self, link: MujocoLinkage, assembly: Assembly, steering: AtConstantSpeed | AlongCourse, period: float) -> None:
+    def __init__(
+        self, link: MujocoLinkage, assembly: Assembly, steering: AtConstantSpeed | AlongCourse, period: float
+    ) -> None:
         self.link, self.assembly, self.steering = link, assembly, steering
         self.theta, self.speed = steering.stencil.theta, steering.motor.rate(steering.motor.begin)
         check_steps(f"mujoco: {link.mechanism.name}, a revolution on its drive.stiffness", period, link.step)
