@@ -16,6 +16,7 @@ from sim_models.common.start import AT_REST, poses
 from sim_models.common.travel import travel
 from sim_models.engine import Cause, Request, SimulationError
 from sim_models.exudyn.linkage import ExudynLinkage
+from sim_models.exudyn.model import ExudynModel
 from sim_models.exudyn.record import Record
 
 STILL = 1e-12  # rad: last correction of a crank's angle behind a compliant drive
@@ -46,12 +47,13 @@ class Equilibria:
         m = request.mechanism
         self.request, self.m, self.assembly, self.speed, self.creep = request, m, assembly, speed, creep
         home = poses(assembly, assembly.start)
-        self.ideal = ExudynLinkage(m, "ideal", "static", home, held=True)
+        self.ideal = ExudynLinkage(ExudynModel(m, "ideal", "static", home))
         self.clearance = request.clearances
         self.rods = self.real = self.ideal
         if self.clearance:
-            self.rods = ExudynLinkage(m, "massless-link", "static", home, held=True)
-            self.real = ExudynLinkage(m, request.joint_model, "static", home, held=True, contact_for=request.motion)
+            self.rods = ExudynLinkage(ExudynModel(m, "massless-link", "static", home))
+            real = ExudynModel(m, request.joint_model, "static", home, contact_for=request.motion)
+            self.real = ExudynLinkage(real)
 
     def at(self, theta: float, inertia: Inertia | None = None, speed: float | None = None) -> Record:
         """Equilibrium at a crank angle (rad), a record of one instant.  Raises SimulationError.
@@ -108,7 +110,7 @@ class Equilibria:
             if abs(force) <= NO_LOAD * scale or scale == 0:
                 what = f"nothing presses the pin of joint {name}, so its equilibrium is undetermined"
                 raise self._failure(Cause.UNPRESSED, what, theta)
-            gaps[name] = pressed_to(clearance, abs(force) / linkage.stiffness(name), force)
+            gaps[name] = pressed_to(clearance, abs(force) / linkage.model.stiffness(name), force)
         return gaps
 
     def _solve(self, linkage: ExudynLinkage, theta: float, gaps: Mapping[str, complex], loads: Loads) -> Record:
@@ -146,7 +148,7 @@ class Equilibria:
 
     def _direction(self, joint: Joint, rate: float) -> float:
         """Sign of a joint's rate, or the part of it that friction has reached."""
-        creep = self.creep * (self.ideal.size if joint.prismatic else 1.0)
+        creep = self.creep * (self.ideal.model.size if joint.prismatic else 1.0)
         return float(np.clip(rate / creep, -1.0, 1.0)) if creep else float(np.sign(rate))
 
     def _rates(self, theta: float, speed: float) -> dict[str, float]:

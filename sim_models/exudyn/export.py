@@ -102,12 +102,12 @@ def _at_rest(run: ExudynRun) -> tuple[ExudynLinkage, dict[str, Any]]:
     for motor in run.request.crank_angle.tolist():
         theta = equilibria.crank(motor)
         equilibria.at(theta)
-        link, initial = equilibria.real, equilibria.real.exu.ConfigurationType.Initial
+        link, initial = equilibria.real, equilibria.real.model.exu.ConfigurationType.Initial
         near.append(
             {
                 "crank_angle": theta,
-                "bodies": np.array(link.mbs.systemData.GetODE2Coordinates(initial)).tolist(),
-                "remembered": np.array(link.mbs.systemData.GetDataCoordinates(initial)).tolist(),
+                "bodies": np.array(link.model.mbs.systemData.GetODE2Coordinates(initial)).tolist(),
+                "remembered": np.array(link.model.mbs.systemData.GetDataCoordinates(initial)).tolist(),
                 "loads": list(link.body_loads().values()),
                 "slides": {
                     j.name: link.item(f"law {j.name}")["force"] for j in run.m.joints if j.prismatic and _has_law(j)
@@ -119,7 +119,7 @@ def _at_rest(run: ExudynRun) -> tuple[ExudynLinkage, dict[str, Any]]:
 
 def _parts(link: ExudynLinkage) -> dict[str, Any]:
     """Everything that becomes an item of Exudyn's, in the order in which it is added."""
-    m = link.m
+    m = link.model.m
     return {
         "ground": {"points": {name: _pair(m.ground.point(name)) for name in m.ground.points}},
         "bodies": {body.name: _body(link, body) for body in m.bodies},
@@ -156,17 +156,21 @@ def _joint(link: ExudynLinkage, joint: Joint) -> dict[str, Any]:
         part["item"] = f"Object{item['objectType']}"
         part["parameters"] = {name: np.asarray(item[name]).tolist() for name in PARAMETERS[how]}
         if how == "contact":
-            part["remembered"] = link.mbs.GetNode(item["nodeNumber"])["initialCoordinates"].tolist()
+            part["remembered"] = link.model.mbs.GetNode(item["nodeNumber"])["initialCoordinates"].tolist()
     if _has_law(joint):
-        moving = link.motion == "driven"  # at rest, friction and damping are loads
+        moving = link.model.motion == "driven"  # at rest, friction and damping are loads
         law = {"stiffness": joint.stiffness, "offset": joint.rest_angle, "damping": joint.damping if moving else 0.0}
         friction = joint.coulomb if moving else 0.0
         if joint.prismatic:
-            part |= {"law": law, "friction": friction, "creep": link.creep * max(body.length for body in link.m.bodies)}
+            part |= {
+                "law": law,
+                "friction": friction,
+                "creep": link.model.creep * max(body.length for body in link.model.m.bodies),
+            }
         else:
             part["law"] = law | {
                 "dynamicFrictionForce": friction,
-                "frictionProportionalZone": link.creep if friction else 0.0,
+                "frictionProportionalZone": link.model.creep if friction else 0.0,
             }
     return part
 
@@ -178,23 +182,23 @@ def _has_law(joint: Joint) -> bool:
 def _closed_by(link: ExudynLinkage, joint: Joint) -> str:
     if joint.prismatic:
         return "slide"
-    if joint.name not in link.clearance:
+    if joint.name not in link.model.clearance:
         return "pin"
-    if link.joint_model == "massless-link":
-        return "massless link" if link.motion == "driven" else "stiff rod"
-    return link.joint_model
+    if link.model.joint_model == "massless-link":
+        return "massless link" if link.model.motion == "driven" else "stiff rod"
+    return link.model.joint_model
 
 
 def _drive(link: ExudynLinkage) -> dict[str, Any] | None:
     """The motor, or None where the linkage is released; its shaft's angle (rad) and speed at the start, if a spring is
     behind it.
     """
-    if link.motion == "driven" and link.m.speed is None:
+    if link.model.motion == "driven" and link.model.m.speed is None:
         return None
     item = link.item("drive")
-    if not link.compliant:
+    if not link.model.compliant:
         return {"offset": item["offset"]}
-    shaft = link.mbs.GetNode(link.mbs.GetMarker(item["markerNumbers"][1])["nodeNumber"])
+    shaft = link.model.mbs.GetNode(link.model.mbs.GetMarker(item["markerNumbers"][1])["nodeNumber"])
     speed = float(shaft["initialVelocities"][0])
     return {"offset": speed, "shaft": [float(shaft["initialCoordinates"][0]), speed], "stiffness": item["stiffness"]}
 

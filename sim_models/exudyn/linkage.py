@@ -23,8 +23,11 @@ HALVED = 256  # a step that Newton's method only manages when shorter than this 
 DIFFERENCES = (1e-7, 1e-8, 1e-9, 1e-10)
 
 
-class ExudynLinkage(ExudynModel):
-    """A model that can be placed, loaded, solved, advanced and read."""
+class ExudynLinkage:
+    """A model at work: it can be placed, loaded, solved, advanced and read."""
+
+    def __init__(self, model: ExudynModel) -> None:
+        self.model, self.m = model, model.m
 
     # ---------------------------------------------------------------- statics
 
@@ -34,13 +37,13 @@ class ExudynLinkage(ExudynModel):
         for body in self.m.bodies:
             com = point_at(self.m, start, body.name, MASS_CENTRE)
             coordinates += [com.real, com.imag, start[body.name].angle]
-        self.mbs.systemData.SetODE2Coordinates(coordinates, self.exu.ConfigurationType.Initial)
-        self.mbs.SetObjectParameter(self._drive, "offset", start[self.m.driven].angle)
+        self.model.mbs.systemData.SetODE2Coordinates(coordinates, self.model.exu.ConfigurationType.Initial)
+        self.model.mbs.SetObjectParameter(self.model.drive, "offset", start[self.m.driven].angle)
         data = []
-        for name in self._touching:
-            data += [self.clearance[name] - gap_at(self.m, start, name), 0.0, 0.0, 0.0]
+        for name in self.model.touching:
+            data += [self.model.clearance[name] - gap_at(self.m, start, name), 0.0, 0.0, 0.0]
         if data:
-            self.mbs.systemData.SetDataCoordinates(data, self.exu.ConfigurationType.Initial)
+            self.model.mbs.systemData.SetDataCoordinates(data, self.model.exu.ConfigurationType.Initial)
 
     def load_bodies(
         self, force: Mapping[str, complex], torque: Mapping[str, float], slide: Mapping[str, float]
@@ -50,15 +53,22 @@ class ExudynLinkage(ExudynModel):
         """
         for body in self.m.bodies:
             total = force[body.name]
-            self.mbs.SetLoadParameter(self._com_force[body.name], "loadVector", [total.real, total.imag, 0.0])
-            self.mbs.SetLoadParameter(self._com_torque[body.name], "loadVector", [0.0, 0.0, torque[body.name]])
-        for name, number in self._slide.items():
-            self.mbs.SetObjectParameter(number, "force", -slide[name])
+            self.model.mbs.SetLoadParameter(
+                self.model.com_force[body.name], "loadVector", [total.real, total.imag, 0.0]
+            )
+            self.model.mbs.SetLoadParameter(
+                self.model.com_torque[body.name], "loadVector", [0.0, 0.0, torque[body.name]]
+            )
+        for name, number in self.model.slides.items():
+            self.model.mbs.SetObjectParameter(number, "force", -slide[name])
 
     def body_loads(self) -> dict[str, list[float]]:
         """What :meth:`load_bodies` put on each body: force x, y (N) at its com, and torque (N.m)."""
         acting = {
-            b.name: [self.mbs.GetLoad(load[b.name])["loadVector"] for load in (self._com_force, self._com_torque)]
+            b.name: [
+                self.model.mbs.GetLoad(load[b.name])["loadVector"]
+                for load in (self.model.com_force, self.model.com_torque)
+            ]
             for b in self.m.bodies
         }
         return {name: [*map(float, force[:2]), float(torque[2])] for name, (force, torque) in acting.items()}
@@ -68,7 +78,7 @@ class ExudynLinkage(ExudynModel):
         """Force (N) that a static solution may leave unbalanced: what rounding of a position leaves on a stiff
         spring.
         """
-        return 1e-9 + 1e-15 * max((self.stiffness(name) for name in self.clearance), default=0.0)
+        return 1e-9 + 1e-15 * max((self.model.stiffness(name) for name in self.model.clearance), default=0.0)
 
     def solve_static(self) -> bool:
         """Static equilibrium from where the bodies were placed; False if Newton's method does not find one."""
@@ -76,8 +86,8 @@ class ExudynLinkage(ExudynModel):
 
     def _solve_static(self, difference: float) -> bool:
         try:
-            return bool(self.mbs.SolveStatic(static_settings(self.residual, difference), storeSolver=False))
-        except self.exu.exudynCPP.SolverError:
+            return bool(self.model.mbs.SolveStatic(static_settings(self.residual, difference), storeSolver=False))
+        except self.model.exu.exudynCPP.SolverError:
             return False
 
     # ---------------------------------------------------------------- motion
@@ -115,8 +125,8 @@ class ExudynLinkage(ExudynModel):
         time.generalizedAlpha.useIndex2Constraints = time.generalizedAlpha.useNewmark = True
         time.discontinuous.useRecommendedStepSize = False
         try:
-            return bool(self.mbs.SolveDynamic(settings, updateInitialValues=True, storeSolver=False))
-        except self.exu.exudynCPP.SolverError:
+            return bool(self.model.mbs.SolveDynamic(settings, updateInitialValues=True, storeSolver=False))
+        except self.model.exu.exudynCPP.SolverError:
             return False
 
     # ---------------------------------------------------------------- reading
@@ -125,36 +135,41 @@ class ExudynLinkage(ExudynModel):
         """Exudyn's own parameters of what a sensor looks at: ``Coordinates <body>``, ``force <joint>``, ``law
         <joint>``, ``drive``.
         """
-        sensor = self.mbs.GetSensor(self._sensor[sensed])
+        sensor = self.model.mbs.GetSensor(self.model.sensors[sensed])
         return (
-            self.mbs.GetNode(sensor["nodeNumber"])
+            self.model.mbs.GetNode(sensor["nodeNumber"])
             if sensor["sensorType"] == "Node"
-            else self.mbs.GetObject(sensor["objectNumber"])
+            else self.model.mbs.GetObject(sensor["objectNumber"])
         )
 
     def now(self) -> Record:
         """The present state, as a record of one instant."""
         return self._record(
-            {key: np.atleast_2d(np.asarray(self.mbs.GetSensorValues(number))) for key, number in self._sensor.items()},
+            {
+                key: np.atleast_2d(np.asarray(self.model.mbs.GetSensorValues(number)))
+                for key, number in self.model.sensors.items()
+            },
             np.zeros(1),
         )
 
     def history(self) -> Record:
         """Every step of the last :meth:`advance`, its first instant included."""
-        stored = {key: np.asarray(self.mbs.GetSensorStoredData(number)) for key, number in self._sensor.items()}
+        stored = {
+            key: np.asarray(self.model.mbs.GetSensorStoredData(number)) for key, number in self.model.sensors.items()
+        }
         return self._record({key: values[:, 1:] for key, values in stored.items()}, next(iter(stored.values()))[:, 0])
 
     def accelerations(self) -> dict[str, tuple[complex, float]]:
         """Acceleration (m/s^2) of each body's com and angular acceleration (rad/s^2), now."""
         values = {
-            body: self.mbs.GetNodeOutput(node, self.exu.OutputVariableType.Coordinates_tt)
-            for body, node in self._node.items()
+            body: self.model.mbs.GetNodeOutput(node, self.model.exu.OutputVariableType.Coordinates_tt)
+            for body, node in self.model.nodes.items()
         }
         return {body: (complex(a[0], a[1]), float(a[2])) for body, a in values.items()}
 
     def _record(self, raw: Mapping[str, np.ndarray], time: np.ndarray) -> Record:
         com, angle, velocity, turning, acceleration, spin_up = {}, {}, {}, {}, {}, {}
-        for body in self._node:
+        for body in self.model.nodes:
             q, v, a = (raw[f"{kind} {body}"] for kind in ("Coordinates", "Coordinates_t", "Coordinates_tt"))
             acceleration[body], spin_up[body] = a[:, 0] + 1j * a[:, 1], a[:, 2]
             com[body], angle[body] = q[:, 0] + 1j * q[:, 1], q[:, 2]
@@ -164,26 +179,28 @@ class ExudynLinkage(ExudynModel):
         ends = {j.name: [locate(self.m, com, angle, body, j.name) for body in j.bodies] for j in pins}
         gap = {name: first - second for name, (first, second) in ends.items()}
         multiplier = (
-            1.0 if self.motion == "static" else -1.0
+            1.0 if self.model.motion == "static" else -1.0
         )  # Exudyn's static and dynamic solvers differ in a multiplier's sign
         force, moment = {}, {}
         for joint in self.m.joints:
             value = raw[f"force {joint.name}"]
             if joint.prismatic:
                 along = np.exp(1j * angle[joint.bodies[0]]) if joint.bodies[0] != GROUND else 1.0
-                axial = -raw[f"law {joint.name}"][:, 0] if joint.name in self._slide else 0.0
+                axial = -raw[f"law {joint.name}"][:, 0] if joint.name in self.model.slides else 0.0
                 force[joint.name] = (axial + 1j * multiplier * value[:, 1]) * joint.direction * along
                 moment[joint.name] = -multiplier * raw[f"moment {joint.name}"][:, 2]
-            elif joint.name not in self.clearance:
+            elif joint.name not in self.model.clearance:
                 force[joint.name] = multiplier * (value[:, 0] + 1j * value[:, 1])
-            elif self.joint_model == "massless-link" and self.motion == "driven":
+            elif self.model.joint_model == "massless-link" and self.model.motion == "driven":
                 force[joint.name] = (
                     value[:, 0] * gap[joint.name] / np.abs(gap[joint.name])
                 )  # the multiplier is the tension
             else:
                 force[joint.name] = -(value[:, 0] + 1j * value[:, 1])
         torque = (
-            np.zeros(time.size) if self._drive is None else raw["drive"][:, 0] * (1.0 if self.compliant else multiplier)
+            np.zeros(time.size)
+            if self.model.drive is None
+            else raw["drive"][:, 0] * (1.0 if self.model.compliant else multiplier)
         )
         marker = {body: locate(self.m, com, angle, body, "com") for body in com}
         return Record(time, com, marker, angle, velocity, turning, acceleration, spin_up, gap, force, moment, torque)

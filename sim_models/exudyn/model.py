@@ -30,9 +30,9 @@ class ExudynModel:
     drive.
 
     ``start`` are the bodies' poses and rates; ``motor`` turns the crank, or one end of the spring of a compliant drive
-    whose other end is the crank; without one the linkage is held or free.  Joints with clearance get the joint model,
-    all others are ideal; ``contact_for`` says whose contact parameters an equilibrium uses that a driven run starts
-    from.
+    whose other end is the crank; without one the crank is held in statics, and free in motion.  Joints with clearance
+    get the joint model, all others are ideal; ``contact_for`` says whose contact parameters an equilibrium uses that a
+    driven run starts from.
     """
 
     def __init__(
@@ -42,7 +42,6 @@ class ExudynModel:
         motion: Motion,
         start: Mapping[str, Pose],
         *,
-        held: bool = False,
         contact_for: Motion | None = None,
         motor: RunMotor | None = None,
     ) -> None:
@@ -60,13 +59,13 @@ class ExudynModel:
         self.mbs = self.container.AddSystem()
         self._ground = self.mbs.AddObject(items.ObjectGround())
         self._fixed = self._coordinate(self.mbs.AddNode(items.NodePointGround()), 0)
-        self._node: dict[str, Any] = {}
+        self.nodes: dict[str, Any] = {}
         self._body: dict[str, Any] = {}
-        self._sensor: dict[str, Any] = {}
-        self._slide: dict[str, Any] = {}  # the law of each prismatic joint that has one
-        self._touching: list[str] = []  # joints with contact, in the order of their data
-        self._com_force: dict[str, Any] = {}
-        self._com_torque: dict[str, Any] = {}
+        self.sensors: dict[str, Any] = {}
+        self.slides: dict[str, Any] = {}  # the law of each prismatic joint that has one
+        self.touching: list[str] = []  # joints with contact, in the order of their data
+        self.com_force: dict[str, Any] = {}
+        self.com_torque: dict[str, Any] = {}
         for body in mechanism.bodies:
             self._add_body(body.name, start[body.name])
         self.creep = joint_creep(motor)
@@ -74,7 +73,7 @@ class ExudynModel:
         for joint in mechanism.joints:
             self._add_joint(joint, start)
             self._add_joint_law(joint)
-        self._add_drive(held, start, motor)
+        self._add_drive(start, motor)
         self.mbs.Assemble()
 
     @property
@@ -101,7 +100,7 @@ class ExudynModel:
                 initialVelocities=[velocity.real, velocity.imag, pose.angular_velocity],
             )
         )
-        self._node[name] = node
+        self.nodes[name] = node
         self._body[name] = self.mbs.AddObject(
             self.items.ObjectRigidBody2D(mass=body.mass, inertia=body.moment_of_inertia, nodeNumber=node)  # type: ignore[union-attr]
         )
@@ -110,7 +109,7 @@ class ExudynModel:
 
     def _sense(self, key: str, sensor: Any, variable: str, **where: Any) -> None:
         variable_type = getattr(self.exu.OutputVariableType, variable)
-        self._sensor[key] = self.mbs.AddSensor(
+        self.sensors[key] = self.mbs.AddSensor(
             sensor(**where, storeInternal=True, writeToFile=False, outputVariableType=variable_type)
         )
 
@@ -126,10 +125,10 @@ class ExudynModel:
         for body in self.m.bodies:
             com = self._marker(body.name, MASS_CENTRE)
             weight = [body.mass * g for g in self.m.gravity]
-            self._com_force[body.name] = self.mbs.AddLoad(
+            self.com_force[body.name] = self.mbs.AddLoad(
                 self.items.LoadForceVector(markerNumber=com, loadVector=[*weight, 0.0])
             )
-            self._com_torque[body.name] = self.mbs.AddLoad(
+            self.com_torque[body.name] = self.mbs.AddLoad(
                 self.items.LoadTorqueVector(markerNumber=com, loadVector=[0.0, 0.0, 0.0])
             )
         for load in self.m.loads:
@@ -182,7 +181,7 @@ class ExudynModel:
             0.0,
         ]  # gap, sliding speed, impact speed
         node = self.mbs.AddNode(self.items.NodeGenericData(initialCoordinates=data, numberOfDataCoordinates=4))
-        self._touching.append(joint.name)
+        self.touching.append(joint.name)
         return self.mbs.AddObject(
             self.items.ObjectContactSphereSphere(
                 markerNumbers=markers,
@@ -243,7 +242,7 @@ class ExudynModel:
             self.mbs.AddObject(
                 self.items.ObjectConnectorCoordinateSpringDamperExt(
                     markerNumbers=[
-                        self._fixed if body == GROUND else self._coordinate(self._node[body], 2)
+                        self._fixed if body == GROUND else self._coordinate(self.nodes[body], 2)
                         for body in joint.bodies
                     ],
                     stiffness=joint.stiffness,
@@ -282,17 +281,17 @@ class ExudynModel:
                 "springForceUserFunction",
                 CreateSymbolicUserFunction(self.mbs, law, "springForceUserFunction", number),
             )
-        self._slide[joint.name] = number
+        self.slides[joint.name] = number
         self._sense(f"law {joint.name}", self.items.SensorObject, "ForceLocal", objectNumber=number)
 
-    def _add_drive(self, held: bool, start: Mapping[str, Pose], motor: RunMotor | None) -> None:
-        self._drive, self.compliant = None, False
-        if not held and motor is None:
+    def _add_drive(self, start: Mapping[str, Pose], motor: RunMotor | None) -> None:
+        self.drive, self.compliant = None, False
+        if self.motion == "driven" and motor is None:
             return
         connector = self.items.ObjectConnectorCoordinate
-        crank = self._coordinate(self._node[self.m.driven], 2)
+        crank = self._coordinate(self.nodes[self.m.driven], 2)
         if motor is None:
-            self._drive = self.mbs.AddObject(
+            self.drive = self.mbs.AddObject(
                 connector(markerNumbers=[self._fixed, crank], offset=start[self.m.driven].angle)
             )
         else:
@@ -300,13 +299,11 @@ class ExudynModel:
             self.compliant = stiffness is not None
             turned = self._add_shaft(motor) if self.compliant else crank
             speed = {"offset": float(motor.rate(0.0))} if motor.steady else {"offsetUserFunction_t": _called(motor)}
-            self._drive = self.mbs.AddObject(
-                connector(markerNumbers=[self._fixed, turned], velocityLevel=True, **speed)
-            )
+            self.drive = self.mbs.AddObject(connector(markerNumbers=[self._fixed, turned], velocityLevel=True, **speed))
             if self.compliant:
                 spring = self.items.ObjectConnectorCoordinateSpringDamper
-                self._drive = self.mbs.AddObject(spring(markerNumbers=[crank, turned], stiffness=stiffness))
-        self._sense("drive", self.items.SensorObject, "Force", objectNumber=self._drive)
+                self.drive = self.mbs.AddObject(spring(markerNumbers=[crank, turned], stiffness=stiffness))
+        self._sense("drive", self.items.SensorObject, "Force", objectNumber=self.drive)
 
     def _add_shaft(self, motor: RunMotor) -> Any:
         """The motor's shaft, whose inertia its prescribed motion makes immaterial; marker of its angle."""

@@ -26,6 +26,7 @@ from sim_models.engine import (
 from sim_models.exudyn.equilibria import Equilibria, Inertia
 from sim_models.exudyn.laws import MINIMUM_IMPACT_SPEED, contact_restitution, joint_creep
 from sim_models.exudyn.linkage import ExudynLinkage
+from sim_models.exudyn.model import ExudynModel
 from sim_models.exudyn.motor import INSTANT, SETTLING, RunMotor
 from sim_models.exudyn.record import Judge, Record, join
 from sim_models.exudyn.steady import steady_start
@@ -119,12 +120,12 @@ class ExudynRun:
                 gaps = {name: complex(here.gap[name][0]) for name in self.clearance}
                 start = poses(self.assembly, theta, r.start_speed, lambda _: gaps)
             pressing = {name: abs(force[0]) for name, force in here.force.items()}
-        linkage = ExudynLinkage(m, r.joint_model, "driven", start, motor=motor)
+        linkage = ExudynLinkage(ExudynModel(m, r.joint_model, "driven", start, motor=motor))
         return linkage, r.step or self.longest_step(linkage, motor, inertia, pressing)
 
     def release_accelerations(self) -> Inertia:
         """Accelerations of the ideal linkage as it is let go at rest."""
-        linkage = ExudynLinkage(self.m, "ideal", "driven", poses(self.assembly, self.assembly.start))
+        linkage = ExudynLinkage(ExudynModel(self.m, "ideal", "driven", poses(self.assembly, self.assembly.start)))
         self.advance(linkage, 0.0, INSTANT, 1)
         found = linkage.accelerations()
         return Inertia({name: a for name, (a, _) in found.items()}, {name: w for name, (_, w) in found.items()})
@@ -138,9 +139,11 @@ class ExudynRun:
             steps = [SWING_PER_STEP / max(rate, 1.0)]
         else:
             steps = [TURN_PER_STEP / max(motor.top_speed, 1.0), motor.longest_step]
-        for name, clearance in linkage.clearance.items():
+        for name, clearance in self.clearance.items():
             stiffness = (
-                linkage.stiffness(name) if self.request.joint_model != "massless-link" else pressing[name] / clearance
+                linkage.model.stiffness(name)
+                if self.request.joint_model != "massless-link"
+                else pressing[name] / clearance
             )
             steps.append(
                 2 * math.pi * math.sqrt(lighter_mass(self.m, self.m.joint(name)) / stiffness) / STEPS_PER_PERIOD

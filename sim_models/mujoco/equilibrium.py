@@ -19,6 +19,7 @@ from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no
 from sim_models.common.start import poses
 from sim_models.engine import Cause, Request, SimulationError
 from sim_models.mujoco.laws import Contact
+from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.state import contact_rows, gap, joint_forces, signals, touch
 
@@ -152,23 +153,22 @@ class Equilibria:
         )
         pose = poses(assembly, theta)
         rows = "spring" if request.joint_model == "spring-damper" else request.joint_model
-        self.ideal = MujocoLinkage(self.mechanism, {}, "ideal", pose, step, friction=False)
-        self.pressed = MujocoLinkage(self.mechanism, laws, rows, pose, step, friction=False) if laws else self.ideal
+        setting = Setting(rows, step, friction=False)
+        self.ideal = MujocoLinkage(self.mechanism, {}, pose, Setting("ideal", step, friction=False))
+        self.pressed = MujocoLinkage(self.mechanism, laws, pose, setting) if laws else self.ideal
         self.forces: dict[str, float] = {}
 
     def place(self, link: MujocoLinkage, theta: float, gaps: Mapping[str, complex] | None = None) -> np.ndarray:
         """Coordinates (nq,) of an assembled linkage with these gaps (m)."""
-        return link.vector(link.coordinates(poses(self.assembly, theta, gaps=lambda _: gaps or {})))
+        return link.placed(poses(self.assembly, theta, gaps=lambda _: gaps or {}))
 
     def slip(self, theta: float) -> dict[str, float]:
         """Sign of each joint's relative velocity, second body less first, as the drive turns the ideal linkage."""
         if self.direction == 0 or not any(j.coulomb or j.friction for j in self.mechanism.joints):
             return {j.name: 0.0 for j in self.mechanism.joints}
         link, h = self.ideal, math.copysign(1e-4, self.direction)
-        back, ahead = (link.vector(link.coordinates(poses(self.assembly, theta + side * h))) for side in (-1, 1))
-        rates = {
-            j.name: float(link.vector(link.across(j)) @ (ahead - back)) / abs(2 * h) for j in self.mechanism.joints
-        }
+        back, ahead = (link.placed(poses(self.assembly, theta + side * h)) for side in (-1, 1))
+        rates = {j.name: float(link.between(j) @ (ahead - back)) / abs(2 * h) for j in self.mechanism.joints}
         return {name: math.copysign(1.0, w) if abs(w) > STANDSTILL else 0.0 for name, w in rates.items()}
 
     def signals(self, link: MujocoLinkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:

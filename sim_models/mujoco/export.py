@@ -18,6 +18,7 @@ from sim_models.common.motor import Course
 from sim_models.common.start import poses
 from sim_models.engine import Cause, Request
 from sim_models.mujoco.equilibrium import Equilibria, rest
+from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.runs import STATIC_STEP, MujocoRun
 from sim_models.mujoco.state import contact_rows
@@ -57,7 +58,7 @@ def model_text(link: MujocoLinkage) -> str:
     for them.
     """
     m = link.model
-    root = ElementTree.fromstring(link.mjcf())
+    root = ElementTree.fromstring(link.description.mjcf())
     for bar in root.iterfind("equality/tendon"):
         bar.set("polycoef", _numbers(m.eq_data[m.equality(bar.get("name")).id, :5]))
     for cord in root.iterfind("tendon/spatial[@limited]"):
@@ -87,17 +88,17 @@ def _beyond_mjcf(ours: mujoco.MjModel, compiled: mujoco.MjModel) -> dict[str, An
 def _meaning(link: MujocoLinkage) -> dict[str, Any]:
     """What the names in the model stand for."""
     return {
-        "motor": "drive:motor" if link.compliant else link.mechanism.driven,
+        "motor": "drive:motor" if link.description.compliant else link.mechanism.driven,
         "driven": link.driven or None,
-        "half_step": link.stepped,
+        "half_step": link.setting.stepped,
         "bodies": {
             b.body.name: {
                 "parent": b.parent,
                 "joint": b.joint.name if b.joint else None,
-                "hinges": list(link.forms[b.body.name]),
+                "hinges": list(link.description.forms[b.body.name]),
                 "fixed_angle": link.fixed_angle[b.body.name],
             }
-            for b in link.branches
+            for b in link.description.branches
         },
         "joints": {
             j.name: {
@@ -124,8 +125,8 @@ def _meaning(link: MujocoLinkage) -> dict[str, Any]:
 
 def _closed_by(link: MujocoLinkage, joint: Joint) -> str:
     if joint.name in link.contacts:
-        return CLOSED_BY[link.rows]
-    return "connect" if joint in link.closing else "tree"
+        return CLOSED_BY[link.setting.rows]
+    return "connect" if joint in link.description.closing else "tree"
 
 
 def _stages(run: MujocoRun) -> tuple[MujocoLinkage, dict[str, Any]]:
@@ -146,9 +147,8 @@ def _equilibria(run: MujocoRun) -> tuple[MujocoLinkage, dict[str, Any]]:
     """
     theta = run.request.crank_angle.tolist()
     near = run.near(theta[0])
-    link = MujocoLinkage(
-        run.mechanism, run.laws, run.request.joint_model, poses(run.assembly, theta[0]), STATIC_STEP, friction=False
-    )
+    setting = Setting(run.request.joint_model, STATIC_STEP, friction=False)
+    link = MujocoLinkage(run.mechanism, run.laws, poses(run.assembly, theta[0]), setting)
     for con in link.touch.values():
         con.friction = np.zeros(5)
     return link, {"course": None, "equilibria": [_state(near, at) for at in theta]}

@@ -78,7 +78,7 @@ def march(
     check_steps(
         f"mujoco: {link.mechanism.name}, {request.joint_model} joints",
         lead + float(marks[-1] - marks[0]),
-        link.step,
+        link.setting.step,
         most_steps(link),
     )
     m, d = link.model, link.data
@@ -86,7 +86,7 @@ def march(
     log = Log.of(link.contacts)
     reported: list[dict[str, float]] = []
     half = (
-        0.5 if link.stepped else 0.0
+        0.5 if link.setting.stepped else 0.0
     )  # the velocities of semi-implicit Euler are half a step older than its positions
     time = float(marks[0]) - lead
     steering.place(link, time, 0.0)
@@ -95,7 +95,7 @@ def march(
     look(link)
     lag, span, room = 0.0, lead + float(marks[-1] - marks[0]), room_apart(request, link)
     for k, interval in enumerate(np.diff(marks, prepend=time).tolist()):
-        count, m.opt.timestep = substeps(interval, link.step) if interval > 0 else (0, link.step)
+        count, m.opt.timestep = substeps(interval, link.setting.step) if interval > 0 else (0, link.setting.step)
         if half:
             d.qvel[:] += (lag - half * m.opt.timestep) * d.qacc
             lag = half * m.opt.timestep
@@ -109,14 +109,14 @@ def march(
             look(link)
             check_warnings(link, f"{link.mechanism.name}, {request.joint_model} joints, t = {time:.4g} s")
             forces = joint_forces(link, d.efc_force)
-            check_together(request, apart(link), room, link.step)
+            check_together(request, apart(link), room, link.setting.step)
             if not k and piece < pieces - 1:
                 continue  # the lead-in
             log.times.append(time)
             for name in link.contacts:
                 log.gaps[name].append(gap(link, name))
                 log.forces[name].append(abs(forces[name][0]))
-        check_closed(request, misclosure(link), link.step)
+        check_closed(request, misclosure(link), link.setting.step)
         reported.append(signals(link, forces, friction_torques(link), d.qvel + lag * d.qacc if half else d.qvel))
     check_depth(request, link.contacts, log.gaps, log.forces)
     values = np.array([list(seen.values()) for seen in reported]).T

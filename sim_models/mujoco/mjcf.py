@@ -18,6 +18,7 @@ moves its numbers by up to 3e-6 and opens closed pins by 3e-7 m (MuJoCo 4.0.0; t
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -46,39 +47,45 @@ def _xy(z: complex) -> str:
     return _numbers(z.real, z.imag, 0.0)
 
 
-class Description:
-    """A mechanism in MuJoCo's own words.
+@dataclass(frozen=True)
+class Setting:
+    """How a linkage is modelled in MuJoCo.
 
-    ``contacts`` names the joints that are not ideal; ``rows`` what closes them.  ``pose`` is the reference pose,
-    ``step`` (s) the longest step, ``hold`` whether a motor sets the driven body's angle, ``follows`` whether along a
-    course: its last actuator then gives it the acceleration (rad/s^2) that is its activation.  With ``rows="spring"``
-    the spring-damper also pulls: a smooth stand-in, to find where the real one rests.
+    ``rows`` says what closes the joints that are not ideal; with ``"spring"`` the spring-damper also pulls: a smooth
+    stand-in, to find where the real one rests.  ``step`` (s) is the longest step, ``hold`` whether a motor sets the
+    driven body's angle, ``follows`` whether along a course: the last actuator then gives it the acceleration (rad/s^2)
+    that is its activation.  ``friction`` is whether the joints' own laws have theirs.
+    """
+
+    rows: str
+    step: float
+    hold: bool = True
+    friction: bool = True
+    follows: bool = False
+
+    @property
+    def stepped(self) -> bool:
+        """Whether steps are semi-implicit Euler's: what is stiff allows no larger, and RK4 has four times the work."""
+        return self.rows in ("spring-damper", "contact")
+
+
+class Description:
+    """A mechanism in MuJoCo's own words: its MJCF, and what the coordinates of that mean.
+
+    ``contacts`` names the joints that are not ideal, ``pose`` is the reference pose.
     """
 
     def __init__(
-        self,
-        mechanism: Mechanism,
-        contacts: Collection[str],
-        rows: str,
-        pose: Mapping[str, Pose],
-        step: float,
-        hold: bool = True,
-        friction: bool = True,
-        follows: bool = False,
+        self, mechanism: Mechanism, contacts: Collection[str], pose: Mapping[str, Pose], setting: Setting
     ) -> None:
-        self.mechanism, self.closed_by, self.rows, self.pose = mechanism, tuple(contacts), rows, pose
+        self.mechanism, self.closed_by, self.pose, self.setting = mechanism, tuple(contacts), pose, setting
         self.branches, self.closing = spanning_tree(mechanism, set(contacts))
         self.stiffness = (
             (mechanism.drive.stiffness or 0.0)
-            if hold and mechanism.drive is not None and mechanism.drive.speed != "free"
+            if setting.hold and mechanism.drive is not None and mechanism.drive.speed != "free"
             else 0.0
         )
         self.compliant = self.stiffness > 0  # N.m/rad between motor and crank
-        self.hold, self.friction, self.step, self.follows = hold, friction, step, follows
-        self.stepped = rows in (
-            "spring-damper",
-            "contact",
-        )  # semi-implicit Euler: what is stiff allows no larger step, and RK4 four times the work
         self.place = {GROUND: AT_REST, **pose}
         self.forms, self.fixed_angle = self._angles()
 
@@ -98,15 +105,15 @@ class Description:
     def mjcf(self) -> str:
         """The model as MJCF text."""
         m = self.mechanism
-        solref, sticking = _numbers(SETTLING * self.step, 1), _numbers(STICKING * self.step, 1)
-        integrator = "implicitfast" if self.stepped else "RK4"
+        solref, sticking = _numbers(SETTLING * self.setting.step, 1), _numbers(STICKING * self.setting.step, 1)
+        integrator = "implicitfast" if self.setting.stepped else "RK4"
         closed = "".join(
             f'<connect name="{j.name}" site1="{j.name}:{j.bodies[1]}" site2="{j.name}:{j.bodies[0]}"/>'
             for j in self.closing
         )
         return f"""<mujoco model={quoteattr(m.name)}>
 <compiler angle="radian" inertiafromgeom="false"/>
-<option timestep="{self.step!r}" gravity="{_xy(complex(*m.gravity))}" integrator="{integrator}" cone="elliptic"
+<option timestep="{self.setting.step!r}" gravity="{_xy(complex(*m.gravity))}" integrator="{integrator}" cone="elliptic"
   impratio="100" jacobian="dense" solver="Newton" tolerance="{SOLVED!r}" iterations="30">
   <flag autoreset="disable" island="disable"/></option>
 <default><equality solref="{solref}" solimp="{RIGID}"/>
@@ -170,7 +177,7 @@ class Description:
         name, here, at = b.body.name, self.place[b.body.name], self.coordinates(self.pose, [b])
         motor = (
             f' armature="{MOTOR_INERTIA!r}"'
-            if self.hold and not self.compliant and name == self.mechanism.driven
+            if self.setting.hold and not self.compliant and name == self.mechanism.driven
             else ""
         )
         slides = {}
@@ -200,7 +207,7 @@ class Description:
             else f'<site name="marker of {name}" pos="{_xy(body.point("com"))}"/>'
         )
         touching = {
-            j.name: _xy(body.point(j.name)) for j in pins if j.name in self.closed_by and self.rows == "contact"
+            j.name: _xy(body.point(j.name)) for j in pins if j.name in self.closed_by and self.setting.rows == "contact"
         }
         return text + "".join(
             f'<geom name="{n}:{name}" size="0.01" pos="{at}" contype="0" conaffinity="0"/>'
@@ -221,9 +228,9 @@ class Description:
         return f'<fixed name="drive:spring" stiffness="{self.stiffness!r}" springlength="0">{crank}</fixed>'
 
     def _links(self) -> str:
-        if self.rows == "contact":
+        if self.setting.rows == "contact":
             return ""
-        limited = self.rows == "spring-damper"
+        limited = self.setting.rows == "spring-damper"
         limit = {
             n: f' limited="true" range="-1 {self.mechanism.joint(n).clearance!r}"' if limited else ""
             for n in self.closed_by
@@ -232,7 +239,7 @@ class Description:
         return "".join(f'<spatial name="{n}"{limit[n]}>{ends[n]}</spatial>' for n in self.closed_by)
 
     def _bars(self) -> str:
-        if self.rows not in ("massless-link", "spring"):
+        if self.setting.rows not in ("massless-link", "spring"):
             return ""
         return "".join(f'<tendon name="{n}" tendon1="{n}"/>' for n in self.closed_by)
 
@@ -241,7 +248,7 @@ class Description:
         if not self.gives(j):
             return ""
         terms = "".join(f'<joint joint="{n}" coef="{c!r}"/>' for n, c in self.across(j).items() if c)
-        loss = f' frictionloss="{j.coulomb!r}"' if self.friction else ""
+        loss = f' frictionloss="{j.coulomb!r}"' if self.setting.friction else ""
         return f'<fixed name="law:{j.name}" stiffness="{j.stiffness!r}" damping="{j.damping!r}"{loss}>{terms}</fixed>'
 
     def gives(self, j: Joint) -> bool:
@@ -261,6 +268,6 @@ class Description:
         joint = "drive:motor" if self.compliant else self.mechanism.driven
         return (
             f'<general name="drive:course" joint="{joint}" dyntype="integrator" gainprm="{MOTOR_INERTIA!r}"/>'
-            if self.follows
+            if self.setting.follows
             else ""
         )

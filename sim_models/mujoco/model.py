@@ -11,13 +11,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from analytic.mechanism import Body, Mechanism
+from analytic.mechanism import Body, Joint, Mechanism
 from sim_models.common.contact_laws import PIN_RADIUS
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
 from sim_models.engine import Unsupported
 from sim_models.mujoco.laws import Contact
-from sim_models.mujoco.mjcf import RIGID, Description
+from sim_models.mujoco.mjcf import RIGID, Description, Setting
 
 SOFT = 1e-4  # impedance of a row that is a spring and damper: MuJoCo's smallest, so that its reference is the force
 LIGHT = 1e2  # 1/kg times the lighter link's mass: makes the virtual mass of such a row 1e-6 of that link's
@@ -43,24 +43,17 @@ class Part:
     form: np.ndarray  # angle less fixed_angle, over qpos
 
 
-class MujocoLinkage(Description):
+class MujocoLinkage:
     """MuJoCo's model and data of a mechanism, and how to talk to them in the mechanism's words.
 
-    ``contacts`` has the contact law of every joint that is not ideal; the rest is as described (:class:`Description`).
+    ``contacts`` has the contact law of every joint that is not ideal, ``pose`` is the reference pose.
     """
 
     def __init__(
-        self,
-        mechanism: Mechanism,
-        contacts: Mapping[str, Contact],
-        rows: str,
-        pose: Mapping[str, Pose],
-        step: float,
-        hold: bool = True,
-        friction: bool = True,
-        follows: bool = False,
+        self, mechanism: Mechanism, contacts: Mapping[str, Contact], pose: Mapping[str, Pose], setting: Setting
     ) -> None:
-        super().__init__(mechanism, contacts, rows, pose, step, hold, friction, follows)
+        self.mechanism, self.contacts, self.setting = mechanism, contacts, setting
+        self.description = Description(mechanism, contacts, pose, setting)
         light = [b for b in mechanism.bodies if b.mass <= mujoco.mjMINVAL]
         if light:
             what = (
@@ -68,8 +61,7 @@ class MujocoLinkage(Description):
                 f" {mujoco.mjMINVAL:g}"
             )
             raise Unsupported(f"mujoco: {what}; give it a mass that matters, or use another simulator")
-        self.contacts = contacts
-        self.model = m = mujoco.MjModel.from_xml_string(self.mjcf())
+        self.model = m = mujoco.MjModel.from_xml_string(self.description.mjcf())
         self.data = mujoco.MjData(m)
         self._name_things()
         self._set_laws()
@@ -83,17 +75,24 @@ class MujocoLinkage(Description):
         self.sites = {
             j.name: (m.site(f"{j.name}:{j.bodies[0]}").id, m.site(f"{j.name}:{j.bodies[1]}").id) for j in joints
         }
-        self.driven = self.mechanism.driven if self.hold else ""
+        self.driven = self.mechanism.driven if self.setting.hold else ""
         self.body_id = {b.name: m.body(b.name).id for b in self.mechanism.bodies}
-        self.motor = self.index["drive:motor" if self.compliant else self.mechanism.driven] if self.hold else -1
+        self.motor = (
+            self.index["drive:motor" if self.description.compliant else self.mechanism.driven]
+            if self.setting.hold
+            else -1
+        )
         self.pins = [j.name for j in joints if not j.prismatic]
-        self.form = {b: self.vector(form) for b, form in self.forms.items()}
-        self.laws = {j.name: m.tendon(f"law:{j.name}").id for j in joints if self.gives(j)}
+        self.fixed_angle = self.description.fixed_angle
+        self.form = {b: self.vector(form) for b, form in self.description.forms.items()}
+        self.laws = {j.name: m.tendon(f"law:{j.name}").id for j in joints if self.description.gives(j)}
 
-        bars = self.contacts if self.rows in ("massless-link", "spring") else ()
-        self.row_id = {name: m.equality(name).id for name in (*(j.name for j in self.closing), *bars)}  # of equalities
+        bars = self.contacts if self.setting.rows in ("massless-link", "spring") else ()
+        self.row_id = {
+            name: m.equality(name).id for name in (*(j.name for j in self.description.closing), *bars)
+        }  # of equalities
         self.load_sites = [m.site(f"load{i}").id for i in range(len(self.mechanism.loads))]
-        self.outward = [self._part(b) for b in reversed(self.branches)]  # tips first
+        self.outward = [self._part(b) for b in reversed(self.description.branches)]  # tips first
 
         self.size = max(b.length for b in self.mechanism.bodies) or 1.0  # m
         self.touching: list[str] = []  # joints in contact, in the order of MuJoCo's contacts
@@ -102,7 +101,7 @@ class MujocoLinkage(Description):
             for n in self.contacts
             for j in [self.mechanism.joint(n)]
         }
-        self.friction_forms = {j.name: j.coulomb * self.vector(self.across(j)) for j in joints if j.coulomb}
+        self.friction_forms = {j.name: j.coulomb * self.between(j) for j in joints if j.coulomb}
 
     def _part(self, b: Branch) -> Part:
         name = b.body.name
@@ -129,6 +128,14 @@ class MujocoLinkage(Description):
         """A form (or a set of coordinates) as an array in MuJoCo's order (nq,)."""
         return np.array([form.get(n, 0.0) for n in self.names])
 
+    def placed(self, pose: Mapping[str, Pose]) -> np.ndarray:
+        """Coordinates (nq,) in a pose."""
+        return self.vector(self.description.coordinates(pose))
+
+    def between(self, joint: Joint) -> np.ndarray:
+        """What a joint lets free, as a linear form (nq,) of coordinates (:meth:`Description.across`)."""
+        return self.vector(self.description.across(joint))
+
     def _set_laws(self) -> None:
         m = self.model
         for name, t in self.laws.items():
@@ -139,15 +146,15 @@ class MujocoLinkage(Description):
                 else j.rest_angle - self.fixed_angle[j.bodies[1]] + self.fixed_angle[j.bodies[0]]
             )
             m.tendon_lengthspring[t] = rest
-        self.touch = {name: self._touch(name) for name in self.contacts} if self.rows == "contact" else {}
-        if self.rows in ("massless-link", "spring"):
+        self.touch = {name: self._touch(name) for name in self.contacts} if self.setting.rows == "contact" else {}
+        if self.setting.rows in ("massless-link", "spring"):
             for name in self.contacts:
                 e, t = m.equality(name).id, m.tendon(name).id
                 m.eq_data[e, 0] = self.mechanism.joint(name).clearance - m.tendon_length0[t]
-                m.tendon_invweight0[t] = self._lightness(name) * (LIGHT if self.rows == "spring" else 1)
-                if self.rows == "spring":
+                m.tendon_invweight0[t] = self._lightness(name) * (LIGHT if self.setting.rows == "spring" else 1)
+                if self.setting.rows == "spring":
                     m.eq_solref[e], m.eq_solimp[e] = self._spring(name, m.tendon_invweight0[t])
-        if self.rows == "spring-damper":
+        if self.setting.rows == "spring-damper":
             for name in self.contacts:
                 t = m.tendon(name).id
                 m.tendon_invweight0[t] = LIGHT * self._lightness(name)

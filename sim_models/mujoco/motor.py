@@ -119,7 +119,7 @@ class AlongCourse(Steering):
         h = m.opt.timestep
         times = time + h * np.arange(-1, count + 1)
         x = self.motor.angles(times)
-        if link.stepped:  # semi-implicit Euler: each rate is that between two positions
+        if link.setting.stepped:  # semi-implicit Euler: each rate is that between two positions
             d.qvel[link.motor] = (x[1] - x[0]) / h
             push, slope = np.diff(x, 2) / h**2, np.zeros(count)
         else:  # the cubic with the course's angle and rate at either end of the step, which RK4 integrates exactly

@@ -20,6 +20,7 @@ from sim_models.engine import Cause, Request, SimulationError, Trace
 from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.laws import contact_laws, law_settings
 from sim_models.mujoco.march import Log, march
+from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import AlongCourse, AtConstantSpeed, Steering, steering
 from sim_models.mujoco.state import (
@@ -110,10 +111,9 @@ class MujocoRun:
             q, how = (q, "pressed where the ideal linkage's reaction points") if settled is None else (settled, how)
         v = (rate @ q)[here]
         v[near.pressed.motor] = steering.motor.rate(steering.motor.begin)
-        if near.pressed.compliant and not self.laws and steering.period is not None:
-            link = MujocoLinkage(
-                self.mechanism, {}, "ideal", poses(self.assembly, angles[here]), step, follows=self.follows
-            )
+        if near.pressed.description.compliant and not self.laws and steering.period is not None:
+            setting = Setting("ideal", step, follows=self.follows)
+            link = MujocoLinkage(self.mechanism, {}, poses(self.assembly, angles[here]), setting)
             revolution = Revolution(link, self.assembly, steering, steering.period)
             repeated = revolution.steady(q[here], v) if revolution.repeats() else None
             if repeated is not None:
@@ -131,14 +131,8 @@ class MujocoRun:
         """
         link = near.pressed
         if self.motor is None:  # nothing holds the crank: pins are lighter
-            link = MujocoLinkage(
-                self.mechanism,
-                self.laws,
-                self.request.joint_model,
-                poses(self.assembly, self.assembly.start),
-                STATIC_STEP,
-                hold=False,
-            )
+            setting = Setting(self.request.joint_model, STATIC_STEP, hold=False)
+            link = MujocoLinkage(self.mechanism, self.laws, poses(self.assembly, self.assembly.start), setting)
         limits = [LARGEST_STEP]
         if self.steering.top_speed:
             limits.append(TURN_PER_STEP[self.request.joint_model] / self.steering.top_speed)
@@ -203,7 +197,8 @@ class MujocoRun:
         """Gaps (m) along the ideal linkage's reactions at the instant of release, x where there is none; zero to start
         centred.
         """
-        link = MujocoLinkage(self.mechanism, {}, "ideal", poses(self.assembly, theta), STATIC_STEP, hold=False)
+        setting = Setting("ideal", STATIC_STEP, hold=False)
+        link = MujocoLinkage(self.mechanism, {}, poses(self.assembly, theta), setting)
         look(link)
         forces = near.noted(signals(link, joint_forces(link, link.data.efc_force), {}))
         return {} if self.centred else {name: near.rim(name, force or complex(1e-12)) for name, force in forces.items()}
@@ -215,16 +210,8 @@ class MujocoRun:
         request's.
         """
         for attempt in range(HALVINGS + 1):
-            place = poses(self.assembly, theta)
-            link = MujocoLinkage(
-                self.mechanism,
-                self.laws,
-                self.request.joint_model,
-                place,
-                step,
-                hold=self.motor is not None,
-                follows=self.follows,
-            )
+            setting = Setting(self.request.joint_model, step, hold=self.motor is not None, follows=self.follows)
+            link = MujocoLinkage(self.mechanism, self.laws, poses(self.assembly, theta), setting)
             try:
                 signals, log, self.record = march(self.request, link, self.steering, state, marks, lead)
                 return signals, log, step

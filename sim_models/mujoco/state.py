@@ -117,7 +117,7 @@ def joint_forces(link: MujocoLinkage, force: np.ndarray) -> dict[str, Applied]:
     """Force of each closing joint on its second body, from the constraint rows' forces (nefc,)."""
     m, rows = link.model, first_rows(link)
     applied: dict[str, Applied] = {}
-    for j in link.closing:
+    for j in link.description.closing:
         row = rows[int(ROW.mjCNSTR_EQUALITY), link.row_id[j.name]]
         applied[j.name] = complex(force[row], force[row + 1]), pin(link, j.name)
     touched = contact_rows(link)
@@ -125,12 +125,12 @@ def joint_forces(link: MujocoLinkage, force: np.ndarray) -> dict[str, Applied]:
         g = gap(link, name)
         n = g / abs(g) if g else 0j
         f, at = 0j, pin(link, name)
-        if link.rows == "contact":
+        if link.setting.rows == "contact":
             if name in touched:
                 row = touched[name]
                 slide = force[row + 1] if link.mechanism.joint(name).friction else 0.0
                 f, at = force[row] * n + slide * 1j * n, at + n * link.radii[name][1]
-        elif link.rows == "spring-damper":
+        elif link.setting.rows == "spring-damper":
             row = rows.get((int(ROW.mjCNSTR_LIMIT_TENDON), m.tendon(name).id), -1)
             f = force[row] * n if row >= 0 else 0j
         else:
@@ -261,10 +261,10 @@ def stiffest_law(link: MujocoLinkage, q: np.ndarray) -> float:
     m, d = link.model, link.data
     d.qpos[:] = q
     mujoco.mj_fwdPosition(m, d)
-    springs = [(link.mechanism.joint(n), link.vector(link.across(link.mechanism.joint(n)))) for n in link.laws]
+    springs = [(link.mechanism.joint(n), link.between(link.mechanism.joint(n))) for n in link.laws]
     laws = [(j.stiffness, j.damping, form) for j, form in springs]
-    if link.compliant:
-        laws.append((link.stiffness, 0.0, link.form[link.mechanism.driven]))
+    if link.description.compliant:
+        laws.append((link.description.stiffness, 0.0, link.form[link.mechanism.driven]))
     rates = [0.0]
     for stiffness, damping, form in laws:
         eased = np.zeros((1, m.nv))
@@ -278,8 +278,8 @@ def apart(link: MujocoLinkage) -> float:
     """Largest distance (m) by which the pins of rigid closing joints, or the ends of massless links, miss each
     other.
     """
-    misses = [abs(gap(link, j.name)) for j in link.closing]
-    if link.rows == "massless-link":
+    misses = [abs(gap(link, j.name)) for j in link.description.closing]
+    if link.setting.rows == "massless-link":
         misses += [abs(abs(gap(link, n)) - link.radii[n][0]) for n in link.contacts]
     return max(misses, default=0.0)
 
@@ -288,10 +288,12 @@ def misclosure(link: MujocoLinkage) -> float:
     """Largest angle (rad) by which a body would have to turn, the motor held, for the pins of rigid closing joints to
     meet.
     """
-    if not link.closing:
+    if not link.description.closing:
         return 0.0
     m, d, rows = link.model, link.data, first_rows(link)
-    closed = [rows[int(ROW.mjCNSTR_EQUALITY), link.row_id[j.name]] + k for j in link.closing for k in (0, 1)]
+    closed = [
+        rows[int(ROW.mjCNSTR_EQUALITY), link.row_id[j.name]] + k for j in link.description.closing for k in (0, 1)
+    ]
     others = np.arange(m.nv) != link.motor
     turn = np.zeros(m.nv)
     turn[others] = np.linalg.lstsq(d.efc_J.reshape(d.nefc, m.nv)[closed][:, others], d.efc_pos[closed], rcond=SINGULAR)[

@@ -44,9 +44,9 @@ class Revolution:
     ) -> None:
         self.link, self.assembly, self.steering = link, assembly, steering
         self.theta, self.speed = steering.stencil.theta, steering.motor.rate(steering.motor.begin)
-        check_steps(f"mujoco: {link.mechanism.name}, a revolution on its drive.stiffness", period, link.step)
-        self.count, self.step = substeps(period, link.step)
-        self.sway = stiffest_law(link, link.vector(link.coordinates(poses(assembly, self.theta))))
+        check_steps(f"mujoco: {link.mechanism.name}, a revolution on its drive.stiffness", period, link.setting.step)
+        self.count, self.step = substeps(period, link.setting.step)
+        self.sway = stiffest_law(link, link.placed(poses(assembly, self.theta)))
 
     def repeats(self) -> bool:
         """Whether a revolution of the crank is possible, and winds up no spring."""
@@ -55,16 +55,14 @@ class Revolution:
             self.assembly.coordinates(ends)
         except AssemblyError:
             return False
-        first, last = (link.vector(link.coordinates(poses(self.assembly, at))) for at in ends)
-        springs = [link.vector(link.across(j)) for j in link.mechanism.joints if j.stiffness]
+        first, last = (link.placed(poses(self.assembly, at)) for at in ends)
+        springs = [link.between(j) for j in link.mechanism.joints if j.stiffness]
         return all(abs(float(form @ (last - first))) < 1.0 for form in springs)
 
     def state(self, lag: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates and velocities at the start."""
         link = self.link
-        beside = np.array(
-            [link.vector(link.coordinates(poses(self.assembly, at))) for at in self.theta - lag[0] + STENCIL]
-        )
+        beside = np.array([link.placed(poses(self.assembly, at)) for at in self.theta - lag[0] + STENCIL])
         q, v = beside[2], (derivative(STENCIL) @ beside)[2] * (self.speed - lag[1] * self.sway)
         q[link.motor], v[link.motor] = self.theta, self.speed
         return q, v
