@@ -18,17 +18,15 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from sim_models.common.contact_laws import contact_parameters
 from sim_models.common.motor import motor_of
-from sim_models.common.start import AT_REST, Pose, poses
+from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
 from sim_models.engine import Request, Unsupported
 from sim_models.leapfrog.courses import Grid
-from sim_models.leapfrog.parts import Pin, moving_body
+from sim_models.leapfrog.laws import JointLaws
+from sim_models.leapfrog.parts import Pin
 from sim_models.leapfrog.rates import centre_rates
 
-PROBE = 1e-5  # s, the step from which accelerations are read
-SLIDING_ZONE = 1e-3  # of the drive's speed: relative speed below which Coulomb friction fades out
-FREE_SPEED = 1.0  # rad/s, in its place where nothing is driven
 WARM_UP = 4  # steps towards the first instant
 
 
@@ -63,7 +61,7 @@ class LeapfrogWorld(ABC):
                 f"{self.engine} has no friction in contact: leave out friction = {rough[0].friction:g} of joint"
                 f" {rough[0].name!r}, or use mujoco"
             )
-        self.laws = [j for j in m.joints if j.coulomb or j.damping or j.stiffness]
+        self.laws = JointLaws(m, self.static, self.motor.top_speed if self.motor else abs(self.speed))
         self.grid: Grid | None = None  # of a moving run
         self.trailing = 0.0  # s by which velocities trail positions
         self.command = 0.0  # rad/s, the crank's in the next step
@@ -75,9 +73,6 @@ class LeapfrogWorld(ABC):
         self.pin_forces: dict[str, complex] = {}
         self.pin_gaps: dict[str, complex] = {}  # m, of the driven pins as the last step began
         self.slide_forces: dict[str, complex] = {}  # of the prismatic joints' laws, on their second bodies
-        self.sliding: dict[str, float] = {}  # direction of each joint's sliding where nothing moves
-        zone = SLIDING_ZONE * ((self.motor.top_speed if self.motor else abs(self.speed)) or FREE_SPEED)
-        self.zone = {j.name: zone * (moving_body(m, m.driven).length if j.prismatic else 1.0) for j in m.joints}
 
     # ---------------------------------------------------------------- what an engine provides
 
@@ -163,7 +158,7 @@ class LeapfrogWorld(ABC):
                 self.push(load.body, self.points[load.body, load.point], complex(*load.force))
             if load.torque:
                 self.turn(load.body, load.torque)
-        for joint in self.laws:
+        for joint in self.laws.joints:
             self._apply_law(joint)
         if self.request.joint_model == "spring-damper":
             for name, pin in self.pins.items():
@@ -197,20 +192,14 @@ class LeapfrogWorld(ABC):
         a, b = self._any_pose(first), self._any_pose(second)
         way, rate = travel(self.mechanism, j, a, b)
         if not j.prismatic:
-            torque = self._law(j, way, rate)
+            torque = self.laws.effort(j, way, rate)
             self.turn(second, torque)
             self.turn(first, -torque)
             return
         along = j.direction * np.exp(1j * a.angle)
-        force = self.slide_forces[j.name] = self._law(j, way, rate) * along
+        force = self.slide_forces[j.name] = self.laws.effort(j, way, rate) * along
         self.push(second, self.points[second, j.name], force)
         self.push(first, self.points[first, j.name] + way * j.direction, -force)
-
-    def _law(self, j: Joint, position: float, rate: float) -> float:
-        """Torque (N.m; prismatic: force, N) of friction, damper and spring on the second body."""
-        slip = self.sliding.get(j.name, 0.0) if self.static else max(-1.0, min(1.0, rate / self.zone[j.name]))
-        damping = 0.0 if self.static else j.damping * rate
-        return -j.coulomb * slip - damping - j.stiffness * (position - j.rest_angle)
 
     def _any_pose(self, body: str) -> Pose:
         return AT_REST if body == GROUND else self.pose(body)
@@ -282,33 +271,3 @@ class LeapfrogWorld(ABC):
         self.shift(-self.settling * h * self.velocities())
         for _ in range(self.settling):
             self.step(h)
-
-    # ---------------------------------------------------------------- equilibria
-
-    def forces_at(self, bodies: Mapping[str, Pose], spin_up: float) -> tuple[dict[str, complex], float]:
-        """Reactions (N) and drive torque (N.m) in these poses, with these velocities and the crank's acceleration
-        (rad/s^2).
-        """
-        self.approach(bodies, PROBE, spin_up)
-        self.before_observing()
-        self.step(PROBE)
-        forces, _, torque = self.reactions()
-        return forces, torque
-
-    def set_sliding(self, theta: float) -> None:
-        """Let static friction oppose the ideal motion in the drive's direction at this crank angle (rad)."""
-        if not any(j.coulomb for j in self.laws):
-            return
-        moving = poses(self.assembly, theta, -1.0 if self.speed < 0 else 1.0) | {GROUND: AT_REST}
-        for j in self.laws:
-            a, b = (moving[name] for name in j.bodies)
-            self.sliding[j.name] = float(np.sign(round(travel(self.mechanism, j, a, b)[1], 9)))
-
-    def gap_accelerations(self, bodies: Mapping[str, Pose], spin_up: float) -> dict[str, complex]:
-        """Acceleration (m/s^2) of every pin's gap from these poses, velocities and the crank's acceleration
-        (rad/s^2).
-        """
-        self.approach(bodies, PROBE, spin_up)
-        before = {name: self.gap(name)[1] for name in self.pins}
-        self.step(PROBE)
-        return {name: (self.gap(name)[1] - before[name]) / PROBE for name in self.pins}

@@ -18,6 +18,7 @@ from sim_models.common.start import Pose
 from sim_models.engine import Cause, SimulationError
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.courses import NONE, STENCIL, Behind, Changes, Path, duration, moving, near
+from sim_models.leapfrog.probe import forces_at, gap_accelerations
 
 NO_LOAD = 1e-9  # of the largest reaction: one below it leaves its pin loose
 NO_FORCE = 1e-6  # N, the same where all vanish: the engines' rounding
@@ -79,8 +80,8 @@ class Equilibria:
             }
 
         def miss(x: np.ndarray) -> np.ndarray:
-            found = world.gap_accelerations(
-                moving(world.assembly, path, time, near(gaps_at(x), time, rate, bend)), spin_up
+            found = gap_accelerations(
+                world, moving(world.assembly, path, time, near(gaps_at(x), time, rate, bend)), spin_up
             )
             polar = [
                 (found[name] - bend.get(name, 0j)) * np.exp(-1j * phi) for name, phi in zip(names, x[:n], strict=True)
@@ -134,7 +135,7 @@ class Equilibria:
 
     def ideal_forces(self, path: Path, time: float) -> tuple[dict[str, complex], float]:
         """Reactions (N) and drive torque (N.m) of the ideal linkage at a time (s) of the crank's path."""
-        return self.ideal.forces_at(moving(self.ideal.assembly, path, time), path.acceleration(time))
+        return forces_at(self.ideal, moving(self.ideal.assembly, path, time), path.acceleration(time))
 
     def steady(self, path: Path, time: float) -> dict[str, Pose]:
         """Poses and velocities of the linkage with its pins in steady contact at a time (s) of the crank's path."""
@@ -186,7 +187,7 @@ class Equilibria:
         """The same crank with a lag (rad) that holds what the pins' gaps add to the drive torque at a time (s)."""
         if self.world.request.start == "centred":
             return crank
-        _, torque = self.world.forces_at(self.steady(crank, time), crank.acceleration(time))
+        _, torque = forces_at(self.world, self.steady(crank, time), crank.acceleration(time))
         return Behind(crank.motor, crank.lag + (torque / stiffness - float(crank.lag(time))))
 
     @staticmethod

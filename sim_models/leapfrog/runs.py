@@ -16,10 +16,11 @@ from sim_models.common.rates import part_rates
 from sim_models.common.silence import silence
 from sim_models.common.start import check_steps
 from sim_models.engine import Cause, Request, SimulationError, Trace, installed_version
-from sim_models.leapfrog.bodies import PROBE, WARM_UP, LeapfrogWorld
+from sim_models.leapfrog.bodies import WARM_UP, LeapfrogWorld
 from sim_models.leapfrog.courses import Changes, Grid, Path, moving, near
 from sim_models.leapfrog.equilibria import Equilibria
-from sim_models.leapfrog.steps import drive_inertia, longest_step
+from sim_models.leapfrog.probe import PROBE, drive_inertia
+from sim_models.leapfrog.steps import longest_step
 
 JOURNAL_SAMPLES = 4000  # at least, where a run has as many steps
 AT_REST = 1e-9  # rad, of a crank on a spring
@@ -69,7 +70,7 @@ def _rest(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None, moto
     theta = motor
     for _ in range(50):
         for each in (world, found.ideal, *([rods.world] if rods else [])):
-            each.set_sliding(theta)
+            each.laws.set_sliding(each.assembly, theta, -1.0 if each.speed < 0 else 1.0)
         row = _one_sided(found, rods, theta) if rods else _still(world, theta, found.gaps(ConstantSpeed(theta), 0.0))
         _check_depth(world, theta)
         lagging = motor - row["drive_torque"] / world.drive_stiffness if world.drive_stiffness else theta

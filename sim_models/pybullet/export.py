@@ -72,7 +72,7 @@ class RecordedWorld(BulletWorld):
 
     def observe(self, h: float) -> dict[str, float]:
         if not self.runs or self.runs[-1] is not self.run:
-            self.runs.append(self.run | {"sliding": dict(self.sliding)})
+            self.runs.append(self.run | {"sliding": dict(self.laws.sliding)})
             self.run = self.runs[-1]
         self.observing = True
         try:
@@ -160,7 +160,7 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
         "motor": {"link": m.driven, "speed": world.command, "runs": world.held},
         "joints": {j.name: _joint(world, j) for j in m.joints},
         "constraints": _constraints(world),
-        "laws": {j.name: _law(world, j) for j in world.laws},
+        "laws": {j.name: _law(world, j) for j in world.laws.joints},
         "markers": {
             name: _from_com(world, name, "com") if name in m.moving else [0.0, 0.0] for name in world.names.values()
         },
@@ -204,7 +204,7 @@ def _constraints(world: RecordedWorld) -> list[dict[str, Any]]:
 def _law(world: RecordedWorld, j: Joint) -> dict[str, float]:
     return {
         "friction": j.coulomb,
-        "fades_below": world.zone[j.name],
+        "fades_below": world.laws.fades_below[j.name],
         "damping": j.damping,
         "stiffness": j.stiffness,
         "rest": j.rest_angle,

@@ -1,0 +1,48 @@
+"""Friction, dampers and springs of the joints, which neither DART nor PyBullet has as the mechanism means them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism import GROUND, Joint, Mechanism
+from sim_models.common.start import AT_REST, poses
+from sim_models.common.travel import travel
+from sim_models.leapfrog.parts import moving_body
+
+SLIDING_ZONE = 1e-3  # of the drive's speed: relative speed below which Coulomb friction fades out
+FREE_SPEED = 1.0  # rad/s, in its place where nothing is driven
+
+
+class JointLaws:
+    """The laws of the ``joints`` that have one.
+
+    In motion friction fades out where a joint is slower than ``fades_below`` (rad/s; prismatic: m/s), a part of the
+    drive's ``top_speed`` (rad/s).  At rest (``static``) nothing is damped, and friction has the direction of
+    ``sliding``.
+    """
+
+    def __init__(self, m: Mechanism, static: bool, top_speed: float) -> None:
+        self.mechanism, self.static = m, static
+        self.joints = [j for j in m.joints if j.coulomb or j.damping or j.stiffness]
+        self.sliding: dict[str, float] = {}
+        zone = SLIDING_ZONE * (top_speed or FREE_SPEED)
+        crank = moving_body(m, m.driven)
+        self.fades_below = {j.name: zone * (crank.length if j.prismatic else 1.0) for j in m.joints}
+
+    def effort(self, j: Joint, position: float, rate: float) -> float:
+        """Torque (N.m; prismatic: force, N) on the joint's second body at its angle (rad; travel, m) and rate."""
+        slip = self.sliding.get(j.name, 0.0) if self.static else max(-1.0, min(1.0, rate / self.fades_below[j.name]))
+        damping = 0.0 if self.static else j.damping * rate
+        return -j.coulomb * slip - damping - j.stiffness * (position - j.rest_angle)
+
+    def set_sliding(self, assembly: Assembly, theta: float, direction: float) -> None:
+        """Let friction at rest oppose the ideal motion at this crank angle (rad), the crank turning in a direction
+        (1 or -1).
+        """
+        if not any(j.coulomb for j in self.joints):
+            return
+        moving = poses(assembly, theta, direction) | {GROUND: AT_REST}
+        for j in self.joints:
+            a, b = (moving[name] for name in j.bodies)
+            self.sliding[j.name] = float(np.sign(round(travel(self.mechanism, j, a, b)[1], 9)))

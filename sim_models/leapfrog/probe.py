@@ -1,0 +1,59 @@
+"""What one tiny step of an engine tells of a :class:`~sim_models.leapfrog.bodies.LeapfrogWorld`: forces,
+accelerations, and the inertia that its pins and its motor feel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from analytic.mechanism import Joint
+from sim_models.common.start import Pose, poses
+from sim_models.leapfrog.bodies import LeapfrogWorld
+
+PROBE = 1e-5  # s, the step
+
+
+def forces_at(world: LeapfrogWorld, bodies: Mapping[str, Pose], spin_up: float) -> tuple[dict[str, complex], float]:
+    """Reactions (N) and drive torque (N.m) in these poses, with these velocities and the crank's acceleration
+    (rad/s^2).
+    """
+    world.approach(bodies, PROBE, spin_up)
+    world.before_observing()
+    world.step(PROBE)
+    forces, _, torque = world.reactions()
+    return forces, torque
+
+
+def gap_accelerations(world: LeapfrogWorld, bodies: Mapping[str, Pose], spin_up: float) -> dict[str, complex]:
+    """Acceleration (m/s^2) of every pin's gap from these poses, velocities and the crank's acceleration (rad/s^2)."""
+    world.approach(bodies, PROBE, spin_up)
+    before = {name: world.gap(name)[1] for name in world.pins}
+    world.step(PROBE)
+    return {name: (world.gap(name)[1] - before[name]) / PROBE for name in world.pins}
+
+
+def pin_mass(world: LeapfrogWorld, joint: Joint, theta: float) -> float:
+    """Least effective mass (kg) that a joint's gap opposes to a force, at crank angle theta (rad)."""
+    bodies = poses(world.assembly, theta)
+    changes = []
+    for force in [0j, *np.exp(1j * np.linspace(0, np.pi, 8, endpoint=False))]:
+        world.place(bodies)
+        world.pull(joint, complex(force))
+        world.advance(PROBE)
+        changes.append(world.gap(joint.name)[1])
+    return PROBE / float(np.abs(np.array(changes[1:]) - changes[0]).max())
+
+
+def drive_inertia(world: LeapfrogWorld, theta: float) -> float:
+    """Moment of inertia (kg.m^2) that the linkage opposes to its motor, at crank angle theta (rad)."""
+    spins = []
+    world.hold(False)
+    for torque in (0.0, 1.0):
+        world.place(poses(world.assembly, theta))
+        world.turn(world.mechanism.driven, torque)
+        world.advance(PROBE)
+        spins.append(world.pose(world.mechanism.driven).angular_velocity)
+    world.hold(True)
+    return PROBE / (spins[1] - spins[0])
