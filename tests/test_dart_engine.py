@@ -9,8 +9,7 @@ from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive
 from analytic.mechanism.file import load
-from linkages import inverted_slider
-from planar_checks import (
+from engine_checks import (
     LINKAGES,
     PAPER_RANGE,
     SEVERAL,
@@ -22,6 +21,7 @@ from planar_checks import (
     run,
     vector,
 )
+from linkages import inverted_slider
 from sim_models.common.start import poses
 from sim_models.dart.engine import ENGINE
 from sim_models.dart.world import DartWorld

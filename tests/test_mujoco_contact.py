@@ -10,7 +10,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load, loads
-from planar_checks import many_impacts_against_the_ode
+from engine_checks import many_impacts_against_the_ode
 from sim_models.common.contact_laws import restitution
 from sim_models.engine import JointModel, Motion, Request
 from sim_models.mujoco.engine import ENGINE

@@ -300,6 +300,8 @@ def test_a_drive_without_speed_or_angles_is_refused() -> None:
         ENGINE.simulate(Request(at_speed(PAPER, speed="measured"), "ideal", "driven", RANGE))  # type: ignore[arg-type]
     with pytest.raises(Unsupported, match="no crank angle"):
         ENGINE.simulate(Request(PAPER, "ideal", "static"))
+    with pytest.raises(Unsupported, match="cannot start with its pin centred"):
+        ENGINE.simulate(Request(load("paper"), "massless-link", "driven", TURN[:3], start="centred"))
 
 
 def test_a_pin_that_nothing_presses_has_no_static_place() -> None:

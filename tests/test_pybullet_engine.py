@@ -12,9 +12,7 @@ from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive, Load
 from analytic.mechanism.file import load
-from linkages import inverted_slider
-from marks import slow
-from planar_checks import (
+from engine_checks import (
     LINKAGES,
     PAPER_RANGE,
     SEVERAL,
@@ -26,6 +24,8 @@ from planar_checks import (
     run,
     vector,
 )
+from linkages import inverted_slider
+from marks import slow
 from sim_models.common.silence import silence
 from sim_models.common.start import poses
 from sim_models.engine import JointModel, Motion, Request, SimulationError, Unsupported

@@ -10,6 +10,7 @@ from sim_models.engine import Request, Unsupported
 def check_request(request: Request) -> None:
     """Raise Unsupported, saying what to give or to leave out, for a request that makes no run in any engine."""
     name, drive = request.mechanism.name, request.mechanism.drive
+    _check_links(request)
     if request.course is not None:
         if request.motion == "static" or drive is None or drive.speed == "free":
             raise Unsupported(
@@ -46,4 +47,14 @@ def _check_course(request: Request) -> None:
     if report.size == 0 or report.min() < time[0] or report.max() > time[-1]:
         raise Unsupported(
             f"{name}: reports are wanted outside the course, which lasts from {time[0]:g} to {time[-1]:g} s"
+        )
+
+
+def _check_links(request: Request) -> None:
+    """Raise Unsupported for massless links that are to start shorter than they are."""
+    centred = request.motion == "driven" and request.start == "centred" and request.clearances
+    if request.joint_model == "massless-link" and centred:
+        raise Unsupported(
+            f"{request.mechanism.name}: a massless link is as long as the clearance and cannot start with its pin"
+            " centred; use start 'steady'"
         )

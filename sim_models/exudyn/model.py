@@ -15,6 +15,7 @@ import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 from sim_models.common.contact_laws import PIN_RADIUS, contact_parameters
+from sim_models.common.motor import drive_stiffness
 from sim_models.common.start import Pose
 from sim_models.engine import JointModel, Motion, Request
 from sim_models.exudyn.laws import CONTACT_CREEP, MINIMUM_IMPACT_SPEED, contact_restitution, hysteresis, joint_creep
@@ -295,7 +296,7 @@ class ExudynModel:
                 connector(markerNumbers=[self._fixed, crank], offset=start[self.m.driven].angle)
             )
         else:
-            stiffness = self.m.drive.stiffness if self.m.drive is not None else None
+            stiffness = drive_stiffness(self.m)
             self.compliant = stiffness is not None
             turned = self._add_shaft(motor) if self.compliant else crank
             speed = {"offset": float(motor.rate(0.0))} if motor.steady else {"offsetUserFunction_t": _called(motor)}

@@ -12,6 +12,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 from sim_models.common.contact_laws import TOO_DEEP, shortest_link
+from sim_models.common.motor import drive_stiffness
 from sim_models.common.start import poses
 from sim_models.common.travel import slide_travel
 from sim_models.engine import Rates
@@ -192,8 +193,9 @@ class Judge:
                 energy += j.stiffness / 2 * (travel(m, record, j) - j.rest_angle) ** 2
         for name, stiffness in self.stiffness.items():
             energy += stiffness / 2 * np.maximum(np.abs(record.gap[name]) - self.clearance[name], 0) ** 2
-        if self.motor is not None and m.drive is not None and m.drive.stiffness is not None:
-            energy += record.drive_torque**2 / (2 * m.drive.stiffness)
+        drive = drive_stiffness(m)
+        if self.motor is not None and drive is not None:
+            energy += record.drive_torque**2 / (2 * drive)
         return energy
 
     def _place(self, record: Record, row: int) -> str:

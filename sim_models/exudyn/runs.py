@@ -13,14 +13,13 @@ from analytic.kinematics.assembly import Assembly
 from sim_models.common.contact_laws import contact_parameters, lighter_mass
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
-from sim_models.common.motor import Motor, motor_of, report_times
+from sim_models.common.motor import Motor, drive_stiffness, motor_of, report_times
 from sim_models.common.start import check_steps, poses, substeps
 from sim_models.engine import (
     Cause,
     Request,
     SimulationError,
     Trace,
-    Unsupported,
     installed_version,
 )
 from sim_models.exudyn.equilibria import Equilibria, Inertia
@@ -37,21 +36,10 @@ MOST_STEPS = 500_000  # all of which are kept
 STEPS_PER_PERIOD = 40  # of the lighter link on a contact's stiffness, or hanging on a massless link
 
 
-def _check_start(request: Request) -> None:
-    """Raise Unsupported for a start that Exudyn's constraint on a distance does not allow."""
-    centred = request.motion == "driven" and request.start == "centred" and request.clearances
-    if request.joint_model == "massless-link" and centred:
-        raise Unsupported(
-            "exudyn: a massless link is as long as the clearance and cannot start with its pin centred; use start"
-            " 'steady'"
-        )
-
-
 class ExudynRun:
-    """One request being run.  Raises Unsupported for one that Exudyn cannot."""
+    """One request being run."""
 
     def __init__(self, request: Request) -> None:
-        _check_start(request)
         self.request, self.m = request, request.mechanism
         self.assembly = Assembly(self.m)
         self.clearance = request.clearances
@@ -83,7 +71,7 @@ class ExudynRun:
         order = np.argsort(passing, kind="stable")
         if not turned.steady:
             self.assembly.path(*turned.range)
-        if self.m.drive is not None and self.m.drive.stiffness is not None:
+        if drive_stiffness(self.m) is not None:
             self.judge = replace(self.judge, motor=turned)
         linkage, longest = self.launch(turned)
         history, marks = self.march(linkage, passing[order], longest, turned)
@@ -109,7 +97,7 @@ class ExudynRun:
         inertia = None if motor else self.release_accelerations()
         theta = float(motor.angle(0.0)) if motor else self.assembly.start
         start = poses(self.assembly, theta, float(motor.rate(0.0)) if motor else r.start_speed)
-        stiffness = m.drive.stiffness if m.drive is not None and motor else None
+        stiffness = drive_stiffness(m) if motor else None
         if stiffness is not None or (self.clearance and r.start == "steady"):
             resting = r if r.start == "steady" else Request(m.with_clearances({}), motion="driven")
             equilibria = Equilibria(resting, self.assembly, 0.0, joint_creep(motor))

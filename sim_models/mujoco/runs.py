@@ -122,8 +122,8 @@ class MujocoRun:
 
     @property
     def centred(self) -> bool:
-        """Whether pins start in the middle of their bearings; a massless link cannot."""
-        return self.request.start == "centred" and bool(self.laws) and self.request.joint_model != "massless-link"
+        """Whether pins start in the middle of their bearings."""
+        return self.request.start == "centred" and bool(self.laws)
 
     def longest_step(self, near: Equilibria, q: np.ndarray) -> float:
         """A step (s) that resolves the crank's turning, each contact's bounce, its pin's swing on the rim, and the

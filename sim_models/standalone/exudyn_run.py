@@ -36,7 +36,7 @@ Signals = dict[str, np.ndarray]
 exu: Any = exudyn  # whose stubs leave out its symbolic functions
 
 
-class Linkage:
+class System:
     """Exudyn's system, built item by item, with a sensor on every body, joint and drive."""
 
     def __init__(self) -> None:
@@ -293,8 +293,8 @@ def joined(parts: list[Signals]) -> Signals:
 def main() -> None:
     """Run, write signals.csv, and say how far it is from expected.csv."""
     exu.config.printToConsole = False
-    linkage = Linkage()
-    found = linkage.equilibria() if linkage.static else linkage.driven()
+    system = System()
+    found = system.equilibria() if system.static else system.driven()
     header, *rows = (HERE / "expected.csv").read_text(encoding="utf-8").splitlines()
     expected = dict(zip(header.split(","), np.array([row.split(",") for row in rows], float).T, strict=True))
     np.savetxt(
@@ -306,8 +306,8 @@ def main() -> None:
         comments="",
     )
     print(
-        f"{linkage.model['title']}: {len(rows)} samples, Exudyn {exu.__version__} (expected.csv:"
-        f" {linkage.model['version']})"
+        f"{system.model['title']}: {len(rows)} samples, Exudyn {exu.__version__} (expected.csv:"
+        f" {system.model['version']})"
     )
     print(f"{'signal':32} {'largest difference':>20} {'largest value':>15}")
     for name, theirs in expected.items():

@@ -33,7 +33,7 @@ ROW = mujoco.mjtConstraint  # what a row of the solver stands for
 Forces = dict[str, tuple[complex, complex]]  # by joint: on its second body (N), and the point where it acts (m)
 
 
-class Linkage:
+class Simulation:
     """MuJoCo's model and data, and what their names stand for: bodies, parents first, and joints, with (first, second)
     body.
     """
@@ -291,19 +291,19 @@ class Linkage:
 
 def main() -> None:
     """Run, write signals.csv, and say how far it is from expected.csv."""
-    linkage = Linkage()
+    simulation = Simulation()
     with (HERE / "expected.csv").open(encoding="utf-8", newline="") as file:
         expected = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
-    found = list(linkage.static() if linkage.start["motion"] == "static" else linkage.driven())
-    if any(warning.number for warning in linkage.data.warning):
+    found = list(simulation.static() if simulation.start["motion"] == "static" else simulation.driven())
+    if any(warning.number for warning in simulation.data.warning):
         sys.exit("MuJoCo warned: this run is not valid")
     with (HERE / "signals.csv").open("w", encoding="utf-8", newline="") as file:
         table = csv.DictWriter(file, list(expected[0]), lineterminator="\n")
         table.writeheader()
         table.writerows({name: float(row[name]) for name in expected[0]} for row in found)
     print(
-        f"{linkage.start['title']}: {len(found)} samples, MuJoCo {mujoco.__version__} (expected.csv:"
-        f" {linkage.start['version']})"
+        f"{simulation.start['title']}: {len(found)} samples, MuJoCo {mujoco.__version__} (expected.csv:"
+        f" {simulation.start['version']})"
     )
     print(f"{'signal':32} {'largest difference':>20} {'largest value':>15}")
     for name in expected[0]:

@@ -46,7 +46,7 @@ class Link(NamedTuple):
     fixed_angle: float  # angle from its parent where the joint is at zero
 
 
-class Place(NamedTuple):
+class LinkState(NamedTuple):
     """Where a link is: its com, its joint's frame, its angle (in full turns, too), and the com's velocity and
     the spin.
     """
@@ -58,7 +58,7 @@ class Place(NamedTuple):
     spin: float = 0.0
 
 
-class Linkage:
+class World:
     """The linkage in PyBullet; its links are in the order of their trees, parents first."""
 
     def __init__(self) -> None:
@@ -122,14 +122,14 @@ class Linkage:
 
     def look(self) -> None:
         """See where everything is.  Unless asked for it, Bullet would apply forces where the links were a step ago."""
-        self.places = {"ground": Place()}
+        self.places = {"ground": LinkState()}
         for (name, link), turned in zip(self.links.items(), self.coordinates()[0], strict=True):
             com, *_, velocity, spin = p.getLinkState(*link.at, computeLinkVelocity=True, computeForwardKinematics=True)
             angle = self.places[link.parent].angle + link.fixed_angle + (turned if link.slides is None else 0.0)
             hinge = complex(*com[:2]) - link.com * exp(
                 1j * angle
             )  # Bullet tells a link's frame in single precision, its com in double
-            self.places[name] = Place(complex(*com[:2]), hinge, angle, complex(*velocity[:2]), spin[2])
+            self.places[name] = LinkState(complex(*com[:2]), hinge, angle, complex(*velocity[:2]), spin[2])
 
     def point(self, body: str, point: list[float]) -> tuple[complex, complex]:
         """Position and velocity of a body's point, given from its com."""
@@ -268,21 +268,21 @@ class Linkage:
 
 def main() -> None:
     """Run, write signals.csv, and say how far it is from expected.csv."""
-    linkage = Linkage()
+    world = World()
     with (HERE / "expected.csv").open(encoding="utf-8", newline="") as file:
         expected = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
-    samples = list(linkage.run())
+    samples = list(world.run())
     found = [
         {name: sum(weight * samples[k][name] for k, weight in report) for name in samples[0]}
-        for report in linkage.start["reports"]
+        for report in world.start["reports"]
     ]
     with (HERE / "signals.csv").open("w", encoding="utf-8", newline="") as file:
         table = csv.DictWriter(file, list(expected[0]), lineterminator="\n")
         table.writeheader()
         table.writerows({name: float(row[name]) for name in expected[0]} for row in found)
     print(
-        f"{linkage.start['title']}: {len(found)} samples, PyBullet {version('pybullet')} (expected.csv:"
-        f" {linkage.start['version']})"
+        f"{world.start['title']}: {len(found)} samples, PyBullet {version('pybullet')} (expected.csv:"
+        f" {world.start['version']})"
     )
     print(f"{'signal':32} {'largest difference':>20} {'largest value':>15}")
     for name in expected[0]:

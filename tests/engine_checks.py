@@ -1,4 +1,4 @@
-"""Questions that the tests of DART and PyBullet ask alike."""
+"""Questions that the tests of several engines ask alike."""
 
 from __future__ import annotations
 
