@@ -148,11 +148,11 @@ class Request:
     ``start_speed`` (rad/s).  With the ``ideal`` joint model clearances are ignored.
 
     ``start`` says how a driven run begins at its first angle: ``steady`` (no start-up transient: pins in contact,
-    velocities to match) or ``centred`` (pins centred, velocities of the ideal linkage; no massless link can). ``course`` replaces the
-    constant speed: times (M,) s, strictly increasing, and the motor's angles (M,) rad at them, which the motor follows
-    on the cubic spline through them (:class:`sim_models.common.motor.Course`); reports are then at ``time`` (N,) s,
-    within the course, and ``crank_angle`` is empty.  ``lead_in`` (rad) is how far the crank turns before its first
-    angle.  ``step`` (s) replaces the engine's own choice.
+    velocities to match) or ``centred`` (pins centred, velocities of the ideal linkage; no massless link can be).
+    ``course`` replaces the constant speed: times (M,) s, strictly increasing, and the motor's angles (M,) rad at them,
+    which the motor follows on the cubic spline through them (:class:`sim_models.common.motor.Course`); reports are then
+    at ``time`` (N,) s, within the course, and ``crank_angle`` is empty.  ``lead_in`` (rad) is how far the crank turns
+    before its first angle.  ``step`` (s) replaces the engine's own choice.
     """
 
     mechanism: Mechanism

@@ -102,12 +102,12 @@ def _at_rest(run: ExudynRun) -> tuple[ExudynLinkage, dict[str, Any]]:
     for motor in run.request.crank_angle.tolist():
         theta = equilibria.crank(motor)
         equilibria.at(theta)
-        link, initial = equilibria.real, equilibria.real.model.exu.ConfigurationType.Initial
+        link, initial = equilibria.real, equilibria.real.exu.ConfigurationType.Initial
         near.append(
             {
                 "crank_angle": theta,
-                "bodies": np.array(link.model.mbs.systemData.GetODE2Coordinates(initial)).tolist(),
-                "remembered": np.array(link.model.mbs.systemData.GetDataCoordinates(initial)).tolist(),
+                "bodies": np.array(link.mbs.systemData.GetODE2Coordinates(initial)).tolist(),
+                "remembered": np.array(link.mbs.systemData.GetDataCoordinates(initial)).tolist(),
                 "loads": list(link.body_loads().values()),
                 "slides": {
                     j.name: link.item(f"law {j.name}")["force"] for j in run.m.joints if j.prismatic and _has_law(j)
@@ -119,7 +119,7 @@ def _at_rest(run: ExudynRun) -> tuple[ExudynLinkage, dict[str, Any]]:
 
 def _parts(link: ExudynLinkage) -> dict[str, Any]:
     """Everything that becomes an item of Exudyn's, in the order in which it is added."""
-    m = link.model.m
+    m = link.m
     return {
         "ground": {"points": {name: _pair(m.ground.point(name)) for name in m.ground.points}},
         "bodies": {body.name: _body(link, body) for body in m.bodies},
@@ -156,7 +156,7 @@ def _joint(link: ExudynLinkage, joint: Joint) -> dict[str, Any]:
         part["item"] = f"Object{item['objectType']}"
         part["parameters"] = {name: np.asarray(item[name]).tolist() for name in PARAMETERS[how]}
         if how == "contact":
-            part["remembered"] = link.model.mbs.GetNode(item["nodeNumber"])["initialCoordinates"].tolist()
+            part["remembered"] = link.mbs.GetNode(item["nodeNumber"])["initialCoordinates"].tolist()
     if _has_law(joint):
         moving = link.model.motion == "driven"  # at rest, friction and damping are loads
         law = {"stiffness": joint.stiffness, "offset": joint.rest_angle, "damping": joint.damping if moving else 0.0}
@@ -165,7 +165,7 @@ def _joint(link: ExudynLinkage, joint: Joint) -> dict[str, Any]:
             part |= {
                 "law": law,
                 "friction": friction,
-                "creep": link.model.creep * max(body.length for body in link.model.m.bodies),
+                "creep": link.model.creep * max(body.length for body in link.m.bodies),
             }
         else:
             part["law"] = law | {
@@ -193,12 +193,12 @@ def _drive(link: ExudynLinkage) -> dict[str, Any] | None:
     """The motor, or None where the linkage is released; its shaft's angle (rad) and speed at the start, if a spring is
     behind it.
     """
-    if link.model.motion == "driven" and link.model.m.speed is None:
+    if link.model.motion == "driven" and link.m.speed is None:
         return None
     item = link.item("drive")
     if not link.model.compliant:
         return {"offset": item["offset"]}
-    shaft = link.model.mbs.GetNode(link.model.mbs.GetMarker(item["markerNumbers"][1])["nodeNumber"])
+    shaft = link.mbs.GetNode(link.mbs.GetMarker(item["markerNumbers"][1])["nodeNumber"])
     speed = float(shaft["initialVelocities"][0])
     return {"offset": speed, "shaft": [float(shaft["initialCoordinates"][0]), speed], "stiffness": item["stiffness"]}
 

@@ -27,7 +27,7 @@ class ExudynLinkage:
     """A model at work: it can be placed, loaded, solved, advanced and read."""
 
     def __init__(self, model: ExudynModel) -> None:
-        self.model, self.m = model, model.m
+        self.model, self.m, self.exu, self.mbs = model, model.m, model.exu, model.mbs
 
     # ---------------------------------------------------------------- statics
 
@@ -37,13 +37,13 @@ class ExudynLinkage:
         for body in self.m.bodies:
             com = point_at(self.m, start, body.name, MASS_CENTRE)
             coordinates += [com.real, com.imag, start[body.name].angle]
-        self.model.mbs.systemData.SetODE2Coordinates(coordinates, self.model.exu.ConfigurationType.Initial)
-        self.model.mbs.SetObjectParameter(self.model.drive, "offset", start[self.m.driven].angle)
+        self.mbs.systemData.SetODE2Coordinates(coordinates, self.exu.ConfigurationType.Initial)
+        self.mbs.SetObjectParameter(self.model.drive, "offset", start[self.m.driven].angle)
         data = []
         for name in self.model.touching:
             data += [self.model.clearance[name] - gap_at(self.m, start, name), 0.0, 0.0, 0.0]
         if data:
-            self.model.mbs.systemData.SetDataCoordinates(data, self.model.exu.ConfigurationType.Initial)
+            self.mbs.systemData.SetDataCoordinates(data, self.exu.ConfigurationType.Initial)
 
     def load_bodies(
         self, force: Mapping[str, complex], torque: Mapping[str, float], slide: Mapping[str, float]
@@ -53,21 +53,16 @@ class ExudynLinkage:
         """
         for body in self.m.bodies:
             total = force[body.name]
-            self.model.mbs.SetLoadParameter(
-                self.model.com_force[body.name], "loadVector", [total.real, total.imag, 0.0]
-            )
-            self.model.mbs.SetLoadParameter(
-                self.model.com_torque[body.name], "loadVector", [0.0, 0.0, torque[body.name]]
-            )
+            self.mbs.SetLoadParameter(self.model.com_force[body.name], "loadVector", [total.real, total.imag, 0.0])
+            self.mbs.SetLoadParameter(self.model.com_torque[body.name], "loadVector", [0.0, 0.0, torque[body.name]])
         for name, number in self.model.slides.items():
-            self.model.mbs.SetObjectParameter(number, "force", -slide[name])
+            self.mbs.SetObjectParameter(number, "force", -slide[name])
 
     def body_loads(self) -> dict[str, list[float]]:
         """What :meth:`load_bodies` put on each body: force x, y (N) at its com, and torque (N.m)."""
         acting = {
             b.name: [
-                self.model.mbs.GetLoad(load[b.name])["loadVector"]
-                for load in (self.model.com_force, self.model.com_torque)
+                self.mbs.GetLoad(load[b.name])["loadVector"] for load in (self.model.com_force, self.model.com_torque)
             ]
             for b in self.m.bodies
         }
@@ -86,8 +81,8 @@ class ExudynLinkage:
 
     def _solve_static(self, difference: float) -> bool:
         try:
-            return bool(self.model.mbs.SolveStatic(static_settings(self.residual, difference), storeSolver=False))
-        except self.model.exu.exudynCPP.SolverError:
+            return bool(self.mbs.SolveStatic(static_settings(self.residual, difference), storeSolver=False))
+        except self.exu.exudynCPP.SolverError:
             return False
 
     # ---------------------------------------------------------------- motion
@@ -125,8 +120,8 @@ class ExudynLinkage:
         time.generalizedAlpha.useIndex2Constraints = time.generalizedAlpha.useNewmark = True
         time.discontinuous.useRecommendedStepSize = False
         try:
-            return bool(self.model.mbs.SolveDynamic(settings, updateInitialValues=True, storeSolver=False))
-        except self.model.exu.exudynCPP.SolverError:
+            return bool(self.mbs.SolveDynamic(settings, updateInitialValues=True, storeSolver=False))
+        except self.exu.exudynCPP.SolverError:
             return False
 
     # ---------------------------------------------------------------- reading
@@ -135,18 +130,18 @@ class ExudynLinkage:
         """Exudyn's own parameters of what a sensor looks at: ``Coordinates <body>``, ``force <joint>``, ``law
         <joint>``, ``drive``.
         """
-        sensor = self.model.mbs.GetSensor(self.model.sensors[sensed])
+        sensor = self.mbs.GetSensor(self.model.sensors[sensed])
         return (
-            self.model.mbs.GetNode(sensor["nodeNumber"])
+            self.mbs.GetNode(sensor["nodeNumber"])
             if sensor["sensorType"] == "Node"
-            else self.model.mbs.GetObject(sensor["objectNumber"])
+            else self.mbs.GetObject(sensor["objectNumber"])
         )
 
     def now(self) -> Record:
         """The present state, as a record of one instant."""
         return self._record(
             {
-                key: np.atleast_2d(np.asarray(self.model.mbs.GetSensorValues(number)))
+                key: np.atleast_2d(np.asarray(self.mbs.GetSensorValues(number)))
                 for key, number in self.model.sensors.items()
             },
             np.zeros(1),
@@ -154,15 +149,13 @@ class ExudynLinkage:
 
     def history(self) -> Record:
         """Every step of the last :meth:`advance`, its first instant included."""
-        stored = {
-            key: np.asarray(self.model.mbs.GetSensorStoredData(number)) for key, number in self.model.sensors.items()
-        }
+        stored = {key: np.asarray(self.mbs.GetSensorStoredData(number)) for key, number in self.model.sensors.items()}
         return self._record({key: values[:, 1:] for key, values in stored.items()}, next(iter(stored.values()))[:, 0])
 
     def accelerations(self) -> dict[str, tuple[complex, float]]:
         """Acceleration (m/s^2) of each body's com and angular acceleration (rad/s^2), now."""
         values = {
-            body: self.model.mbs.GetNodeOutput(node, self.model.exu.OutputVariableType.Coordinates_tt)
+            body: self.mbs.GetNodeOutput(node, self.exu.OutputVariableType.Coordinates_tt)
             for body, node in self.model.nodes.items()
         }
         return {body: (complex(a[0], a[1]), float(a[2])) for body, a in values.items()}

@@ -21,14 +21,14 @@ OF_SCATTER = 1e-3  # of a noisy course's scatter, that it may be off
 
 @dataclass(frozen=True)
 class RunMotor:
-    """A motor's angle (rad) over the time (s) of an Exudyn run, a piecewise polynomial; it ``begins`` at its own begin.
+    """A motor on the clock of an Exudyn run: its angle (rad) over that time (s) is a piecewise polynomial.
 
     A course begins a moment after the run does, so that its first report is of a settled linkage.
     """
 
     motor: Motor
     path: PPoly
-    begins: float  # s of the run
+    begins: float  # s of the run when the motor begins
 
     @classmethod
     def of(cls, motor: Motor) -> RunMotor:

@@ -39,7 +39,10 @@ class Sway:
 
 
 def period(motor: RunMotor) -> float | None:
-    """Time (s) of a revolution after which the motor's motion repeats itself; None if it does not."""
+    """Time (s) of a revolution after which the motor's motion repeats itself; None if it does not.
+
+    MuJoCo's motor compares rates instead: a step of the rate, which the series here smooths, sets its crank swaying.
+    """
     if motor.steady:
         return 2 * math.pi / motor.top_speed if motor.top_speed else None
     end = motor.end

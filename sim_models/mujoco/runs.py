@@ -175,7 +175,7 @@ class MujocoRun:
 
     def free(self) -> Trace:
         """Released at the assembly angles, at rest or with the request's speed."""
-        time = np.asarray(self.request.time, float)
+        time = report_times(self.request, None)
         order = np.argsort(time, kind="stable")
         theta = self.assembly.start
         near = self.near(theta)
