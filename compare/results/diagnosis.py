@@ -230,9 +230,7 @@ class Diagnosis(Document):
     candidates: Annotated[tuple[Candidate, ...], Field(description="What was considered, and what became of it.")]
     inseparable: Annotated[
         tuple[Pair, ...],
-        Field(
-            description="Pairs of candidates that look alike in these data, and the correlation of what they do to the data."
-        ),
+        Field(description="Pairs of candidates that look alike in these data, and how their changes correlate."),
     ]
     engines: Annotated[
         tuple[Engine, ...],
