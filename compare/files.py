@@ -108,7 +108,7 @@ def write_together(folder: Path, texts: Mapping[str, str]) -> list[Path]:
     return [folder / name for name in texts]
 
 
-def to_json(value: Any, indent: int | None = None) -> str:
+def to_json(value: object, indent: int | None = None) -> str:
     """JSON text; numbers that are not finite become null."""
     return json.dumps(_plain(value), indent=indent, allow_nan=False, ensure_ascii=False)
 

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, Literal, Protocol, cast, get_args
+from typing import Literal, Protocol, cast, get_args
 
 import numpy as np
 
@@ -31,6 +31,7 @@ Feature = Literal[
     "course", "released",
 ]  # fmt: skip
 Pair = tuple[JointModel, Motion]
+Setting = str | bool | int | float | None | Mapping[str, float]
 JOINT_MODELS: tuple[JointModel, ...] = get_args(JointModel)
 MOTIONS: tuple[Motion, ...] = get_args(Motion)
 FEATURES: tuple[Feature, ...] = get_args(Feature)
@@ -205,7 +206,8 @@ class Trace:
 
     ``journal`` maps each joint with clearance to its densely sampled path (M, 2) in m; ``free_share`` to the share of
     time (driven) or of angles (static) that its pin spent off the wall, by its distance
-    (:func:`sim_models.common.journal.free_share`). ``settings`` are the numbers used.
+    (:func:`sim_models.common.journal.free_share`). ``settings`` are the numbers used, a mapping by joint where each has
+    its own.
     """
 
     simulator: str
@@ -218,7 +220,7 @@ class Trace:
     clearance: Mapping[str, float] = field(default_factory=dict)
     journal: Mapping[str, np.ndarray] = field(default_factory=dict)
     free_share: Mapping[str, float] = field(default_factory=dict)
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Setting] = field(default_factory=dict)
     rates: Mapping[str, Rates] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -236,6 +238,12 @@ class Trace:
                     Cause.DIVERGED,
                 )
             values.flags.writeable = False
+
+    @property
+    def step(self) -> float | None:
+        """The time step (s); None where nothing steps."""
+        found = self.settings.get("step")
+        return float(found) if isinstance(found, int | float) else None
 
 
 @dataclass(frozen=True)
@@ -372,7 +380,7 @@ def declared(name: str) -> Engine:
     return cast(Engine, found)
 
 
-def _is_engine(name: str, found: Any) -> bool:
+def _is_engine(name: str, found: object) -> bool:
     """Whether somebody's object is an engine of that name."""
     parts = {part: getattr(found, part, None) for part in ("name", "package", "capabilities", "simulate")}
     return (

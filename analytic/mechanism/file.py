@@ -70,7 +70,7 @@ def loads(text: str, source: str = "mechanism") -> Mechanism:
     return _checked(fields, source)
 
 
-def _checked(fields: Mapping[str, Any], source: str) -> Mechanism:
+def _checked(fields: Mapping[str, object], source: str) -> Mechanism:
     try:
         return Mechanism.model_validate(fields)
     except ValidationError as error:
@@ -85,7 +85,7 @@ def dumps(mechanism: Mechanism) -> str:
     return tomli_w.dumps(fields)
 
 
-def describe(error: ValidationError, fields: Mapping[str, Any], model: type[BaseModel]) -> list[str]:
+def describe(error: ValidationError, fields: Mapping[str, object], model: type[BaseModel]) -> list[str]:
     """One sentence for each of the first faults that pydantic found: field, value, and what is accepted."""
     told: dict[tuple[int | str, ...], list[Any]] = {}
     for fault in error.errors():
@@ -132,7 +132,7 @@ def _asked(fault: Any) -> str:
     return str(fault["msg"].removeprefix("Value error, "))
 
 
-def _place(location: tuple[int | str, ...], fields: Mapping[str, Any]) -> tuple[int | str, ...]:
+def _place(location: tuple[int | str, ...], fields: Mapping[str, object]) -> tuple[int | str, ...]:
     """A fault's location without the steps that only name which of several kinds of value pydantic tried."""
     here: Any = fields
     for k, step in enumerate(location):
@@ -145,12 +145,13 @@ def _place(location: tuple[int | str, ...], fields: Mapping[str, Any]) -> tuple[
     return location
 
 
-def _where(location: tuple[int | str, ...], fields: Mapping[str, Any]) -> str:
+def _where(location: tuple[int | str, ...], fields: Mapping[str, object]) -> str:
     """``body[coupler].mass`` for ("body", 1, "mass")."""
-    text, here = "", fields
+    text = ""
+    here: Any = fields
     for step in location:
         try:
-            here = here[step]  # type: ignore[index]
+            here = here[step]
         except (KeyError, IndexError, TypeError):
             here = {}
         if isinstance(step, int):

@@ -7,7 +7,7 @@ SI units and radians throughout.  Every object is frozen and checked when it is 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, TypeVar
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -36,6 +36,8 @@ from analytic.mechanism.parts import (
     as_tuple,
     titled,
 )
+
+P = TypeVar("P", Body, Joint)
 
 
 class Mechanism(Part):
@@ -107,17 +109,17 @@ class Mechanism(Part):
         """A checked copy with the moduli of its links left out."""
         return self.replace(bodies=tuple(_rigid(b) for b in self.bodies))
 
-    def replace(self, **fields: Any) -> Mechanism:
+    def replace(self, **fields: object) -> Mechanism:
         """A checked copy with top-level fields replaced."""
         return Mechanism.model_validate(
             {name: fields.get(name, getattr(self, name)) for name in type(self).model_fields}
         )
 
-    def with_joint(self, name: str, **fields: Any) -> Mechanism:
+    def with_joint(self, name: str, **fields: object) -> Mechanism:
         """A checked copy with fields of one joint replaced."""
         return self.replace(joints=_edited(self.joints, name, fields))
 
-    def with_body(self, name: str, **fields: Any) -> Mechanism:
+    def with_body(self, name: str, **fields: object) -> Mechanism:
         """A checked copy with fields of one body replaced."""
         return self.replace(bodies=_edited(self.bodies, name, fields))
 
@@ -157,7 +159,7 @@ class Mechanism(Part):
         return self
 
 
-def _edited(parts: tuple[Any, ...], name: str, fields: Mapping[str, Any]) -> tuple[Any, ...]:
+def _edited(parts: tuple[P, ...], name: str, fields: Mapping[str, object]) -> tuple[P, ...]:
     if name not in [p.name for p in parts]:
         raise KeyError(name)
     return tuple(_with_fields(p, fields) if p.name == name else p for p in parts)
@@ -167,5 +169,5 @@ def _rigid(body: Body) -> Body:
     return Body.model_validate(body.model_dump(exclude_unset=True, exclude={"youngs_modulus", "shear_modulus"}))
 
 
-def _with_fields(part: Any, fields: Mapping[str, Any]) -> Any:
+def _with_fields(part: P, fields: Mapping[str, object]) -> P:
     return type(part).model_validate({**part.model_dump(exclude_unset=True), **fields})

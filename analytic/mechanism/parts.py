@@ -7,7 +7,7 @@ SI units and radians throughout.  Every object is frozen and checked when it is 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -16,12 +16,12 @@ SMALLEST = 1e-100  # in any SI unit, of a divisor: the square of a quotient by a
 LONGEST = 100  # characters of a name: it is part of files' names, which may have 255 bytes
 
 
-def as_tuple(value: Any) -> Any:
+def as_tuple(value: object) -> object:
     """A list as a tuple; anything else as it is."""
     return tuple(value) if isinstance(value, list) else value
 
 
-def _named(value: Any) -> Any:
+def _named(value: object) -> object:
     if isinstance(value, str) and not (value.replace("-", "_").isidentifier() and len(value) <= LONGEST):
         raise ValueError(
             f"a name is made of letters, digits, '_' and '-', starts with a letter, and has at most {LONGEST}"
@@ -30,7 +30,7 @@ def _named(value: Any) -> Any:
     return value
 
 
-def titled(value: Any) -> Any:
+def titled(value: object) -> object:
     """A mechanism's name, if it may be one.  Raises ValueError."""
     if isinstance(value, str) and not (value.strip() and value.isprintable() and len(value) <= LONGEST):
         raise ValueError(f"a mechanism's name is one line of text that can be printed, of at most {LONGEST} characters")

@@ -21,17 +21,17 @@ class ReadingError(ValueError):
     """A file cannot be read; the message says why, and leaves the file's name and the remedy to the caller."""
 
 
-def read_toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, object]:
     """The fields of a TOML file, with or without the byte order mark of Windows editors.  Raises ReadingError."""
     return parse_toml(read_text(path))
 
 
-def parse_toml(text: str) -> dict[str, Any]:
+def parse_toml(text: str) -> dict[str, object]:
     """The fields of TOML text.  Raises ReadingError."""
     return _parsed(tomllib.loads, text, "TOML")
 
 
-def read_json(path: Path) -> dict[str, Any]:
+def read_json(path: Path) -> dict[str, object]:
     """The fields of a JSON file, which holds one object.  Raises ReadingError."""
     found = _parsed(json.loads, read_text(path, LARGEST_JSON), "JSON")
     if not isinstance(found, dict):

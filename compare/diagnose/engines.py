@@ -12,9 +12,9 @@ from compare.diagnose.data.recording import Run
 from compare.diagnose.predict import Hypothesis, Model, Term
 from compare.diagnose.simulate import Simulated, Task, lacking, simulate
 from compare.sweep import spread
-from sim_models.engine import engine
+from sim_models.engine import Setting, engine
 
-Outcome = tuple[dict[str, np.ndarray], str, Mapping[str, object]] | str
+Outcome = tuple[dict[str, np.ndarray], str, Mapping[str, Setting]] | str
 
 
 @dataclass(frozen=True)

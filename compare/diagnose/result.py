@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import platform
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from compare.diagnose.fit import FOLDS, SEGMENTS, Fit
 from compare.diagnose.noise import rms
 from compare.diagnose.predict import Term
 from compare.diagnose.statement import as_parameter, named, statement, tied
-from compare.results.crosscheck import Setting, Simulator
+from compare.results.crosscheck import Simulator
 from compare.results.diagnosis import (
     Candidate,
     Channel,
@@ -33,7 +33,7 @@ from compare.results.diagnosis import (
 )
 from compare.results.diagnosis import Fault as DataFault
 from compare.results.sentences import sentence
-from sim_models.engine import installed_version
+from sim_models.engine import Setting, installed_version
 
 if TYPE_CHECKING:
     from compare.diagnose.locate import Stretch
@@ -251,7 +251,7 @@ def _engines(problem: Problem, found: Verified) -> tuple[Engine, ...]:
 def _settings(problem: Problem, said: Simulated) -> dict[str, Mapping[str, Setting]]:
     """An engine's own settings, by run."""
     runs = zip(problem.measured.runs, said.settings, strict=False)
-    return {run.name: cast(Mapping[str, Setting], found) for run, found in runs}
+    return {run.name: found for run, found in runs}
 
 
 def _run(problem: Problem, found: Verified, r: int, run: Recording) -> Run:

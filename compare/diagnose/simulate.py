@@ -14,7 +14,17 @@ from compare.diagnose.data.recording import Run
 from compare.diagnose.effects.effect import Readings, Rig
 from compare.diagnose.predict import Hypothesis, Term, altered, motor_offset
 from compare.judge.signals import with_derived
-from sim_models.engine import Engine, JointModel, Request, SimulationError, SimulatorMissing, Trace, Unsupported, engine
+from sim_models.engine import (
+    Engine,
+    JointModel,
+    Request,
+    Setting,
+    SimulationError,
+    SimulatorMissing,
+    Trace,
+    Unsupported,
+    engine,
+)
 
 COURSE_STEP = 2e-3  # of a run's length, at most, between the knots of a motor's course
 
@@ -27,7 +37,7 @@ class Simulated:
     version: str = ""
     readings: Sequence[Mapping[str, np.ndarray]] | None = None
     skipped: str | None = None
-    settings: Sequence[Mapping[str, object]] = field(default_factory=tuple)  # of each run
+    settings: Sequence[Mapping[str, Setting]] = field(default_factory=tuple)  # of each run
     added: Sequence[str] = ()  # effects that it lacks and gets as the analytic model's difference
 
 
@@ -49,7 +59,7 @@ def lacking(name: str, terms: Sequence[Term]) -> list[Term]:
     return [t for t in terms if not t.effect.simulated_by(engine(name))]
 
 
-def simulate(task: Task) -> tuple[dict[str, np.ndarray], str, Mapping[str, object]] | str:
+def simulate(task: Task) -> tuple[dict[str, np.ndarray], str, Mapping[str, Setting]] | str:
     """Readings (N,) by signal, the engine's version and settings; or why the engine could not."""
     try:
         chosen = engine(task.engine)

@@ -157,7 +157,7 @@ def finer(request: Request, trace: Trace) -> Request | None:
             now = m.joint(name).contact_stiffness or default_stiffness(m, request.motion)
             m = m.with_joint(name, contact_stiffness=HARDER * now)
         return replace(request, mechanism=m, assumed=frozenset(ours))
-    step = trace.settings.get("step")
+    step = trace.step
     return replace(request, step=step / 2) if step and request.motion == "driven" else None
 
 

@@ -76,7 +76,7 @@ def render(
     return html, re.sub(r"\n{3,}", "\n\n", markdown)
 
 
-def script_json(value: Any) -> Markup:
+def script_json(value: object) -> Markup:
     """JSON that may stand in a script element: nothing in it can end the element or start a comment."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     for character in "<>&\u2028\u2029":

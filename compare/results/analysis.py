@@ -12,9 +12,9 @@ from pydantic import Field
 
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
-from compare.results.crosscheck import Index, MetresByJoint, OrderDifference, Path, Setting, Signals, Simulator
+from compare.results.crosscheck import Index, MetresByJoint, OrderDifference, Path, Signals, Simulator
 from compare.results.document import Document, Grid, Mechanism, Row, Share, Text, listed
-from sim_models.engine import JointModel, Motion
+from sim_models.engine import JointModel, Motion, Setting
 
 
 class _Side(Document):

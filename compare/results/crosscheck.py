@@ -12,11 +12,10 @@ from pydantic import BeforeValidator, ConfigDict, Field, FiniteFloat, model_vali
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.document import Document, Grid, Mechanism, Number, Part, Row, Series, Share, Text, listed
-from sim_models.engine import Cause, JointModel, Motion
+from sim_models.engine import Cause, JointModel, Motion, Setting
 
 Verdict = Literal["agrees", "disagrees", "unjudged"]
 Unit = Literal["rad", "N", "m", "N.m"]
-Setting = str | bool | int | float | None | Mapping[str, float]
 Signals = Annotated[
     Mapping[str, Series], Field(min_length=1, description="Every signal by name, a value for each crank angle.")
 ]

@@ -10,8 +10,9 @@ import numpy as np
 from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 
 from analytic.mechanism.signals import Signal, named, wrapped
-from compare.results.crosscheck import Setting, Simulator
+from compare.results.crosscheck import Simulator
 from compare.results.document import Amount, Document, Grid, Mechanism, Number, Part, Row, Series, Text, listed
+from sim_models.engine import Setting
 
 Verdict = Literal["no gap", "explained", "partly explained", "unexplained", "ambiguous"]
 Status = Literal["named", "tied", "not needed", "not physical", "invisible", "excluded"]

@@ -6,7 +6,6 @@ import csv
 import io
 import json
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -29,12 +28,12 @@ def expected(trace: Trace, order: Iterable[int] | None = None) -> str:
     return text.getvalue()
 
 
-def lines(model: Mapping[str, Any]) -> str:
+def lines(model: Mapping[str, object]) -> str:
     """JSON with a line for each thing."""
     return "{\n" + ",\n".join(f"{json.dumps(name)}: {_block(value)}" for name, value in model.items()) + "\n}\n"
 
 
-def _block(value: Any) -> str:
+def _block(value: object) -> str:
     if isinstance(value, dict) and value and isinstance(next(iter(value.values())), dict | list | tuple):
         return (
             "{\n" + ",\n".join(f"  {json.dumps(k)}: {json.dumps(v, allow_nan=False)}" for k, v in value.items()) + "\n}"

@@ -161,7 +161,7 @@ class Seen:
 
         There an engine may have solved the step with the one, and report the other.
         """
-        step = self.trace.settings.get("step")
+        step = self.trace.step
         if (
             joint.name not in self.trace.clearance
             or self.trace.joint_model == "massless-link"
@@ -222,7 +222,7 @@ class Seen:
     @property
     def rounding(self) -> float:
         """A speed (m/s) that is as good as none: rounding of the linkage's size in a step."""
-        step = self.trace.settings.get("step")
+        step = self.trace.step
         return ROUNDING * self.size / step if step else 0.0
 
     def slip(self, joint: Joint, rate: Callable[[str, np.ndarray], np.ndarray] | None = None) -> np.ndarray:

@@ -34,7 +34,7 @@ def simulate(engine: Engine, request: Request, run: Callable[[Request], Trace]) 
         check(request, trace)
         return trace
     except Implausible as implausible:
-        step = trace.settings.get("step")
+        step = trace.step
         if request.step is not None or request.motion == "static" or not step:
             raise
         for halving in range(1, HALVINGS + 1):

@@ -12,16 +12,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import overload
 
 import numpy as np
 
-from analytic.mechanism import Joint, Mechanism
+from analytic.mechanism import Body, Drive, Joint, Load, Mechanism
 from analytic.mechanism.signals import Unit, named
 from sim_models.common.contact_laws import default_stiffness, heaviest, longest, power_of_two, turning_rate
 from sim_models.common.failed_starts import TooSoft
 from sim_models.common.weights import with_equal_masses
-from sim_models.engine import Cause, Rates, Request, SimulationError, Trace
+from sim_models.engine import Cause, Rates, Request, Setting, SimulationError, Trace
 
 # What an engine is at home with, in SI: where a linkage lies within, its units are SI's; else it is brought to the
 # middle.
@@ -29,6 +29,7 @@ LENGTHS = (2.0**-6, 2.0**2)  # m, longest distance between two points of a body
 MASSES = (2.0**-7, 2.0**5)  # kg, the heaviest body
 RATES = (2.0**0, 2.0**7)  # 1/s, of the crank, or at which loads would turn the linkage
 
+Pair = tuple[float, float]
 Dimension = tuple[int, int, int]  # powers of length, mass and time
 NONE: Dimension = (0, 0, 0)
 LENGTH: Dimension = (1, 0, 0)
@@ -92,18 +93,24 @@ class Units:
         length, mass, time = dimension
         return float(self.length**length * self.mass**mass * self.time**time)
 
-    def from_si(self, value: Any, dimension: Dimension) -> Any:
-        """A number, or a tuple of them, in these units."""
+    @overload
+    def from_si(self, value: float, dimension: Dimension) -> float: ...
+
+    @overload
+    def from_si(self, value: Pair, dimension: Dimension) -> Pair: ...
+
+    def from_si(self, value: float | Pair, dimension: Dimension) -> float | Pair:
+        """A number, or a pair of them, in these units."""
         scale = self.size(dimension)
-        return tuple(x / scale for x in value) if isinstance(value, tuple) else value / scale
+        return (value[0] / scale, value[1] / scale) if isinstance(value, tuple) else value / scale
 
     def mechanism(self, m: Mechanism) -> Mechanism:
         """A mechanism in these units."""
 
-        def points(of: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+        def points(of: Mapping[str, Pair]) -> dict[str, Pair]:
             return {name: self.from_si(at, LENGTH) for name, at in of.items()}
 
-        def fields(part: Any, dimensions: Mapping[str, Dimension]) -> dict[str, Any]:
+        def fields(part: Body | Joint | Drive | Load, dimensions: Mapping[str, Dimension]) -> dict[str, object]:
             given = {
                 name: getattr(part, name)
                 for name in dimensions
@@ -170,10 +177,13 @@ class Units:
         speed, acceleration, turning = (self.size(d) for d in (SPEED, ACCELERATION, TURNING))
         return Rates(r.velocity * speed, r.acceleration * acceleration, r.angular_acceleration * turning)
 
-    def _setting(self, name: str, value: Any) -> Any:
+    def _setting(self, name: str, value: Setting) -> Setting:
+        if name not in SETTINGS:
+            return value
+        size = self.size(SETTINGS[name])
         if isinstance(value, Mapping):
-            return {key: self._setting(name, each) for key, each in value.items()}
-        return value * self.size(SETTINGS[name]) if name in SETTINGS and isinstance(value, int | float) else value
+            return {key: each * size for key, each in value.items()}
+        return value * size if isinstance(value, int | float) else value
 
     @property
     def words(self) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analytic.mechanism import Mechanism
 from sim_models.common.contact_laws import PIN_RADIUS, lighter_mass, restitution
@@ -25,8 +26,8 @@ def vector(z: complex) -> np.ndarray:
     return np.array([z.real, z.imag, 0.0])
 
 
-def plane(v: Any) -> complex:
-    """The planar part x + iy of a DART vector."""
+def plane(v: NDArray[np.float64]) -> complex:
+    """The planar part x + iy of a DART vector (3,)."""
     x, y, _ = v.tolist()
     return complex(x, y)
 

@@ -13,7 +13,8 @@ together.  Prismatic joints and the drive are always in the tree.  Notes on what
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,16 +22,19 @@ from analytic.mechanism import GROUND, Joint
 from sim_models.common.start import Pose, poses
 from sim_models.common.tree import Branch
 from sim_models.dart.contact import FLOOR, Bearing, plane, rebound, vector
-from sim_models.engine import Request
+from sim_models.engine import Request, Setting
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.parts import coordinates, moving_body, spanning_tree
+
+if TYPE_CHECKING:
+    from dartpy.math import Isometry3
 
 ERROR_REDUCTION = 1.0  # share of a closing pin's drift that DART removes in a step: all, so that no transient lingers
 SETTLING = 3  # steps in which a loop that was closed without drift gets the drift that belongs to its motion
 TRIFLE = 1e-12  # kg, kg.m^2: the body between the drive's two joints where the crank's own pin has clearance
 
 
-def placed(dart: Any, at: complex, angle: float = 0.0) -> Any:
+def placed(dart: ModuleType, at: complex, angle: float = 0.0) -> Isometry3:
     """A DART transform: turned by ``angle`` (rad) about z, then moved to ``at`` (m)."""
     c, s = np.cos(angle), np.sin(angle)
     frame = dart.math.Isometry3()
@@ -83,7 +87,7 @@ class DartWorld(LeapfrogWorld):
         if request.joint_model == "contact":
             self.bearings = {name: self._bearing(name, FLOOR * k) for k, name in enumerate(self.pins, 1)}
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Setting]:
         if not self.bearings:
             return super().settings()
         return {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import importlib.resources
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -153,8 +154,9 @@ def _joint(link: ExudynLinkage, joint: Joint) -> dict[str, Any]:
         part |= {"direction": cmath.phase(joint.direction), "angle": joint.angle}
     else:
         item = link.item(f"force {joint.name}")
+        every: Mapping[str, object] = item
         part["item"] = f"Object{item['objectType']}"
-        part["parameters"] = {name: np.asarray(item[name]).tolist() for name in PARAMETERS[how]}
+        part["parameters"] = {name: np.asarray(every[name]).tolist() for name in PARAMETERS[how]}
         if how == "contact":
             part["remembered"] = link.mbs.GetNode(item["nodeNumber"])["initialCoordinates"].tolist()
     if _has_law(joint):

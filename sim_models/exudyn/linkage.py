@@ -6,9 +6,10 @@ How Exudyn's outputs become this project's reactions (force of the first body on
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, TypedDict, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analytic.mechanism import GROUND, MASS_CENTRE
 from sim_models.common.start import Pose
@@ -16,11 +17,27 @@ from sim_models.exudyn.model import ExudynModel, gap_at, point_at
 from sim_models.exudyn.record import Record, locate
 from sim_models.exudyn.settings import quiet_settings, static_settings
 
+if TYPE_CHECKING:
+    from exudyn import SimulationSettings
+
 HALVED = 256  # a step that Newton's method only manages when shorter than this part of it has failed
 
 # Of a coordinate: steps by which Exudyn differentiates a contact.  One that is as large as the contact's depth misses
 # how its force turns.
 DIFFERENCES = (1e-7, 1e-8, 1e-9, 1e-10)
+
+
+class Item(TypedDict, total=False):
+    """Exudyn's own parameters of a node or an object, as far as they are read; each kind has some of them."""
+
+    objectType: str
+    nodeNumber: int
+    markerNumbers: list[int]
+    initialCoordinates: NDArray[np.float64]
+    initialVelocities: NDArray[np.float64]
+    offset: float
+    force: float
+    stiffness: float
 
 
 class ExudynLinkage:
@@ -114,7 +131,7 @@ class ExudynLinkage:
         newmark.newmarkBeta, newmark.newmarkGamma, newmark.computeInitialAccelerations = 0.5, 1.0, False
         return self._integrate(settings, begin, end, 1)
 
-    def _integrate(self, settings: Any, begin: float, end: float, steps: int) -> bool:
+    def _integrate(self, settings: SimulationSettings, begin: float, end: float, steps: int) -> bool:
         time = settings.timeIntegration
         time.startTime, time.endTime, time.numberOfSteps = begin, end, steps
         time.generalizedAlpha.useIndex2Constraints = time.generalizedAlpha.useNewmark = True
@@ -126,16 +143,14 @@ class ExudynLinkage:
 
     # ---------------------------------------------------------------- reading
 
-    def item(self, sensed: str) -> dict[str, Any]:
+    def item(self, sensed: str) -> Item:
         """Exudyn's own parameters of what a sensor looks at: ``Coordinates <body>``, ``force <joint>``, ``law
         <joint>``, ``drive``.
         """
         sensor = self.mbs.GetSensor(self.model.sensors[sensed])
-        return (
-            self.mbs.GetNode(sensor["nodeNumber"])
-            if sensor["sensorType"] == "Node"
-            else self.mbs.GetObject(sensor["objectNumber"])
-        )
+        if sensor["sensorType"] == "Node":
+            return cast(Item, self.mbs.GetNode(sensor["nodeNumber"]))
+        return cast(Item, self.mbs.GetObject(sensor["objectNumber"]))
 
     def now(self) -> Record:
         """The present state, as a record of one instant."""

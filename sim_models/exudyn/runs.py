@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from sim_models.common.start import check_steps, poses, substeps
 from sim_models.engine import (
     Cause,
     Request,
+    Setting,
     SimulationError,
     Trace,
     installed_version,
@@ -215,9 +215,9 @@ class ExudynRun:
             rates=sampled.rates(),
         )
 
-    def settings(self, step: float | None) -> dict[str, Any]:
+    def settings(self, step: float | None) -> dict[str, Setting]:
         r = self.request
-        used: dict[str, Any] = {
+        used: dict[str, Setting] = {
             "solver": "static Newton" if r.motion == "static" else "trapezoidal rule, index 2",
             "step": step,
         }

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from exudyn import SimulationSettings
 
 
 @contextmanager
@@ -20,7 +23,7 @@ def console_off() -> Iterator[None]:
         exudyn.config.printToConsole, exudyn.config.suppressWarnings = before
 
 
-def static_settings(tolerance: float, difference: float = 1e-7) -> Any:
+def static_settings(tolerance: float, difference: float = 1e-7) -> SimulationSettings:
     """Exudyn's settings for a static solution in one go, to a residual of ``tolerance`` (N).
 
     ``difference`` is the step, of a coordinate, by which Exudyn differentiates what it has no derivative of.
@@ -37,7 +40,7 @@ def static_settings(tolerance: float, difference: float = 1e-7) -> Any:
     return settings
 
 
-def quiet_settings() -> Any:
+def quiet_settings() -> SimulationSettings:
     """Exudyn's settings without files or messages."""
     import exudyn
 

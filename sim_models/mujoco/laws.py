@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from sim_models.common.contact_laws import DAMPING_RATIO, contact_parameters, damping_ratio, lighter_mass
-from sim_models.engine import Request
+from sim_models.engine import Request, Setting
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ def contact_laws(request: Request) -> dict[str, Contact]:
     return laws
 
 
-def law_settings(request: Request, laws: Mapping[str, Contact]) -> dict[str, Any]:
+def law_settings(request: Request, laws: Mapping[str, Contact]) -> dict[str, Setting]:
     """What the joints with clearance were made of: the law in words, the softest stiffness, each joint's damping, a
     hard one's longest bounce (s).
     """
@@ -61,7 +60,7 @@ def law_settings(request: Request, laws: Mapping[str, Contact]) -> dict[str, Any
         return {"contact_law": "massless link of fixed length, pulls and pushes"} if laws else {}
     soft = [law for law in laws.values() if not law.hard]
     words = {law.words for law in laws.values()}
-    settings: dict[str, Any] = {"contact_law": "; ".join(sorted(words))}
+    settings: dict[str, Setting] = {"contact_law": "; ".join(sorted(words))}
     bounces = [math.pi * law.hard[0] for law in laws.values() if law.hard]
     if bounces:
         settings["bounce_time"] = max(bounces)

@@ -18,7 +18,7 @@ from sim_models.common.export_files import expected, lines
 from sim_models.engine import Request, Trace
 from sim_models.leapfrog.bodies import WARM_UP
 from sim_models.leapfrog.runs import run
-from sim_models.pybullet.parts import flat
+from sim_models.pybullet.parts import Planned, flat
 from sim_models.pybullet.world import FASTEST, STRENGTH, BulletWorld
 
 FREE = (1.0, -1.0)  # limits that Bullet takes for none
@@ -28,14 +28,17 @@ class RecordedWorld(BulletWorld):
     """A world that keeps what it is made of, and the state and the steps that led to each report."""
 
     def __init__(self, request: Request) -> None:
-        self.grown: dict[int, list[dict[str, Any]]] = {}  # links of each multibody
+        self.grown: dict[int, list[Planned]] = {}  # links of each multibody
         self.runs: list[dict[str, Any]] = []  # those with a report
         self.run: dict[str, Any] = {}
         self.observing = False
         super().__init__(request)
         self.names = dict(zip(self.freedoms, self._names(), strict=True))
-        numbers = [self.call("getConstraintUniqueId", i) for i in range(self.call("getNumConstraints"))]
-        self.constraints = {number: self.call("getConstraintInfo", number) for number in numbers}
+        numbers = [
+            self.p.getConstraintUniqueId(i, physicsClientId=self.client)
+            for i in range(self.p.getNumConstraints(physicsClientId=self.client))
+        ]
+        self.constraints = {number: self.p.getConstraintInfo(number, physicsClientId=self.client) for number in numbers}
 
     def _names(self) -> list[str]:
         """Name of every link, in the order of the freedoms.  What carries a floating body has a dot in it, which no
@@ -51,7 +54,7 @@ class RecordedWorld(BulletWorld):
         """Name of a multibody: that of its first body, or the strut's."""
         return self.names[number, 0].removesuffix(".x")
 
-    def grow(self, links: list[dict[str, Any]]) -> int:
+    def grow(self, links: list[Planned]) -> int:
         number = super().grow(links)
         self.grown[number] = links
         return number
@@ -111,16 +114,14 @@ def urdf(world: RecordedWorld, number: int) -> str:
     _link(robot, GROUND, 0j, 0.0, 0.0)
     for index, how in enumerate(world.grown[number]):
         name = world.names[number, index]
-        _link(robot, name, how["com"], how["mass"], how["inertia"])
-        joint = ElementTree.SubElement(robot, "joint", name=name, type="prismatic" if how["slides"] else "continuous")
-        ElementTree.SubElement(joint, "parent", link=world.names.get((number, how["parent"]), GROUND))
+        _link(robot, name, how.com, how.mass, how.inertia)
+        joint = ElementTree.SubElement(robot, "joint", name=name, type="prismatic" if how.slides else "continuous")
+        ElementTree.SubElement(joint, "parent", link=world.names.get((number, how.parent), GROUND))
         ElementTree.SubElement(joint, "child", link=name)
-        ElementTree.SubElement(
-            joint, "origin", xyz=_numbers(flat(how["at"])), rpy=_numbers([0.0, 0.0, how["fixed_angle"]])
-        )
-        ElementTree.SubElement(joint, "axis", xyz=_numbers(how["axis"]))
-        if how["slides"]:
-            lower, upper = how.get("limits", FREE)
+        ElementTree.SubElement(joint, "origin", xyz=_numbers(flat(how.at)), rpy=_numbers([0.0, 0.0, how.fixed_angle]))
+        ElementTree.SubElement(joint, "axis", xyz=_numbers(how.axis))
+        if how.slides:
+            lower, upper = FREE if how.limits is None else how.limits
             ElementTree.SubElement(
                 joint, "limit", lower=repr(float(lower)), upper=repr(float(upper)), effort="0", velocity="0"
             )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -26,6 +25,21 @@ class Link:
 
 
 @dataclass(frozen=True)
+class Planned:
+    """A link of a multibody to be made, and the joint that carries it."""
+
+    mass: float  # kg
+    inertia: float  # kg.m^2 about the com
+    parent: int  # number of the link that carries it, -1 for the base
+    slides: bool
+    axis: tuple[float, float, float]
+    at: complex = 0j  # m, the joint in the parent's joint's frame
+    fixed_angle: float = 0.0  # rad, its frame from the parent's
+    com: complex = 0j  # m, in the joint's frame
+    limits: tuple[float, float] | None = None  # m, of a slide; None for none
+
+
+@dataclass(frozen=True)
 class Tie:
     """A point constraint that carries the force of a joint's first body on its second, times ``sign``."""
 
@@ -38,28 +52,25 @@ def flat(z: complex) -> list[float]:
     return [z.real, z.imag, 0.0]
 
 
-def floating(parent: int, number: int, com: complex, heavy: Mapping[str, float]) -> list[dict[str, Any]]:
-    """Links of a body that floats in the plane: two slides and a hinge, the first two next to weightless."""
-    between = {"mass": TRIFLE, "inertia": TRIFLE, "at": 0j, "fixed_angle": 0.0, "com": 0j}
-    slides = [
-        between | {"parent": parent, "slides": True, "axis": SLIDE_X},
-        between | {"parent": number, "slides": True, "axis": SLIDE_Y},
-    ]
+def floating(parent: int, number: int, com: complex, mass: float, inertia: float) -> list[Planned]:
+    """Links of a body of this mass (kg) and moment of inertia (kg.m^2) that floats in the plane: two slides and a
+    hinge, the first two next to weightless.
+    """
     return [
-        *slides,
-        {**heavy, "at": 0j, "fixed_angle": 0.0, "com": com, "parent": number + 1, "slides": False, "axis": HINGE},
+        Planned(TRIFLE, TRIFLE, parent, True, SLIDE_X),
+        Planned(TRIFLE, TRIFLE, number, True, SLIDE_Y),
+        Planned(mass, inertia, number + 1, False, HINGE, com=com),
     ]
 
 
-def strut_links(pin: Pin, mass: float, one_sided: bool) -> tuple[list[dict[str, Any]], complex]:
+def strut_links(pin: Pin, mass: float, one_sided: bool) -> tuple[list[Planned], complex]:
     """Links of a strut whose parts have this mass (kg), and where on the last of them its second end is (m)."""
-    part = {"mass": mass, "inertia": mass * pin.clearance**2}
-    links = floating(-1, 0, 0j, part)
+    inertia = mass * pin.clearance**2
+    links = floating(-1, 0, 0j, mass, inertia)
     if not one_sided:
         return links, pin.clearance + 0j
-    slide = {"at": 0j, "fixed_angle": 0.0, "com": 0j, "slides": True, "axis": SLIDE_X}
-    limits = {"limits": (-pin.clearance, pin.clearance * (1 - RIM))}
-    return [*links, {**part, "parent": 2, **slide, **limits}], 0j
+    limits = -pin.clearance, pin.clearance * (1 - RIM)
+    return [*links, Planned(mass, inertia, 2, True, SLIDE_X, limits=limits)], 0j
 
 
 @dataclass(frozen=True)

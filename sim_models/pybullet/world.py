@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -26,12 +25,12 @@ from analytic.mechanism import GROUND, MASS_CENTRE
 from sim_models.common.contact_laws import lighter_mass
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.tree import Branch
-from sim_models.engine import Cause, Request, SimulationError
+from sim_models.engine import Cause, Request, Setting, SimulationError
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.parts import coordinates, moving_body, spanning_tree
 from sim_models.leapfrog.rates import body_rates
 from sim_models.pybullet.balance import Balance
-from sim_models.pybullet.parts import HINGE, Link, Strut, Tie, flat, floating, strut_links
+from sim_models.pybullet.parts import HINGE, Link, Planned, Strut, Tie, flat, floating, strut_links
 
 ITERATIONS = 200  # of the direct solver, at most; a residual of 1e-20 ends them sooner
 SWEEPS = 5000  # of the sequential solver, always: a small residual once ended it, 16 % short of the force
@@ -66,9 +65,9 @@ class BulletWorld(LeapfrogWorld):
         }
         rigidity = {"globalCFM": SOFTNESS, "erp": 0.0 if self.static else ERROR_REDUCTION, "contactERP": 0.0}
         self.physics = {"numSubSteps": 0, "constraintSolverType": solver, **effort, **rigidity}
-        self.call("setPhysicsEngineParameter", **self.physics)
+        self.p.setPhysicsEngineParameter(**self.physics, physicsClientId=self.client)
         m = self.mechanism
-        self.call("setGravity", *m.gravity, 0.0)
+        self.p.setGravity(*m.gravity, 0.0, physicsClientId=self.client)
         ideal = [j for j in m.joints if j.name not in self.pins]
         trunk = [j for j in ideal if j.prismatic or GROUND in j.bodies]
         self.branches, rest = spanning_tree(m, trunk)
@@ -92,14 +91,10 @@ class BulletWorld(LeapfrogWorld):
         self.poses: dict[str, Pose] = {}
         self.state: tuple[list[float], list[float]] | None = None
 
-    def call(self, name: str, *values: Any, **named: Any) -> Any:
-        """Call PyBullet in this world's client."""
-        return getattr(self.p, name)(*values, physicsClientId=self.client, **named)
-
     def close(self) -> None:
-        self.call("disconnect")
+        self.p.disconnect(physicsClientId=self.client)
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Setting]:
         laws = {
             "contact": "rigid, one-sided limit of a strut",
             "massless-link": "rigid, a strut of the clearance's length",
@@ -115,7 +110,7 @@ class BulletWorld(LeapfrogWorld):
             children.setdefault(branch.parent, []).append(branch)
         for trunk in children[GROUND]:
             grown, waiting = [], [(trunk, -1)]
-            links: list[dict[str, Any]] = []
+            links: list[Planned] = []
             while waiting:
                 branch, parent = waiting.pop(0)
                 grown.append((branch, len(links)))
@@ -127,58 +122,50 @@ class BulletWorld(LeapfrogWorld):
                 self.links[branch.child] = Link(number, last, self.points[branch.child, MASS_CENTRE])
                 self.own[branch.child] = [self.freedoms.index((number, k)) for k in range(first, last + 1)]
 
-    def _links_of(self, branch: Branch, parent: int) -> list[dict[str, Any]]:
+    def _links_of(self, branch: Branch, parent: int) -> list[Planned]:
         m, joint = self.mechanism, branch.joint
         body = moving_body(m, branch.child)
-        heavy = {"mass": body.mass, "inertia": body.moment_of_inertia}
+        mass, inertia = body.mass, body.moment_of_inertia
         if joint is None:
-            return floating(parent, 0, body.centre, heavy)
+            return floating(parent, 0, body.centre, mass, inertia)
         at = m.body(branch.parent).point(joint.name)
         root = self.branch[branch.parent].joint if branch.parent != GROUND else None
         if root is not None:  # Bullet's frame of the parent sits at the parent's own joint
             at -= m.body(branch.parent).point(root.name)
         axis = (branch.axis.real, branch.axis.imag, 0.0) if joint.prismatic else HINGE
         com = body.centre - body.point(joint.name)
-        return [
-            heavy
-            | {
-                "parent": parent,
-                "at": at,
-                "fixed_angle": branch.fixed_angle,
-                "com": com,
-                "slides": joint.prismatic,
-                "axis": axis,
-            }
-        ]
+        return [Planned(mass, inertia, parent, joint.prismatic, axis, at, branch.fixed_angle, com)]
 
-    def grow(self, links: list[dict[str, Any]]) -> int:
+    def grow(self, links: list[Planned]) -> int:
         """Make a multibody on a fixed base; returns its number.  Its joints are appended to the freedoms."""
         p = self.p
-        number = self.call(
-            "createMultiBody",
+        number = self.p.createMultiBody(
             baseMass=0,
-            linkMasses=[k["mass"] for k in links],
+            linkMasses=[k.mass for k in links],
             linkCollisionShapeIndices=[-1] * len(links),
             linkVisualShapeIndices=[-1] * len(links),
-            linkPositions=[flat(k["at"]) for k in links],
-            linkOrientations=[p.getQuaternionFromEuler([0, 0, k["fixed_angle"]]) for k in links],
-            linkInertialFramePositions=[flat(k["com"]) for k in links],
+            linkPositions=[flat(k.at) for k in links],
+            linkOrientations=[p.getQuaternionFromEuler([0, 0, k.fixed_angle]) for k in links],
+            linkInertialFramePositions=[flat(k.com) for k in links],
             linkInertialFrameOrientations=[[0, 0, 0, 1]] * len(links),
-            linkParentIndices=[k["parent"] + 1 for k in links],
-            linkJointAxis=[k["axis"] for k in links],
-            linkJointTypes=[p.JOINT_PRISMATIC if k["slides"] else p.JOINT_REVOLUTE for k in links],
+            linkParentIndices=[k.parent + 1 for k in links],
+            linkJointAxis=[k.axis for k in links],
+            linkJointTypes=[p.JOINT_PRISMATIC if k.slides else p.JOINT_REVOLUTE for k in links],
+            physicsClientId=self.client,
         )
         for index, link in enumerate(links):
-            self.call("changeDynamics", number, index, linearDamping=0, angularDamping=0, jointDamping=0)
-            self.call("changeDynamics", number, index, maxJointVelocity=FASTEST)
-            self.call(
-                "changeDynamics", number, index, localInertiaDiagonal=[link["inertia"]] * 3
+            self.p.changeDynamics(
+                number, index, linearDamping=0, angularDamping=0, jointDamping=0, physicsClientId=self.client
+            )
+            self.p.changeDynamics(number, index, maxJointVelocity=FASTEST, physicsClientId=self.client)
+            self.p.changeDynamics(
+                number, index, localInertiaDiagonal=[link.inertia] * 3, physicsClientId=self.client
             )  # alone, or it is dropped
-            self.call("setJointMotorControl2", number, index, p.VELOCITY_CONTROL, force=0)
-            kept = self.call("getDynamicsInfo", number, index)[2][2]
-            if not np.isclose(kept, link["inertia"], rtol=1e-12, atol=0):
+            self.p.setJointMotorControl2(number, index, p.VELOCITY_CONTROL, force=0, physicsClientId=self.client)
+            kept = self.p.getDynamicsInfo(number, index, physicsClientId=self.client)[2][2]
+            if not np.isclose(kept, link.inertia, rtol=1e-12, atol=0):
                 raise SimulationError(
-                    f"pybullet: a link's moment of inertia is {kept:g} kg.m^2 where {link['inertia']:g} was set",
+                    f"pybullet: a link's moment of inertia is {kept:g} kg.m^2 where {link.inertia:g} was set",
                     Cause.FAULTY,
                 )
             self.freedoms.append((number, index))
@@ -196,8 +183,7 @@ class BulletWorld(LeapfrogWorld):
         if first.body < 0:
             first, p, second, q, sign = second, q, first, p, -1
         p, q = p - first.centre, q - second.centre
-        number = self.call(
-            "createConstraint",
+        number = self.p.createConstraint(
             first.body,
             first.index,
             second.body,
@@ -206,8 +192,9 @@ class BulletWorld(LeapfrogWorld):
             [0, 0, 0],
             flat(p),
             flat(q),
+            physicsClientId=self.client,
         )
-        self.call("changeConstraint", number, maxForce=STRENGTH)
+        self.p.changeConstraint(number, maxForce=STRENGTH, physicsClientId=self.client)
         return Tie(number, sign)
 
     def _strut(self, name: str) -> Strut:
@@ -217,9 +204,9 @@ class BulletWorld(LeapfrogWorld):
         links, tip = strut_links(pin, mass, self.one_sided)
         begin = len(self.freedoms)
         number = self.grow(links)
-        if self.one_sided:
-            lower, upper = links[-1]["limits"]
-            self.call("changeDynamics", number, 3, jointLowerLimit=lower, jointUpperLimit=upper)
+        if links[-1].limits is not None:
+            lower, upper = links[-1].limits
+            self.p.changeDynamics(number, 3, jointLowerLimit=lower, jointUpperLimit=upper, physicsClientId=self.client)
         first, second = pin.joint.bodies
         at, beside = (self.points[body, name] for body in (first, second))
         self.tie(self.links[first], at, Link(number, 2), 0j)
@@ -344,7 +331,7 @@ class BulletWorld(LeapfrogWorld):
 
     def advance(self, h: float) -> None:
         if h != self.step_size:
-            self.call("setTimeStep", h)
+            self.p.setTimeStep(h, physicsClientId=self.client)
             self.step_size = h
         if self.held and self.command != self.commanded:
             self._run_motor()
@@ -364,8 +351,10 @@ class BulletWorld(LeapfrogWorld):
         """Carry a strut's own weight during the next step."""
         weight = strut.mass * complex(*self.mechanism.gravity)
         for part in range(2, strut.parts) if weight else ():
-            at = self.call("getLinkState", strut.number, part, computeForwardKinematics=True)[0]
-            self.call("applyExternalForce", strut.number, part, flat(-weight), at, self.p.WORLD_FRAME)
+            at = self.p.getLinkState(strut.number, part, computeForwardKinematics=True, physicsClientId=self.client)[0]
+            self.p.applyExternalForce(
+                strut.number, part, flat(-weight), at, self.p.WORLD_FRAME, physicsClientId=self.client
+            )
 
     def tension(self, tie: Tie) -> complex:
         """Force (N) of a tie on its second body in the last step."""

@@ -9,10 +9,10 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
 from analytic.mechanism.file import describe
 from analytic.mechanism.reading import ReadingError, parse_toml, read_text, read_toml
@@ -33,7 +33,7 @@ class Run:
     """
 
     name: str
-    added: Mapping[str, Any] = field(default_factory=dict)  # what the run has that its case has not
+    added: Mapping[str, JsonValue] = field(default_factory=dict)  # what the run has that its case has not
     columns: tuple[str, ...] = ()
     rows: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     skipped: str = ""
@@ -73,7 +73,7 @@ class Baseline:
 
 class _Run(_Part):
     name: str
-    added: dict[str, Any] = {}
+    added: dict[str, JsonValue] = {}
     skipped: str = ""
     columns: list[str] = []
     rows: list[list[float]] = []
@@ -226,7 +226,7 @@ def _printable(text: str) -> str:
     return "".join(c if c.isprintable() else _string(c)[1:-1] if c < " " else " " for c in text)
 
 
-def inline(value: Any) -> str:
+def inline(value: JsonValue | Sequence[JsonValue] | Mapping[str, JsonValue]) -> str:
     """A value as TOML, in one line."""
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{key} = {inline(item)}" for key, item in value.items()) + " }"

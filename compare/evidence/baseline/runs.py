@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
+from pydantic import JsonValue
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive, Load, Mechanism
@@ -52,7 +52,7 @@ class Setup:
     """One run to make; ``added`` is what it has that the case has not, as the file says it."""
 
     request: Request
-    added: Mapping[str, Any] = field(default_factory=dict)
+    added: Mapping[str, JsonValue] = field(default_factory=dict)
     impacting: bool = False
 
     @property
@@ -73,7 +73,7 @@ def setups(mechanism: Mechanism) -> list[Setup]:
     shipped = mechanism.name in shipped_cases() and mechanism == load(mechanism.name)
     loaded = LOADED[mechanism.name] if shipped and mechanism.name in LOADED else Loaded(mechanism.clearances)
     if loaded.clearance:
-        added: dict[str, Any] = {"clearance": dict(loaded.clearance)}
+        added: dict[str, JsonValue] = {"clearance": dict(loaded.clearance)}
         if loaded.loads:
             added["load"] = [load.model_dump(exclude_unset=True, mode="json") for load in loaded.loads]
         at_rest = mechanism.with_clearances(loaded.clearance).replace(loads=mechanism.loads + loaded.loads)
@@ -89,7 +89,12 @@ def _impacting(mechanism: Mechanism) -> Iterator[Setup]:
     """
     fast = mechanism.with_clearances({"B": 5e-4}).with_joint("B", contact_damping=30.0)
     fast = fast.replace(drive=Drive(joint=mechanism.drive_joint.name, speed=20 * np.pi))
-    added = {"speed": 20 * np.pi, "clearance": {"B": 5e-4}, "contact_damping": 30.0, "revolutions": REVOLUTIONS}
+    added: dict[str, JsonValue] = {
+        "speed": 20 * np.pi,
+        "clearance": {"B": 5e-4},
+        "contact_damping": 30.0,
+        "revolutions": REVOLUTIONS,
+    }
     theta = np.arange(SAMPLES * REVOLUTIONS) * (2 * np.pi / SAMPLES)
     for model in BOUNCING:
         yield Setup(Request(fast, model, "driven", theta, lead_in=2 * np.pi), added, impacting=True)
