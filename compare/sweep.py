@@ -30,7 +30,7 @@ TURN = threading.Lock()  # engines are not made for threads: the runs of one pro
 
 T = TypeVar("T")
 R = TypeVar("R")
-Content = Mapping[str, Any]
+C = TypeVar("C", bound=Mapping[str, object])  # what a run of a sweep is: plain JSON data
 
 
 class ClusterError(OptionError):
@@ -61,7 +61,7 @@ class Outcome:
     """
 
     index: int
-    result: Any = None
+    result: object = None
     failure: str = ""
     recorded: bool = False
 
@@ -98,8 +98,8 @@ def spread(
 
 
 def sweep(
-    work: Callable[[Content], Mapping[str, Any]],
-    runs: Iterable[Content],
+    work: Callable[[C], Mapping[str, object]],
+    runs: Iterable[C],
     folder: Path | None = None,
     *,
     workers: int = 1,
@@ -130,13 +130,13 @@ def sweep(
 # ---------------------------------------------------------------- records
 
 
-def _record(work: Callable[[Content], Mapping[str, Any]], item: tuple[int, Content]) -> str:
+def _record(work: Callable[[C], Mapping[str, object]], item: tuple[int, C]) -> str:
     """Do a run; the text of its file."""
     with TURN:
         return to_json({"run": item[1], "result": work(item[1])})
 
 
-def _recorded(folder: Path | None, content: Content) -> str | None:
+def _recorded(folder: Path | None, content: Mapping[str, object]) -> str | None:
     """The text of a run's file; None if there is none, or none of this very run."""
     if folder is None:
         return None
@@ -148,7 +148,7 @@ def _recorded(folder: Path | None, content: Content) -> str | None:
     return text if same else None
 
 
-def _file(content: Content) -> str:
+def _file(content: Mapping[str, object]) -> str:
     canonical = json.dumps(json.loads(to_json(content)), sort_keys=True)
     return f"{hashlib.sha256(canonical.encode()).hexdigest()[:32]}.json"
 

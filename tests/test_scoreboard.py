@@ -4,16 +4,21 @@ from wrong.
 
 from __future__ import annotations
 
+import io
+import json
 import math
 import re
 from pathlib import Path
-from typing import Any
 
+import jsonschema
 import numpy as np
 import pytest
+from rich.console import Console
+from typer.testing import CliRunner
 
 from analytic.mechanism import Load
 from analytic.mechanism.file import load
+from compare.cli.app import app
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.sensors import EncoderOffset
@@ -31,7 +36,9 @@ from compare.evidence.scoreboard.sizes import Planted, Sizer
 from compare.evidence.stored import read, status
 from compare.faults import Exit, OptionError
 from compare.results.diagnosis import Closing, Diagnosis, Effect
-from compare.results.scoreboard import Scoreboard
+from compare.results.document import Document, DocumentError
+from compare.results.schemas import FOLDER
+from compare.results.scoreboard import HiddenSet, Kind, Recorder, Scoreboard, TrueEffect, TrueOutsider, Truth
 from marks import slow
 
 REPORTS = Path(__file__).parents[1] / "reports" / "scoreboard"
@@ -185,8 +192,8 @@ def test_what_is_written_can_be_read_and_does_not_tell_the_truth(tmp_path: Path)
     made = make(16, tmp_path / "data", tmp_path / "seal")
     truth = opened(tmp_path / "seal")
     measured = load_measured(tmp_path / "data" / "measured.toml")
-    assert [e["name"] for e in truth["effects"]] == [e.name for e in made.truth]
-    assert truth["effects"]
+    assert [e.name for e in truth.effects] == [e.name for e in made.truth]
+    assert truth.effects
     assert measured.mechanism == made.experiment.nominal
     for run, plan in zip(measured.runs, made.experiment.plans, strict=True):
         assert run.time.size == plan.time.size
@@ -255,18 +262,22 @@ def test_an_offset_of_its_own_for_each_run_is_drawn_too() -> None:
 BIAS, GAIN, LENGTH = ("sensor_bias", "coupler_x"), ("sensor_gain", "coupler_x"), ("link_length", "follower")
 
 
-def truth(*keys: tuple[str, str], kind: str = "effects", **fields: Any) -> dict[str, Any]:
+def truth(*keys: tuple[str, str], kind: Kind = "effects", reversed_load: bool = False) -> Truth:
     sizes = {"total": 30.0, "linear": 20.0, "distinct": 20.0, "rival": None}
     effects = [{"name": n, "where": w, "parameters": {"bias": 1.0}, **sizes} for n, w in keys]
-    base = {
-        "seed": 1,
-        "kind": kind,
-        "case": "paper",
-        "source": {"name": "dart"},
-        "simulator": "mujoco",
-        "effects": effects,
-    }
-    return base | {"outside": {"kind": "bent link"} if kind == "outside" else None, "reversed_load": False} | fields
+    bent = TrueOutsider(kind="bent link", where="coupler", size=1e-3, left=80.0)
+    return Truth(
+        seed=1,
+        attempt=0,
+        kind=kind,
+        case="paper",
+        source=Recorder(name="dart", version="6.20.0"),
+        simulator="mujoco",
+        effects=tuple(TrueEffect.model_validate(effect) for effect in effects),
+        noise={"coupler_x": 1e-5},
+        reversed_load=reversed_load,
+        outside=bent if kind == "outside" else None,
+    )
 
 
 Key = tuple[str, str]
@@ -316,7 +327,7 @@ def said(
         (said((BIAS, [])), truth(BIAS, kind="alias", reversed_load=True), "exact"),
     ],
 )
-def test_outcomes(found: Diagnosis, true: dict[str, Any], outcome: str) -> None:
+def test_outcomes(found: Diagnosis, true: Truth, outcome: str) -> None:
     assert score(found, true).outcome == outcome
 
 
@@ -339,6 +350,76 @@ def test_thresholds_count_and_a_board_that_meets_them_says_so() -> None:
     assert not rows["wrong"].met
     rows = {r.what: r for r in thresholds([*good[:18], bad, bad])}
     assert not rows["exact where every effect is distinguishable"].met
+
+
+@pytest.mark.parametrize("seed", [16, FIRST["outside"], FIRST["outside"] + 1, FIRST["alias"]])
+def test_a_seal_is_read_and_written_again_byte_for_byte_and_is_as_its_schema_says(seed: int, tmp_path: Path) -> None:
+    made = make(seed, tmp_path / "data", tmp_path / "seal")
+    text = (tmp_path / "seal" / "truth.json").read_text(encoding="utf-8")
+    found = opened(tmp_path / "seal")
+    assert found.to_json(1) + "\n" == text
+    assert faults(Truth, json.loads(text)) == []
+    if made.outside is None:
+        assert {e.key: dict(e.parameters) for e in found.effects} == {
+            f"{e.name}@{e.where}": dict(e.values) for e in made.truth
+        }
+    else:
+        assert found.outside is not None
+        shape = {name: getattr(found.outside, name) for name in made.outside.shape}
+        assert (found.outside.kind, found.outside.where, found.outside.size) == (
+            made.outside.kind,
+            made.outside.where,
+            made.outside.size,
+        )
+        assert shape == made.outside.shape
+
+
+def faults(document: type[Document], content: object) -> list[str]:
+    """What a document's schema has against a content."""
+    rules = json.loads((FOLDER / document.file).read_text(encoding="utf-8"))
+    return [error.message for error in jsonschema.Draft202012Validator(rules).iter_errors(content)]
+
+
+def test_a_seal_with_an_effect_of_no_size_is_refused(tmp_path: Path) -> None:
+    content = json.loads(truth(BIAS).to_json())
+    del content["effects"][0]["total"]
+    (tmp_path / "truth.json").write_text(json.dumps(content), encoding="utf-8")
+    assert faults(Truth, content) == ["'total' is a required property"]
+    with pytest.raises(DocumentError, match=r"truth\.json: effects\[sensor_bias\]\.total is missing"):
+        opened(tmp_path)
+
+
+def test_a_set_that_is_shown_is_as_its_schema_says_and_in_words_for_a_person(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["scoreboard", "show", "2", "--json", "--out", str(tmp_path / "o")])
+    assert done.exit_code == 0, done.output
+    content = json.loads(done.stdout)
+    assert faults(HiddenSet, content) == []
+    assert content["truth"] == json.loads((tmp_path / "o" / "seal" / "truth.json").read_text(encoding="utf-8"))
+    (tmp_path / HiddenSet.file).write_text(done.stdout, encoding="utf-8")
+    found = HiddenSet.read(tmp_path / HiddenSet.file)
+    assert found.to_json() + "\n" == done.stdout
+    assert found.scored.outcome == "exact"
+    assert repr(found) == "HiddenSet(Truth(2: crank-rocker, com_offset@coupler hidden), Scored(2: exact))"
+    text = io.StringIO()
+    found.print_to(Console(file=text, width=110))
+    hidden, named = [line for line in text.getvalue().splitlines() if line.startswith(("hidden", "named"))]
+    assert hidden.startswith("hidden: com_offset@coupler: along 0.00205433, normal -0.00377289")
+    assert named == "named: com_offset@coupler"
+    assert "good: exact; explained" in text.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("seed", "said"),
+    [
+        (FIRST["outside"] + 1, "hidden: stick-slip@E, outside the vocabulary: 0.0669131 N.m (80.8 sigma)"),
+        (FIRST["none"] + 12, "hidden: nothing"),
+    ],
+)
+def test_what_is_hidden_beside_the_vocabulary_is_put_into_words_too(seed: int, said: str, tmp_path: Path) -> None:
+    make(seed, tmp_path / "data", tmp_path / "seal")
+    text = io.StringIO()
+    opened(tmp_path / "seal").print_to(Console(file=text, width=110))
+    assert text.getvalue().splitlines()[1] == said
 
 
 def test_the_page_lists_what_fell_short_with_its_seed_and_the_figure_is_drawn() -> None:

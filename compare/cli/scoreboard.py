@@ -85,16 +85,13 @@ def show(
         from compare.evidence.scoreboard.record import make
         from compare.evidence.scoreboard.rigs import Rejected
         from compare.evidence.scoreboard.score import opened
-        from compare.files import output_folder, to_json
+        from compare.files import output_folder
+        from compare.results.scoreboard import HiddenSet
 
         folder = output_folder(out or Path(scratch))
         try:
             make(seed, folder / "data", folder / "seal")
         except Rejected as error:
             raise OptionError(f"{error}; choose another seed") from None
-        told = {
-            "truth": opened(folder / "seal"),
-            "scored": scored(folder / "data", folder / "seal").model_dump(exclude_unset=True),
-        }
-        if not quiet:
-            typer.echo(to_json(told, indent=None if json else 1))
+        found = HiddenSet(truth=opened(folder / "seal"), scored=scored(folder / "data", folder / "seal"))
+        show_document(found, json=json, quiet=quiet)

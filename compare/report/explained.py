@@ -42,7 +42,7 @@ def differences(nominal: Mechanism, explained: Mechanism) -> list[tuple[str, str
     one, other = (dict(_fields(without_null(as_written(m)), "")) for m in (nominal, explained))
     fields = [name for name in other | one if _set(one.get(name)) != _set(other.get(name))]
 
-    def said(side: Mapping[str, Any], name: str) -> str:
+    def said(side: Mapping[str, object], name: str) -> str:
         return json.dumps(side[name], ensure_ascii=False) if name in side else DASH
 
     return [(name, said(one, name), said(other, name)) for name in fields]
@@ -68,11 +68,15 @@ def commented(text: str, notes: Mapping[str, str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def without_null(value: Any) -> Any:
-    """Plain data without what is None."""
+def without_null(fields: Mapping[str, object]) -> dict[str, object]:
+    """Fields of a mechanism without those that are None, however deep they are."""
+    return {name: _whole(value) for name, value in fields.items() if value is not None}
+
+
+def _whole(value: object) -> object:
     if isinstance(value, Mapping):
-        return {key: without_null(v) for key, v in value.items() if v is not None}
-    return [without_null(v) for v in value if v is not None] if isinstance(value, list) else value
+        return without_null(value)
+    return [_whole(item) for item in value if item is not None] if isinstance(value, list) else value
 
 
 def _head(result: Diagnosis) -> Iterator[str]:
@@ -141,7 +145,7 @@ def _entry(data: Mapping[str, Any], table: str, index: int) -> str:
     return f"{table}[{data[table][index].get('name', index)}]"
 
 
-def _fields(value: Any, path: str) -> Iterator[tuple[str, Any]]:
+def _fields(value: object, path: str) -> Iterator[tuple[str, object]]:
     """``joint[B].clearance`` and its value for every field of a mechanism."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
@@ -153,5 +157,5 @@ def _fields(value: Any, path: str) -> Iterator[tuple[str, Any]]:
         yield path, value
 
 
-def _set(value: Any) -> Any:
-    return value if np.any(value) else None
+def _set(value: object) -> object:
+    return value if np.any(np.asarray(value)) else None

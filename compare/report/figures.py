@@ -20,6 +20,7 @@ from compare.results.document import listed
 
 JOURNAL_POINTS = 3000  # about as many points as a drawn journal path keeps
 Numbers = tuple[float | None, ...]
+Mark = Literal["line", "dashed", "marker", "link", "joint", "pivot"]
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Series:
     x: Numbers
     y: Numbers
     role: str
-    mark: Literal["line", "dashed", "marker", "link", "joint", "pivot"] = "line"
+    mark: Mark = "line"
     level: int = 0
     labels: tuple[str, ...] = ()
     scale: bool = True

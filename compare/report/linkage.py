@@ -9,7 +9,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
 from compare.quantities import Quantity, number
-from compare.report.figures import Axis, Figure, Numbers, Series, beside, difference, same_turn, scaled
+from compare.report.figures import Axis, Figure, Mark, Numbers, Series, beside, difference, same_turn, scaled
 from compare.report.summary import Summary, abscissa, released
 from compare.results.crosscheck import CrossCheck, Run
 from compare.results.document import listed
@@ -29,7 +29,68 @@ PREFERRED = math.radians(30.0)  # crank angle of the printed figure, the paper's
 Poses = dict[str, dict[str, Numbers]]  # body -> x, y (m, marker) and angle (rad) of every sample
 
 
-def explorer(result: CrossCheck, summary: Summary) -> dict[str, Any]:
+class BodyPart(TypedDict):
+    """A body: its points (x, y in m) from where its position is measured."""
+
+    name: str
+    points: dict[str, list[float]]
+
+
+class JointPart(TypedDict):
+    """A joint: its two bodies, and the axis of a prismatic one in the first of them."""
+
+    name: str
+    bodies: list[str]
+    axis: list[float] | None
+
+
+class Parts(TypedDict):
+    """What a linkage is drawn from; ``ground`` are points (x, y in m), ``size`` a typical length (m)."""
+
+    bodies: list[BodyPart]
+    ground: dict[str, list[float]]
+    joints: list[JointPart]
+    size: float
+
+
+class Reading(TypedDict):
+    """Both sides of a signal, and their difference, in the page's unit."""
+
+    label: str
+    unit: str
+    analytic: Numbers
+    simulated: Numbers
+    difference: Numbers
+
+
+class Explored(TypedDict):
+    """A run as ``explorer.js`` moves through it; ``gaps`` (mm) by joint and side, x and y."""
+
+    title: str
+    role: str
+    label: str
+    unit: str
+    x: Numbers
+    flags: dict[str, str]
+    opens: int
+    clearance: dict[str, float]
+    factor: int
+    ideal: Poses | None
+    analytic: Poses | None
+    analytic_model: str
+    simulated: Poses | None
+    gaps: dict[str, dict[str, list[Numbers]]]
+    readout: list[Reading]
+
+
+class Explorer(TypedDict):
+    """Everything that ``explorer.js`` moves through."""
+
+    parts: Parts
+    runs: list[Explored]
+
+
+def explorer(result: CrossCheck, summary: Summary) -> Explorer:
     """Everything that ``explorer.js`` moves through: parts, and for each run the poses and the values to read."""
     return {
         "parts": parts(result.mechanism),
@@ -37,16 +98,16 @@ def explorer(result: CrossCheck, summary: Summary) -> dict[str, Any]:
     }
 
 
-def parts(mechanism: Mechanism) -> dict[str, Any]:
+def parts(mechanism: Mechanism) -> Parts:
     """Bodies' points relative to where their position is measured (marker, else com), ground points and joints, as
     plain data (m).
     """
-    bodies = []
+    bodies: list[BodyPart] = []
     for body in mechanism.bodies:
         at = body.point("com")
         points = {name: complex(*p) - at for name, p in body.points.items()}
         bodies.append({"name": body.name, "points": {name: [p.real, p.imag] for name, p in points.items()}})
-    joints = [
+    joints: list[JointPart] = [
         {"name": j.name, "bodies": list(j.bodies), "axis": list(j.axis) if j.axis else None} for j in mechanism.joints
     ]
     ground = {name: list(map(float, p)) for name, p in mechanism.ground.points.items()}
@@ -98,7 +159,7 @@ def _poses(mechanism: Mechanism, signals: Mapping[str, np.ndarray]) -> Poses | N
     return {name: {part: scaled(signals[f"{name}_{part}"]) for part in ("x", "y", "angle")} for name in names}
 
 
-def _explored(result: CrossCheck, summary: Summary, index: int) -> dict[str, Any]:
+def _explored(result: CrossCheck, summary: Summary, index: int) -> Explored:
     run, told = result.runs[index], summary.runs[index]
     label, unit, factor, x = abscissa(run, result.mechanism)
     shown = [q for q in summary.keys(False, result.mechanism) if q.signal in run.analytic and q.signal in run.simulated]
@@ -134,7 +195,7 @@ def _opens(result: CrossCheck, summary: Summary, index: int, x: Sequence[float])
     return 0 if released(run, result.mechanism) else int(np.argmin(np.abs(np.array(x) - PREFERRED)))
 
 
-def _read(quantity: Quantity, run: Run, first: np.ndarray) -> dict[str, Any]:
+def _read(quantity: Quantity, run: Run, first: np.ndarray) -> Reading:
     """Both sides of a signal as the page lists them; angles in the turn that the figures have them in, which is that of
     the first run.
     """
@@ -227,9 +288,7 @@ def _between(ideal: Pose, displaced: Pose, factor: float) -> Pose:
     }
 
 
-def _drawn(
-    what: Mapping[str, Any], pose: Pose, name: str, role: str, gaps: Mapping[str, float] | None = None
-) -> list[Series]:
+def _drawn(what: Parts, pose: Pose, name: str, role: str, gaps: Mapping[str, float] | None = None) -> list[Series]:
     """Links, slides, clearance circles, pivots and labelled joints of one configuration (mm)."""
 
     def place(body: str, point: str) -> complex:
@@ -245,7 +304,9 @@ def _drawn(
         corners += [pose[body["name"]][0]] if len(corners) == 1 else []
         links += [*corners, *(corners[:1] if len(corners) > 2 else []), None]
     series = [_series(name, links, role, "dashed" if role == "ideal-line" else "link")]
-    for joint in (j for j in what["joints"] if j["axis"]):
+    for joint in what["joints"]:
+        if joint["axis"] is None:
+            continue
         first, second = joint["bodies"]
         along = complex(*joint["axis"]) * cmath.exp(1j * (pose[first][1] if first != "ground" else 0.0))
         along *= 0.2 * what["size"] / abs(along)
@@ -260,7 +321,7 @@ def _drawn(
         bearing = next(j["bodies"][1] for j in what["joints"] if j["name"] == joint_name)
         rim = [place(bearing, joint_name) + cmath.rect(gap, 2 * math.pi * i / 60) for i in range(61)]
         series.append(_series("", rim, role))
-    pins = [j for j in what["joints"] if not j["axis"]]
+    pins = [j for j in what["joints"] if j["axis"] is None]
     fixed = [j["name"] for j in pins if "ground" in j["bodies"]]
     if role != "ideal-line":
         series.append(_series("", [complex(*what["ground"][n]) for n in fixed], "frame", "pivot"))
@@ -269,6 +330,8 @@ def _drawn(
     return series
 
 
-def _series(name: str, points: list[Any], role: str, mark: Any = "line", labels: tuple[str, ...] = ()) -> Series:
+def _series(
+    name: str, points: Sequence[complex | None], role: str, mark: Mark = "line", labels: tuple[str, ...] = ()
+) -> Series:
     x = scaled((None if z is None else z.real for z in points), 1e3)
     return Series(name, x, scaled((None if z is None else z.imag for z in points), 1e3), role, mark, labels=labels)

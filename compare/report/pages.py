@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib import resources
-from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -135,7 +134,7 @@ def _worst_first(runs: Iterable[Run]) -> list[Run]:
     return sorted(runs, key=lambda run: run.verdict == "agrees")
 
 
-def _once(values: Any) -> list[str]:
+def _once(values: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(values))
 
 

@@ -1,4 +1,6 @@
-"""scoreboard.json: how the diagnosis did on sets of measured data in which something, or nothing, is hidden."""
+"""scoreboard.json: how the diagnosis did on sets of measured data in which something, or nothing, is hidden; and
+truth.json, what is hidden in one of them.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, FiniteFloat
 
 from compare.results.diagnosis import Key
-from compare.results.document import Number, Part, Row, Share
+from compare.results.document import Document, Number, Part, Row, Share
 from compare.results.evidence import Remade, Stored
 
 Kind = Literal["effects", "none", "outside", "alias"]
@@ -16,6 +18,91 @@ Outcome = Literal[
     "exact", "tie", "clear", "abstained", "partly", "incomplete", "missed", "wrong", "false alarm", "failed"
 ]
 Sigmas = Annotated[FiniteFloat, Field(ge=0)]
+
+
+class Recorder(Part):
+    """The engine that recorded the data of a set."""
+
+    name: str
+    version: str | None
+
+
+class TrueEffect(Part):
+    """An effect of the vocabulary that is hidden in a set: its place, its size, and how well it shows."""
+
+    name: str
+    where: str
+    parameters: Annotated[Mapping[str, FiniteFloat], Field(description="SI; a value per run is offset@run.")]
+    total: Annotated[Sigmas, Field(description="Of its signature.")]
+    linear: Annotated[Sigmas, Field(description="Left of it by the best rival in the linear problem.")]
+    distinct: Annotated[Sigmas, Field(description="Left of it by the best rival that was fitted.")]
+    rival: Annotated[str | None, Field(description="That rival; null if none took anything away.")]
+
+    @property
+    def key(self) -> str:
+        """``name@where``."""
+        return f"{self.name}@{self.where}"
+
+
+class TrueOutsider(Part):
+    """A fault outside the vocabulary that is hidden in a set: its place, its size, and the other numbers it has."""
+
+    kind: Literal["cracked tooth", "stick-slip", "nonlinear spring", "periodic torque", "bent link"]
+    where: str
+    size: Annotated[FiniteFloat, Field(description="Peak: rad of a cracked tooth, m of a bent link, else N.m.")]
+    left: Annotated[Sigmas, Field(description="Of its signature, by the best single effect of the vocabulary.")]
+    angle: Annotated[FiniteFloat, Field(description="Of a cracked tooth on the crank (rad).")] = 0.0
+    width: Annotated[FiniteFloat, Field(description="Of a cracked tooth (rad).")] = 0.0
+    rate: Annotated[FiniteFloat, Field(description="Of a periodic torque (rad/s).")] = 0.0
+    phase: Annotated[FiniteFloat, Field(description="Of a periodic torque (rad).")] = 0.0
+    rest: Annotated[FiniteFloat, Field(description="Angle at which a nonlinear spring is at rest (rad).")] = 0.0
+    travel: Annotated[FiniteFloat, Field(description="From there, at which its torque is ``size`` (rad).")] = 0.0
+    stribeck_rate: Annotated[FiniteFloat, Field(description="Below which stick-slip friction grows (rad/s).")] = 0.0
+    excess: Annotated[FiniteFloat, Field(description="By how much, as a share of ``size``.")] = 0.0
+    sharp_rate: Annotated[FiniteFloat, Field(description="Over which it changes its sign (rad/s).")] = 0.0
+
+    @property
+    def unit(self) -> str:
+        """SI unit of its size."""
+        return {"cracked tooth": "rad", "bent link": "m"}.get(self.kind, "N.m")
+
+
+class Truth(Document):
+    """What is hidden in a set of measured data, and who recorded it for whom to diagnose."""
+
+    file: ClassVar[str] = "truth.json"
+    presentation: ClassVar[str] = "hidden_set"
+    remedy: ClassVar[str] = "give the seal that compare scoreboard show --out leaves"
+    opens: ClassVar[str] = ""
+
+    seed: Annotated[int, Field(ge=0)]
+    attempt: Annotated[int, Field(ge=0, description="Draws of this seed that made no usable set before this one.")]
+    kind: Kind
+    case: Annotated[str, Field(description="The linkage.")]
+    source: Recorder
+    simulator: Annotated[str, Field(description="Engine that is to diagnose the data.")]
+    effects: tuple[TrueEffect, ...]
+    noise: Annotated[
+        Mapping[str, Annotated[FiniteFloat, Field(gt=0)]],
+        Field(description="1-sigma of each sensor by signal, in the signal's SI unit."),
+    ]
+    reversed_load: Annotated[bool, Field(description="Of an alias set: whether a run has the load reversed.")]
+    outside: Annotated[
+        TrueOutsider | None, Field(description="null where nothing of outside the vocabulary is hidden.")
+    ]
+
+    def rows(self) -> list[Row]:
+        """A row for each thing that is hidden, with its size."""
+        inside: list[Row] = [
+            {"name": e.name, "where": e.where, "total": e.total, "distinct": e.distinct, **e.parameters}
+            for e in self.effects
+        ]
+        other = self.outside
+        return inside if other is None else [{"name": other.kind, "where": other.where, "size": other.size}]
+
+    def __repr__(self) -> str:
+        hidden = [e.key for e in self.effects] + ([self.outside.kind] if self.outside is not None else [])
+        return f"Truth({self.seed}: {self.case}, {', '.join(hidden) or 'nothing'} hidden)"
 
 
 class Hidden(Part):
@@ -133,6 +220,25 @@ class Scoreboard(Stored):
         good = sum(r.good for r in self.results)
         met = len(self.thresholds) - len(self.missed)
         return f"Scoreboard({good} of {len(self.results)} sets good; {met} of {len(self.thresholds)} thresholds met)"
+
+
+class HiddenSet(Document):
+    """One set, made and diagnosed again: what is hidden in it, and how the diagnosis did."""
+
+    file: ClassVar[str] = "scoreboard-set.json"
+    presentation: ClassVar[str] = "hidden_set"
+    remedy: ClassVar[str] = "give what compare scoreboard show --json prints"
+    opens: ClassVar[str] = ""
+
+    truth: Truth
+    scored: Scored
+
+    def rows(self) -> list[Row]:
+        """A row for each thing that is hidden, with its size."""
+        return self.truth.rows()
+
+    def __repr__(self) -> str:
+        return f"HiddenSet({self.truth!r}, {self.scored!r})"
 
 
 class ScoreboardCheck(Remade):

@@ -10,7 +10,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 from analytic.mechanism import MechanismWarning
 from compare.diagnose.data.recording import MeasuredError
@@ -18,31 +18,38 @@ from compare.diagnose.workflow import diagnose
 from compare.evidence.scoreboard.hidden import FIRST
 from compare.evidence.scoreboard.record import make
 from compare.evidence.scoreboard.score import failed, opened, score
-from compare.results.scoreboard import Scoreboard, Scored, Threshold
+from compare.results.scoreboard import Kind, Scoreboard, Scored, Threshold
 from compare.sweep import sweep
 from sim_models.engine import ENGINES, SimulationError, Unsupported, declared, installed_version
 
-FULL = {"effects": 220, "none": 300, "outside": 30, "alias": 8}  # sets of each kind
+FULL: dict[Kind, int] = {"effects": 220, "none": 300, "outside": 30, "alias": 8}  # sets of each kind
 CLOSED = 1.1  # of the noise floor
 
 
-def seeds(counts: Mapping[str, int]) -> list[int]:
+def seeds(counts: Mapping[Kind, int]) -> list[int]:
     """Seeds of so many sets of each kind."""
     return [FIRST[kind] + k for kind, count in counts.items() for k in range(count)]
 
 
-def examine(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Draw, record, diagnose and score the set of ``content["seed"]``: plain JSON, as the sweep stores it."""
+class Asked(TypedDict):
+    """A set to be made and diagnosed, and the hash of the code that is to do it."""
+
+    seed: int
+    code: str
+
+
+def examine(content: Asked) -> dict[str, object]:
+    """Draw, record, diagnose and score a set: the plain data of a :class:`Scored`, as the sweep stores it."""
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore", MechanismWarning)  # of values that are only tried
         data, seal = Path(folder, "data"), Path(folder, "seal")
         make(content["seed"], data, seal)
-        return dict(scored(data, seal).model_dump(mode="json", exclude_unset=True))
+        return scored(data, seal).model_dump(mode="json", exclude_unset=True)
 
 
 def scored(data: Path, seal: Path) -> Scored:
-    """Diagnose a recorded set without looking at its seal, then open it."""
-    simulator, began = opened(seal)["simulator"], time.perf_counter()
+    """Diagnose a recorded set without looking at its seal, then open it.  Raises DocumentError."""
+    simulator, began = opened(seal).simulator, time.perf_counter()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -61,7 +68,7 @@ def run_all(
 ) -> list[Scored]:
     """The scores of these seeds, in order; what the folder holds of this very code is not done again."""
     code = digest()
-    contents = [{"seed": seed, "code": code} for seed in wanted]
+    contents = [Asked(seed=seed, code=code) for seed in wanted]
     found: dict[int, Scored] = {}
     for end in sweep(examine, contents, folder, workers=workers, progress=progress):
         seed = wanted[end.index]

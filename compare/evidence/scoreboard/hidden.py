@@ -24,8 +24,10 @@ from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.evidence.scoreboard.outside import KINDS, Course, Outside, draw_outside, resized
 from compare.evidence.scoreboard.rigs import CASES, Experiment, Plan, Rejected, draw_experiment, draw_log, ideal
 from compare.evidence.scoreboard.sizes import LARGEST, SMALLEST, Drawn, Planted, Sizer, drawn, left, solve
+from compare.results.scoreboard import Kind
 
-FIRST = {"effects": 0, "none": 100_000, "outside": 200_000, "alias": 300_000}  # first seed of each kind of set
+# first seed of each kind of set
+FIRST: dict[Kind, int] = {"effects": 0, "none": 100_000, "outside": 200_000, "alias": 300_000}
 # by seed
 DIAGNOSING = ("mujoco", "exudyn", "mujoco", "dart", "mujoco", "pybullet", "mujoco", "mujoco", "mujoco", "mujoco")
 ELSE = "mujoco"  # diagnoses where the engine of the seed is the only one that can make the data
@@ -42,7 +44,7 @@ class Hidden:
     """A set and its truth.  ``source`` is the engine that makes the data, ``simulator`` the one that diagnoses."""
 
     seed: int
-    kind: str
+    kind: Kind
     experiment: Experiment
     source: str
     simulator: str
@@ -52,7 +54,7 @@ class Hidden:
     reversed_load: bool = False  # alias sets: whether a run has it
 
 
-def kind_of(seed: int) -> str:
+def kind_of(seed: int) -> Kind:
     """The kind of set that a seed makes."""
     return max((first, kind) for kind, first in FIRST.items() if first <= seed)[1]
 

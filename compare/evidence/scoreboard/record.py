@@ -12,7 +12,6 @@ import cmath
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -24,10 +23,11 @@ from compare.diagnose.effects.effect import Effect, Values
 from compare.diagnose.effects.sensors import EncoderOffset, SensorBias, SensorFrame, SensorGain
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.evidence.scoreboard.hidden import Hidden, course_grid, draw
-from compare.evidence.scoreboard.outside import Course
+from compare.evidence.scoreboard.outside import Course, Outside
 from compare.evidence.scoreboard.rigs import Plan, Rejected
 from compare.evidence.scoreboard.sizes import Planted
-from compare.files import output_folder, to_json, write_atomically
+from compare.files import output_folder, write_atomically
+from compare.results.scoreboard import Recorder, TrueEffect, TrueOutsider, Truth
 from sim_models.engine import JointModel, Request, SimulationError, Trace, engine, installed_version
 
 ATTEMPTS = 200
@@ -47,7 +47,7 @@ def make(seed: int, data: Path, seal: Path) -> Hidden:
             continue
         noisy = with_noise(hidden, clean, np.random.default_rng([seed, attempt, 1]))
         write_data(hidden, noisy, output_folder(data))
-        write_atomically(output_folder(seal) / "truth.json", to_json(truth(hidden, attempt), indent=1) + "\n")
+        write_atomically(output_folder(seal) / "truth.json", truth(hidden, attempt).to_json(1) + "\n")
         return hidden
     raise Rejected(f"seed {seed}: none of {ATTEMPTS} attempts made a usable set")
 
@@ -170,7 +170,7 @@ def write_data(hidden: Hidden, noisy: list[Readings], folder: Path) -> None:
         header = ",".join(["time [s]", *(f"{s} [{units[s]}]" for s in readings)])
         rows = (",".join(f"{v:.12g}" for v in row) for row in np.column_stack(columns).tolist())
         write_atomically(folder / f"{plan.name}.csv", "\n".join([header, *rows]) + "\n")
-        entry: dict[str, Any] = {"name": plan.name, "file": f"{plan.name}.csv"}
+        entry: dict[str, object] = {"name": plan.name, "file": f"{plan.name}.csv"}
         entry |= {"drive": "measured"} if plan.follows else {"drive_speed": plan.speed, "drive_angle": plan.angle}
         if experiment.noise_given:
             entry["noise"] = {s: float(f"{sigma:.6g}") for s, sigma in experiment.noise.items()}
@@ -181,33 +181,38 @@ def write_data(hidden: Hidden, noisy: list[Readings], folder: Path) -> None:
     write_atomically(folder / "measured.toml", tomli_w.dumps({"mechanism": "nominal.toml", "run": entries}))
 
 
-def truth(hidden: Hidden, attempt: int) -> dict[str, Any]:
-    """The content of truth.json."""
+def truth(hidden: Hidden, attempt: int) -> Truth:
+    """What is hidden in a set that this attempt drew."""
     effects = [
-        {"name": e.name, "where": e.where, "parameters": dict(e.values)}
-        | {"total": e.total, "linear": e.linear, "distinct": e.distinct, "rival": e.rival}
+        TrueEffect(
+            name=e.name,
+            where=e.where,
+            parameters=dict(e.values),
+            total=e.total,
+            linear=e.linear,
+            distinct=e.distinct,
+            rival=e.rival,
+        )
         for e in hidden.truth
     ]
-    other = hidden.outside
-    version = installed_version(engine(hidden.source).package)
-    outside = (
-        None
-        if other is None
-        else {"kind": other.kind, "where": other.where, "size": other.size, "left": hidden.undescribed, **other.shape}
+    return Truth(
+        seed=hidden.seed,
+        attempt=attempt,
+        kind=hidden.kind,
+        case=hidden.experiment.case,
+        source=Recorder(name=hidden.source, version=installed_version(engine(hidden.source).package)),
+        simulator=hidden.simulator,
+        effects=tuple(effects),
+        noise=hidden.experiment.noise,
+        reversed_load=hidden.reversed_load,
+        outside=None if hidden.outside is None else outsider(hidden.outside, hidden.undescribed),
     )
-    return {
-        "schema": 1,
-        "seed": hidden.seed,
-        "attempt": attempt,
-        "kind": hidden.kind,
-        "case": hidden.experiment.case,
-        "source": {"name": hidden.source, "version": version},
-        "simulator": hidden.simulator,
-        "effects": effects,
-        "noise": hidden.experiment.noise,
-        "reversed_load": hidden.reversed_load,
-        "outside": outside,
-    }
+
+
+def outsider(fault: Outside, left: float) -> TrueOutsider:
+    """A fault outside the vocabulary, of whose signature the best single effect leaves so many sigmas."""
+    place = {"kind": fault.kind, "where": fault.where, "size": fault.size, "left": left}
+    return TrueOutsider.model_validate(place | fault.shape)
 
 
 if __name__ == "__main__":

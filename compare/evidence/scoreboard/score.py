@@ -16,32 +16,32 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+
+import numpy as np
 
 from analytic.mechanism.signals import wrapped
 from compare.diagnose.effects.bodies import LinkLength
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.results.diagnosis import Diagnosis
-from compare.results.scoreboard import Gap, Hidden, Outcome, Said, Scored, Value
+from compare.results.scoreboard import Gap, Hidden, Outcome, Said, Scored, Truth, Value
 
 Key = tuple[str, str]
 DISTINCT = 8.0  # sigmas left after the best rival, from which on an effect can be told from all others
 GOOD = {"effects": ("exact", "tie"), "none": ("clear",), "outside": ("abstained", "partly"), "alias": ("exact", "tie")}
 
 
-def opened(seal: Path) -> dict[str, Any]:
-    """The truth of a set."""
-    return dict(json.loads((seal / "truth.json").read_text(encoding="utf-8")))
+def opened(seal: Path) -> Truth:
+    """The truth of a set.  Raises DocumentError."""
+    return Truth.read(seal / Truth.file)
 
 
-def score(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> Scored:
+def score(diagnosis: Diagnosis, truth: Truth) -> Scored:
     """How a diagnosis did on a set: its outcome, its parameters, and its gap."""
     found = {(e.name, e.where): {(t.name, t.where) for t in e.ambiguous_with} for e in diagnosis.effects}
-    true = {(e["name"], e["where"]) for e in truth["effects"]}
+    true = {(e.name, e.where) for e in truth.effects}
     outcome = judged(truth, diagnosis, found, true)
     gap = diagnosis.gap
     return _of(truth, outcome, diagnosis.verdict).model_copy(
@@ -56,23 +56,22 @@ def score(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> Scored:
     )
 
 
-def _of(truth: Mapping[str, Any], outcome: Outcome, verdict: str) -> Scored:
+def _of(truth: Truth, outcome: Outcome, verdict: str) -> Scored:
     """The score of a set in which nothing is named."""
-    hidden = truth["effects"]
+    hidden = truth.effects
     return Scored(
-        seed=truth["seed"],
-        kind=truth["kind"],
-        case=truth["case"],
-        source=truth["source"]["name"],
-        simulator=truth["simulator"],
+        seed=truth.seed,
+        kind=truth.kind,
+        case=truth.case,
+        source=truth.source.name,
+        simulator=truth.simulator,
         truth=tuple(
-            Hidden(effect=f"{e['name']}@{e['where']}", **{k: e[k] for k in ("total", "linear", "distinct", "rival")})
-            for e in hidden
+            Hidden(effect=e.key, total=e.total, linear=e.linear, distinct=e.distinct, rival=e.rival) for e in hidden
         ),
-        outside=truth["outside"]["kind"] if truth["outside"] else None,
-        distinguishable=bool(hidden) and all(e["distinct"] >= DISTINCT for e in hidden),
+        outside=truth.outside.kind if truth.outside is not None else None,
+        distinguishable=bool(hidden) and all(e.distinct >= DISTINCT for e in hidden),
         outcome=outcome,
-        good=outcome in GOOD[truth["kind"]],
+        good=outcome in GOOD[truth.kind],
         verdict=verdict,
         named=(),
         parameters=(),
@@ -80,9 +79,9 @@ def _of(truth: Mapping[str, Any], outcome: Outcome, verdict: str) -> Scored:
     )
 
 
-def judged(truth: Mapping[str, Any], diagnosis: Diagnosis, found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
+def judged(truth: Truth, diagnosis: Diagnosis, found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
     """The outcome."""
-    kind, verdict = truth["kind"], diagnosis.verdict
+    kind, verdict = truth.kind, diagnosis.verdict
     if kind == "none":
         return "false alarm" if found else "clear"
     if not found:
@@ -94,9 +93,9 @@ def judged(truth: Mapping[str, Any], diagnosis: Diagnosis, found: Mapping[Key, s
     return "exact" if set(found) == true else _nearly(truth, found, true)
 
 
-def _nearly(truth: Mapping[str, Any], found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
+def _nearly(truth: Truth, found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
     """The outcome where other effects are named than the true ones, or fewer."""
-    distinct = {(e["name"], e["where"]): e["distinct"] for e in truth["effects"]}
+    distinct = {(e.name, e.where): e.distinct for e in truth.effects}
     said = set(found) | set().union(*found.values())
     simpler = {
         key: {other for other in said if is_special_case(other, key)} for key in true if distinct[key] < DISTINCT
@@ -117,7 +116,7 @@ def is_special_case(simple: Key, rich: Key) -> bool:
     return simple[1] == rich[1] or one.place != other.place
 
 
-def _alias(truth: Mapping[str, Any], diagnosis: Diagnosis, found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
+def _alias(truth: Truth, diagnosis: Diagnosis, found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
     """Clearance or length of the follower: both while the load never reverses, with "reverse the load"; else clearance
     only.
     """
@@ -125,21 +124,21 @@ def _alias(truth: Mapping[str, Any], diagnosis: Diagnosis, found: Mapping[Key, s
     length = (LinkLength.name, "follower") in reached
     if not true <= reached:
         return "wrong"
-    if truth["reversed_load"]:
+    if truth.reversed_load:
         return "wrong" if length else "exact" if set(found) == true else "tie"
     advised = any("revers" in e.would_separate for e in diagnosis.effects)
     return "tie" if diagnosis.verdict == "ambiguous" and length and advised else "incomplete"
 
 
-def parameters(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> tuple[Value, ...]:
+def parameters(diagnosis: Diagnosis, truth: Truth) -> tuple[Value, ...]:
     """True and found value of every continuous parameter of effects that are named rightly, and whether the interval
     has it.
     """
     answers = {(e.name, e.where): e.parameters for e in diagnosis.effects}
     rows = []
-    for effect in truth["effects"]:
-        said, known = answers.get((effect["name"], effect["where"]), {}), effect["parameters"]
-        about = VOCABULARY[effect["name"]].parameters
+    for effect in truth.effects:
+        said, known = answers.get((effect.name, effect.where), {}), effect.parameters
+        about = VOCABULARY[effect.name].parameters
         discrete, circular = {p.name for p in about if p.discrete}, {p.name for p in about if p.circular}
         for name in sorted(set(said) | set(known) if not set(said) & set(known) else set(said) & set(known)):
             plain = name.split("@")[0]
@@ -149,10 +148,10 @@ def parameters(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> tuple[Value, .
             low = -math.inf if answer.low is None else answer.low
             high = math.inf if answer.high is None else answer.high
             if plain in circular:
-                value = answer.value + float(wrapped(value - answer.value))
+                value = answer.value + float(wrapped(np.asarray(value - answer.value)))
             rows.append(
                 Value(
-                    parameter=f"{effect['name']}.{name}",
+                    parameter=f"{effect.name}.{name}",
                     true=value,
                     found=answer.value,
                     error=(answer.value - value) / abs(value) if value else math.inf,
@@ -162,6 +161,6 @@ def parameters(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> tuple[Value, .
     return tuple(rows)
 
 
-def failed(truth: Mapping[str, Any], why: str) -> Scored:
+def failed(truth: Truth, why: str) -> Scored:
     """The score of a set that the diagnosis gave up on."""
     return _of(truth, "failed", "failed").model_copy(update={"good": False, "why": why})
