@@ -13,11 +13,11 @@ import socket
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sized
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from compare.faults import OptionError
 from compare.files import to_json, write_atomically
@@ -159,7 +159,10 @@ Pool = tuple[Executor, Callable[[], int]]  # and how many runs may be under way 
 
 
 def _until_broken(
-    work: Callable[[T], R], todo: Iterator[T], pool: Callable[[], Any], known: Callable[[T], R | None]
+    work: Callable[[T], R],
+    todo: Iterator[T],
+    pool: Callable[[], AbstractContextManager[Pool]],
+    known: Callable[[T], R | None],
 ) -> Generator[Ended[T, R], None, list[T]]:
     """Work through the items until there are no more, or a process dies; returns the items that were then under way."""
     under_way: dict[Future[R], T] = {}

@@ -11,8 +11,8 @@ import threading
 import time
 import warnings
 from collections.abc import Iterator
+from concurrent.futures import Executor
 from contextlib import contextmanager
-from typing import Any
 
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
@@ -23,7 +23,7 @@ PARENT_DIED = 1  # Linux's PR_SET_PDEATHSIG
 
 
 @contextmanager
-def processes(count: int) -> Iterator[Any]:
+def processes(count: int) -> Iterator[Executor]:
     """An executor of so many processes, which are killed at the end of this, or with this process."""
     from joblib.externals.loky import ProcessPoolExecutor
     from joblib.externals.loky.backend import resource_tracker

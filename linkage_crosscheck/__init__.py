@@ -3,9 +3,12 @@
     import numpy as np
     import linkage_crosscheck as lc
 
-    result = lc.crosscheck("paper", simulators="mujoco", clearance={"B": 1e-4}, angles=np.radians(np.arange(20, 161,
-    5))) result.verdict, result.run("mujoco", "contact").simulated["reaction_B_angle"] result.plot();
-    result.to_dataframe(); result.write("my-report")
+    angles = np.radians(np.arange(20, 161, 5))
+    result = lc.crosscheck("paper", simulators="mujoco", clearance={"B": 1e-4}, angles=angles)
+    result.verdict, result.run("mujoco", "contact").simulated["reaction_B_angle"]
+    result.plot()
+    result.to_dataframe()
+    result.write("my-report")
 
 SI units and radians throughout.  Every name here is imported when it is first used, so that importing this costs
 nothing; the command line (``compare``, ``linkage-crosscheck``) is a thin layer over the same functions.

@@ -12,6 +12,7 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
+from IPython.core.formatters import DisplayFormatter
 
 import linkage_crosscheck as lc
 import sample_diagnosis
@@ -67,8 +68,12 @@ def test_a_result_is_plotted_or_says_that_a_list_has_no_picture(result: Document
         with pytest.raises(TypeError, match="no picture"):
             result.plot()
         return
-    result.plot().savefig(tmp_path / "picture.png")
+    figure = result.plot()
+    figure.savefig(tmp_path / "picture.png")
     assert (tmp_path / "picture.png").stat().st_size > 5000
+    shown, _ = DisplayFormatter().format(figure)  # in a notebook in which nothing was switched on
+    assert shown["image/png"].startswith(b"\x89PNG")
+    assert len(shown["image/png"]) > 5000
 
 
 def test_a_result_is_written_read_again_and_as_its_schema_says(result: Document, tmp_path: Path) -> None:

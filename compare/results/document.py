@@ -213,12 +213,15 @@ class Document(Part):
         return pandas.DataFrame(self.rows())
 
     def plot(self) -> Figure:
-        """A matplotlib figure of what matters most.  Raises ImportError with the remedy where it is not installed."""
+        """A matplotlib figure of what matters most, which a notebook shows by itself at the end of a cell.
+
+        Raises ImportError with the remedy where matplotlib is not installed.
+        """
         try:
-            from matplotlib.figure import Figure
+            from compare.results.picture import Picture
         except ImportError:
             raise ImportError("plot needs matplotlib; run: pip install 'linkage-crosscheck[plot]'") from None
-        figure = Figure(figsize=(8, 5), layout="constrained")
+        figure = Picture(figsize=(8, 5), layout="constrained")
         self._shown().plot(self, figure)
         return figure
 

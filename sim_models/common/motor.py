@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from analytic.mechanism import Mechanism
 from sim_models.engine import Request
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ class ConstantSpeed:
 class Course:
     """A motor on a course: the cubic spline through its knots, from the first of them to the last."""
 
-    spline: Any  # scipy's CubicSpline, of the angle (rad) over the time (s)
+    spline: CubicSpline  # of the angle (rad) over the time (s)
 
     constant_speed: ClassVar[bool] = False
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,10 @@ from numpy.typing import NDArray
 from analytic.mechanism import Mechanism
 from sim_models.common.contact_laws import PIN_RADIUS, lighter_mass, restitution
 from sim_models.leapfrog.parts import Pin
+
+if TYPE_CHECKING:
+    from dartpy.collision import Contact
+    from dartpy.dynamics import BodyNode
 
 RIM = 1e-9  # of the clearance: how far inside the rim a pin counts as touching
 # of the clearance: a pin pressed to the rim in the last step that is no farther inside has not been lifted off
@@ -43,10 +48,10 @@ class Bearing:
 
     def __init__(
         self,
-        dynamics: Any,
+        dynamics: ModuleType,
         pin: Pin,
         rebound: float,
-        bodies: tuple[Any, Any],
+        bodies: tuple[BodyNode, BodyNode],
         points: tuple[complex, complex],
         level: float,
     ) -> None:
@@ -85,7 +90,7 @@ class Bearing:
         at = self.centre - outwards * complex(turned[0], -turned[1])
         self.anvil.setRelativeTranslation([at.real, at.imag, self.level])
 
-    def force(self, contacts: Iterable[Any]) -> complex:
+    def force(self, contacts: Iterable[Contact]) -> complex:
         """Contact force (N) on the second body in the last step, among DART's ``contacts`` of it."""
         total = 0j
         for contact in contacts:
