@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -12,13 +13,17 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+import typer
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import load
+from compare import cli
+from compare.cli.app import app
 from compare.crosscheck import Job, crosscheck_job
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import FREE_TIME, default_angles
 from compare.judge.tolerances import Known
+from compare.results.schemas import documents
 from planted import Planted, turned
 from sim_models.engine import Motion
 
@@ -57,6 +62,47 @@ def test_a_schema_is_one_and_pins_the_version(name: str) -> None:
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     assert schema["properties"]["schema"] == {"const": 1}
     assert "schema" in schema["required"]
+
+
+JSON_OF = {  # what a command prints with --json
+    "compare": "result.json",
+    "compare accuracy": "accuracy.json",
+    "compare analyse": "analysis.json",
+    "compare baseline check": "baselines.json",
+    "compare baseline update": "baselines.json",
+    "compare cases": "cases.json",
+    "compare diagnose": "diagnosis.json",
+    "compare effects": "effects.json",
+    "compare scoreboard check": "scoreboard-check.json",
+    "compare scoreboard show": "scoreboard-set.json",
+    "compare scoreboard update": "scoreboard.json",
+    "compare simulate": "simulation.json",
+    "compare simulators": "simulators.json",
+    "compare validation check": "validation-check.json",
+    "compare validation update": "validation.json",
+    "compare validity": "validity.json",
+}
+
+
+def commands(name: str, command: Any) -> Iterator[tuple[str, Any]]:
+    """A command and those below it."""
+    yield name, command
+    for below, inner in getattr(command, "commands", {}).items():
+        yield from commands(f"{name} {below}", inner)
+
+
+def test_every_command_that_prints_json_prints_a_document_with_a_schema() -> None:
+    """That it is as its schema says is for the tests of each document."""
+    every = commands("compare", typer.main.get_command(app))
+    able = {name for name, command in every if any("--json" in parameter.opts for parameter in command.params)}
+    assert able == set(JSON_OF)
+    assert set(JSON_OF.values()) <= set(documents()) == set(SCHEMAS)
+
+
+def test_json_is_printed_in_one_place_and_of_a_document() -> None:
+    sources = {path.name: path.read_text(encoding="utf-8") for path in Path(cli.__file__).parent.glob("*.py")}
+    assert [name for name, text in sources.items() if "to_json" in text] == ["publish.py"]
+    assert not [name for name, text in sources.items() if re.search(r"^ *import json|json\.dumps", text, re.M)]
 
 
 COMMITTED = [

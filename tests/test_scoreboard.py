@@ -10,7 +10,6 @@ import math
 import re
 from pathlib import Path
 
-import jsonschema
 import numpy as np
 import pytest
 from rich.console import Console
@@ -36,9 +35,18 @@ from compare.evidence.scoreboard.sizes import Planted, Sizer
 from compare.evidence.stored import read, status
 from compare.faults import Exit, OptionError
 from compare.results.diagnosis import Closing, Diagnosis, Effect
-from compare.results.document import Document, DocumentError
-from compare.results.schemas import FOLDER
-from compare.results.scoreboard import HiddenSet, Kind, Recorder, Scoreboard, TrueEffect, TrueOutsider, Truth
+from compare.results.document import DocumentError
+from compare.results.scoreboard import (
+    HiddenSet,
+    Kind,
+    Recorder,
+    Scoreboard,
+    ScoreboardCheck,
+    TrueEffect,
+    TrueOutsider,
+    Truth,
+)
+from document_faults import faults
 from marks import slow
 
 REPORTS = Path(__file__).parents[1] / "reports" / "scoreboard"
@@ -374,12 +382,6 @@ def test_a_seal_is_read_and_written_again_byte_for_byte_and_is_as_its_schema_say
         assert shape == made.outside.shape
 
 
-def faults(document: type[Document], content: object) -> list[str]:
-    """What a document's schema has against a content."""
-    rules = json.loads((FOLDER / document.file).read_text(encoding="utf-8"))
-    return [error.message for error in jsonschema.Draft202012Validator(rules).iter_errors(content)]
-
-
 def test_a_seal_with_an_effect_of_no_size_is_refused(tmp_path: Path) -> None:
     content = json.loads(truth(BIAS).to_json())
     del content["effects"][0]["total"]
@@ -458,6 +460,7 @@ def test_a_check_names_the_sets_that_are_worse_and_no_others(monkeypatch: pytest
     found = check.check_scoreboard(REPORTS, every=1)
     assert found.differences == (f"seed {worse}: was {stored.results[20].outcome}, is wrong",)
     assert found.made_again == "558 of 558 sets made again"
+    assert faults(ScoreboardCheck, json.loads(found.to_json())) == []
     assert status(found) == Exit.DISAGREES
     with pytest.raises(OptionError, match=r"scoreboard.json.*compare scoreboard update"):
         check.check_scoreboard(tmp_path)

@@ -17,7 +17,8 @@ from compare.evidence.validation.runs import first_order
 from compare.evidence.validation.scales import checked
 from compare.faults import OptionError
 from compare.report.validation import drawn, page
-from compare.results.validation import Validation
+from compare.results.validation import Validation, ValidationCheck
+from document_faults import faults
 from sample_result import as_document, sample_result
 
 REPORTS = Path(__file__).parents[1] / "reports"
@@ -188,3 +189,7 @@ def test_the_command_says_what_is_not_found_again_and_leaves_with_status_1(
     assert run_line.startswith("crank-rocker, ideal, driven, mujoco: largest share")
     assert table_line.startswith("first_order, clearance 0.01: angle was 99")
     assert summary.endswith("; 3 differ from validation.json")
+    told = compare("validation", "check", "--reports", ".", "--simulator", "mujoco", "--json", cwd=tmp_path)
+    content = json.loads(told.stdout)
+    assert faults(ValidationCheck, content) == []
+    assert content["differences"] == [page_line, run_line, table_line]
