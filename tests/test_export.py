@@ -19,6 +19,8 @@ from typer.testing import CliRunner
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from compare.cli.export import export
+from compare.results.export import Exported
+from document_faults import faults
 from linkages import inverted_slider
 from sim_models.engine import ENGINES, JOINT_MODELS, Request, Trace, declared
 from sim_models.mujoco.engine import ENGINE
@@ -204,6 +206,25 @@ def test_the_command_that_is_printed_can_be_pasted_where_the_folder_has_a_space(
     folder = tmp_path / "two words"
     _, said, _ = command("--simulator", "mujoco", "--angles", "30:40:5", "--out", str(folder))
     assert shlex.split(said.splitlines()[-1])[-2:] == ["python", str(folder / "run.py")]
+
+
+def test_json_says_what_was_written_as_its_schema_says_and_quiet_says_nothing(tmp_path: Path) -> None:
+    folder = tmp_path / "two words"
+    asked = ["--simulator", "mujoco", "--joint", "contact", "--angles", "30:40:5", "--out", str(folder)]
+    status, said, _ = command(*asked, "--json")
+    assert status == 0
+    content = json.loads(said)
+    assert faults(Exported, content) == []
+    assert {Path(path).name for path in content["paths"]} == {path.name for path in folder.iterdir()} == FILES
+    assert shlex.split(content["run"]) == ["python", str(folder / "run.py")]
+    assert content["needs"] == ["mujoco", "numpy"]
+    found = Exported.model_validate(content)
+    assert found.to_json() + "\n" == said
+    assert repr(found) == "Exported(paper, mujoco, contact, driven: 4 files)"
+    assert "run.py</td>" in found._repr_html_()
+    with pytest.raises(TypeError, match="no picture"):
+        found.plot()
+    assert command(*asked, "--quiet")[:2] == (0, "")
 
 
 @pytest.mark.parametrize(

@@ -53,6 +53,7 @@ def compare(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 NAMES = {
     "compare --simulator mujoco": "paper-mujoco",
     "compare --simulator all --json": "paper-all",
+    "compare --simulator mujoco --quiet": "paper-mujoco",
     "compare --simulator mujoco --motion driven": "paper-mujoco",
     "compare --simulator mujoco --motion static": "paper-mujoco-static",
     "compare --clearance B=2e-4,E=1e-4 --simulator mujoco": "paper-mujoco-B=2e-4,E=1e-4",

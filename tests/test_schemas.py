@@ -73,6 +73,7 @@ JSON_OF = {  # what a command prints with --json
     "compare cases": "cases.json",
     "compare diagnose": "diagnosis.json",
     "compare effects": "effects.json",
+    "compare export": "export.json",
     "compare scoreboard check": "scoreboard-check.json",
     "compare scoreboard show": "scoreboard-set.json",
     "compare scoreboard update": "scoreboard.json",

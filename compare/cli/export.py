@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from compare.cli.folders import Overwrite, refuse_others
-from compare.cli.options import JointChoice, MotionChoice, load_case
+from compare.cli.options import JointChoice, Json, MotionChoice, Quiet, load_case
+from compare.cli.publish import show
 from compare.faults import complaints
 
 
@@ -27,6 +28,8 @@ def export(
     ] = None,
     angles: Annotated[str | None, typer.Option(metavar="START:STOP:STEP", help="Crank angles (deg).")] = None,
     overwrite: Overwrite = False,
+    json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Write the engine's own model and a script that runs it without this project, to be checked by anyone.
 
@@ -37,11 +40,12 @@ def export(
         from compare.export import exported
         from compare.files import output_folder, write_together
         from compare.judge.grid import parse_angles
+        from compare.results.export import Exported
         from sim_models.engine import declared
 
-        folder = output_folder(out)
+        folder, mechanism = output_folder(out), load_case(case, clearance)
         texts = exported(
-            load_case(case, clearance),
+            mechanism,
             simulator,
             joint_model=joint.value,
             motion=motion.value,
@@ -49,9 +53,13 @@ def export(
             clearance=None,
         )
         refuse_others(folder, texts, overwrite)
-        for path in write_together(folder, texts):
-            typer.echo(path)
-        typer.echo(
-            f"run it in an environment that has {declared(simulator).package} and numpy: python"
-            f" {shlex.quote(str(folder / 'run.py'))}"
+        found = Exported(
+            case=mechanism.name,
+            simulator=simulator,
+            joint_model=joint.value,
+            motion=motion.value,
+            paths=tuple(str(path) for path in write_together(folder, texts)),
+            needs=(declared(simulator).package, "numpy"),
+            run=f"python {shlex.quote(str(folder / 'run.py'))}",
         )
+        show(found, json=json, quiet=quiet)

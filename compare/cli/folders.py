@@ -16,7 +16,15 @@ from compare.files import OutputError, file_name
 
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what another command has left in the folder.")]
 
-ASIDE = {"out", "overwrite", "json", "workers", "dask", "version"}  # where and how an answer is given, and not which
+ASIDE = {
+    "out",
+    "overwrite",
+    "json",
+    "quiet",
+    "workers",
+    "dask",
+    "version",
+}  # where and how an answer is given, and not which
 STEM = {"case", "measured"}  # whose mechanism a name begins with
 BARE = {"simulator", "clearance"}  # options whose value says in a name what it is
 LONGEST = 150  # characters of a name; file systems take 255 bytes

@@ -19,6 +19,7 @@ MODULES = (
     "accuracy",
     "validity",
     "catalogue",
+    "export",
     "diagnosis",
     "baselines",
     "validation",
