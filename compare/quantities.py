@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from analytic.mechanism import GROUND, Mechanism
-from sim_models.engine import Setting
+from sim_models.engine import SettingValue
 
 SHOWN = {"rad": ("deg", math.degrees(1.0)), "m": ("mm", 1e3), "1": ("%", 100.0)}  # SI unit -> unit that is read, factor
 MINUS, TIMES, DASH, GAMMA = "\N{MINUS SIGN}", "\N{MULTIPLICATION SIGN}", "\N{EN DASH}", "\N{GREEK SMALL LETTER GAMMA}"
@@ -146,7 +146,7 @@ def amount(value: float | None, unit: str, digits: int = 3, sign: bool = False) 
     return number(value * factor, digits, sign) + ("" if name == "1" else f" {name}")
 
 
-def setting(value: Setting) -> str:
+def setting(value: SettingValue) -> str:
     """A setting of an engine: a number to six digits, one for each joint as ``B 0.3``."""
     if isinstance(value, Mapping):
         return ", ".join(f"{key} {setting(one)}" for key, one in value.items())

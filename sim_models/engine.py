@@ -31,7 +31,7 @@ Feature = Literal[
     "course", "released",
 ]  # fmt: skip
 Pair = tuple[JointModel, Motion]
-Setting = str | bool | int | float | None | Mapping[str, float]
+SettingValue = str | bool | int | float | None | Mapping[str, float]
 JOINT_MODELS: tuple[JointModel, ...] = get_args(JointModel)
 MOTIONS: tuple[Motion, ...] = get_args(Motion)
 FEATURES: tuple[Feature, ...] = get_args(Feature)
@@ -220,7 +220,7 @@ class Trace:
     clearance: Mapping[str, float] = field(default_factory=dict)
     journal: Mapping[str, np.ndarray] = field(default_factory=dict)
     free_share: Mapping[str, float] = field(default_factory=dict)
-    settings: Mapping[str, Setting] = field(default_factory=dict)
+    settings: Mapping[str, SettingValue] = field(default_factory=dict)
     rates: Mapping[str, Rates] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -12,9 +12,9 @@ from compare.diagnose.data.recording import Run
 from compare.diagnose.predict import Hypothesis, Model, Term
 from compare.diagnose.simulate import Simulated, Task, lacking, simulate
 from compare.sweep import spread
-from sim_models.engine import Setting, engine
+from sim_models.engine import SettingValue, engine
 
-Outcome = tuple[dict[str, np.ndarray], str, Mapping[str, Setting]] | str
+Outcome = tuple[dict[str, np.ndarray], str, Mapping[str, SettingValue]] | str
 
 
 @dataclass(frozen=True)

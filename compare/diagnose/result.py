@@ -33,7 +33,7 @@ from compare.results.diagnosis import (
 )
 from compare.results.diagnosis import Fault as DataFault
 from compare.results.sentences import sentence
-from sim_models.engine import Setting, installed_version
+from sim_models.engine import SettingValue, installed_version
 
 if TYPE_CHECKING:
     from compare.diagnose.locate import Stretch
@@ -248,7 +248,7 @@ def _engines(problem: Problem, found: Verified) -> tuple[Engine, ...]:
     return asked + absent
 
 
-def _settings(problem: Problem, said: Simulated) -> dict[str, Mapping[str, Setting]]:
+def _settings(problem: Problem, said: Simulated) -> dict[str, Mapping[str, SettingValue]]:
     """An engine's own settings, by run."""
     runs = zip(problem.measured.runs, said.settings, strict=False)
     return {run.name: found for run, found in runs}

@@ -18,7 +18,7 @@ from sim_models.engine import (
     Engine,
     JointModel,
     Request,
-    Setting,
+    SettingValue,
     SimulationError,
     SimulatorMissing,
     Trace,
@@ -37,7 +37,7 @@ class Simulated:
     version: str = ""
     readings: Sequence[Mapping[str, np.ndarray]] | None = None
     skipped: str | None = None
-    settings: Sequence[Mapping[str, Setting]] = field(default_factory=tuple)  # of each run
+    settings: Sequence[Mapping[str, SettingValue]] = field(default_factory=tuple)  # of each run
     added: Sequence[str] = ()  # effects that it lacks and gets as the analytic model's difference
 
 
@@ -59,7 +59,7 @@ def lacking(name: str, terms: Sequence[Term]) -> list[Term]:
     return [t for t in terms if not t.effect.simulated_by(engine(name))]
 
 
-def simulate(task: Task) -> tuple[dict[str, np.ndarray], str, Mapping[str, Setting]] | str:
+def simulate(task: Task) -> tuple[dict[str, np.ndarray], str, Mapping[str, SettingValue]] | str:
     """Readings (N,) by signal, the engine's version and settings; or why the engine could not."""
     try:
         chosen = engine(task.engine)

@@ -19,7 +19,7 @@ from compare.judge.tolerances import (
     known_differences,
     load_tolerances,
 )
-from sim_models.engine import JointModel, Motion, Setting
+from sim_models.engine import JointModel, Motion, SettingValue
 
 __all__ = [
     "Difference", "Discrepancy", "Rule", "Scales", "ToleranceError", "Tube",
@@ -274,14 +274,14 @@ def _joint(signal: Signal) -> str:
     return signal.place if signal.kind == "clearance" else ""
 
 
-def contact_stiffness(settings: Mapping[str, Setting]) -> float:
+def contact_stiffness(settings: Mapping[str, SettingValue]) -> float:
     """Stiffness (N/m) of a run's contact; infinite where its settings give no single number."""
     found = settings.get("contact_stiffness")
     return float(found) if isinstance(found, int | float) else np.inf
 
 
 def contact_give(
-    settings: Mapping[str, Setting], clearances: Iterable[str], simulated: Mapping[str, np.ndarray]
+    settings: Mapping[str, SettingValue], clearances: Iterable[str], simulated: Mapping[str, np.ndarray]
 ) -> float:
     """How far (m) the contact of a run yields under the peak force in the joints with clearance; 0 where rigid."""
     forces = (simulated[Signal("reaction", joint, "magnitude").name] for joint in clearances)

@@ -15,7 +15,7 @@ from analytic.mechanism.signals import Signal
 from compare.faults import OptionError
 from compare.quantities import Quantity, apart, quantities, shown
 from compare.results.crosscheck import CrossCheck, Discrepancy, Run
-from sim_models.engine import Setting
+from sim_models.engine import SettingValue
 
 Samples = Mapping[str, np.ndarray]
 SETTING_UNITS = {"contact_stiffness": "N/m", "contact_damping": "N.s/m", "step": "s"}
@@ -198,7 +198,7 @@ def _settings(run: Run) -> str:
     return ", ".join([*sizes, *rest]) or "no settings"
 
 
-def _value(value: Setting) -> str:
+def _value(value: SettingValue) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{name} {_value(item)}" for name, item in value.items())
     return f"{value:.6g}" if isinstance(value, int | float) else str(value)

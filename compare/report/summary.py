@@ -14,7 +14,7 @@ from analytic.mechanism import Mechanism
 from compare.quantities import Quantity, key_signals, number, plain, quantities, shown
 from compare.results import crosscheck as results
 from compare.results.crosscheck import CrossCheck
-from sim_models.engine import Setting
+from sim_models.engine import SettingValue
 
 REAL = ("contact", "spring-damper", "massless-link", "ideal")  # joint models, the most real first
 WORDS = {
@@ -98,7 +98,7 @@ class Run:
     flags: tuple[tuple[str, str], ...]  # where, why
     free: tuple[tuple[str, float], ...]  # joint, per cent of the time without contact
     order: tuple[Order, ...]
-    settings: Mapping[str, Setting]
+    settings: Mapping[str, SettingValue]
     reason: str = ""  # why nothing could be compared
     because: str = ""  # why it disagrees
     assumption: str = ""  # and which assumption of the analytic model that is

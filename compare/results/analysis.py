@@ -14,7 +14,7 @@ from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.crosscheck import Index, MetresByJoint, OrderDifference, Path, Signals, Simulator
 from compare.results.document import Document, Grid, Mechanism, Row, Share, Text, listed
-from sim_models.engine import JointModel, Motion, Setting
+from sim_models.engine import JointModel, Motion, SettingValue
 
 
 class _Side(Document):
@@ -100,7 +100,7 @@ class Simulation(_Side):
 
     simulator: Simulator
     joint_model: JointModel
-    settings: Annotated[Mapping[str, Setting], Field(description="The numbers that the engine used.")]
+    settings: Annotated[Mapping[str, SettingValue], Field(description="The numbers that the engine used.")]
     time: Annotated[Grid | None, Field(description="s, in driven runs")] = None
     journal: Annotated[Mapping[str, Path], Field(description="Path (m) of each pin in its bearing, densely sampled.")]
     free_share: Annotated[

@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, FiniteFloat, model_vali
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.document import Document, Grid, Mechanism, Number, Part, Row, Series, Share, Text, listed
-from sim_models.engine import Cause, JointModel, Motion, Setting
+from sim_models.engine import Cause, JointModel, Motion, SettingValue
 
 Verdict = Literal["agrees", "disagrees", "unjudged"]
 Unit = Literal["rad", "N", "m", "N.m"]
@@ -103,7 +103,7 @@ class Run(Part):
     clearance: MetresByJoint
     analytic_model: Model
     settings: Annotated[
-        Mapping[str, Setting],
+        Mapping[str, SettingValue],
         Field(
             description="The numbers that the engine used, such as contact_stiffness (N/m), contact_damping (N.s/m),"
             " contact_law and step (s; null where nothing steps); others than these are its own."

@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 from analytic.mechanism.signals import Signal, named, wrapped
 from compare.results.crosscheck import Simulator
 from compare.results.document import Amount, Document, Grid, Mechanism, Number, Part, Row, Series, Text, listed
-from sim_models.engine import Setting
+from sim_models.engine import SettingValue
 
 Verdict = Literal["no gap", "explained", "partly explained", "unexplained", "ambiguous"]
 Status = Literal["named", "tied", "not needed", "not physical", "invisible", "excluded"]
@@ -131,7 +131,7 @@ class Engine(Part):
         Field(description="Effects that it lacks and got as the difference that they make in the analytic model."),
     ]
     settings: Annotated[
-        Mapping[str, Mapping[str, Setting]],
+        Mapping[str, Mapping[str, SettingValue]],
         Field(description="By run, the numbers with which it was set: step, contact law, solver."),
     ]
 

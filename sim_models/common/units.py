@@ -21,7 +21,7 @@ from analytic.mechanism.signals import Unit, named
 from sim_models.common.contact_laws import default_stiffness, heaviest, longest, power_of_two, turning_rate
 from sim_models.common.failed_starts import TooSoft
 from sim_models.common.weights import with_equal_masses
-from sim_models.engine import Cause, Rates, Request, Setting, SimulationError, Trace
+from sim_models.engine import Cause, Rates, Request, SettingValue, SimulationError, Trace
 
 # What an engine is at home with, in SI: where a linkage lies within, its units are SI's; else it is brought to the
 # middle.
@@ -177,7 +177,7 @@ class Units:
         speed, acceleration, turning = (self.size(d) for d in (SPEED, ACCELERATION, TURNING))
         return Rates(r.velocity * speed, r.acceleration * acceleration, r.angular_acceleration * turning)
 
-    def _setting(self, name: str, value: Setting) -> Setting:
+    def _setting(self, name: str, value: SettingValue) -> SettingValue:
         if name not in SETTINGS:
             return value
         size = self.size(SETTINGS[name])

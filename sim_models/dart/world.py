@@ -22,7 +22,7 @@ from analytic.mechanism import GROUND, Joint
 from sim_models.common.start import Pose, poses
 from sim_models.common.tree import Branch
 from sim_models.dart.contact import FLOOR, Bearing, plane, rebound, vector
-from sim_models.engine import Request, Setting
+from sim_models.engine import Request, SettingValue
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.parts import coordinates, moving_body, spanning_tree
 
@@ -87,7 +87,7 @@ class DartWorld(LeapfrogWorld):
         if request.joint_model == "contact":
             self.bearings = {name: self._bearing(name, FLOOR * k) for k, name in enumerate(self.pins, 1)}
 
-    def settings(self) -> dict[str, Setting]:
+    def settings(self) -> dict[str, SettingValue]:
         if not self.bearings:
             return super().settings()
         return {

@@ -27,7 +27,7 @@ from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
 from sim_models.common.motor import motor_of, report_times
 from sim_models.common.start import poses
-from sim_models.engine import Cause, Request, Setting, SimulationError, Trace, Unsupported, installed_version
+from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace, Unsupported, installed_version
 from sim_models.exudyn.beam_model import (
     BeamModel,
     Element,
@@ -101,7 +101,7 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
         )
     size = beams.clearance
     gaps = {name: np.column_stack([signals[f"clearance_{name}_{axis}"] for axis in "xy"]) for name in size}
-    used: dict[str, Setting] = {
+    used: dict[str, SettingValue] = {
         "solver": "static Newton",
         "step": None,
         "links": f"{element} beams",

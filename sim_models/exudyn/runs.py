@@ -17,7 +17,7 @@ from sim_models.common.start import check_steps, poses, substeps
 from sim_models.engine import (
     Cause,
     Request,
-    Setting,
+    SettingValue,
     SimulationError,
     Trace,
     installed_version,
@@ -215,9 +215,9 @@ class ExudynRun:
             rates=sampled.rates(),
         )
 
-    def settings(self, step: float | None) -> dict[str, Setting]:
+    def settings(self, step: float | None) -> dict[str, SettingValue]:
         r = self.request
-        used: dict[str, Setting] = {
+        used: dict[str, SettingValue] = {
             "solver": "static Newton" if r.motion == "static" else "trapezoidal rule, index 2",
             "step": step,
         }

@@ -20,7 +20,7 @@ from sim_models.common.motor import drive_stiffness, motor_of
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
-from sim_models.engine import Request, Setting, Unsupported
+from sim_models.engine import Request, SettingValue, Unsupported
 from sim_models.leapfrog.courses import Grid
 from sim_models.leapfrog.laws import JointLaws
 from sim_models.leapfrog.parts import Pin
@@ -137,7 +137,7 @@ class LeapfrogWorld(ABC):
         """Whether a pin's depth in its bearing is part of its equilibrium, rather than given."""
         return self.request.joint_model == "spring-damper"
 
-    def settings(self) -> dict[str, Setting]:
+    def settings(self) -> dict[str, SettingValue]:
         """The numbers used, for Trace."""
         if not self.compliant or not self.pins:
             return {}

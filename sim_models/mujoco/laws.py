@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from sim_models.common.contact_laws import DAMPING_RATIO, contact_parameters, damping_ratio, lighter_mass
-from sim_models.engine import Request, Setting
+from sim_models.engine import Request, SettingValue
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def contact_laws(request: Request) -> dict[str, Contact]:
     return laws
 
 
-def law_settings(request: Request, laws: Mapping[str, Contact]) -> dict[str, Setting]:
+def law_settings(request: Request, laws: Mapping[str, Contact]) -> dict[str, SettingValue]:
     """What the joints with clearance were made of: the law in words, the softest stiffness, each joint's damping, a
     hard one's longest bounce (s).
     """
@@ -60,7 +60,7 @@ def law_settings(request: Request, laws: Mapping[str, Contact]) -> dict[str, Set
         return {"contact_law": "massless link of fixed length, pulls and pushes"} if laws else {}
     soft = [law for law in laws.values() if not law.hard]
     words = {law.words for law in laws.values()}
-    settings: dict[str, Setting] = {"contact_law": "; ".join(sorted(words))}
+    settings: dict[str, SettingValue] = {"contact_law": "; ".join(sorted(words))}
     bounces = [math.pi * law.hard[0] for law in laws.values() if law.hard]
     if bounces:
         settings["bounce_time"] = max(bounces)

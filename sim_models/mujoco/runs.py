@@ -15,7 +15,7 @@ from sim_models.common.journal import free_share
 from sim_models.common.motor import Motor, motor_of, report_times
 from sim_models.common.rates import part_rates
 from sim_models.common.start import poses
-from sim_models.engine import Cause, Request, Setting, SimulationError, Trace
+from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace
 from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.laws import contact_laws, law_settings
 from sim_models.mujoco.march import Log, march
@@ -189,7 +189,7 @@ class MujocoRun:
         v = (derivative(STENCIL) @ around)[2] * self.request.start_speed
         signals, log, step = self.run(theta, (q, v), lambda step: (q, v), step, time[order], float(time[order[0]]))
         columns = {name: _scatter(values, order) for name, values in signals.items()}
-        settings: dict[str, Setting] = {"step": step, "start": "released", "start_speed": self.request.start_speed}
+        settings: dict[str, SettingValue] = {"step": step, "start": "released", "start_speed": self.request.start_speed}
         return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
 
     def gaps_at_release(self, near: Equilibria, theta: float) -> dict[str, complex]:
@@ -233,7 +233,7 @@ class MujocoRun:
         time: np.ndarray | None,
         signals: Mapping[str, np.ndarray],
         log: Log,
-        settings: Mapping[str, Setting],
+        settings: Mapping[str, SettingValue],
     ) -> Trace:
         signals, rates = part_rates(signals)
         times = np.array(log.times) if log.times else None

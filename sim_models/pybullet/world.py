@@ -25,7 +25,7 @@ from analytic.mechanism import GROUND, MASS_CENTRE
 from sim_models.common.contact_laws import lighter_mass
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.tree import Branch
-from sim_models.engine import Cause, Request, Setting, SimulationError
+from sim_models.engine import Cause, Request, SettingValue, SimulationError
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.parts import coordinates, moving_body, spanning_tree
 from sim_models.leapfrog.rates import body_rates
@@ -94,7 +94,7 @@ class BulletWorld(LeapfrogWorld):
     def close(self) -> None:
         self.p.disconnect(physicsClientId=self.client)
 
-    def settings(self) -> dict[str, Setting]:
+    def settings(self) -> dict[str, SettingValue]:
         laws = {
             "contact": "rigid, one-sided limit of a strut",
             "massless-link": "rigid, a strut of the clearance's length",
