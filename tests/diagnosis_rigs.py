@@ -15,7 +15,7 @@ import shared
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.signals import named as named_signals
-from compare.diagnose.data.recording import Channel, Measured, Run
+from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.workflow import diagnose
 from compare.evidence.scoreboard.hidden import Hidden
 from compare.evidence.scoreboard.record import recorded, with_noise
@@ -110,7 +110,7 @@ def released(
             for s, sigma in noise.items()
         }
         runs.append(
-            Run(
+            MeasuredRun(
                 f"swing-{k + 1}",
                 time,
                 channels,

@@ -12,7 +12,7 @@ import tomli_w
 
 
 @dataclass(frozen=True)
-class MeasuredRun:
+class RunTable:
     """A run to write: ``time`` (N,) s, ``columns`` of header (``crank_angle [deg]``) to values (N,) in that unit, NaN
     for an empty cell, and ``fields``, the other entries of its ``[[run]]`` (``drive_speed``, ``noise``, ``load``, ...).
     """
@@ -31,7 +31,7 @@ def csv_text(time: np.ndarray, columns: Mapping[str, np.ndarray], digits: int = 
 
 
 def write_measured(
-    folder: Path, mechanism: str, runs: Sequence[MeasuredRun], tolerance: Mapping[str, float] | None = None
+    folder: Path, mechanism: str, runs: Sequence[RunTable], tolerance: Mapping[str, float] | None = None
 ) -> Path:
     """Write nominal.toml (``mechanism``, TOML text), a CSV file for each run and measured.toml; returns the path of the
     last.

@@ -19,7 +19,7 @@ import commands
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load, shipped_cases
 from compare.evidence.baseline.check import check_one, file_of, update_one
-from compare.evidence.baseline.file import Baseline, BaselineError, Run, Tolerance, read, write
+from compare.evidence.baseline.file import Baseline, BaselineError, StoredRun, Tolerance, read, write
 from compare.evidence.baseline.moved import fits, moved
 from compare.evidence.baseline.runs import setups
 from compare.report.baselines import lines
@@ -276,7 +276,7 @@ def test_what_an_engine_does_not_support_is_listed_with_the_reason(tmp_path: Pat
         check(tmp_path, more)
 
 
-TABLE = Run(
+TABLE = StoredRun(
     "contact, static",
     {},
     ("crank_angle [deg]", "reaction_B_angle [deg]", "reaction_B_magnitude [N]"),
@@ -303,7 +303,7 @@ def test_a_direction_that_is_lost_or_turns_up_has_moved_but_for_a_force_at_the_v
 
 
 def test_averages_have_tolerances_of_their_own() -> None:
-    average = Run("contact, impacting", {}, ("reaction_B_rms [N]", "free_share_B [1]"), np.array([[50.0, 0.7]]))
+    average = StoredRun("contact, impacting", {}, ("reaction_B_rms [N]", "free_share_B [1]"), np.array([[50.0, 0.7]]))
     assert moved(average, replace(average, rows=np.array([[55.0, 0.8]])), Tolerance()) == []
     lines = [each.sentence for each in moved(average, replace(average, rows=np.array([[70.0, 0.1]])), Tolerance())]
     assert lines[0].startswith("contact, impacting: reaction_B_rms moved by +20 N from 50 N over the run")
@@ -315,14 +315,14 @@ def test_averages_have_tolerances_of_their_own() -> None:
 
 def test_a_file_reads_back_as_it_was_written() -> None:
     rows = np.array([[20.0, -135.123449, 12.34567891], [25.0, np.nan, 0.0], [30.0, -0.00001, 1.0]])
-    table = Run(
+    table = StoredRun(
         "contact, static", {"clearance": {"B": 5e-4}, "load": [{"body": "crank", "torque": -2.0}]}, TABLE.columns, rows
     )
     stored = Baseline(
         'a "case"',
         "mujoco",
         "4.0.0",
-        (table, Run("massless-link, static", {}, skipped='no "rubber"')),
+        (table, StoredRun("massless-link, static", {}, skipped='no "rubber"')),
         Tolerance(angle=0.004),
     )
     text = write(stored, "compare baseline check")

@@ -15,12 +15,12 @@ from analytic.mechanism.signals import Signal
 from compare.diagnose import prepare
 from compare.diagnose.data import quality
 from compare.diagnose.data.measured import load_measured
-from compare.diagnose.data.recording import Channel, Run
+from compare.diagnose.data.recording import Channel, MeasuredRun
 from compare.diagnose.data.smooth import Smoother
 from compare.diagnose.data.thin import missed, picked
 from compare.evidence.scoreboard.rigs import Plan
 from diagnosis_rigs import diagnosed, experiment, readings, wrong
-from measured_files import MeasuredRun, write_measured
+from measured_files import RunTable, write_measured
 
 COUNTS = (None, 200, 2000)  # per revolution
 NOISE = (0.0, 1e-4, 1e-2)  # rad
@@ -42,9 +42,9 @@ def read(angle: np.ndarray, counts: int | None, noise: float, seed: int = 0) -> 
     return np.round(seen / step) * step if step else seen, math.hypot(noise, step / math.sqrt(12), 1e-7)
 
 
-def run_of(time: np.ndarray, values: np.ndarray) -> Run:
+def run_of(time: np.ndarray, values: np.ndarray) -> MeasuredRun:
     channel = Channel(Signal("pose", "crank", "angle"), values, quality.noise(time, values), False, "rad")
-    return Run("a", time, {"crank_angle": channel}, "measured", None, None, {}, None, False, "a.csv")
+    return MeasuredRun("a", time, {"crank_angle": channel}, "measured", None, None, {}, None, False, "a.csv")
 
 
 def rms(values: np.ndarray) -> float:
@@ -165,7 +165,7 @@ def coarse(tmp_path_factory: pytest.TempPathFactory) -> Path:
     step = 360 / 1000
     columns = {f"{s} [deg]": np.degrees(v) for s, v in seen.items()}
     columns["crank_angle [deg]"] = np.round(columns["crank_angle [deg]"] / step) * step
-    run = MeasuredRun("coarse", rig.plans[0].time, columns, {"drive": "measured"})
+    run = RunTable("coarse", rig.plans[0].time, columns, {"drive": "measured"})
     return write_measured(tmp_path_factory.mktemp("coarse"), dumps(rig.nominal), [run])
 
 

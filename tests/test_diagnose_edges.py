@@ -15,7 +15,7 @@ import pytest
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import dumps, load
 from compare.diagnose.data.measured import load_measured
-from compare.diagnose.data.recording import Measured, MeasuredError, Run
+from compare.diagnose.data.recording import Measured, MeasuredError, MeasuredRun
 from compare.diagnose.data.thin import picked
 from compare.diagnose.prepare import thinned
 from compare.results.diagnosis import Located
@@ -32,7 +32,7 @@ from diagnosis_rigs import (
     turn,
     wrong,
 )
-from measured_files import MeasuredRun, write_measured
+from measured_files import RunTable, write_measured
 from sample_diagnosis import as_document, sample_diagnosis
 
 PENDULUM = load("pendulum")
@@ -81,7 +81,7 @@ def test_a_clock_that_does_not_begin_at_zero_changes_nothing(tmp_path: Path) -> 
     angle = 0.3 * np.cos(6.0 * TIME) + 1e-3 * rng.standard_normal(TIME.size)
     found = []
     for late in (0.0, 50.0):
-        run = MeasuredRun("swing", TIME + late, {"pendulum_angle [rad]": angle}, {"drive": "free"})
+        run = RunTable("swing", TIME + late, {"pendulum_angle [rad]": angle}, {"drive": "free"})
         found.append(load_measured(write_measured(tmp_path / f"{late:g}", dumps(PENDULUM), [run])).runs[0].start)
     assert found[1] == pytest.approx(found[0], abs=1e-6)
     assert found[1]["pendulum_angle"] == pytest.approx(0.3, abs=0.01)
@@ -105,7 +105,7 @@ def test_clearance_is_found_in_driven_runs_though_another_run_is_free() -> None:
 
 def test_a_start_needs_the_driven_bodys_angle(tmp_path: Path) -> None:
     columns = {"follower_angle [rad]": 1.0 + 0.1 * np.sin(TIME)}
-    run = MeasuredRun("swing", TIME, columns, {"drive": "free", "start": {"follower_angle": 1.0}})
+    run = RunTable("swing", TIME, columns, {"drive": "free", "start": {"follower_angle": 1.0}})
     with pytest.raises(MeasuredError, match="give crank_angle, from which the others follow"):
         load_measured(write_measured(tmp_path, dumps(load("crank-rocker")), [run]))
 
@@ -124,7 +124,7 @@ def test_a_pendulum_whose_pivot_is_its_only_point_has_a_size() -> None:
 # ---------------------------------------------------------------- samples
 
 
-def two_rates(drive: str = "speed") -> Run:
+def two_rates(drive: str = "speed") -> MeasuredRun:
     """A run in which the follower's sensor is read at one row in four, never at the rows that a thinning by two or four
     would keep.
     """
@@ -165,13 +165,13 @@ def test_a_coarse_encoder_turns_as_it_is_told_to(step: float, tmp_path: Path) ->
     time = np.linspace(0.0, 2 * np.pi / 6.0, 999)
     coarse = step * np.round(np.degrees(0.4 + 6.0 * time) / step)
     columns = {"crank_angle [deg]": coarse, "follower_angle [rad]": np.sin(time)}
-    run = MeasuredRun("slow", time, columns, {"drive_speed": 6.0, "drive_angle": 0.4})
+    run = RunTable("slow", time, columns, {"drive_speed": 6.0, "drive_angle": 0.4})
     assert load_measured(write_measured(tmp_path, dumps(load("crank-rocker")), [run])).runs[0].speed == 6.0
 
 
 def test_crank_angle_stands_for_the_driven_bodys_angle_whatever_its_name(tmp_path: Path) -> None:
     columns = {"crank_angle [deg]": np.degrees(0.3 * np.cos(6.0 * TIME))}
-    run = MeasuredRun(
+    run = RunTable(
         "swing", TIME, columns, {"drive": "free", "start": {"crank_angle": 0.3}, "noise": {"crank_angle": 1e-3}}
     )
     found = load_measured(write_measured(tmp_path, dumps(PENDULUM), [run])).runs[0]
@@ -213,7 +213,7 @@ def test_a_load_cell_is_not_mounted_farther_round_than_the_tolerance() -> None:
 @pytest.mark.parametrize("key", ["drive_compliance.stiffness", "youngs_modulus", "rest_angle"])
 def test_a_tolerance_that_would_bound_nothing_is_refused(key: str, tmp_path: Path) -> None:
     columns = {"follower_angle [rad]": np.sin(TIME)}
-    run = MeasuredRun("slow", TIME, columns, {"drive_speed": 4.0})
+    run = RunTable("slow", TIME, columns, {"drive_speed": 4.0})
     with pytest.raises(MeasuredError, match="bounds nothing"):
         load_measured(write_measured(tmp_path, dumps(load("crank-rocker")), [run], {key: 5.0}))
 

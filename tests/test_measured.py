@@ -23,7 +23,7 @@ from compare.diagnose.data.recording import Measured
 from compare.diagnose.data.table import _cell_by_cell, read_table
 from compare.diagnose.data.units import ACCEPTED, SI, UnitError, factor, readable
 from compare.judge.signals import with_derived
-from measured_files import MeasuredRun, csv_text, write_measured
+from measured_files import RunTable, csv_text, write_measured
 
 CRANK_ROCKER = load("crank-rocker")
 SPEED = CRANK_ROCKER.speed or 0.0
@@ -41,7 +41,7 @@ def signals(samples: int = 73, turns: float = 1.0) -> tuple[np.ndarray, dict[str
 def one(folder: Path, time: np.ndarray, columns: dict[str, np.ndarray], **fields: object) -> Measured:
     return load_measured(
         write_measured(
-            folder, TEXT, [MeasuredRun("a", time, columns, {"drive_speed": SPEED, "drive_angle": 0.0, **fields})]
+            folder, TEXT, [RunTable("a", time, columns, {"drive_speed": SPEED, "drive_angle": 0.0, **fields})]
         )
     )
 
@@ -115,7 +115,7 @@ def test_every_offered_unit_is_accepted() -> None:
 
 def test_data_in_si_do_not_wait_for_pint(tmp_path: Path) -> None:
     time, exact = signals()
-    path = write_measured(tmp_path, TEXT, [MeasuredRun("a", time, {"follower_angle [rad]": exact["follower_angle"]})])
+    path = write_measured(tmp_path, TEXT, [RunTable("a", time, {"follower_angle [rad]": exact["follower_angle"]})])
     code = (
         "import sys, pathlib; from compare.diagnose.data.measured import load_measured as f;"
         " f(pathlib.Path(sys.argv[1]))"
@@ -210,10 +210,10 @@ def test_a_run_takes_from_the_mechanism_what_it_leaves_out(tmp_path: Path) -> No
     time, exact = signals()
     columns = {"crank_angle [rad]": exact["crank_angle"], "drive_torque [N.m]": exact["drive_torque"]}
     runs = [
-        MeasuredRun("own speed", time, columns),
-        MeasuredRun("given", time, columns, {"drive_speed": 30.0, "drive_angle": 0.5, "from_rest": True, "load": []}),
-        MeasuredRun("followed", time, columns, {"drive": "measured", "load": [{"body": "follower", "torque": 0.5}]}),
-        MeasuredRun("released", time, columns, {"drive": "free", "start": {"crank_angle": 0.25}}),
+        RunTable("own speed", time, columns),
+        RunTable("given", time, columns, {"drive_speed": 30.0, "drive_angle": 0.5, "from_rest": True, "load": []}),
+        RunTable("followed", time, columns, {"drive": "measured", "load": [{"body": "follower", "torque": 0.5}]}),
+        RunTable("released", time, columns, {"drive": "free", "start": {"crank_angle": 0.25}}),
     ]
     own, given, followed, released = load_measured(write_measured(tmp_path, TEXT, runs)).runs
     assert (own.drive, own.speed, own.angle, own.loads, own.from_rest) == (
@@ -235,9 +235,7 @@ def test_a_run_takes_from_the_mechanism_what_it_leaves_out(tmp_path: Path) -> No
 def test_tolerances_are_quantities_parameters_or_parameters_of_an_effect(tmp_path: Path) -> None:
     time, exact = signals()
     given = {"mass": 0.01, "radial_clearance": 1e-4, "sensor_bias.bias": 0.0}
-    path = write_measured(
-        tmp_path, TEXT, [MeasuredRun("a", time, {"drive_torque [N.m]": exact["drive_torque"]})], given
-    )
+    path = write_measured(tmp_path, TEXT, [RunTable("a", time, {"drive_torque [N.m]": exact["drive_torque"]})], given)
     assert load_measured(path).tolerance == given
     path.write_text(path.read_text().replace('"sensor_bias.bias" = 0.0', "sensor_bias.bias = 0.0"))
     assert load_measured(path).tolerance == given
@@ -524,7 +522,7 @@ def test_a_long_run_is_thinned_and_its_noise_kept(tmp_path: Path) -> None:
 def test_reading_is_the_same_every_time(tmp_path: Path) -> None:
     time, exact = signals()
     path = write_measured(
-        tmp_path, TEXT, [MeasuredRun("a", time, {"follower_angle [deg]": np.degrees(exact["follower_angle"])})]
+        tmp_path, TEXT, [RunTable("a", time, {"follower_angle [deg]": np.degrees(exact["follower_angle"])})]
     )
     first, second = (load_measured(path).runs[0].channels["follower_angle"] for _ in range(2))
     np.testing.assert_array_equal(first.values, second.values)
@@ -540,7 +538,7 @@ def test_a_million_rows_are_read_in_bounded_memory(tmp_path: Path) -> None:
         f"{s} [{_si(s)}]": np.tile(exact[s], rows // 1000) + 1e-3 * (k % 7)
         for s in ("follower_angle", "drive_torque", "reaction_B_x")
     }
-    path = write_measured(tmp_path, TEXT, [MeasuredRun("a", k * (time[1] - time[0]), columns, {"drive_speed": SPEED})])
+    path = write_measured(tmp_path, TEXT, [RunTable("a", k * (time[1] - time[0]), columns, {"drive_speed": SPEED})])
     code = (
         "import sys, pathlib; from compare.diagnose.data.measured import load_measured as f; run ="
         " f(pathlib.Path(sys.argv[1])).runs[0];"

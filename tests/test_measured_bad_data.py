@@ -11,7 +11,7 @@ from analytic.mechanism.file import dumps, load
 from compare.diagnose.data import measured, table
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import MeasuredError
-from measured_files import MeasuredRun, write_measured
+from measured_files import RunTable, write_measured
 
 CRANK_ROCKER = load("crank-rocker")
 SPEED = CRANK_ROCKER.speed or 0.0
@@ -39,7 +39,7 @@ def rig(folder: Path, data: str | bytes = GOOD, **fields: object) -> Path:
     path = write_measured(
         folder,
         TEXT,
-        [MeasuredRun("slow", TIME, {"crank_angle [rad]": ANGLE}, {k: v for k, v in entry.items() if v is not None})],
+        [RunTable("slow", TIME, {"crank_angle [rad]": ANGLE}, {k: v for k, v in entry.items() if v is not None})],
     )
     (folder / "slow.csv").write_bytes(data.encode() if isinstance(data, str) else data)
     return path
@@ -183,13 +183,13 @@ def test_rows_without_the_encoder_that_a_run_follows_are_left_out_and_said(tmp_p
     fields = {"drive": "measured"}
     columns = {"crank_angle [rad]": ANGLE.copy(), "follower_x [m]": np.sin(3 * TIME)}
     columns["crank_angle [rad]"][[0, 1, 2, *range(15, 25), 38, 39]] = np.nan
-    found = load_measured(write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, columns, fields)]))
+    found = load_measured(write_measured(tmp_path, TEXT, [RunTable("a", TIME, columns, fields)]))
     assert found.runs[0].time.tolist() == pytest.approx([t for k, t in enumerate(TIME) if 3 <= k < 15 or 25 <= k < 38])
     (fault,) = [f for f in found.faults if f.kind == "absent"]
     assert (fault.signal, fault.samples) == ("crank_angle", 15)
     assert "follows crank_angle, which is absent for a while from 0 s; 15 rows" in fault.text
     columns["crank_angle [rad]"] = np.where(np.arange(40) % 3 == 0, ANGLE, np.nan)
-    kept = load_measured(write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, columns, fields)]))
+    kept = load_measured(write_measured(tmp_path, TEXT, [RunTable("a", TIME, columns, fields)]))
     assert kept.runs[0].time.size == 40
 
 
@@ -322,7 +322,7 @@ def test_fields_of_the_file(tmp_path: Path, old: str, new: str, says: list[str])
 
 
 def test_two_runs_of_one_name(tmp_path: Path) -> None:
-    run = MeasuredRun("slow", TIME, {"follower_x [m]": np.sin(TIME)})
+    run = RunTable("slow", TIME, {"follower_x [m]": np.sin(TIME)})
     assert "run 'slow' is there 2 times" in refused(write_measured(tmp_path, TEXT, [run, run]))
 
 
@@ -351,7 +351,7 @@ def test_a_run_that_follows_an_encoder_needs_one_that_moves_and_something_beside
         {"follower_x [m]": np.sin(TIME)},
     )
     for columns, says in ((still, "does not move"), (only, "besides the encoder"), (none, "no column 'crank_angle'")):
-        assert says in refused(write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, columns, fields)]))
+        assert says in refused(write_measured(tmp_path, TEXT, [RunTable("a", TIME, columns, fields)]))
 
 
 def test_the_encoder_has_its_bodys_name(tmp_path: Path) -> None:
@@ -365,7 +365,7 @@ def test_the_encoder_has_its_bodys_name(tmp_path: Path) -> None:
 
 def test_a_lone_constant_sensor(tmp_path: Path) -> None:
     path = write_measured(
-        tmp_path, TEXT, [MeasuredRun("a", TIME, {"drive_torque [N.m]": np.full(40, 0.25)}, {"drive_speed": SPEED})]
+        tmp_path, TEXT, [RunTable("a", TIME, {"drive_torque [N.m]": np.full(40, 0.25)}, {"drive_speed": SPEED})]
     )
     message = refused(path)
     assert "no usable signal" in message
@@ -384,7 +384,7 @@ def test_a_lone_constant_sensor(tmp_path: Path) -> None:
 def test_a_speed_in_another_unit_contradicts_the_encoder(tmp_path: Path, column: str, factor: float, says: str) -> None:
     rng = np.random.default_rng(1)
     noisy = {f"crank_angle [{column}]": ANGLE + 1e-3 * rng.normal(size=40)}
-    message = refused(write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, noisy, {"drive_speed": SPEED * factor})]))
+    message = refused(write_measured(tmp_path, TEXT, [RunTable("a", TIME, noisy, {"drive_speed": SPEED * factor})]))
     assert f"drive_speed = {SPEED * factor:g} rad/s" in message
     assert says in message
 
@@ -392,14 +392,14 @@ def test_a_speed_in_another_unit_contradicts_the_encoder(tmp_path: Path, column:
 def test_degrees_that_are_called_radians_contradict_the_speed(tmp_path: Path) -> None:
     columns = {"crank_angle [rad]": np.degrees(ANGLE) % 360}
     assert "the column looks like degrees" in refused(
-        write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, columns, {"drive_speed": SPEED})])
+        write_measured(tmp_path, TEXT, [RunTable("a", TIME, columns, {"drive_speed": SPEED})])
     )
 
 
 def test_a_speed_a_little_off_is_for_the_diagnosis_to_explain(tmp_path: Path) -> None:
     columns = {"crank_angle [rad]": 1.1 * ANGLE}
     assert (
-        load_measured(write_measured(tmp_path, TEXT, [MeasuredRun("a", TIME, columns, {"drive_speed": SPEED})]))
+        load_measured(write_measured(tmp_path, TEXT, [RunTable("a", TIME, columns, {"drive_speed": SPEED})]))
         .runs[0]
         .speed
         == SPEED
@@ -409,7 +409,7 @@ def test_a_speed_a_little_off_is_for_the_diagnosis_to_explain(tmp_path: Path) ->
 def test_a_followed_motion_that_thinning_would_lose_is_refused(tmp_path: Path) -> None:
     time = np.arange(2 * measured.SAMPLES + 10) * 1e-3
     columns = {"crank_angle [rad]": np.sin(700 * time), "drive_torque [N.m]": np.cos(time)}
-    message = refused(write_measured(tmp_path, TEXT, [MeasuredRun("a", time, columns, {"drive": "measured"})]))
+    message = refused(write_measured(tmp_path, TEXT, [RunTable("a", time, columns, {"drive": "measured"})]))
     assert "cut the run into shorter ones" in message
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compare.diagnose.data.recording import Run
+from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.predict import Hypothesis, Model, Term
 from compare.diagnose.simulate import Simulated, Task, lacking, simulate
 from compare.sweep import spread
@@ -68,7 +68,7 @@ class Engines:
         """Whether the links bend and an engine has no beams."""
         return self.model.mechanism.bends and engine(name).capabilities.beams is None
 
-    def task(self, name: str, run: Run, hypothesis: Hypothesis) -> Task:
+    def task(self, name: str, run: MeasuredRun, hypothesis: Hypothesis) -> Task:
         """One run for one engine, without the effects that it lacks."""
         lacks = lacking(name, [t for t, _ in hypothesis])
         able = [h for h in hypothesis if h[0] not in lacks]

@@ -12,7 +12,7 @@ import numpy as np
 
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.signals import AXES, POSE, Signal, Unit
-from compare.diagnose.data.recording import Channel, Measured, Run
+from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.effects.effect import Readings, Rig
 from compare.diagnose.fit import Fit, bridged, hypothesis, without_columns
 from compare.diagnose.predict import Model
@@ -31,7 +31,7 @@ class Trial:
     """A run that could be made: in words, and as it would stand in measured.toml."""
 
     words: str
-    run: Run
+    run: MeasuredRun
     sensor: str = ""  # that is not there yet
 
     def as_toml(self, measured: Measured) -> str:
@@ -87,7 +87,7 @@ class Variations:
     (rad/s) that have been run.
     """
 
-    base: Run
+    base: MeasuredRun
     rig: Rig
     taken: Collection[float | None]
 
@@ -147,7 +147,7 @@ def _sensors(mechanism: Mechanism) -> list[Signal]:
 
 
 def _apart(
-    model: Model, noise: dict[tuple[str, str], float], one: Fit, other: Fit, run: Run
+    model: Model, noise: dict[tuple[str, str], float], one: Fit, other: Fit, run: MeasuredRun
 ) -> tuple[float, dict[str, float]]:
     """Sigmas between two fits if the run were made too, after the second has been fitted to data and run again; the
     noise taken for it.
@@ -194,7 +194,7 @@ def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)  # which is a string of TOML too
 
 
-def as_toml(run: Run) -> str:
+def as_toml(run: MeasuredRun) -> str:
     """A run as a [[run]] of measured.toml."""
     lines = ["[[run]]", f"name = {_quoted(run.name)}", f"file = {_quoted(file_name(run.name) + '.csv')}"]
     if run.drive == "speed":

@@ -22,7 +22,7 @@ from analytic.paper.compliance import compliance
 from analytic.paper.frame import ComplianceError
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 from analytic.paper.superposition import superposed
-from compare.diagnose.data.recording import Measured, Run
+from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
 from compare.judge.grid import turns_fully
 from compare.judge.signals import with_derived
@@ -88,7 +88,7 @@ class Model:
         self._tables: dict[object, tuple[Assembly, Freedom] | None] = {}
         self._kept: OrderedDict[object, dict[str, np.ndarray]] = OrderedDict()
 
-    def altered(self, run: Run, hypothesis: Hypothesis) -> Mechanism:
+    def altered(self, run: MeasuredRun, hypothesis: Hypothesis) -> Mechanism:
         """The mechanism of a run with the effects of a hypothesis.  Raises Impossible."""
         return altered(self.mechanism if run.loads is None else self.mechanism.replace(loads=run.loads), hypothesis)
 
@@ -110,7 +110,7 @@ class Model:
                     found[i] = None
         return found
 
-    def readings(self, run: Run, hypothesis: Hypothesis, moved: Reactions | None) -> dict[str, np.ndarray]:
+    def readings(self, run: MeasuredRun, hypothesis: Hypothesis, moved: Reactions | None) -> dict[str, np.ndarray]:
         """What the sensors of a run read."""
         delays = {
             signal: sum(t.effect.delay(run.name, signal, t.where, v) for t, v in hypothesis) for signal in run.channels
@@ -130,7 +130,7 @@ class Model:
 
     # ---------------------------------------------------------------- driven runs
 
-    def signals(self, run: Run, hypothesis: Hypothesis, time: np.ndarray) -> dict[str, np.ndarray]:
+    def signals(self, run: MeasuredRun, hypothesis: Hypothesis, time: np.ndarray) -> dict[str, np.ndarray]:
         """All signals of a driven run at times (N,) s of its command, before any sensor."""
         offset = motor_offset(run, hypothesis)
         within = [(t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor]
@@ -142,7 +142,9 @@ class Model:
         self._kept.move_to_end(key)
         return self._kept[key]
 
-    def _signals(self, run: Run, mechanism: Mechanism, time: np.ndarray, offset: float) -> dict[str, np.ndarray]:
+    def _signals(
+        self, run: MeasuredRun, mechanism: Mechanism, time: np.ndarray, offset: float
+    ) -> dict[str, np.ndarray]:
         assembly = Assembly(mechanism)
         motor = self.motor(run, mechanism)
         stiffness = mechanism.drive.stiffness if mechanism.drive else None
@@ -155,7 +157,7 @@ class Model:
         signals = derived(assembly, crank)
         return signals | {self.rig.encoder: motor.at(time).theta - offset}
 
-    def motor(self, run: Run, mechanism: Mechanism) -> Motor:
+    def motor(self, run: MeasuredRun, mechanism: Mechanism) -> Motor:
         """The motor of a driven run."""
         if run.drive == "measured":
             return self.courses[run.name]
@@ -163,7 +165,7 @@ class Model:
 
     # ---------------------------------------------------------------- free runs
 
-    def released(self, run: Run, hypotheses: Sequence[Hypothesis]) -> list[Reactions | None]:
+    def released(self, run: MeasuredRun, hypotheses: Sequence[Hypothesis]) -> list[Reactions | None]:
         """The motion of a free run under each hypothesis, its joints without clearance; None where there is none."""
         tables = self._tables
         if len(tables) > TABLES:
@@ -194,7 +196,7 @@ class Model:
                 moved[i] = kinetostatics(kinematics(pair[0], theta, omega, alpha))
         return moved
 
-    def start(self, run: Run, hypothesis: Hypothesis) -> tuple[float, float]:
+    def start(self, run: MeasuredRun, hypothesis: Hypothesis) -> tuple[float, float]:
         """Angle (rad) and rate (rad/s) of the driven body that a free run starts from, at its first sample."""
         for term, values in hypothesis:
             if isinstance(term.effect, StartOfRun) and term.where == run.name:
@@ -202,7 +204,7 @@ class Model:
         raise LookupError(f"run {run.name!r} has no start")
 
 
-def motor_offset(run: Run, hypothesis: Hypothesis) -> float:
+def motor_offset(run: MeasuredRun, hypothesis: Hypothesis) -> float:
     """How far (rad) the motor is behind the encoder that it follows; zero in a run that does not follow one."""
     return sum(t.effect.motor_lag(run.name, v) for t, v in hypothesis) if run.drive == "measured" else 0.0
 

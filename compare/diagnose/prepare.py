@@ -17,7 +17,7 @@ from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import turned_near
 from compare.diagnose.data.quality import noise
-from compare.diagnose.data.recording import Fault, Measured, MeasuredError, Run
+from compare.diagnose.data.recording import Fault, Measured, MeasuredError, MeasuredRun
 from compare.diagnose.data.smooth import Smoother
 from compare.diagnose.data.thin import missed, picked
 from compare.diagnose.effects.effect import Effect, Parameter, Rig
@@ -72,7 +72,7 @@ def followed(measured: Measured) -> tuple[dict[str, Motor], Measured]:
     return courses, replace(measured, faults=(*measured.faults, *(fault for fault in strays if fault is not None)))
 
 
-def course(run: Run, encoder: str) -> Motor:
+def course(run: MeasuredRun, encoder: str) -> Motor:
     """The motor of a run that follows its encoder: a smoothing spline through the readings that there are."""
     values = run.channels[encoder].values
     known = np.isfinite(values)
@@ -83,7 +83,7 @@ def _through(time: np.ndarray, smooth: CubicSpline) -> Motor:
     return Motor(course=CubicSpline(time, smooth(time)))
 
 
-def strayed(run: Run, encoder: str, motor: Motor) -> Fault | None:
+def strayed(run: MeasuredRun, encoder: str, motor: Motor) -> Fault | None:
     """Where a course misses the encoder that it should follow by more than the encoder's noise and counts; None if it
     does nowhere.
     """
@@ -202,7 +202,7 @@ def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor])
     )
 
 
-def _swiftest(run: Run, signal: str) -> float:
+def _swiftest(run: MeasuredRun, signal: str) -> float:
     """Largest rate of an angle (rad/s), over a hundredth of the run, so that noise does not count."""
     here = np.flatnonzero(np.isfinite(run.channels[signal].values))
     lag = max(1, here.size // 100)

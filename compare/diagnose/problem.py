@@ -12,7 +12,7 @@ import numpy as np
 from analytic.mechanism import Mechanism
 from compare.diagnose import prepare
 from compare.diagnose.data.quality import suspicious_swaps, suspicious_units
-from compare.diagnose.data.recording import Measured, MeasuredError, Run
+from compare.diagnose.data.recording import Measured, MeasuredError, MeasuredRun
 from compare.diagnose.effects.effect import Effect, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.engines import Engines
@@ -367,7 +367,7 @@ class Problem:
         """The largest root mean square of a sensor's part of a residual (size,)."""
         return max((rms(residual[p.place]) for p in self.data.parts), default=0.0)
 
-    def crank_angle(self, run: Run) -> np.ndarray:
+    def crank_angle(self, run: MeasuredRun) -> np.ndarray:
         """The motor's commanded angle (N,) rad; in a free run the driven body's."""
         if run.drive == "free":
             found = self.model.released(run, [self.base.values(self.rig)])[0]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from compare.diagnose.data.recording import Run as Recording
+from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.experiment_design import would_separate
 from compare.diagnose.explain import Explanation, Named, left_of
 from compare.diagnose.fit import FOLDS, SEGMENTS, Fit
@@ -21,13 +21,13 @@ from compare.results.diagnosis import (
     Candidate,
     Channel,
     Closing,
+    DiagnosedRun,
     Diagnosis,
     Effect,
     Elsewhere,
     Engine,
     Located,
     Place,
-    Run,
     Status,
     Step,
 )
@@ -254,7 +254,7 @@ def _settings(problem: Problem, said: Simulated) -> dict[str, Mapping[str, Setti
     return {run.name: found for run, found in runs}
 
 
-def _run(problem: Problem, found: Verified, r: int, run: Recording) -> Run:
+def _run(problem: Problem, found: Verified, r: int, run: MeasuredRun) -> DiagnosedRun:
     before, after = found.before[problem.simulator].readings, found.after[problem.simulator].readings
     segment = np.minimum(np.arange(run.time.size) * SEGMENTS // run.time.size, SEGMENTS - 1)
     residual = {
@@ -276,7 +276,7 @@ def _run(problem: Problem, found: Verified, r: int, run: Recording) -> Run:
             gap_before=rms(residual["before"][part.place]) if "before" in residual else None,
             gap_after=rms(residual["after"][part.place]) if "after" in residual else None,
         )
-    return Run(
+    return DiagnosedRun(
         name=run.name,
         file=run.file,
         drive=run.drive,

@@ -10,7 +10,7 @@ import numpy as np
 from analytic.beyond_paper.drive import Motor
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Mechanism
-from compare.diagnose.data.recording import Run
+from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.effects.effect import Readings, Rig
 from compare.diagnose.predict import Hypothesis, Term, altered, motor_offset
 from compare.judge.signals import with_derived
@@ -46,7 +46,7 @@ class Task:
     """One run to be simulated under one hypothesis by one engine."""
 
     engine: str
-    run: Run
+    run: MeasuredRun
     mechanism: Mechanism  # nominal
     hypothesis: Hypothesis
     rig: Rig

@@ -16,7 +16,7 @@ from compare.quantities import MINUS, Quantity, amount, fitting, number
 from compare.report.diagnosis_words import SIGMA
 from compare.report.figures import Axis, Figure, Numbers, Series, scaled
 from compare.report.svg import ticks
-from compare.results.diagnosis import Diagnosis, Run, Side
+from compare.results.diagnosis import DiagnosedRun, Diagnosis, Side
 from compare.results.document import listed
 from compare.results.sentences import quantity, spoken, wrapped
 
@@ -95,7 +95,7 @@ def panels(result: Diagnosis) -> list[Panel]:
     return [_panel(result, i, run, name) for i, run in enumerate(result.runs) for name in run.signals]
 
 
-def _panel(result: Diagnosis, i: int, run: Run, name: str) -> Panel:
+def _panel(result: Diagnosis, i: int, run: DiagnosedRun, name: str) -> Panel:
     channel, what, words = run.signals[name], quantity(result, name), spoken(result, name)
     x, over = _abscissa(run)
     before, after = (listed(result.residual(run, name, side)) for side in SIDES)
@@ -119,7 +119,7 @@ def _panel(result: Diagnosis, i: int, run: Run, name: str) -> Panel:
     )
 
 
-def _abscissa(run: Run) -> tuple[Axis, Numbers]:
+def _abscissa(run: DiagnosedRun) -> tuple[Axis, Numbers]:
     if run.over_time:
         return Axis("time", "s"), scaled(listed(run.time))
     return Axis("crank angle", "deg"), scaled(listed(run.crank_angle), math.degrees(1.0))
@@ -141,8 +141,8 @@ def _blocks(held_out: Sequence[int] | None, over: Numbers) -> tuple[tuple[float,
 
 def maps(result: Diagnosis) -> list[Map]:
     """Residual maps: one over the crank angle for the runs at a commanded speed, one over time for the others."""
-    turning: list[tuple[int, Run]] = []
-    rest: list[tuple[int, Run]] = []
+    turning: list[tuple[int, DiagnosedRun]] = []
+    rest: list[tuple[int, DiagnosedRun]] = []
     offset = 0
     for run in result.runs:
         (rest if run.over_time else turning).append((offset, run))
@@ -150,7 +150,7 @@ def maps(result: Diagnosis) -> list[Map]:
     return [_map(result, group) for group in (turning, rest) if group]
 
 
-def _map(result: Diagnosis, group: Sequence[tuple[int, Run]]) -> Map:
+def _map(result: Diagnosis, group: Sequence[tuple[int, DiagnosedRun]]) -> Map:
     axis = _abscissa(group[0][1])[0]
     over = [np.array(_abscissa(run)[1], float) for _, run in group]
     if axis.unit == "deg" and wrapped(result):

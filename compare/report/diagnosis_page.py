@@ -16,7 +16,7 @@ from compare.report.diagnosis_text import SIGNS, of_effect
 from compare.report.explained import changes, without_null
 from compare.report.pages import script_json
 from compare.report.svg import NOT_XML, draw
-from compare.results.diagnosis import Diagnosis, Run
+from compare.results.diagnosis import DiagnosedRun, Diagnosis
 from compare.results.document import as_written
 from compare.results.sentences import sentence, spoken
 
@@ -85,7 +85,9 @@ def toml(mechanism: Mapping[str, object]) -> str:
     return tomli_w.dumps(without_null(mechanism))
 
 
-def _runs(result: Diagnosis, panels: list[figures.Panel]) -> list[tuple[int, Run, list[tuple[int, figures.Panel]]]]:
+def _runs(
+    result: Diagnosis, panels: list[figures.Panel]
+) -> list[tuple[int, DiagnosedRun, list[tuple[int, figures.Panel]]]]:
     """Each run with its panels and their numbers, the widest gap first."""
     numbered = list(enumerate(panels))
     worst = sorted(numbered, key=lambda item: -(item[1].gap_before or 0.0))

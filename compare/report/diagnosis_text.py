@@ -13,7 +13,7 @@ from compare.quantities import DASH, MINUS, SUPERSCRIPT, TIMES, amount, number
 from compare.report.diagnosis_words import SIGMA, advice, next_steps, phrase, settings, simulated_by, ties, worst_first
 from compare.report.pages import code_block
 from compare.report.pages import escape_markdown as md
-from compare.results.diagnosis import Diagnosis, Effect, Place, Run, Side
+from compare.results.diagnosis import DiagnosedRun, Diagnosis, Effect, Place, Side
 from compare.results.sentences import parameter, quantity, sentence, spoken
 
 SIGNS = {"no gap": "✓", "explained": "✓", "partly explained": "≈", "ambiguous": "?", "unexplained": "✗"}
@@ -69,7 +69,7 @@ def residual_lines(result: Diagnosis, signal: str) -> list[str]:
     return [_ascii(line) for line in out]
 
 
-def _largest(run: Run, residual: np.ndarray, unit: str) -> str:
+def _largest(run: DiagnosedRun, residual: np.ndarray, unit: str) -> str:
     known = np.flatnonzero(np.isfinite(residual))
     if not known.size:
         return "no number"

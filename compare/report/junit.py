@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
-from compare.report.summary import Row, Run, Summary
+from compare.report.summary import Row, ShownRun, Summary
 from compare.report.svg import NOT_XML
 
 
@@ -59,7 +59,7 @@ def _text(name: str, suites: list[ElementTree.Element]) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _suite(case: str, run: Run) -> ElementTree.Element:
+def _suite(case: str, run: ShownRun) -> ElementTree.Element:
     cases = [_case(case, run, row) for row in run.rows] + [_unjudged(case, run)] * (run.verdict == "unjudged")
     failures = sum(each.find("failure") is not None for each in cases)
     counts = {"tests": str(len(cases)), "failures": str(failures), "errors": "0"}
@@ -82,18 +82,18 @@ def _failed(summary: Summary) -> ElementTree.Element:
     return suite
 
 
-def _unjudged(case: str, run: Run) -> ElementTree.Element:
+def _unjudged(case: str, run: ShownRun) -> ElementTree.Element:
     """The one case of a run in which nothing could be compared."""
     element = ElementTree.Element("testcase", _clean({"classname": _place(case, run), "name": "anything to compare"}))
     ElementTree.SubElement(element, "failure", _clean({"message": run.reason, "type": "not judged"}))
     return element
 
 
-def _place(case: str, run: Run) -> str:
+def _place(case: str, run: ShownRun) -> str:
     return f"{case}.{run.simulator}.{run.joint_model}.{run.motion}"
 
 
-def _case(case: str, run: Run, row: Row) -> ElementTree.Element:
+def _case(case: str, run: ShownRun, row: Row) -> ElementTree.Element:
     element = ElementTree.Element("testcase", _clean({"classname": _place(case, run), "name": row.quantity.signal}))
     if row.verdict == "disagrees":
         message = _clean({"message": row.sentence, "type": "disagreement"})

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from compare.quantities import number, setting
 from compare.report.figures import Figure
 from compare.report.linkage import explorer
-from compare.report.summary import MODELS, REAL, WORDS, Run, Summary, released
+from compare.report.summary import MODELS, REAL, WORDS, ShownRun, Summary, released
 from compare.results.crosscheck import CrossCheck
 from compare.results.document import as_written
 
@@ -124,12 +124,12 @@ def _static(name: str) -> Markup:
     return Markup(resources.files("compare.report").joinpath("static", name).read_text(encoding="utf-8"))
 
 
-def _shown_first(run: Run) -> tuple[bool, int]:
+def _shown_first(run: ShownRun) -> tuple[bool, int]:
     """Runs with clearance first; of those that disagree, the one with the most real joints."""
     return run.clearance == "none", REAL.index(run.joint_model) if run.verdict == "disagrees" else 0
 
 
-def _worst_first(runs: Iterable[Run]) -> list[Run]:
+def _worst_first(runs: Iterable[ShownRun]) -> list[ShownRun]:
     """Runs that disagree before those that agree, otherwise in their order."""
     return sorted(runs, key=lambda run: run.verdict == "agrees")
 
@@ -138,14 +138,14 @@ def _once(values: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(values))
 
 
-def _same_order(runs: Iterable[Run]) -> str:
+def _same_order(runs: Iterable[ShownRun]) -> str:
     """What is said where no run has a difference between first order and equilibrium."""
     if any(run.clearance != "none" for run in runs):
         return "First order and equilibrium cannot be compared: the analytic model has no answer at any crank angle."
     return "Without clearance first order and equilibrium are the same."
 
 
-def _first_per_clearance(summary: Summary) -> list[Run]:
+def _first_per_clearance(summary: Summary) -> list[ShownRun]:
     """One run for each clearance: what first order and equilibrium differ in does not depend on who simulates."""
     first = {run.clearance: run for run in reversed(summary.runs) if run.clearance != "none" and run.order}
     return list(first.values())

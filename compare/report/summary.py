@@ -83,7 +83,7 @@ class Printed:
 
 
 @dataclass(frozen=True)
-class Run:
+class ShownRun:
     """One simulator with one joint model."""
 
     index: int
@@ -120,7 +120,7 @@ class Summary:
     case: str
     verdict: str
     headline: str
-    runs: tuple[Run, ...]
+    runs: tuple[ShownRun, ...]
     signals: Mapping[str, Quantity]
     joints: tuple[str, ...]  # the joints that the report is about: those with clearance, or all
     spread: tuple[Order, ...]
@@ -170,15 +170,15 @@ def _printed(quantity: Quantity, one: results.Printed) -> Printed:
     return Printed(quantity, at, printed, first_order, equilibrium, one.source)
 
 
-def why(runs: Sequence[Run]) -> str:
+def why(runs: Sequence[ShownRun]) -> str:
     """Each assumption that fails, in a sentence: of the run with the most real joints, and in how many others."""
-    told: dict[str, list[Run]] = {}
+    told: dict[str, list[ShownRun]] = {}
     for run in sorted((run for run in runs if run.because), key=lambda run: REAL.index(run.joint_model)):
         told.setdefault(run.assumption, []).append(run)
     return " ".join(_why(mine) for mine in told.values())
 
 
-def _why(runs: Sequence[Run]) -> str:
+def _why(runs: Sequence[ShownRun]) -> str:
     also = f", and likewise in {_counted(len(runs) - 1, 'other run')}" if len(runs) > 1 else ""
     because = runs[0].because
     return f"{because[:1].upper()}{because[1:]} ({runs[0].title}{also})."
@@ -198,7 +198,7 @@ def abscissa(run: results.Run, mechanism: Mechanism) -> tuple[str, str, float, l
     return "crank angle θ₂", "deg", math.degrees(1.0), run.crank_angle.tolist()
 
 
-def _run(index: int, run: results.Run, mechanism: Mechanism, signals: Mapping[str, Quantity]) -> Run:
+def _run(index: int, run: results.Run, mechanism: Mechanism, signals: Mapping[str, Quantity]) -> ShownRun:
     _, unit, factor, x = abscissa(run, mechanism)
     listed = list(signals)
 
@@ -209,7 +209,7 @@ def _run(index: int, run: results.Run, mechanism: Mechanism, signals: Mapping[st
         _order(signals[s], fields, run, mechanism) for s, fields in run.order_difference.items() if s in signals
     )
     clearance = ", ".join(f"{joint} {plain(1e3 * size)} mm" for joint, size in run.clearance.items() if size)
-    return Run(
+    return ShownRun(
         index=index,
         simulator=run.simulator.name,
         version=run.simulator.version,
@@ -261,14 +261,14 @@ def _where(at: float | None, run: results.Run, mechanism: Mechanism) -> str:
     return f"{plain(math.degrees(at), 4)} deg"
 
 
-def headline(runs: tuple[Run, ...], failures: int = 0, say: Callable[..., str] = number) -> str:
+def headline(runs: tuple[ShownRun, ...], failures: int = 0, say: Callable[..., str] = number) -> str:
     """The verdict in a few sentences: runs that failed or are not judged, comparisons that disagree, and the worst (or
     closest) by its tolerance.
     """
     return " ".join(_sentences(runs, failures, say)) if runs else "No simulation came to its end: nothing was compared."
 
 
-def _sentences(runs: tuple[Run, ...], failures: int, say: Callable[..., str]) -> Iterator[str]:
+def _sentences(runs: tuple[ShownRun, ...], failures: int, say: Callable[..., str]) -> Iterator[str]:
     rows = [(run, row) for run in runs for row in run.rows]
     wrong = [(run, row) for run, row in rows if row.verdict == "disagrees"]
     exceeding = [(run, row) for run, row in wrong if not row.reason]
@@ -298,14 +298,16 @@ def _sentences(runs: tuple[Run, ...], failures: int, say: Callable[..., str]) ->
         yield f"{_share(otherwise, rows, runs)} {first} {row.quantity.label} ({run.title}): {row.reason}."
 
 
-def _share(some: Sequence[tuple[Run, Row]], rows: Sequence[tuple[Run, Row]], runs: tuple[Run, ...]) -> str:
+def _share(
+    some: Sequence[tuple[ShownRun, Row]], rows: Sequence[tuple[ShownRun, Row]], runs: tuple[ShownRun, ...]
+) -> str:
     return (
         f"{len(some)} of {_counted(len(rows), 'comparison')} in {len({run.index for run, _ in some})} of"
         f" {_counted(len(runs), 'run')}"
     )
 
 
-def _most(rows: Sequence[tuple[Run, Row]], say: Callable[..., str]) -> str:
+def _most(rows: Sequence[tuple[ShownRun, Row]], say: Callable[..., str]) -> str:
     """The row that uses up most of its tolerance, in words."""
     run, row = max(rows, key=lambda pair: pair[1].share or 0.0)
     unit = row.quantity.unit

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from compare.quantities import plain
-from compare.report.summary import WORDS, Run, headline, summarise
+from compare.report.summary import WORDS, ShownRun, headline, summarise
 from compare.results.crosscheck import CrossCheck
 
 LOUD = ("disagrees", "unjudged", "failed")
@@ -53,7 +53,7 @@ def _word(verdict: str) -> Text:
     return Text(WORDS[verdict].upper() if verdict in LOUD else WORDS[verdict], style=COLOUR[verdict])
 
 
-def _notes(runs: tuple[Run, ...]) -> list[str]:
+def _notes(runs: tuple[ShownRun, ...]) -> list[str]:
     """Which analytic model was compared, why a verdict is not the tolerance's, flags, and time without contact."""
     if not runs:
         return []

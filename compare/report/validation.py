@@ -15,7 +15,7 @@ from compare.report.linkage import linkage_figure
 from compare.report.summary import summarise
 from compare.report.svg import draw
 from compare.results.crosscheck import CrossCheck
-from compare.results.validation import AtScale, Run, Superposed, Validation
+from compare.results.validation import AtScale, Superposed, Validation, ValidationRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -173,7 +173,7 @@ def reason(row: AtScale) -> str:
     return row.cause.words if row.cause is not None else "it failed"
 
 
-def _table(runs: Sequence[Run]) -> Iterator[str]:
+def _table(runs: Sequence[ValidationRun]) -> Iterator[str]:
     engines = list(dict.fromkeys(run.simulator for run in runs))
     yield "| run | " + " | ".join(engines) + " |"
     yield "|---|" + "---|" * len(engines)
@@ -182,5 +182,5 @@ def _table(runs: Sequence[Run]) -> Iterator[str]:
         yield f"| {name} | " + " | ".join(cells.get(engine, "not supported") for engine in engines) + " |"
 
 
-def _cell(run: Run) -> str:
+def _cell(run: ValidationRun) -> str:
     return f"{run.verdict}, at most {100 * run.share:g} % ({run.closest})" if run.compared else run.verdict

@@ -154,7 +154,7 @@ class Channel(Part):
         return wrapped(difference) if wraps else difference
 
 
-class Run(Part):
+class DiagnosedRun(Part):
     """One recording (N samples)."""
 
     name: str
@@ -175,7 +175,7 @@ class Run(Part):
     signals: Annotated[Mapping[str, Channel], Field(min_length=1)]
 
     @model_validator(mode="after")
-    def _whole(self) -> Run:
+    def _whole(self) -> DiagnosedRun:
         """Each series has a value for each sample."""
         sizes = {"crank_angle": self.crank_angle.size, "held_out": len(self.held_out or self.time)}
         for name, channel in self.signals.items():
@@ -237,7 +237,7 @@ class Diagnosis(Document):
         tuple[Engine, ...],
         Field(description="Every engine that was asked to simulate nominal and explained mechanism."),
     ]
-    runs: Annotated[tuple[Run, ...], Field(min_length=1)]
+    runs: Annotated[tuple[DiagnosedRun, ...], Field(min_length=1)]
     mechanism: Annotated[Mechanism, Field(description="The nominal linkage as in its TOML file.")]
     explained: Annotated[Mechanism, Field(description="The linkage with the named effects.")]
     steps: Annotated[tuple[Step, ...], Field(description="How the verdict was come to, in order.")]
@@ -260,7 +260,7 @@ class Diagnosis(Document):
             return self.signals[signal].wraps
         return any(run.signals[signal].unit == "rad" for run in self.runs if signal in run.signals)
 
-    def residual(self, run: Run, signal: str, side: Side) -> np.ndarray:
+    def residual(self, run: DiagnosedRun, signal: str, side: Side) -> np.ndarray:
         """Measured minus simulated (N,) of a signal, SI; angles modulo a turn.  Raises KeyError."""
         return run.signals[signal].residual(side, self.wraps(signal))
 

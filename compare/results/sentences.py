@@ -8,7 +8,7 @@ import numpy as np
 
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import MINUS, Quantity, amount, fitting, number, quantities, shown
-from compare.results.diagnosis import Diagnosis, Located, Parameter, Run
+from compare.results.diagnosis import DiagnosedRun, Diagnosis, Located, Parameter
 
 TURN = math.tau
 PERCENT = {p.name for effect in VOCABULARY.values() for p in effect.parameters if p.percent}  # parameters read in %
@@ -117,5 +117,5 @@ def _way(values: np.ndarray, inside: np.ndarray) -> int:
     return 1 if 2 * rising > steps.size else -1
 
 
-def _run(result: Diagnosis, name: str) -> Run | None:
+def _run(result: Diagnosis, name: str) -> DiagnosedRun | None:
     return next((run for run in result.runs if run.name == name), None)

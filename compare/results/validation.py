@@ -16,7 +16,7 @@ Positive = Annotated[FiniteFloat, Field(gt=0)]
 NotNegative = Annotated[FiniteFloat, Field(ge=0)]
 
 
-class Run(Part):
+class ValidationRun(Part):
     """A shipped case in an engine, and how near its signals are to their tolerances."""
 
     case: str
@@ -82,7 +82,7 @@ class Validation(Stored):
     opens: ClassVar[str] = "README.md"
 
     versions: Annotated[Mapping[str, str | None], Field(description="Of the engines.")]
-    runs: Annotated[tuple[Run, ...], Field(min_length=1)]
+    runs: Annotated[tuple[ValidationRun, ...], Field(min_length=1)]
     scales: Annotated[
         tuple[AtScale, ...],
         Field(

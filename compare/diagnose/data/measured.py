@@ -22,7 +22,7 @@ from analytic.mechanism.signals import wrapped
 from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured_file import Entry, read_file, tolerances
 from compare.diagnose.data.quality import FLOOR, gaps, noise, outliers, unwrapped
-from compare.diagnose.data.recording import LARGEST, Channel, Drive, Fault, Measured, MeasuredError, Run, shown
+from compare.diagnose.data.recording import LARGEST, Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun, shown
 from compare.diagnose.data.table import ROWS, Column, Table, canonical, read_table
 from compare.diagnose.data.thin import frozen, held, missed, picked
 from compare.diagnose.data.units import listed
@@ -73,7 +73,7 @@ def _mechanism(path: Path, name: str) -> Mechanism:
         raise MeasuredError(f"{path.name}: mechanism = {name!r}: {error}") from None
 
 
-def _run(path: Path, entry: Entry, mechanism: Mechanism) -> tuple[Run, list[Fault]]:
+def _run(path: Path, entry: Entry, mechanism: Mechanism) -> tuple[MeasuredRun, list[Fault]]:
     """A run and what was wrong with it."""
     where = f"{path.name}: run {entry.name!r}"
     meant = {
@@ -125,7 +125,9 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism) -> tuple[Run, list[Faul
     if speed is not None and encoder in channels:
         _check_speed(where, entry.file, table.time, channels[encoder], speed, angle or 0.0)
     start = _start(entry, mechanism, table.time, channels) if drive == "free" else {}
-    run = Run(entry.name, table.time, channels, drive, speed, angle, start, entry.loads, entry.from_rest, entry.file)
+    run = MeasuredRun(
+        entry.name, table.time, channels, drive, speed, angle, start, entry.loads, entry.from_rest, entry.file
+    )
     return _thinned(where, run, encoder, faults)
 
 
@@ -312,7 +314,7 @@ def _start(entry: Entry, mechanism: Mechanism, time: np.ndarray, channels: Mappi
     return found | dict(entry.start or {})
 
 
-def _thinned(where: str, run: Run, encoder: str, faults: list[Fault]) -> tuple[Run, list[Fault]]:
+def _thinned(where: str, run: MeasuredRun, encoder: str, faults: list[Fault]) -> tuple[MeasuredRun, list[Fault]]:
     """The run with about SAMPLES samples at most, evenly picked; noise and faults were found with all of them."""
     every = math.ceil(run.time.size / SAMPLES)
     thin = picked(run, every)

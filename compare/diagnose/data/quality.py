@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from analytic.mechanism.signals import turned_near
-from compare.diagnose.data.recording import Fault, Run
+from compare.diagnose.data.recording import Fault, MeasuredRun
 from compare.diagnose.data.units import dimension
 
 ORDERS = (3, 4, 6, 8, 10)  # of differences, tried for the noise
@@ -217,7 +217,7 @@ def gaps(time: np.ndarray) -> tuple[int, int, float]:
     return long.size, int(np.sum(np.round(long / usual) - 1)), float(np.max(long, initial=0.0))
 
 
-def suspicious_swaps(run: Run, predicted: Mapping[str, np.ndarray]) -> list[Fault]:
+def suspicious_swaps(run: MeasuredRun, predicted: Mapping[str, np.ndarray]) -> list[Fault]:
     """Pairs of channels each of which fits the other's prediction (N,), SI, far better than its own."""
     faults = []
     for a, b in combinations([s for s in run.channels if s in predicted], 2):
@@ -235,7 +235,7 @@ def suspicious_swaps(run: Run, predicted: Mapping[str, np.ndarray]) -> list[Faul
     return faults
 
 
-def suspicious_units(run: Run, predicted: Mapping[str, np.ndarray]) -> list[Fault]:
+def suspicious_units(run: MeasuredRun, predicted: Mapping[str, np.ndarray]) -> list[Fault]:
     """Channels that are their prediction (N,), SI, times a conversion factor.
 
     A reaction of the other sign is none of them: that is a load cell mounted upside down (sensor_frame).
@@ -261,7 +261,7 @@ def suspicious_units(run: Run, predicted: Mapping[str, np.ndarray]) -> list[Faul
     return faults
 
 
-def _misfit(run: Run, signal: str, prediction: np.ndarray) -> float:
+def _misfit(run: MeasuredRun, signal: str, prediction: np.ndarray) -> float:
     """Root mean square of a channel less a prediction, for angles modulo whole turns."""
     residual = run.channels[signal].values - prediction
     residual = residual[np.isfinite(residual)]

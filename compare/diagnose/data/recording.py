@@ -69,7 +69,7 @@ class Channel:
 
 
 @dataclass(frozen=True, repr=False)
-class Run:
+class MeasuredRun:
     """One recording: ``time`` (N,) s, strictly increasing, and channels by signal.
 
     ``speed`` (rad/s) and ``angle`` (rad, at time 0) are the command of a ``speed`` run, else None; ``start`` is the
@@ -100,7 +100,7 @@ class Measured:
     """
 
     mechanism: Mechanism
-    runs: tuple[Run, ...]
+    runs: tuple[MeasuredRun, ...]
     tolerance: Mapping[str, float]
     faults: tuple[Fault, ...]
     source: str

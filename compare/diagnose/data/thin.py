@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from compare.diagnose.data.quality import FLOOR, GAP
-from compare.diagnose.data.recording import Run
+from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.data.smooth import Smoother
 
 
-def picked(run: Run, every: int) -> Run:
+def picked(run: MeasuredRun, every: int) -> MeasuredRun:
     """A run with one in so many of its samples: the same rows of all sensors, and more where a sensor has few
     in those.
     """
@@ -38,7 +38,7 @@ def held(time: np.ndarray, encoder: np.ndarray) -> np.ndarray:
     return np.isfinite(encoder) | ~long[after]
 
 
-def missed(run: Run, thin: Run, encoder: str) -> float:
+def missed(run: MeasuredRun, thin: MeasuredRun, encoder: str) -> float:
     """By how much (rms, rad) a drive that follows the encoder misses its motion with these samples of it; 0 for no more
     than noise.
     """

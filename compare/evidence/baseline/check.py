@@ -12,7 +12,7 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import shipped_cases
 from compare.arguments import Linkage, Simulators, linkage
-from compare.evidence.baseline.file import Baseline, BaselineError, Run, owned, read, write
+from compare.evidence.baseline.file import Baseline, BaselineError, StoredRun, owned, read, write
 from compare.evidence.baseline.moved import fits, moved
 from compare.evidence.baseline.runs import simulated
 from compare.evidence.stored import asked
@@ -186,12 +186,12 @@ def _entry(path: Path, stored: Baseline, version: str, found: tuple[Moved, ...],
     )
 
 
-def _moved(stored: Baseline, fresh: Sequence[Run]) -> tuple[Moved, ...]:
+def _moved(stored: Baseline, fresh: Sequence[StoredRun]) -> tuple[Moved, ...]:
     pairs = zip(stored.runs, fresh, strict=True)
     return tuple(each for old, new in pairs for each in moved(old, new, stored.tolerance))
 
 
-def _kept(stored: Baseline, fresh: Sequence[Run], found: Sequence[Moved]) -> Iterator[Run]:
+def _kept(stored: Baseline, fresh: Sequence[StoredRun], found: Sequence[Moved]) -> Iterator[StoredRun]:
     """The old run where nothing in it moved, so that a rewritten file differs in what moved and nothing else."""
     changed = {each.run for each in found}
     for old, new in zip(stored.runs, fresh, strict=True):

@@ -27,7 +27,7 @@ class BaselineError(OptionError):
 
 
 @dataclass(frozen=True)
-class Run:
+class StoredRun:
     """One run's table: ``rows`` (N, columns), or why there is none.  A column's unit is in its name; NaN is no
     direction.
     """
@@ -67,7 +67,7 @@ class Baseline:
     case: str
     simulator: str
     version: str
-    runs: tuple[Run, ...]
+    runs: tuple[StoredRun, ...]
     tolerance: Tolerance = field(default_factory=Tolerance)
 
 
@@ -135,7 +135,9 @@ def read(path: Path, case: str, simulator: str, again: str) -> Baseline:
     if faults:
         raise BaselineError(f"{path}: {faults[0]}; restore it, or {remedy}")
     runs = tuple(
-        Run(r.name, r.added, tuple(r.columns), np.array(r.rows, float).reshape(len(r.rows), len(r.columns)), r.skipped)
+        StoredRun(
+            r.name, r.added, tuple(r.columns), np.array(r.rows, float).reshape(len(r.rows), len(r.columns)), r.skipped
+        )
         for r in file.runs
     )
     return Baseline(case, simulator, file.version, runs, file.tolerance)
@@ -188,7 +190,7 @@ def write(baseline: Baseline, check: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _rows(run: Run) -> list[str]:
+def _rows(run: StoredRun) -> list[str]:
     cells = [
         [_number(value, digits) for value in column] for column, digits in zip(run.rows.T, _decimals(run), strict=True)
     ]
@@ -201,7 +203,7 @@ def _rows(run: Run) -> list[str]:
     ]
 
 
-def _decimals(run: Run) -> list[int]:
+def _decimals(run: StoredRun) -> list[int]:
     """Digits after the point, by column: 1e-4 deg, and the sixth digit of the run's largest force."""
     forces = [j for j, name in enumerate(run.columns) if name.endswith("[N]")]
     largest = float(np.max(run.rows[:, forces], initial=0.0))

@@ -9,14 +9,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from compare.evidence.baseline.file import NO_DIRECTION, PLACES, Run, Tolerance, inline
+from compare.evidence.baseline.file import NO_DIRECTION, PLACES, StoredRun, Tolerance, inline
 from compare.results.baselines import Moved
 
 SAME_PLACE = 1e-6  # deg, s
 WEAK = 1e-3  # of the run's largest force: the size of a weaker joint's is held to that
 
 
-def fits(stored: Sequence[Run], fresh: Sequence[Run]) -> str:
+def fits(stored: Sequence[StoredRun], fresh: Sequence[StoredRun]) -> str:
     """Why two sets of runs cannot be compared, or nothing."""
     if [run.name for run in stored] != [run.name for run in fresh]:
         return f"it has the runs {_listed(stored)}; the case now has {_listed(fresh)}"
@@ -38,11 +38,11 @@ def fits(stored: Sequence[Run], fresh: Sequence[Run]) -> str:
     return ""
 
 
-def _listed(runs: Sequence[Run]) -> str:
+def _listed(runs: Sequence[StoredRun]) -> str:
     return ", ".join(repr(run.name) for run in runs) or "none"
 
 
-def moved(old: Run, new: Run, tolerance: Tolerance) -> list[Moved]:
+def moved(old: StoredRun, new: StoredRun, tolerance: Tolerance) -> list[Moved]:
     """Every column of a run that moved; the runs must fit."""
     largest = max(
         (float(np.nanmax(old.rows[:, j])) for j, name in enumerate(old.columns) if name.endswith("_magnitude [N]")),
@@ -91,7 +91,7 @@ def _allowed(signal: str, unit: str, values: np.ndarray, largest: float, toleran
     return tolerance.rms * float(values.max()) if signal.endswith("_rms") else tolerance.free_share
 
 
-def _place(run: Run, k: int) -> str:
+def _place(run: StoredRun, k: int) -> str:
     if run.places is None:
         return ""
     return f"{run.places[k]:.6g} {'deg' if run.columns[0] == PLACES[0] else 's'}"

@@ -16,7 +16,7 @@ from pydantic import JsonValue
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load, shipped_cases
-from compare.evidence.baseline.file import NO_DIRECTION, Run
+from compare.evidence.baseline.file import NO_DIRECTION, StoredRun
 from compare.judge.grid import FREE_TIME, default_angles
 from compare.runs import Failure, Resolve, simulate
 from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported
@@ -104,7 +104,7 @@ def _thinned(grid: np.ndarray) -> np.ndarray:
     return grid[:: -(-grid.size // ROWS)]
 
 
-def simulated(mechanism: Mechanism, simulator: str, resolve: Resolve) -> tuple[str, list[Run]]:
+def simulated(mechanism: Mechanism, simulator: str, resolve: Resolve) -> tuple[str, list[StoredRun]]:
     """The engine's version, and the runs of a case in it; what it does not support is listed without a table.
 
     Raises SimulatorMissing or Unsupported for the engine, SimulationError where a run fails.
@@ -114,7 +114,7 @@ def simulated(mechanism: Mechanism, simulator: str, resolve: Resolve) -> tuple[s
         request = setup.request
         if (request.joint_model, request.motion) not in engine.capabilities.runs:
             why = f"{simulator} does not simulate {request.joint_model} joints in {request.motion} motion"
-            runs.append(Run(setup.name, setup.added, skipped=why))
+            runs.append(StoredRun(setup.name, setup.added, skipped=why))
             continue
         trace = _trace(engine, request)
         version = trace.version
@@ -133,7 +133,7 @@ def _force(trace: Trace, joint: str) -> np.ndarray:
     return trace.signals[f"reaction_{joint}_x"] + 1j * trace.signals[f"reaction_{joint}_y"]
 
 
-def _table(setup: Setup, trace: Trace) -> Run:
+def _table(setup: Setup, trace: Trace) -> StoredRun:
     """Direction (deg) and size (N) of every reaction, a row for each crank angle (deg), or time (s) of a released
     linkage.
     """
@@ -146,10 +146,10 @@ def _table(setup: Setup, trace: Trace) -> Run:
         known = size > max(NO_DIRECTION * size.max(), NO_FORCE * largest)
         columns[f"reaction_{joint}_angle [deg]"] = np.where(known, np.degrees(np.angle(force)), np.nan)
         columns[f"reaction_{joint}_magnitude [N]"] = size
-    return Run(setup.name, setup.added, tuple(columns), np.column_stack(list(columns.values())))
+    return StoredRun(setup.name, setup.added, tuple(columns), np.column_stack(list(columns.values())))
 
 
-def _averages(setup: Setup, trace: Trace) -> Run:
+def _averages(setup: Setup, trace: Trace) -> StoredRun:
     """Root mean square force (N) of each joint with clearance, and the share of time its pin spends without contact.
 
     A rigid contact (no stiffness in its settings) has impulses, whose force is a matter of the time step: none is kept.
@@ -159,4 +159,4 @@ def _averages(setup: Setup, trace: Trace) -> Run:
         if "contact_stiffness" in trace.settings:
             columns[f"reaction_{joint}_rms [N]"] = float(np.sqrt(np.mean(np.abs(_force(trace, joint)) ** 2)))
         columns[f"free_share_{joint} [1]"] = share
-    return Run(setup.name, setup.added, tuple(columns), np.array([list(columns.values())]))
+    return StoredRun(setup.name, setup.added, tuple(columns), np.array([list(columns.values())]))

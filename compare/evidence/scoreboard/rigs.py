@@ -14,7 +14,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.signals import AXES, Signal, Unit, named
-from compare.diagnose.data.recording import Channel, Drive, Measured, Run
+from compare.diagnose.data.recording import Channel, Drive, Measured, MeasuredRun
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.predict import derived
 from compare.judge.grid import turns_fully
@@ -88,14 +88,14 @@ class Experiment:
         runs = tuple(self._run(p, values[i] if values is not None else None) for i, p in enumerate(self.plans))
         return Measured(self.nominal, runs, {}, (), "")
 
-    def _run(self, p: Plan, values: Mapping[str, np.ndarray] | None) -> Run:
+    def _run(self, p: Plan, values: Mapping[str, np.ndarray] | None) -> MeasuredRun:
         channels = {}
         for name, sigma in self.noise.items():
             signal, read = self.signals[name], np.zeros(p.time.size) if values is None else values[name]
             channels[name] = Channel(signal, read, sigma, True, signal.unit)
         drive: Drive = "measured" if p.follows else "speed"
         speed, angle = (None, None) if p.follows else (p.speed, p.angle)
-        return Run(p.name, p.time, channels, drive, speed, angle, {}, p.loads, False, f"{p.name}.csv")
+        return MeasuredRun(p.name, p.time, channels, drive, speed, angle, {}, p.loads, False, f"{p.name}.csv")
 
 
 def ideal(mechanism: Mechanism, plan: Plan) -> dict[str, np.ndarray]:

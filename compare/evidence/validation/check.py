@@ -17,7 +17,7 @@ from compare.evidence.validation.runs import run_all
 from compare.evidence.validation.scales import checked, scales
 from compare.files import output_folder
 from compare.results.document import Part
-from compare.results.validation import Run, Validation, ValidationCheck
+from compare.results.validation import Validation, ValidationCheck, ValidationRun
 
 WHERE = Path("reports")
 PAGE = "README.md"
@@ -96,7 +96,7 @@ def _at_scales(stored: Validation, found: Validation) -> Iterator[str]:
             yield f"{where}: was {before.get(key, 'not there')}, is {after.get(key, 'not there')}"
 
 
-def _moved(old: Run | None, new: Run | None) -> Iterator[str]:
+def _moved(old: ValidationRun | None, new: ValidationRun | None) -> Iterator[str]:
     if old is None or new is None:
         was, now = ("not there" if run is None else run.verdict for run in (old, new))
         yield f"verdict was {was}, is {now}"

@@ -17,7 +17,7 @@ from compare.evidence.validation.scales import Scale, scale_rows
 from compare.judge.discrepancy import load_tolerances
 from compare.results.crosscheck import CrossCheck
 from compare.results.crosscheck import Run as Compared
-from compare.results.validation import FirstOrder, Run, Superposed, Validation
+from compare.results.validation import FirstOrder, Superposed, Validation, ValidationRun
 from sim_models.engine import declared, installed_version
 
 GAPS = (1e-2, 1e-3, 1e-4)  # m, of the paper's case
@@ -30,7 +30,7 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale]) -> Validation:
     superposition are off.
     """
     tolerances = load_tolerances()
-    rows: list[Run] = []
+    rows: list[ValidationRun] = []
     checks: dict[str, CrossCheck] = {}
     for case in shipped_cases():
         for setup in setups(load(case)):
@@ -43,7 +43,7 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale]) -> Validation:
             result = crosscheck_job(job)
             rows += [row(case, setup.name, run) for run in result.runs]
             rows += [
-                Run(case=case, run=setup.name, simulator=f.simulator, verdict=f"failed: {f.why}")
+                ValidationRun(case=case, run=setup.name, simulator=f.simulator, verdict=f"failed: {f.why}")
                 for f in result.failures
             ]
             if r.joint_model == "contact":
@@ -59,9 +59,9 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale]) -> Validation:
     return found
 
 
-def row(case: str, name: str, run: Compared) -> Run:
+def row(case: str, name: str, run: Compared) -> ValidationRun:
     """One line of the report: the verdict, and the signal that uses up most of its tolerance."""
-    head = Run(case=case, run=name, simulator=run.simulator.name, verdict=run.verdict)
+    head = ValidationRun(case=case, run=name, simulator=run.simulator.name, verdict=run.verdict)
     if not run.discrepancies:
         return head
     worst = max(run.discrepancies, key=lambda d: d.share or 0.0)
