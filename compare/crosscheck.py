@@ -51,10 +51,9 @@ from compare.judge.grid import FREE_TIME, turns_fully
 from compare.judge.reference import Reference, reference, released_reference, with_flexible_links
 from compare.judge.signals import missing, with_derived, with_rotations
 from compare.judge.tolerances import Tolerances
-from compare.results.crosscheck import CrossCheck, Path, Printed, Run, Simulator, Verdict
+from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict
 from compare.results.crosscheck import Discrepancy as Judgement
-from compare.results.crosscheck import Failure as Failed
-from compare.runs import Failure, Resolve, simulate_all
+from compare.runs import Resolve, failure, simulate_all
 from sim_models.engine import (
     JOINT_MODELS,
     Cause,
@@ -273,8 +272,7 @@ def crosscheck_job(
     )
     failed += [one for one in settled.values() if isinstance(one, Failure)]
     judged = [(one.run, one.rules) for one in settled.values() if isinstance(one, Judged)]
-    runs = tuple(run for run, _ in judged)
-    failures = tuple(Failed(simulator=f.simulator, joint_model=f.joint_model, why=f.why, cause=f.cause) for f in failed)
+    runs, failures = tuple(run for run, _ in judged), tuple(failed)
     result = CrossCheck(
         case=job.mechanism.name,
         verdict=_verdict(runs, failures),
@@ -333,12 +331,8 @@ def _whole(outcome: Trace | Failure, mechanism: Mechanism) -> Trace | Failure:
     lacks = missing(outcome.signals, mechanism, outcome.clearance) if isinstance(outcome, Trace) else []
     if not isinstance(outcome, Trace) or not lacks:
         return outcome
-    return Failure(
-        outcome.simulator,
-        outcome.joint_model,
-        f"{outcome.simulator} {outcome.joint_model}: the simulation reports no {', '.join(lacks)}",
-        Cause.FAULTY,
-    )
+    why = f"{outcome.simulator} {outcome.joint_model}: the simulation reports no {', '.join(lacks)}"
+    return failure(outcome.simulator, outcome, why, Cause.FAULTY)
 
 
 def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]:
@@ -377,7 +371,7 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
     return run, rules
 
 
-def _verdict(runs: Sequence[Run], failures: Sequence[Failed]) -> Verdict:
+def _verdict(runs: Sequence[Run], failures: Sequence[Failure]) -> Verdict:
     """Of the whole result: what is not judged does not agree."""
     verdicts = {run.verdict for run in runs}
     if failures or not runs or "disagrees" in verdicts:

@@ -5,16 +5,15 @@ rest.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
+from compare.results.crosscheck import Failure
 from compare.sweep import Died, spread
 from sim_models.engine import (
     Cause,
     Engine,
-    JointModel,
     Request,
     SimulationError,
     SimulatorMissing,
@@ -27,19 +26,9 @@ Resolve = Callable[[str], Engine]
 Numbered = tuple[int, str, Request]
 
 
-@dataclass(frozen=True)
-class Failure:
-    """A simulation that raised; ``why`` is its sentence, ``cause`` what kind it is, if that is known."""
-
-    simulator: str
-    joint_model: JointModel
-    why: str
-    cause: Cause | None = None
-
-    @property
-    def unsupported(self) -> bool:
-        """Whether the engine never had what it was asked for."""
-        return self.cause is Cause.UNSUPPORTED
+def failure(simulator: str, run: Request | Trace, why: str, cause: Cause | None = None) -> Failure:
+    """What is reported of a run that has no result."""
+    return Failure(simulator=simulator, joint_model=run.joint_model, why=why, cause=cause)
 
 
 def simulate(simulator: str, request: Request, resolve: Resolve = engine) -> Trace | Failure:
@@ -49,19 +38,17 @@ def simulate(simulator: str, request: Request, resolve: Resolve = engine) -> Tra
     try:
         return resolve(simulator).simulate(request)
     except (SimulationError, Unsupported) as error:
-        return Failure(simulator, request.joint_model, str(error), error.cause)
+        return failure(simulator, request, str(error), error.cause)
     except SimulatorMissing as error:
-        return Failure(simulator, request.joint_model, str(error))
+        return failure(simulator, request, str(error))
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         why = (
             f"{simulator} {request.joint_model} {request.motion} ({request.mechanism.name}): {Cause.OVERFLOW.words}"
             f" ({error}); {Cause.OVERFLOW.remedy}"
         )
-        return Failure(simulator, request.joint_model, why, Cause.OVERFLOW)
+        return failure(simulator, request, why, Cause.OVERFLOW)
     except ImportError as error:
-        return Failure(
-            simulator, request.joint_model, f"{simulator}: its installation is broken ({error}); install it anew"
-        )
+        return failure(simulator, request, f"{simulator}: its installation is broken ({error}); install it anew")
 
 
 def simulate_all(
@@ -81,12 +68,8 @@ def simulate_all(
         if ended.value is not None:
             yield i, ended.value
         elif isinstance(ended.error, Died):
-            yield (
-                i,
-                Failure(
-                    simulator, request.joint_model, f"{simulator} {request.joint_model} {request.motion}: {ended.error}"
-                ),
-            )
+            why = f"{simulator} {request.joint_model} {request.motion}: {ended.error}"
+            yield i, failure(simulator, request, why)
         elif ended.error is not None:
             raise ended.error
 

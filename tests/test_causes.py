@@ -11,7 +11,8 @@ from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism.file import load
 from compare.crosscheck import crosscheck
 from compare.evidence.validation.scales import Scale, linkage
-from compare.runs import Failure, simulate
+from compare.results.crosscheck import Failure
+from compare.runs import simulate
 from sim_models.common.failed_starts import TooSoft
 from sim_models.engine import Cause, Request, SimulationError, engine
 

@@ -23,7 +23,8 @@ from analytic.mechanism.file import load
 from compare.domain_map.cell import examine
 from compare.domain_map.map import RPM, Grid, cells
 from compare.judge.discrepancy import load_tolerances
-from compare.runs import Failure, simulate_all
+from compare.results.crosscheck import Failure
+from compare.runs import simulate_all
 from compare.sweep import AHEAD, ClusterError, Outcome, sweep
 from marks import slow
 from sim_models.engine import Request

@@ -18,8 +18,8 @@ import numpy as np
 
 from analytic.mechanism.signals import AXES, Signal
 from compare.judge.discrepancy import Rule
-from compare.results.crosscheck import Discrepancy, Run
-from compare.runs import Failure
+from compare.results.crosscheck import Discrepancy, Failure, Run
+from compare.runs import failure
 from sim_models.common.contact_laws import default_stiffness
 from sim_models.common.failed_starts import STIFF
 from sim_models.engine import Cause, Request, Trace
@@ -138,12 +138,8 @@ def _too_soft(one: Judged) -> Failure:
         f" {depths[joint]:.2g} m"
     )
     times = f"{depths[joint] / one.run.clearance[joint]:.2g} times its clearance"
-    return Failure(
-        t.simulator,
-        t.joint_model,
-        f"{what} beyond its rim, {times}; {stiff_enough(one.run, joint)}, or a smaller load",
-        Cause.TOO_SOFT,
-    )
+    why = f"{what} beyond its rim, {times}; {stiff_enough(one.run, joint)}, or a smaller load"
+    return failure(t.simulator, t, why, Cause.TOO_SOFT)
 
 
 def finer(request: Request, trace: Trace) -> Request | None:
@@ -163,9 +159,5 @@ def finer(request: Request, trace: Trace) -> Request | None:
 
 def _undecided(one: Judged, why: str) -> Failure:
     t = one.trace
-    return Failure(
-        t.simulator,
-        t.joint_model,
-        f"{t.simulator} {t.joint_model} {t.motion}: {one.words} is its own error: {why}; {Cause.NOT_CONVERGED.remedy}",
-        Cause.NOT_CONVERGED,
-    )
+    said = f"{t.simulator} {t.joint_model} {t.motion}: {one.words} is its own error: {why}"
+    return failure(t.simulator, t, f"{said}; {Cause.NOT_CONVERGED.remedy}", Cause.NOT_CONVERGED)

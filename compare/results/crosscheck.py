@@ -177,6 +177,11 @@ class Failure(Part):
     why: Text
     cause: Annotated[Cause | None, Field(description="What kind of failure it is, if that is known.")] = None
 
+    @property
+    def unsupported(self) -> bool:
+        """Whether the engine never had what it was asked for."""
+        return self.cause is Cause.UNSUPPORTED
+
     def __repr__(self) -> str:
         return f"Failure({self.why[:120]})"
 

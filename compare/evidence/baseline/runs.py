@@ -18,7 +18,8 @@ from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load, shipped_cases
 from compare.evidence.baseline.file import NO_DIRECTION, StoredRun
 from compare.judge.grid import FREE_TIME, default_angles
-from compare.runs import Failure, Resolve, simulate
+from compare.results.crosscheck import Failure
+from compare.runs import Resolve, simulate
 from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported
 
 ROWS = 36  # of a table, at most
