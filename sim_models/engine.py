@@ -449,8 +449,8 @@ def needed(request: Request) -> dict[Feature, str]:
             ("contact_friction", rubs, f"friction = {joint.friction:g} {at}"),
         )
         found |= {feature: what for feature, has, what in asked if has and feature not in found}
-    if m.drive is not None and m.drive.stiffness and not request.released:
-        found["drive_compliance"] = f"drive.stiffness = {m.drive.stiffness:g}"
+    if m.drive_stiffness:
+        found["drive_compliance"] = f"drive.stiffness = {m.drive_stiffness:g}"
     if request.course is not None:
         found["course"] = "a course"
     elif request.released:

@@ -202,6 +202,16 @@ def test_rigid_linkage_does_not_move_at_all() -> None:
 # ---------------------------------------------------------------- rigid bodies on springs
 
 
+def test_a_drive_that_is_free_has_no_stiffness() -> None:
+    """The crank whose angle is asked for stays there, as in every engine."""
+    m = load("paper")
+    soft = m.replace(drive=Drive(joint=m.drive_joint.name, speed="free", stiffness=300.0))
+    held = compliance(at(m, np.array([30.0])), inertia=False).displacement("coupler", "B")
+    np.testing.assert_array_equal(
+        compliance(at(soft, np.array([30.0])), inertia=False).displacement("coupler", "B"), held
+    )
+
+
 @pytest.mark.parametrize("mechanism", [load("six-bar"), flexible_slider_crank(), quick_return()], ids=lambda m: m.name)
 def test_elastic_drive_moves_a_rigid_linkage_along_its_own_kinematics(mechanism: Mechanism) -> None:
     for body in mechanism.bodies:

@@ -7,7 +7,7 @@ import pytest
 
 from analytic.mechanism import Drive
 from analytic.mechanism.file import load
-from sim_models.common.motor import ConstantSpeed, Course, drive_stiffness, motor_of, report_times
+from sim_models.common.motor import ConstantSpeed, Course, motor_of, report_times
 from sim_models.engine import ENGINES, Request, engine
 
 ROCKER = load("crank-rocker")
@@ -56,10 +56,10 @@ def test_without_a_motor_there_is_none() -> None:
 
 
 def test_only_a_drive_that_turns_the_crank_yields() -> None:
-    assert [drive_stiffness(ROCKER.replace(drive=at(speed))) for speed in (8.0, "measured")] == [200.0, 200.0]
-    assert drive_stiffness(ROCKER.replace(drive=at("free"))) is None
-    assert drive_stiffness(ROCKER.replace(drive=None)) is None
-    assert drive_stiffness(ROCKER) is None
+    assert [ROCKER.replace(drive=at(speed)).drive_stiffness for speed in (8.0, "measured")] == [200.0, 200.0]
+    assert ROCKER.replace(drive=at("free")).drive_stiffness is None
+    assert ROCKER.replace(drive=None).drive_stiffness is None
+    assert ROCKER.drive_stiffness is None
 
 
 @pytest.mark.parametrize("name", ENGINES)

@@ -91,6 +91,11 @@ class Mechanism(Part):
         return next((j.name for j in self.joints if body in j.bodies and GROUND in j.bodies), "com")
 
     @property
+    def drive_stiffness(self) -> float | None:
+        """Stiffness (N.m/rad) between motor and crank; None where the crank is rigidly on its motor, or has none."""
+        return None if self.drive is None or self.drive.speed == "free" else self.drive.stiffness
+
+    @property
     def speed(self) -> float | None:
         """The drive's constant speed (rad/s), or None if it has none."""
         return self.drive.speed if self.drive is not None and isinstance(self.drive.speed, float) else None

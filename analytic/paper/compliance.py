@@ -175,7 +175,7 @@ class _Structure:
         tied = np.full(6, elastic is None)
         springs[free], tied[free] = joint.stiffness, False
         if joint.name == self.mechanism.drive_joint.name:  # the motor holds the crank
-            motor = None if self.mechanism.drive is None else self.mechanism.drive.stiffness
+            motor = self.mechanism.drive_stiffness
             springs[free] += motor or 0.0
             tied[free] = motor is None
         return springs[[*self.kept]], tied[[*self.kept]]

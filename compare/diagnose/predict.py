@@ -147,7 +147,7 @@ class Model:
     ) -> dict[str, np.ndarray]:
         assembly = Assembly(mechanism)
         motor = self.motor(run, mechanism)
-        stiffness = mechanism.drive.stiffness if mechanism.drive else None
+        stiffness = mechanism.drive.stiffness if mechanism.drive else None  # whatever the file's own drive.speed
 
         def torque(turning: Turning) -> np.ndarray:
             return _balanced(assembly, turning, {}).drive_torque

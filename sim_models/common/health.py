@@ -54,7 +54,6 @@ import numpy as np
 from analytic.mechanism import GROUND, Joint
 from sim_models.common.balances import balances
 from sim_models.common.contact_laws import TOO_DEEP, shortest_link
-from sim_models.common.motor import drive_stiffness
 from sim_models.common.seen import REST, TINY, Miss, Seen, cross, dot
 from sim_models.engine import Cause, Request, SimulationError, Trace
 
@@ -241,7 +240,7 @@ def crank(seen: Seen) -> Iterator[Miss]:
     m, name, motor = seen.m, seen.m.driven, seen.request.crank_angle
     if not seen.held or seen.request.course is not None:
         return
-    stiffness = drive_stiffness(m)
+    stiffness = m.drive_stiffness
     behind = seen.signal("drive_torque") / stiffness if stiffness else 0.0
     off = np.abs(np.exp(1j * (seen.angle(name) + behind - motor)) - 1)
     yield Miss("crank", f"the crank {name!r} is not where its motor has it", off, 1.0, "rad")

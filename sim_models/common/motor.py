@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from analytic.mechanism import Mechanism
 from sim_models.engine import Request
 
 if TYPE_CHECKING:
@@ -123,12 +122,6 @@ def motor_of(request: Request) -> Motor | None:
     theta, speed = np.asarray(request.crank_angle, float), request.mechanism.speed
     assert speed is not None  # only a course moves a measured drive
     return ConstantSpeed(float(theta.min() if speed > 0 else theta.max()), speed, -(request.lead_in / abs(speed)))
-
-
-def drive_stiffness(mechanism: Mechanism) -> float | None:
-    """Stiffness (N.m/rad) between motor and crank; None where the crank is rigidly on its motor, or has none."""
-    drive = mechanism.drive
-    return None if drive is None or drive.speed == "free" else drive.stiffness
 
 
 def report_times(request: Request, motor: Motor | None) -> np.ndarray:

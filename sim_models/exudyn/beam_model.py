@@ -41,7 +41,7 @@ def refuse_what_is_not_modelled(m: Mechanism) -> None:
             raise Unsupported(
                 f"{m.name}: beams are joined by revolute joints only; joint {joint.name!r} of {bent[0]!r} is prismatic"
             )
-    if m.drive is not None and m.drive.stiffness is not None:
+    if m.drive_stiffness is not None:
         raise Unsupported(f"{m.name}: the crank of a linkage of beams is held rigidly; leave out drive.stiffness")
     for body in m.bodies:
         if not is_flexible(body):

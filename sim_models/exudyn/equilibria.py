@@ -12,7 +12,6 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, Joint
 from sim_models.common.contact_laws import pressed_to
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
-from sim_models.common.motor import drive_stiffness
 from sim_models.common.start import AT_REST, poses
 from sim_models.common.travel import travel
 from sim_models.engine import Cause, Request, SimulationError
@@ -87,7 +86,7 @@ class Equilibria:
 
         Raises SimulationError.
         """
-        stiffness = drive_stiffness(self.m)
+        stiffness = self.m.drive_stiffness
         if stiffness is None:
             return theta
         try:

@@ -15,7 +15,6 @@ import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 from sim_models.common.contact_laws import PIN_RADIUS, contact_parameters
-from sim_models.common.motor import drive_stiffness
 from sim_models.common.start import Pose
 from sim_models.engine import JointModel, Motion, Request
 from sim_models.exudyn.laws import CONTACT_CREEP, MINIMUM_IMPACT_SPEED, contact_restitution, hysteresis, joint_creep
@@ -296,7 +295,7 @@ class ExudynModel:
                 connector(markerNumbers=[self._fixed, crank], offset=start[self.m.driven].angle)
             )
         else:
-            stiffness = drive_stiffness(self.m)
+            stiffness = self.m.drive_stiffness
             self.compliant = stiffness is not None
             turned = self._add_shaft(motor) if self.compliant else crank
             speed = {"offset": float(motor.rate(0.0))} if motor.steady else {"offsetUserFunction_t": _called(motor)}

@@ -12,7 +12,6 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 from sim_models.common.contact_laws import TOO_DEEP, shortest_link
-from sim_models.common.motor import drive_stiffness
 from sim_models.common.start import poses
 from sim_models.common.travel import slide_travel
 from sim_models.engine import Rates
@@ -193,7 +192,7 @@ class Judge:
                 energy += j.stiffness / 2 * (travel(m, record, j) - j.rest_angle) ** 2
         for name, stiffness in self.stiffness.items():
             energy += stiffness / 2 * np.maximum(np.abs(record.gap[name]) - self.clearance[name], 0) ** 2
-        drive = drive_stiffness(m)
+        drive = m.drive_stiffness
         if self.motor is not None and drive is not None:
             energy += record.drive_torque**2 / (2 * drive)
         return energy

@@ -12,7 +12,7 @@ from analytic.kinematics.assembly import Assembly
 from sim_models.common.contact_laws import contact_parameters, lighter_mass
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
-from sim_models.common.motor import Motor, drive_stiffness, motor_of, report_times
+from sim_models.common.motor import Motor, motor_of, report_times
 from sim_models.common.start import check_steps, poses, substeps
 from sim_models.engine import (
     Cause,
@@ -71,7 +71,7 @@ class ExudynRun:
         order = np.argsort(passing, kind="stable")
         if not turned.steady:
             self.assembly.path(*turned.range)
-        if drive_stiffness(self.m) is not None:
+        if self.m.drive_stiffness is not None:
             self.judge = replace(self.judge, motor=turned)
         linkage, longest = self.launch(turned)
         history, marks = self.march(linkage, passing[order], longest, turned)
@@ -97,7 +97,7 @@ class ExudynRun:
         inertia = None if motor else self.release_accelerations()
         theta = float(motor.angle(0.0)) if motor else self.assembly.start
         start = poses(self.assembly, theta, float(motor.rate(0.0)) if motor else r.start_speed)
-        stiffness = drive_stiffness(m) if motor else None
+        stiffness = m.drive_stiffness if motor else None
         if stiffness is not None or (self.clearance and r.start == "steady"):
             resting = r if r.start == "steady" else Request(m.with_clearances({}), motion="driven")
             equilibria = Equilibria(resting, self.assembly, 0.0, joint_creep(motor))

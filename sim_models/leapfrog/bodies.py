@@ -16,7 +16,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from sim_models.common.contact_laws import contact_parameters
-from sim_models.common.motor import drive_stiffness, motor_of
+from sim_models.common.motor import motor_of
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
@@ -43,7 +43,7 @@ class LeapfrogWorld(ABC):
         self.request = request
         self.static, self.motor = request.motion == "static", motor_of(request)
         self.speed = m.speed or 0.0  # rad/s; its sign is the direction of friction and of the angles at rest, too
-        self.drive_stiffness = drive_stiffness(m) or 0.0
+        self.drive_stiffness = m.drive_stiffness or 0.0
         self.held = (
             self.static or self.motor is not None
         )  # the crank's motion is prescribed: of a drive that yields, until the run begins

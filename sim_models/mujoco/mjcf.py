@@ -24,7 +24,6 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from analytic.mechanism import GROUND, Joint, Mechanism
-from sim_models.common.motor import drive_stiffness
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import slide_travel
 from sim_models.common.tree import Branch
@@ -81,7 +80,7 @@ class Description:
     ) -> None:
         self.mechanism, self.closed_by, self.pose, self.setting = mechanism, tuple(contacts), pose, setting
         self.branches, self.closing = spanning_tree(mechanism, set(contacts))
-        self.stiffness = (drive_stiffness(mechanism) or 0.0) if setting.hold else 0.0
+        self.stiffness = (mechanism.drive_stiffness or 0.0) if setting.hold else 0.0
         self.compliant = self.stiffness > 0  # N.m/rad between motor and crank
         self.place = {GROUND: AT_REST, **pose}
         self.forms, self.fixed_angle = self._angles()
