@@ -154,6 +154,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
             names, without = _with_beams(names, simulators == "all", given, motion)
             left_out += without
         m = rigidly_and_evenly_driven(given)
+        _warn_of_friction(m, joint_model)
         released = m.speed is None and motion == "driven"
         if released:
             if angles is not None:
@@ -175,6 +176,18 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
         warnings=(*warned, *left_out),
         flexible=flexible,
     )
+
+
+def _warn_of_friction(mechanism: Mechanism, joint_model: JointModel | None) -> None:
+    """Warn of friction coefficients that do nothing: they act between a pin and its bearing, in contact joints."""
+    pins = [j for j in mechanism.joints if j.friction and not j.prismatic]
+    for pin in (j for j in pins if not j.clearance):
+        text = f"{mechanism.name}: friction of joint {pin.name} does nothing, as {pin.name} has no clearance"
+        warnings.warn(f"{text}; give it clearance (m), or friction_torque (N.m) in place of friction", stacklevel=4)
+    rough = ", ".join(j.name for j in pins if j.clearance)
+    if rough and joint_model != "contact":
+        text = f"{mechanism.name}: friction of {rough} is in contact joints only; the other joint models leave it out"
+        warnings.warn(text, stacklevel=4)
 
 
 def _with_ideal_joints(mechanism: Mechanism, joint_model: JointModel | None) -> None:

@@ -196,6 +196,23 @@ def test_a_released_pendulum_is_compared_over_time(tmp_path: Path) -> None:
     assert len(run["time"]) == len(run["simulated"]["pendulum_angle"]) == 101
 
 
+@pytest.mark.parametrize(
+    ("clearance", "joint", "says"),
+    [
+        ("0", "ideal", "friction of joint B does nothing"),
+        ("1e-4", "spring-damper", "friction of B is in contact joints only"),
+    ],
+)
+def test_friction_that_no_joint_model_of_the_run_has_is_said(
+    clearance: str, joint: str, says: str, tmp_path: Path
+) -> None:
+    (tmp_path / "rough.toml").write_text(dumps(load("paper").with_joint("B", friction=0.1)), encoding="utf-8")
+    flags = ["--clearance", f"B={clearance}", "--joint", joint, "--motion", "static", "--angles", "20:40:20"]
+    done = compare("--case", "rough.toml", "--simulator", "mujoco", *flags, cwd=tmp_path)
+    assert done.returncode == 0
+    assert says in done.stderr
+
+
 def test_clearance_of_a_linkage_that_swings_freely_is_left_out_aloud(tmp_path: Path) -> None:
     done = compare("--simulator", "mujoco", "--case", "pendulum", "--clearance", "O=1e-4", "--out", "o", cwd=tmp_path)
     assert done.returncode == 0

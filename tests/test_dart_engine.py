@@ -185,7 +185,6 @@ def test_released_pendulum_with_friction_and_damping(start_speed: float) -> None
     [
         ("massless-link", {}, "does not simulate massless-link"),
         ("contact", {"friction": 0.1}, "leave out friction = 0.1 of joint 'B'"),
-        ("spring-damper", {"friction": 0.1}, "leave out friction = 0.1 of joint 'B'"),
     ],
 )
 @pytest.mark.parametrize("motion", ["static", "driven"])
@@ -270,6 +269,15 @@ def test_worlds_put_slow_bodies_to_sleep_unless_told_not_to() -> None:
 
     assert dart.simulation.World().getDeactivationOptions().mEnabled
     assert not moving_four_bar().world.getDeactivationOptions().mEnabled
+
+
+def test_a_spring_damper_has_no_friction() -> None:
+    m = load("paper").with_clearances({"B": 1e-3})
+    smooth, rough = (
+        run(ENGINE, m.with_joint("B", friction=mu), "spring-damper", "static", [30.0, 60.0]).signals
+        for mu in (0.0, 0.1)
+    )
+    np.testing.assert_array_equal(rough["reaction_B_x"], smooth["reaction_B_x"])
 
 
 def test_contact_shapes_are_frictionless() -> None:

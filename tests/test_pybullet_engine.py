@@ -170,7 +170,6 @@ def test_released_pendulum_with_friction_and_damping(start_speed: float) -> None
         ("massless-link", "driven", {}, "does not simulate massless-link joints in driven motion"),
         ("contact", "driven", {}, "does not simulate contact joints in driven motion"),
         ("contact", "static", {"friction": 0.1}, "leave out friction = 0.1 of joint 'B'"),
-        ("spring-damper", "driven", {"friction": 0.1}, "leave out friction = 0.1 of joint 'B'"),
     ],
 )
 def test_what_pybullet_does_not_do_is_refused(

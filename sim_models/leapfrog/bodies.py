@@ -20,7 +20,7 @@ from sim_models.common.motor import motor_of
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
-from sim_models.engine import Request, SettingValue, Unsupported
+from sim_models.engine import Request, SettingValue
 from sim_models.leapfrog.courses import Grid
 from sim_models.leapfrog.laws import JointLaws
 from sim_models.leapfrog.parts import Pin
@@ -54,12 +54,6 @@ class LeapfrogWorld(ABC):
             name: Pin(m.joint(name), clearance, contact_parameters(m, m.joint(name), request.motion))
             for name, clearance in request.clearances.items()
         }
-        rough = [pin.joint for pin in self.pins.values() if pin.joint.friction]
-        if rough:
-            raise Unsupported(
-                f"{self.engine} has no friction in contact: leave out friction = {rough[0].friction:g} of joint"
-                f" {rough[0].name!r}, or use mujoco"
-            )
         self.laws = JointLaws(m, self.static, self.motor.top_speed if self.motor else abs(self.speed))
         self.grid: Grid | None = None  # of a moving run
         self.trailing = 0.0  # s by which velocities trail positions
