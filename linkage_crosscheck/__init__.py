@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from compare.domain_map.validity import validity
     from compare.evidence.baseline.check import check_baselines
     from compare.export import export
+    from compare.show import show
 
 _WHERE = {
     "Body": "analytic.mechanism",
@@ -49,6 +50,7 @@ _WHERE = {
     "export": "compare.export",
     "load": "analytic.mechanism.file",
     "read_measured": "compare.diagnose.data.measured:load_measured",
+    "show": "compare.show",
     "simulate": "compare.analyse",
     "simulators": "compare.catalogue",
     "validity": "compare.domain_map.validity",
@@ -70,6 +72,7 @@ __all__ = [
     "export",
     "load",
     "read_measured",
+    "show",
     "simulate",
     "simulators",
     "validity",

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from compare.faults import OptionError, complaints
+from compare.cli.options import Json
+from compare.cli.publish import show as show_document
+from compare.faults import complaints
 
-if TYPE_CHECKING:
-    from compare.results.crosscheck import CrossCheck
-    from compare.results.diagnosis import Diagnosis
+Nothing = Annotated[
+    bool,
+    typer.Option("--quiet", "-q", help="Print nothing to standard output; the exit status says whether it is there."),
+]
 
 
 def show(
+    context: typer.Context,
     result: Annotated[Path, typer.Argument(metavar="RESULT", help="A result.json or a diagnosis.json.")],
     signal: Annotated[
         str | None,
@@ -25,37 +30,20 @@ def show(
     ] = None,
     joint: Annotated[str | None, typer.Option(help="Joint model; left out, all that the result has.")] = None,
     simulator: Annotated[str | None, typer.Option(help="Engine; left out, all that the result has.")] = None,
+    json: Json = False,
+    quiet: Nothing = False,
 ) -> None:
     """Print one number of a result: both sides, the equation and the module, the engine and its settings, and the
     verdict.  Of a diagnosis print what it says, or a signal's residual before and after by run.
 
     Exit status: 0 shown, 2 bad input.
     """
-    with complaints():
+    with complaints(context):
         from compare.results.crosscheck import CrossCheck
-        from compare.results.diagnosis import Diagnosis
-        from compare.results.kinds import read_as
+        from compare.show import read, show
 
-        document = read_as(result, (CrossCheck, Diagnosis))
-        if isinstance(document, Diagnosis):
-            given = {"--at": at, "--joint": joint, "--simulator": simulator}
-            typer.echo(_said(document, signal, [name for name, value in given.items() if value is not None]))
-        elif isinstance(document, CrossCheck):
-            typer.echo(_number(document, signal, at, joint, simulator))
-
-
-def _number(result: CrossCheck, signal: str | None, at: float | None, joint: str | None, simulator: str | None) -> str:
-    from compare.report.provenance import explain
-
-    for option, value, such in (("--signal", signal, "reaction_B_angle"), ("--at", at, "30")):
-        if value is None:
-            raise OptionError(f"{option} is missing; a number of a result takes {option}, such as {option} {such}")
-    return explain(result, signal or "", at or 0.0, joint, simulator)
-
-
-def _said(result: Diagnosis, signal: str | None, refused: list[str]) -> str:
-    from compare.report.diagnosis_text import residual_lines, terminal_lines
-
-    if refused:
-        raise OptionError(f"{refused[0]}: a diagnosis takes --signal alone; leave {refused[0]} out")
-    return "\n".join(terminal_lines(result) if signal is None else residual_lines(result, signal))
+        document = read(result)
+        over_time = isinstance(document, CrossCheck) and document.over_time
+        where = at if at is None or over_time else math.radians(at)
+        found = show(document, signal, at=where, joint_model=joint, simulator=simulator)
+        show_document(found, json=json, quiet=quiet)

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 
-import numpy as np
-
-from compare.faults import OptionError
 from compare.quantities import DASH, MINUS, SUPERSCRIPT, TIMES, amount, number
 from compare.report.diagnosis_words import SIGMA, advice, next_steps, phrase, settings, simulated_by, ties, worst_first
 from compare.report.pages import code_block
 from compare.report.pages import escape_markdown as md
-from compare.results.diagnosis import DiagnosedRun, Diagnosis, Effect, Place, Side
+from compare.results.diagnosis import Diagnosis, Effect, Place
 from compare.results.sentences import parameter, quantity, sentence, spoken
 
 SIGNS = {"no gap": "✓", "explained": "✓", "partly explained": "≈", "ambiguous": "?", "unexplained": "✗"}
@@ -45,38 +41,7 @@ def terminal_lines(result: Diagnosis) -> list[str]:
     out += [f"where: {sentence(result, place)} ({number(place.sigmas)} sigma)" for place in places[:PLACES_SHOWN]]
     out += [f"where: {_others(len(places) - PLACES_SHOWN)}"] if len(places) > PLACES_SHOWN else []
     out += [f"data: run {fault.run}, {spoken(result, fault.signal)}: {_line(fault.text)}" for fault in result.faults]
-    return [_ascii(line) for line in out]
-
-
-def residual_lines(result: Diagnosis, signal: str) -> list[str]:
-    """Measured minus simulated of a signal by run, before and after: root mean square, largest and where, and the gap.
-
-    Raises OptionError for a signal that no run has.
-    """
-    runs = [run for run in result.runs if signal in run.signals]
-    if not runs:
-        names = dict.fromkeys(name for run in result.runs for name in run.signals)
-        raise OptionError(f"--signal {signal}: no run of this diagnosis has it; the signals are {', '.join(names)}")
-    out = [f"{signal}: {quantity(result, signal).label}, measured minus simulated"]
-    for run in runs:
-        channel = run.signals[signal]
-        given = "" if channel.noise_given else ", estimated from the data"
-        out.append(f"{run.name}: {run.time.size} samples, noise {amount(channel.noise, channel.unit)} (1 sigma){given}")
-        sides: tuple[tuple[Side, float | None], ...] = (("before", channel.gap_before), ("after", channel.gap_after))
-        for side, gap in sides:
-            said = _largest(run, result.residual(run, signal, side), channel.unit)
-            out.append(f"  {side:7} {said}; gap {number(gap)}")
-    return [_ascii(line) for line in out]
-
-
-def _largest(run: DiagnosedRun, residual: np.ndarray, unit: str) -> str:
-    known = np.flatnonzero(np.isfinite(residual))
-    if not known.size:
-        return "no number"
-    k = int(known[np.argmax(np.abs(residual[known]))])
-    root = math.sqrt(float(np.mean(residual[known] ** 2)))
-    at = f"{run.time[k]:.4g} s" if run.over_time else f"{math.degrees(run.crank_angle[k]):.4g} deg"
-    return f"rms {amount(root, unit)}, largest {amount(float(residual[k]), unit, 3, True)} at {at}"
+    return [in_ascii(line) for line in out]
 
 
 def _effect_lines(result: Diagnosis, group: Sequence[Place]) -> list[str]:
@@ -108,7 +73,8 @@ def _line(words: str) -> str:
     return re.sub(r"\s+", " ", words).strip()
 
 
-def _ascii(words: str) -> str:
+def in_ascii(words: str) -> str:
+    """Words for a terminal: the signs of :data:`ASCII` written out."""
     return "".join(ASCII.get(character, character) for character in words.replace(f"{TIMES}10", "e"))
 
 

@@ -247,6 +247,11 @@ class CrossCheck(Document):
         """Whether the linkage swings freely in driven runs, so that samples belong to times."""
         return self.mechanism.speed is None
 
+    @property
+    def over_time(self) -> bool:
+        """Whether the samples of its runs belong to times: the linkage swings freely and is not held at angles."""
+        return self.swings and all(run.motion == "driven" for run in self.runs)
+
     def run(self, simulator: str | None = None, joint_model: str | None = None) -> Run:
         """The first run of that engine and joint model.  Raises KeyError with those that there are."""
         for run in self.runs:

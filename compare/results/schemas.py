@@ -21,6 +21,8 @@ MODULES = (
     "catalogue",
     "export",
     "diagnosis",
+    "provenance",
+    "residuals",
     "baselines",
     "validation",
     "scoreboard",

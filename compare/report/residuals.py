@@ -1,0 +1,88 @@
+"""What a diagnosis leaves of a signal, shown: root mean square, largest and gap of each run, before and after."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+
+from compare.quantities import amount, fitting, number
+from compare.report.diagnosis_text import in_ascii
+from compare.results.residuals import Residual, Residuals, SignalResiduals
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def files(result: SignalResiduals) -> dict[str, str]:
+    """The residuals, a row for each sample."""
+    return {"residuals.csv": result.to_csv()}
+
+
+def print_table(result: SignalResiduals, console: Console) -> None:
+    """Print the residuals of each run in a few numbers."""
+    for line in lines(result):
+        console.print(line, soft_wrap=True, highlight=False, markup=False, emoji=False)
+
+
+def lines(result: SignalResiduals) -> Iterator[str]:
+    """Root mean square, largest and where, and the gap, by run; ASCII but for names."""
+    yield in_ascii(f"{result.signal}: {result.label}, measured minus simulated")
+    for run in result.runs:
+        given = "" if run.noise_given else ", estimated from the data"
+        noise = amount(run.noise, result.unit)
+        yield in_ascii(f"{run.name}: {run.time.size} samples, noise {noise} (1 sigma){given}")
+        for side, residual in (("before", run.before), ("after", run.after)):
+            yield in_ascii(f"  {side:7} {_largest(run, residual, result.unit)}; gap {number(residual.gap)}")
+
+
+def _largest(run: Residuals, residual: Residual, unit: str) -> str:
+    if residual.rms is None:
+        return "no number"
+    largest = amount(residual.largest, unit, 3, True)
+    return f"rms {amount(residual.rms, unit)}, largest {largest} at {_where(run, residual)}"
+
+
+def _where(run: Residuals, residual: Residual) -> str:
+    if run.over_time:
+        return "-" if residual.time is None else f"{residual.time:.4g} s"
+    return "-" if residual.crank_angle is None else f"{math.degrees(residual.crank_angle):.4g} deg"
+
+
+def summary_html(result: SignalResiduals) -> str:
+    """The same numbers as a table."""
+    rows = [
+        (
+            run.name,
+            side,
+            amount(residual.rms, result.unit),
+            amount(residual.largest, result.unit, 3, True),
+            _where(run, residual),
+            number(residual.gap),
+        )
+        for run in result.runs
+        for side, residual in (("before", run.before), ("after", run.after))
+    ]
+    head = "".join(f"<th>{name}</th>" for name in ("run", "side", "rms", "largest", "at", "gap"))
+    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    title = html.escape(f"{result.signal}: {result.label}, measured minus simulated")
+    return f"<p>{title}</p><table><tr>{head}</tr>{body}</table>"
+
+
+def plot(result: SignalResiduals, figure: Figure) -> None:
+    """The residuals before and after of each run, the noise shaded."""
+    sizes = [size for run in result.runs for r in (run.before, run.after) if (size := r.largest) is not None]
+    unit, factor = fitting(result.unit, *sizes)
+    for axis, run in zip(figure.subplots(len(result.runs), 1, squeeze=False)[:, 0], result.runs, strict=True):
+        x = run.time if run.over_time else np.degrees(run.crank_angle)
+        for side, residual in (("before", run.before), ("after", run.after)):
+            axis.plot(x, factor * residual.values, ".", markersize=3, label=side)
+        axis.axhspan(-2 * factor * run.noise, 2 * factor * run.noise, color="0.9", zorder=0)
+        axis.set_ylabel(f"{result.label} ({unit})")
+        axis.set_xlabel(f"{'time (s)' if run.over_time else 'crank angle (deg)'}, run {run.name}")
+        axis.legend(fontsize="small")
+    figure.suptitle(f"{result.case}: measured minus simulated, noise within two sigmas shaded")

@@ -1,0 +1,346 @@
+"""One number of a cross-check with what it comes from, or what a diagnosis leaves of a signal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import overload
+
+import numpy as np
+
+from analytic.mechanism import Mechanism
+from analytic.mechanism.signals import Signal, wrapped
+from compare.faults import ArgumentError
+from compare.quantities import quantities
+from compare.results.crosscheck import CrossCheck, Discrepancy, Run
+from compare.results.diagnosis import DiagnosedRun, Diagnosis, Side
+from compare.results.document import Number
+from compare.results.kinds import read_as
+from compare.results.provenance import Analytic, Equation, Provenance, Sample, Simulated
+from compare.results.residuals import Residual, Residuals, SignalResiduals
+from compare.results.sentences import quantity
+from sim_models.engine import ENGINES, offers
+
+KINETOSTATICS = "analytic/paper/kinetostatics.py"
+CLEARANCE = "analytic/paper/clearance.py"
+DRIVEN = "Eqs. 9-14, inertia forces and force balance of the {} linkage"
+STATIC = "Eqs. 11-14, static force balance of the {} linkage"
+ZERO = Equation(words="no clearance: zero", module=None)
+GAP = {  # Eq. 8, by analytic model
+    "first_order": "Eq. 8: the clearance along the ideal linkage's reaction",
+    "equilibrium": "Eq. 8 along the displaced linkage's own reaction",
+}
+SWUNG = Equation(
+    words="equation of motion of the released linkage, integrated", module="analytic/beyond_paper/released.py"
+)
+BENT = Equation(
+    words="plus the elastic displacement of links and joints (Eqs. 1-7)", module="analytic/paper/compliance.py"
+)
+
+
+@overload
+def show(
+    result: CrossCheck, signal: str, *, at: float, joint_model: str | None = None, simulator: str | None = None
+) -> Provenance: ...
+@overload
+def show(result: Diagnosis, signal: str) -> SignalResiduals: ...
+@overload
+def show(
+    result: CrossCheck | Diagnosis | str | Path,
+    signal: str | None = None,
+    *,
+    at: float | None = None,
+    joint_model: str | None = None,
+    simulator: str | None = None,
+) -> Provenance | SignalResiduals | Diagnosis: ...
+def show(
+    result: CrossCheck | Diagnosis | str | Path,
+    signal: str | None = None,
+    *,
+    at: float | None = None,
+    joint_model: str | None = None,
+    simulator: str | None = None,
+) -> Provenance | SignalResiduals | Diagnosis:
+    """One number of a cross-check: both sides, equation and module, engine and settings, verdict; or the residuals of
+    a diagnosis.
+
+    ``result`` is a cross-check, a diagnosis, or the path of the JSON file of either.  A cross-check takes a ``signal``
+    and ``at``, the crank angle (rad; the time in s where the linkage swings freely); the sample nearest to it is
+    shown, in every run that has the signal, or in those of one joint model or engine.  Of a diagnosis a ``signal``
+    gives measured minus simulated by run; without one the diagnosis itself is returned.
+
+    Raises DocumentError for the file and ArgumentError for what the result does not have.
+    """
+    document = read(result) if isinstance(result, str | Path) else result
+    if isinstance(document, CrossCheck):
+        if signal is None:
+            raise ArgumentError("signal", "missing; a number of a result takes one, such as reaction_B_angle")
+        if at is None:
+            raise ArgumentError("at", "missing; a number belongs to a crank angle, or to a time if the linkage swings")
+        return provenance(document, signal, at, joint_model, simulator)
+    for name, given in (("at", at), ("joint_model", joint_model), ("simulator", simulator)):
+        if given is not None:
+            raise ArgumentError(name, "a diagnosis takes a signal alone; leave this out")
+    return document if signal is None else residuals(document, signal)
+
+
+def read(path: str | Path) -> CrossCheck | Diagnosis:
+    """The cross-check or the diagnosis of a JSON file.  Raises DocumentError."""
+    kinds: tuple[type[CrossCheck | Diagnosis], ...] = (CrossCheck, Diagnosis)
+    return read_as(path, kinds)
+
+
+# ------------------------------------------------------------------ a number of a cross-check
+
+
+def provenance(
+    result: CrossCheck, name: str, at: float, joint_model: str | None = None, simulator: str | None = None
+) -> Provenance:
+    """A signal at a crank angle (rad; s over time) in every run that has it.  Raises ArgumentError."""
+    runs = _chosen(result.runs, joint_model, simulator)
+    having = [run for run in runs if name in run.analytic and name in run.simulated]
+    if not having:
+        names = dict.fromkeys(name for run in runs for name in run.simulated if name in run.analytic)
+        raise ArgumentError("signal", f"no {name} in {_titles(runs)}; the signals are {', '.join(names)}")
+    signal = result.signals.get(name)
+    if signal is None:
+        raise ArgumentError(
+            "signal", f"{name} is not a signal of the mechanism {result.mechanism.name} that the result is about"
+        )
+    return Provenance(
+        case=result.case,
+        command=result.command,
+        versions=dict(result.versions),
+        signal=name,
+        label=quantities(result.mechanism)[name].label,
+        acts=_acts(result.mechanism, signal),
+        unit=signal.unit,
+        over_time=result.over_time,
+        at=_given(having[0], at, result.over_time),
+        runs=tuple(_sample(run, signal, at, result.over_time) for run in having),
+    )
+
+
+def _chosen(runs: Sequence[Run], joint_model: str | None, simulator: str | None) -> list[Run]:
+    for argument, wanted, names in (
+        ("joint_model", joint_model, [run.joint_model for run in runs]),
+        ("simulator", simulator, [run.simulator.name for run in runs]),
+    ):
+        if wanted is not None and wanted not in names:
+            there = ", ".join(dict.fromkeys(names)) or "no runs"
+            raise ArgumentError(argument, f"{wanted} is not in this result; it has {there}")
+    found = [run for run in runs if joint_model in (None, run.joint_model) and simulator in (None, run.simulator.name)]
+    if not found:
+        raise ArgumentError("simulator", f"not with joint {joint_model} in this result; it has {_titles(runs)}")
+    return found
+
+
+def _titles(runs: Iterable[Run]) -> str:
+    return "; ".join(run.title for run in runs) or "no runs"
+
+
+def _acts(mechanism: Mechanism, signal: Signal) -> str:
+    """Which body pushes which, for what belongs to a joint."""
+    joint = next((j for j in mechanism.joints if j.name == signal.place), None)
+    if joint is None or signal.kind not in ("reaction", "clearance"):
+        return ""
+    first, second = joint.bodies
+    if signal.kind == "clearance":
+        return f"pin centre of {first} minus that of {second}"
+    return f"{'moment' if signal.component == 'moment' else 'force'} of {first} on {second}"
+
+
+def _places(run: Run, over_time: bool) -> np.ndarray:
+    """Where the samples (N,) are: rad, or s over time."""
+    if not over_time:
+        return run.crank_angle
+    return np.array([]) if run.time is None else run.time
+
+
+def _given(run: Run, at: float, over_time: bool) -> float:
+    """What was asked for, if it is a number.  Raises ArgumentError."""
+    if not math.isfinite(at):
+        raise _outside(run, at, over_time)
+    return at
+
+
+def _nearest(run: Run, at: float, over_time: bool) -> tuple[int, float]:
+    """Index of the sample nearest to ``at`` (rad, modulo a turn; s over time), and how far it is.
+
+    Raises ArgumentError where that is farther than half the spacing of the samples.
+    """
+    places = _places(run, over_time)
+    if not places.size:
+        raise _outside(run, at, over_time)
+    away = np.abs(places - at) if over_time else np.abs(wrapped(places - at))
+    k = int(np.argmin(away))
+    alone = 1.0 if over_time else math.radians(1.0)  # how wide the surroundings of a single sample are: s, or rad
+    spacing = float(np.diff(np.sort(places)).max()) if places.size > 1 else alone
+    if away[k] > spacing / 2 * (1 + 1e-9):
+        raise _outside(run, at, over_time)
+    return k, float(away[k])
+
+
+def _outside(run: Run, at: float, over_time: bool) -> ArgumentError:
+    """What is said of a place that the run does not have, as a person reads it (deg or s)."""
+    unit, factor = ("s", 1.0) if over_time else ("deg", math.degrees(1.0))
+    places = factor * _places(run, over_time)
+    span = f"from {places.min():.6g} to {places.max():.6g} {unit}" if places.size else "nowhere"
+    return ArgumentError("at", f"the run {run.title} has samples {span}, none near {factor * at:g} {unit}")
+
+
+def _sample(run: Run, signal: Signal, at: float, over_time: bool) -> Sample:
+    k, away = _nearest(run, at, over_time)
+    row = next((row for row in run.discrepancies if row.signal == signal.name), None)
+    return Sample(
+        simulator=run.simulator,
+        joint_model=run.joint_model,
+        motion=run.motion,
+        clearance=dict(run.clearance),
+        analytic_model=run.analytic_model,
+        index=k,
+        count=run.crank_angle.size,
+        crank_angle=float(run.crank_angle[k]),
+        time=None if run.time is None else float(run.time[k]),
+        exact=away < (1e-6 if over_time else math.radians(1e-6)),
+        flag=run.flags.get(str(k), ""),
+        analytic=Analytic(
+            value=_number(run.analytic[signal.name][k]),
+            components=_components(run.analytic, signal, k),
+            equations=tuple(_equations(run, signal, over_time)),
+        ),
+        simulated=Simulated(
+            value=_number(run.simulated[signal.name][k]),
+            components=_components(run.simulated, signal, k),
+            module=_engine_module(run),
+            settings=dict(run.settings),
+        ),
+        difference=_number(run.difference(signal)[k]),
+        discrepancy=row,
+        worst_time=_time_of(run, row) if over_time else None,
+    )
+
+
+def _number(value: float) -> Number:
+    return float(value) if math.isfinite(value) else None
+
+
+def _components(side: Mapping[str, np.ndarray], signal: Signal, k: int) -> dict[str, Number]:
+    """The components of which the direction or the size of a reaction was made."""
+    if signal.kind != "reaction" or signal.component not in ("angle", "magnitude"):
+        return {}
+    names = [signal.sibling(axis).name for axis in ("x", "y")]
+    return {name: _number(side[name][k]) for name in names if name in side}
+
+
+def _equations(run: Run, signal: Signal, over_time: bool) -> Iterator[Equation]:
+    """What an analytic number was computed from."""
+    if over_time:
+        yield SWUNG
+    elif signal.kind in ("reaction", "drive"):
+        yield from _forces(run)
+    else:
+        yield from _motion(run, signal)
+    if _bends(run) and signal.kind not in ("reaction", "drive"):
+        yield BENT
+
+
+def _forces(run: Run) -> Iterator[Equation]:
+    first_order = run.analytic_model == "first_order"
+    loose = any(run.clearance.values())
+    words = (STATIC if run.motion == "static" else DRIVEN).format("displaced" if loose and not first_order else "ideal")
+    yield Equation(words=words, module=KINETOSTATICS)
+    if loose and first_order:
+        yield Equation(words="first order: reactions as without clearance", module=CLEARANCE)
+    elif loose:
+        yield Equation(words=f"displaced by {GAP['equilibrium']}", module=CLEARANCE)
+
+
+def _motion(run: Run, signal: Signal) -> Iterator[Equation]:
+    loose = any(run.clearance.values())
+    gap = Equation(words=GAP[run.analytic_model], module=CLEARANCE) if loose else ZERO
+    if signal.kind == "clearance":
+        yield gap
+    elif signal.kind == "rotation":
+        turned = "the body's angle in the displaced linkage minus that in the ideal one"
+        yield Equation(words=f"{turned}; {gap.words}", module=gap.module)
+    else:
+        words = f"loop closure of the {'displaced' if loose else 'ideal'} linkage"
+        yield Equation(words=words, module="analytic/kinematics/motion.py")
+        if loose:
+            yield Equation(words=f"displaced by {gap.words}", module=gap.module)
+
+
+def _bends(run: Run) -> bool:
+    """Whether the links of a run were made of beams."""
+    return "links" in run.settings
+
+
+def _engine_module(run: Run) -> str | None:
+    """Where the engine of a run is coded, if it is one that is known here: a file of this project, or the module of
+    another package.
+    """
+    if run.simulator.name in ENGINES:
+        return f"sim_models/{run.simulator.name}/{'beams' if _bends(run) else 'engine'}.py"
+    point = offers().points.get(run.simulator.name)
+    return None if point is None else point.module
+
+
+def _time_of(run: Run, row: Discrepancy | None) -> Number:
+    """When the linkage is where a discrepancy is (s)."""
+    if row is None or row.at_crank_angle is None or run.time is None:
+        return None
+    found = np.flatnonzero(run.crank_angle == row.at_crank_angle)
+    return float(run.time[found[0]]) if found.size else None
+
+
+# ------------------------------------------------------------------ a signal of a diagnosis
+
+
+def residuals(result: Diagnosis, name: str) -> SignalResiduals:
+    """Measured minus simulated of a signal in every run that has it.  Raises ArgumentError for one that none has."""
+    runs = [run for run in result.runs if name in run.signals]
+    if not runs:
+        names = dict.fromkeys(name for run in result.runs for name in run.signals)
+        raise ArgumentError("signal", f"no run of this diagnosis has {name}; the signals are {', '.join(names)}")
+    return SignalResiduals(
+        case=result.case,
+        verdict=result.verdict,
+        simulator=result.simulator,
+        signal=name,
+        label=quantity(result, name).label,
+        unit=runs[0].signals[name].unit,
+        runs=tuple(_of_run(result, run, name) for run in runs),
+    )
+
+
+def _of_run(result: Diagnosis, run: DiagnosedRun, name: str) -> Residuals:
+    channel = run.signals[name]
+    return Residuals(
+        name=run.name,
+        over_time=run.over_time,
+        time=run.time,
+        crank_angle=run.crank_angle,
+        noise=channel.noise,
+        noise_given=channel.noise_given,
+        before=_residual(result, run, name, "before"),
+        after=_residual(result, run, name, "after"),
+    )
+
+
+def _residual(result: Diagnosis, run: DiagnosedRun, name: str, side: Side) -> Residual:
+    values = result.residual(run, name, side)
+    gap = run.signals[name].gap_before if side == "before" else run.signals[name].gap_after
+    known = np.flatnonzero(np.isfinite(values))
+    if not known.size:
+        return Residual(rms=None, largest=None, crank_angle=None, time=None, gap=gap, values=values)
+    k = int(known[np.argmax(np.abs(values[known]))])
+    return Residual(
+        rms=math.sqrt(float(np.mean(values[known] ** 2))),
+        largest=float(values[k]),
+        crank_angle=float(run.crank_angle[k]),
+        time=float(run.time[k]),
+        gap=gap,
+        values=values,
+    )
