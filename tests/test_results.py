@@ -30,6 +30,8 @@ RESULTS: dict[str, Callable[[], Document]] = {
     "accuracy": lambda: lc.accuracy("paper", angles=ANGLES, samples=100),
     "validity": lambda: lc.validity("paper", speeds=[1.0], clearances=[1e-4], workers=1),
     "diagnose": lambda: sample_diagnosis.as_document(sample_diagnosis.sample_diagnosis(samples=37)),
+    "show a number": lambda: lc.show(lc.crosscheck("paper", simulators="mujoco"), "reaction_B_angle", at=ANGLES[1]),
+    "show residuals": lambda: lc.show(RESULTS["diagnose"](), "follower_angle"),
     "check_baselines": lambda: lc.check_baselines("paper", "mujoco", REPORTS / "baselines"),
     "validation": lambda: Validation.read(REPORTS / "validation.json"),
     "scoreboard": lambda: Scoreboard.read(REPORTS / "scoreboard" / "scoreboard.json"),
@@ -37,7 +39,7 @@ RESULTS: dict[str, Callable[[], Document]] = {
     "simulators": lc.simulators,
     "effects": lc.effects,
 }
-LISTS = ("baselines", "cases", "simulators", "effects")
+LISTS = ("provenance", "baselines", "cases", "simulators", "effects")
 
 
 @pytest.fixture(scope="module", params=RESULTS)

@@ -5,23 +5,30 @@ from __future__ import annotations
 import json
 import math
 import re
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import linkage_crosscheck as lc
 from commands import compare
 from compare.cli.app import app
-from compare.faults import OptionError
+from compare.faults import ArgumentError, OptionError
 from compare.files import to_json
 from compare.report.diagnosis_text import terminal_lines
-from compare.report.provenance import explain
+from compare.report.provenance import lines
 from compare.results.crosscheck import CrossCheck
 from compare.results.diagnosis import Diagnosis
 from compare.results.document import DocumentError
+from compare.results.provenance import Provenance
+from compare.results.residuals import SignalResiduals
+from document_faults import faults
 from sample_diagnosis import sample_diagnosis
 from sample_result import sample_result, swinging
+from sim_models.engine import GROUP, Offers
 
 
 def loaded(raw: dict[str, Any]) -> CrossCheck:
@@ -31,8 +38,15 @@ def loaded(raw: dict[str, Any]) -> CrossCheck:
 PAPER = sample_result()
 
 
+def number(signal: str, at: float, raw: dict[str, Any] = PAPER, **choice: str) -> Provenance:
+    """A number of a result at an angle in degrees, as a person gives it, or at a time."""
+    result = loaded(raw)
+    where = at if result.over_time else math.radians(at)
+    return lc.show(result, signal, at=where, joint_model=choice.get("joint"), simulator=choice.get("simulator"))
+
+
 def shown(signal: str, at: float, raw: dict[str, Any] = PAPER, **choice: str) -> str:
-    return explain(loaded(raw), signal, at, choice.get("joint"), choice.get("simulator"))
+    return "\n".join(lines(number(signal, at, raw, **choice)))
 
 
 @pytest.mark.mujoco
@@ -66,6 +80,9 @@ def test_the_command_prints_both_sides_and_where_they_come_from(tmp_path: Path) 
     ):
         assert words in done.stdout
     assert "None" not in done.stdout
+    document = compare("show", "o/result.json", "--signal", "reaction_B_angle", "--at", "30", "--json", cwd=tmp_path)
+    assert faults(Provenance, json.loads(document.stdout)) == []
+    assert "\n".join(lines(Provenance.model_validate_json(document.stdout))) + "\n" == done.stdout
 
 
 def test_every_run_that_has_the_signal_is_shown_or_the_one_that_is_asked_for() -> None:
@@ -120,7 +137,7 @@ def test_a_crank_angle_may_be_a_turn_further() -> None:
 
 @pytest.mark.parametrize("at", [17.4, 162.6, 200.0, math.nan, math.inf])
 def test_an_angle_outside_the_run_is_refused(at: float) -> None:
-    with pytest.raises(OptionError, match=r"--at .*: the run mujoco, contact has samples from 20 to 160 deg"):
+    with pytest.raises(OptionError, match=r"^at: the run mujoco, contact has samples from 20 to 160 deg, none near"):
         shown("reaction_B_angle", at, joint="contact")
 
 
@@ -133,12 +150,7 @@ def test_a_free_drive_is_asked_for_by_its_time() -> None:
 
 
 def test_a_flagged_angle_has_a_reason_and_no_number() -> None:
-    raw = json.loads(to_json(PAPER))
-    run = raw["runs"][3]
-    run["flags"] = {"2": "the reaction at B passes near zero"}
-    for side in ("analytic", "simulated"):
-        run[side] = {name: [None if k == 2 else v for k, v in enumerate(values)] for name, values in run[side].items()}
-    text = shown("reaction_B_angle", 30, raw, joint="contact")
+    text = shown("reaction_B_angle", 30, flagged(), joint="contact")
     assert "flagged       no number on either side: the reaction at B passes near zero" in text
     assert "simulated     " not in text
 
@@ -189,8 +201,8 @@ def test_the_papers_first_order_takes_its_reactions_without_clearance() -> None:
     ("arguments", "words"),
     [
         ({"signal": "reaction_Q_angle"}, ["reaction_Q_angle", "the signals are", "reaction_B_angle"]),
-        ({"joint": "rubber"}, ["--joint rubber", "ideal, massless-link, spring-damper, contact"]),
-        ({"simulator": "adams"}, ["--simulator adams", "mujoco"]),
+        ({"joint": "rubber"}, ["joint_model: rubber", "ideal, massless-link, spring-damper, contact"]),
+        ({"simulator": "adams"}, ["simulator: adams", "mujoco"]),
     ],
 )
 def test_what_the_result_does_not_have_is_refused_with_what_it_has(arguments: dict[str, str], words: list[str]) -> None:
@@ -275,9 +287,10 @@ def test_a_signal_of_a_diagnosis_is_its_residual_by_run(diagnosed: Path) -> None
     [
         (
             ["--signal", "reaction_B"],
-            "--signal reaction_B: no run of this diagnosis has it; the signals are crank_angle,",
+            "--signal reaction_B: no run of this diagnosis has reaction_B; the signals are crank_angle,",
         ),
-        (["--signal", "drive_torque", "--at", "30"], "--at: a diagnosis takes --signal alone"),
+        (["--signal", "drive_torque", "--at", "30"], "--at 30.0: a diagnosis takes a signal alone"),
+        (["--joint", "contact"], "--joint contact: a diagnosis takes a signal alone"),
     ],
 )
 def test_what_a_diagnosis_cannot_show_is_said(options: list[str], words: str, diagnosed: Path) -> None:
@@ -294,7 +307,161 @@ def test_a_file_that_is_neither_is_refused_in_a_sentence(tmp_path: Path) -> None
         f"compare: {path}: has not the fields of a result.json or diagnosis.json; give one of these\n",
     )
     path.write_text(to_json(PAPER), encoding="utf-8")
-    assert said(str(path)) == (
-        2,
-        "compare: --signal is missing; a number of a result takes --signal, such as --signal reaction_B_angle\n",
-    )
+    for options, complaint in {
+        (): "--signal: missing; a number of a result takes one, such as reaction_B_angle",
+        ("--signal", "drive_torque"): "--at: missing; a number belongs to a crank angle, or to a time if the linkage"
+        " swings",
+    }.items():
+        assert said(str(path), *options) == (2, f"compare: {complaint}\n")
+
+
+# ------------------------------------------------------------------ as a document
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> Path:
+    path = tmp_path / "result.json"
+    path.write_text(to_json(PAPER), encoding="utf-8")
+    return path
+
+
+def test_the_json_of_a_number_is_as_its_schema_says_and_what_the_text_is_made_of(saved: Path) -> None:
+    asked = [str(saved), "--signal", "reaction_B_angle", "--at", "31.9", "--joint", "contact"]
+    status, printed = said(*asked, "--json")
+    assert status == 0
+    content = json.loads(printed)
+    assert faults(Provenance, content) == []
+    found = Provenance.model_validate(content)
+    assert found.to_json() + "\n" == printed
+    assert said(*asked) == (0, "\n".join(lines(found)) + "\n")
+    (one,) = content["runs"]
+    run = PAPER["runs"][3]
+    assert (one["index"], one["count"], one["exact"]) == (2, 29, False)
+    assert one["crank_angle"] == run["crank_angle"][2]
+    for side in ("analytic", "simulated"):
+        assert one[side]["value"] == run[side]["reaction_B_angle"][2]
+        assert one[side]["components"] == {f"reaction_B_{axis}": run[side][f"reaction_B_{axis}"][2] for axis in "xy"}
+    assert one["difference"] == pytest.approx(one["simulated"]["value"] - one["analytic"]["value"], rel=1e-9)
+    assert one["discrepancy"] == next(d for d in run["discrepancies"] if d["signal"] == "reaction_B_angle")
+    assert one["simulated"]["settings"] == run["settings"]
+    assert one["simulated"]["module"] == "sim_models/mujoco/engine.py"
+    assert [e["module"] for e in one["analytic"]["equations"]] == [
+        "analytic/paper/kinetostatics.py",
+        "analytic/paper/clearance.py",
+    ]
+    assert (content["unit"], content["acts"]) == ("rad", "force of coupler on follower")
+    assert content["at"] == pytest.approx(math.radians(31.9))
+
+
+def flagged() -> dict[str, Any]:
+    raw = json.loads(to_json(PAPER))
+    for run in raw["runs"]:
+        run["flags"] = {"2": "the reaction at B passes near zero"}
+        for side in ("analytic", "simulated"):
+            run[side] = {n: [None if k == 2 else v for k, v in enumerate(values)] for n, values in run[side].items()}
+    return raw
+
+
+KINDS: dict[str, tuple[str, float, dict[str, Any]]] = {
+    "several engines": ("drive_torque", 90.0, sample_result(engines=("mujoco", "exudyn"))),
+    "flagged": ("reaction_B_angle", 30.0, flagged()),
+    "over time": ("reaction_O_angle", 1.02, swinging()),
+    "a moment": ("reaction_S_moment", 30.0, sample_result("slider-crank", clearance={"A": 1e-5})),
+    "not judged": ("crank_angular_velocity", 30.0, PAPER),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_number_is_as_its_schema_says(kind: str) -> None:
+    found = number(*KINDS[kind])
+    content = json.loads(found.to_json())
+    assert faults(Provenance, content) == []
+    assert Provenance.model_validate(content).to_json() == found.to_json()
+    assert len(found.rows()) == len(found.runs) == found._repr_html_().count("<tr><td>")
+    without = {name: value for name, value in content.items() if name != "unit"}
+    assert any("unit" in fault for fault in faults(Provenance, without))
+    half = {name: value for name, value in content["runs"][0].items() if name != "analytic"}
+    assert any("analytic" in fault for fault in faults(Provenance, content | {"runs": [half]}))
+
+
+def test_what_each_kind_of_number_says() -> None:
+    flag = number(*KINDS["flagged"]).runs[0]
+    assert (flag.flag, flag.analytic.value, flag.difference) == ("the reaction at B passes near zero", None, None)
+    over_time = number(*KINDS["over time"])
+    assert (over_time.over_time, over_time.at, over_time.runs[0].time) == (True, 1.02, pytest.approx(1.02))
+    row = over_time.runs[0].discrepancy
+    raw = KINDS["over time"][2]["runs"][0]
+    assert row is not None
+    assert over_time.runs[0].worst_time == raw["time"][raw["crank_angle"].index(row.at_crank_angle)]
+    assert "reaction moment at S (moment of ground on slider)" in shown(*KINDS["a moment"])
+    assert number(*KINDS["not judged"]).runs[0].discrepancy is None
+
+
+def test_an_engine_of_another_package_is_no_module_of_this_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    raw = sample_result(engines=("multiplier",))
+    (contact,) = number("drive_torque", 30, raw, joint="contact").runs
+    assert contact.simulated.module is None
+    assert "an engine that is not installed here; clearance_B" in shown("drive_torque", 30, raw, joint="contact")
+    point = EntryPoint("multiplier", "multiplier_engine:ENGINE", GROUP)
+    monkeypatch.setattr("compare.show.offers", lambda: Offers({"multiplier": point}, {}))
+    (contact,) = number("drive_torque", 30, raw, joint="contact").runs
+    assert contact.simulated.module == "multiplier_engine"
+
+
+def test_the_json_of_a_signal_of_a_diagnosis_is_its_residuals(diagnosed: Path) -> None:
+    status, printed = said(str(diagnosed), "--signal", "follower_angle", "--json")
+    assert status == 0
+    content = json.loads(printed)
+    assert faults(SignalResiduals, content) == []
+    assert faults(SignalResiduals, content | {"runs": []}) != []
+    raw = json.loads(diagnosed.read_text(encoding="utf-8"))["runs"]
+    assert [run["name"] for run in content["runs"]] == [run["name"] for run in raw]
+    for found, run in zip(content["runs"], raw, strict=True):
+        channel = run["signals"]["follower_angle"]
+        for side in ("before", "after"):
+            left = np.subtract(channel["measured"], channel[side])
+            k = int(np.argmax(np.abs(left)))
+            np.testing.assert_allclose(found[side]["values"], left, rtol=0, atol=1e-14)
+            assert found[side]["rms"] == pytest.approx(math.sqrt(np.mean(left**2)), rel=1e-9)
+            assert found[side]["largest"] == pytest.approx(left[k], rel=1e-9)
+            assert (found[side]["crank_angle"], found[side]["time"]) == (run["crank_angle"][k], run["time"][k])
+            assert found[side]["gap"] == channel[f"gap_{side}"]
+
+
+def test_a_sensor_that_was_silent_has_residuals_with_holes(diagnosed: Path) -> None:
+    found = lc.show(Diagnosis.read(diagnosed), "coupler_y")
+    silent = [run for run in found.runs if np.isnan(run.before.values).any()]
+    assert silent
+    assert faults(SignalResiduals, json.loads(found.to_json())) == []
+    for run in silent:
+        assert run.before.rms is not None
+        assert run.before.rms == pytest.approx(math.sqrt(np.nanmean(run.before.values**2)))
+
+
+def test_the_json_of_a_diagnosis_is_the_diagnosis(diagnosed: Path) -> None:
+    status, printed = said(str(diagnosed), "--json")
+    assert status == 0
+    assert json.loads(printed) == json.loads(diagnosed.read_text(encoding="utf-8"))
+    assert faults(Diagnosis, json.loads(printed)) == []
+
+
+def test_quiet_prints_nothing_and_keeps_the_status(saved: Path, diagnosed: Path) -> None:
+    number_of = [str(saved), "--signal", "drive_torque", "--at"]
+    assert said(*number_of, "30", "--quiet") == (0, "")
+    assert said(str(diagnosed), "-q") == (0, "")
+    assert said(str(diagnosed), "--signal", "follower_angle", "-q") == (0, "")
+    assert said(*number_of, "200", "--quiet")[0] == 2
+
+
+def test_python_shows_what_the_command_does(saved: Path, diagnosed: Path) -> None:
+    _, printed = said(str(saved), "--signal", "drive_torque", "--at", "30", "--json")
+    for given in (saved, str(saved), CrossCheck.read(saved)):
+        assert lc.show(given, "drive_torque", at=math.radians(30)).to_json() + "\n" == printed
+    _, printed = said(str(diagnosed), "--signal", "follower_angle", "--json")
+    for given in (diagnosed, Diagnosis.read(diagnosed)):
+        assert lc.show(given, "follower_angle").to_json() + "\n" == printed
+    assert isinstance(lc.show(diagnosed), Diagnosis)
+    with pytest.raises(ArgumentError, match=r"^signal: missing"):
+        lc.show(saved)
+    with pytest.raises(ArgumentError, match=r"^joint_model: a diagnosis takes a signal alone"):
+        lc.show(diagnosed, joint_model="contact")

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 Json = Annotated[
     bool, typer.Option("--json", help="Print the result file (JSON) to standard output, and nothing else there.")
 ]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing to standard output; the files are written.")]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Print nothing to standard output; files are written as without it.")
+]
 
 
 class JointChoice(StrEnum):

@@ -8,14 +8,9 @@ from typing import Annotated
 
 import typer
 
-from compare.cli.options import Json
+from compare.cli.options import Json, Quiet
 from compare.cli.publish import show as show_document
 from compare.faults import complaints
-
-Nothing = Annotated[
-    bool,
-    typer.Option("--quiet", "-q", help="Print nothing to standard output; the exit status says whether it is there."),
-]
 
 
 def show(
@@ -31,7 +26,7 @@ def show(
     joint: Annotated[str | None, typer.Option(help="Joint model; left out, all that the result has.")] = None,
     simulator: Annotated[str | None, typer.Option(help="Engine; left out, all that the result has.")] = None,
     json: Json = False,
-    quiet: Nothing = False,
+    quiet: Quiet = False,
 ) -> None:
     """Print one number of a result: both sides, the equation and the module, the engine and its settings, and the
     verdict.  Of a diagnosis print what it says, or a signal's residual before and after by run.
