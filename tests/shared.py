@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-FOLDER = Path()  # of this session; conftest sets it
+FOLDER: Path | None = None  # of this session; conftest sets it
 
 
 @contextlib.contextmanager
@@ -29,6 +29,7 @@ def _locked(path: Path) -> Iterator[None]:
 
 
 def _place(name: str, follows_from: tuple[Any, ...], suffix: str) -> Path:
+    assert FOLDER is not None, "only tests share: conftest.py says where"
     digest = hashlib.sha256(repr(follows_from).encode()).hexdigest()[:24]
     return FOLDER / f"{name}-{digest}{suffix}"
 
