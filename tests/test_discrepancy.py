@@ -26,7 +26,7 @@ from compare.judge.discrepancy import (
 )
 from compare.judge.grid import default_angles
 from compare.judge.reference import reference
-from compare.judge.signals import DRIVE_TORQUE, UNITS, compared, kind_of
+from compare.judge.signals import DRIVE_TORQUE, UNITS, compared, kind_of, with_derived
 from compare.judge.tolerances import Known, Line
 from sim_models.engine import JointModel
 
@@ -123,6 +123,19 @@ def test_a_force_near_zero_has_no_direction_to_compare() -> None:
     found = judge(rule("reaction_B_angle"), SIDE | {"reaction_B_angle": angle}, SIDE | {"reaction_B_magnitude": size})
     assert found is not None
     assert found.verdict == "agrees"
+
+
+def test_where_a_pin_flies_its_force_disagrees_and_has_no_direction() -> None:
+    force = SIZE * np.exp(1j * ANGLE)
+    force[20:23] = 0
+    reported = {"reaction_O_x": force.real, "reaction_O_y": force.imag}
+    derived = with_derived(reported, load("pendulum"))
+    flown = {f"reaction_B_{kind}": derived[f"reaction_O_{kind}"] for kind in ("angle", "magnitude")}
+    assert np.flatnonzero(np.isnan(flown["reaction_B_angle"])).tolist() == [20, 21, 22]
+    assert verdict("reaction_B_angle", **flown) == "agrees"
+    found = judge(rule("reaction_B_magnitude"), SIDE | flown, SIDE)
+    assert found is not None
+    assert (found.verdict, found.at) == ("disagrees", 20)
 
 
 def test_signals_without_a_common_sample_are_not_judged() -> None:

@@ -299,13 +299,14 @@ def judge(
     """Compare a rule's signal of two sides; None where it has no comparable sample.
 
     ``theta`` (N,) rad is the crank angle, for the rule's window; without it there is no window.  A sample that only one
-    side has disagrees.  A ``known`` difference must be there, and within its bound; where nothing can be compared it
-    disagrees.
+    side has disagrees; a direction that only one side has is left out, as the forces disagree there.  A ``known``
+    difference must be there, and within its bound; where nothing can be compared it disagrees.
     """
     one, other = simulated[rule.signal.name], analytic[rule.signal.name]
+    presence = rule.signal.sibling("magnitude").name if rule.kind == "angle" else rule.signal.name
     apart, (tolerance, tube) = rule.signal.apart(one, other), rule.allowed(analytic, theta)
     found = difference(apart, tolerance, tube)
-    one_sided = np.flatnonzero(np.isfinite(one) != np.isfinite(other))
+    one_sided = np.flatnonzero(np.isfinite(simulated[presence]) != np.isfinite(analytic[presence]))
     if one_sided.size:
         rms = found.rms if found else float("nan")
         why = f"{one_sided.size} of {tolerance.size} samples have a number on one side only"

@@ -41,14 +41,22 @@ def kind_of(signal: Signal) -> Kind:
     return _KINDS[signal.kind, signal.component]
 
 
+NOTHING = 1e-12  # of a reaction's peak: no force, and no direction
+
+
 def with_derived(signals: Mapping[str, np.ndarray], mechanism: Mechanism) -> dict[str, np.ndarray]:
-    """Signals (N,) with each reaction's direction (rad, continued along the run) and size (N) added."""
+    """Signals (N,) with each reaction's direction (rad, continued along the run) and size (N) added.
+
+    Where there is no force, as where a pin flies, there is no direction: NaN.
+    """
     out = {name: np.array(values, float) for name, values in signals.items()}
     for joint in mechanism.joints:
         x = Signal.of("reaction", joint.name, "x")
         force = out[x.name] + 1j * out[x.sibling("y").name]
-        out[x.sibling("angle").name] = continued(np.angle(force))
-        out[x.sibling("magnitude").name] = np.abs(force)
+        size = np.abs(force)
+        acts = size > NOTHING * np.nanmax(size, initial=0.0)
+        out[x.sibling("angle").name] = continued(np.where(acts, np.angle(force), np.nan))
+        out[x.sibling("magnitude").name] = size
     return out
 
 

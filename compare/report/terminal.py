@@ -18,11 +18,11 @@ COLOUR = {"agrees": "green", "known": "yellow", **dict.fromkeys(LOUD, "bold red"
 
 
 def print_table(result: CrossCheck, console: Console) -> None:
-    """Print the verdict and, run by run, the largest differences in degrees and millimetres; ASCII, fits 80 columns."""
+    """Print, run by run, each signal's worst difference in degrees and millimetres, and the verdict; ASCII, 80 columns."""
     summary = summarise(result)
     keys = summary.keys(False, result.mechanism)
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for heading in ("signal", "largest", "unit", "at", "rms", "tolerance", "verdict"):
+    for heading in ("signal", "worst", "unit", "at", "rms", "tolerance", "verdict"):
         side: Literal["left", "right"] = "left" if heading in ("signal", "unit", "verdict") else "right"
         table.add_column(heading, justify=side, no_wrap=heading != "signal", overflow="fold")
     for run in summary.runs:
