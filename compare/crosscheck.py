@@ -385,11 +385,11 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
 
 
 def _verdict(runs: Sequence[Run], failures: Sequence[Failure]) -> Verdict:
-    """Of the whole result: what is not judged does not agree."""
+    """Of the whole result: what has failed or is not judged neither agrees nor disagrees."""
     verdicts = {run.verdict for run in runs}
-    if failures or not runs or "disagrees" in verdicts:
+    if "disagrees" in verdicts:
         return "disagrees"
-    return "unjudged" if "unjudged" in verdicts else "agrees"
+    return "unjudged" if failures or not runs or "unjudged" in verdicts else "agrees"
 
 
 def _explained(job: Job, run: Run) -> Run:

@@ -13,6 +13,7 @@ import pytest
 from analytic.mechanism import Ripple
 from analytic.mechanism.file import dumps, load
 from commands import Ended, compare, compare_alone, without
+from compare.faults import Exit
 from marks import slow
 
 pytestmark = pytest.mark.mujoco
@@ -211,6 +212,13 @@ def test_friction_that_no_joint_model_of_the_run_has_is_said(
     done = compare("--case", "rough.toml", "--simulator", "mujoco", *flags, cwd=tmp_path)
     assert done.returncode == 0
     assert says in done.stderr
+
+
+def test_a_run_that_failed_is_no_disagreement(tmp_path: Path) -> None:
+    flags = ["--clearance", "B=1e-30", "--joint", "contact", "--angles", "20:40:10", "--out", "o"]
+    assert compare("--simulator", "mujoco", *flags, cwd=tmp_path).returncode == Exit.SIMULATOR_FAILED
+    result = json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))
+    assert (result["verdict"], len(result["runs"]), len(result["failures"])) == ("unjudged", 0, 1)
 
 
 def test_clearance_of_a_linkage_that_swings_freely_is_left_out_aloud(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
+import linkage_crosscheck as lc
 import shared
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
@@ -321,6 +322,34 @@ def test_every_linkage_has_a_map(case: str, rpm: str, joint: str, tmp_path: Path
             encoding="utf-8"
         )
     )
+
+
+@pytest.mark.slow
+@pytest.mark.mujoco
+@pytest.mark.exudyn
+@pytest.mark.parametrize("name", ["paper", "crank-rocker", "crank-rocker-loaded"])
+def test_a_share_of_each_committed_map_is_what_this_code_gives(name: str) -> None:
+    """Two speeds and two clearances of it; where pins fly, only what another processor's rounding does not change."""
+    folder = Path(__file__).parents[1] / "reports" / f"validity-{name}"
+    stored = Validity.read(folder / "validity.json")
+    case = f"{folder}/{name}.toml" if (folder / f"{name}.toml").exists() else name
+    made = lc.validity(
+        case,
+        speeds=[stored.speeds[2], stored.speeds[5]],
+        clearances=[stored.clearances[1], stored.clearances[4]],
+        simulators=stored.simulators,
+    )
+    before = {(cell.simulator, cell.speed, cell.clearance): cell for cell in stored.cells}
+    assert len(made.cells) == 8
+    for now in made.cells:
+        then = before[now.simulator, now.speed, now.clearance]
+        assert isinstance(now, Cell)
+        assert isinstance(then, Cell)
+        assert (now.verdict, now.free > 0) == (then.verdict, then.free > 0)
+        assert now.agreeing_share == pytest.approx(then.agreeing_share, abs=0.03)
+        assert now.free == pytest.approx(then.free, abs=0.02)
+        if not then.free:
+            assert dict(now.cost) == pytest.approx(dict(then.cost), rel=1e-3, abs=1e-3)
 
 
 @POSIX

@@ -18,7 +18,7 @@ COLOUR = {"agrees": "green", "known": "yellow", **dict.fromkeys(LOUD, "bold red"
 
 
 def print_table(result: CrossCheck, console: Console) -> None:
-    """Print, run by run, each signal's worst difference in degrees and millimetres, and the verdict; ASCII, 80 columns."""
+    """Print each signal's worst difference, run by run, in degrees and millimetres, and the verdict; ASCII."""
     summary = summarise(result)
     keys = summary.keys(False, result.mechanism)
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")

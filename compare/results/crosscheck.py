@@ -217,7 +217,7 @@ class CrossCheck(Document):
 
     case: Annotated[str, Field(description="Name of the mechanism.")]
     verdict: Annotated[
-        Verdict, Field(description="disagrees if any run does, or any failed; else unjudged if any run is.")
+        Verdict, Field(description="disagrees if any run does; else unjudged if any run is, or has failed.")
     ]
     command: Annotated[str, Field(description="The command that made this file.")]
     versions: Annotated[Mapping[str, str], Field(description="Version by package.", min_length=1)]

@@ -159,6 +159,8 @@ class Document(Part):
     """What to give instead, for messages about a file that is another one."""
     opens: ClassVar[str]
     """The file of its folder that a person opens first."""
+    indent: ClassVar[int | None] = None
+    """Of the JSON file; None for one line."""
     opened: ClassVar[str] = "report"
     """What that file is."""
 
@@ -227,7 +229,7 @@ class Document(Part):
 
     def files(self) -> dict[str, str]:
         """Text of every file of the report, by name; the JSON file first."""
-        return {self.file: self.to_json()} | self._shown().files(self)
+        return {self.file: self.to_json(self.indent) + "\n"} | self._shown().files(self)
 
     def write(self, folder: str | Path) -> Path:
         """Write the JSON file and the report into a folder, whole or not at all; the folder.  Raises OutputError."""

@@ -142,6 +142,7 @@ class Validity(Document):
     remedy: ClassVar[str] = "give the validity.json of a map of validity"
     opens: ClassVar[str] = "validity.svg"
     opened: ClassVar[str] = "map"
+    indent: ClassVar[int | None] = 1
 
     case: Annotated[str, Field(description="Name of the mechanism.")]
     mechanism: Mechanism
