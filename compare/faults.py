@@ -10,6 +10,8 @@ from typing import Any
 
 import typer
 
+from analytic.errors import Error
+
 LONGEST = 1000  # characters of a sentence; what is longer repeats somebody's file
 
 
@@ -49,36 +51,23 @@ def complaints(context: typer.Context | None = None) -> Iterator[list[str]]:
 
     from pydantic import ValidationError
 
-    from analytic.kinematics.closure import AssemblyError
-    from analytic.kinematics.structure import StructureError
-    from analytic.mechanism.file import MechanismError
-    from analytic.paper.frame import ComplianceError
-    from compare.diagnose.data.recording import MeasuredError
-    from compare.files import OutputError
-    from compare.judge.discrepancy import ToleranceError
-    from compare.judge.grid import GridError
-    from compare.results.document import DocumentError
-    from sim_models.engine import SimulationError, SimulatorMissing, Unsupported
+    from sim_models.engine import SimulationError, SimulatorMissing
 
-    bad_input = (
-        MechanismError, AssemblyError, ComplianceError, StructureError, ToleranceError,
-        OutputError, GridError, MeasuredError, DocumentError, Unsupported, OptionError,
-    )  # fmt: skip
     try:
         with warnings.catch_warnings():
             warnings.showwarning = note
             yield caught
     except ArgumentError as error:
         raise stop(_as_typed(error, context), Exit.BAD_INPUT) from None
-    except bad_input as error:
+    except (SimulatorMissing, SimulationError) as error:
+        raise stop(error, Exit.SIMULATOR_FAILED) from None
+    except Error as error:
         raise stop(error, Exit.BAD_INPUT) from None
     except ValidationError as error:
         raise stop(reason(error), Exit.BAD_INPUT) from None
-    except (SimulatorMissing, SimulationError) as error:
-        raise stop(error, Exit.SIMULATOR_FAILED) from None
 
 
-class OptionError(ValueError):
+class OptionError(Error, ValueError):
     """A command-line option cannot be used; the message says what is accepted."""
 
 
@@ -86,8 +75,11 @@ class ArgumentError(OptionError):
     """An argument of a function cannot be used; the message says what is accepted."""
 
     def __init__(self, argument: str, why: str) -> None:
-        super().__init__(f"{argument}: {why}")
+        super().__init__(argument, why)
         self.argument, self.why = argument, why
+
+    def __str__(self) -> str:
+        return f"{self.argument}: {self.why}"
 
 
 def _as_typed(error: ArgumentError, context: typer.Context | None) -> str:

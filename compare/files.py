@@ -12,6 +12,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from analytic.errors import Error
+
 try:
     import fcntl
 except ImportError:  # Windows
@@ -20,7 +22,7 @@ except ImportError:  # Windows
 PATIENCE = 10.0  # s to wait for another process that is writing the same files
 
 
-class OutputError(ValueError):
+class OutputError(Error, ValueError):
     """The output folder cannot be written; the message names it."""
 
 

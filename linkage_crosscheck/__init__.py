@@ -10,7 +10,15 @@
     result.to_dataframe()
     result.write("my-report")
 
-SI units and radians throughout.  Every name here is imported when it is first used, so that importing this costs
+SI units and radians throughout.  Every fault that is foreseen is an ``lc.Error`` whose message is one sentence; it is
+a ValueError too, or a RuntimeError where a simulator is missing or fails:
+
+    try:
+        result = lc.crosscheck("my-linkage.toml")
+    except lc.Error as error:
+        print(error)
+
+Every name here is imported when it is first used, so that importing this costs
 nothing; the command line (``compare``, ``linkage-crosscheck``) is a thin layer over the same functions.
 """
 
@@ -21,6 +29,7 @@ import importlib.metadata
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from analytic.errors import Error
     from analytic.mechanism import Body, Drive, Joint, Load, Mechanism
     from analytic.mechanism.file import load
     from compare.accuracy import accuracy
@@ -37,6 +46,7 @@ if TYPE_CHECKING:
 _WHERE = {
     "Body": "analytic.mechanism",
     "Drive": "analytic.mechanism",
+    "Error": "analytic.errors",
     "Joint": "analytic.mechanism",
     "Load": "analytic.mechanism",
     "Mechanism": "analytic.mechanism",
@@ -59,6 +69,7 @@ _WHERE = {
 __all__ = [
     "Body",
     "Drive",
+    "Error",
     "Joint",
     "Load",
     "Mechanism",

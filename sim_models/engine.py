@@ -20,6 +20,7 @@ from typing import Literal, Protocol, cast, get_args
 
 import numpy as np
 
+from analytic.errors import Error
 from analytic.mechanism import Mechanism
 from sim_models.common.silence import silence, uninterrupted
 
@@ -114,7 +115,7 @@ _CAUSES: Mapping[Cause, tuple[str, str]] = {
 }
 
 
-class SimulationError(RuntimeError):
+class SimulationError(Error, RuntimeError):
     """A simulation has no result: ``what`` happened and where, the ``cause`` if it is known, and the remedy.
 
     ``remedy`` is this failure's own; left out, it is its cause's.  A ``note`` ends the message.
@@ -130,11 +131,11 @@ class SimulationError(RuntimeError):
         return f"{said} {self.note}" if self.note else said
 
 
-class SimulatorMissing(RuntimeError):
+class SimulatorMissing(Error, RuntimeError):
     """The engine's package is not installed, or its installation is broken; the message says which, and what to do."""
 
 
-class Unsupported(ValueError):
+class Unsupported(Error, ValueError):
     """The engine does not do what was asked; the message says what it does."""
 
     cause = Cause.UNSUPPORTED

@@ -166,7 +166,7 @@ MECHANISM_FIELDS = dict(fields_of_numbers()) | {
     "a speed in words": mine(
         with_field(("drive", "speed"), "fast"),
         "drive.speed = 'fast'",
-        "valid number or Input should be 'free' or 'measured'",
+        "valid number or 'free' or 'measured'",
     ),
     "a harmonic that is none": mine(
         with_field(("drive", "ripple"), {"amplitude": 0.1, "harmonic": 0}), "drive.ripple.harmonic = 0"

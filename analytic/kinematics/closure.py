@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from analytic.errors import Error
 from analytic.kinematics.structure import Group, Structure
 
 
-class AssemblyError(ValueError):
+class AssemblyError(Error, ValueError):
     """The linkage cannot be assembled at some crank angle: ``what`` says which and why, ``remedy`` what may help.
 
     ``at`` (rad) is that crank angle, NaN where it is not a single one.

@@ -21,13 +21,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analytic.errors import Error
 from analytic.mechanism import GROUND, Joint, Mechanism
 from analytic.mechanism.one_line import count, one_line
 
 NAMED = 8  # bodies that an error names; a linkage may have hundreds
 
 
-class StructureError(ValueError):
+class StructureError(Error, ValueError):
     """The joints do not make a linkage that one drive determines."""
 
 

@@ -1,6 +1,7 @@
 """The one description of a planar linkage, its checks and its files."""
 
 from analytic.mechanism.checks import MechanismWarning
+from analytic.mechanism.errors import MechanismError
 from analytic.mechanism.model import Mechanism
 from analytic.mechanism.parts import (
     FARTHEST,
@@ -30,6 +31,7 @@ __all__ = [
     "Joint",
     "Load",
     "Mechanism",
+    "MechanismError",
     "MechanismWarning",
     "Ripple",
 ]

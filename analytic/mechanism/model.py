@@ -6,10 +6,12 @@ SI units and radians throughout.  Every object is frozen and checked when it is 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import difflib
+from collections.abc import Iterable, Mapping, Sequence
+from numbers import Real
 from typing import Annotated, TypeVar
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from analytic.mechanism.checks import (
     check_assembly,
@@ -21,6 +23,7 @@ from analytic.mechanism.checks import (
     warn_of_degrees,
     warn_of_millimetres,
 )
+from analytic.mechanism.errors import MechanismError, brief, describe, quoted
 from analytic.mechanism.one_line import clearances, count, one_line
 from analytic.mechanism.parts import (
     FARTHEST,
@@ -41,7 +44,7 @@ P = TypeVar("P", Body, Joint)
 
 
 class Mechanism(Part):
-    """A planar linkage.  Raises :class:`pydantic.ValidationError` where it contradicts itself."""
+    """A planar linkage.  Raises MechanismError where it contradicts itself."""
 
     name: Annotated[str, BeforeValidator(titled)]
     gravity: Vector = (0.0, 0.0)  # m/s^2
@@ -115,29 +118,54 @@ class Mechanism(Part):
         return self.replace(bodies=tuple(_rigid(b) for b in self.bodies))
 
     def replace(self, **fields: object) -> Mechanism:
-        """A checked copy with top-level fields replaced."""
-        return Mechanism.model_validate(
-            {name: fields.get(name, getattr(self, name)) for name in type(self).model_fields}
-        )
+        """A checked copy with top-level fields replaced.  Raises MechanismError."""
+        known = type(self).model_fields
+        for name in fields:
+            if name not in known:
+                meant = next((own for own, field in known.items() if field.alias == name), None)
+                remedy = f"{name!r} is a file's word for {meant}" if meant else f"its fields are {', '.join(known)}"
+                raise MechanismError(f"{self.name}: a mechanism has no field {brief(name)!r} to replace; {remedy}")
+        asked = {name: fields.get(name, getattr(self, name)) for name in known}
+        try:
+            return Mechanism.model_validate(asked)
+        except ValidationError as error:
+            raise MechanismError(f"{self.name}: {'; '.join(describe(error, asked, Mechanism))}") from None
 
     def with_joint(self, name: str, **fields: object) -> Mechanism:
-        """A checked copy with fields of one joint replaced."""
-        return self.replace(joints=_edited(self.joints, name, fields))
+        """A checked copy with fields of one joint replaced.  Raises MechanismError."""
+        return self.replace(joints=self._edited("joint", self.joints, name, fields))
 
     def with_body(self, name: str, **fields: object) -> Mechanism:
-        """A checked copy with fields of one body replaced."""
-        return self.replace(bodies=_edited(self.bodies, name, fields))
+        """A checked copy with fields of one body replaced.  Raises MechanismError."""
+        return self.replace(bodies=self._edited("body", self.bodies, name, fields))
 
     def with_clearances(self, clearances: Mapping[str, float]) -> Mechanism:
-        """A checked copy with exactly these radial clearances (m); every other joint is ideal."""
-        unknown = sorted(set(clearances) - {j.name for j in self.joints})
-        if unknown:
-            raise ValueError(
-                f"clearance names joint {unknown[0]!r}; the joints are {', '.join(j.name for j in self.joints)}"
+        """A checked copy with exactly these radial clearances (m); every other joint is ideal.  Raises
+        MechanismError.
+        """
+        if not isinstance(clearances, Mapping):
+            raise MechanismError(
+                f"{self.name}: clearances = {quoted(clearances)}; give metres by joint, as {{'B': 1e-4}}"
             )
+        _known(self, "joint", self.joints, clearances)
         return self.replace(
-            joints=tuple(_with_fields(j, {"clearance": float(clearances.get(j.name, 0.0))}) for j in self.joints)
+            joints=tuple(
+                self._with_fields("joint", j, {"clearance": _as_float(clearances.get(j.name, 0.0))})
+                for j in self.joints
+            )
         )
+
+    def _edited(self, kind: str, parts: tuple[P, ...], name: str, fields: Mapping[str, object]) -> tuple[P, ...]:
+        _known(self, kind, parts, [name])
+        return tuple(self._with_fields(kind, p, fields) if p.name == name else p for p in parts)
+
+    def _with_fields(self, kind: str, part: P, fields: Mapping[str, object]) -> P:
+        asked = {**part.model_dump(exclude_unset=True), **fields}
+        try:
+            return type(part).model_validate(asked)
+        except ValidationError as error:
+            told = "; ".join(f"{kind}[{part.name}].{fault}" for fault in describe(error, asked, type(part)))
+            raise MechanismError(f"{self.name}: {told}") from None
 
     def __repr__(self) -> str:
         links, joints = count(len(self.bodies), "moving link"), count(len(self.joints), "joint")
@@ -164,15 +192,20 @@ class Mechanism(Part):
         return self
 
 
-def _edited(parts: tuple[P, ...], name: str, fields: Mapping[str, object]) -> tuple[P, ...]:
-    if name not in [p.name for p in parts]:
-        raise KeyError(name)
-    return tuple(_with_fields(p, fields) if p.name == name else p for p in parts)
+def _known(mechanism: Mechanism, kind: str, parts: Sequence[Body | Joint], names: Iterable[str]) -> None:
+    """Raises MechanismError for a name that no part has."""
+    there = [part.name for part in parts]
+    for name in names:
+        if name not in there:
+            close = difflib.get_close_matches(str(name), there, n=1)
+            hint = f"did you mean {close[0]!r}? They" if close else "they"
+            raise MechanismError(f"{mechanism.name}: no {kind} {quoted(name)}; {hint} are {', '.join(there)}")
+
+
+def _as_float(value: object) -> object:
+    """A number of any kind, numpy's too, as a float; what is none as it is, for the field's own check."""
+    return float(value) if isinstance(value, Real) and not isinstance(value, bool) else value
 
 
 def _rigid(body: Body) -> Body:
     return Body.model_validate(body.model_dump(exclude_unset=True, exclude={"youngs_modulus", "shear_modulus"}))
-
-
-def _with_fields(part: P, fields: Mapping[str, object]) -> P:
-    return type(part).model_validate({**part.model_dump(exclude_unset=True), **fields})

@@ -7,9 +7,11 @@ SI units and radians throughout.  Every object is frozen and checked when it is 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from analytic.mechanism.errors import MechanismError, describe
 
 GROUND = "ground"
 SMALLEST = 1e-100  # in any SI unit, of a divisor: the square of a quotient by a smaller one overflows
@@ -60,6 +62,15 @@ class Part(BaseModel):
     """Base of every part of a mechanism: frozen, strict, finite numbers only."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
+
+    def __init__(self, **fields: Any) -> None:
+        """The part with these fields.  Raises MechanismError."""
+        try:
+            super().__init__(**fields)
+        except ValidationError as error:
+            raise MechanismError(f"{type(self).__name__}: {'; '.join(describe(error, fields, type(self)))}") from None
+
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # else files are read through it, place by place
 
 
 class Ground(Part):

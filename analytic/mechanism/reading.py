@@ -13,11 +13,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from analytic.errors import Error
+
 LARGEST_TOML = 2**24  # bytes; the largest baseline has 2**18
 LARGEST_JSON = 2**28
 
 
-class ReadingError(ValueError):
+class ReadingError(Error, ValueError):
     """A file cannot be read; the message says why, and leaves the file's name and the remedy to the caller."""
 
 

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analytic.errors import Error
 from analytic.mechanism import MASS_CENTRE, Body
 from analytic.mechanism.bars import POISSON, division
 
 
-class ComplianceError(ValueError):
+class ComplianceError(Error, ValueError):
     """The linkage is no structure that could carry its loads; the message says where and why."""
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from analytic.errors import Error
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.reach import turns_fully
 from analytic.kinematics.reach import usual_angles as default_angles
@@ -12,7 +13,7 @@ FARTHEST = 1e6  # deg: the crank is followed there from where it is assembled
 FREE_TIME = np.linspace(0.0, 2.0, 101)  # s, for a released linkage
 
 
-class GridError(ValueError):
+class GridError(Error, ValueError):
     """``--angles`` cannot be used; the message says what is accepted."""
 
 

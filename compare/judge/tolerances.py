@@ -13,6 +13,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
+from analytic.errors import Error
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import describe
 from analytic.mechanism.reading import ReadingError, read_toml
@@ -30,7 +31,7 @@ MOTIONS = ("static", "driven")
 SCALARS = ("floor", "noise", "rest")
 
 
-class ToleranceError(ValueError):
+class ToleranceError(Error, ValueError):
     """A tolerance file cannot be used; the message says why."""
 
 

@@ -28,6 +28,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
+from analytic.errors import Error
 from analytic.mechanism import Mechanism as _Mechanism
 from analytic.mechanism.file import describe
 from analytic.mechanism.reading import ReadingError, read_json
@@ -42,7 +43,7 @@ NUMBER_OR_NULL = {"type": ["number", "null"]}
 Row = Mapping[str, float | str | None]
 
 
-class DocumentError(ValueError):
+class DocumentError(Error, ValueError):
     """A file is not the document that it was taken for; the message names file, field and value."""
 
 

@@ -14,7 +14,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from pydantic import ValidationError
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import MechanismError, load, shipped_cases
@@ -192,10 +191,8 @@ def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) 
         )
     try:
         mechanism.replace(loads=entry.loads or ())
-    except ValidationError as error:
-        raise MeasuredError(
-            f"{where}: {'; '.join(fault['msg'].removeprefix('Value error, ') for fault in error.errors())}"
-        ) from None
+    except MechanismError as error:
+        raise MeasuredError(f"{where}: {error}") from None
 
 
 def _channel(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from analytic.errors import Error
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.signals import Signal, named
 
@@ -24,7 +25,7 @@ SHOWN = 80  # characters of what a file has, in a message
 Drive = Literal["speed", "measured", "free"]
 
 
-class MeasuredError(ValueError):
+class MeasuredError(Error, ValueError):
     """Measured data cannot be used; the message is one sentence with file, line or field, value and remedy."""
 
 

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
+from analytic.errors import Error
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal, Unit, named
 from compare.diagnose.data.recording import shown
@@ -40,7 +41,7 @@ _FACTOR = r"[A-Za-zµμ°]+(\^?-?\d)?"
 _UNIT = re.compile(rf"(1|{_FACTOR})([./*·⋅ -]{_FACTOR}){{0,3}}")  # no numbers and no towers of powers reach pint
 
 
-class UnitError(ValueError):
+class UnitError(Error, ValueError):
     """A unit is missing, unknown or of another dimension; the message says what is accepted."""
 
 

@@ -1,0 +1,117 @@
+"""Faults of a mechanism, or of any model of fields, as sentences: place, field, value, remedy."""
+
+from __future__ import annotations
+
+import difflib
+import reprlib
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from analytic.errors import Error
+
+FAULTS = 5  # of a file that a message names
+LONGEST = 100  # characters of a name or a value that a message quotes
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = LONGEST
+
+
+class MechanismError(Error, ValueError):
+    """A mechanism, or its file, cannot be used; the message names where, field, value and remedy."""
+
+
+def describe(error: ValidationError, fields: Mapping[str, object], model: type[BaseModel]) -> list[str]:
+    """One sentence for each of the first faults that pydantic found: field, value, and what is accepted."""
+    told: dict[tuple[int | str, ...], list[Any]] = {}
+    for fault in error.errors():
+        told.setdefault(_place(fault["loc"], fields), []).append(fault)
+    found = [_sentence(_where(place, fields), faults, model) for place, faults in list(told.items())[:FAULTS]]
+    more = len(told) - FAULTS
+    return [*found, f"and {more} fault{'s' * (more > 1)} more"] if more > 0 else found
+
+
+def brief(name: object) -> str:
+    """A name as it was given, cut short where it is long."""
+    text = str(name)
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
+
+def quoted(value: object) -> str:
+    """A value as Python writes it, cut short where it is long."""
+    try:
+        return brief(_SHORT.repr(value))
+    except ValueError:  # Python writes no number of more than 4300 digits
+        return "a number of too many digits"
+
+
+def _sentence(where: str, faults: list[Any], model: type[BaseModel]) -> str:
+    """What is wrong in one place; a field that may hold several kinds of value has one fault for each kind."""
+    fault = faults[0]
+    message = " or ".join(dict.fromkeys(_asked(each) for each in faults)).replace(" or Input should be ", " or ")
+    if fault["type"] == "extra_forbidden":
+        accepted = _accepted(fault["loc"][:-1], model)
+        close = difflib.get_close_matches(str(fault["loc"][-1]), accepted, n=1)
+        remedy = f"did you mean {close[0]!r}" if close else f"the fields here are {', '.join(accepted)}"
+        return f"{where} is not a field; {remedy}"
+    if fault["type"] == "missing":
+        return f"{where} is missing; add it"
+    if fault["type"] == "value_error" and not fault["loc"]:
+        return message
+    return f"{where} = {quoted(fault['input'])}: {message[0].lower()}{message[1:]}"
+
+
+def _asked(fault: Any) -> str:
+    limits = {"less_than_equal": ("le", "less"), "greater_than_equal": ("ge", "greater")}
+    if fault["type"] in limits:
+        key, words = limits[fault["type"]]
+        return f"Input should be {words} than or equal to {fault['ctx'][key]:g}"
+    return str(fault["msg"].removeprefix("Value error, "))
+
+
+def _place(location: tuple[int | str, ...], fields: Mapping[str, object]) -> tuple[int | str, ...]:
+    """A fault's location without the steps that only name which of several kinds of value pydantic tried."""
+    here: Any = fields
+    for k, step in enumerate(location):
+        if isinstance(step, str) and not isinstance(here, Mapping):
+            return location[:k]
+        try:
+            here = here[step]
+        except (KeyError, IndexError, TypeError):
+            here = {}
+    return location
+
+
+def _where(location: tuple[int | str, ...], fields: Mapping[str, object]) -> str:
+    """``body[coupler].mass`` for ("body", 1, "mass")."""
+    text = ""
+    here: Any = fields
+    for step in location:
+        try:
+            here = here[step]
+        except (KeyError, IndexError, TypeError):
+            here = {}
+        if isinstance(step, int):
+            name = here.get("name", step) if isinstance(here, Mapping) else step
+            text += f"[{brief(name)}]"
+        else:
+            text += f".{brief(step)}" if text else brief(step)
+    return text
+
+
+def _accepted(location: tuple[int | str, ...], model: type[BaseModel]) -> list[str]:
+    """Field names of the model that ``location`` leads to."""
+    from typing import get_args
+
+    for step in location:
+        if isinstance(step, int):
+            continue
+        field = next((f for n, f in model.model_fields.items() if step in (n, f.alias)), None)
+        pending = [field.annotation] if field else []
+        while pending:
+            kind = pending.pop()
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                model = kind
+                break
+            pending += get_args(kind)
+    return [f.alias or n for n, f in model.model_fields.items() if not f.exclude]
