@@ -13,11 +13,25 @@ from analytic.mechanism import Mechanism
 from analytic.paper.envelope import Output, transmission
 from analytic.paper.superposition import Accuracy as Found
 from analytic.paper.superposition import accuracy as accuracy_of
-from compare.arguments import Linkage, Metres, crank_angles, linkage, metres, noted
+from compare.arguments import (
+    MOST,
+    Linkage,
+    Metres,
+    Names,
+    Numbers,
+    crank_angles,
+    flag,
+    linkage,
+    metres,
+    names,
+    noted,
+    one_of,
+    whole,
+)
 from compare.faults import ArgumentError
 from compare.results import accuracy as results
 from compare.results.accuracy import Accuracy, MonteCarlo, Point, Radius, SideChange, Spread
-from sim_models.engine import Motion, installed_version
+from sim_models.engine import MOTIONS, Motion, installed_version
 
 
 def accuracy(  # noqa: PLR0913 - what a person may ask, by name
@@ -25,9 +39,9 @@ def accuracy(  # noqa: PLR0913 - what a person may ask, by name
     *,
     clearance: Metres | None = None,
     clearance_tolerance: Metres | None = None,
-    outputs: Sequence[str] | None = None,
+    outputs: Names | None = None,
     motion: Motion | None = None,
-    angles: Sequence[float] | np.ndarray | None = None,
+    angles: Numbers | None = None,
     samples: int = 20_000,
     seed: int = 0,
     nonlinear: bool = False,
@@ -41,16 +55,17 @@ def accuracy(  # noqa: PLR0913 - what a person may ask, by name
 
     Raises MechanismError, ArgumentError, AssemblyError or ComplianceError.
     """
-    if samples < 2 or seed < 0:
-        raise ArgumentError("samples", f"{samples}, with seed {seed}; give 2 samples or more, and a seed of 0 or more")
+    samples, seed = whole(samples, "samples", 2, MOST), whole(seed, "seed", 0)
+    nonlinear, motion = flag(nonlinear, "nonlinear"), None if motion is None else one_of(motion, MOTIONS, "motion")
+    named = None if outputs is None else names(outputs, "outputs")
     with noted() as warned:
         m = linkage(mechanism, clearance)
         assembly = Assembly(m)
         found = accuracy_at(
             assembly,
             crank_angles(assembly, angles),
-            named_outputs(outputs, m),
-            tolerances=metres(clearance_tolerance or {}, m, "clearance_tolerance"),
+            named_outputs(named, m),
+            tolerances=metres({} if clearance_tolerance is None else clearance_tolerance, m, "clearance_tolerance"),
             inertia=_inertia(motion, m),
             samples=samples,
             seed=seed,

@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import tau
-
-import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
-from analytic.paper.clearance import Model
-from compare.arguments import Linkage, Metres, crank_angles, linkage, noted, rigidly_and_evenly_driven
+from analytic.paper.clearance import MODELS, Model
+from compare.arguments import (
+    Linkage,
+    Metres,
+    Numbers,
+    crank_angles,
+    flag,
+    linkage,
+    loose,
+    noted,
+    one_engine,
+    one_of,
+    rigidly_and_evenly_driven,
+)
 from compare.faults import ArgumentError
 from compare.judge.grid import FREE_TIME, turns_fully
 from compare.judge.reference import reference, with_flexible_links
 from compare.judge.signals import with_derived
 from compare.results.analysis import Analysis, Simulation
 from compare.results.crosscheck import Path, Simulator
-from sim_models.engine import JointModel, Motion, Request, engine
+from sim_models.engine import JOINT_MODELS, MOTIONS, JointModel, Motion, Request, engine
 
-Angles = Sequence[float] | np.ndarray
+Angles = Numbers
 
 
 def analyse(
@@ -40,6 +49,8 @@ def analyse(
 
     Raises MechanismError, ArgumentError, AssemblyError or ComplianceError.
     """
+    model, motion = one_of(model, MODELS, "model"), one_of(motion, MOTIONS, "motion")
+    compliance = flag(compliance, "compliance")
     with noted() as warned:
         given = linkage(mechanism, clearance)
         m = given if compliance else rigidly_and_evenly_driven(given)
@@ -81,9 +92,10 @@ def simulate(
     The run is the one that a cross-check makes.  Raises MechanismError, ArgumentError, AssemblyError, Unsupported,
     SimulatorMissing or SimulationError.
     """
+    joint_model, motion = one_of(joint_model, JOINT_MODELS, "joint_model"), one_of(motion, MOTIONS, "motion")
     with noted() as warned:
         m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
-        trace = engine(simulator).simulate(request(m, joint_model, motion, angles))
+        trace = engine(one_engine(simulator)).simulate(request(m, joint_model, motion, angles))
     found = Simulation(
         case=m.name,
         mechanism=m,
@@ -103,8 +115,8 @@ def simulate(
 
 def request(m: Mechanism, joint_model: JointModel, motion: Motion, angles: Angles | None) -> Request:
     """The run that a cross-check makes of this joint model.  Raises ArgumentError or AssemblyError."""
-    if joint_model != "ideal" and not m.clearances:
-        raise ArgumentError("joint_model", f"{m.name} has no joint with clearance; give a clearance (m)")
+    joint_model, motion = one_of(joint_model, JOINT_MODELS, "joint_model"), one_of(motion, MOTIONS, "motion")
+    loose(m, joint_model)
     assembly = Assembly(m)
     if m.speed is None and motion == "driven":
         if angles is not None:

@@ -1,5 +1,7 @@
-"""What the functions that a person calls take: a linkage, engines, clearances and crank angles, checked.
+"""What the functions that a person calls take: a linkage, engines, clearances, angles, numbers and names, checked.
 
+Each function that checks an argument takes whatever was given, and raises ArgumentError with one sentence: the
+argument, the value and what is accepted.
 The command line reads its options into the same; :mod:`compare.cli.options` names them as they were typed.
 """
 
@@ -8,26 +10,122 @@ from __future__ import annotations
 import math
 import os
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from numbers import Integral, Real
+from os import PathLike
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
-from analytic.mechanism.file import MechanismError, load
-from compare.faults import ArgumentError, reason
-from compare.judge.grid import chosen_angles
-from sim_models.engine import SimulatorMissing, engine, engine_names, offers
+from analytic.mechanism.errors import MechanismError, quoted
+from analytic.mechanism.file import load
+from compare.faults import ArgumentError, DegreesWarning
+from compare.judge.discrepancy import load_tolerances
+from compare.judge.grid import FARTHEST, chosen_angles
+from compare.judge.tolerances import Tolerances
+from sim_models.engine import JointModel, SimulatorMissing, engine, engine_names, offers
 
 Linkage = Mechanism | str | Path
 """A mechanism, the name of a shipped case, or the path of a mechanism file."""
 Simulators = str | Sequence[str]
-"""Names of engines, one or several; ``all`` is every one that is installed."""
+"""Names of engines, one or several, or with commas between them; ``all`` is every one that is installed."""
+Numbers = float | Sequence[float] | np.ndarray
+"""One number, or several."""
+Names = str | Sequence[str]
+"""One name, or several."""
+ToleranceFile = Tolerances | str | PathLike[str]
+"""Tolerances, or a file of them."""
 Metres = Mapping[str, float]
 """Radial clearance (m) by joint."""
+
+MOST = 1_000_000  # crank angles, and samples of a Monte Carlo: what a memory holds
+TURNS = 4 * math.pi  # rad; crank angles beyond two turns were probably given in degrees
+
+T = TypeVar("T")
+
+
+def one_of(given: object, accepted: Sequence[T], called: str) -> T:
+    """The one of the accepted words that was given.  Raises ArgumentError."""
+    for each in accepted:
+        if isinstance(given, str) and given == each:
+            return each
+    raise ArgumentError(called, f"{quoted(given)} cannot be used; give {' or '.join(map(repr, accepted))}")
+
+
+def flag(given: object, called: str) -> bool:
+    """True or False.  Raises ArgumentError."""
+    if isinstance(given, bool | np.bool_):
+        return bool(given)
+    raise ArgumentError(called, f"{quoted(given)} cannot be used; give True or False")
+
+
+def whole(given: object, called: str, least: int, most: int | None = None) -> int:
+    """A whole number from ``least`` to ``most``.  Raises ArgumentError."""
+    if isinstance(given, Integral) and not isinstance(given, bool):
+        number = int(given)
+        if least <= number and (most is None or number <= most):
+            return number
+    accepted = f"of {least} or more" if most is None else f"from {least} to {most}"
+    raise ArgumentError(called, f"{quoted(given)} cannot be used; give a whole number {accepted}")
+
+
+def numbers(given: object, called: str, unit: str) -> np.ndarray:
+    """Finite numbers (N,), N at least one, of one number or of a flat list of them.  Raises ArgumentError."""
+    several = list(given) if isinstance(given, Iterable) and not isinstance(given, str | bytes | np.ndarray) else given
+    try:
+        found = np.asarray(several)
+    except ValueError:  # lists of several lengths
+        found = np.array(None)
+    truth = isinstance(several, list) and any(isinstance(each, bool | np.bool_) for each in several)
+    if truth or found.ndim > 1 or not found.size or found.dtype.kind not in "iuf" or not np.all(np.isfinite(found)):
+        given_as = quoted(given.tolist() if isinstance(given, np.ndarray) else given)
+        raise ArgumentError(
+            called, f"{given_as} cannot be used; give one number ({unit}) or a flat list of finite ones"
+        )
+    return found.astype(float).reshape(-1)
+
+
+def number(given: object, called: str, unit: str) -> float:
+    """One finite number.  Raises ArgumentError."""
+    if isinstance(given, Real) and not isinstance(given, bool) and math.isfinite(float(given)):
+        return float(given)
+    raise ArgumentError(called, f"{quoted(given)} cannot be used; give one finite number ({unit})")
+
+
+def names(given: object, called: str, least: int = 0) -> tuple[str, ...]:
+    """Names, each once, at least so many; a single text is one name.  Raises ArgumentError."""
+    found = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else None
+    if found is None or len(found) < least or not all(isinstance(each, str) for each in found):
+        raise ArgumentError(called, f"{quoted(given)} cannot be used; give one name or a list of names")
+    return tuple(dict.fromkeys(found))
+
+
+def path(given: object, called: str) -> Path:
+    """A path.  Raises ArgumentError."""
+    if isinstance(given, str | PathLike):
+        return Path(given)
+    raise ArgumentError(called, f"{quoted(given)} cannot be used; give a path")
+
+
+def laid_over(given: object) -> Tolerances:
+    """Tolerances as given, or the shipped ones with those of a file laid over them.  Raises ArgumentError or
+    ToleranceError.
+    """
+    if isinstance(given, Tolerances):
+        return given
+    if given is None or isinstance(given, str | PathLike):
+        return load_tolerances(None if given is None else Path(given))
+    raise ArgumentError("tolerances", f"{quoted(given)} cannot be used; give the path of a tolerance file")
+
+
+def processes(given: object, default: int) -> int:
+    """How many worker processes.  Raises ArgumentError."""
+    return default if given is None else whole(given, "workers", 1)
 
 
 def linkage(given: Linkage, clearance: Metres | None = None) -> Mechanism:
@@ -35,7 +133,7 @@ def linkage(given: Linkage, clearance: Metres | None = None) -> Mechanism:
 
     Raises MechanismError with what was given, or ArgumentError for a clearance that no joint can have.
     """
-    mechanism = given if isinstance(given, Mechanism) else load(str(given))
+    mechanism = given if isinstance(given, Mechanism) else load(given)
     try:
         Assembly(mechanism)
     except (AssemblyError, StructureError) as error:
@@ -47,21 +145,31 @@ def with_clearance(mechanism: Mechanism, clearance: Metres, called: str = "clear
     """The mechanism with exactly these radial clearances (m).  Raises ArgumentError."""
     try:
         return mechanism.with_clearances(metres(clearance, mechanism, called))
-    except ValueError as error:  # pydantic's is one
-        raise ArgumentError(called, reason(error)) from None
+    except MechanismError as error:
+        raise ArgumentError(called, str(error)) from None
 
 
-def metres(given: Metres, mechanism: Mechanism, called: str) -> dict[str, float]:
+def loose(mechanism: Mechanism, joint_model: JointModel | None) -> None:
+    """Raises ArgumentError for a joint model that needs clearance where no joint has any."""
+    if joint_model not in (None, "ideal") and not mechanism.clearances:
+        why = f"{joint_model} joints have clearance, and {mechanism.name} has no joint with any; give a clearance (m)"
+        raise ArgumentError("joint_model", why)
+
+
+def metres(given: object, mechanism: Mechanism, called: str) -> dict[str, float]:
     """Lengths (m) by revolute joint, checked.  Raises ArgumentError."""
     pins = [j.name for j in mechanism.joints if not j.prismatic]
+    if not isinstance(given, Mapping):
+        example = {pins[-1]: 1e-4}
+        raise ArgumentError(called, f"{quoted(given)} cannot be used; give metres by joint, such as {example}")
     found = {}
     for name, size in given.items():
         if name not in pins:
             raise ArgumentError(
                 called, f"{name!r} is not a revolute joint of {mechanism.name}; they are {', '.join(pins)}"
             )
-        if not 0 <= size < math.inf:
-            raise ArgumentError(called, f"{name} = {size}; give metres, 0 or more")
+        if not isinstance(size, Real) or isinstance(size, bool) or not 0 <= float(size) < math.inf:
+            raise ArgumentError(called, f"{name} = {quoted(size)}; give metres, 0 or more")
         found[name] = float(size)
     return found
 
@@ -69,11 +177,10 @@ def metres(given: Metres, mechanism: Mechanism, called: str) -> dict[str, float]
 def engines(given: Simulators) -> tuple[tuple[str, ...], list[str]]:
     """The engines that are meant, and of ``all`` those that are left out and why, a sentence each.
 
-    Raises Unsupported for an unknown name, SimulatorMissing where none is installed.
+    Raises ArgumentError, Unsupported for an unknown name, SimulatorMissing where none is installed.
     """
-    if given != "all":
-        asked = [given] if isinstance(given, str) else list(given)
-        return tuple(engine(name).name for name in dict.fromkeys(asked)), []
+    if not every_one(given):
+        return tuple(engine(name).name for name in _engine_names(given)), []
     found, left_out = [], []
     for name in engine_names():
         try:
@@ -86,23 +193,55 @@ def engines(given: Simulators) -> tuple[tuple[str, ...], list[str]]:
     return tuple(found), left_out
 
 
-def crank_angles(assembly: Assembly, given: Sequence[float] | np.ndarray | None) -> np.ndarray:
+def every_one(given: Simulators) -> bool:
+    """Whether every engine that is installed is meant.  Raises ArgumentError."""
+    return _engine_names(given) == ("all",)
+
+
+def one_engine(given: object) -> str:
+    """The name of one engine, in the letters that it is called by.  Raises ArgumentError."""
+    if not isinstance(given, str):
+        raise ArgumentError("simulator", f"{quoted(given)} cannot be used; give one of {', '.join(engine_names())}")
+    return _as_called(given)
+
+
+def _engine_names(given: object) -> tuple[str, ...]:
+    """The names of engines, each once; ``all`` stands alone.  Raises ArgumentError."""
+    parts = [part.strip() for text in names(given, "simulators") for part in text.split(",")]
+    found = tuple(dict.fromkeys(_as_called(part) for part in parts))
+    if not all(found) or not found or ("all" in found and len(found) > 1):
+        accepted = f"give one or several of {', '.join(engine_names())}, or all by itself"
+        raise ArgumentError("simulators", f"{quoted(given)} cannot be used; {accepted}")
+    return found
+
+
+def _as_called(name: str) -> str:
+    """The name of an engine that is this one but for capitals; any other name as it is."""
+    known = {each.casefold(): each for each in (*engine_names(), "all")}
+    return known.get(name.casefold(), name)
+
+
+def crank_angles(assembly: Assembly, given: Numbers | None) -> np.ndarray:
     """Crank angles (N,) rad as given, or those at which one looks at the linkage by default; it reaches all of them.
 
     Raises ArgumentError, or AssemblyError by default.
     """
     if given is None:
         return chosen_angles(assembly, None)
-    theta = np.array(given, float).reshape(-1)
-    if not theta.size or not np.all(np.isfinite(theta)):
-        raise ArgumentError("angles", "give one crank angle (rad) or more, all of them finite")
+    theta = numbers(given, "angles", "rad")
+    if theta.size > MOST:
+        raise ArgumentError("angles", f"{theta.size} angles cannot be used; give at most {MOST}")
+    farthest = float(theta[np.argmax(np.abs(theta))])
+    if abs(farthest) > math.radians(FARTHEST):
+        limit = f"{math.radians(FARTHEST):.6g} rad ({FARTHEST:g} deg)"
+        raise ArgumentError("angles", f"{farthest:g} rad cannot be used; a crank angle must not be beyond {limit}")
+    if abs(farthest) > TURNS:
+        text = f"angles: {farthest:g} rad is beyond two turns; angles are in radians; was it meant in degrees?"
+        warnings.warn(text, DegreesWarning, stacklevel=3)
     try:
         assembly.path(float(theta.min()), float(theta.max()))
     except AssemblyError as error:
         raise ArgumentError("angles", str(error)) from None
-    if theta.size > 2 and np.ptp(theta) > 30 and np.allclose(theta, np.round(theta)):
-        text = f"angles go from {theta.min():g} to {theta.max():g} rad; were they meant in degrees?"
-        warnings.warn(text, stacklevel=3)
     return theta
 
 
@@ -125,9 +264,12 @@ def cores() -> int:
 def noted() -> Iterator[list[str]]:
     """Warnings that are given within, as sentences; each is given again when it ends."""
     told: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        yield told
-    for each in caught:
-        if not issubclass(each.category, RuntimeWarning):
-            told.append(str(each.message))
-        warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
+    caught: list[warnings.WarningMessage] = []
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            yield told
+    finally:  # what is refused may be refused for what a warning says
+        for each in caught:
+            if not issubclass(each.category, RuntimeWarning):
+                told.append(str(each.message))
+            warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)

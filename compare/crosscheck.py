@@ -10,25 +10,31 @@ import platform
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from os import PathLike
-from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
-from analytic.paper.clearance import Model
+from analytic.paper.clearance import MODELS, Model
 from analytic.paper.printed import printed_figures
 from compare.arguments import (
     Linkage,
     Metres,
+    Numbers,
     Simulators,
+    ToleranceFile,
     cores,
     crank_angles,
     engines,
+    every_one,
+    flag,
+    laid_over,
     linkage,
+    loose,
     noted,
+    one_of,
+    processes,
     rigidly_and_evenly_driven,
 )
 from compare.faults import ArgumentError
@@ -43,7 +49,6 @@ from compare.judge.discrepancy import (
     contact_give,
     judge,
     known_differences,
-    load_tolerances,
     run_rules,
 )
 from compare.judge.flexible import Beams, softened
@@ -56,6 +61,7 @@ from compare.results.crosscheck import Discrepancy as Judgement
 from compare.runs import Resolve, failure, simulate_all
 from sim_models.engine import (
     JOINT_MODELS,
+    MOTIONS,
     Cause,
     JointModel,
     Motion,
@@ -100,10 +106,10 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
     joint_model: JointModel | None = None,
     motion: Motion = "driven",
     clearance: Metres | None = None,
-    angles: Sequence[float] | np.ndarray | None = None,
+    angles: Numbers | None = None,
     analytic: Model = "equilibrium",
     flexible: bool = False,
-    tolerances: Tolerances | str | PathLike[str] | None = None,
+    tolerances: ToleranceFile | None = None,
     workers: int | None = None,
     progress: Progress = lambda what, done, total: None,
 ) -> CrossCheck:
@@ -140,18 +146,22 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
     clearance: Metres | None = None,
     joint_model: JointModel | None = None,
     motion: Motion = "driven",
-    angles: Sequence[float] | np.ndarray | None = None,
+    angles: Numbers | None = None,
     analytic: Model = "equilibrium",
     flexible: bool = False,
-    tolerances: Tolerances | str | PathLike[str] | None = None,
+    tolerances: ToleranceFile | None = None,
     workers: int | None = None,
 ) -> Job:
     """The job that a question comes to.  Warns, and raises, as :func:`crosscheck` does; nothing is simulated yet."""
+    motion, analytic = one_of(motion, MOTIONS, "motion"), one_of(analytic, MODELS, "analytic")
+    joint_model = None if joint_model is None else one_of(joint_model, JOINT_MODELS, "joint_model")
+    flexible, read = flag(flexible, "flexible"), laid_over(tolerances)
     with noted() as warned:
         given = linkage(mechanism, clearance)
         names, left_out = engines(simulators)
+        spread_over = processes(workers, cores() if len(names) > 1 else 1)
         if flexible:
-            names, without = _with_beams(names, simulators == "all", given, motion)
+            names, without = _with_beams(names, every_one(simulators), given, motion)
             left_out += without
         m = rigidly_and_evenly_driven(given)
         _warn_of_friction(m, joint_model)
@@ -160,13 +170,12 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
             if angles is not None:
                 raise ArgumentError("angles", f"{m.name} swings freely and is compared over time; leave angles out")
             _with_ideal_joints(m, joint_model)
+        loose(m, joint_model)
         theta = np.zeros(0) if released else crank_angles(Assembly(m), angles)
-        path = None if tolerances is None or isinstance(tolerances, Tolerances) else FilePath(tolerances)
-        read = tolerances if isinstance(tolerances, Tolerances) else load_tolerances(path)
     return Job(
         mechanism=m,
         simulators=names,
-        workers=workers or (cores() if len(names) > 1 else 1),
+        workers=spread_over,
         tolerances=read,
         motion=motion,
         theta=theta,
@@ -252,8 +261,8 @@ def crosscheck_job(
     tasks = [(name, request) for name in job.simulators for request in _requests(job, assembly, name, resolve)]
     if not tasks:
         raise Unsupported(
-            f"{', '.join(job.simulators)}: nothing to run; --joint {job.joint_model} needs a joint with clearance"
-            " (--clearance JOINT=m)"
+            f"{', '.join(job.simulators)}: nothing to run; {job.joint_model} joints need clearance, and an engine that"
+            f" has them in {job.motion} motion"
         )
     sides = {
         ideal: _side(job, assembly, ideal, measure)

@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 from compare.analyse import Angles, request
-from compare.arguments import Linkage, Metres, linkage, rigidly_and_evenly_driven
+from compare.arguments import Linkage, Metres, linkage, one_engine, path, rigidly_and_evenly_driven
 from compare.faults import ArgumentError
 from compare.files import OutputError, output_folder, write_together
 from sim_models.engine import JointModel, Motion, declared, engine, engine_names
@@ -27,8 +27,9 @@ def export(
 
     Raises what :func:`compare.analyse.simulate` does, and OutputError.
     """
+    place = path(folder, "folder")
     texts = exported(mechanism, simulator, joint_model=joint_model, motion=motion, angles=angles, clearance=clearance)
-    return write_together(output_folder(Path(folder), "folder"), texts)
+    return write_together(output_folder(place, "folder"), texts)
 
 
 def exported(
@@ -41,6 +42,7 @@ def exported(
     clearance: Metres | None,
 ) -> dict[str, str]:
     """The files of an export: text by name."""
+    simulator = one_engine(simulator)
     chosen = engine(simulator)
     if chosen.capabilities.export is None:
         can = ", ".join(name for name in engine_names() if declared(name).capabilities.export is not None)
@@ -49,7 +51,7 @@ def exported(
     asked = request(m, joint_model, motion, angles)
     try:
         with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place
-            return {path.name: path.read_text(encoding="utf-8") for path in chosen.export(asked, Path(draft))}
+            return {file.name: file.read_text(encoding="utf-8") for file in chosen.export(asked, Path(draft))}
     except OSError as error:
         raise OutputError(
             f"{tempfile.gettempdir()}, where the files are drafted: cannot be written ({error.strerror}); free space"

@@ -56,6 +56,7 @@ def complaints(context: typer.Context | None = None) -> Iterator[list[str]]:
     try:
         with warnings.catch_warnings():
             warnings.showwarning = note
+            warnings.simplefilter("ignore", DegreesWarning)
             yield caught
     except ArgumentError as error:
         raise stop(_as_typed(error, context), Exit.BAD_INPUT) from None
@@ -65,6 +66,10 @@ def complaints(context: typer.Context | None = None) -> Iterator[list[str]]:
         raise stop(error, Exit.BAD_INPUT) from None
     except ValidationError as error:
         raise stop(reason(error), Exit.BAD_INPUT) from None
+
+
+class DegreesWarning(UserWarning):
+    """Angles (rad) that a function was given look like degrees.  A command takes degrees, and gives none."""
 
 
 class OptionError(Error, ValueError):

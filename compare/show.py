@@ -11,6 +11,7 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal, wrapped
+from compare.arguments import number
 from compare.faults import ArgumentError
 from compare.quantities import quantities
 from compare.results.crosscheck import CrossCheck, Discrepancy, Run
@@ -78,7 +79,7 @@ def show(
             raise ArgumentError("signal", "missing; a number of a result takes one, such as reaction_B_angle")
         if at is None:
             raise ArgumentError("at", "missing; a number belongs to a crank angle, or to a time if the linkage swings")
-        return provenance(document, signal, at, joint_model, simulator)
+        return provenance(document, signal, number(at, "at", "rad, or s if the linkage swings"), joint_model, simulator)
     for name, given in (("at", at), ("joint_model", joint_model), ("simulator", simulator)):
         if given is not None:
             raise ArgumentError(name, "a diagnosis takes a signal alone; leave this out")

@@ -672,7 +672,8 @@ ARGUMENTS = {
     "an engine's name in two lines": Row(["--simulator", "mu\njoco", "--out", "out"], ["mujoco, exudyn"]),
     "a joint model that there is not": option("--joint", "rubber", words=["'--joint'", "'rubber'"]),
     "a joint model without clearance": Row(
-        [*CHECK, "--case", "crank-rocker", "--joint", "contact"], ["nothing to run", "--clearance JOINT=m"]
+        [*CHECK, "--case", "crank-rocker", "--joint", "contact"],
+        ["--joint contact: ", "give a clearance (m)"],
     ),
     "a motion that there is not": option("--motion", "flying", words=["'--motion'", "'flying'"]),
     "an analytic model that there is not": option(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 import re
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import linkage_crosscheck as lc
 from analytic.kinematics.closure import AssemblyError
@@ -16,7 +18,10 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import MechanismError
 from analytic.mechanism.file import dumps
 from analytic.paper.frame import ComplianceError
+from compare.arguments import engines, every_one, names, numbers
+from compare.cli.app import app
 from compare.diagnose.data.recording import MeasuredError
+from compare.domain_map.validity import increasing
 from compare.evidence.baseline.file import BaselineError
 from compare.faults import ArgumentError
 from compare.files import OutputError
@@ -109,3 +114,146 @@ def test_a_fault_within_a_part_of_a_file_is_still_named_by_its_place(tmp_path: P
     path.write_text(dumps(PAPER).replace("mass = 0.157", "mass = -1", 1))
     with pytest.raises(MechanismError, match=re.escape("body[crank].mass = -1")):
         lc.load(path)
+
+
+# ------------------------------------------------------------------ wrong arguments
+
+
+ANGLES = np.array([1.0])
+CALLS: dict[str, Callable[..., object]] = {
+    "analyse": lambda **given: lc.analyse("crank-rocker", **({"angles": ANGLES} | given)),
+    "simulate": lambda **given: lc.simulate("crank-rocker", **({"angles": ANGLES} | given)),
+    "crosscheck": lambda **given: lc.crosscheck("crank-rocker", **({"angles": ANGLES} | given)),
+    "accuracy": lambda **given: lc.accuracy("paper", **({"angles": ANGLES, "samples": 10} | given)),
+    "validity": lambda **given: lc.validity("paper", **({"speeds": [60.0], "clearances": [1e-4]} | given)),
+    "diagnose": lambda **given: lc.diagnose(**({"measured": "no-such-file"} | given)),
+    "export": lambda **given: lc.export("paper", **given),
+}
+WRONG = [
+    ("analyse", {"angles": ["a"]}, "['a']"),
+    ("analyse", {"angles": "20:160:5"}, "'20:160:5'"),
+    ("analyse", {"angles": [[0.5, 0.6]]}, "flat"),
+    ("analyse", {"angles": [[0.5], [0.6, 0.7]]}, "flat"),
+    ("analyse", {"angles": [True]}, "[True]"),
+    ("analyse", {"angles": [0.5, None]}, "rad"),
+    ("analyse", {"angles": [np.nan]}, "finite"),
+    ("analyse", {"angles": []}, "rad"),
+    ("analyse", {"angles": [1e9]}, "17453.3 rad"),
+    ("analyse", {"angles": np.zeros(1_000_001)}, "1000000"),
+    ("analyse", {"clearance": {"B": "1mm"}}, "B = '1mm'"),
+    ("analyse", {"clearance": {"B": None}}, "B = None"),
+    ("analyse", {"clearance": {"B": True}}, "B = True"),
+    ("analyse", {"clearance": {"B": 1.0}}, "not smaller"),
+    ("analyse", {"clearance": ["B"]}, "metres by joint"),
+    ("analyse", {"clearance": 1e-3}, "metres by joint"),
+    ("analyse", {"model": "second"}, "'first_order' or 'equilibrium'"),
+    ("analyse", {"motion": "fast"}, "'driven' or 'static'"),
+    ("analyse", {"compliance": "yes"}, "True or False"),
+    ("crosscheck", {"analytic": "x"}, "'first_order' or 'equilibrium'"),
+    ("crosscheck", {"motion": "fast"}, "'driven' or 'static'"),
+    ("crosscheck", {"joint_model": "bushing"}, "'massless-link'"),
+    ("crosscheck", {"joint_model": "contact"}, "give a clearance (m)"),
+    ("crosscheck", {"flexible": "yes"}, "True or False"),
+    ("crosscheck", {"simulators": []}, "mujoco"),
+    ("crosscheck", {"simulators": ["mujoco", "all"]}, "all by itself"),
+    ("crosscheck", {"simulators": 5}, "5"),
+    ("crosscheck", {"workers": 0}, "1 or more"),
+    ("crosscheck", {"workers": -3}, "1 or more"),
+    ("crosscheck", {"workers": 1.5}, "1 or more"),
+    ("crosscheck", {"tolerances": {}}, "tolerance file"),
+    ("simulate", {"simulator": ["mujoco"]}, "['mujoco']"),
+    ("simulate", {"joint_model": "bushing"}, "'contact'"),
+    ("accuracy", {"samples": "many"}, "from 2 to 1000000"),
+    ("accuracy", {"samples": 10**8}, "from 2 to 1000000"),
+    ("accuracy", {"seed": -1}, "0 or more"),
+    ("accuracy", {"nonlinear": "yes"}, "True or False"),
+    ("accuracy", {"outputs": 5}, "a list of names"),
+    ("accuracy", {"clearance_tolerance": 1e-4}, "metres by joint"),
+    ("validity", {"clearances": [1.0]}, "not smaller"),
+    ("validity", {"clearances": "narrow"}, "'narrow'"),
+    ("validity", {"speeds": [0.0]}, "rad/s above 0"),
+    ("validity", {"speeds": [1.0, 1.0]}, "once"),
+    ("validity", {"joints": []}, "one name"),
+    ("validity", {"joint_model": "bushing"}, "'contact'"),
+    ("validity", {"records": 5}, "a path"),
+    ("validity", {"workers": 0}, "1 or more"),
+    ("validity", {"tolerances": {}}, "tolerance file"),
+    ("diagnose", {"only": 5}, "a list of names"),
+    ("diagnose", {"others": "none"}, "True or False"),
+    ("diagnose", {"workers": 0}, "1 or more"),
+    ("diagnose", {"simulator": ["mujoco"]}, "['mujoco']"),
+    ("diagnose", {"measured": 5}, "a path"),
+    ("export", {"folder": 5}, "a path"),
+]
+
+
+@pytest.mark.mujoco
+@pytest.mark.parametrize(("call", "given", "word"), WRONG, ids=lambda value: str(value)[:40])
+def test_a_wrong_argument_is_one_sentence_that_names_it(call: str, given: dict[str, object], word: str) -> None:
+    with pytest.raises(ArgumentError) as caught:
+        CALLS[call](**given)
+    assert [caught.value.argument] == list(given)
+    one_sentence(caught.value, f"{next(iter(given))}: ", word)
+
+
+@pytest.mark.parametrize("what", [5, None])
+def test_what_is_no_mechanism_is_refused(what: object) -> None:
+    with pytest.raises(MechanismError, match=f"{what}: give the name of a case"):
+        lc.analyse(what)  # type: ignore[arg-type]
+
+
+# ------------------------------------------------------------------ one in place of several
+
+
+def test_a_single_name_and_a_single_number_are_one() -> None:
+    one = lc.accuracy("paper", outputs="coupler.B", angles=1.0, samples=10)
+    assert list(one.outputs) == list(lc.accuracy("paper", outputs=["coupler.B"], angles=[1.0], samples=10).outputs)
+    assert one.crank_angle.tolist() == [1.0]
+    assert increasing(60.0, "speeds", "rad/s") == (60.0,)
+    assert names("rust", "only") == ("rust",)
+
+
+def test_numbers_of_any_kind_are_taken() -> None:
+    for given in (range(1, 3), (1, 2), np.array([1, 2]), np.float32([1, 2]), (x for x in (1, 2))):
+        found = numbers(given, "angles", "rad")
+        assert found.dtype == float
+        assert found.tolist() == [1.0, 2.0]
+
+
+@pytest.mark.mujoco
+@pytest.mark.parametrize("given", ["MuJoCo", "mujoco, Mujoco", ["MUJOCO"], ("mujoco",)])
+def test_engines_are_named_in_any_letters_with_commas_or_in_a_list(given: str | list[str]) -> None:
+    assert engines(given) == (("mujoco",), [])
+    assert not every_one(given)
+
+
+def test_all_engines_in_any_letters() -> None:
+    for given in ("all", "ALL", ["All"]):
+        assert every_one(given)
+
+
+# ------------------------------------------------------------------ degrees in place of radians
+
+
+def test_angles_beyond_two_turns_are_asked_whether_they_are_degrees() -> None:
+    with pytest.warns(UserWarning, match="40 rad is beyond two turns; angles are in radians; was it meant in degrees"):
+        found = lc.analyse("crank-rocker", angles=[20, 30, 40])
+    assert any("degrees" in text for text in found.warnings)
+
+
+def test_angles_in_degrees_that_are_not_reached_are_asked_too() -> None:
+    with pytest.warns(UserWarning, match="degrees"), pytest.raises(ArgumentError):
+        lc.analyse("paper", angles=[20, 30])
+
+
+def test_angles_within_two_turns_are_not(recwarn: pytest.WarningsRecorder) -> None:
+    lc.analyse("crank-rocker", angles=[-12.5, 0.0, 12.5])
+    assert not recwarn.list
+
+
+def test_a_command_takes_degrees_and_does_not_ask(tmp_path: Path) -> None:
+    run = CliRunner().invoke(
+        app, ["analyse", "--case", "crank-rocker", "--angles", "0:1080:360", "--out", str(tmp_path), "--quiet"]
+    )
+    assert (run.exit_code, run.output) == (0, "")
+    assert not json.loads((tmp_path / "analysis.json").read_text()).get("warnings")

@@ -87,7 +87,7 @@ def check_drive(drive: Drive | None, joints: Sequence[Joint]) -> None:
     if joint.prismatic or GROUND not in joint.bodies:
         raise ValueError(f"drive.joint = {joint.name!r} must be a revolute joint on the ground")
     if drive.speed == 0:
-        raise ValueError("drive.speed = 0; give the speed in rad/s, or 'free' (compare statics with --motion static)")
+        raise ValueError("drive.speed = 0; give the speed in rad/s, or 'free' (statics are compared in static motion)")
 
 
 def check_loads(loads: Iterable[Load], bodies: Mapping[str, Body]) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.errors import MechanismError, brief, describe
+from analytic.mechanism.errors import MechanismError, brief, describe, quoted
 from analytic.mechanism.reading import ReadingError, parse_toml, read_toml
 
 
@@ -33,6 +33,8 @@ def load(case: str | Path) -> Mechanism:
     Raises MechanismError if there is no such file, or what it says is not a mechanism.  That its loops close is
     found when it is assembled (:mod:`analytic.kinematics.assembly`).
     """
+    if not isinstance(case, str | os.PathLike):
+        raise MechanismError(f"{quoted(case)}: give the name of a case, or the path of a mechanism file")
     if str(case) in shipped_cases():
         return loads(
             resources.files("analytic.mechanism").joinpath("cases", f"{case}.toml").read_text(encoding="utf-8"),

@@ -37,6 +37,7 @@ def export(
     Exit status: 0 written, 2 bad input, 3 the simulator is missing or failed.
     """
     with complaints(context):
+        from compare.arguments import one_engine
         from compare.export import exported
         from compare.files import output_folder, write_together
         from compare.judge.grid import parse_angles
@@ -44,6 +45,7 @@ def export(
         from sim_models.engine import declared
 
         folder, mechanism = output_folder(out), load_case(case, clearance)
+        simulator = one_engine(simulator)
         texts = exported(
             mechanism,
             simulator,

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from analytic.mechanism import MechanismWarning
+from compare.arguments import Names, flag, names, one_engine, path, whole
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
@@ -29,8 +30,8 @@ def diagnose(
     measured: Measured | str | Path,
     simulator: str = "mujoco",
     *,
-    only: Sequence[str] = (),
-    exclude: Sequence[str] = (),
+    only: Names = (),
+    exclude: Names = (),
     own: Sequence[Effect] = (),
     others: bool = True,
     workers: int | None = None,
@@ -43,11 +44,19 @@ def diagnose(
     the vocabulary.  With ``others`` every installed engine simulates the explanation too.  Simulations run in
     ``workers`` processes (two, or the cores that there are).
 
-    Raises MeasuredError for data that cannot be what they say, Unsupported or SimulatorMissing for the simulator,
-    SimulationError where it fails on the nominal mechanism.
+    Raises ArgumentError, MeasuredError for data that cannot be what they say, Unsupported or SimulatorMissing for the
+    simulator, SimulationError where it fails on the nominal mechanism.
     """
-    data = measured if isinstance(measured, Measured) else load_measured(Path(measured))
-    options = Options(simulator, only, exclude, own, others, workers, progress)
+    options = Options(
+        one_engine(simulator),
+        names(only, "only"),
+        names(exclude, "exclude"),
+        own,
+        flag(others, "others"),
+        None if workers is None else whole(workers, "workers", 1),
+        progress,
+    )
+    data = measured if isinstance(measured, Measured) else load_measured(path(measured, "measured"))
     rigid = data.mechanism.rigid()
     problem = Problem.of(data, rigid, options)
     explanation = problem.explanation()

@@ -12,16 +12,34 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from analytic.mechanism import Mechanism
-from compare.arguments import Linkage, Simulators, cores, engines, linkage, noted, rigidly_and_evenly_driven
+from analytic.mechanism.errors import quoted
+from compare.arguments import (
+    Linkage,
+    Names,
+    Numbers,
+    Simulators,
+    ToleranceFile,
+    cores,
+    engines,
+    every_one,
+    laid_over,
+    linkage,
+    names,
+    noted,
+    numbers,
+    one_of,
+    path,
+    processes,
+    rigidly_and_evenly_driven,
+    with_clearance,
+)
 from compare.domain_map.cell import Task, examine
 from compare.domain_map.map import Grid, RealJoint, cells, clearance_joints, summarised
 from compare.faults import ArgumentError
 from compare.files import output_folder
-from compare.judge.discrepancy import load_tolerances
-from compare.judge.tolerances import Tolerances
 from compare.results.validity import Cell, Failed, Validity
 from compare.sweep import sweep
-from sim_models.engine import JointModel, Request, SimulatorMissing, Unsupported, check_supported, engine
+from sim_models.engine import JOINT_MODELS, JointModel, Request, SimulatorMissing, Unsupported, check_supported, engine
 
 Progress = Callable[[str, int, int | None], None]
 CELL: TypeAdapter[Cell | Failed] = TypeAdapter(Cell | Failed)
@@ -30,15 +48,15 @@ CELL: TypeAdapter[Cell | Failed] = TypeAdapter(Cell | Failed)
 def validity(  # noqa: PLR0913 - what a person may ask, by name
     mechanism: Linkage = "paper",
     *,
-    speeds: Sequence[float],
-    clearances: Sequence[float],
+    speeds: Numbers,
+    clearances: Numbers,
     simulators: Simulators = "mujoco",
     joint_model: JointModel = "contact",
-    joints: Sequence[str] | None = None,
-    tolerances: Tolerances | str | PathLike[str] | None = None,
+    joints: Names | None = None,
+    tolerances: ToleranceFile | None = None,
     workers: int | None = None,
     dask: str | None = None,
-    records: Path | None = None,
+    records: str | PathLike[str] | None = None,
     progress: Progress = lambda what, done, total: None,
 ) -> Validity:
     """At which ``speeds`` (rad/s) and radial ``clearances`` (m) the analytic model holds, where contact is lost, and
@@ -65,30 +83,33 @@ def validity(  # noqa: PLR0913 - what a person may ask, by name
 def gridded(
     mechanism: Linkage,
     *,
-    speeds: Sequence[float],
-    clearances: Sequence[float],
+    speeds: Numbers,
+    clearances: Numbers,
     simulators: Simulators,
     joint_model: JointModel,
-    joints: Sequence[str] | None,
-    tolerances: Tolerances | str | PathLike[str] | None,
+    joints: Names | None,
+    tolerances: ToleranceFile | None,
 ) -> Grid:
     """What a map is over.  Warns, and raises, as :func:`validity` does."""
+    at_speeds, gaps = increasing(speeds, "speeds", "rad/s"), increasing(clearances, "clearances", "m")
+    joint_model, read = real(joint_model), laid_over(tolerances)
+    named = None if joints is None else names(joints, "joints", least=1)
     with noted() as warned:
         m = rigidly_and_evenly_driven(linkage(mechanism))
         if m.speed is None:
             why = f"{m.name} has no drive of constant speed; a map is over its speeds, so give it one"
             raise ArgumentError("mechanism", why)
-        at, chosen = clearance_joints(m, joints)
-        names, left_out = capable(simulators, joint_model, m)
-        path = None if tolerances is None or isinstance(tolerances, Tolerances) else Path(tolerances)
+        at, chosen = clearance_joints(m, named)
+        with_clearance(m, dict.fromkeys(at, gaps[-1]), "clearances")
+        able, left_out = capable(simulators, joint_model, m)
     return Grid(
         m,
         at,
-        increasing(speeds, "speeds", "rad/s"),
-        increasing(clearances, "clearances", "m"),
-        names,
-        real(joint_model),
-        tolerances if isinstance(tolerances, Tolerances) else load_tolerances(path),
+        at_speeds,
+        gaps,
+        able,
+        joint_model,
+        read,
         chosen,
         (*warned, *left_out),
     )
@@ -99,29 +120,31 @@ def mapped(
     *,
     workers: int | None = None,
     dask: str | None = None,
-    records: Path | None = None,
+    records: str | PathLike[str] | None = None,
     progress: Progress = lambda what, done, total: None,
 ) -> Validity:
     """The map over a grid.  Raises AssemblyError, ClusterError or OutputError."""
-    tasks = cells(grid)
+    tasks, spread_over = cells(grid), processes(workers, cores())
+    kept = None if records is None else path(records, "records")
     with tempfile.TemporaryDirectory() as scratch:
-        found = _swept(tasks, records or Path(scratch) / "runs", workers or cores(), dask, progress)
+        found = _swept(tasks, kept or Path(scratch) / "runs", spread_over, dask, progress)
     return summarised(grid, tasks, found).model_copy(update={"warnings": grid.warnings})
 
 
-def increasing(values: Sequence[float], called: str, unit: str) -> tuple[float, ...]:
+def increasing(values: Numbers, called: str, unit: str) -> tuple[float, ...]:
     """Numbers above zero, increasing.  Raises ArgumentError."""
-    found = tuple(sorted(float(value) for value in values))
+    found = tuple(sorted(numbers(values, called, unit).tolist()))
     for value in found:
         if not 0 < value < math.inf:
             raise ArgumentError(called, f"{value:g} cannot be used; give {unit} above 0")
-    if not found or len(set(found)) < len(found):
-        raise ArgumentError(called, f"give one or more ({unit}), each once")
+    if len(set(found)) < len(found):
+        raise ArgumentError(called, f"{quoted(list(found))} has a number twice; give each ({unit}) once")
     return found
 
 
 def real(joint_model: JointModel) -> RealJoint:
     """A joint model that has clearance.  Raises ArgumentError."""
+    joint_model = one_of(joint_model, JOINT_MODELS, "joint_model")
     if joint_model == "ideal":
         raise ArgumentError(
             "joint_model", "ideal joints have no clearance; give massless-link, spring-damper or contact"
@@ -135,13 +158,13 @@ def capable(simulators: Simulators, joint_model: JointModel, mechanism: Mechanis
     Raises Unsupported, SimulatorMissing or ArgumentError.
     """
     real(joint_model)
-    names, left_out = engines(simulators)
+    asked, left_out = engines(simulators)
     found = []
-    for name in names:
+    for name in asked:
         try:
             check_supported(engine(name), Request(mechanism, joint_model))
         except Unsupported as why:
-            if simulators != "all":
+            if not every_one(simulators):
                 raise
             left_out.append(f"left out: {why}")
         else:
@@ -157,7 +180,7 @@ def _swept(
     tasks: Sequence[Task], records: Path, workers: int, dask: str | None, progress: Progress
 ) -> list[Cell | Failed]:
     """The cells, in order; what an interrupted map has left in the folder is not done again."""
-    output_folder(records)
+    output_folder(records, "records")
     found: list[Cell | Failed | None] = [None] * len(tasks)
     lost = False
     runs = [task.model_dump() for task in tasks]
