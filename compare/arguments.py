@@ -91,10 +91,10 @@ def numbers(given: object, called: str, unit: str) -> np.ndarray:
 
 
 def number(given: object, called: str, unit: str) -> float:
-    """One finite number.  Raises ArgumentError."""
-    if isinstance(given, Real) and not isinstance(given, bool) and math.isfinite(float(given)):
+    """One number.  Raises ArgumentError."""
+    if isinstance(given, Real) and not isinstance(given, bool):
         return float(given)
-    raise ArgumentError(called, f"{quoted(given)} cannot be used; give one finite number ({unit})")
+    raise ArgumentError(called, f"{quoted(given)} cannot be used; give one number ({unit})")
 
 
 def names(given: object, called: str, least: int = 0) -> tuple[str, ...]:
@@ -152,7 +152,7 @@ def with_clearance(mechanism: Mechanism, clearance: Metres, called: str = "clear
 def loose(mechanism: Mechanism, joint_model: JointModel | None) -> None:
     """Raises ArgumentError for a joint model that needs clearance where no joint has any."""
     if joint_model not in (None, "ideal") and not mechanism.clearances:
-        why = f"{joint_model} joints have clearance, and {mechanism.name} has no joint with any; give a clearance (m)"
+        why = f"{joint_model} joints need clearance; {mechanism.name} has none; give `clearance` (m by joint)"
         raise ArgumentError("joint_model", why)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -77,7 +78,10 @@ class OptionError(Error, ValueError):
 
 
 class ArgumentError(OptionError):
-    """An argument of a function cannot be used; the message says what is accepted."""
+    """An argument of a function cannot be used; the message says what is accepted.
+
+    Another argument that it speaks of stands in backquotes, so that a command can name its option instead.
+    """
 
     def __init__(self, argument: str, why: str) -> None:
         super().__init__(argument, why)
@@ -93,8 +97,9 @@ def _as_typed(error: ArgumentError, context: typer.Context | None) -> str:
     if context is None or name not in context.params:
         return str(error)
     value = context.params[name]
+    why = re.sub(r"`(\w+)`", lambda other: f"--{OPTIONS.get(other[1], other[1]).replace('_', '-')}", error.why)
     typed = "" if value in (None, True) else f" {','.join(map(str, value)) if isinstance(value, list) else value}"
-    return f"--{name.replace('_', '-')}{typed}: {error.why}"
+    return f"--{name.replace('_', '-')}{typed}: {why}"
 
 
 def reason(error: ValueError) -> str:

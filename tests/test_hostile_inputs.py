@@ -673,7 +673,7 @@ ARGUMENTS = {
     "a joint model that there is not": option("--joint", "rubber", words=["'--joint'", "'rubber'"]),
     "a joint model without clearance": Row(
         [*CHECK, "--case", "crank-rocker", "--joint", "contact"],
-        ["--joint contact: ", "give a clearance (m)"],
+        ["--joint contact: ", "give --clearance (m by joint)"],
     ),
     "a motion that there is not": option("--motion", "flying", words=["'--motion'", "'flying'"]),
     "an analytic model that there is not": option(

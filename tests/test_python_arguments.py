@@ -29,6 +29,7 @@ from compare.judge.grid import GridError
 from compare.judge.tolerances import ToleranceError
 from compare.results.document import DocumentError
 from compare.sweep import ClusterError
+from sample_result import as_document, sample_result
 from sim_models.engine import SimulationError, SimulatorMissing, Unsupported
 
 PAPER = lc.load("paper")
@@ -152,7 +153,7 @@ WRONG = [
     ("crosscheck", {"analytic": "x"}, "'first_order' or 'equilibrium'"),
     ("crosscheck", {"motion": "fast"}, "'driven' or 'static'"),
     ("crosscheck", {"joint_model": "bushing"}, "'massless-link'"),
-    ("crosscheck", {"joint_model": "contact"}, "give a clearance (m)"),
+    ("crosscheck", {"joint_model": "contact"}, "give `clearance` (m by joint)"),
     ("crosscheck", {"flexible": "yes"}, "True or False"),
     ("crosscheck", {"simulators": []}, "mujoco"),
     ("crosscheck", {"simulators": ["mujoco", "all"]}, "all by itself"),
@@ -257,3 +258,32 @@ def test_a_command_takes_degrees_and_does_not_ask(tmp_path: Path) -> None:
     )
     assert (run.exit_code, run.output) == (0, "")
     assert not json.loads((tmp_path / "analysis.json").read_text()).get("warnings")
+
+
+# ------------------------------------------------------------------ files and engines by name
+
+
+def test_a_table_is_written_where_a_path_says(tmp_path: Path) -> None:
+    found = lc.analyse("crank-rocker", angles=[0.5, 1.0])
+    assert found.to_csv(tmp_path / "table.csv") == tmp_path / "table.csv"
+    assert (tmp_path / "table.csv").read_text(encoding="utf-8") == found.to_csv()
+    with pytest.raises(OutputError) as caught:
+        found.to_csv(tmp_path / "nowhere" / "table.csv")
+    one_sentence(caught.value, "nowhere")
+
+
+@pytest.mark.mujoco
+@pytest.mark.exudyn
+def test_the_command_takes_engines_with_commas_between_them(tmp_path: Path) -> None:
+    asked = "--simulator MuJoCo,exudyn --case crank-rocker --joint ideal --angles 20:30:10 --quiet"
+    run = CliRunner().invoke(app, [*asked.split(), "--out", str(tmp_path)])
+    assert run.exit_code == 0, run.output
+    runs = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["runs"]
+    assert [each["simulator"]["name"] for each in runs] == ["mujoco", "exudyn"]
+
+
+def test_a_moment_that_is_no_number_is_refused() -> None:
+    result = as_document(sample_result())
+    with pytest.raises(ArgumentError) as caught:
+        lc.show(result, "drive_torque", at="x")  # type: ignore[call-overload]
+    one_sentence(caught.value, "at: 'x'", "rad")

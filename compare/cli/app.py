@@ -54,7 +54,11 @@ def main() -> None:
 def compare(
     context: typer.Context,
     simulator: Annotated[
-        str | None, typer.Option(help="Engine to compare with, or all that are installed (see: compare simulators).")
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="Engines to compare with, or all that are installed (see: compare simulators).",
+        ),
     ] = None,
     case: Annotated[str, typer.Option(help="Shipped case (see: compare cases) or a mechanism file.")] = "paper",
     joint: Annotated[

@@ -12,7 +12,7 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self, cast, overload
 
 import numpy as np
 from pydantic import (
@@ -32,7 +32,7 @@ from analytic.errors import Error
 from analytic.mechanism import Mechanism as _Mechanism
 from analytic.mechanism.file import describe
 from analytic.mechanism.reading import ReadingError, read_json
-from compare.files import output_folder, to_json, write_together
+from compare.files import output_folder, to_json, write_atomically, write_together
 
 if TYPE_CHECKING:
     import pandas
@@ -197,15 +197,22 @@ class Document(Part):
         """SI unit of each column of the rows that has one."""
         return {}
 
-    def to_csv(self) -> str:
-        """The rows as CSV text, headed ``column [unit]``; an absent number is an empty cell."""
+    @overload
+    def to_csv(self) -> str: ...
+    @overload
+    def to_csv(self, path: str | Path) -> Path: ...
+    def to_csv(self, path: str | Path | None = None) -> str | Path:
+        """The rows as CSV text, headed ``column [unit]``; an absent number is an empty cell.
+
+        With a ``path`` the text is written there, whole or not at all, and the path is returned.  Raises OutputError.
+        """
         rows, units = self.rows(), self.units()
         columns = list(dict.fromkeys(name for row in rows for name in row))
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow([f"{name} [{units[name]}]" if name in units else name for name in columns])
         writer.writerows([["" if row.get(name) is None else row[name] for name in columns] for row in rows])
-        return out.getvalue()
+        return out.getvalue() if path is None else write_atomically(Path(path), out.getvalue())
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The rows as a data frame.  Raises ImportError with the remedy where pandas is not installed."""
