@@ -119,7 +119,7 @@ def laid_over(given: object) -> Tolerances:
     if isinstance(given, Tolerances):
         return given
     if given is None or isinstance(given, str | PathLike):
-        return load_tolerances(None if given is None else Path(given))
+        return load_tolerances(None if given is None else Path(given), "tolerances")
     raise ArgumentError("tolerances", f"{quoted(given)} cannot be used; give the path of a tolerance file")
 
 

@@ -789,7 +789,7 @@ ARGUMENTS = {
     ),
     "export of contact without clearance": Row(
         ["export", "--simulator", "mujoco", "--case", "crank-rocker", "--joint", "contact", "--out", "out"],
-        ["--joint contact", "give a clearance (m)"],
+        ["--joint contact", "give --clearance (m by joint)"],
     ),
     "export to nowhere": Row(["export", "--simulator", "mujoco"], ["'--out'"]),
     "export out of reach": Row(

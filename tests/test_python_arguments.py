@@ -203,6 +203,14 @@ def test_what_is_no_mechanism_is_refused(what: object) -> None:
         lc.analyse(what)  # type: ignore[arg-type]
 
 
+@pytest.mark.mujoco
+@pytest.mark.parametrize("call", ["crosscheck", "validity"])
+def test_a_tolerance_file_that_is_missing_is_named_as_the_argument(call: str) -> None:
+    with pytest.raises(ToleranceError) as caught:
+        CALLS[call](tolerances="none.toml")
+    one_sentence(caught.value, "tolerances none.toml: cannot be read")
+
+
 # ------------------------------------------------------------------ one in place of several
 
 

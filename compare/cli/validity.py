@@ -54,6 +54,7 @@ def validity(
         from math import pi
 
         from compare.domain_map.validity import gridded, mapped
+        from compare.judge.tolerances import load_tolerances
         from compare.results.validity import Failed
 
         mechanism = load_case(case)
@@ -66,7 +67,7 @@ def validity(
             simulators="all" if simulator == "all" else listed_once(simulator, "--simulator"),
             joint_model=joint.value,
             joints=listed_once(at, "--at") if at is not None else None,
-            tolerances=tolerance,
+            tolerances=load_tolerances(tolerance),
         )
         folder = output_folder(result_folder(context, f"{mechanism.name}-validity", "validity.json", out, overwrite))
         with alone_in(folder, patience=0.0), progress_bar() as bar:  # two maps would take each other's records away

@@ -133,14 +133,15 @@ class Tolerances(_Part):
         return self.model_copy(update={"known": known})
 
 
-def load_tolerances(path: Path | None = None) -> Tolerances:
-    """The shipped tolerances, with a file's laid over them.  Raises ToleranceError.
+def load_tolerances(path: Path | None = None, called: str = "--tolerance") -> Tolerances:
+    """The shipped tolerances, with a file's laid over them.  Raises ToleranceError, which calls the file's option or
+    argument as ``called`` says.
 
     A line that the file gives replaces the shipped line whole, and its known differences come after the shipped ones.
     """
     with resources.as_file(resources.files("compare.judge").joinpath("tolerances.toml")) as own:
         shipped = _read(own, "compare/judge/tolerances.toml")
-    return _joined(shipped, _read(path, f"--tolerance {path}") if path else _File())
+    return _joined(shipped, _read(path, f"{called} {path}") if path else _File())
 
 
 def _read(path: Path, name: str) -> _File:
