@@ -234,7 +234,7 @@ def test_json_says_what_was_written_as_its_schema_says_and_quiet_says_nothing(tm
         (
             ["--simulator", "mujoco", "--case", "crank-rocker", "--joint", "contact"],
             2,
-            ["--joint contact", "give a clearance"],
+            ["--joint contact", "give --clearance"],
         ),
         (["--simulator", "mujoco", "--angles", "20:200:5"], 2, ["change point"]),
         (

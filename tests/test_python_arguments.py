@@ -128,6 +128,8 @@ CALLS: dict[str, Callable[..., object]] = {
     "accuracy": lambda **given: lc.accuracy("paper", **({"angles": ANGLES, "samples": 10} | given)),
     "validity": lambda **given: lc.validity("paper", **({"speeds": [60.0], "clearances": [1e-4]} | given)),
     "diagnose": lambda **given: lc.diagnose(**({"measured": "no-such-file"} | given)),
+    "show": lc.show,
+    "check_baselines": lambda **given: lc.check_baselines("paper", **({"simulators": "mujoco"} | given)),
     "export": lambda **given: lc.export("paper", **given),
 }
 WRONG = [
@@ -184,6 +186,11 @@ WRONG = [
     ("diagnose", {"workers": 0}, "1 or more"),
     ("diagnose", {"simulator": ["mujoco"]}, "['mujoco']"),
     ("diagnose", {"measured": 5}, "a path"),
+    ("diagnose", {"own": ["rust"]}, "a list of effects"),
+    ("validity", {"dask": 5}, "address"),
+    ("show", {"result": 5}, "a cross-check"),
+    ("check_baselines", {"folder": 5}, "a path"),
+    ("check_baselines", {"simulators": []}, "mujoco"),
     ("export", {"folder": 5}, "a path"),
 ]
 
@@ -203,12 +210,22 @@ def test_what_is_no_mechanism_is_refused(what: object) -> None:
         lc.analyse(what)  # type: ignore[arg-type]
 
 
+def test_what_is_no_measurement_is_refused() -> None:
+    with pytest.raises(MeasuredError, match=r"^'5' is no path; give that of a measured\.toml"):
+        lc.read_measured(5)  # type: ignore[arg-type]
+
+
 @pytest.mark.mujoco
 @pytest.mark.parametrize("call", ["crosscheck", "validity"])
 def test_a_tolerance_file_that_is_missing_is_named_as_the_argument(call: str) -> None:
     with pytest.raises(ToleranceError) as caught:
         CALLS[call](tolerances="none.toml")
     one_sentence(caught.value, "tolerances none.toml: cannot be read")
+
+
+def test_what_is_no_case_of_a_baseline_is_refused() -> None:
+    with pytest.raises(MechanismError, match="5: give the name of a case"):
+        lc.check_baselines(5)  # type: ignore[arg-type]
 
 
 # ------------------------------------------------------------------ one in place of several

@@ -8,12 +8,14 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from analytic.mechanism import MechanismWarning
+from analytic.mechanism.errors import quoted
 from compare.arguments import Names, flag, names, one_engine, path, whole
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
 from compare.diagnose.problem import Options, Problem, Progress, silent
 from compare.diagnose.result import as_document
+from compare.faults import ArgumentError
 from compare.results.diagnosis import Diagnosis
 
 
@@ -47,6 +49,8 @@ def diagnose(
     Raises ArgumentError, MeasuredError for data that cannot be what they say, Unsupported or SimulatorMissing for the
     simulator, SimulationError where it fails on the nominal mechanism.
     """
+    if not isinstance(own, Sequence) or not all(isinstance(each, Effect) for each in own):
+        raise ArgumentError("own", f"{quoted(own)} cannot be used; give a list of effects")
     options = Options(
         one_engine(simulator),
         names(only, "only"),

@@ -125,6 +125,8 @@ def mapped(
 ) -> Validity:
     """The map over a grid.  Raises AssemblyError, ClusterError or OutputError."""
     tasks, spread_over = cells(grid), processes(workers, cores())
+    if dask is not None and not isinstance(dask, str):
+        raise ArgumentError("dask", f"{quoted(dask)} cannot be used; give its address, such as tcp://localhost:8786")
     kept = None if records is None else path(records, "records")
     with tempfile.TemporaryDirectory() as scratch:
         found = _swept(tasks, kept or Path(scratch) / "runs", spread_over, dask, progress)

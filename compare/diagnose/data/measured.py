@@ -41,8 +41,10 @@ SLIPS = {
 }
 
 
-def load_measured(path: Path) -> Measured:
+def load_measured(path: str | Path) -> Measured:
     """Read measured.toml, the mechanism and the data files that it names, relative to it.  Raises MeasuredError."""
+    if not isinstance(path, str | os.PathLike):
+        raise MeasuredError(f"{shown(str(path))} is no path; give that of a measured.toml, or of its folder")
     path = Path(path)
     path = path / "measured.toml" if os.path.isdir(path) else path
     file = read_file(path)

@@ -12,6 +12,7 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import shipped_cases
 from compare.arguments import Linkage, Simulators, linkage
+from compare.arguments import path as checked_path
 from compare.evidence.baseline.file import Baseline, BaselineError, StoredRun, owned, read, write
 from compare.evidence.baseline.moved import fits, moved
 from compare.evidence.baseline.runs import simulated
@@ -48,7 +49,7 @@ def check_baselines(
 
     Raises MechanismError for a case, Unsupported for an unknown engine, SimulatorMissing where none is installed.
     """
-    return _each(check_one, cases, simulators, Path(folder), progress)
+    return _each(check_one, cases, simulators, checked_path(folder, "folder"), progress)
 
 
 def update_baselines(
@@ -74,7 +75,7 @@ def _each(work: Work, cases: Cases | None, simulators: Simulators, folder: Path,
     if cases is None:
         wanted: Sequence[Linkage] = shipped_cases()
     else:
-        wanted = [cases] if isinstance(cases, Mechanism | str | Path) else cases
+        wanted = [cases] if isinstance(cases, Mechanism | str) or not isinstance(cases, Sequence) else cases
     mechanisms = [(linkage(case), case.name if isinstance(case, Mechanism) else str(case)) for case in wanted]
     names, left_out = asked(simulators)
     entries = []
