@@ -99,6 +99,7 @@ def _as_typed(error: ArgumentError, context: typer.Context | None) -> str:
     value = context.params[name]
     why = re.sub(r"`(\w+)`", lambda other: f"--{OPTIONS.get(other[1], other[1]).replace('_', '-')}", error.why)
     typed = "" if value in (None, True) else f" {','.join(map(str, value)) if isinstance(value, list) else value}"
+    why = why.removeprefix(f"{typed.strip()}: ")  # the value is said once
     return f"--{name.replace('_', '-')}{typed}: {why}"
 
 

@@ -19,7 +19,7 @@ from functools import partial
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from compare.faults import OptionError
+from compare.faults import ArgumentError
 from compare.files import to_json, write_atomically
 from compare.workers import deaf
 
@@ -33,8 +33,8 @@ R = TypeVar("R")
 C = TypeVar("C", bound=Mapping[str, object])  # what a run of a sweep is: plain JSON data
 
 
-class ClusterError(OptionError):
-    """The Dask cluster of ``--dask`` cannot be used; the message says why and what to do."""
+class ClusterError(ArgumentError):
+    """The Dask cluster of the argument ``dask`` cannot be used; the message says why and what to do."""
 
 
 class Died(RuntimeError):
@@ -185,7 +185,7 @@ def _until_broken(
             done, _ = wait(under_way, PATIENCE, FIRST_COMPLETED)
             if any(future.cancelled() for future in done):
                 raise ClusterError(
-                    "--dask: the cluster was lost while runs were under way; start the same command again to go on"
+                    "dask", "the cluster was lost while runs were under way; start the same again to go on"
                 )
             whole = [future for future in done if not isinstance(future.exception(), BrokenExecutor)]
             for future in whole:
@@ -223,14 +223,14 @@ def _cluster(address: str) -> Iterator[Pool]:
         from dask.distributed import Client
     except ImportError:
         raise ClusterError(
-            f"--dask {address}: Dask is not installed; run: pip install 'linkage-crosscheck[dask]'"
+            "dask", f"{address}: Dask is not installed; run: pip install 'linkage-crosscheck[dask]'"
         ) from None
     try:
         _knock(address)
         client = Client(address, timeout=CONNECT, set_as_default=False)
     except (OSError, ValueError) as error:
         raise ClusterError(
-            f"--dask {address}: no scheduler answers there ({error}); give its address, such as tcp://localhost:8786"
+            "dask", f"{address}: no scheduler answers there ({error}); give its address, such as tcp://localhost:8786"
         ) from None
 
     def room() -> int:
@@ -238,7 +238,7 @@ def _cluster(address: str) -> Iterator[Pool]:
             client.wait_for_workers(1, timeout=PATIENCE)
         except TimeoutError:
             raise ClusterError(
-                f"--dask {address}: the cluster has no workers; start some, then the same command again"
+                "dask", f"{address}: the cluster has no workers; start some, then the same again"
             ) from None
         return AHEAD * max(1, sum(client.nthreads().values()))
 

@@ -298,7 +298,7 @@ def test_cells_of_a_map_are_the_same_to_the_last_bit_on_a_cluster_in_processes_a
 
 def test_a_cluster_that_is_not_there_is_told() -> None:
     pytest.importorskip("dask.distributed", reason="Dask is not installed: pip install 'linkage-crosscheck[dask]'")
-    with pytest.raises(ClusterError, match=r"--dask nowhere://x: no scheduler answers"):
+    with pytest.raises(ClusterError, match=r"^dask: nowhere://x: no scheduler answers"):
         next(sweep(sweep_work.solve, MATRICES, dask="nowhere://x"))
 
 
