@@ -578,8 +578,8 @@ RESULTS = {
     "a crank angle that is no number": shown(
         result(("runs", 0, "crank_angle", 0), float("nan")), "r.json: runs[0].crank_angle[0] = nan"
     ),
-    "an unknown signal": shown(GOOD_RESULT, "--signal force_B: no such signal", signal_name="force_B"),
-    "a signal in two lines": shown(GOOD_RESULT, r"--signal a\nb: no such signal", signal_name="a\nb"),
+    "an unknown signal": shown(GOOD_RESULT, "--signal force_B: no force_B in mujoco, ideal", signal_name="force_B"),
+    "a signal in two lines": shown(GOOD_RESULT, r"--signal a\nb: no ", signal_name="a\nb"),
     "an angle in words": shown(GOOD_RESULT, "'--at'", "valid number", at="thirty"),
     "an angle that is no number": shown(GOOD_RESULT, "--at nan", at="nan"),
     "an endless angle": shown(GOOD_RESULT, "--at inf", at="inf"),
