@@ -68,4 +68,4 @@ def accuracy(
             seed=seed,
             nonlinear=nonlinear,
         )
-        publish(finished(found, caught), folder, json=json, quiet=quiet)
+        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite)

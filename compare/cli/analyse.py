@@ -43,7 +43,7 @@ def analyse(
         from compare.judge.grid import parse_angles
 
         mechanism = load_case(case, clearance)
-        folder = result_folder(context, f"{mechanism.name}-analysis", "analysis.json", out, overwrite)
+        folder = result_folder(context, f"{mechanism.name}-analysis", "analysis.json", out, overwrite, ("signals.csv",))
         found = asked(
             mechanism,
             angles=parse_angles(angles) if angles is not None else None,
@@ -51,7 +51,7 @@ def analyse(
             motion=motion.value,
             compliance=compliance,
         )
-        publish(finished(found, caught), folder, json=json, quiet=quiet)
+        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite)
 
 
 def simulate(
@@ -76,7 +76,7 @@ def simulate(
         from compare.judge.grid import parse_angles
 
         mechanism = load_case(case, clearance)
-        folder = result_folder(context, f"{mechanism.name}-simulation", "simulation.json", out, overwrite)
+        folder = result_folder(context, f"{mechanism.name}-simulation", "simulation.json", out, overwrite, ("signals.csv",))
         found = asked(
             mechanism,
             simulator,
@@ -84,4 +84,4 @@ def simulate(
             motion=motion.value,
             angles=parse_angles(angles) if angles is not None else None,
         )
-        publish(finished(found, caught), folder, json=json, quiet=quiet)
+        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite)

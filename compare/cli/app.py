@@ -125,11 +125,11 @@ def compare(
             flexible=flexible,
             tolerances=tolerances,
         )
-        folder = output_folder(result_folder(context, mechanism.name, "result.json", out, overwrite))
+        folder = output_folder(result_folder(context, mechanism.name, "result.json", out, overwrite, ("junit.xml", "signals.csv")))
         with progress_bar() as progress:
             found = crosscheck_job(job, progress)
         result = finished(found, caught)
-        publish(result, folder, json=json, quiet=quiet)
+        publish(result, folder, json=json, quiet=quiet, overwrite=overwrite)
         for failure in result.failures:  # the status is theirs even where the others agree
             typer.echo(f"compare: {failure.why}", err=True)
         if result.failures:

@@ -59,7 +59,7 @@ def diagnose(
         from compare.diagnose.workflow import diagnose as run
 
         data = load_measured(measured)
-        folder = result_folder(context, f"{data.mechanism.name}-diagnosis", "diagnosis.json", out, overwrite)
+        folder = result_folder(context, f"{data.mechanism.name}-diagnosis", "diagnosis.json", out, overwrite, ("junit.xml",))
         with progress_bar() as progress:
             found = run(
                 data,
@@ -70,5 +70,5 @@ def diagnose(
                 workers=workers,
                 progress=progress,
             )
-        publish(found.model_copy(update={"command": command_line()}), folder, json=json, quiet=quiet)
+        publish(found.model_copy(update={"command": command_line()}), folder, json=json, quiet=quiet, overwrite=overwrite)
     raise typer.Exit(Exit.AGREES if found.settled else Exit.DISAGREES)

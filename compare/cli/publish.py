@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import typer
 
+from compare.cli.folders import refuse_strangers
 from compare.files import alone_in, output_folder, write_together
 
 if TYPE_CHECKING:
@@ -35,11 +36,15 @@ def finished(document: D, warned: Iterable[str]) -> D:
     return document.model_copy(update={"command": command_line(), "warnings": tuple(told)})
 
 
-def publish(document: Document, folder: Path, *, json: bool, quiet: bool) -> None:
-    """Write a document and its report, and print what was asked for.  Raises OutputError."""
-    place = output_folder(folder)
+def publish(document: Document, folder: Path, *, json: bool, quiet: bool, overwrite: bool = False) -> None:
+    """Write a document and its report, and print what was asked for.
+
+    Raises OutputError, also where a file is there that is not this result's, unless it is to ``overwrite``.
+    """
+    place, texts = output_folder(folder), document.files()
     with alone_in(place):
-        write_together(place, document.files())
+        refuse_strangers(place, document.file, texts, overwrite)
+        write_together(place, texts)
     show(document, json=json, quiet=quiet, place=place)
 
 

@@ -69,7 +69,7 @@ def validity(
             joints=listed_once(at, "--at") if at is not None else None,
             tolerances=load_tolerances(tolerance),
         )
-        folder = output_folder(result_folder(context, f"{mechanism.name}-validity", "validity.json", out, overwrite))
+        folder = output_folder(result_folder(context, f"{mechanism.name}-validity", "validity.json", out, overwrite, ("validity.csv", "validity.md", "validity.svg")))
         with alone_in(folder, patience=0.0), progress_bar() as bar:  # two maps would take each other's records away
             found = mapped(grid, workers=workers, dask=dask, records=folder / "runs", progress=bar)
             result = finished(found, caught)
