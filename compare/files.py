@@ -44,6 +44,18 @@ def output_folder(path: Path, option: str = "--out") -> Path:
     return path
 
 
+@contextmanager
+def made_folder(path: Path, option: str = "--out") -> Iterator[Path]:
+    """The same; folders that this made are removed again where nothing was left in them.  Raises OutputError."""
+    new = [each for each in (path, *path.parents) if not each.exists()]
+    try:
+        yield output_folder(path, option)
+    finally:
+        with suppress(OSError):  # not empty, or gone
+            for each in new:
+                each.rmdir()
+
+
 def check_replaceable(
     folder: Path, file: str, names: Iterable[str], same: Callable[[str | None], bool], option: str, remedy: str
 ) -> None:

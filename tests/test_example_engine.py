@@ -132,9 +132,15 @@ WRONG = {
         "its trace lacks rates of coupler, rates of follower; mend",
     ),
     "nothing": ("return None", "its answer is of type NoneType, not a Trace"),
-    "a division by zero": ("return trace.crank_angle.size / 0", "it raised ZeroDivisionError (division by zero) at line "),
+    "a division by zero": (
+        "return trace.crank_angle.size / 0",
+        "it raised ZeroDivisionError (division by zero) at line ",
+    ),
     "a key that is not there": ("return {}['mine']", "it raised KeyError ('mine') at line "),
-    "no solution": ("return np.linalg.solve(np.zeros((2, 2)), np.ones(2))", "it raised LinAlgError (Singular matrix) at"),
+    "no solution": (
+        "return np.linalg.solve(np.zeros((2, 2)), np.ones(2))",
+        "it raised LinAlgError (Singular matrix) at",
+    ),
     "half of the angles": (
         "return multiplier_engine.run(replace(request, crank_angle=request.crank_angle[:1]))",
         "its trace has 1 sample, and 2 were asked for",

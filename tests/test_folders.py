@@ -241,7 +241,7 @@ def test_the_signals_of_a_report_are_not_replaced_by_those_of_one_side(compare: 
 def test_a_file_that_shows_up_while_a_command_computes_is_not_replaced(tmp_path: Path) -> None:
     found = lc.analyse("paper", motion="static")
     (tmp_path / "signals.csv").write_text("mine\n", encoding="utf-8")
-    with pytest.raises(OutputError, match="there is another signals.csv"):
+    with pytest.raises(OutputError, match=r"there is another signals\.csv"):
         publish(found, tmp_path, json=False, quiet=True)
     assert contents(tmp_path) == {"signals.csv": b"mine\n"}
     publish(found, tmp_path, json=False, quiet=True, overwrite=True)
@@ -252,7 +252,9 @@ def test_python_keeps_to_the_same_rule(compare: Any, tmp_path: Path) -> None:
     assert compare("compare analyse --motion static --out here")[0] == 0
     before = contents(tmp_path / "here")
     found = lc.analyse("paper")
-    refused = r"its analysis.json is of another command \(compare analyse .*; choose another folder, or give overwrite=True"
+    refused = (
+        r"its analysis.json is of another command \(compare analyse .*; choose another folder, or give overwrite=True"
+    )
     with pytest.raises(OutputError, match=refused):
         found.write("here")
     assert contents(tmp_path / "here") == before
@@ -273,5 +275,5 @@ def test_a_list_replaces_only_a_list(tmp_path: Path) -> None:
     lc.cases().write(tmp_path)
     lc.cases().write(tmp_path)
     (tmp_path / "cases.json").write_text("{}", encoding="utf-8")
-    with pytest.raises(OutputError, match="a cases.json that does not say which command made it"):
+    with pytest.raises(OutputError, match=r"a cases\.json that does not say which command made it"):
         lc.cases().write(tmp_path)

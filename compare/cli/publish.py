@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -46,6 +47,15 @@ def publish(document: Document, folder: Path, *, json: bool, quiet: bool, overwr
         refuse_strangers(place, document.file, texts, overwrite)
         write_together(place, texts)
     show(document, json=json, quiet=quiet, place=place)
+
+
+@contextmanager
+def resumed() -> Iterator[None]:
+    """An interrupt of what keeps what it has done says that it goes on where it stopped."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("the same command goes on where it stopped") from None
 
 
 def show(document: Document, *, json: bool, quiet: bool, place: Path | None = None) -> None:
