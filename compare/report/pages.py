@@ -94,14 +94,6 @@ def code_block(text: str, language: str = "sh") -> str:
     return f"{fence}{language}\n{text}\n{fence}"
 
 
-def _grouped(flags: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Each reason once, with all of its places."""
-    places: dict[str, list[str]] = {}
-    for where, why in flags:
-        places.setdefault(why, []).append(where)
-    return [(why, ", ".join(where)) for why, where in places.items()]
-
-
 def _environment(escaping: bool) -> Environment:
     environment = Environment(
         loader=PackageLoader("compare.report"),
@@ -115,7 +107,6 @@ def _environment(escaping: bool) -> Environment:
         "setting": setting,
         "md": escape_markdown,
         "md_code": code_block,
-        "grouped": _grouped,
     }
     return environment
 

@@ -17,6 +17,7 @@ from compare.results.crosscheck import CrossCheck
 from sim_models.engine import SettingValue
 
 REAL = ("contact", "spring-damper", "massless-link", "ideal")  # joint models, the most real first
+STEADY = 1e-6  # of a step between samples: steps that differ by less are equal
 WORDS = {
     "agrees": "agrees",
     "disagrees": "disagrees",
@@ -96,6 +97,7 @@ class ShownRun:
     verdict: str
     rows: tuple[Row, ...]
     flags: tuple[tuple[str, str], ...]  # where, why
+    flagged: tuple[tuple[str, str], ...]  # all places of a reason, the reason
     free: tuple[tuple[str, float], ...]  # joint, per cent of the time without contact
     order: tuple[Order, ...]
     settings: Mapping[str, SettingValue]
@@ -220,6 +222,7 @@ def _run(index: int, run: results.Run, mechanism: Mechanism, signals: Mapping[st
         verdict=run.verdict,
         rows=tuple(sorted((_row(d, run, mechanism, signals) for d in run.discrepancies), key=place)),
         flags=tuple((f"{plain(factor * x[int(i)], 4)} {unit}", reason) for i, reason in run.flags.items()),
+        flagged=_flagged(run, [factor * value for value in x], unit),
         free=tuple((joint, 100 * share) for joint, share in run.free_share.items()),
         order=tuple(sorted(order, key=place)),
         settings=run.settings,
@@ -227,6 +230,32 @@ def _run(index: int, run: results.Run, mechanism: Mechanism, signals: Mapping[st
         because=run.because.words if run.because else "",
         assumption=run.because.assumption if run.because else "",
     )
+
+
+def _flagged(run: results.Run, x: Sequence[float], unit: str) -> tuple[tuple[str, str], ...]:
+    """Each reason of a run's flags once, with the ranges of ``x`` in which it holds: ``30 to 85 deg, every 5 deg``."""
+    by_reason: dict[str, list[int]] = {}
+    for i, reason in run.flags.items():
+        by_reason.setdefault(reason, []).append(int(i))
+    ranges = {reason: list(_ranges(sorted(at), x, unit)) for reason, at in by_reason.items()}
+    return tuple((("; " if "," in "".join(at) else ", ").join(at), reason) for reason, at in ranges.items())
+
+
+def _ranges(samples: list[int], x: Sequence[float], unit: str) -> Iterator[str]:
+    """Samples, by their increasing index into ``x``, as ranges of three or more neighbours at equal steps, and as
+    single places.
+    """
+    while samples:
+        step = x[samples[1]] - x[samples[0]] if len(samples) > 1 else 0.0
+        size = 1
+        while size < len(samples) and samples[size] == samples[size - 1] + 1:
+            if abs(x[samples[size]] - x[samples[size - 1]] - step) > STEADY * abs(step):
+                break
+            size += 1
+        size = size if size > 2 else 1
+        first, last = plain(x[samples[0]], 4), plain(x[samples[size - 1]], 4)
+        yield f"{first} {unit}" if size == 1 else f"{first} to {last} {unit}, every {plain(abs(step), 4)} {unit}"
+        samples = samples[size:]
 
 
 def _row(d: results.Discrepancy, run: results.Run, mechanism: Mechanism, signals: Mapping[str, Quantity]) -> Row:
