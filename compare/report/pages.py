@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib import resources
 
@@ -101,13 +101,14 @@ def _environment(escaping: bool) -> Environment:
         undefined=StrictUndefined,
         keep_trailing_newline=True,
     )
-    environment.filters |= {
+    filters: dict[str, Callable[..., str]] = {
         "number": number,
         "signed": lambda value: number(value, 3, True),
         "setting": setting,
         "md": escape_markdown,
         "md_code": code_block,
     }
+    environment.filters |= filters
     return environment
 
 

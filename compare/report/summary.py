@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.one_line import count
 from compare.quantities import Quantity, key_signals, number, plain, quantities, shown
 from compare.results import crosscheck as results
 from compare.results.crosscheck import CrossCheck
@@ -181,7 +182,7 @@ def why(runs: Sequence[ShownRun]) -> str:
 
 
 def _why(runs: Sequence[ShownRun]) -> str:
-    also = f", and likewise in {_counted(len(runs) - 1, 'other run')}" if len(runs) > 1 else ""
+    also = f", and likewise in {count(len(runs) - 1, 'other run')}" if len(runs) > 1 else ""
     because = runs[0].because
     return f"{because[:1].upper()}{because[1:]} ({runs[0].title}{also})."
 
@@ -306,17 +307,17 @@ def _sentences(runs: tuple[ShownRun, ...], failures: int, say: Callable[..., str
     known = len(rows) - len(wrong) - len(agreeing)
     silent = [run for run in runs if run.reason or not run.rows]
     if failures:
-        yield f"{failures} of {_counted(failures + len(runs), 'run')} failed."
+        yield f"{failures} of {count(failures + len(runs), 'run')} failed."
     if silent:
         why = f"; {silent[0].title}: {silent[0].reason}" if silent[0].reason else ""
-        yield f"Nothing could be compared in {len(silent)} of {_counted(len(runs), 'run')}{why}."
+        yield f"Nothing could be compared in {len(silent)} of {count(len(runs), 'run')}{why}."
     if exceeding:
         yield f"{_share(exceeding, rows, runs)} {'exceeds its' if len(exceeding) == 1 else 'exceed their'} tolerance."
     elif agreeing and not wrong:
         compared = len({run.index for run, _ in rows})
-        yield f"All {len(agreeing)} judged comparisons of {_counted(compared, 'run')} are within tolerance."
+        yield f"All {len(agreeing)} judged comparisons of {count(compared, 'run')} are within tolerance."
     if known:
-        yield f"{known} of {_counted(len(rows), 'comparison')} {'differs' if known == 1 else 'differ'} as known."
+        yield f"{known} of {count(len(rows), 'comparison')} {'differs' if known == 1 else 'differ'} as known."
     if exceeding:
         yield f"Worst: {_most(exceeding, say)}."
     elif agreeing and not wrong:
@@ -331,8 +332,8 @@ def _share(
     some: Sequence[tuple[ShownRun, Row]], rows: Sequence[tuple[ShownRun, Row]], runs: tuple[ShownRun, ...]
 ) -> str:
     return (
-        f"{len(some)} of {_counted(len(rows), 'comparison')} in {len({run.index for run, _ in some})} of"
-        f" {_counted(len(runs), 'run')}"
+        f"{len(some)} of {count(len(rows), 'comparison')} in {len({run.index for run, _ in some})} of"
+        f" {count(len(runs), 'run')}"
     )
 
 
@@ -344,7 +345,3 @@ def _most(rows: Sequence[tuple[ShownRun, Row]], say: Callable[..., str]) -> str:
         f"{row.quantity.label} ({run.title}), {say(row.maximum, 3, True)} {unit} at {row.at}, tolerance"
         f" {say(row.tolerance)} {unit}"
     )
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}" + "s" * (count != 1)

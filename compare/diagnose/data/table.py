@@ -20,6 +20,7 @@ from typing import TextIO
 import numpy as np
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal
 from compare.diagnose.data.recording import LARGEST, MeasuredError, shown
 from compare.diagnose.data.units import UnitError, dimension, factor, listed, readable
@@ -93,8 +94,9 @@ def _check_size(path: Path) -> None:
     if rows * columns > CELLS:
         keep = math.ceil(rows * columns / CELLS)
         raise MeasuredError(
-            f"{path.name}: has {rows} rows of {columns} columns, and at most {CELLS // columns} such rows are read; "
-            f"keep one row in {keep}, or cut the run down to the revolutions that matter"
+            f"{path.name}: has {count(rows, 'row')} of {count(columns, 'column')}, and at most"
+            f" {CELLS // columns} such rows are read; keep one row in {keep}, or cut the"
+            f" run down to the revolutions that matter"
         )
 
 
@@ -111,9 +113,7 @@ def _read(name: str, file: TextIO, mechanism: Mechanism) -> Table:
     blocks = [_block(name, lines, first, delimiter, names) for first, lines in _blocks(file)]
     numbers = np.concatenate([b for b, _ in blocks]) if blocks else np.zeros((0, len(names)))
     if len(numbers) < ROWS:
-        raise MeasuredError(
-            f"{name}: has {len(numbers)} row{'s' * (len(numbers) != 1)} of numbers; at least {ROWS} are needed"
-        )
+        raise MeasuredError(f"{name}: has {count(len(numbers), 'row')} of numbers; at least {ROWS} are needed")
     stamps = numbers[:, 0]
     lines = np.concatenate([n for _, n in blocks])
     _check_order(name, stamps, lines, time.unit)
@@ -235,8 +235,8 @@ def _cell_by_cell(
         if len(cells) != len(names):
             hint = f"; if the file has decimal commas, {POINTS}" if delimiter == "," and len(cells) > len(names) else ""
             raise MeasuredError(
-                f"{where} has {len(cells)} cells and the header {len(names)}; leave an absent cell empty between"
-                f" commas{hint}"
+                f"{where} has {count(len(cells), 'cell')} and the header {len(names)}; leave an absent cell empty"
+                f" between commas{hint}"
             )
         rows.append([_value(f"{where}, column {column!r}", cell) for column, cell in zip(names, cells, strict=True)])
         numbers.append(number)
