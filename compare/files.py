@@ -47,7 +47,7 @@ def output_folder(path: Path, option: str = "--out") -> Path:
 @contextmanager
 def made_folder(path: Path, option: str = "--out") -> Iterator[Path]:
     """The same; folders that this made are removed again where nothing was left in them.  Raises OutputError."""
-    new = [each for each in (path, *path.parents) if not each.exists()]
+    new = [each for each in (path, *path.parents) if not os.path.lexists(each)]
     try:
         yield output_folder(path, option)
     finally:

@@ -174,7 +174,7 @@ def test_an_engine_that_is_wrong_is_named_in_one_sentence(wrong: str, answer: st
     sys.modules.pop("an_engine", None)
     asked = ["--simulator", "mine", "--case", "crank-rocker", "--angles", "30:40:10"]
     for command in (asked, ["simulate", *asked]):
-        done = compare(*command, "--out", "out", cwd=tmp_path, packages=packages)
+        done = compare(*command, "--out", command[0].strip("-"), cwd=tmp_path, packages=packages)
         assert done.returncode == 3, done.stderr
         (line,) = done.stderr.splitlines()
         assert line.startswith("compare: mine ideal driven (crank-rocker): the engine did not answer as it should: ")

@@ -98,7 +98,7 @@ def test_headers(tmp_path: Path, header: str, says: list[str]) -> None:
         (5, "0.01,0.4,1", ["line 5", "row before", "0.01 s"]),
         (5, "0.001,0.4,1", ["line 5", "time runs back from 0.01 s to 0.001 s"]),
         (41, "-1,0.4,1", ["line 41", "runs back"]),
-        (41, "0.195;0.4;1", ["line 41", "1 cells", "header 3"]),
+        (41, "0.195;0.4;1", ["line 41", "1 cell and", "header 3"]),
         (41, '0.195,"0.4,1', ["line 41", "2 cells"]),
     ],
 )
