@@ -113,7 +113,15 @@ def test_a_scoreboard_says_that_it_goes_on(tmp_path: Path) -> None:
 @posix
 @pytest.mark.mujoco
 def test_a_map_that_is_interrupted_from_the_keyboard_goes_on(tmp_path: Path) -> None:
-    arguments = ["validity", "--case", "crank-rocker", "--speeds", "60,120,300,600", "--clearances", "1e-4,2e-4"]
+    arguments = [
+        "validity",
+        "--case",
+        "crank-rocker",
+        "--speeds",
+        "60,120,300,600,900",
+        "--clearances",
+        "1e-5,2e-5,5e-5,1e-4,2e-4,5e-4",
+    ]
     running = started(*arguments, "--out", "out", "--workers", "1", cwd=tmp_path)
     until = time.monotonic() + 60
     while not list((tmp_path / "out" / "runs").glob("*.json")) and time.monotonic() < until:
