@@ -26,6 +26,7 @@ from compare.judge.reference import reference, with_flexible_links
 from compare.judge.signals import with_derived
 from compare.results.analysis import Analysis, Simulation
 from compare.results.crosscheck import Path, Simulator
+from sim_models.common.simulate import answered
 from sim_models.engine import JOINT_MODELS, MOTIONS, JointModel, Motion, Request, engine
 
 Angles = Numbers
@@ -95,7 +96,8 @@ def simulate(
     joint_model, motion = one_of(joint_model, JOINT_MODELS, "joint_model"), one_of(motion, MOTIONS, "motion")
     with noted() as warned:
         m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
-        trace = engine(one_engine(simulator)).simulate(request(m, joint_model, motion, angles))
+        name = one_engine(simulator)
+        trace = answered(name, request(m, joint_model, motion, angles), engine(name).simulate)
     found = Simulation(
         case=m.name,
         mechanism=m,

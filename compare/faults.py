@@ -23,6 +23,8 @@ class Exit(IntEnum):
     DISAGREES = 1
     BAD_INPUT = 2
     SIMULATOR_FAILED = 3
+    INTERRUPTED = 130  # 128 + SIGINT
+    READER_GONE = 141  # 128 + SIGPIPE
 
 
 OPTIONS = {  # a function's argument, where its option has another name
@@ -47,6 +49,8 @@ def complaints(context: typer.Context | None = None) -> Iterator[list[str]]:
     def note(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
         if issubclass(category, RuntimeWarning):
             return  # numpy's remark on a number that is none: the result that it belongs to has failed, and says so
+        if str(message) in caught:
+            return  # a mechanism is made anew, and warned of, wherever something of it is replaced
         caught.append(str(message))
         typer.echo(f"warning: {printable(str(message))}", err=True)
 
@@ -67,6 +71,8 @@ def complaints(context: typer.Context | None = None) -> Iterator[list[str]]:
         raise stop(error, Exit.BAD_INPUT) from None
     except ValidationError as error:
         raise stop(reason(error), Exit.BAD_INPUT) from None
+    except KeyboardInterrupt as interrupt:
+        raise stop("; ".join(["stopped", *map(str, interrupt.args)]), Exit.INTERRUPTED) from None
 
 
 class DegreesWarning(UserWarning):

@@ -7,7 +7,7 @@ import math
 import os
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -42,6 +42,53 @@ def output_folder(path: Path, option: str = "--out") -> Path:
             f"{option} {path}: cannot write there ({error.strerror}); choose another folder with {option}"
         ) from None
     return path
+
+
+@contextmanager
+def made_folder(path: Path, option: str = "--out") -> Iterator[Path]:
+    """The same; folders that this made are removed again where nothing was left in them.  Raises OutputError."""
+    new = [each for each in (path, *path.parents) if not os.path.lexists(each)]
+    try:
+        yield output_folder(path, option)
+    finally:
+        with suppress(OSError):  # not empty, or gone
+            for each in new:
+                each.rmdir()
+
+
+def check_replaceable(
+    folder: Path, file: str, names: Iterable[str], same: Callable[[str | None], bool], option: str, remedy: str
+) -> None:
+    """Raise OutputError where files that are to be written would replace what is not their command's own.
+
+    The result ``file`` says whose the folder is: where it is there, its command (None: it says none) must be the
+    ``same``; where it is not, none of the ``names`` that are to stand beside it may be there.  ``option`` and
+    ``remedy`` are for the message.
+    """
+    if not os.path.lexists(folder / file):
+        there = next((name for name in names if os.path.lexists(folder / name)), None)
+        if there is not None:
+            raise OutputError(f"{option} {folder}: there is another {there}, without a {file} beside it; {remedy}")
+        return
+    made_by = _made_by(folder / file)
+    if same(made_by):
+        return
+    if made_by is None:
+        an = "an" if file[0] in "aeiou" else "a"
+        raise OutputError(f"{option} {folder}: there is {an} {file} that does not say which command made it; {remedy}")
+    said = "".join(c if c.isprintable() else "?" for c in made_by[:200]) or "none: it is of Python"
+    raise OutputError(f"{option} {folder}: its {file} is of another command ({said}); {remedy}")
+
+
+def _made_by(path: Path) -> str | None:
+    """The command that a result says it is of, "" for one of Python; None where it says none."""
+    from analytic.mechanism.reading import ReadingError, read_json
+
+    try:
+        command = read_json(path).get("command")
+    except ReadingError:
+        return None
+    return command if isinstance(command, str) else None
 
 
 @contextmanager

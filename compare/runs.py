@@ -11,6 +11,7 @@ import numpy as np
 
 from compare.results.crosscheck import Failure
 from compare.sweep import Died, spread
+from sim_models.common.simulate import answered
 from sim_models.engine import (
     Cause,
     Engine,
@@ -33,10 +34,10 @@ def failure(simulator: str, run: Request | Trace, why: str, cause: Cause | None 
 
 def simulate(simulator: str, request: Request, resolve: Resolve = engine) -> Trace | Failure:
     """Run one request; what an engine fails with becomes a Failure: its own errors, a broken installation, numbers that
-    overflow.
+    overflow, an answer that is no trace.
     """
     try:
-        return resolve(simulator).simulate(request)
+        return answered(simulator, request, resolve(simulator).simulate)
     except (SimulationError, Unsupported) as error:
         return failure(simulator, request, str(error), error.cause)
     except SimulatorMissing as error:

@@ -22,6 +22,7 @@ import numpy as np
 
 from analytic.errors import Error
 from analytic.mechanism import Mechanism
+from analytic.mechanism.one_line import count
 from sim_models.common.silence import silence, uninterrupted
 
 JointModel = Literal["ideal", "massless-link", "spring-damper", "contact"]
@@ -228,7 +229,8 @@ class Trace:
         for name, values in self.signals.items():
             if values.shape != self.crank_angle.shape:
                 raise SimulationError(
-                    f"{self.simulator}: {name} has {values.shape[0]} samples for {self.crank_angle.size} crank angles",
+                    f"{self.simulator}: {name} has {count(values.shape[0], 'sample')} for"
+                    f" {count(self.crank_angle.size, 'crank angle')}",
                     Cause.FAULTY,
                 )
             if not np.all(np.isfinite(values)):

@@ -116,3 +116,69 @@ def test_an_offer_that_cannot_be_used_is_one_sentence(offer: str, tmp_path: Path
     assert line.startswith("left out: ")
     listed = compare("simulators", cwd=tmp_path, packages=packages)
     assert listed.returncode == 0, listed.stderr
+
+
+WRONG = {
+    "no signals": (
+        "return replace(trace, signals={})",
+        "its trace lacks reaction_D_x, reaction_D_y, reaction_A_x and 18 more signals; mend",
+    ),
+    "one signal less": (
+        "return replace(trace, signals={n: v for n, v in trace.signals.items() if n != 'drive_torque'})",
+        "its trace lacks drive_torque; mend",
+    ),
+    "rates of one body": (
+        "return replace(trace, rates={'crank': trace.rates['crank']})",
+        "its trace lacks rates of coupler, rates of follower; mend",
+    ),
+    "nothing": ("return None", "its answer is of type NoneType, not a Trace"),
+    "a division by zero": (
+        "return trace.crank_angle.size / 0",
+        "it raised ZeroDivisionError (division by zero) at line ",
+    ),
+    "a key that is not there": ("return {}['mine']", "it raised KeyError ('mine') at line "),
+    "no solution": (
+        "return np.linalg.solve(np.zeros((2, 2)), np.ones(2))",
+        "it raised LinAlgError (Singular matrix) at",
+    ),
+    "half of the angles": (
+        "return multiplier_engine.run(replace(request, crank_angle=request.crank_angle[:1]))",
+        "its trace has 1 sample, and 2 were asked for",
+    ),
+}
+BODY = """
+from dataclasses import replace
+import multiplier_engine
+import numpy as np
+from sim_models.common.simulate import simulate
+
+class Mine(multiplier_engine.MultiplierEngine):
+    name = "mine"
+    def simulate(self, request):
+        return {answer}
+
+def run(request):
+    trace = multiplier_engine.run(request)
+    {end}
+
+ENGINE = Mine()
+"""
+
+
+@pytest.mark.parametrize("answer", ["simulate(self, request, run)", "run(request)"], ids=["checked", "on its own"])
+@pytest.mark.parametrize("wrong", WRONG)
+def test_an_engine_that_is_wrong_is_named_in_one_sentence(wrong: str, answer: str, tmp_path: Path) -> None:
+    end, words = WRONG[wrong]
+    packages = installed(tmp_path / "packages", "mine", "an_engine:ENGINE")
+    (packages / "an_engine.py").write_text(BODY.format(answer=answer, end=end), encoding="utf-8")
+    sys.modules.pop("an_engine", None)
+    asked = ["--simulator", "mine", "--case", "crank-rocker", "--angles", "30:40:10"]
+    for command in (asked, ["simulate", *asked]):
+        done = compare(*command, "--out", command[0].strip("-"), cwd=tmp_path, packages=packages)
+        assert done.returncode == 3, done.stderr
+        (line,) = done.stderr.splitlines()
+        assert line.startswith("compare: mine ideal driven (crank-rocker): the engine did not answer as it should: ")
+        assert words in line
+        assert "mend the engine, or use another simulator" in line
+        if "raised" in words:
+            assert "an_engine.py" in line

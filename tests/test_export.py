@@ -261,7 +261,7 @@ def test_a_run_that_fails_leaves_no_file(tmp_path: Path) -> None:
     code, said, why = command("--simulator", "mujoco", *unloaded, "--out", str(tmp_path / "out"))
     assert (code, said) == (3, "")
     assert "nothing presses the pin of joint 'B'" in why
-    assert not list((tmp_path / "out").iterdir())
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("name", [n for n in ENGINES if declared(n).capabilities.export is None])

@@ -14,9 +14,11 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+import linkage_crosscheck as lc
 from analytic.mechanism.file import dumps, load
 from compare.cli.app import app
 from compare.cli.folders import result_folder
+from compare.cli.publish import publish
 from compare.files import OutputError
 from test_readme import COMMANDS
 
@@ -217,3 +219,61 @@ def test_an_export_replaces_its_own_files_and_no_others(compare: Any, tmp_path: 
     assert contents(tmp_path / "alone") == before
     assert compare(f"{line} --overwrite")[0] == 0
     assert contents(tmp_path / "alone")["run.py"] != before["run.py"]
+
+
+@pytest.mark.mujoco
+def test_the_signals_of_a_report_are_not_replaced_by_those_of_one_side(compare: Any, tmp_path: Path) -> None:
+    assert compare(f"{QUICK} --out here")[0] == 0
+    before = contents(tmp_path / "here")
+    for line, file in (("analyse", "analysis.json"), ("simulate", "simulation.json")):
+        status, said = compare(f"compare {line} --motion static --out here")
+        assert (status, said) == (
+            2,
+            f"compare: --out here: there is another signals.csv, without a {file} beside it; choose another folder with"
+            " --out, or add --overwrite\n",
+        )
+        assert contents(tmp_path / "here") == before
+    assert compare("compare accuracy --samples 50 --out here")[0] == 0  # none of its files is there
+    assert compare("compare analyse --motion static --out here --overwrite")[0] == 0
+    assert contents(tmp_path / "here")["signals.csv"] != before["signals.csv"]
+
+
+def test_a_file_that_shows_up_while_a_command_computes_is_not_replaced(tmp_path: Path) -> None:
+    found = lc.analyse("paper", motion="static")
+    (tmp_path / "signals.csv").write_text("mine\n", encoding="utf-8")
+    with pytest.raises(OutputError, match=r"there is another signals\.csv"):
+        publish(found, tmp_path, json=False, quiet=True)
+    assert contents(tmp_path) == {"signals.csv": b"mine\n"}
+    publish(found, tmp_path, json=False, quiet=True, overwrite=True)
+    assert len(contents(tmp_path)["signals.csv"]) > 100
+
+
+def test_python_keeps_to_the_same_rule(compare: Any, tmp_path: Path) -> None:
+    assert compare("compare analyse --motion static --out here")[0] == 0
+    before = contents(tmp_path / "here")
+    found = lc.analyse("paper")
+    refused = (
+        r"its analysis.json is of another command \(compare analyse .*; choose another folder, or give overwrite=True"
+    )
+    with pytest.raises(OutputError, match=refused):
+        found.write("here")
+    assert contents(tmp_path / "here") == before
+    found.write("here", overwrite=True)
+    assert contents(tmp_path / "here") != before
+    lc.analyse("crank-rocker").write("here")  # Python's own
+    assert json.loads((tmp_path / "here" / "analysis.json").read_text(encoding="utf-8"))["case"] == "crank-rocker"
+    status, said = compare("compare analyse --motion static --out here")
+    assert (status, "an analysis.json that does not say which command made it" in said) == (2, True)
+    (tmp_path / "there").mkdir()
+    for name, words in (("signals.csv", "another signals.csv"), ("analysis.json", "does not say which command")):
+        (tmp_path / "there" / name).write_text("mine\n", encoding="utf-8")
+        with pytest.raises(OutputError, match=words):
+            found.write("there")
+
+
+def test_a_list_replaces_only_a_list(tmp_path: Path) -> None:
+    lc.cases().write(tmp_path)
+    lc.cases().write(tmp_path)
+    (tmp_path / "cases.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(OutputError, match=r"a cases\.json that does not say which command made it"):
+        lc.cases().write(tmp_path)

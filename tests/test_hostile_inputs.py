@@ -569,7 +569,7 @@ RESULTS = {
     "a verdict that there is not": shown(
         result(("runs", 0, "discrepancies", 0, "verdict"), "perhaps"), "r.json: runs[0].discrepancies[0].verdict"
     ),
-    "too few samples": shown(result(("runs", 0, "crank_angle"), [0.5]), "r.json: runs[0]", "values for 1 samples"),
+    "too few samples": shown(result(("runs", 0, "crank_angle"), [0.5]), "r.json: runs[0]", "values for 1 sample"),
     "a sample too many": shown(result(("runs", 0, "crank_angle"), [0.5] * 999), "r.json: runs[0]", "for 999 samples"),
     "a unit that there is not": shown(
         result(("runs", 0, "discrepancies", 0, "unit"), "parsec"), "r.json: runs[0].discrepancies[0].unit = 'parsec'"

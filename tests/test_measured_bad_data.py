@@ -98,7 +98,7 @@ def test_headers(tmp_path: Path, header: str, says: list[str]) -> None:
         (5, "0.01,0.4,1", ["line 5", "row before", "0.01 s"]),
         (5, "0.001,0.4,1", ["line 5", "time runs back from 0.01 s to 0.001 s"]),
         (41, "-1,0.4,1", ["line 41", "runs back"]),
-        (41, "0.195;0.4;1", ["line 41", "1 cells", "header 3"]),
+        (41, "0.195;0.4;1", ["line 41", "1 cell and", "header 3"]),
         (41, '0.195,"0.4,1', ["line 41", "2 cells"]),
     ],
 )
@@ -200,7 +200,28 @@ def test_line_numbers_count_blank_lines(tmp_path: Path) -> None:
 
 def test_a_decimal_comma_in_a_semicolon_file(tmp_path: Path) -> None:
     message = refused(rig(tmp_path, GOOD.replace(",", ";").replace("0.005", "0,005", 1)))
-    assert "line 3, column 'time [s]': '0,005' has a decimal comma; write a decimal point" in message
+    assert "line 3, column 'time [s]': '0,005' has a decimal comma; save it with decimal points" in message
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_decimal_commas_that_reached_the_units_are_named(tmp_path: Path, delimiter: str) -> None:
+    head, *rows = GOOD.splitlines()
+    cells = [[cell.replace(".", ",") for cell in line.split(",")] for line in [f"{head},drive_torque [N.m]", *rows]]
+    message = refused(rig(tmp_path, "\n".join(delimiter.join(row) for row in cells) + "\n"))
+    assert message.endswith(
+        "slow.csv: line 1: unit 'N,m' has a comma: it looks as if the file has decimal commas; save it with decimal"
+        " points, in units too ('N.m')"
+    )
+
+
+def test_a_comma_in_one_of_two_columns_does_not_hide_the_semicolon(tmp_path: Path) -> None:
+    message = refused(rig(tmp_path, edited(1, "time [s];drive_torque [N,m]")))
+    assert "unit 'N,m' has a comma" in message
+
+
+def test_decimal_commas_in_a_file_of_commas_are_guessed(tmp_path: Path) -> None:
+    message = refused(rig(tmp_path, GOOD.replace("\n0.005", "\n0,005", 1)))
+    assert "if the file has decimal commas, save it with decimal points" in message
 
 
 def test_a_literal_nan_is_absent(tmp_path: Path) -> None:

@@ -124,7 +124,10 @@ def test_an_angle_off_by_two_hundredths_of_a_degree_is_found_at_its_joint_and_no
 
 def test_what_is_missing_or_no_number_is_named() -> None:
     missing = result("paper", "static", "contact", FAULTS["a missing signal"]).failures
-    assert [f.why for f in missing] == ["planted contact: the simulation reports no reaction_B_y"]
+    assert [f.why for f in missing] == [
+        "planted contact static (paper): the engine did not answer as it should: its trace lacks reaction_B_y; mend the"
+        " engine, or use another simulator"
+    ]
     (spoilt_run,) = result("paper", "static", "contact", FAULTS["a NaN"]).failures
     assert "reaction_B_x is nan at crank angle 35 deg" in spoilt_run.why
 

@@ -212,7 +212,35 @@ def test_flagged_angles_break_the_curves_and_say_why(tmp_path: Path) -> None:
     )
     assert path.count("M") == 2  # two pieces, a gap between
     write_report(result, tmp_path)
-    assert r"40 deg, 45 deg: change \| point" in (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert r"at 40 deg, 45 deg: change \| point" in (tmp_path / "report.md").read_text(encoding="utf-8")
+
+
+def test_flagged_angles_of_one_reason_are_one_sentence_with_their_ranges(tmp_path: Path) -> None:
+    result = sample_result()
+    for run in result["runs"]:
+        run["flags"] = {str(i): "no answer" if i != 9 else "change point" for i in (0, *range(2, 14), 16)}
+    first = summarise(as_document(result)).runs[0]
+    assert first.flagged == (
+        ("20 deg; 30 to 60 deg, every 5 deg; 70 to 85 deg, every 5 deg; 100 deg", "no answer"),
+        ("65 deg", "change point"),
+    )
+    write_report(result, tmp_path)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    item = f"<li>at {first.flagged[0][0]}: no answer</li><li>at 65 deg: change point</li>"
+    assert page.count(item) == len(result["runs"])
+    assert page.count(": no answer</li>") == len(result["runs"])
+    text = (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert text.count(f": at {first.flagged[0][0]}: no answer") == len(result["runs"])
+
+
+def test_unequal_steps_are_no_range() -> None:
+    result = sample_result()
+    for run in result["runs"]:
+        run["crank_angle"][3] += 0.01
+        run["flags"] = {str(i): "no answer" for i in range(6)}
+    assert summarise(as_document(result)).runs[0].flagged == (
+        ("20 to 30 deg, every 5 deg; 35.57 deg; 40 deg; 45 deg", "no answer"),
+    )
 
 
 def test_a_free_drive_is_shown_over_time(tmp_path: Path) -> None:

@@ -299,6 +299,31 @@ def test_what_a_diagnosis_cannot_show_is_said(options: list[str], words: str, di
     assert words in text.replace("\n", " ")
 
 
+@pytest.mark.parametrize(
+    ("file", "made"),
+    [
+        ("accuracy.json", lambda: lc.accuracy("paper", motion="static", samples=20)),
+        ("analysis.json", lambda: lc.analyse("paper", motion="static")),
+        ("cases.json", lc.cases),
+    ],
+)
+def test_another_document_is_named_with_what_show_reads(file: str, made: Any, tmp_path: Path) -> None:
+    path = made().write(tmp_path) / file
+    assert said(str(path)) == (
+        2,
+        f"compare: {path}: has the fields of {file}; what is read here is result.json or diagnosis.json: give one of"
+        " these\n",
+    )
+
+
+def test_a_result_that_lacks_a_field_is_still_a_result(tmp_path: Path) -> None:
+    fields = json.loads(to_json(PAPER))
+    del fields["verdict"]
+    (tmp_path / "result.json").write_text(json.dumps(fields), encoding="utf-8")
+    status, text = said(str(tmp_path / "result.json"))
+    assert (status, "result.json: verdict is missing; add it" in text) == (2, True)
+
+
 def test_a_file_that_is_neither_is_refused_in_a_sentence(tmp_path: Path) -> None:
     path = tmp_path / "other.json"
     path.write_text('{"schema": 1, "thresholds": []}', encoding="utf-8")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from compare.cli.folders import Overwrite, result_folder
-from compare.cli.options import Json, MotionChoice, Quiet, listed_once, load_case, metres_by_joint
+from compare.cli.options import Json, MotionChoice, Quiet, listed_once, load_case, metres_by_joint, place
 from compare.cli.publish import finished, publish
 from compare.faults import complaints
 
@@ -39,7 +39,10 @@ def accuracy(
     seed: Annotated[int, typer.Option(min=0, help="Of the Monte Carlo's random numbers.")] = 0,
     nonlinear: Annotated[bool, typer.Option("--nonlinear", help="Close the linkage again for every sample.")] = False,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of accuracy.json [reports/<case>-accuracy, then the options].")
+        Path | None,
+        typer.Option(
+            parser=place, metavar="PATH", help="Folder of accuracy.json [reports/<case>-accuracy, then the options]."
+        ),
     ] = None,
     overwrite: Overwrite = False,
     json: Json = False,
@@ -68,4 +71,4 @@ def accuracy(
             seed=seed,
             nonlinear=nonlinear,
         )
-        publish(finished(found, caught), folder, json=json, quiet=quiet)
+        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite)

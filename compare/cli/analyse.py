@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from compare.cli.folders import Overwrite, result_folder
-from compare.cli.options import JointChoice, Json, ModelChoice, MotionChoice, Quiet, load_case
+from compare.cli.options import JointChoice, Json, ModelChoice, MotionChoice, Quiet, load_case, place
 from compare.cli.publish import finished, publish
 from compare.faults import complaints
 
@@ -18,7 +18,10 @@ Clearance = Annotated[
 ]
 Angles = Annotated[str | None, typer.Option(metavar="START:STOP:STEP", help="Crank angles (deg).")]
 Motion = Annotated[MotionChoice, typer.Option(help="Crank at its speed, or equilibrium at each angle.")]
-Out = Annotated[Path | None, typer.Option(help="Folder of the files [reports/<case>-..., then the options].")]
+Out = Annotated[
+    Path | None,
+    typer.Option(parser=place, metavar="PATH", help="Folder of the files [reports/<case>-..., then the options]."),
+]
 
 
 def analyse(
@@ -43,7 +46,7 @@ def analyse(
         from compare.judge.grid import parse_angles
 
         mechanism = load_case(case, clearance)
-        folder = result_folder(context, f"{mechanism.name}-analysis", "analysis.json", out, overwrite)
+        folder = result_folder(context, f"{mechanism.name}-analysis", "analysis.json", out, overwrite, ("signals.csv",))
         found = asked(
             mechanism,
             angles=parse_angles(angles) if angles is not None else None,
@@ -51,7 +54,7 @@ def analyse(
             motion=motion.value,
             compliance=compliance,
         )
-        publish(finished(found, caught), folder, json=json, quiet=quiet)
+        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite)
 
 
 def simulate(
@@ -76,7 +79,9 @@ def simulate(
         from compare.judge.grid import parse_angles
 
         mechanism = load_case(case, clearance)
-        folder = result_folder(context, f"{mechanism.name}-simulation", "simulation.json", out, overwrite)
+        folder = result_folder(
+            context, f"{mechanism.name}-simulation", "simulation.json", out, overwrite, ("signals.csv",)
+        )
         found = asked(
             mechanism,
             simulator,
@@ -84,4 +89,4 @@ def simulate(
             motion=motion.value,
             angles=parse_angles(angles) if angles is not None else None,
         )
-        publish(finished(found, caught), folder, json=json, quiet=quiet)
+        publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite)

@@ -18,7 +18,8 @@ from compare.cli.diagnose import diagnose
 from compare.cli.export import export
 from compare.cli.folders import Overwrite, result_folder
 from compare.cli.listing import cases, effects, simulators
-from compare.cli.options import JointChoice, Json, ModelChoice, MotionChoice, Quiet, load_case
+from compare.cli.options import JointChoice, Json, ModelChoice, MotionChoice, Quiet, load_case, place
+from compare.cli.pipe import reader_may_go
 from compare.cli.progress import progress_bar
 from compare.cli.publish import finished, publish
 from compare.cli.scoreboard import scoreboard
@@ -26,7 +27,7 @@ from compare.cli.show import show
 from compare.cli.validation import validation
 from compare.cli.validity import validity
 from compare.faults import Exit, complaints
-from compare.files import output_folder
+from compare.files import made_folder
 
 app = typer.Typer(
     rich_markup_mode=None,
@@ -39,7 +40,8 @@ def main() -> None:
     """Entry point of the console command."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # our matrices are small: threads cost more than they bring
     try:
-        app(prog_name="compare")
+        with reader_may_go():
+            app(prog_name="compare")
     except Exception as error:  # noqa: BLE001 - Python's own status for it is 1, which means that the two sides disagree
         traceback.print_exc()
         typer.echo(
@@ -79,7 +81,10 @@ def compare(
     ] = False,
     tolerance: Annotated[Path | None, typer.Option(help="Tolerance file laid over the shipped one.")] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the report [reports/<case>-<simulator>, then the options].")
+        Path | None,
+        typer.Option(
+            parser=place, metavar="PATH", help="Folder of the report [reports/<case>-<simulator>, then the options]."
+        ),
     ] = None,
     overwrite: Overwrite = False,
     json: Json = False,
@@ -125,11 +130,12 @@ def compare(
             flexible=flexible,
             tolerances=tolerances,
         )
-        folder = output_folder(result_folder(context, mechanism.name, "result.json", out, overwrite))
-        with progress_bar() as progress:
-            found = crosscheck_job(job, progress)
-        result = finished(found, caught)
-        publish(result, folder, json=json, quiet=quiet)
+        beside = ("junit.xml", "signals.csv")
+        with made_folder(result_folder(context, mechanism.name, "result.json", out, overwrite, beside)) as folder:
+            with progress_bar() as progress:
+                found = crosscheck_job(job, progress)
+            result = finished(found, caught)
+            publish(result, folder, json=json, quiet=quiet, overwrite=overwrite)
         for failure in result.failures:  # the status is theirs even where the others agree
             typer.echo(f"compare: {failure.why}", err=True)
         if result.failures:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from compare.cli.options import Json, Quiet, said
+from compare.cli.options import Json, Quiet, place, said
 from compare.cli.progress import progress_bar
 from compare.cli.publish import show
 from compare.faults import complaints, printable
@@ -22,8 +22,8 @@ baseline = typer.Typer(
 
 Case = Annotated[str | None, typer.Option(help="Shipped case or a mechanism file; left out, every shipped case.")]
 Simulator = Annotated[str | None, typer.Option(help="Engine; left out (or all), every one that is installed.")]
-Folder = Annotated[Path, typer.Option("--baselines", metavar="DIR", help="Folder of the baseline files.")]
-Junit = Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="Write a JUnit file too.")]
+Folder = Annotated[Path, typer.Option("--baselines", parser=place, metavar="DIR", help="Folder of the baseline files.")]
+Junit = Annotated[Path | None, typer.Option("--junit", parser=place, metavar="FILE", help="Write a JUnit file too.")]
 WHERE = Path("reports") / "baselines"
 
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from compare.cli.folders import Overwrite, result_folder
-from compare.cli.options import Json, Quiet
+from compare.cli.options import Json, Quiet, place
 from compare.cli.progress import progress_bar
 from compare.cli.publish import command_line, publish
 from compare.faults import Exit, complaints
@@ -37,7 +37,10 @@ def diagnose(
         list[str] | None, typer.Option(metavar="EFFECT[@WHERE]", help="Rule an effect out; may be repeated.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the report [reports/<mechanism>-diagnosis, then the options].")
+        Path | None,
+        typer.Option(
+            parser=place, metavar="PATH", help="Folder of the report [reports/<mechanism>-diagnosis, then the options]."
+        ),
     ] = None,
     overwrite: Overwrite = False,
     others: Annotated[
@@ -59,7 +62,9 @@ def diagnose(
         from compare.diagnose.workflow import diagnose as run
 
         data = load_measured(measured)
-        folder = result_folder(context, f"{data.mechanism.name}-diagnosis", "diagnosis.json", out, overwrite)
+        folder = result_folder(
+            context, f"{data.mechanism.name}-diagnosis", "diagnosis.json", out, overwrite, ("junit.xml",)
+        )
         with progress_bar() as progress:
             found = run(
                 data,
@@ -70,5 +75,7 @@ def diagnose(
                 workers=workers,
                 progress=progress,
             )
-        publish(found.model_copy(update={"command": command_line()}), folder, json=json, quiet=quiet)
+        publish(
+            found.model_copy(update={"command": command_line()}), folder, json=json, quiet=quiet, overwrite=overwrite
+        )
     raise typer.Exit(Exit.AGREES if found.settled else Exit.DISAGREES)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from compare.cli.folders import Overwrite, refuse_others
-from compare.cli.options import JointChoice, Json, MotionChoice, Quiet, load_case
+from compare.cli.options import JointChoice, Json, MotionChoice, Quiet, load_case, place
 from compare.cli.publish import show
 from compare.faults import complaints
 
@@ -17,7 +17,7 @@ from compare.faults import complaints
 def export(
     context: typer.Context,
     simulator: Annotated[str, typer.Option(help="Engine whose model is wanted (see: compare simulators).")],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the files.")],
+    out: Annotated[Path, typer.Option(parser=place, metavar="DIR", help="Folder for the files.")],
     case: Annotated[str, typer.Option(help="Shipped case (see: compare cases) or a mechanism file.")] = "paper",
     joint: Annotated[JointChoice, typer.Option(help="What the joints with clearance are.")] = JointChoice.ideal,
     motion: Annotated[
@@ -39,28 +39,29 @@ def export(
     with complaints(context):
         from compare.arguments import one_engine
         from compare.export import exported
-        from compare.files import output_folder, write_together
+        from compare.files import made_folder, write_together
         from compare.judge.grid import parse_angles
         from compare.results.export import Exported
         from sim_models.engine import declared
 
-        folder, mechanism = output_folder(out), load_case(case, clearance)
-        simulator = one_engine(simulator)
-        texts = exported(
-            mechanism,
-            simulator,
-            joint_model=joint.value,
-            motion=motion.value,
-            angles=parse_angles(angles) if angles is not None else None,
-            clearance=None,
-        )
-        refuse_others(folder, texts, overwrite)
+        mechanism, simulator = load_case(case, clearance), one_engine(simulator)
+        with made_folder(out) as folder:
+            texts = exported(
+                mechanism,
+                simulator,
+                joint_model=joint.value,
+                motion=motion.value,
+                angles=parse_angles(angles) if angles is not None else None,
+                clearance=None,
+            )
+            refuse_others(folder, texts, overwrite)
+            paths = tuple(str(path) for path in write_together(folder, texts))
         found = Exported(
             case=mechanism.name,
             simulator=simulator,
             joint_model=joint.value,
             motion=motion.value,
-            paths=tuple(str(path) for path in write_together(folder, texts)),
+            paths=paths,
             needs=(declared(simulator).package, "numpy"),
             run=f"python {shlex.quote(str(folder / 'run.py'))}",
         )

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from compare.files import OutputError, file_name
+from compare.files import OutputError, check_replaceable, file_name
 
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what another command has left in the folder.")]
 
@@ -31,22 +30,30 @@ LONGEST = 150  # characters of a name; file systems take 255 bytes
 REMEDY = "choose another folder with --out, or add --overwrite"
 
 
-def result_folder(context: typer.Context, stem: str, file: str, out: Path | None, overwrite: bool) -> Path:
+def result_folder(
+    context: typer.Context, stem: str, file: str, out: Path | None, overwrite: bool, beside: Sequence[str] = ()
+) -> Path:
     """The folder of a command's result: ``out``, or ``reports/<stem>`` and each option that is not at its default.
 
-    ``file`` in it is the result (JSON that has its ``command``).  Raises OutputError where that is there and is not of
-    the same command; the same command again, however it is written, may replace its own.
+    ``file`` in it is the result (JSON that has its ``command``), ``beside`` names files that are known to be written
+    with it.  Raises OutputError where the result is there and is not of the same command, or is not there and one of
+    the others is; the same command again, however it is written, may replace its own.
     """
-    folder = out or Path("reports") / _named(context, stem)
-    if overwrite or not os.path.exists(folder / file):
-        return folder
-    made_by = _made_by(folder / file)
-    if made_by is None:
-        raise OutputError(f"--out {folder}: there is a {file} that does not say which command made it; {REMEDY}")
-    if _asked(context, made_by) != (context.info_name if context.parent else "", _question(context.params)):
-        said = "".join(c if c.isprintable() else "?" for c in made_by[:200])
-        raise OutputError(f"--out {folder}: its {file} is of another command ({said}); {REMEDY}")
+    folder = Path("reports") / _named(context, stem) if out is None else out
+    if not overwrite:
+        question = (context.info_name if context.parent else "", _question(context.params))
+        check_replaceable(
+            folder, file, beside, lambda line: line is not None and _asked(context, line) == question, "--out", REMEDY
+        )
     return folder
+
+
+def refuse_strangers(folder: Path, file: str, names: Iterable[str], overwrite: bool) -> None:
+    """Raises OutputError if one of the files that are to be written is there without the result ``file``, which
+    :func:`result_folder` has looked at.
+    """
+    if not overwrite:
+        check_replaceable(folder, file, names, lambda line: True, "--out", REMEDY)
 
 
 def refuse_others(folder: Path, texts: Mapping[str, str], overwrite: bool) -> None:
@@ -81,17 +88,6 @@ def _part(option: str, value: Any) -> str:
     if isinstance(value, Enum) or option in BARE:
         return str(value)
     return f"{option}={','.join(map(str, value)) if isinstance(value, list | tuple) else value}"
-
-
-def _made_by(path: Path) -> str | None:
-    """The command that a result says it is of; None where it says none."""
-    from analytic.mechanism.reading import ReadingError, read_json
-
-    try:
-        command = read_json(path).get("command")
-    except ReadingError:
-        return None
-    return command if isinstance(command, str) else None
 
 
 def _asked(context: typer.Context, line: str) -> tuple[str, dict[str, str]] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -20,6 +21,13 @@ Json = Annotated[
 Quiet = Annotated[
     bool, typer.Option("--quiet", "-q", help="Print nothing to standard output; files are written as without it.")
 ]
+
+
+def place(text: str | Path) -> Path:
+    """The path of an option.  Raises BadParameter for an empty one, which would be the current folder."""
+    if not str(text).strip():
+        raise typer.BadParameter("it is empty; name a folder, or give . for the current one")
+    return Path(text)
 
 
 class JointChoice(StrEnum):

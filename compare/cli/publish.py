@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import typer
 
+from compare.cli.folders import refuse_strangers
 from compare.files import alone_in, output_folder, write_together
 
 if TYPE_CHECKING:
@@ -35,12 +37,25 @@ def finished(document: D, warned: Iterable[str]) -> D:
     return document.model_copy(update={"command": command_line(), "warnings": tuple(told)})
 
 
-def publish(document: Document, folder: Path, *, json: bool, quiet: bool) -> None:
-    """Write a document and its report, and print what was asked for.  Raises OutputError."""
-    place = output_folder(folder)
+def publish(document: Document, folder: Path, *, json: bool, quiet: bool, overwrite: bool = False) -> None:
+    """Write a document and its report, and print what was asked for.
+
+    Raises OutputError, also where a file is there that is not this result's, unless it is to ``overwrite``.
+    """
+    place, texts = output_folder(folder), document.files()
     with alone_in(place):
-        write_together(place, document.files())
+        refuse_strangers(place, document.file, texts, overwrite)
+        write_together(place, texts)
     show(document, json=json, quiet=quiet, place=place)
+
+
+@contextmanager
+def resumed() -> Iterator[None]:
+    """An interrupt of what keeps what it has done says that it goes on where it stopped."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("the same command goes on where it stopped") from None
 
 
 def show(document: Document, *, json: bool, quiet: bool, place: Path | None = None) -> None:

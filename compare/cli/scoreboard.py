@@ -10,8 +10,9 @@ from typing import Annotated
 
 import typer
 
-from compare.cli.options import Json, Quiet
+from compare.cli.options import Json, Quiet, place
 from compare.cli.progress import progress_bar
+from compare.cli.publish import resumed
 from compare.cli.publish import show as show_document
 from compare.faults import OptionError, complaints
 
@@ -19,7 +20,7 @@ scoreboard = typer.Typer(
     help="The diagnosis on data in which effects are hidden: scores and thresholds.", no_args_is_help=True
 )
 
-Folder = Annotated[Path, typer.Option("--reports", metavar="DIR", help="Folder of the report.")]
+Folder = Annotated[Path, typer.Option("--reports", parser=place, metavar="DIR", help="Folder of the report.")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes [one a core].")]
 WHERE = Path("reports") / "scoreboard"
 
@@ -44,7 +45,7 @@ def update(
         from compare.evidence.scoreboard.check import update_scoreboard
 
         given = {"effects": effects, "none": none, "outside": outside, "alias": alias}
-        with progress_bar() as bar:
+        with resumed(), progress_bar() as bar:
             board = update_scoreboard(
                 folder, given, workers=workers, progress=lambda done, total: bar("sets", done, total)
             )
@@ -75,7 +76,9 @@ def check(
 @scoreboard.command()
 def show(
     seed: Annotated[int, typer.Argument(min=0, help="Seed of the set.")],
-    out: Annotated[Path | None, typer.Option(help="Folder in which to leave the data and the seal.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(parser=place, metavar="PATH", help="Folder in which to leave the data and the seal.")
+    ] = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -85,13 +88,13 @@ def show(
         from compare.evidence.scoreboard.record import make
         from compare.evidence.scoreboard.rigs import Rejected
         from compare.evidence.scoreboard.score import opened
-        from compare.files import output_folder
+        from compare.files import made_folder
         from compare.results.scoreboard import HiddenSet
 
-        folder = output_folder(out or Path(scratch))
-        try:
-            make(seed, folder / "data", folder / "seal")
-        except Rejected as error:
-            raise OptionError(f"{error}; choose another seed") from None
-        found = HiddenSet(truth=opened(folder / "seal"), scored=scored(folder / "data", folder / "seal"))
+        with made_folder(out or Path(scratch)) as folder:
+            try:
+                make(seed, folder / "data", folder / "seal")
+            except Rejected as error:
+                raise OptionError(f"{error}; choose another seed") from None
+            found = HiddenSet(truth=opened(folder / "seal"), scored=scored(folder / "data", folder / "seal"))
         show_document(found, json=json, quiet=quiet)

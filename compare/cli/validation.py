@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from compare.cli.options import Json, Quiet, said
+from compare.cli.options import Json, Quiet, place, said
 from compare.cli.publish import show
 from compare.faults import complaints
 
@@ -19,7 +19,7 @@ validation = typer.Typer(
     help="The validation report of the project itself: every shipped case in every engine.", no_args_is_help=True
 )
 
-Folder = Annotated[Path, typer.Option("--reports", metavar="DIR", help="Folder of the report.")]
+Folder = Annotated[Path, typer.Option("--reports", parser=place, metavar="DIR", help="Folder of the report.")]
 WHERE = Path("reports")
 
 

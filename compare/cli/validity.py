@@ -11,11 +11,11 @@ from typing import Annotated
 import typer
 
 from compare.cli.folders import Overwrite, result_folder
-from compare.cli.options import JointChoice, Json, Quiet, listed_once, load_case
+from compare.cli.options import JointChoice, Json, Quiet, listed_once, load_case, place
 from compare.cli.progress import progress_bar
-from compare.cli.publish import finished, show
+from compare.cli.publish import finished, resumed, show
 from compare.faults import Exit, OptionError, complaints, stop
-from compare.files import alone_in, output_folder, write_together
+from compare.files import alone_in, made_folder, write_together
 
 
 def validity(
@@ -39,7 +39,10 @@ def validity(
         str | None, typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster that is to do the runs.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of validity.json [reports/<case>-validity, then the options].")
+        Path | None,
+        typer.Option(
+            parser=place, metavar="PATH", help="Folder of validity.json [reports/<case>-validity, then the options]."
+        ),
     ] = None,
     overwrite: Overwrite = False,
     json: Json = False,
@@ -69,11 +72,13 @@ def validity(
             joints=listed_once(at, "--at") if at is not None else None,
             tolerances=load_tolerances(tolerance),
         )
-        folder = output_folder(result_folder(context, f"{mechanism.name}-validity", "validity.json", out, overwrite))
-        with alone_in(folder, patience=0.0), progress_bar() as bar:  # two maps would take each other's records away
-            found = mapped(grid, workers=workers, dask=dask, records=folder / "runs", progress=bar)
-            result = finished(found, caught)
-            write_together(folder, result.files())
+        beside = ("validity.csv", "validity.md", "validity.svg")
+        place = result_folder(context, f"{mechanism.name}-validity", "validity.json", out, overwrite, beside)
+        with made_folder(place) as folder, resumed():
+            with alone_in(folder, patience=0.0), progress_bar() as bar:  # two maps would take each other's records away
+                found = mapped(grid, workers=workers, dask=dask, records=folder / "runs", progress=bar)
+                result = finished(found, caught)
+                write_together(folder, result.files())
         show(result, json=json, quiet=quiet, place=folder)
         failed = [cell.failure for cell in found.cells if isinstance(cell, Failed)]
         if len(failed) == len(found.cells):

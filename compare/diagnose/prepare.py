@@ -15,6 +15,7 @@ from scipy.interpolate import CubicSpline
 from analytic.beyond_paper.drive import Motor
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Mechanism
+from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import turned_near
 from compare.diagnose.data.quality import noise
 from compare.diagnose.data.recording import Fault, Measured, MeasuredError, MeasuredRun
@@ -46,8 +47,8 @@ def thinned(measured: Measured) -> Measured:
             thin = run
         else:
             text = (
-                f"run {run.name!r} has {run.time.size} samples of {len(run.channels)} sensors, {total} in all runs; one"
-                f" in {every} is used"
+                f"run {run.name!r} has {count(run.time.size, 'sample')} of"
+                f" {count(len(run.channels), 'sensor')}, {total} in all runs; one in {every} is used"
             )
             faults.append(
                 Fault(

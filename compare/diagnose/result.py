@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analytic.mechanism.one_line import count
 from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.experiment_design import would_separate
 from compare.diagnose.explain import Explanation, Named, left_of
@@ -303,8 +304,8 @@ def _steps(problem: Problem, found: Verified, result: Diagnosis) -> tuple[Step, 
     given = sum(c.noise_given for run in problem.measured.runs for c in run.channels.values())
     total = sum(len(run.channels) for run in problem.measured.runs)
     measured = (
-        f"{len(problem.measured.runs)} run(s), {total} sensor records, {samples} samples; the noise of {given}"
-        f" records is given, of {total - given} estimated from their own scatter.",
+        f"{count(len(problem.measured.runs), 'run')}, {count(total, 'sensor record')}, {count(samples, 'sample')};"
+        f" the noise of {given} records is given, of {total - given} estimated from their own scatter.",
         *(_capital(f"{fault.text}.") for fault in result.faults),
     )
     places = tuple(_capital(f"{sentence(result, place)}.") for place in result.located[:8])

@@ -13,6 +13,7 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, Mechanism
+from analytic.mechanism.one_line import count
 from compare.domain_map.cell import Task
 from compare.faults import ArgumentError
 from compare.judge.assumptions import ASSUMPTIONS
@@ -233,7 +234,8 @@ def _words(grid: Grid, each: Sequence[Cell | Failed], between: Between | None) -
 def _tally(simulator: str, mine: Sequence[Cell | Failed]) -> str:
     judged = [cell for cell in mine if isinstance(cell, Cell)]
     agreeing, enough = sum(c.agrees for c in judged), sum(c.first_order_is_enough for c in judged)
-    text = f"{simulator}: the equilibrium agrees in {agreeing} of {len(mine)} cells, and Eq. 8 is enough in {enough}"
+    cells = count(len(mine), "cell")
+    text = f"{simulator}: the equilibrium agrees in {agreeing} of {cells}, and Eq. 8 is enough in {enough}"
     if judged and not agreeing:
         best = max(judged, key=lambda c: c.agreeing_share)
         where = f"{best.speed / RPM:.5g} rpm, {best.clearance * 1e3:.4g} mm"

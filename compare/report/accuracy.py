@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from analytic.mechanism.one_line import count
 from compare.quantities import plain, shown
 from compare.results.accuracy import Accuracy
 
@@ -118,13 +119,16 @@ def _notes(result: Accuracy) -> list[str]:
     closed = "each closed again" if result.nonlinear else "to first order"
     notes = [
         "largest over the crank angles; sigma with contacts anywhere on the rim, worst case to either side",
-        (f"{result.case}: {result.motion}, clearance {sizes}; {result.samples} samples {closed}, seed {result.seed}"),
+        (
+            f"{result.case}: {result.motion}, clearance {sizes}; {count(result.samples, 'sample')} {closed},"
+            f" seed {result.seed}"
+        ),
     ]
     for what, found in (("flags", result.flags), ("cautions", result.cautions)):
         for first, why in list(found.items())[:1]:
             notes.append(
-                f"{len(found)} crank angles with {what}, first {math.degrees(result.crank_angle[int(first)]):.4g}"
-                f" deg: {why}"
+                f"{count(len(found), 'crank angle')} with {what}, first"
+                f" {math.degrees(result.crank_angle[int(first)]):.4g} deg: {why}"
             )
     for change in result.side_changes:
         name = max(change.jump, key=lambda n: (result.outputs[n].unit == "m", abs(change.jump[n])))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
+from analytic.mechanism.one_line import count
 from compare.results.catalogue import Cases, Effects, Simulators
 from sim_models.engine import JOINT_MODELS
 
@@ -44,7 +45,8 @@ def print_table(result: Listed, console: Console) -> None:
     if isinstance(result, Cases):
         for case in result.cases:
             gaps = ", ".join(f"{joint} {c * 1000:g} mm" for joint, c in case.clearance.items()) or "none"
-            line = f"{case.name:14} {len(case.bodies)} bodies, {len(case.joints)} joints, clearance: {gaps}"
+            bodies = f"{len(case.bodies)} {'body' if len(case.bodies) == 1 else 'bodies'}"
+            line = f"{case.name:14} {bodies}, {count(len(case.joints), 'joint')}, clearance: {gaps}"
             console.print(line, soft_wrap=True, highlight=False, markup=False)
     elif isinstance(result, Simulators):
         _print_simulators(result, console)

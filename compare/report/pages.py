@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib import resources
 
@@ -94,14 +94,6 @@ def code_block(text: str, language: str = "sh") -> str:
     return f"{fence}{language}\n{text}\n{fence}"
 
 
-def _grouped(flags: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Each reason once, with all of its places."""
-    places: dict[str, list[str]] = {}
-    for where, why in flags:
-        places.setdefault(why, []).append(where)
-    return [(why, ", ".join(where)) for why, where in places.items()]
-
-
 def _environment(escaping: bool) -> Environment:
     environment = Environment(
         loader=PackageLoader("compare.report"),
@@ -109,14 +101,14 @@ def _environment(escaping: bool) -> Environment:
         undefined=StrictUndefined,
         keep_trailing_newline=True,
     )
-    environment.filters |= {
+    filters: dict[str, Callable[..., str]] = {
         "number": number,
         "signed": lambda value: number(value, 3, True),
         "setting": setting,
         "md": escape_markdown,
         "md_code": code_block,
-        "grouped": _grouped,
     }
+    environment.filters |= filters
     return environment
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
+from analytic.mechanism.one_line import count
 from compare.quantities import amount, fitting, number
 from compare.report.diagnosis_text import in_ascii
 from compare.results.residuals import Residual, Residuals, SignalResiduals
@@ -35,7 +36,7 @@ def lines(result: SignalResiduals) -> Iterator[str]:
     for run in result.runs:
         given = "" if run.noise_given else ", estimated from the data"
         noise = amount(run.noise, result.unit)
-        yield in_ascii(f"{run.name}: {run.time.size} samples, noise {noise} (1 sigma){given}")
+        yield in_ascii(f"{run.name}: {count(run.time.size, 'sample')}, noise {noise} (1 sigma){given}")
         for side, residual in (("before", run.before), ("after", run.after)):
             yield in_ascii(f"  {side:7} {_largest(run, residual, result.unit)}; gap {number(residual.gap)}")
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from analytic.mechanism.one_line import count
 from compare.evidence.scoreboard.score import DISTINCT
 from compare.report.figures import Axis, Figure, Series
 from compare.report.svg import draw
@@ -35,8 +36,8 @@ def print_table(result: Scoreboard, console: Console) -> None:
     """Print how many sets there are, and the thresholds that they miss."""
     for row in result.missed:
         console.print(f"missed: {row.what}: {row.count} of {row.of}", soft_wrap=True, highlight=False, markup=False)
-    thresholds = f"{len(result.missed)} of {len(result.thresholds)} thresholds missed"
-    console.print(f"{len(result.results)} sets, {thresholds}", soft_wrap=True, highlight=False, markup=False)
+    thresholds = f"{len(result.missed)} of {count(len(result.thresholds), 'threshold')} missed"
+    console.print(f"{count(len(result.results), 'set')}, {thresholds}", soft_wrap=True, highlight=False, markup=False)
 
 
 def summary_html(result: Scoreboard) -> str:
@@ -73,8 +74,8 @@ def page(board: Scoreboard) -> str:
         "# Scoreboard of the diagnosis",
         "",
         (
-            f"{len(board.results)} sets of measured data in which something, or nothing, is hidden. Each is recorded"
-            " by one engine and diagnosed with"
+            f"{count(len(board.results), 'set')} of measured data in which something, or nothing, is hidden. Each is"
+            " recorded by one engine and diagnosed with"
         ),
         (
             "another, which sees only the CSV files; the seal is opened afterwards. Written by `compare scoreboard"

@@ -11,12 +11,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.one_line import count
 from compare.quantities import Quantity, key_signals, number, plain, quantities, shown
 from compare.results import crosscheck as results
 from compare.results.crosscheck import CrossCheck
 from sim_models.engine import SettingValue
 
 REAL = ("contact", "spring-damper", "massless-link", "ideal")  # joint models, the most real first
+STEADY = 1e-6  # of a step between samples: steps that differ by less are equal
 WORDS = {
     "agrees": "agrees",
     "disagrees": "disagrees",
@@ -96,6 +98,7 @@ class ShownRun:
     verdict: str
     rows: tuple[Row, ...]
     flags: tuple[tuple[str, str], ...]  # where, why
+    flagged: tuple[tuple[str, str], ...]  # all places of a reason, the reason
     free: tuple[tuple[str, float], ...]  # joint, per cent of the time without contact
     order: tuple[Order, ...]
     settings: Mapping[str, SettingValue]
@@ -179,7 +182,7 @@ def why(runs: Sequence[ShownRun]) -> str:
 
 
 def _why(runs: Sequence[ShownRun]) -> str:
-    also = f", and likewise in {_counted(len(runs) - 1, 'other run')}" if len(runs) > 1 else ""
+    also = f", and likewise in {count(len(runs) - 1, 'other run')}" if len(runs) > 1 else ""
     because = runs[0].because
     return f"{because[:1].upper()}{because[1:]} ({runs[0].title}{also})."
 
@@ -220,6 +223,7 @@ def _run(index: int, run: results.Run, mechanism: Mechanism, signals: Mapping[st
         verdict=run.verdict,
         rows=tuple(sorted((_row(d, run, mechanism, signals) for d in run.discrepancies), key=place)),
         flags=tuple((f"{plain(factor * x[int(i)], 4)} {unit}", reason) for i, reason in run.flags.items()),
+        flagged=_flagged(run, [factor * value for value in x], unit),
         free=tuple((joint, 100 * share) for joint, share in run.free_share.items()),
         order=tuple(sorted(order, key=place)),
         settings=run.settings,
@@ -227,6 +231,32 @@ def _run(index: int, run: results.Run, mechanism: Mechanism, signals: Mapping[st
         because=run.because.words if run.because else "",
         assumption=run.because.assumption if run.because else "",
     )
+
+
+def _flagged(run: results.Run, x: Sequence[float], unit: str) -> tuple[tuple[str, str], ...]:
+    """Each reason of a run's flags once, with the ranges of ``x`` in which it holds: ``30 to 85 deg, every 5 deg``."""
+    by_reason: dict[str, list[int]] = {}
+    for i, reason in run.flags.items():
+        by_reason.setdefault(reason, []).append(int(i))
+    ranges = {reason: list(_ranges(sorted(at), x, unit)) for reason, at in by_reason.items()}
+    return tuple((("; " if "," in "".join(at) else ", ").join(at), reason) for reason, at in ranges.items())
+
+
+def _ranges(samples: list[int], x: Sequence[float], unit: str) -> Iterator[str]:
+    """Samples, by their increasing index into ``x``, as ranges of three or more neighbours at equal steps, and as
+    single places.
+    """
+    while samples:
+        step = x[samples[1]] - x[samples[0]] if len(samples) > 1 else 0.0
+        size = 1
+        while size < len(samples) and samples[size] == samples[size - 1] + 1:
+            if abs(x[samples[size]] - x[samples[size - 1]] - step) > STEADY * abs(step):
+                break
+            size += 1
+        size = size if size > 2 else 1
+        first, last = plain(x[samples[0]], 4), plain(x[samples[size - 1]], 4)
+        yield f"{first} {unit}" if size == 1 else f"{first} to {last} {unit}, every {plain(abs(step), 4)} {unit}"
+        samples = samples[size:]
 
 
 def _row(d: results.Discrepancy, run: results.Run, mechanism: Mechanism, signals: Mapping[str, Quantity]) -> Row:
@@ -277,17 +307,17 @@ def _sentences(runs: tuple[ShownRun, ...], failures: int, say: Callable[..., str
     known = len(rows) - len(wrong) - len(agreeing)
     silent = [run for run in runs if run.reason or not run.rows]
     if failures:
-        yield f"{failures} of {_counted(failures + len(runs), 'run')} failed."
+        yield f"{failures} of {count(failures + len(runs), 'run')} failed."
     if silent:
         why = f"; {silent[0].title}: {silent[0].reason}" if silent[0].reason else ""
-        yield f"Nothing could be compared in {len(silent)} of {_counted(len(runs), 'run')}{why}."
+        yield f"Nothing could be compared in {len(silent)} of {count(len(runs), 'run')}{why}."
     if exceeding:
         yield f"{_share(exceeding, rows, runs)} {'exceeds its' if len(exceeding) == 1 else 'exceed their'} tolerance."
     elif agreeing and not wrong:
         compared = len({run.index for run, _ in rows})
-        yield f"All {len(agreeing)} judged comparisons of {_counted(compared, 'run')} are within tolerance."
+        yield f"All {len(agreeing)} judged comparisons of {count(compared, 'run')} are within tolerance."
     if known:
-        yield f"{known} of {_counted(len(rows), 'comparison')} {'differs' if known == 1 else 'differ'} as known."
+        yield f"{known} of {count(len(rows), 'comparison')} {'differs' if known == 1 else 'differ'} as known."
     if exceeding:
         yield f"Worst: {_most(exceeding, say)}."
     elif agreeing and not wrong:
@@ -302,8 +332,8 @@ def _share(
     some: Sequence[tuple[ShownRun, Row]], rows: Sequence[tuple[ShownRun, Row]], runs: tuple[ShownRun, ...]
 ) -> str:
     return (
-        f"{len(some)} of {_counted(len(rows), 'comparison')} in {len({run.index for run, _ in some})} of"
-        f" {_counted(len(runs), 'run')}"
+        f"{len(some)} of {count(len(rows), 'comparison')} in {len({run.index for run, _ in some})} of"
+        f" {count(len(runs), 'run')}"
     )
 
 
@@ -315,7 +345,3 @@ def _most(rows: Sequence[tuple[ShownRun, Row]], say: Callable[..., str]) -> str:
         f"{row.quantity.label} ({run.title}), {say(row.maximum, 3, True)} {unit} at {row.at}, tolerance"
         f" {say(row.tolerance)} {unit}"
     )
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}" + "s" * (count != 1)

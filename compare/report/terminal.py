@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from analytic.mechanism.one_line import count
 from compare.quantities import plain
 from compare.report.summary import WORDS, ShownRun, headline, summarise
 from compare.results.crosscheck import CrossCheck
@@ -61,7 +62,7 @@ def _notes(runs: tuple[ShownRun, ...]) -> list[str]:
     notes = [f"analytic model: {models}; differences are simulated minus analytic"]
     notes += [f"{run.title}: {row.quantity.label}: {row.reason}" for run in runs for row in run.rows if row.reason]
     notes += [
-        f"{run.title}: {len(run.flags)} positions flagged, first {run.flags[0][0]}: {run.flags[0][1]}"
+        f"{run.title}: {count(len(run.flags), 'position')} flagged, first {run.flags[0][0]}: {run.flags[0][1]}"
         for run in runs
         if run.flags
     ]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from analytic.mechanism.one_line import count
 from compare.evidence.validation.scales import CLEARANCE, EVERY
 from compare.report.figures import reaction_directions
 from compare.report.linkage import linkage_figure
@@ -41,7 +42,7 @@ def drawn(result: CrossCheck) -> dict[str, str]:
 
 def print_table(result: Validation, console: Console) -> None:
     """Print how many runs there are."""
-    console.print(f"{len(result.runs)} runs", highlight=False)
+    console.print(count(len(result.runs), "run"), highlight=False)
 
 
 def summary_html(result: Validation) -> str:
@@ -77,8 +78,8 @@ def page(found: Validation) -> str:
     lines = [
         "# Validation report",
         "",
-        f"{agree} of {len(found.runs)} runs agree with the analytic `equilibrium` within"
-        " `compare/judge/tolerances.toml`. Engines: "
+        f"{agree} of {count(len(found.runs), 'run')} {'agrees' if agree == 1 else 'agree'} with the analytic"
+        " `equilibrium` within `compare/judge/tolerances.toml`. Engines: "
         + ", ".join(f"{name} {version}" for name, version in found.versions.items())
         + ". Written by `compare validation update`; CI makes every run again with `compare validation check`, and"
         " holds each reaction force to `reports/baselines/` with `compare baseline check`.",

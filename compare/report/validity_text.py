@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.one_line import count
 from compare.quantities import plain, quantities
 from compare.results.validity import Cell, Costing, Failed, Validity, Worst
 
@@ -90,7 +91,9 @@ def about(result: Validity) -> str:
     laws = {f"{law.stiffness:.3g} N/m and {law.damping:.3g} N.s/m" for law in result.contact.values()}
     contact = f", contact {' or '.join(sorted(laws))}" if laws else ""
     where = f"clearance in {', '.join(result.joints)} ({result.joints_are})"
-    return f"{result.case}: {where}, {result.joint_model} joints{contact}, {len(result.crank_angle)} crank angles"
+    return (
+        f"{result.case}: {where}, {result.joint_model} joints{contact}, {count(len(result.crank_angle), 'crank angle')}"
+    )
 
 
 def print_table(result: Validity, console: Console) -> None:

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from analytic.mechanism.one_line import count
 from compare.results.document import Document, Grid, Mechanism, Part, Row, Series, listed
 
 MetresByJoint = Mapping[str, Annotated[float, Field(ge=0)]]
@@ -169,6 +170,6 @@ class Accuracy(Document):
         sizes = ", ".join(f"{joint} {size:.4g} m" for joint, size in self.clearance.items()) or "no clearance"
         first, last = (math.degrees(self.crank_angle[k]) for k in (0, -1))
         return (
-            f"Accuracy({self.case}, {self.motion}, {sizes}: {len(self.outputs)} outputs at {self.crank_angle.size}"
-            f" crank angles, {first:.4g} to {last:.4g} deg)"
+            f"Accuracy({self.case}, {self.motion}, {sizes}: {count(len(self.outputs), 'output')} at"
+            f" {count(self.crank_angle.size, 'crank angle')}, {first:.4g} to {last:.4g} deg)"
         )

@@ -10,6 +10,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
+from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.crosscheck import Index, MetresByJoint, OrderDifference, Path, Signals, Simulator
@@ -55,7 +56,7 @@ class _Side(Document):
             return "no crank angle"
         first, last = (math.degrees(self.crank_angle[k]) for k in (0, -1))
         sizes = ", ".join(f"{joint} {size:.4g} m" for joint, size in self.clearance.items())
-        over = f"{self.crank_angle.size} crank angles {first:.4g} to {last:.4g} deg"
+        over = f"{count(self.crank_angle.size, 'crank angle')} {first:.4g} to {last:.4g} deg"
         return over + (f", clearance {sizes}" if sizes else "")
 
 

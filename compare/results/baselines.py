@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from analytic.mechanism.one_line import count
 from compare.results.document import Number, Part, Row
 from compare.results.evidence import Remade
 
@@ -70,8 +71,8 @@ class Entry(Part):
     def words(self) -> str:
         """What became of it."""
         if self.moved:
-            return f"{len(self.moved)} of {self.signals} signals in {self.runs} runs moved"
-        return f"nothing moved ({self.numbers} numbers in {self.runs} runs)"
+            return f"{len(self.moved)} of {count(self.signals, 'signal')} in {count(self.runs, 'run')} moved"
+        return f"nothing moved ({count(self.numbers, 'number')} in {count(self.runs, 'run')})"
 
     def __repr__(self) -> str:
         return f"Entry({self.case}, {self.simulator}: {self.status})"

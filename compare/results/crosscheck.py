@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, FiniteFloat, model_validator
 
+from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
 from compare.results.document import Document, Grid, Mechanism, Number, Part, Row, Series, Share, Text, listed
@@ -142,7 +143,7 @@ class Run(Part):
         series |= {f"simulated.{name}": values for name, values in self.simulated.items()}
         for name, values in series.items():
             if values is not None and values.size != self.crank_angle.size:
-                raise ValueError(f"{name} has {values.size} values for {self.crank_angle.size} samples")
+                raise ValueError(f"{name} has {values.size} values for {count(self.crank_angle.size, 'sample')}")
         return self
 
     @property
@@ -155,7 +156,7 @@ class Run(Part):
         return signal.apart(self.simulated[signal.name], self.analytic[signal.name])
 
     def __repr__(self) -> str:
-        return f"Run({self.title}, {self.motion}, {self.crank_angle.size} samples: {self.verdict})"
+        return f"Run({self.title}, {self.motion}, {count(self.crank_angle.size, 'sample')}: {self.verdict})"
 
 
 class Printed(Part):
@@ -290,6 +291,6 @@ class CrossCheck(Document):
         off = sum(d.verdict == "disagrees" for d in judged)
         failed = f", {len(self.failures)} failed" if self.failures else ""
         return (
-            f"CrossCheck({self.case} in {engines}: {self.verdict}; {len(self.runs)} runs{failed}, {off} of"
-            f" {len(judged)} comparisons beyond tolerance)"
+            f"CrossCheck({self.case} in {engines}: {self.verdict}; {count(len(self.runs), 'run')}{failed}, {off} of"
+            f" {count(len(judged), 'comparison')} beyond tolerance)"
         )

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 
+from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named, wrapped
 from compare.results.crosscheck import Simulator
 from compare.results.document import Amount, Document, Grid, Mechanism, Number, Part, Row, Series, Text, listed
@@ -183,7 +184,7 @@ class DiagnosedRun(Part):
                 sizes[f"signals.{name}.{side}"] = getattr(channel, side).size
         for name, size in sizes.items():
             if size != self.time.size:
-                raise ValueError(f"{name} has {size} values for {self.time.size} samples")
+                raise ValueError(f"{name} has {size} values for {count(self.time.size, 'sample')}")
         return self
 
     @property
@@ -192,7 +193,7 @@ class DiagnosedRun(Part):
         return self.drive != "speed"
 
     def __repr__(self) -> str:
-        return f"Run({self.name}, {self.drive}, {self.time.size} samples: {', '.join(self.signals)})"
+        return f"Run({self.name}, {self.drive}, {count(self.time.size, 'sample')}: {', '.join(self.signals)})"
 
 
 class Step(Part):
@@ -294,5 +295,5 @@ class Diagnosis(Document):
         what = ", ".join(effect.key for effect in self.effects) or "nothing named"
         return (
             f"Diagnosis({self.case}: {self.verdict}, {what}; gap {self.gap.before:.3g} before, {self.gap.after:.3g}"
-            f" after, {len(self.runs)} runs)"
+            f" after, {count(len(self.runs), 'run')})"
         )

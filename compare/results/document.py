@@ -32,7 +32,7 @@ from analytic.errors import Error
 from analytic.mechanism import Mechanism as _Mechanism
 from analytic.mechanism.file import describe
 from analytic.mechanism.reading import ReadingError, read_json
-from compare.files import output_folder, to_json, write_atomically, write_together
+from compare.files import check_replaceable, output_folder, to_json, write_atomically, write_together
 
 if TYPE_CHECKING:
     import pandas
@@ -239,11 +239,26 @@ class Document(Part):
         """Text of every file of the report, by name; the JSON file first."""
         return {self.file: self.to_json(self.indent) + "\n"} | self._shown().files(self)
 
-    def write(self, folder: str | Path) -> Path:
-        """Write the JSON file and the report into a folder, whole or not at all; the folder.  Raises OutputError."""
-        place = output_folder(Path(folder), "folder")
-        write_together(place, self.files())
+    def write(self, folder: str | Path, overwrite: bool = False) -> Path:
+        """Write the JSON file and the report into a folder, whole or not at all; the folder.
+
+        What a document of the same type and ``command`` has left there is replaced; anything else only to
+        ``overwrite``.  Raises OutputError.
+        """
+        place, texts = output_folder(Path(folder), "folder"), self.files()
+        if not overwrite:
+            remedy = "choose another folder, or give overwrite=True"
+            check_replaceable(place, self.file, texts, lambda _: self._is_mine(place), "folder", remedy)
+        write_together(place, texts)
         return place
+
+    def _is_mine(self, folder: Path) -> bool:
+        """Whether the file in a folder is a document of this type and of the same command (some types have none)."""
+        try:
+            there = self.read(folder / self.file)
+        except DocumentError:
+            return False
+        return getattr(there, "command", None) == getattr(self, "command", None)
 
     def print_to(self, console: Console) -> None:
         """Print what matters as a table for a terminal."""

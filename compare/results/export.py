@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
+from analytic.mechanism.one_line import count
 from compare.results.document import Document, Row
 from sim_models.engine import JointModel, Motion
 
@@ -31,4 +32,5 @@ class Exported(Document):
         return [{"path": path} for path in self.paths]
 
     def __repr__(self) -> str:
-        return f"Exported({self.case}, {self.simulator}, {self.joint_model}, {self.motion}: {len(self.paths)} files)"
+        files = count(len(self.paths), "file")
+        return f"Exported({self.case}, {self.simulator}, {self.joint_model}, {self.motion}: {files})"

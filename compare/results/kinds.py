@@ -24,12 +24,24 @@ def read_as(path: str | Path, kinds: Sequence[type[D]]) -> D:
         raise DocumentError(f"{path}: {error}; give a {wanted}") from None
     shares = {kind: _share(set(fields), kind) for kind in kinds}
     likeliest = max(kinds, key=lambda kind: shares[kind])
+    if shares[likeliest] < 1.0:
+        _refuse_others(path, set(fields), kinds, wanted)
     if shares[likeliest] < 0.5:
         raise DocumentError(f"{path}: has not the fields of a {wanted}; give one of these")
     return likeliest.read(path)
 
 
+def _refuse_others(path: str | Path, fields: set[str], kinds: Sequence[type[D]], wanted: str) -> None:
+    """Raise DocumentError for a document that has all its fields and is none of these kinds."""
+    from compare.results.schemas import documents
+
+    whole = [kind for kind in documents().values() if _share(fields, kind) == 1.0 and kind not in kinds]
+    if whole:
+        found = max(whole, key=lambda kind: len(fields & set(kind.model_fields)))
+        raise DocumentError(f"{path}: has the fields of {found.file}; what is read here is {wanted}: give one of these")
+
+
 def _share(fields: set[str], kind: type[Document]) -> float:
     """The share of a document's required fields, beside those that every document may have, that are there."""
     required = {name for name, field in kind.model_fields.items() if field.is_required()}
-    return len(required & fields) / len(required)
+    return len(required & fields) / len(required) if required else 0.0

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field, FiniteFloat
 
+from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Unit
 from analytic.paper.clearance import Model
 from compare.results.crosscheck import Discrepancy, MetresByJoint, Simulator
@@ -119,4 +120,4 @@ class Provenance(Document):
 
     def __repr__(self) -> str:
         place = f"{self.at:.6g} {'s' if self.over_time else 'rad'}"
-        return f"Provenance({self.case}, {self.signal} at {place}: {len(self.runs)} runs)"
+        return f"Provenance({self.case}, {self.signal} at {place}: {count(len(self.runs), 'run')})"

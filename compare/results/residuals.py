@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field, FiniteFloat
 
+from analytic.mechanism.one_line import count
 from compare.results.crosscheck import Simulator
 from compare.results.diagnosis import Unit, Verdict
 from compare.results.document import Amount, Document, Grid, Number, Part, Row, Series, Text, listed
@@ -23,7 +24,7 @@ class Residual(Part):
     values: Annotated[Series, Field(min_length=1, description="SI, a value for each sample.")]
 
     def __repr__(self) -> str:
-        return f"Residual(rms {self.rms}, gap {self.gap}, {self.values.size} samples)"
+        return f"Residual(rms {self.rms}, gap {self.gap}, {count(self.values.size, 'sample')})"
 
 
 class Residuals(Part):

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, FiniteFloat
 
+from analytic.mechanism.one_line import count
 from compare.results.diagnosis import Key
 from compare.results.document import Document, Number, Part, Row, Share
 from compare.results.evidence import Remade, Stored
@@ -219,7 +220,8 @@ class Scoreboard(Stored):
     def __repr__(self) -> str:
         good = sum(r.good for r in self.results)
         met = len(self.thresholds) - len(self.missed)
-        return f"Scoreboard({good} of {len(self.results)} sets good; {met} of {len(self.thresholds)} thresholds met)"
+        sets, thresholds = count(len(self.results), "set"), count(len(self.thresholds), "threshold")
+        return f"Scoreboard({good} of {sets} good; {met} of {thresholds} met)"
 
 
 class HiddenSet(Document):

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, FiniteFloat, PrivateAttr
 
+from analytic.mechanism.one_line import count
 from compare.results.crosscheck import CrossCheck
 from compare.results.document import Part, Row
 from compare.results.evidence import Remade, Stored
@@ -118,7 +119,7 @@ class Validation(Stored):
 
     def __repr__(self) -> str:
         agree = sum(run.verdict == "agrees" for run in self.runs)
-        return f"Validation({agree} of {len(self.runs)} runs agree; {len(self.scales)} at scales)"
+        return f"Validation({agree} of {count(len(self.runs), 'run')} agree; {len(self.scales)} at scales)"
 
 
 class ValidationCheck(Remade):

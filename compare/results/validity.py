@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from analytic.mechanism.one_line import count
 from compare.results.document import Document, Grid, Mechanism, Number, Part, Row, Share
 
 Assumption = Literal["contact", "first-order", "quasi-static", "rigid"]
@@ -203,6 +204,7 @@ class Validity(Document):
         agreeing = sum(isinstance(cell, Cell) and cell.agrees for cell in self.cells)
         rpm = [30 / math.pi * speed for speed in self.speeds]
         return (
-            f"Validity({self.case} in {', '.join(self.simulators)}: {agreeing} of {len(self.cells)} cells agree,"
+            f"Validity({self.case} in {', '.join(self.simulators)}: {agreeing} of"
+            f" {count(len(self.cells), 'cell')} {'agrees' if agreeing == 1 else 'agree'},"
             f" {rpm[0]:.4g} to {rpm[-1]:.4g} rpm, {self.clearances[0]:.3g} to {self.clearances[-1]:.3g} m)"
         )

@@ -2,33 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import traceback
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
+import numpy as np
+
+from analytic.kinematics.closure import AssemblyError
+from analytic.mechanism.one_line import count
+from analytic.mechanism.signals import signals
 from sim_models.common.health import Implausible, check
 from sim_models.common.requests import check_request
 from sim_models.common.units import in_own_units
 from sim_models.engine import (
+    ENGINES,
+    Cause,
     Engine,
     Request,
     SimulationError,
+    SimulatorMissing,
     Trace,
+    Unsupported,
     check_exported,
     check_flexible,
     check_supported,
 )
 
 HALVINGS = 2  # of the engine's own step, where its run is not what it must be
+NUMPY = Path(np.__file__).parent  # where its errors are raised, which says nothing of where they come from
+MEND = "mend the engine, or use another simulator"
 
 
 def simulate(engine: Engine, request: Request, run: Callable[[Request], Trace]) -> Trace:
     """A request's trace by an engine's ``run``, in shorter steps than its own where these leave it implausible.
 
-    Raises Unsupported, what the run raises, and Implausible for a run that cannot be right.
+    Raises Unsupported, what the run raises, Implausible for a run that cannot be right, and SimulationError for an
+    answer that is no trace of the request, or that an engine of another package breaks off with an error of its own.
     """
     check_supported(engine, request)
     check_request(request)
+    run = partial(answered, engine.name, run=run)
     trace = in_own_units(run, request)
     try:
         check(request, trace)
@@ -42,6 +57,61 @@ def simulate(engine: Engine, request: Request, run: Callable[[Request], Trace]) 
             if found is not None:
                 return found
         raise implausible from None
+
+
+def answered(name: str, request: Request, run: Callable[[Request], Trace]) -> Trace:
+    """What an engine's ``run`` answers, if it is a whole trace of the request.
+
+    Raises what the run raises, and SimulationError (Cause.FAULTY) for another answer, a trace that lacks something, and
+    what the run of another package's engine raises that it must not.
+    """
+    try:
+        trace = run(request)
+    except (SimulationError, SimulatorMissing, Unsupported, AssemblyError, OverflowError):
+        raise
+    except Exception as error:
+        if name in ENGINES:
+            raise
+        raise broken_off(name, request, error) from error
+    if not isinstance(trace, Trace):
+        raise _faulty(name, request, f"its answer is of type {type(trace).__name__}, not a Trace")
+    asked = (request.crank_angle if request.time is None else request.time).size
+    if trace.crank_angle.size != asked:
+        has = count(trace.crank_angle.size, "sample")
+        raise _faulty(name, request, f"its trace has {has}, and {asked} {'was' if asked == 1 else 'were'} asked for")
+    lacking = list(_lacking(request, trace))
+    if lacking:
+        more = f" and {count(len(lacking) - 3, 'more signal')}" if len(lacking) > 3 else ""
+        raise _faulty(name, request, f"its trace lacks {', '.join(lacking[:3])}{more}")
+    return trace
+
+
+def broken_off(name: str, request: Request, error: Exception) -> SimulationError:
+    """What is said of an engine of another package that raised an error of its own: which, and where."""
+    frames = traceback.extract_tb(error.__traceback__)
+    last = next((f for f in reversed(frames) if NUMPY not in Path(f.filename).parents), frames[-1])
+    what = f"{type(error).__name__}{f' ({error})' if str(error) else ''}"
+    return _faulty(name, request, f"it raised {what} at line {last.lineno} of {Path(last.filename).name}")
+
+
+def _faulty(name: str, request: Request, what: str) -> SimulationError:
+    where = f"{name} {request.joint_model} {request.motion} ({request.mechanism.name})"
+    return SimulationError(f"{where}: {Cause.FAULTY.words}: {what}", Cause.FAULTY, "" if name in ENGINES else MEND)
+
+
+def _lacking(request: Request, trace: Trace) -> Iterator[str]:
+    """What a trace must have of a request and does not, by name."""
+    m = request.mechanism
+    for signal in signals(m.bodies, m.joints):
+        needed = (
+            signal.kind in ("pose", "drive")
+            or (signal.kind == "rate" and request.motion == "driven")
+            or (signal.kind == "reaction" and signal.component in ("x", "y", "moment"))
+            or (signal.kind == "clearance" and signal.place in request.clearances)
+        )
+        if needed and signal.name not in trace.signals:
+            yield signal.name
+    yield from (f"rates of {body.name}" for body in m.bodies if trace.rates and body.name not in trace.rates)
 
 
 def _finer(run: Callable[[Request], Trace], request: Request) -> Trace | None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from analytic.errors import Error
 from analytic.mechanism import Load, Mechanism
+from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ class Channel:
 
     def __repr__(self) -> str:
         known = int(np.count_nonzero(np.isfinite(self.values)))
-        return f"Channel({self.signal.name}, {known} samples, noise {self.noise:.3g})"
+        return f"Channel({self.signal.name}, {count(known, 'sample')}, noise {self.noise:.3g})"
 
 
 @dataclass(frozen=True, repr=False)
@@ -91,7 +92,9 @@ class MeasuredRun:
 
     def __repr__(self) -> str:
         span = f"{self.time[-1] - self.time[0]:.3g} s" if self.time.size else "empty"
-        return f"Run({self.name}, {self.drive}, {self.time.size} samples in {span}: {', '.join(self.channels)})"
+        return (
+            f"Run({self.name}, {self.drive}, {count(self.time.size, 'sample')} in {span}: {', '.join(self.channels)})"
+        )
 
 
 @dataclass(frozen=True, repr=False)
@@ -134,9 +137,10 @@ class Measured:
 
     def __repr__(self) -> str:
         samples = sum(run.time.size for run in self.runs)
-        faults = f", {len(self.faults)} faults" if self.faults else ""
+        faults = f", {count(len(self.faults), 'fault')}" if self.faults else ""
         names = ", ".join(run.name for run in self.runs[:4]) + (", ..." if len(self.runs) > 4 else "")
-        return f"Measured({self.mechanism.name}, {len(self.runs)} runs ({names}), {samples} samples{faults})"
+        runs = count(len(self.runs), "run")
+        return f"Measured({self.mechanism.name}, {runs} ({names}), {count(samples, 'sample')}{faults})"
 
     def _repr_html_(self) -> str:
         return str(importlib.import_module("compare.report.measured").summary_html(self))

@@ -20,6 +20,7 @@ from typing import TextIO
 import numpy as np
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal
 from compare.diagnose.data.recording import LARGEST, MeasuredError, shown
 from compare.diagnose.data.units import UnitError, dimension, factor, listed, readable
@@ -30,6 +31,7 @@ BLOCK = 1 << 20  # characters read at a time
 SHORTEST = 1e-12  # s, between two rows
 HEADER = 100_000  # characters; what has no line end in so many is no table
 TIME = Signal("time", "", "time")
+POINTS = "save it with decimal points"
 DELIMITERS = (",", ";", "\t")
 
 
@@ -92,8 +94,9 @@ def _check_size(path: Path) -> None:
     if rows * columns > CELLS:
         keep = math.ceil(rows * columns / CELLS)
         raise MeasuredError(
-            f"{path.name}: has {rows} rows of {columns} columns, and at most {CELLS // columns} such rows are read; "
-            f"keep one row in {keep}, or cut the run down to the revolutions that matter"
+            f"{path.name}: has {count(rows, 'row')} of {count(columns, 'column')}, and at most"
+            f" {CELLS // columns} such rows are read; keep one row in {keep}, or cut the"
+            f" run down to the revolutions that matter"
         )
 
 
@@ -104,15 +107,13 @@ def _read(name: str, file: TextIO, mechanism: Mechanism) -> Table:
             f"{name}: line 1 is longer than {HEADER} characters; give a CSV file with a header of 'signal [unit]'"
             " columns"
         )
-    delimiter = max(DELIMITERS, key=header.count)
+    delimiter = max(DELIMITERS, key=re.sub(r"\[[^\[\]]*\]", "", header).count)  # a comma may be in a unit
     time, columns = _columns(name, header, delimiter, mechanism)
     names = [f"time [{time.unit}]", *(f"{c.signal.name} [{c.unit}]" for c in columns)]
     blocks = [_block(name, lines, first, delimiter, names) for first, lines in _blocks(file)]
     numbers = np.concatenate([b for b, _ in blocks]) if blocks else np.zeros((0, len(names)))
     if len(numbers) < ROWS:
-        raise MeasuredError(
-            f"{name}: has {len(numbers)} row{'s' * (len(numbers) != 1)} of numbers; at least {ROWS} are needed"
-        )
+        raise MeasuredError(f"{name}: has {count(len(numbers), 'row')} of numbers; at least {ROWS} are needed")
     stamps = numbers[:, 0]
     lines = np.concatenate([n for _, n in blocks])
     _check_order(name, stamps, lines, time.unit)
@@ -130,6 +131,7 @@ def _columns(name: str, header: str, delimiter: str, mechanism: Mechanism) -> tu
             f"{name}: line 1 has numbers where the header should be; begin with a line such as 'time [s],crank_angle"
             " [deg]'"
         )
+    _check_points(name, header)
     columns = [_column(name, k, cell, mechanism) for k, cell in enumerate(cells, 1)]
     signals = [c.signal.name for c in columns]
     if signals[0] != "time":
@@ -142,6 +144,16 @@ def _columns(name: str, header: str, delimiter: str, mechanism: Mechanism) -> tu
     if len(columns) == 1:
         raise MeasuredError(f"{name}: line 1: has no column but time; add the measured signals, separated by commas")
     return columns[0], tuple(columns[1:])
+
+
+def _check_points(name: str, header: str) -> None:
+    """No unit with a comma, as of a file in which every point has become one.  Raises MeasuredError."""
+    unit = re.search(r"\[([^\[\],]*,[^\[\],]*)\]", header)
+    if unit:
+        raise MeasuredError(
+            f"{name}: line 1: unit {shown(unit[1])} has a comma: it looks as if the file has decimal commas;"
+            f" {POINTS}, in units too ({shown(unit[1].replace(',', '.'))})"
+        )
 
 
 def _column(name: str, k: int, cell: str, mechanism: Mechanism) -> Column:
@@ -221,10 +233,10 @@ def _cell_by_cell(
             continue
         where = f"{name}: line {number}"
         if len(cells) != len(names):
-            hint = "; a decimal comma must be a decimal point" if delimiter == "," and len(cells) > len(names) else ""
+            hint = f"; if the file has decimal commas, {POINTS}" if delimiter == "," and len(cells) > len(names) else ""
             raise MeasuredError(
-                f"{where} has {len(cells)} cells and the header {len(names)}; leave an absent cell empty between"
-                f" commas{hint}"
+                f"{where} has {count(len(cells), 'cell')} and the header {len(names)}; leave an absent cell empty"
+                f" between commas{hint}"
             )
         rows.append([_value(f"{where}, column {column!r}", cell) for column, cell in zip(names, cells, strict=True)])
         numbers.append(number)
@@ -238,7 +250,7 @@ def _value(where: str, cell: str) -> float:
         return math.nan
     value = _number(cell)
     if value is None and re.fullmatch(r"[-+]?\d+,\d+(e[-+]?\d+)?", cell, re.IGNORECASE):
-        raise MeasuredError(f"{where}: {shown(cell)} has a decimal comma; write a decimal point")
+        raise MeasuredError(f"{where}: {shown(cell)} has a decimal comma; {POINTS}")
     if value is None or math.isinf(value):
         raise MeasuredError(
             f"{where}: {shown(cell)} is not a finite number; leave the cell empty where there is no reading"

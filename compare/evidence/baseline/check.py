@@ -11,6 +11,7 @@ from analytic.kinematics.closure import AssemblyError
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import shipped_cases
+from analytic.mechanism.one_line import count
 from compare.arguments import Linkage, Simulators, linkage
 from compare.arguments import path as checked_path
 from compare.evidence.baseline.file import Baseline, BaselineError, StoredRun, owned, read, write
@@ -93,7 +94,7 @@ def _each(work: Work, cases: Cases | None, simulators: Simulators, folder: Path,
     done = len(entries) - len(faults)
     return Baselines(
         stored=str(folder),
-        made_again=f"{done} of {len(entries)} baselines",
+        made_again=f"{done} of {count(len(entries), 'baseline')}",
         differences=tuple(differences),
         notes=tuple(notes),
         left_out=(*left_out, *faults),

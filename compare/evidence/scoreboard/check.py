@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from analytic.mechanism.one_line import count
 from compare.arguments import cores
 from compare.evidence.scoreboard.board import FULL, board, digest, run_all, seeds
 from compare.evidence.stored import read, store
@@ -35,7 +36,7 @@ def check_scoreboard(
     code = "of this very code" if stored.code == digest() else "of other code than this"
     return ScoreboardCheck(
         stored=str(path),
-        made_again=f"{len(found)} of {len(before)} sets made again",
+        made_again=f"{len(found)} of {count(len(before), 'set')} made again",
         differences=tuple(
             f"seed {r.seed}: was {before[r.seed].outcome}, is {r.outcome}"
             for r in found

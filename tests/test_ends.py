@@ -1,0 +1,157 @@
+"""How the command ends where it is not let finish: nobody reads what it prints, Ctrl-C; and what it says once."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from unittest import mock
+
+import pytest
+
+from analytic.mechanism.checks import MechanismWarning
+from analytic.mechanism.file import dumps, load
+from commands import compare
+
+ROOT = Path(__file__).parents[1]
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
+posix = pytest.mark.skipif(os.name != "posix", reason="signals and pipes of POSIX")
+
+
+def started(*arguments: str, cwd: Path, stdout: int = subprocess.PIPE) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "compare", *arguments],
+        cwd=cwd,
+        env=ENVIRONMENT,
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+    )
+
+
+@posix
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["cases"],
+        ["--help"],
+        ["analyse", "--json", "--out", "out"],
+        ["--simulator", "mujoco", "--joint", "contact", "--analytic", "first_order", "--angles", "30:60:30"],
+    ],
+    ids=lambda a: a[0],
+)
+def test_a_reader_that_goes_away_is_no_verdict(arguments: list[str], tmp_path: Path) -> None:
+    reads, writes = os.pipe()
+    os.close(reads)
+    done = started(*arguments, cwd=tmp_path, stdout=writes)
+    os.close(writes)
+    _, said = done.communicate(timeout=120)
+    assert done.returncode == 128 + signal.SIGPIPE, said
+    assert b"Traceback" not in said
+    assert b"Broken" not in said
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--simulator", "mujoco", "--out"],
+        ["analyse", "--out"],
+        ["simulate", "--out"],
+        ["accuracy", "--out"],
+        ["validity", "--speeds", "60", "--clearances", "1e-4", "--out"],
+        ["diagnose", "measured.toml", "--out"],
+        ["export", "--simulator", "mujoco", "--out"],
+        ["scoreboard", "show", "7", "--out"],
+        ["scoreboard", "update", "--reports"],
+        ["validation", "update", "--reports"],
+        ["baseline", "update", "--baselines"],
+        ["baseline", "check", "--junit"],
+    ],
+    ids=lambda a: " ".join((a[0], a[-1])),
+)
+@pytest.mark.parametrize("empty", ["", " "])
+def test_an_empty_folder_name_is_refused(arguments: list[str], empty: str, tmp_path: Path) -> None:
+    done = compare(*arguments, empty, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "it is empty; name a folder, or give . for the current one" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+INTERRUPTED = {
+    "cross-check": ("compare.crosscheck.crosscheck_job", ["--simulator", "mujoco"], "compare: stopped\n"),
+    "accuracy": ("compare.accuracy.accuracy", ["accuracy"], "compare: stopped\n"),
+    "export": ("compare.export.exported", ["export", "--simulator", "mujoco"], "compare: stopped\n"),
+    "validity": (
+        "compare.domain_map.validity.mapped",
+        ["validity", "--speeds", "60", "--clearances", "1e-4"],
+        "compare: stopped; the same command goes on where it stopped\n",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", INTERRUPTED)
+@pytest.mark.parametrize("there", [False, True], ids=["new folder", "old folder"])
+def test_an_interrupt_is_one_line_and_leaves_no_empty_folder(what: str, there: bool, tmp_path: Path) -> None:
+    place, arguments, said = INTERRUPTED[what]
+    if there:
+        (tmp_path / "deep" / "out").mkdir(parents=True)
+    with mock.patch(place, side_effect=KeyboardInterrupt):
+        done = compare(*arguments, "--out", "deep/out", cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", said)
+    assert (tmp_path / "deep" / "out").exists() is there
+    assert (tmp_path / "deep").exists() is there
+
+
+def test_a_scoreboard_says_that_it_goes_on(tmp_path: Path) -> None:
+    with mock.patch("compare.evidence.scoreboard.check.update_scoreboard", side_effect=KeyboardInterrupt):
+        done = compare("scoreboard", "update", "--reports", "board", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (130, "compare: stopped; the same command goes on where it stopped\n")
+
+
+@posix
+@pytest.mark.mujoco
+def test_a_map_that_is_interrupted_from_the_keyboard_goes_on(tmp_path: Path) -> None:
+    arguments = [
+        "validity",
+        "--case",
+        "crank-rocker",
+        "--speeds",
+        "60,120,300,600,900",
+        "--clearances",
+        "1e-5,2e-5,5e-5,1e-4,2e-4,5e-4",
+    ]
+    running = started(*arguments, "--out", "out", "--workers", "1", cwd=tmp_path)
+    until = time.monotonic() + 60
+    while not list((tmp_path / "out" / "runs").glob("*.json")) and time.monotonic() < until:
+        time.sleep(0.02)
+    running.send_signal(signal.SIGINT)
+    _, said = running.communicate(timeout=60)
+    assert running.returncode == 130
+    assert said.decode() == "compare: stopped; the same command goes on where it stopped\n"
+    assert list((tmp_path / "out" / "runs").glob("*.json"))
+
+
+@pytest.mark.mujoco
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--simulator", "mujoco", "--joint", "contact", "--motion", "static", "--angles", "30:60:30"],
+        ["analyse", "--motion", "static"],
+        ["simulate", "--motion", "static"],
+        ["accuracy", "--motion", "static", "--samples", "20"],
+        ["validity", "--speeds", "60", "--clearances", "1e-4", "--workers", "1"],
+        ["export", "--simulator", "mujoco", "--motion", "static", "--angles", "30:60:30"],
+    ],
+    ids=lambda a: a[0],
+)
+def test_a_warning_is_said_once(arguments: list[str], tmp_path: Path) -> None:
+    paper = load("paper")
+    with pytest.warns(MechanismWarning):
+        long = paper.with_body("coupler", points=dict(paper.moving["coupler"].points) | {"tip": (21.0, 0.0)})
+    (tmp_path / "long.toml").write_text(dumps(long), encoding="utf-8")
+    done = compare(*arguments, "--case", "long.toml", "--out", "out", cwd=tmp_path)
+    warned = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
+    assert len([line for line in warned if "was it meant in millimetres?" in line]) == 1, done.stderr
+    assert len(set(warned)) == len(warned)
