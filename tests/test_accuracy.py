@@ -202,10 +202,10 @@ def test_inertia_presses_the_pins_too() -> None:
 
 
 def at_rest_in_engines() -> Iterator[Any]:
-    """Engine, joint model and linkage; Bullet balances the contacts of several loops in seconds."""
+    """Engine, joint model and linkage; PyBullet and DART balance the contacts of several loops in seconds."""
     for case, simulator, joint_model in product(LOADED, ENGINES, ("massless-link", "contact")):
         if (joint_model, "static") in declared(simulator).capabilities.runs:
-            long = (case, simulator, joint_model) == ("six-bar", "pybullet", "contact")
+            long = simulator in ("pybullet", "dart")
             row = (LOADED[case], joint_model, simulator)
             yield pytest.param(*row, id=f"{case}-{joint_model}-{simulator}", marks=[pytest.mark.slow] if long else [])
 

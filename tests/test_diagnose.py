@@ -333,7 +333,7 @@ def test_a_tolerance_that_is_wide_enough_rules_nothing_out(longer_follower: Meas
 @pytest.mark.parametrize(
     "rotation",
     [
-        pytest.param(math.pi, id="upside down"),
+        pytest.param(math.pi, id="upside down", marks=pytest.mark.slow),
         pytest.param(0.3, id="turned", marks=pytest.mark.slow),
         pytest.param(-math.pi / 2, id="on its side", marks=pytest.mark.slow),
     ],

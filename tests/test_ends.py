@@ -111,6 +111,7 @@ def test_a_scoreboard_says_that_it_goes_on(tmp_path: Path) -> None:
 
 
 @posix
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_a_map_that_is_interrupted_from_the_keyboard_goes_on(tmp_path: Path) -> None:
     arguments = [

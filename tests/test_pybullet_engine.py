@@ -110,7 +110,7 @@ def test_a_contact_strut_holds_at_its_length_and_not_before() -> None:
 # ---------------------------------------------------------------- driven
 
 
-@pytest.mark.parametrize("name", LINKAGES)
+@pytest.mark.parametrize("name", [name if name != "inverted slider in reverse" else slow(name)[0] for name in LINKAGES])
 def test_ideal_driven_linkages_reproduce_kinetostatics(name: str) -> None:
     m, degrees = LINKAGES[name]
     assert_kinetostatics(run(ENGINE, m, "ideal", "driven", degrees), m, 3e-4)

@@ -60,6 +60,8 @@ SLOW = {"link_flexibility", "drive_compliance"} | {
     "gravity",
     "pivot_position",
     "load_torque",
+    "joint_spring",
+    "speed_ripple",
 }
 MORE_SENSORS = {"com_offset": {"coupler_y": 1e-5}}
 
