@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from commands import ROOT
 
 SELECTION = [
@@ -17,6 +19,7 @@ SELECTION = [
 ]
 
 
+@pytest.mark.slow
 def test_an_engine_that_cannot_be_imported_is_one_line_of_the_summary_and_no_error(tmp_path: Path) -> None:
     (tmp_path / "exudyn.py").write_text("raise ImportError('hidden')\n", encoding="utf-8")
     paths = os.pathsep.join([str(tmp_path), str(ROOT), os.environ.get("PYTHONPATH", "")])

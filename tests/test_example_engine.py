@@ -12,6 +12,7 @@ from unittest import mock
 import pytest
 
 import commands
+from marks import slow
 from sim_models.engine import offers
 
 ROOT = Path(__file__).parents[1]
@@ -104,7 +105,7 @@ OFFERS = {
 }
 
 
-@pytest.mark.parametrize("offer", OFFERS)
+@pytest.mark.parametrize("offer", ["a module that is not there", *slow("no engine", "the name of a built-in one")])
 def test_an_offer_that_cannot_be_used_is_one_sentence(offer: str, tmp_path: Path) -> None:
     name, value, words = OFFERS[offer]
     packages = installed(tmp_path / "packages", name, value)

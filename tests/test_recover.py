@@ -62,6 +62,7 @@ SLOW = {"link_flexibility", "drive_compliance"} | {
     "load_torque",
     "joint_spring",
     "speed_ripple",
+    "coulomb_friction",
 }
 MORE_SENSORS = {"com_offset": {"coupler_y": 1e-5}}
 

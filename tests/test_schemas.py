@@ -24,6 +24,7 @@ from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import FREE_TIME, default_angles
 from compare.judge.tolerances import Known
 from compare.results.schemas import documents
+from marks import slow
 from planted import Planted, turned
 from sim_models.engine import Motion
 
@@ -132,7 +133,7 @@ CASES: dict[str, Callable[[], Any]] = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", [slow(c)[0] if c == "flagged angles" else c for c in CASES])
 def test_what_is_written_is_what_the_schema_says(case: str) -> None:
     result = CASES[case]()
     assert faults(result) == []

@@ -391,6 +391,7 @@ def test_a_seal_with_an_effect_of_no_size_is_refused(tmp_path: Path) -> None:
         opened(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_set_that_is_shown_is_as_its_schema_says_and_in_words_for_a_person(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["scoreboard", "show", "2", "--json", "--out", str(tmp_path / "o")])
     assert done.exit_code == 0, done.output

@@ -262,6 +262,7 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
             process.wait(60)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
 def test_a_cluster_gives_the_same_numbers_though_a_worker_is_killed_half_way(
     cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path

@@ -191,6 +191,7 @@ def test_an_error_in_other_units_says_which() -> None:
         engine("mujoco").simulate(Request(linkage(Scale(1e-6, 1e-3, 1.0)), "ideal", "driven", TURN))
 
 
+@pytest.mark.slow
 def test_the_scales_of_the_report_span_what_they_should() -> None:
     every = scales()
     assert {s.length for s in every} >= {1e-6, 30.0}

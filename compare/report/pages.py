@@ -54,6 +54,7 @@ def render(
         "first_run": _worst_first(sorted(runs, key=_shown_first))[0].index if runs else None,
         "runs_with_order": _first_per_clearance(summary),
         "same_order": _same_order(runs),
+        "spans": list(dict.fromkeys(run.span for run in runs if run.span)),
         "free": any(run.free for run in runs),
         "flagged": any(run.flags for run in runs),
         "setting_names": _once(name for run in runs for name in run.settings),

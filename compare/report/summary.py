@@ -102,6 +102,7 @@ class ShownRun:
     free: tuple[tuple[str, float], ...]  # joint, per cent of the time without contact
     order: tuple[Order, ...]
     settings: Mapping[str, SettingValue]
+    span: str  # what was compared: how many samples, from where to where
     reason: str = ""  # why nothing could be compared
     because: str = ""  # why it disagrees
     assumption: str = ""  # and which assumption of the analytic model that is
@@ -227,6 +228,7 @@ def _run(index: int, run: results.Run, mechanism: Mechanism, signals: Mapping[st
         free=tuple((joint, 100 * share) for joint, share in run.free_share.items()),
         order=tuple(sorted(order, key=place)),
         settings=run.settings,
+        span=_span(run, mechanism),
         reason=run.reason,
         because=run.because.words if run.because else "",
         assumption=run.because.assumption if run.because else "",
@@ -257,6 +259,15 @@ def _ranges(samples: list[int], x: Sequence[float], unit: str) -> Iterator[str]:
         first, last = plain(x[samples[0]], 4), plain(x[samples[size - 1]], 4)
         yield f"{first} {unit}" if size == 1 else f"{first} to {last} {unit}, every {plain(abs(step), 4)} {unit}"
         samples = samples[size:]
+
+
+def _span(run: results.Run, mechanism: Mechanism) -> str:
+    """How many samples a run has, and over what: ``29 crank angles, 20 to 160 deg``."""
+    _, unit, factor, x = abscissa(run, mechanism)
+    if not x:
+        return ""
+    samples = count(len(x), "instant" if unit == "s" else "crank angle")
+    return f"{samples}, {plain(factor * min(x), 5)} to {plain(factor * max(x), 5)} {unit}"
 
 
 def _row(d: results.Discrepancy, run: results.Run, mechanism: Mechanism, signals: Mapping[str, Quantity]) -> Row:
