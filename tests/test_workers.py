@@ -109,7 +109,7 @@ class Command:
 def words(command: Command) -> str:
     """What it said on standard error, but for lines of its own."""
     lines = command.said.read_text(encoding="utf-8").splitlines()
-    return "\n".join(line for line in lines if line and not line.startswith(("left out: ", "Aborted")))
+    return "\n".join(line for line in lines if line and not line.startswith(("left out: ", "compare: stopped")))
 
 
 @pytest.mark.parametrize("how", ["killed", *slow("terminated", "interrupted")])
