@@ -222,6 +222,7 @@ def test_a_run_that_is_proposed_is_read_back_with_its_loads(loads: tuple[Load, .
     assert (entry.drive_speed, entry.drive_angle, entry.loads) == (run.speed, run.angle, loads)
 
 
+@pytest.mark.slow
 def test_a_sensor_that_is_proposed_comes_with_the_noise_that_it_may_have() -> None:
     """A pendulum's period has the ratio of its weight to its inertia; the force in its pivot has more."""
     believed = load("pendulum")
