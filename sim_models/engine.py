@@ -419,7 +419,7 @@ def broken(package: str) -> str:
     try:
         with silence(), uninterrupted():
             importlib.import_module(package)
-    except Exception as error:  # noqa: BLE001 - a broken installation raises whatever it likes, and the other engines are to go on
+    except Exception as error:  # noqa: BLE001 - a broken installation raises whatever it likes
         return _in_a_line(error)
     return ""
 

@@ -263,6 +263,14 @@ def test_a_signal_with_nothing_to_compare_is_a_dash_and_not_a_zero(tmp_path: Pat
     assert "| \N{EN DASH} | - | \N{EN DASH} |" in (tmp_path / "report.md").read_text(encoding="utf-8")
 
 
+def test_the_page_says_which_body_pushes_which_and_how_angles_count(tmp_path: Path) -> None:
+    write_report(sample_result("paper"), tmp_path)
+    for name in ("report.html", "report.md"):
+        text = (tmp_path / name).read_text(encoding="utf-8")
+        assert "B of coupler on follower" in text
+        assert "counter-clockwise from the ground" in text
+
+
 @pytest.mark.parametrize(
     "nasty",
     [

@@ -70,7 +70,7 @@ class Part(BaseModel):
         except ValidationError as error:
             raise MechanismError(f"{type(self).__name__}: {'; '.join(describe(error, fields, type(self)))}") from None
 
-    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # else files are read through it, place by place
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # else it reads files too
 
 
 class Ground(Part):

@@ -42,7 +42,7 @@ def main() -> None:
     try:
         with reader_may_go():
             app(prog_name="compare")
-    except Exception as error:  # noqa: BLE001 - Python's own status for it is 1, which means that the two sides disagree
+    except Exception as error:  # noqa: BLE001 - Python's own status, 1, means that the two sides disagree
         traceback.print_exc()
         typer.echo(
             f"compare: unforeseen fault ({type(error).__name__}: {error}); it is this program's: please report it with"

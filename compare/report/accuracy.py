@@ -118,7 +118,8 @@ def _notes(result: Accuracy) -> list[str]:
     sizes = ", ".join(f"{joint} {1e3 * c:.4g} mm" for joint, c in result.clearance.items()) or "none"
     closed = "each closed again" if result.nonlinear else "to first order"
     notes = [
-        "largest over the crank angles; sigma with contacts anywhere on the rim, worst case to either side",
+        "x and y in the ground frame; largest over the crank angles; worst case to either side;"
+        " sigma with contacts anywhere on the rim",
         (
             f"{result.case}: {result.motion}, clearance {sizes}; {count(result.samples, 'sample')} {closed},"
             f" seed {result.seed}"

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from compare.quantities import number, setting
 from compare.report.figures import Figure
 from compare.report.linkage import explorer
-from compare.report.summary import MODELS, REAL, WORDS, ShownRun, Summary, released
+from compare.report.summary import MODELS, REAL, WORDS, ShownRun, Summary, frame_and_signs, released
 from compare.results.crosscheck import CrossCheck
 from compare.results.document import as_written
 
@@ -54,6 +54,7 @@ def render(
         "first_run": _worst_first(sorted(runs, key=_shown_first))[0].index if runs else None,
         "runs_with_order": _first_per_clearance(summary),
         "same_order": _same_order(runs),
+        "frame_and_signs": frame_and_signs(result.mechanism),
         "spans": list(dict.fromkeys(run.span for run in runs if run.span)),
         "free": any(run.free for run in runs),
         "flagged": any(run.flags for run in runs),

@@ -261,6 +261,16 @@ def _ranges(samples: list[int], x: Sequence[float], unit: str) -> Iterator[str]:
         samples = samples[size:]
 
 
+def frame_and_signs(mechanism: Mechanism) -> str:
+    """On which body each force acts, and from where an angle counts, for a reader of the numbers."""
+    pairs = ", ".join(f"{j.name} of {j.bodies[0]} on {j.bodies[1]}" for j in mechanism.joints)
+    return (
+        f"Reactions are forces at {pairs}, in the ground frame; a displacement in a joint is the first body's pin"
+        " centre minus the second's. Angles count counter-clockwise from the ground's x axis, and the drive torque is"
+        f" the motor's on the {mechanism.driven}."
+    )
+
+
 def _span(run: results.Run, mechanism: Mechanism) -> str:
     """How many samples a run has, and over what: ``29 crank angles, 20 to 160 deg``."""
     _, unit, factor, x = abscissa(run, mechanism)

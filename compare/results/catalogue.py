@@ -17,7 +17,7 @@ class _List(Document):
     @property
     def entries(self) -> tuple[Part, ...]:
         """What is listed."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} has to say what it lists")
 
     def __len__(self) -> int:
         return len(self.entries)

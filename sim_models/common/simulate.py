@@ -69,7 +69,7 @@ def answered(name: str, request: Request, run: Callable[[Request], Trace]) -> Tr
         trace = run(request)
     except (SimulationError, SimulatorMissing, Unsupported, AssemblyError, OverflowError):
         raise
-    except Exception as error:
+    except Exception as error:  # an engine of another package raises whatever it likes; ours are not to hide faults
         if name in ENGINES:
             raise
         raise broken_off(name, request, error) from error

@@ -91,7 +91,7 @@ class ExudynModel:
         return self.mbs.AddMarker(self.items.MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate))
 
     def _add_body(self, name: str, pose: Pose) -> None:
-        body = self.m.body(name)
+        body = self.m.moving[name]
         arm = body.point(MASS_CENTRE) * cmath.exp(1j * pose.angle)
         com, velocity = pose.origin + arm, pose.velocity + 1j * pose.angular_velocity * arm
         node = self.mbs.AddNode(
@@ -102,7 +102,7 @@ class ExudynModel:
         )
         self.nodes[name] = node
         self._body[name] = self.mbs.AddObject(
-            self.items.ObjectRigidBody2D(mass=body.mass, inertia=body.moment_of_inertia, nodeNumber=node)  # type: ignore[union-attr]
+            self.items.ObjectRigidBody2D(mass=body.mass, inertia=body.moment_of_inertia, nodeNumber=node)
         )
         for kind in ("Coordinates", "Coordinates_t", "Coordinates_tt"):
             self._sense(f"{kind} {name}", self.items.SensorNode, kind, nodeNumber=node)
