@@ -21,7 +21,7 @@ from analytic.paper.kinetostatics import kinetostatics
 from sim_models.engine import Request, engine
 
 
-def report(benchmark, work: Callable[[], object], count: int, what: str) -> None:  # type: ignore[no-untyped-def]
+def report(benchmark, work: Callable[[], object], count: int, what: str) -> None:
     benchmark(work)
     each = benchmark.stats.stats.min / count * 1e6
     benchmark.extra_info[what] = each
@@ -30,40 +30,40 @@ def report(benchmark, work: Callable[[], object], count: int, what: str) -> None
 
 @pytest.mark.parametrize("case", ["crank-rocker", "slider-crank", "six-bar"])
 @pytest.mark.parametrize("count", [100, 10_000])
-def test_kinematics_and_all_reactions(benchmark, case: str, count: int) -> None:  # type: ignore[no-untyped-def]
+def test_kinematics_and_all_reactions(benchmark, case: str, count: int) -> None:
     m = load(case)
     assembly, theta = Assembly(m), np.linspace(0.0, 6.2, count)
     report(benchmark, lambda: kinetostatics(kinematics(assembly, theta, m.speed or 0.0)), count, "us per configuration")
 
 
-def test_equilibrium_with_a_finite_gap(benchmark) -> None:  # type: ignore[no-untyped-def]
+def test_equilibrium_with_a_finite_gap(benchmark) -> None:
     assembly, theta = Assembly(load("paper")), np.linspace(0.4, 2.7, 10_000)
     report(benchmark, lambda: displaced(assembly, theta, 1.0, inertia=False), 10_000, "us per configuration")
 
 
 @pytest.mark.parametrize("pins", ["B", "BE"])
-def test_equilibrium_of_a_running_crank_rocker(benchmark, pins: str) -> None:  # type: ignore[no-untyped-def]
+def test_equilibrium_of_a_running_crank_rocker(benchmark, pins: str) -> None:
     m = load("crank-rocker")
     assembly, theta, gaps = Assembly(m), np.radians(np.linspace(0.0, 360.0, 721)), dict.fromkeys(pins, 2e-4)
     report(benchmark, lambda: displaced(assembly, theta, m.speed or 0.0, clearances=gaps), 721, "us per configuration")
 
 
 @pytest.mark.parametrize("case", ["paper", "crank-rocker"])
-def test_compliance_of_links_and_joints(benchmark, case: str) -> None:  # type: ignore[no-untyped-def]
+def test_compliance_of_links_and_joints(benchmark, case: str) -> None:
     m = load(case)
     motion = kinematics(Assembly(m), np.linspace(0.4, 2.7, 721), m.speed or 0.0)
     report(benchmark, lambda: compliance(motion, inertia=True), 721, "us per configuration")
 
 
 @pytest.mark.parametrize("joint_model", ["ideal", "massless-link", "spring-damper", "contact"])
-def test_a_driven_mujoco_run(benchmark, joint_model: str) -> None:  # type: ignore[no-untyped-def]
-    request = Request(load("paper"), joint_model, "driven", np.radians(np.arange(20.0, 161.0, 5.0)))  # type: ignore[arg-type]
+def test_a_driven_mujoco_run(benchmark, joint_model: str) -> None:
+    request = Request(load("paper"), joint_model, "driven", np.radians(np.arange(20.0, 161.0, 5.0)))
     mujoco = engine("mujoco")
     steps = round(np.radians(140.0) / 1.5707963267948966 / mujoco.simulate(request).settings["step"])
     report(benchmark, lambda: mujoco.simulate(request), steps, "us per step")
 
 
-def test_writing_the_report_of_two_engines(benchmark, tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_writing_the_report_of_two_engines(benchmark, tmp_path) -> None:
     from sample_result import sample_result, write_report
 
     result = sample_result("crank-rocker", {"B": 2e-4, "E": 1e-4}, ("mujoco", "exudyn"))
@@ -71,7 +71,7 @@ def test_writing_the_report_of_two_engines(benchmark, tmp_path) -> None:  # type
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["--simulator", "mujoco", "--out", "out"]], ids=["help", "main job"])
-def test_the_whole_process(benchmark, arguments: list[str], tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_the_whole_process(benchmark, arguments: list[str], tmp_path) -> None:
     command = [sys.executable, "-m", "compare", *arguments]
     report(
         benchmark, lambda: subprocess.run(command, cwd=tmp_path, capture_output=True, check=True), 1, "us per process"

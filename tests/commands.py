@@ -52,7 +52,7 @@ def compare_alone(*arguments: str, cwd: Path, **environment: str) -> Ended:
 
 
 @contextlib.contextmanager
-def without(*packages: str):  # type: ignore[no-untyped-def]
+def without(*packages: str):
     """Packages that are not installed, as far as this process looks for them."""
     import importlib.util
 

@@ -31,7 +31,7 @@ LINKAGES = {
 def run(
     engine: Engine, mechanism: Mechanism, joint_model: JointModel, motion: Motion, degrees: object, **options: object
 ) -> Trace:
-    return engine.simulate(Request(mechanism, joint_model, motion, np.radians(degrees), **options))  # type: ignore[arg-type]
+    return engine.simulate(Request(mechanism, joint_model, motion, np.radians(degrees), **options))
 
 
 def vector(trace: Trace, name: str) -> np.ndarray:
@@ -80,7 +80,7 @@ def assert_spring_law(trace: Trace, stiffness: float) -> None:
 def fast_crank_rocker(clearance: float, damping: float) -> Mechanism:
     """600 rpm, K = 1e6 N/m."""
     m = load("crank-rocker").with_joint("B", clearance=clearance, contact_stiffness=1e6, contact_damping=damping)
-    return m.replace(drive=m.drive.model_copy(update={"speed": 20 * np.pi}))  # type: ignore[union-attr]
+    return m.replace(drive=m.drive.model_copy(update={"speed": 20 * np.pi}))
 
 
 def exact_motion(m: Mechanism, theta: np.ndarray, tolerance: float) -> ClearanceMotion:

@@ -74,7 +74,7 @@ def inverted_slider() -> Mechanism:
 def six_bar_driven_from_the_rocker() -> Mechanism:
     """The shipped Stephenson six-bar with its drive at G: the rest is one Assur group of four bodies, no dyad in it."""
     m = load("six-bar")
-    return m.replace(drive=m.drive.model_copy(update={"joint": "G", "speed": 3.0}))  # type: ignore[union-attr]
+    return m.replace(drive=m.drive.model_copy(update={"joint": "G", "speed": 3.0}))
 
 
 SCOTCH_YOKE = """

@@ -215,7 +215,7 @@ def test_a_simulation_with_clearance_in_every_joint_agrees(m: Mechanism, joint_m
     engine = declared(simulator)
     theta = CYCLE[::3]
     found = at_rest(m, C, theta)
-    trace = engine.simulate(Request(m.with_clearances(dict.fromkeys(found.pins, C)), joint_model, "static", theta))  # type: ignore[arg-type]
+    trace = engine.simulate(Request(m.with_clearances(dict.fromkeys(found.pins, C)), joint_model, "static", theta))
     ideal = found.total.clearance.ideal
     simulated = moved(m, {d: trace.signals[d.name] - d.value(ideal.motion) for d in everything(m)})
     stiffness = trace.settings.get("contact_stiffness") or np.inf
@@ -281,7 +281,7 @@ def test_monte_carlo_meets_its_formula_to_2_percent(m: Mechanism, contacts: str,
     found = at_rest(m, c, CYCLE[::6])
     tolerance = np.linspace(0.2, 0.8, len(found.pins)) * c
     drawn = draw(found.clearances, tolerance, 20_000, seed=7)
-    spreads = population(found).distribution(drawn, contacts, nonlinear).spreads  # type: ignore[arg-type]
+    spreads = population(found).distribution(drawn, contacts, nonlinear).spreads
     for d, spread in spreads.items():
         moves = spread.formula > 0.01 * spread.formula.max()
         if spread.formula.max() > 1e-5 * c:

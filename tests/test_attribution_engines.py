@@ -47,7 +47,7 @@ class HeavyCoupler:
 @pytest.mark.parametrize("culprit", [*INSTALLED[:1], *slow(*INSTALLED[1:])])
 def test_an_engine_with_a_mass_5_percent_off_stands_apart(culprit: str) -> None:
     def resolve(name: str) -> Engine:
-        return HeavyCoupler(engine(name)) if name == culprit else engine(name)  # type: ignore[return-value]
+        return HeavyCoupler(engine(name)) if name == culprit else engine(name)
 
     job = Job(load("crank-rocker"), INSTALLED, load_tolerances(), "driven", TURN)
     result = crosscheck_job(job, resolve=resolve)

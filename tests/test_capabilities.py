@@ -48,7 +48,7 @@ COMPLIANCE = 400.0  # N.m/rad
 
 def loaded(case: str) -> Mechanism:
     m = load(case)
-    return m.replace(gravity=(0.0, -9.81), drive=m.drive.model_dump(exclude_unset=True) | {"speed": SPEED})  # type: ignore[union-attr]
+    return m.replace(gravity=(0.0, -9.81), drive=m.drive.model_dump(exclude_unset=True) | {"speed": SPEED})
 
 
 def mechanism(model: JointModel, feature: Feature | None) -> Mechanism:
@@ -61,7 +61,7 @@ def mechanism(model: JointModel, feature: Feature | None) -> Mechanism:
     laws["joint_spring"] = {"stiffness": 3.0, "rest_angle": 0.2}
     if feature in laws:
         return m.with_joint("A", **laws[feature])
-    drive = m.drive.model_dump(exclude_unset=True)  # type: ignore[union-attr]
+    drive = m.drive.model_dump(exclude_unset=True)
     if feature == "drive_compliance":
         return m.replace(drive=drive | {"stiffness": COMPLIANCE})
     if feature == "released":
@@ -108,7 +108,7 @@ EVERY: list[tuple[str, What, Pair, Feature | None]] = [
     for what in ("rigid", "beams", "export")
     for pair in PAIRS
     for feature in (None, *FEATURES)
-    if feature is None or (sensible(feature, pair) and pair in scopes(declared(name).capabilities)[what].runs)  # type: ignore[index]
+    if feature is None or (sensible(feature, pair) and pair in scopes(declared(name).capabilities)[what].runs)
 ]
 DECLARED = [row for row in EVERY if has(scopes(declared(row[0]).capabilities)[row[1]], *row[2:])]
 REFUSED = [row for row in EVERY if row not in DECLARED]

@@ -260,7 +260,7 @@ def test_an_unforeseen_fault_is_no_disagreement(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("field", "value"), [("stiffness", 100.0), ("ripple", Ripple(amplitude=0.01, harmonic=2))])
 def test_a_drive_is_taken_as_rigid_and_even_and_the_user_is_told(field: str, value: object, tmp_path: Path) -> None:
     m = load("paper")
-    own = m.replace(drive=m.drive.model_copy(update={field: value}))  # type: ignore[union-attr]
+    own = m.replace(drive=m.drive.model_copy(update={field: value}))
     arguments = ["--motion", "static", "--joint", "ideal", "--angles", "30:60:15", "--out", "o"]
     done = compare("--simulator", "mujoco", "--case", saved(tmp_path, dumps(own)), *arguments, cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -116,7 +116,7 @@ def test_an_engine_agrees_with_the_analytic_model(name: str, model: JointModel, 
 def test_a_crank_at_rest_is_behind_its_motor_by_torque_over_stiffness(name: str, model: JointModel) -> None:
     """And the linkage is where a rigid drive would hold it with the crank there."""
     rigid = load("paper").with_clearances({"B": 1e-3} if model == "contact" else {})
-    drive = rigid.drive.model_dump(exclude_unset=True) | {"stiffness": 300.0}  # type: ignore[union-attr]
+    drive = rigid.drive.model_dump(exclude_unset=True) | {"stiffness": 300.0}
     theta = np.radians([40.0, 90.0, 130.0])
     found = engine(name).simulate(Request(rigid.replace(drive=drive), model, "static", theta)).signals
     lag = theta - found["crank_angle"]

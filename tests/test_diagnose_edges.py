@@ -46,7 +46,7 @@ def swings(real: Mechanism = PENDULUM) -> Measured:
 
 
 def statuses(result: dict[str, object], name: str) -> set[str]:
-    rows = [c for c in result["candidates"] if c["name"] == name]  # type: ignore[attr-defined]
+    rows = [c for c in result["candidates"] if c["name"] == name]
     return {c["status"] for c in rows}
 
 
@@ -136,7 +136,7 @@ def two_rates(drive: str = "speed") -> MeasuredRun:
         run,
         drive=drive,
         channels={**run.channels, "follower_angle": replace(run.channels["follower_angle"], values=sparse)},
-    )  # type: ignore[arg-type]
+    )
 
 
 @pytest.mark.parametrize("every", [2, 4, 8])

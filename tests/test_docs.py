@@ -166,7 +166,7 @@ def test_the_effect_of_one_s_own_is_found_in_data_that_have_it(
     names: dict[str, object] = {"__name__": "example"}
     exec(compile(example, "effect.md", "exec"), names)
     assert capsys.readouterr().out.strip() == "explained [('bearing_drag', 'linkage')]"
-    damping = names["found"].effects[0].parameters["damping"]  # type: ignore[attr-defined]
+    damping = names["found"].effects[0].parameters["damping"]
     assert damping.low < 3e-3 < damping.high
     assert (tmp_path / "my-diagnosis" / "diagnosis.html").stat().st_size > 10_000
 

@@ -45,7 +45,7 @@ runpy.run_path(sys.argv[1], run_name="__main__")
 def request(
     m: Mechanism, joint_model: str = "ideal", motion: str = "driven", degrees: object = (30, 33, 32, 30), **more: object
 ) -> Request:
-    return Request(m, joint_model, motion, np.radians(np.array(degrees, float)), **more)  # type: ignore[arg-type]
+    return Request(m, joint_model, motion, np.radians(np.array(degrees, float)), **more)
 
 
 PAPER = load("paper").with_clearances({"B": 1e-3})

@@ -207,7 +207,7 @@ class Crank:
 
 def sprung(m: Mechanism, stiffness: float, speed: float | str = SPEED) -> Mechanism:
     assert m.drive is not None
-    return m.replace(drive=Drive(joint=m.drive.joint, speed=speed, stiffness=stiffness))  # type: ignore[arg-type]
+    return m.replace(drive=Drive(joint=m.drive.joint, speed=speed, stiffness=stiffness))
 
 
 @pytest.mark.slow

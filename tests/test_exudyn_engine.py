@@ -34,11 +34,11 @@ REAL: tuple[JointModel, ...] = ("massless-link", "spring-damper", "contact")
 def run(
     mechanism: Mechanism, joint_model: JointModel, motion: Motion, degrees: np.ndarray | list[float], **options: object
 ) -> Trace:
-    return ENGINE.simulate(Request(mechanism, joint_model, motion, np.radians(degrees), **options))  # type: ignore[arg-type]
+    return ENGINE.simulate(Request(mechanism, joint_model, motion, np.radians(degrees), **options))
 
 
 def vector(signals: object, name: str) -> np.ndarray:
-    return signals[f"{name}_x"] + 1j * signals[f"{name}_y"]  # type: ignore[index]
+    return signals[f"{name}_x"] + 1j * signals[f"{name}_y"]
 
 
 def reaction_errors(trace: Trace, mechanism: Mechanism, joint: str) -> tuple[float, float]:

@@ -45,7 +45,7 @@ def loaded(m: Mechanism) -> Mechanism:
 
 
 def request(m: Mechanism, motion: Motion, joint_model: str = "spring-damper") -> Request:
-    return Request(m, joint_model, motion, ANGLES, lead_in=2 * np.pi if motion == "driven" else 0.0)  # type: ignore[arg-type]
+    return Request(m, joint_model, motion, ANGLES, lead_in=2 * np.pi if motion == "driven" else 0.0)
 
 
 @pytest.mark.parametrize(("name", "motion"), SPRINGS)

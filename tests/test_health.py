@@ -42,7 +42,7 @@ def scaled(m: Mechanism, by: float, **drive: float) -> Mechanism:
         for b in m.bodies
     )
     assert all(b.com is None and b.inertia is None for b in m.bodies)
-    return m.replace(ground=ground, bodies=bodies, drive=m.drive.model_dump(exclude_unset=True) | drive)  # type: ignore[union-attr]
+    return m.replace(ground=ground, bodies=bodies, drive=m.drive.model_dump(exclude_unset=True) | drive)
 
 
 def shares(request: Request, trace: Trace) -> dict[str, float]:

@@ -118,7 +118,7 @@ def test_kills_at_random_moments_leave_only_whole_files(what: str, tmp_path: Pat
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
                 (folder / name).write_bytes(content)
         delay = moments.uniform(0.0, 1.0) * seconds
-        hits += killed(command, folder, lambda cwd, delay=delay: time.sleep(delay))  # type: ignore[misc]
+        hits += killed(command, folder, lambda cwd, delay=delay: time.sleep(delay))
         check_whole(folder, whole, old)
     assert hits >= KILLS // 2  # the rest were over already
 

@@ -45,12 +45,12 @@ def test_velocities_and_accelerations_are_the_derivatives_of_positions(mechanism
     assembly, omega, alpha, h = Assembly(mechanism), 3.0, -7.0, 2e-4
     motion = kinematics(assembly, theta, omega, alpha)
 
-    def after(t: float):  # type: ignore[no-untyped-def]
+    def after(t: float):
         return kinematics(assembly, theta + omega * t + alpha * t * t / 2, omega + alpha * t, alpha)
 
     sides = {k: after(k * h) for k in (-2, -1, 1, 2)}
 
-    def slope(what):  # type: ignore[no-untyped-def]
+    def slope(what):
         return sum(w * what(sides[k]) for k, w in ((-2, 1), (-1, -8), (1, 8), (2, -1))) / (12 * h)
 
     for body in mechanism.bodies:
@@ -66,7 +66,7 @@ def test_velocities_and_accelerations_are_the_derivatives_of_positions(mechanism
 def test_gaps_displace_the_linkage_and_their_rates_enter_its_velocities() -> None:
     assembly, theta, h = Assembly(load("crank-rocker")), np.linspace(0.1, 6.0, 41), 1e-4
 
-    def at(t: float):  # type: ignore[no-untyped-def]
+    def at(t: float):
         direction = np.exp(1j * (theta + 5 * t))
         gap = Gap(1e-3 * direction, 5e-3j * direction, -25e-3 * direction)
         return kinematics(assembly, theta + 2 * t, 2.0, 0.0, {"B": gap, "D": gap})

@@ -295,4 +295,4 @@ def test_signals_and_loads_are_at_the_marker_and_mass_is_not(leapfrog: Engine, m
 def test_what_makes_no_course_is_refused(leapfrog: Engine, change: dict[str, object], why: str) -> None:
     given: dict[str, object] = {"mechanism": ROCKER.replace(drive=MEASURED), "course": (TURN, EVEN), "time": TURN}
     with pytest.raises(Unsupported, match=why):
-        leapfrog.simulate(Request(**(given | change)))  # type: ignore[arg-type]
+        leapfrog.simulate(Request(**(given | change)))

@@ -80,7 +80,7 @@ def kinds(found: Measured) -> dict[str, str]:
     ],
 )
 def test_units_of_the_right_dimension_are_converted(unit: str, kind: str, expected: float) -> None:
-    assert factor(unit, kind) == pytest.approx(expected, rel=1e-14)  # type: ignore[arg-type]
+    assert factor(unit, kind) == pytest.approx(expected, rel=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -103,8 +103,8 @@ def test_units_of_the_right_dimension_are_converted(unit: str, kind: str, expect
     ],
 )
 def test_other_units_are_refused_with_those_accepted(unit: str, kind: str) -> None:
-    with pytest.raises(UnitError, match=ACCEPTED[kind].split(",")[0]):  # type: ignore[index]
-        factor(unit, kind)  # type: ignore[arg-type]
+    with pytest.raises(UnitError, match=ACCEPTED[kind].split(",")[0]):
+        factor(unit, kind)
 
 
 def test_every_offered_unit_is_accepted() -> None:
@@ -146,7 +146,7 @@ def test_every_signal_is_read_in_any_unit(tmp_path: Path) -> None:
             else next(u for end, u in other.items() if name.endswith(end))
         )
         kind = next(k for k in SI if _converts(unit, k))
-        columns[f"{name} [{unit}]"] = exact[name] / factor(unit, kind)  # type: ignore[arg-type]
+        columns[f"{name} [{unit}]"] = exact[name] / factor(unit, kind)
     found = one(tmp_path, time, columns).runs[0]
     assert set(found.channels) == set(readable(CRANK_ROCKER))
     for name, channel in found.channels.items():
@@ -159,7 +159,7 @@ def test_every_signal_is_read_in_any_unit(tmp_path: Path) -> None:
 
 def _converts(unit: str, kind: str) -> bool:
     try:
-        return factor(unit, kind) > 0  # type: ignore[arg-type]
+        return factor(unit, kind) > 0
     except UnitError:
         return False
 

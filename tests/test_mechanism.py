@@ -34,7 +34,7 @@ def test_the_paper_case_has_the_papers_masses_from_steel_bars() -> None:
         assert body.mass == pytest.approx(7850 * 0.01 * 0.01 * body.length, rel=1e-12)
 
 
-def test_a_file_is_read_from_its_path(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_a_file_is_read_from_its_path(tmp_path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(PAPER, encoding="utf-8")
     assert load(path) == load("paper")

@@ -15,7 +15,7 @@ ANGLES = np.array([0.5, 0.2, 0.9])
 
 
 def at(speed: object) -> Drive:
-    return Drive(joint="D", speed=speed, stiffness=200.0)  # type: ignore[arg-type]
+    return Drive(joint="D", speed=speed, stiffness=200.0)
 
 
 @pytest.mark.parametrize(("speed", "first"), [(8.0, 0.2), (-8.0, 0.9)])

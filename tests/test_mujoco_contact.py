@@ -123,7 +123,7 @@ def test_stiffness_and_damping_in_si_units_bounce_as_their_law_says() -> None:
     )
     time = np.linspace(0.0, 0.12, 1201)
     for model in ("spring-damper", "contact"):
-        trace = ENGINE.simulate(Request(mechanism, model, time=time, start="centred", step=1e-5))  # type: ignore[arg-type]
+        trace = ENGINE.simulate(Request(mechanism, model, time=time, start="centred", step=1e-5))
         height = 0.01 - trace.signals["clearance_O_y"]
         impact = int(np.argmax(height < 0))
         top = next(i for i in range(impact + 20, len(time) - 1) if height[i] >= height[i + 1])

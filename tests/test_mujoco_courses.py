@@ -313,12 +313,12 @@ def test_an_exported_course_runs_in_mujoco_alone(model: JointModel, tmp_path: Pa
 def test_a_course_needs_a_motor_that_can_follow_it() -> None:
     request = {"time": SECOND, "course": (SECOND, SWING)}
     with pytest.raises(Unsupported, match="only a drive that is not free follows a course"):
-        ENGINE.simulate(Request(load("pendulum"), **request))  # type: ignore[arg-type]
+        ENGINE.simulate(Request(load("pendulum"), **request))
     with pytest.raises(Unsupported, match="leave out lead_in = 1 rad"):
-        ENGINE.simulate(Request(CRANK_ROCKER, lead_in=1.0, **request))  # type: ignore[arg-type]
+        ENGINE.simulate(Request(CRANK_ROCKER, lead_in=1.0, **request))
     with pytest.raises(Unsupported, match="a measured drive follows a course"):
         ENGINE.simulate(Request(CRANK_ROCKER, crank_angle=SWING))
     with pytest.raises(Unsupported, match="no crank_angle"):
-        ENGINE.simulate(Request(CRANK_ROCKER, crank_angle=SWING, **request))  # type: ignore[arg-type]
+        ENGINE.simulate(Request(CRANK_ROCKER, crank_angle=SWING, **request))
     with pytest.raises(Unsupported, match="outside the course"):
         follow(CRANK_ROCKER, (SECOND, SWING), SECOND + 0.1)

@@ -243,7 +243,7 @@ def test_pendulum_swings_as_its_equation_says() -> None:
 
 
 def test_released_crank_rocker_falls_as_its_equation_says() -> None:
-    mechanism = at_speed(load("crank-rocker").replace(gravity=(0.0, -9.81)), speed="free")  # type: ignore[arg-type]
+    mechanism = at_speed(load("crank-rocker").replace(gravity=(0.0, -9.81)), speed="free")
     instants = np.linspace(0.0, 0.3, 4)
     trace = ENGINE.simulate(Request(mechanism, time=instants))
     truth = released(Assembly(mechanism), instants).reactions.signals()
@@ -297,7 +297,7 @@ def test_a_change_point_in_the_range_is_an_error() -> None:
 
 def test_a_drive_without_speed_or_angles_is_refused() -> None:
     with pytest.raises(Unsupported, match="a measured drive follows a course"):
-        ENGINE.simulate(Request(at_speed(PAPER, speed="measured"), "ideal", "driven", RANGE))  # type: ignore[arg-type]
+        ENGINE.simulate(Request(at_speed(PAPER, speed="measured"), "ideal", "driven", RANGE))
     with pytest.raises(Unsupported, match="no crank angle"):
         ENGINE.simulate(Request(PAPER, "ideal", "static"))
     with pytest.raises(Unsupported, match="cannot start with its pin centred"):

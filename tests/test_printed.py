@@ -26,7 +26,7 @@ AT_JOINT = {"F_12": "D", "F_23": "A", "F_34": "B", "F_14": "E"}
 
 def four_bar(ground: float, length: tuple[float, float, float], mass: tuple[float, float, float]) -> FourBar:
     inertia = tuple(printed.moment_of_inertia(m, r, 0.01) for m, r in zip(mass, length, strict=True))
-    return FourBar(ground, length, tuple(r / 2 for r in length), mass, inertia)  # type: ignore[arg-type]
+    return FourBar(ground, length, tuple(r / 2 for r in length), mass, inertia)
 
 
 PAPER = four_bar(0.4, (0.2, 0.4, 0.2), (0.157, 0.314, 0.157))

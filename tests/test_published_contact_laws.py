@@ -34,7 +34,7 @@ def one_impact(
     def leaves(_: float, state: np.ndarray) -> float:
         return force(state[0], state[1]) if state[1] < 0 else 1.0
 
-    leaves.terminal = True  # type: ignore[attr-defined]
+    leaves.terminal = True
     duration = (mass * speed ** (1 - power) / stiffness) ** (1 / (power + 1)) * 60
     found = solve_ivp(
         lambda _, s: [s[1], -force(s[0], s[1]) / mass],
@@ -52,7 +52,7 @@ def one_impact(
 
 @pytest.mark.parametrize(("chi", "delivered"), LAWS.values(), ids=LAWS)
 @pytest.mark.parametrize(("stiffness", "power", "mass", "speed"), [(6.61e10, 1.5, 0.21, 0.5), (1e8, 1.0, 1.3, 2.0)])
-def test_delivered_restitution(chi, delivered, stiffness: float, power: float, mass: float, speed: float) -> None:  # type: ignore[no-untyped-def]
+def test_delivered_restitution(chi, delivered, stiffness: float, power: float, mass: float, speed: float) -> None:
     for nominal, expected in zip(NOMINAL, delivered, strict=True):
         factor = chi(nominal) / speed
         rebound = one_impact(

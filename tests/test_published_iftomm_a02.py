@@ -25,8 +25,8 @@ def four_bars(n: int) -> Mechanism:
     ]
     bars = [{"name": f"bar{i}", "points": {f"Q{i}": (0, 0), f"R{i + 1}": (1, 0)}, "mass": 1.0} for i in range(n)]
     for rod in rods:
-        sits_in = {"Q": int(rod["name"][3:]) < n, "R": int(rod["name"][3:]) > 0, "P": True}  # type: ignore[index]
-        rod["points"] = {name: place for name, place in rod["points"].items() if sits_in[name[0]]}  # type: ignore[union-attr]
+        sits_in = {"Q": int(rod["name"][3:]) < n, "R": int(rod["name"][3:]) > 0, "P": True}
+        rod["points"] = {name: place for name, place in rod["points"].items() if sits_in[name[0]]}
     pivots = [{"name": f"P{i}", "type": "revolute", "bodies": ("ground", f"rod{i}")} for i in range(n + 1)]
     tops = [{"name": f"Q{i}", "type": "revolute", "bodies": (f"rod{i}", f"bar{i}")} for i in range(n)]
     tops += [{"name": f"R{i + 1}", "type": "revolute", "bodies": (f"bar{i}", f"rod{i + 1}")} for i in range(n)]

@@ -100,7 +100,7 @@ def test_a_contact_strut_holds_at_its_length_and_not_before() -> None:
     forces = []
     with silence(), closing(BulletWorld(Request(m, "contact", "static", np.array([1.0])))) as world:
         for gap in (0.9e-3, 1e-3):
-            world.place(poses(world.assembly, 1.0, 0.0, lambda theta, gap=gap: {"B": gap * np.exp(1j)}))  # type: ignore[misc]
+            world.place(poses(world.assembly, 1.0, 0.0, lambda theta, gap=gap: {"B": gap * np.exp(1j)}))
             world.step(1e-6)
             forces.append(abs(world.pin_forces["B"]))
     assert forces[1] == pytest.approx(25 / np.sin(1.0), rel=0.01)

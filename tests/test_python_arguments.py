@@ -91,8 +91,8 @@ def test_an_argument_error_comes_back_whole_from_another_process() -> None:
         (lambda: PAPER.with_clearances({"B": -1}), ["joint[B].clearance = -1"]),
         (lambda: PAPER.with_clearances({"B": 1.0}), ["clearance = 1.0 m", "coupler"]),
         (lambda: PAPER.with_clearances({"Q": 1e-4}), ["'Q'", "D, A, B, E"]),
-        (lambda: PAPER.with_clearances("B"), ["'B'", "metres by joint"]),  # type: ignore[arg-type]
-        (lambda: lc.Drive(joint="D", speed="fast"), ["Drive: speed = 'fast'", "'free' or 'measured'"]),  # type: ignore[arg-type]
+        (lambda: PAPER.with_clearances("B"), ["'B'", "metres by joint"]),
+        (lambda: lc.Drive(joint="D", speed="fast"), ["Drive: speed = 'fast'", "'free' or 'measured'"]),
         (lambda: lc.Body(name="rod", points={"A": (0.0, 0.0)}, mass=-1.0), ["Body: mass = -1"]),
     ],
 )
@@ -207,12 +207,12 @@ def test_a_wrong_argument_is_one_sentence_that_names_it(call: str, given: dict[s
 @pytest.mark.parametrize("what", [5, None])
 def test_what_is_no_mechanism_is_refused(what: object) -> None:
     with pytest.raises(MechanismError, match=f"{what}: give the name of a case"):
-        lc.analyse(what)  # type: ignore[arg-type]
+        lc.analyse(what)
 
 
 def test_what_is_no_measurement_is_refused() -> None:
     with pytest.raises(MeasuredError, match=r"^'5' is no path; give that of a measured\.toml"):
-        lc.read_measured(5)  # type: ignore[arg-type]
+        lc.read_measured(5)
 
 
 @pytest.mark.mujoco
@@ -225,7 +225,7 @@ def test_a_tolerance_file_that_is_missing_is_named_as_the_argument(call: str) ->
 
 def test_what_is_no_case_of_a_baseline_is_refused() -> None:
     with pytest.raises(MechanismError, match="5: give the name of a case"):
-        lc.check_baselines(5)  # type: ignore[arg-type]
+        lc.check_baselines(5)
 
 
 # ------------------------------------------------------------------ one in place of several
@@ -310,5 +310,5 @@ def test_the_command_takes_engines_with_commas_between_them(tmp_path: Path) -> N
 def test_a_moment_that_is_no_number_is_refused() -> None:
     result = as_document(sample_result())
     with pytest.raises(ArgumentError) as caught:
-        lc.show(result, "drive_torque", at="x")  # type: ignore[call-overload]
+        lc.show(result, "drive_torque", at="x")
     one_sentence(caught.value, "at: 'x'", "rad")

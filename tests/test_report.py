@@ -379,7 +379,7 @@ def test_the_drawn_gap_is_the_clearance_times_the_factor_that_the_title_gives(di
     assert math.isclose(
         abs(coupler_b - follower_b), 10.0 * factor, rel_tol=0.02
     )  # mm; rotations are drawn to first order
-    assert math.isclose(abs(points[1] - points[0]), 200.0, rel_tol=1e-6)  # type: ignore[operator]
+    assert math.isclose(abs(points[1] - points[0]), 200.0, rel_tol=1e-6)
 
 
 def test_every_figure_is_an_svg_with_its_data_in_a_text_alternative(report: Path) -> None:

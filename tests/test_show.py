@@ -207,7 +207,7 @@ def test_the_papers_first_order_takes_its_reactions_without_clearance() -> None:
 )
 def test_what_the_result_does_not_have_is_refused_with_what_it_has(arguments: dict[str, str], words: list[str]) -> None:
     with pytest.raises(OptionError) as caught:
-        shown(**({"signal": "reaction_B_angle", "at": 30} | arguments))  # type: ignore[arg-type]
+        shown(**({"signal": "reaction_B_angle", "at": 30} | arguments))
     for word in words:
         assert word in str(caught.value)
 

@@ -105,7 +105,7 @@ def test_a_run_that_kills_its_process_is_reported_and_the_others_are_done(tmp_pa
 def test_an_engine_that_kills_its_process_is_a_failed_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("compare.runs._simulate", sweep_work.die_on_spring_damper)
     tasks = [("mujoco", Request(load("paper"), model)) for model in ("ideal", "spring-damper", "massless-link")]
-    found = dict(simulate_all(tasks, workers=2))  # type: ignore[arg-type]
+    found = dict(simulate_all(tasks, workers=2))
     assert sorted(found) == [0, 1, 2]
     assert isinstance(found[1], Failure)
     assert "mujoco spring-damper driven" in found[1].why

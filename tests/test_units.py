@@ -78,7 +78,7 @@ def test_similar_linkages_have_the_same_digits(name: str, joint_model: str, moti
     chosen = engine(name)
     small = linkage(Scale(1e-5, 300.0, 1.0))
     smaller = Units(2.0**3, 2.0**7, 2.0**2).mechanism(small)
-    first, second = (chosen.simulate(Request(m, joint_model, motion, TURN[1:4])) for m in (small, smaller))  # type: ignore[arg-type]
+    first, second = (chosen.simulate(Request(m, joint_model, motion, TURN[1:4])) for m in (small, smaller))
     known = named(small.bodies, small.joints)
     for signal, values in first.signals.items():
         scale = Units(2.0**3, 2.0**7, 2.0**2).size(OF_UNIT[known[signal].unit])
@@ -96,7 +96,7 @@ def test_a_bodys_name_does_not_make_its_signals_others(name: str, joint_model: s
     plain = linkage(Scale(1e-5, 300.0, 1.0))
     hub = loads(dumps(plain).replace("coupler", "reaction_hub"))
     assert "reaction_hub" in hub.moving
-    expected, found = (chosen.simulate(Request(m, joint_model, motion, TURN[1:4])) for m in (plain, hub))  # type: ignore[arg-type]
+    expected, found = (chosen.simulate(Request(m, joint_model, motion, TURN[1:4])) for m in (plain, hub))
     assert found.settings["units"]["length"] < 1e-3
     for signal, values in expected.signals.items():
         assert np.array_equal(values, found.signals[signal.replace("coupler", "reaction_hub")]), signal
@@ -153,7 +153,7 @@ def test_masses_of_nine_decades_agree_or_are_refused(name: str, ratio: float) ->
             motion,
             TURN[::2],
             joint_model="ideal",
-        )  # type: ignore[arg-type]
+        )
         assert crosscheck_job(job).verdict == "agrees"
 
 

@@ -462,7 +462,7 @@ def test_a_mechanism_file_is_mapped_like_a_shipped_case(tmp_path: Path) -> None:
 @pytest.mark.mujoco
 def test_a_map_takes_the_drive_as_rigid_and_says_so(tmp_path: Path) -> None:
     m = load("paper")
-    own = m.replace(drive=m.drive.model_copy(update={"stiffness": 2000.0}))  # type: ignore[union-attr]
+    own = m.replace(drive=m.drive.model_copy(update={"stiffness": 2000.0}))
     (tmp_path / "mine.toml").write_text(dumps(own), encoding="utf-8")
     arguments = ["--joint", "massless-link", "--speeds", "15", "--clearances", "1e-4", "--workers", "1", "--out", "o"]
     done = validity("--case", "mine.toml", *arguments, cwd=tmp_path)
