@@ -54,15 +54,14 @@ from compare.judge.discrepancy import (
 from compare.judge.flexible import Beams, softened
 from compare.judge.grid import FREE_TIME, turns_fully
 from compare.judge.reference import Reference, reference, released_reference, with_flexible_links
-from compare.judge.signals import missing, with_derived, with_rotations
+from compare.judge.signals import with_derived, with_rotations
 from compare.judge.tolerances import Tolerances
 from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict
 from compare.results.crosscheck import Discrepancy as Judgement
-from compare.runs import Resolve, failure, simulate_all
+from compare.runs import Resolve, simulate_all
 from sim_models.engine import (
     JOINT_MODELS,
     MOTIONS,
-    Cause,
     JointModel,
     Motion,
     Request,
@@ -273,7 +272,7 @@ def crosscheck_job(
     for i, outcome in simulate_all(tasks, job.workers, resolve):
         outcomes[i] = outcome
         progress(f"{tasks[i][0]} {tasks[i][1].joint_model}", len(outcomes), len(tasks))
-    traces = [_whole(outcomes[i], job.mechanism) for i in range(len(tasks))]
+    traces = [outcomes[i] for i in range(len(tasks))]
     failed = [f for f in traces if isinstance(f, Failure) and not f.unsupported]
     left_out = [f.why for f in traces if isinstance(f, Failure) and f.unsupported]
     if len(left_out) == len(tasks) or (left_out and len(job.simulators) == 1):
@@ -285,7 +284,7 @@ def crosscheck_job(
     def simulate_again(requests: Mapping[int, Request]) -> dict[int, Trace | Failure]:
         order = list(requests)
         found = simulate_all([(tasks[i][0], requests[i]) for i in order], job.workers, resolve)
-        return {order[k]: _whole(outcome, job.mechanism) for k, outcome in found}
+        return {order[k]: outcome for k, outcome in found}
 
     first = {i: judge(t) for i, t in enumerate(traces) if isinstance(t, Trace)}
     again = dict(enumerate(request for _, request in tasks))
@@ -346,15 +345,6 @@ def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Refere
         return released_reference(assembly, job.time)
     side = measure(assembly, job.theta, job.motion, job.model, {} if ideal else job.mechanism.clearances)
     return with_flexible_links(side, assembly, job.theta) if job.flexible else side
-
-
-def _whole(outcome: Trace | Failure, mechanism: Mechanism) -> Trace | Failure:
-    """A trace that lacks a signal is a failure."""
-    lacks = missing(outcome.signals, mechanism, outcome.clearance) if isinstance(outcome, Trace) else []
-    if not isinstance(outcome, Trace) or not lacks:
-        return outcome
-    why = f"{outcome.simulator} {outcome.joint_model}: the simulation reports no {', '.join(lacks)}"
-    return failure(outcome.simulator, outcome, why, Cause.FAULTY)
 
 
 def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]:

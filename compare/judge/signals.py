@@ -68,29 +68,6 @@ def with_rotations(signals: Mapping[str, np.ndarray], ideal_angles: Mapping[str,
     return out
 
 
-def missing(signals: Iterable[str], mechanism: Mechanism, clearances: Iterable[str]) -> list[str]:
-    """What a simulation of this mechanism must report and these signals lack."""
-    present = set(signals)
-    return [signal.name for signal in _reported(mechanism, clearances) if signal.name not in present]
-
-
-def _reported(mechanism: Mechanism, clearances: Iterable[str]) -> Iterator[Signal]:
-    yield DRIVE_TORQUE
-    for body in mechanism.bodies:
-        yield Signal("pose", body.name, "angle")
-        yield Signal("rate", body.name, "angular_velocity")
-        yield Signal("pose", body.name, "x")
-        yield Signal("pose", body.name, "y")
-    for joint in mechanism.joints:
-        yield Signal("reaction", joint.name, "x")
-        yield Signal("reaction", joint.name, "y")
-        if joint.prismatic:
-            yield Signal("reaction", joint.name, "moment")
-    for name in clearances:
-        yield Signal("clearance", name, "x")
-        yield Signal("clearance", name, "y")
-
-
 def compared(mechanism: Mechanism, clearances: Iterable[str]) -> tuple[Signal, ...]:
     """The signals on which a run with clearance in these joints is judged, in the order of a report.
 
