@@ -53,6 +53,21 @@ class Named:
     gap: tuple[float, float]  # before, after
     held_out: tuple[float, float]
     ties: tuple[tuple[Term, Fit], ...] = ()  # what explains the data as well in its place
+    share: float = 0.0  # of the squared gap, before any effect: what it takes away when the effects are added in order
+    odds: tuple[float, ...] = ()  # of each tie against this effect, by likelihood
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """An effect that takes something of the gap away and is not named; ``failed`` says which test it failed, by how
+    much.
+    """
+
+    term: Term
+    parameters: dict[str, Interval]
+    share: float  # of the squared gap, beside the effects that are named
+    gap: tuple[float, float]  # without it, with it
+    failed: str
 
 
 @dataclass(frozen=True)
@@ -65,6 +80,7 @@ class Explanation:
     verdict: Verdict
     weights: np.ndarray = field(repr=False)  # (size,) of each sample
     structured: bool  # whether what is left is more than noise
+    attempts: tuple[Attempt, ...] = ()  # what was tried and not named, best first
 
     @cached_property
     def gap(self) -> tuple[float, float]:
