@@ -112,21 +112,16 @@ class Model:
 
     def readings(self, run: MeasuredRun, hypothesis: Hypothesis, moved: Reactions | None) -> dict[str, np.ndarray]:
         """What the sensors of a run read."""
-        delays = {
-            signal: sum(t.effect.delay(run.name, signal, t.where, v) for t, v in hypothesis) for signal in run.channels
-        }
-        seen: dict[str, np.ndarray] = {}
-        for delay in sorted(set(delays.values())):
-            signals = (
+        echoes = heard(hypothesis, run)
+        seen: dict[float, Mapping[str, np.ndarray]] = {}
+        for delay in {delay for each in echoes.values() for _, delay in each}:
+            wanted = [signal for signal, each in echoes.items() if any(d == delay for _, d in each)]
+            seen[delay] = (
                 self.signals(run, hypothesis, run.time - delay)
                 if moved is None
-                else _aged(moved, delays, run.time, delay)
+                else _aged(moved, wanted, run.time, delay)
             )
-            seen |= {signal: signals[signal] for signal, d in delays.items() if d == delay}
-        readings: Readings = seen
-        for term, values in hypothesis:
-            readings = term.effect.on_readings(readings, run.name, term.where, values)
-        return dict(readings)
+        return sensed(hypothesis, run, {s: mixed(each, seen, s) for s, each in echoes.items()})
 
     # ---------------------------------------------------------------- driven runs
 
@@ -202,6 +197,45 @@ class Model:
             if isinstance(term.effect, StartOfRun) and term.where == run.name:
                 return values["angle"], values["rate"]
         raise LookupError(f"run {run.name!r} has no start")
+
+
+# ---------------------------------------------------------------- sensors
+
+# a first-order filter, the integral of exp(-s) y(t - tau s) over s, by Gauss and Laguerre: exact for motions that are
+# polynomials of fifth degree over some tau
+FILTER = tuple(zip(*(part.tolist() for part in np.polynomial.laguerre.laggauss(3)), strict=True))
+Echoes = Sequence[tuple[float, float]]
+
+
+def heard(hypothesis: Hypothesis, run: MeasuredRun) -> dict[str, Echoes]:
+    """By signal the shares and ages (s) of the motion that its sensor reads at a time: one, or three behind a
+    filter.
+    """
+    found: dict[str, Echoes] = {}
+    for signal in run.channels:
+        echoes: Echoes = [(1.0, sum(t.effect.delay(run.name, signal, t.where, v) for t, v in hypothesis))]
+        for constant in (t.effect.lag(run.name, signal, t.where, v) for t, v in hypothesis):
+            if constant:
+                echoes = [(share * w, age + constant * s) for share, age in echoes for s, w in FILTER]
+        found[signal] = echoes
+    return found
+
+
+def mixed(echoes: Echoes, seen: Mapping[float, Mapping[str, np.ndarray]], signal: str) -> np.ndarray:
+    """A signal (N,) as its sensor reads it, of what there was to see by age."""
+    if len(echoes) == 1:
+        return seen[echoes[0][1]][signal]
+    return np.asarray(sum(share * seen[age][signal] for share, age in echoes))
+
+
+def sensed(hypothesis: Hypothesis, run: MeasuredRun, seen: Readings) -> dict[str, np.ndarray]:
+    """The readings (N,) by signal of sensors that see this."""
+    for term, values in hypothesis:
+        seen = term.effect.on_readings(seen, run.name, term.where, values)
+        rates = {s: rate for s in seen if (rate := term.effect.drift(run.name, s, term.where, values))}
+        if rates:
+            seen = {**seen, **{s: seen[s] + rate * (run.time - run.time[0]) for s, rate in rates.items()}}
+    return dict(seen)
 
 
 def motor_offset(run: MeasuredRun, hypothesis: Hypothesis) -> float:

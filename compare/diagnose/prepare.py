@@ -200,6 +200,7 @@ def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor])
         max(weight, inertia, *loads, 1e-9),
         speed,
         least,
+        {run.name: tuple(run.channels) for run in measured.runs},
     )
 
 

@@ -11,8 +11,8 @@ from analytic.beyond_paper.drive import Motor
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Mechanism
 from compare.diagnose.data.recording import MeasuredRun
-from compare.diagnose.effects.effect import Readings, Rig
-from compare.diagnose.predict import Hypothesis, Term, altered, motor_offset
+from compare.diagnose.effects.effect import Rig
+from compare.diagnose.predict import Hypothesis, Term, altered, heard, mixed, motor_offset, sensed
 from compare.judge.signals import with_derived
 from sim_models.engine import (
     Engine,
@@ -66,19 +66,17 @@ def simulate(task: Task) -> tuple[dict[str, np.ndarray], str, Mapping[str, Setti
         mechanism = altered(
             task.mechanism if task.run.loads is None else task.mechanism.replace(loads=task.run.loads), task.hypothesis
         )
-        delays = {
-            s: sum(t.effect.delay(task.run.name, s, t.where, v) for t, v in task.hypothesis) for s in task.run.channels
-        }
-        wanted = sorted(set(delays.values()))
-        times = np.unique(np.concatenate([task.run.time - d for d in wanted]))
+        echoes = heard(task.hypothesis, task.run)
+        ages = sorted({age for each in echoes.values() for _, age in each})
+        times = np.unique(np.concatenate([task.run.time - age for age in ages]))
         if task.run.drive == "free":
             trace, seen = _free(chosen, mechanism, task, times)
         else:
             trace, seen = _driven(chosen, mechanism, task, times)
-        readings: Readings = {s: seen[s][np.searchsorted(times, task.run.time - d)] for s, d in delays.items()}
-        for term, values in task.hypothesis:
-            readings = term.effect.on_readings(readings, task.run.name, term.where, values)
-        return dict(readings), trace.version, dict(trace.settings)
+        at = {age: np.searchsorted(times, task.run.time - age) for age in ages}
+        by_age = {age: {s: seen[s][rows] for s in echoes} for age, rows in at.items()}
+        readings = sensed(task.hypothesis, task.run, {s: mixed(each, by_age, s) for s, each in echoes.items()})
+        return readings, trace.version, dict(trace.settings)
     except (SimulationError, SimulatorMissing, Unsupported, AssemblyError, ValueError) as error:
         return str(error)
 

@@ -59,6 +59,7 @@ class Rig:
     force: float = 1.0  # N: the largest of weight, inertia force at the fastest speed, and loads
     speed: float = 1.0  # rad/s: the fastest run
     noise: Mapping[str, float] = field(default_factory=dict)  # 1-sigma by signal
+    recorded: Mapping[str, Sequence[str]] = field(default_factory=dict)  # signals by run, where not all are in all
 
     @property
     def encoder(self) -> str:
@@ -115,7 +116,8 @@ class Hiding:
     drawn on (None: any); ``commanded``, that no run follows its encoder; ``in_contact``, that the runs are slow enough
     for the pin of its joint to keep touching its bearing.  A set has at most one ``exclusive`` effect.
     ``makers`` are the engines that make data with it and how often each is drawn (None: any).  Links that bend
-    ``need_beams``, and beams know the effects that go ``with_beams``, and all those of sensors.
+    ``need_beams``, and beams know the effects that go ``with_beams``, and all those of sensors.  What is not ``drawn``
+    has sets of another kind.
     """
 
     sensors: tuple[str, ...] = ()
@@ -126,6 +128,7 @@ class Hiding:
     makers: Mapping[str, float] | None = None
     need_beams: bool = False
     with_beams: bool = False
+    drawn: bool = True
 
 
 class Effect(ABC):
@@ -247,6 +250,14 @@ class Effect(ABC):
 
     def delay(self, run: str, signal: str, where: str, values: Values) -> float:
         """Seconds by which a signal's readings are older than their time stamps."""
+        return 0.0
+
+    def lag(self, run: str, signal: str, where: str, values: Values) -> float:
+        """Time constant (s) of a first-order filter behind which a signal is read."""
+        return 0.0
+
+    def drift(self, run: str, signal: str, where: str, values: Values) -> float:
+        """Rate (the signal's unit/s) at which its readings creep away from the run's first sample."""
         return 0.0
 
     def motor_lag(self, run: str, values: Values) -> float:

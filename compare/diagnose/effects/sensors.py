@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,53 +12,71 @@ from analytic.mechanism.signals import AXES, Signal
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Readings, Rig, Values
 
 
-class EncoderOffset(Effect):
-    """A constant error of the driven body's angle, the motor's encoder; one value, or one for each run
-    (``offset@run``).
-
-    In a run that follows the encoder the motor is at column minus offset, so the offset moves the whole linkage.
+class EachRun(Effect):
+    """Faults of a sensor that have one value, or one for each run (``offset@run``): a zero that is set anew each
+    time.
     """
 
-    name = "encoder_offset"
     place = "signal"
-    label = "an offset of the encoder for {}"
-    meaning = "the encoder {} has an offset"
-    hiding = Hiding(sensors=("encoder",))
-    parameters = (Parameter("offset", "rad", "angle"),)
     sensor = True
     each_run = 1.0  # the variant with a value of its own for each run
 
-    def places(self, rig: Rig) -> Sequence[str]:
-        return [rig.encoder] if rig.encoder in rig.signals else []
+    def _runs(self, rig: Rig, where: str) -> Sequence[str]:
+        """The runs in which the sensor was read."""
+        return [run for run in rig.runs if where in rig.recorded.get(run, rig.signals)]
+
+    @abstractmethod
+    def _scale(self, rig: Rig, where: str) -> float:
+        """A small amount of the value."""
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
-        return (0.0, self.each_run) if len(rig.runs) > 1 else (0.0,)
+        return (0.0, self.each_run) if len(self._runs(rig, where)) > 1 else (0.0,)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-5,) * (len(rig.runs) if variant == self.each_run else 1)
+        return (self._scale(rig, where),) * (len(self._runs(rig, where)) if variant == self.each_run else 1)
 
     def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
         return np.full(len(self.scales(rig, where, variant)), -math.inf)
 
     def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
+        name = self.parameters[0].name
         if variant == self.each_run:
-            return {f"offset@{run}": float(v) for run, v in zip(rig.runs, x, strict=True)}
-        return {"offset": float(x[0])}
+            return {f"{name}@{run}": float(v) for run, v in zip(self._runs(rig, where), x, strict=True)}
+        return {name: float(x[0])}
 
     def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
         return np.array(list(values.values()))
 
+    def value(self, run: str, values: Values) -> float:
+        """The value (SI) in a run."""
+        name = self.parameters[0].name
+        return values.get(name, values.get(f"{name}@{run}", 0.0))
+
+
+class EncoderOffset(EachRun):
+    """A constant error of the driven body's angle, the motor's encoder; one value, or one for each run.
+
+    In a run that follows the encoder the motor is at column minus offset, so the offset moves the whole linkage.
+    """
+
+    name = "encoder_offset"
+    label = "an offset of the encoder for {}"
+    meaning = "the encoder {} has an offset"
+    hiding = Hiding(sensors=("encoder",))
+    parameters = (Parameter("offset", "rad", "angle"),)
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return [rig.encoder] if rig.encoder in rig.signals else []
+
+    def _scale(self, rig: Rig, where: str) -> float:
+        return 1e-5
+
     def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
-        offset = self.offset(run, values)
+        offset = self.value(run, values)
         return {**readings, where: readings[where] + offset} if offset and where in readings else readings
 
-    @staticmethod
-    def offset(run: str, values: Values) -> float:
-        """The offset (rad) in a run."""
-        return values.get("offset", values.get(f"offset@{run}", 0.0))
-
     def motor_lag(self, run: str, values: Values) -> float:
-        return self.offset(run, values)
+        return self.value(run, values)
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         share = draw.rng.uniform(-1, 1, len(rig.driven))
@@ -77,8 +96,10 @@ class OnSensor(Effect):
         return [s for s in rig.signals if s != rig.encoder]
 
 
-class SensorBias(OnSensor):
-    """A constant error of a sensor (of the encoder it is called ``encoder_offset``)."""
+class SensorBias(OnSensor, EachRun):
+    """A constant error of a sensor (of the encoder it is called ``encoder_offset``); one value, or one for each
+    run.
+    """
 
     name = "sensor_bias"
     label = "a bias of the sensor for {}"
@@ -88,14 +109,39 @@ class SensorBias(OnSensor):
     def unit(self, rig: Rig, where: str, parameter: str) -> str:
         return rig.known[where].unit
 
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (rig.noise[where],)
+    def _scale(self, rig: Rig, where: str) -> float:
+        return rig.noise[where]
 
     def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
-        return {**readings, where: readings[where] + values["bias"]} if where in readings else readings
+        bias = self.value(run, values)
+        return {**readings, where: readings[where] + bias} if bias and where in readings else readings
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         return Growth(lambda a: {"bias": a * draw.sign * rig.noise[where]}, 30.0)
+
+
+class SensorDrift(OnSensor, EachRun):
+    """A sensor that creeps away from its first sample at a constant rate, as a warming amplifier does; one rate, or one
+    for each run.
+    """
+
+    name = "sensor_drift"
+    label = "a drift of the sensor for {}"
+    meaning = "the sensor {} drifts"
+    hiding = Hiding(drawn=False)
+    parameters = (Parameter("drift", "", "drift"),)
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return [s for s in rig.signals if s != rig.encoder]
+
+    def unit(self, rig: Rig, where: str, parameter: str) -> str:
+        return f"{rig.known[where].unit}/s"
+
+    def _scale(self, rig: Rig, where: str) -> float:
+        return rig.noise[where] * rig.speed
+
+    def drift(self, run: str, signal: str, where: str, values: Values) -> float:
+        return self.value(run, values) if signal == where else 0.0
 
 
 class SensorGain(OnSensor):
@@ -138,6 +184,31 @@ class SensorDelay(OnSensor):
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         return Growth(lambda a: {"delay": a}, 0.1 / rig.speed)
+
+
+class SensorLag(Effect):
+    """A first-order filter before a sensor, or before all forces and torques where one amplifier has them (``where`` is
+    their names joined by +).
+    """
+
+    name = "sensor_lag"
+    place = "signal"
+    label = "a filter before the sensor for {}"
+    meaning = "the sensor {} lags behind a filter"
+    hiding = Hiding(drawn=False)
+    parameters = (Parameter("time_constant", "s", "time", 0.0),)
+    sensor = True
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        single = [s for s in rig.signals if s != rig.encoder]
+        amplifier = [s for s in single if rig.known[s].kind in ("reaction", "drive")]
+        return [*single, "+".join(amplifier)] if len(amplifier) > 1 else single
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-3 / rig.speed,)
+
+    def lag(self, run: str, signal: str, where: str, values: Values) -> float:
+        return values["time_constant"] if signal in where.split("+") else 0.0
 
 
 class SensorFrame(Effect):
@@ -222,4 +293,6 @@ EFFECTS: tuple[Effect, ...] = (
     SensorDelay(),
     SensorFrame(),
     ClockOffset(),
+    SensorLag(),
+    SensorDrift(),
 )

@@ -96,11 +96,12 @@ def draw_source(rng: np.random.Generator, simulator: str, effects: Sequence[Effe
 
 
 def _with_effects(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
-    effects = [list(VOCABULARY.values())[seed % len(VOCABULARY)]]
+    vocabulary = {name: effect for name, effect in VOCABULARY.items() if effect.hiding.drawn}
+    effects = [list(vocabulary.values())[seed % len(vocabulary)]]
     count = 1 + int(rng.choice(3, p=COUNTS))
     while len(effects) < count:
-        able = [name for name, effect in VOCABULARY.items() if _goes_with(effect, effects)]
-        effects.append(VOCABULARY[str(rng.choice(able))])
+        able = [name for name, effect in vocabulary.items() if _goes_with(effect, effects)]
+        effects.append(vocabulary[str(rng.choice(able))])
     if set(makers(effects)) == {simulator}:
         simulator = ELSE  # no other engine makes the data
     hiding = [effect.hiding for effect in effects]
