@@ -7,14 +7,15 @@ share of chi^2 is divided by its excess and by its correlation time, so that N s
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.stats import chi2
 
-from compare.diagnose.fit import FOLDS, Data, Fit, rank_of, without_columns
+from compare.diagnose.admission import CLOSED, held_out, tried
+from compare.diagnose.fit import Data, Fit, rank_of, without_columns
 from compare.diagnose.noise import rms, sample_weights
 from compare.diagnose.predict import Term
 from compare.diagnose.search import Search, without
@@ -23,10 +24,8 @@ from compare.results.diagnosis import Verdict
 
 TIE = 16.0  # of chi^2: two explanations closer than four sigmas are not told apart
 RICHER = 0.01  # chance that a richer explanation does better by luck
-HELD_OUT = 9.0  # of chi^2 on held-out data that an effect must bring
-CLOSED = 1.1  # of the noise floor: a gap that is closed
-DOMINANT = 0.5  # share of the excess that an effect must remove where something else remains
 RIVALS = 10  # fitted in full for each named effect
+TRIED = 6  # further effects whose trial is told where something remains
 STRUCTURE = 1e-6  # chance of as much structure in noise alone
 BINS = 24
 SLIGHT = 0.3  # of the noise: structure that is accepted
@@ -93,26 +92,80 @@ def explain(search: Search, fit: Fit) -> Explanation:
     the verdict.
     """
     data = search.fitter.data
+    attempts: list[Attempt] = []
     for last in (False, False, True):
-        fit, weights, found = pruned(search, fit)
+        fit, weights, found, fell = pruned(search, fit)
+        attempts += fell
         named = tuple(rivalled(search, fit, weights, n) for n in found)
         better = [rival for n in named for _, rival in n.ties if search.beats(rival, fit)]
         if last or not better:
             break
         fit = min(better, key=lambda rival: float(weights @ rival.residual**2) + search.price(rival))
-    named = tuple(sorted(named, key=lambda n: -n.chi2_gain))
+    named = shared_out(search, fit, sorted(named, key=lambda n: -n.chi2_gain))
     structured = has_structure(data, fit.residual, MODEL if named else SLIGHT)
-    return Explanation(search.base, fit, named, verdict(fit, named, structured), weights, structured)
+    said = verdict(fit, named, structured)
+    if said not in ("no gap", "explained"):
+        attempts += beside(search, fit, weights, {a.term.key for a in attempts})
+    keys = {n.term.key for n in named}
+    ranked = sorted((a for a in attempts if a.term.key not in keys), key=lambda a: -a.share)
+    once = {a.term.key: a for a in reversed(ranked)}
+    return Explanation(
+        search.base, fit, named, said, weights, structured, tuple(a for a in ranked if once[a.term.key] is a)
+    )
 
 
-def pruned(search: Search, fit: Fit) -> tuple[Fit, np.ndarray, list[Named]]:
-    """The fit without effects that bring too little, the weights of its samples, and the effects that stay."""
+def pruned(search: Search, fit: Fit) -> tuple[Fit, np.ndarray, list[Named], list[Attempt]]:
+    """The fit without effects that bring too little, the weights of its samples, the effects that stay, and those that
+    fell.
+    """
+    fell: list[Attempt] = []
     while True:
         weights = sample_weights(search.fitter.data, fit.residual)
-        named, weak = admitted(search, fit, weights)
-        if weak is None:
-            return fit, weights, named
-        fit = search.with_terms(fit, search.screen(fit), without(fit, weak)) or search.base
+        named, failing = admitted(search, fit, weights)
+        if not failing:
+            return fit, weights, named, fell
+        _, weakest, attempt = min(failing, key=lambda f: f[0])
+        fell.append(attempt)
+        fit = search.with_terms(fit, search.screen(fit), without(fit, weakest)) or search.base
+
+
+def shared_out(search: Search, fit: Fit, named: Sequence[Named]) -> tuple[Named, ...]:
+    """The effects with each one's share of the squared gap, added one after the other: sensors' faults first, then the
+    rig's effects, the larger first.
+    """
+    screen, before = search.screen(fit), search.base.chi2
+    shares: dict[Term, float] = {}
+    order = sorted(named, key=lambda n: not n.term.effect.sensor)
+    for k, n in enumerate(order):
+        so_far = search.with_terms(fit, screen, [m.term for m in order[: k + 1]]) if k + 1 < len(order) else fit
+        after = before if so_far is None else so_far.chi2
+        shares[n.term] = (before - after) / max(search.base.chi2, 1e-300)
+        before = after
+    return tuple(replace(n, share=shares[n.term]) for n in named)
+
+
+def beside(search: Search, fit: Fit, weights: np.ndarray, known: Collection[tuple[str, str]]) -> list[Attempt]:
+    """What further effects would bring beside those of a fit, the best few, and why each is not named."""
+    screen = search.screen(fit)
+    own = [screen.terms.index(fit.terms[i]) for i in fit.named()]
+    start = screen.gain(own)[0] if own else 0.0
+    best: dict[tuple[str, str], tuple[float, int]] = {}
+    for k, term in enumerate(screen.terms):
+        if term.key not in known and k not in own and term.key not in {screen.terms[i].key for i in own}:
+            gain = screen.gain(sorted([*own, k]))[0] - start
+            best[term.key] = max(best.get(term.key, (-math.inf, k)), (gain, k))
+    found = []
+    for _, k in sorted(best.values(), reverse=True)[:TRIED]:
+        more = search.with_terms(fit, screen, [*(fit.terms[i] for i in fit.named()), screen.terms[k]])
+        if more is None:
+            continue
+        i = more.terms.index(screen.terms[k])
+        trial = tried(search, more, fit, i, sample_weights(search.fitter.data, more.residual))
+        share = (fit.chi2 - more.chi2) / max(search.base.chi2, 1e-300)
+        gap = rms(fit.residual), rms(more.residual)
+        why = trial.failed or "with it, another of the effects would no longer be needed"
+        found.append(Attempt(screen.terms[k], intervals(search, more, i, weights), share, gap, why))
+    return found
 
 
 def verdict(fit: Fit, named: Sequence[Named], structured: bool) -> Verdict:
@@ -142,45 +195,23 @@ def has_structure(data: Data, residual: np.ndarray, slight: float = SLIGHT) -> b
 # ------------------------------------------------------------------ admission
 
 
-def admitted(search: Search, fit: Fit, weights: np.ndarray) -> tuple[list[Named], int | None]:
-    """The effects of a fit with what each brings, and the position of the weakest that brings too little, if any."""
-    screen = search.screen(fit)
-    closed = rms(fit.residual) <= CLOSED
+def admitted(search: Search, fit: Fit, weights: np.ndarray) -> tuple[list[Named], list[tuple[float, int, Attempt]]]:
+    """The effects of a fit with what each brings, and those that must not be named: how much each brings, and where it
+    is in the fit.
+    """
+    screen, data = search.screen(fit), search.fitter.data
     found, failing = [], []
     for i in fit.named():
-        term = fit.terms[i]
         less = search.with_terms(fit, screen, without(fit, i)) or search.base
-        gain = float(weights @ (less.residual**2 - fit.residual**2))
-        excess = less.chi2 - less.residual.size
-        held = held_out(search.fitter.data, less), held_out(search.fitter.data, fit)
-        gained = float(weights @ (held[0] ** 2 - held[1] ** 2))
-        if gain < search.cost[term] or gained < HELD_OUT or (not closed and less.chi2 - fit.chi2 < DOMINANT * excess):
-            failing.append((gain, i))
-        found.append(
-            Named(
-                term,
-                intervals(search, fit, i, weights),
-                gain,
-                (rms(less.residual), rms(fit.residual)),
-                (rms(held[0]), rms(held[1])),
-            )
-        )
-    return found, min(failing)[1] if failing else None
-
-
-def held_out(data: Data, fit: Fit) -> np.ndarray:
-    """Residual (size,) of each block with the coordinates refitted to all other blocks (about the fit, to first
-    order).
-    """
-    columns = fit.jacobian[:, ~fit.bound]
-    norm = np.linalg.norm(columns, axis=0)
-    columns = columns[:, norm > 0] / norm[norm > 0]
-    out = fit.residual.copy()
-    for fold in range(FOLDS if columns.shape[1] else 0):
-        rest, here = data.fold != fold, data.fold == fold
-        matrix = columns[rest].T @ columns[rest] + 1e-9 * np.eye(columns.shape[1])
-        out[here] -= columns[here] @ np.linalg.solve(matrix, columns[rest].T @ fit.residual[rest])
-    return out
+        trial = tried(search, fit, less, i, weights)
+        gap = rms(less.residual), rms(fit.residual)
+        parameters = intervals(search, fit, i, weights)
+        if trial.failed:
+            share = (less.chi2 - fit.chi2) / max(search.base.chi2, 1e-300)
+            failing.append((trial.gain, i, Attempt(fit.terms[i], parameters, share, gap, trial.failed)))
+        held = rms(held_out(data, less)), rms(held_out(data, fit))
+        found.append(Named(fit.terms[i], parameters, trial.gain, gap, held))
+    return found, failing
 
 
 def intervals(search: Search, fit: Fit, i: int, weights: np.ndarray) -> dict[str, Interval]:
@@ -244,7 +275,11 @@ def rivalled(search: Search, fit: Fit, weights: np.ndarray, named: Named) -> Nam
             and ties_with(search, screen, weights, fit, i, rival, screen.terms[k])
         ):
             ties[screen.terms[k].key] = screen.terms[k], rival
-    return Named(named.term, named.parameters, named.chi2_gain, named.gap, named.held_out, tuple(ties.values()))
+    odds = tuple(
+        math.exp(-0.5 * max(float(weights @ (rival.residual**2 - fit.residual**2)), -80.0))
+        for _, rival in ties.values()
+    )
+    return replace(named, ties=tuple(ties.values()), odds=odds)
 
 
 def ties_with(search: Search, screen: Screen, weights: np.ndarray, fit: Fit, i: int, rival: Fit, term: Term) -> bool:

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from analytic.mechanism.signals import wrapped
-from compare.diagnose.data.recording import Measured
+from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.least_squares import STEPS, Descent
 from compare.diagnose.predict import Model, StartOfRun, Term
@@ -18,6 +18,7 @@ from compare.diagnose.predict import Model, StartOfRun, Term
 STEP_OF_SCALE = 1.0  # difference step, in the effects' own scales
 FOLDS = 6
 SEGMENTS = 18  # of a run; every FOLDS-th one is held out together
+TURNS = 3  # of every run, from which on whole revolutions can be held out
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,7 @@ class Data:
                 sigma.append(np.full(used.size, noise[run.name, signal]))
                 fold.append(segment[used])
         self.values, self.sigma, self.fold = (np.concatenate(x) for x in (values, sigma, fold))
+        self.turn = self._turns()
         wraps = {name: signal.wraps for name, signal in measured.signals.items()}
         self.turning = np.concatenate([np.full(p.used.size, wraps[p.signal]) for p in self.parts])
         self.size = at
@@ -65,6 +67,18 @@ class Data:
             basis,
             1 / np.sqrt(1 + spread**2) - 1,
         )  # whitens what the sensors' errors have in common
+
+    def _turns(self) -> np.ndarray | None:
+        """Which revolution of its run (one of FOLDS, in turn) a sample (size,) is in; None where a run makes less than
+        TURNS or none is known.
+        """
+        found = []
+        for part in self.parts:
+            angle = turned(self.measured.runs[part.run], self.encoder)
+            if angle is None or abs(angle[-1] - angle[0]) < TURNS * 2 * np.pi:
+                return None
+            found.append(np.floor(np.abs(angle[part.used] - angle[0]) / (2 * np.pi)).astype(int) % FOLDS)
+        return np.concatenate(found)
 
     def until(self, share: float) -> Data:
         """The same data without what free runs did after a share of their time."""
@@ -99,6 +113,15 @@ class Data:
 
     def _white(self, residual: np.ndarray) -> np.ndarray:
         return residual + self._basis @ (self._less * (self._basis.T @ residual)) if self.shared.shape[1] else residual
+
+
+def turned(run: MeasuredRun, encoder: str) -> np.ndarray | None:
+    """The angle (N,) rad of the crank in a driven run as commanded, or as its encoder has it; None where neither is."""
+    if run.drive == "speed" and run.speed is not None:
+        return run.speed * run.time
+    if run.drive == "free" or encoder not in run.channels:
+        return None
+    return bridged(run.channels[encoder].values)
 
 
 def bridged(values: np.ndarray) -> np.ndarray:

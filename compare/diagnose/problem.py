@@ -11,12 +11,13 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from compare.diagnose import prepare
+from compare.diagnose.admission import CLOSED
 from compare.diagnose.data.quality import suspicious_swaps, suspicious_units
 from compare.diagnose.data.recording import Measured, MeasuredError, MeasuredRun
 from compare.diagnose.effects.effect import Effect, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.engines import Engines
-from compare.diagnose.explain import CLOSED, Explanation, explain, has_structure, pruned
+from compare.diagnose.explain import Explanation, explain, has_structure, pruned
 from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.locate import Stretch, locate, rms_difference, spread
 from compare.diagnose.noise import rms

@@ -16,9 +16,11 @@ from compare.diagnose.predict import Term
 from compare.diagnose.sensitivities import Screen, Sensitivity, sensitivities
 
 CHANCE = 1e-3  # probability that noise alone names anything at all
-MOST = 4  # effects at once
+MOST = 4  # effects of the rig at once
+FAULTS = 8  # of sensors, beside them
 FITTED = 9  # sets of each size that are fitted in full
-ROUNDS = 3
+DEEP = 2  # the same, of sets with more than MOST
+ROUNDS = 5
 # of chi^2: sets that the screen puts farther behind its best are not fitted, unless they are among the first few
 MARGIN = 60.0
 FIRST = 5
@@ -97,10 +99,10 @@ class Search:
     def climb(self, screen: Screen, best: Fit) -> Fit:
         """Fit the screen's best sets of each size until one more effect does not pay."""
         behind = 0
-        for level in screen.best_sets(MOST, self.cost):
+        for level in screen.best_sets(MOST, FAULTS, self.cost):
             fits = [
                 self.fitted(screen, chosen)
-                for k, (net, chosen) in enumerate(level[:FITTED])
+                for k, (net, chosen) in enumerate(level[: FITTED if len(level[0][1]) <= MOST else DEEP])
                 if k < FIRST or net > level[0][0] - MARGIN
             ]
             improved = False

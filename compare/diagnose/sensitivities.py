@@ -7,6 +7,7 @@ anything is fitted.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -112,7 +113,7 @@ class Screen:
 
     def gain(self, chosen: Sequence[int]) -> tuple[float, np.ndarray]:
         """Decrease of chi^2 by a set of terms, and the coefficients of their columns."""
-        where = np.concatenate([np.arange(self.edges[i], self.edges[i + 1]) for i in chosen])
+        where = self.columns(chosen)
         wanted, extra = self.wanted[where], 0.0
         turned = [self.offsets[i] for i in chosen if i in self.offsets]
         for k, (gained, change, offset) in enumerate(turned):
@@ -122,22 +123,69 @@ class Screen:
         solved = np.linalg.solve(matrix, wanted)
         return extra + float(wanted @ solved), solved / self.norm[where]
 
-    def best_sets(self, size: int, cost: Mapping[Term, float]) -> Iterator[list[tuple[float, tuple[int, ...]]]]:
-        """For each number of terms up to ``size`` the sets that gain most net of their cost, best first."""
+    def best_sets(
+        self, rig: int, sensors: int, cost: Mapping[Term, float]
+    ) -> Iterator[list[tuple[float, tuple[int, ...]]]]:
+        """For each number of terms the sets that gain most net of their cost, best first, with at most so many effects
+        of the rig and faults of ``sensors``.
+        """
         beam: list[tuple[int, ...]] = [()]
-        for _ in range(size):
+        of_sensor = np.array([t.effect.sensor for t in self.terms])
+        price = np.array([cost[t] for t in self.terms])
+        for _ in range(rig + sensors):
             grown: dict[tuple[int, ...], float] = {}
             for chosen in beam:
                 taken = {self.terms[i].key for i in chosen}
-                for i in range(len(self.terms)):
+                full = {
+                    kind
+                    for kind, most in ((True, sensors), (False, rig))
+                    if sum(of_sensor[list(chosen)] == kind) >= most
+                }
+                paid = float(price[list(chosen)].sum())
+                for i, gain in enumerate(self.further(chosen)):
                     new = tuple(sorted((*chosen, i)))
-                    if self.terms[i].key not in taken and new not in grown:
-                        grown[new] = self.gain(new)[0] - sum(cost[self.terms[k]] for k in new)
+                    if self.terms[i].key not in taken and of_sensor[i] not in full and new not in grown:
+                        grown[new] = float(gain) - paid - price[i]
             best = sorted(((net, chosen) for chosen, net in grown.items()), key=lambda item: (-item[0], item[1]))[:BEAM]
             if not best:
                 return
             yield best
             beam = [chosen for _, chosen in best]
+
+    def further(self, chosen: Sequence[int]) -> np.ndarray:
+        """Decrease of chi^2 (terms,) by a set and each further term: what the set leaves of the terms' columns is found
+        once.
+        """
+        where = self.columns(chosen)
+        gain, _ = self.gain(chosen) if chosen else (0.0, None)
+        wanted = self.wanted.copy()
+        for i in chosen:
+            if i in self.offsets:
+                wanted -= self.offsets[i][1]
+        inside = self.gram[np.ix_(where, where)] + np.diag(self.reluctance[where])
+        across = self.gram[where]
+        solved = np.linalg.solve(inside, np.column_stack([across, wanted[where]])) if where.size else across
+        left = wanted - across.T @ solved[:, -1] if where.size else wanted
+        out = np.empty(len(self.terms))
+        turned = any(i in self.offsets for i in chosen)
+        for i in range(len(self.terms)):
+            if i in self.offsets or turned:
+                out[i] = -math.inf if i in chosen else self.gain(sorted((*chosen, i)))[0]
+                continue
+            own = slice(int(self.edges[i]), int(self.edges[i + 1]))
+            matrix = self.gram[own, own] + np.diag(self.reluctance[own] + 1e-10)
+            if where.size:
+                matrix = matrix - across[:, own].T @ solved[:, own]
+            if matrix.size == 1:
+                out[i] = gain + float(left[own][0] ** 2 / matrix[0, 0])
+            else:
+                out[i] = gain + float(left[own] @ np.linalg.solve(matrix, left[own]))
+        return out
+
+    def columns(self, chosen: Sequence[int]) -> np.ndarray:
+        """Where the columns of a set of terms are among all."""
+        parts = [np.arange(self.edges[i], self.edges[i + 1]) for i in chosen]
+        return np.concatenate(parts) if parts else np.zeros(0, int)
 
     def starts(self, chosen: Sequence[int]) -> dict[Term, np.ndarray]:
         """Natural coordinates of each term of a set at the linear optimum."""
