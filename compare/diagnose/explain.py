@@ -14,11 +14,11 @@ from functools import cached_property
 import numpy as np
 from scipy.stats import chi2
 
-from compare.diagnose.admission import CLOSED, held_out, tried
+from compare.diagnose.admission import held_out, tried
 from compare.diagnose.fit import Data, Fit, rank_of, without_columns
 from compare.diagnose.noise import rms, sample_weights
 from compare.diagnose.predict import Term
-from compare.diagnose.search import Search, without
+from compare.diagnose.search import CLOSED, Search, without
 from compare.diagnose.sensitivities import Screen
 from compare.results.diagnosis import Verdict
 

@@ -14,7 +14,8 @@ import numpy as np
 
 STEPS = 30  # at most
 SETTLED = 0.01  # decrease of the sum of squares below which a fit has settled
-RELUCTANCE = 1e-3  # sum of squares that a coordinate pays for a step of its own scale: nothing for what the data see
+RELUCTANCE = 1e-3  # sum of squares that a coordinate pays for a step of its own scale
+SEEN = 30.0  # sigmas: or for the step that changes the data by so much, if that is larger: nothing for what they see
 AS_FORETOLD = 0.9  # of the expected decrease: a Jacobian that foretold this much is used again
 FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e6
 Function = Callable[[np.ndarray], np.ndarray | None]
@@ -122,11 +123,18 @@ def bounded_step(
     return step
 
 
+def reluctance(seen: np.ndarray) -> np.ndarray:
+    """What is added to the diagonal (n,) of normal equations with columns of unit length; ``seen`` (n,) are the sigmas
+    by which a step of a coordinate's own scale changes the data.
+    """
+    return np.asarray(RELUCTANCE / np.maximum(seen, SEEN) ** 2)
+
+
 def _solve(jacobian: np.ndarray, residual: np.ndarray, damping: float, scale: np.ndarray) -> np.ndarray:
     """Least squares with columns scaled to unit length; what the data hardly see pays for going far (in its own
     scale).
     """
     norm = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian / norm
-    matrix = scaled.T @ scaled + np.diag(damping + RELUCTANCE / (scale * norm) ** 2)
+    matrix = scaled.T @ scaled + np.diag(damping + reluctance(scale * norm))
     return np.asarray(np.linalg.solve(matrix, scaled.T @ residual) / norm)

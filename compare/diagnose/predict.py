@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -94,63 +95,88 @@ class Model:
 
     def __call__(self, hypotheses: Sequence[Hypothesis]) -> list[list[dict[str, np.ndarray]] | None]:
         """For each hypothesis the readings of every run, (N,) by signal; None where it is impossible."""
-        found: list[list[dict[str, np.ndarray]] | None] = [[] for _ in hypotheses]
-        for run in self.measured.runs:
-            moved = self.released(run, hypotheses) if run.drive == "free" else None
-            for i, hypothesis in enumerate(hypotheses):
-                so_far = found[i]
-                if so_far is None:
-                    continue
-                if moved is not None and moved[i] is None:
-                    found[i] = None
-                    continue
-                try:
-                    so_far.append(self.readings(run, hypothesis, moved[i] if moved is not None else None))
-                except (Impossible, AssemblyError, ComplianceError):
-                    found[i] = None
-        return found
+        moved = {run.name: self.released(run, hypotheses) for run in self.measured.runs if run.drive == "free"}
+        return [self._under(h, {run: each[i] for run, each in moved.items()}) for i, h in enumerate(hypotheses)]
 
-    def readings(self, run: MeasuredRun, hypothesis: Hypothesis, moved: Reactions | None) -> dict[str, np.ndarray]:
-        """What the sensors of a run read."""
-        echoes = heard(hypothesis, run)
-        seen: dict[float, Mapping[str, np.ndarray]] = {}
-        for delay in {delay for each in echoes.values() for _, delay in each}:
-            wanted = [signal for signal, each in echoes.items() if any(d == delay for _, d in each)]
-            seen[delay] = (
-                self.signals(run, hypothesis, run.time - delay)
-                if moved is None
-                else _aged(moved, wanted, run.time, delay)
-            )
-        return sensed(hypothesis, run, {s: mixed(each, seen, s) for s, each in echoes.items()})
+    def _under(
+        self, hypothesis: Hypothesis, moved: Mapping[str, Reactions | None]
+    ) -> list[dict[str, np.ndarray]] | None:
+        """The readings of every run; ``moved`` are the motions of the free ones by run."""
+        heard_by = [heard(hypothesis, run) for run in self.measured.runs]
+        asked = [(r, age) for r, echoes in enumerate(heard_by) for age in ages(echoes)]
+        driven = [(r, age) for r, age in asked if self.measured.runs[r].drive != "free"]
+        try:
+            seen = dict(zip(driven, self._seen(hypothesis, driven), strict=True))
+        except (Impossible, AssemblyError, ComplianceError):
+            return None
+        for r, age in asked:
+            run = self.measured.runs[r]
+            if run.drive == "free":
+                motion = moved[run.name]
+                if motion is None:
+                    return None
+                wanted = [signal for signal, each in heard_by[r].items() if any(a == age for _, a in each)]
+                seen[r, age] = _aged(motion, wanted, run.time, age)
+        return [
+            sensed(hypothesis, run, {s: mixed(each, {a: seen[r, a] for _, a in each}, s) for s, each in echoes.items()})
+            for r, (run, echoes) in enumerate(zip(self.measured.runs, heard_by, strict=True))
+        ]
 
     # ---------------------------------------------------------------- driven runs
 
-    def signals(self, run: MeasuredRun, hypothesis: Hypothesis, time: np.ndarray) -> dict[str, np.ndarray]:
-        """All signals of a driven run at times (N,) s of its command, before any sensor."""
-        offset = motor_offset(run, hypothesis)
-        within = [(t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor]
-        key = (run.name, float(time[0]), offset, tuple(within))
-        if key not in self._kept:
-            self._kept[key] = self._signals(run, self.altered(run, hypothesis), time, offset)
-            if len(self._kept) > CACHED:
-                self._kept.popitem(last=False)
-        self._kept.move_to_end(key)
-        return self._kept[key]
+    def _seen(self, hypothesis: Hypothesis, asked: Sequence[tuple[int, float]]) -> list[Mapping[str, np.ndarray]]:
+        """All signals, before any sensor, of driven runs (by their place among all) some seconds before their
+        samples.
+        """
+        within = tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor)
+        runs = [self.measured.runs[r] for r, _ in asked]
+        keys = [(r, age, motor_offset(run, hypothesis), within) for (r, age), run in zip(asked, runs, strict=True)]
+        found = {key: self._kept[key] for key in keys if key in self._kept}
+        for loads in dict.fromkeys(run.loads for run in runs):
+            new = [(key, run) for key, run in zip(keys, runs, strict=True) if run.loads == loads and key not in found]
+            if new:
+                mechanism = self.altered(new[0][1], hypothesis)
+                motions = [(run, run.time - age, offset) for (_, age, offset, _), run in new]
+                found |= zip((key for key, _ in new), self._moved(mechanism, motions), strict=True)
+        for key in keys:
+            self._kept[key] = found[key]
+            self._kept.move_to_end(key)
+        while len(self._kept) > CACHED:
+            self._kept.popitem(last=False)
+        return [found[key] for key in keys]
 
-    def _signals(
-        self, run: MeasuredRun, mechanism: Mechanism, time: np.ndarray, offset: float
-    ) -> dict[str, np.ndarray]:
+    def signals(self, run: MeasuredRun, hypothesis: Hypothesis, time: np.ndarray) -> Mapping[str, np.ndarray]:
+        """All signals of a driven run at times (N,) s of its command, before any sensor.  Raises Impossible or
+        AssemblyError.
+        """
+        return self._moved(self.altered(run, hypothesis), [(run, time, motor_offset(run, hypothesis))])[0]
+
+    def _moved(
+        self, mechanism: Mechanism, motions: Sequence[tuple[MeasuredRun, np.ndarray, float]]
+    ) -> list[dict[str, np.ndarray]]:
+        """All signals of one mechanism in several runs, at times (N,) s, the motor behind its encoder by so much
+        (rad).
+        """
         assembly = Assembly(mechanism)
-        motor = self.motor(run, mechanism)
         stiffness = mechanism.drive.stiffness if mechanism.drive else None  # whatever the file's own drive.speed
 
         def torque(turning: Turning) -> np.ndarray:
             return _balanced(assembly, turning, {}).drive_torque
 
-        crank = motor.crank(time, stiffness, torque, stiffness is not None and turns_fully(assembly))
-        crank = Turning(crank.theta - offset, crank.omega, crank.alpha)
-        signals = derived(assembly, crank)
-        return signals | {self.rig.encoder: motor.at(time).theta - offset}
+        turns = stiffness is not None and turns_fully(assembly)
+        motors = [self.motor(run, mechanism) for run, _, _ in motions]
+        cranks = []
+        for motor, (_, time, offset) in zip(motors, motions, strict=True):
+            crank = motor.crank(time, stiffness, torque, turns)
+            cranks.append(Turning(crank.theta - offset, crank.omega, crank.alpha))
+        if mechanism.clearances:  # which forces are too faint for a direction is asked of each run by itself
+            found = [derived(assembly, crank) for crank in cranks]
+        else:
+            found = _parted(derived(assembly, _joined(cranks)), [crank.theta.size for crank in cranks])
+        return [
+            signals | {self.rig.encoder: motor.at(time).theta - offset}
+            for signals, motor, (_, time, offset) in zip(found, motors, motions, strict=True)
+        ]
 
     def motor(self, run: MeasuredRun, mechanism: Mechanism) -> Motor:
         """The motor of a driven run."""
@@ -221,6 +247,11 @@ def heard(hypothesis: Hypothesis, run: MeasuredRun) -> dict[str, Echoes]:
     return found
 
 
+def ages(heard_by: Mapping[str, Echoes]) -> list[float]:
+    """Every age (s) of a motion that any sensor reads, in order."""
+    return sorted({age for each in heard_by.values() for _, age in each})
+
+
 def mixed(echoes: Echoes, seen: Mapping[float, Mapping[str, np.ndarray]], signal: str) -> np.ndarray:
     """A signal (N,) as its sensor reads it, of what there was to see by age."""
     if len(echoes) == 1:
@@ -259,6 +290,17 @@ def _balanced(assembly: Assembly, turning: Turning, clearances: Mapping[str, flo
             assembly, turning.theta, turning.omega, alpha=turning.alpha, clearances=clearances
         ).configuration
     return kinetostatics(kinematics(assembly, turning.theta, turning.omega, turning.alpha))
+
+
+def _joined(cranks: Sequence[Turning]) -> Turning:
+    """Motions of the crank one after the other."""
+    return Turning(*(np.concatenate([getattr(c, part) for c in cranks]) for part in ("theta", "omega", "alpha")))
+
+
+def _parted(signals: Mapping[str, np.ndarray], sizes: Sequence[int]) -> list[dict[str, np.ndarray]]:
+    """Signals (sum of sizes,) cut into runs again."""
+    ends = np.cumsum([0, *sizes]).tolist()
+    return [{s: v[begin:end] for s, v in signals.items()} for begin, end in pairwise(ends)]
 
 
 def derived(assembly: Assembly, crank: Turning) -> dict[str, np.ndarray]:

@@ -11,7 +11,6 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from compare.diagnose import prepare
-from compare.diagnose.admission import CLOSED
 from compare.diagnose.data.quality import suspicious_swaps, suspicious_units
 from compare.diagnose.data.recording import Measured, MeasuredError, MeasuredRun
 from compare.diagnose.effects.effect import Effect, Rig
@@ -22,7 +21,7 @@ from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.locate import Stretch, locate, rms_difference, spread
 from compare.diagnose.noise import rms
 from compare.diagnose.predict import Model, Term, altered
-from compare.diagnose.search import Search, costs
+from compare.diagnose.search import CLOSED, Search, costs
 from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.diagnose.simulate import Simulated
 from compare.quantities import amount

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.fit import Fit, Fitter
-from compare.diagnose.noise import sample_weights
+from compare.diagnose.noise import rms, sample_weights
 from compare.diagnose.predict import Term
 from compare.diagnose.sensitivities import Screen, Sensitivity, sensitivities
 
@@ -24,6 +24,8 @@ ROUNDS = 5
 # of chi^2: sets that the screen puts farther behind its best are not fitted, unless they are among the first few
 MARGIN = 60.0
 FIRST = 5
+CLOSED = 1.1  # of the noise floor: a gap that is closed
+STRAYED = 0.5  # of the noise (rms), by which a linear forecast may miss a fit
 LEADERS = 5  # of the best sets of a part of the data are tried on more of it
 
 
@@ -133,8 +135,12 @@ class Search:
 
     def screen(self, about: Fit) -> Screen:
         """The linear problem about a fit: its terms by their derivatives there, all others by their sensitivities."""
-        if self.nonlinear and about is not self.surveyed:
-            self.sensitivities, self.surveyed = sensitivities(self.fitter, about, list(self.cost)), about
+        if about is not self.surveyed and (self.nonlinear or self.strayed(about)):
+            found = sensitivities(self.fitter, about, list(self.cost))
+            own = {about.terms[i]: about.jacobian[:, about.columns(i)] for i in about.named()}
+            still = np.zeros(about.residual.size)
+            self.sensitivities = found | {t: Sensitivity(t, still, columns, fitted=True) for t, columns in own.items()}
+            self.surveyed = about
         found = dict(self.sensitivities)
         residual = about.residual.copy()
         for i in about.named():
@@ -145,6 +151,22 @@ class Search:
         return Screen(
             self.rig, residual, np.concatenate(always, axis=1) if always else np.zeros((residual.size, 0)), found
         )
+
+    def strayed(self, about: Fit) -> bool:
+        """Whether a fit leaves a gap, and is so far from where the sensitivities were taken that these mislead."""
+        if rms(about.residual) <= CLOSED:
+            return False
+        since = self.surveyed or self.base
+        before = dict(zip(since.terms, since.x, strict=True))
+        moved = since.residual.copy()
+        for i, (term, x) in enumerate(zip(about.terms, about.x, strict=True)):
+            moved += about.jacobian[:, about.columns(i)] @ (x - before.get(term, np.zeros(x.size)))
+            if term not in before and term in self.sensitivities:
+                moved += self.sensitivities[term].offset
+        for i, (term, x) in enumerate(zip(since.terms, since.x, strict=True)):
+            if term not in about.terms:
+                moved -= since.jacobian[:, since.columns(i)] @ x
+        return rms(moved - about.residual) > STRAYED
 
     def with_terms(self, about: Fit, screen: Screen, terms: Sequence[Term]) -> Fit | None:
         """A set of terms fitted from the screen's optimum, or from the fit it is about for terms that both have."""

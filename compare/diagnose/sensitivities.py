@@ -15,7 +15,7 @@ import numpy as np
 
 from compare.diagnose.effects.effect import Effect, Rig
 from compare.diagnose.fit import Fit, Fitter
-from compare.diagnose.least_squares import RELUCTANCE
+from compare.diagnose.least_squares import reluctance
 from compare.diagnose.predict import Term
 
 BEAM = 24  # sets of each size to which a further term is added
@@ -91,7 +91,7 @@ class Screen:
         self.norm[self.norm == 0] = 1.0
         stacked = stacked / self.norm
         scales = [self.unit(found[t]) for t in self.terms]
-        self.reluctance = RELUCTANCE / (np.concatenate(scales) * self.norm) ** 2 if scales else np.zeros(0)
+        self.reluctance = reluctance(np.concatenate(scales) * self.norm) if scales else np.zeros(0)
         left = residual - basis @ (basis.T @ residual)
         self.chi2 = float(left @ left)
         self.gram = stacked.T @ stacked
