@@ -106,7 +106,7 @@ def line(wall: float) -> Descent:
         return None if point[0] > wall else point - [3.0, 1.0]
 
     low, high = np.array([-np.inf, 0.5]), np.array([np.inf, 0.5])
-    return Descent(residual, lambda point, here: np.eye(2), low, high, np.full(2, 1.0))
+    return Descent(residual, lambda point, here: np.eye(2), low, high, np.full(2, 1.0), np.arange(2))
 
 
 def test_a_coordinate_without_room_stays_and_lies_on_its_bound() -> None:

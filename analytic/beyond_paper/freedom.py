@@ -4,7 +4,8 @@ The drive torque that a motion needs is
 
     M(theta) alpha + M'(theta)/2 omega^2 + c(theta) omega + f(theta) sign(omega) + g(theta).
 
-Its five coefficients follow from kinetostatics at six states of each crank angle, once; a free motion is then a small
+Its five coefficients follow from kinetostatics at six states of each crank angle, once; springs that a turn of the
+crank winds up make g larger by h(theta) with each turn; a free motion is then a small
 ordinary differential equation, which is integrated for all linkages of a batch at the same time.  At rest friction
 holds whatever is no larger than itself: |g| <= f.
 """
@@ -27,7 +28,9 @@ POINTS = 720  # of a table over a revolution
 
 @dataclass(frozen=True)
 class Freedom:
-    """Coefficients over a revolution, (5, POINTS): M, M'/2, c, f, g at crank angles 2 pi i / POINTS."""
+    """Coefficients over a revolution, (6, POINTS): M, M'/2, c, f, g at crank angles 2 pi i / POINTS, and h, by which g
+    grows with each turn.
+    """
 
     table: np.ndarray
 
@@ -37,7 +40,33 @@ class Freedom:
     @classmethod
     def of(cls, assembly: Assembly) -> Freedom:
         """The freedom of a linkage whose crank turns fully.  Raises AssemblyError where it does not."""
-        return cls(coefficients(assembly, np.arange(POINTS) * 2 * math.pi / POINTS))
+        theta = np.arange(POINTS) * 2 * math.pi / POINTS
+        first = coefficients(assembly, theta)
+        wound = np.zeros(POINTS)
+        if any(joint.stiffness for joint in assembly.mechanism.joints):
+            wound = coefficients(assembly, theta + 2 * math.pi)[4] - first[4]
+        return cls(np.vstack([first, wound]))
+
+    def inertia(self, theta: np.ndarray) -> np.ndarray:
+        """M (kg.m^2) at crank angles (N,) rad."""
+        from analytic.beyond_paper.swing_loop import coefficient
+
+        return np.asarray(coefficient(padded(self.table), 0, np.ascontiguousarray(theta, float)))
+
+    def acceleration(self, theta: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """Acceleration (rad/s^2) of the free crank at angles theta (N,) rad and rates omega (N,) rad/s."""
+        from analytic.beyond_paper.swing_loop import accelerations
+
+        state = (np.ascontiguousarray(theta, float), np.ascontiguousarray(omega, float))
+        return np.asarray(accelerations(padded(self.table), *state))
+
+
+def padded(table: np.ndarray) -> np.ndarray:
+    """A table (6, POINTS) with one neighbour before the first and two after the last, wound up by the turn between."""
+    before, after = table[:, -1:].copy(), table[:, :2].copy()
+    before[4] -= before[5]
+    after[4] += after[5]
+    return np.ascontiguousarray(np.concatenate([before, table, after], axis=1))
 
 
 def coefficients(assembly: Assembly, theta: np.ndarray) -> np.ndarray:
@@ -64,8 +93,7 @@ def swing(
     """
     from analytic.beyond_paper.swing_loop import integrate  # which takes a second to compile
 
-    tables = np.stack([f.table for f in freedoms])  # (P, 5, POINTS)
-    tables = np.ascontiguousarray(np.concatenate([tables[..., -1:], tables, tables[..., :2]], axis=-1))
+    tables = np.stack([padded(f.table) for f in freedoms])  # (P, 6, POINTS + 3)
     start = np.ascontiguousarray(start, float)
     longest = min(1e-3, math.radians(1.0) / max(1.0, float(np.abs(start[:, 1]).max())))
     out = np.empty((3, len(freedoms), time.size))

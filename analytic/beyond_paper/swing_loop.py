@@ -1,7 +1,7 @@
 """The integration loop of :func:`analytic.beyond_paper.freedom.swing`, compiled by numba at its first call.
 
-``table`` holds the five coefficients of a linkage's freedom over a revolution, (5, points + 3): one neighbour before
-the first and two after the last.
+``table`` holds the coefficients of a linkage's freedom over a revolution, (6, points + 3): one neighbour before the
+first and two after the last.
 """
 
 from __future__ import annotations
@@ -29,11 +29,18 @@ def between(table: np.ndarray, c: int, theta: float) -> float:
 
 
 @njit
+def resting(table: np.ndarray, theta: float) -> float:
+    """Torque (N.m) that the linkage at rest needs, its springs wound up by the turns so far."""
+    wound = between(table, 5, theta)
+    return between(table, 4, theta) + (math.floor(theta / (2 * math.pi)) * wound if wound != 0 else 0.0)
+
+
+@njit
 def direction(table: np.ndarray, theta: float, omega: float) -> float:
     """Sign of the motion, or of the one to come; 0 where friction holds the crank."""
     if omega != 0:
         return math.copysign(1.0, omega)
-    friction, rest = between(table, 3, theta), between(table, 4, theta)
+    friction, rest = between(table, 3, theta), resting(table, theta)
     return 0.0 if abs(rest) <= friction else -math.copysign(1.0, rest)
 
 
@@ -41,8 +48,27 @@ def direction(table: np.ndarray, theta: float, omega: float) -> float:
 def acceleration(table: np.ndarray, theta: float, omega: float, way: float) -> float:
     """Acceleration (rad/s^2) of the free crank, friction against ``way``."""
     m, half, damping = between(table, 0, theta), between(table, 1, theta), between(table, 2, theta)
-    friction, rest = between(table, 3, theta), between(table, 4, theta)
+    friction, rest = between(table, 3, theta), resting(table, theta)
+    if not m > 0:
+        return np.nan  # no linkage has such an inertia
     return -(half * omega**2 + damping * omega + friction * way + rest) / m
+
+
+@njit
+def coefficient(table: np.ndarray, c: int, theta: np.ndarray) -> np.ndarray:
+    """Coefficient c at crank angles (N,) rad."""
+    return np.array([between(table, c, angle) for angle in theta])
+
+
+@njit
+def accelerations(table: np.ndarray, theta: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Accelerations (N,) rad/s^2 of the free crank in states (N,) rad and rad/s."""
+    out = np.zeros(theta.size)
+    for k in range(theta.size):
+        way = direction(table, theta[k], omega[k])
+        if way != 0:
+            out[k] = acceleration(table, theta[k], omega[k], way)
+    return out
 
 
 @njit

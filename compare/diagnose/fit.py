@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from analytic.mechanism.signals import wrapped
 from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.least_squares import STEPS, Descent
-from compare.diagnose.predict import Model, StartOfRun, Term
+from compare.diagnose.predict import Hypothesis, StartOfRun, Term
 
 STEP_OF_SCALE = 1.0  # difference step, in the effects' own scales
 FOLDS = 6
@@ -206,6 +207,7 @@ class Space:
         self.terms = terms
         self.scale, self.low, self.high = joined(scales), joined([b[0] for b in limits]), joined([b[1] for b in limits])
         self.slow = joined([np.full(s.size, t.effect.slow) for s, t in zip(scales, terms, strict=True)]).astype(bool)
+        self.group = joined([np.full(size.size, k) for k, size in enumerate(scales)]).astype(int)
         self._edges = np.cumsum([s.size for s in scales])[:-1]
 
     def parted(self, point: np.ndarray) -> list[np.ndarray]:
@@ -218,10 +220,16 @@ def joined(parts: Sequence[np.ndarray]) -> np.ndarray:
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
+class Predicts(Protocol):
+    """What says, for each hypothesis, what every run reads (N,) by signal; None where it is impossible."""
+
+    def __call__(self, hypotheses: Sequence[Hypothesis]) -> list[list[dict[str, np.ndarray]] | None]: ...
+
+
 class Fitter:
     """Fits sets of terms; every fit is kept."""
 
-    def __init__(self, model: Model, data: Data, rig: Rig, bounds: Bounds) -> None:
+    def __init__(self, model: Predicts, data: Data, rig: Rig, bounds: Bounds) -> None:
         self.model, self.data, self.rig, self.bounds = model, data, rig, bounds
         self._fits: dict[tuple[Term, ...], Fit | None] = {}
 
@@ -262,7 +270,9 @@ class Fitter:
         def jacobian(point: np.ndarray, here: np.ndarray) -> np.ndarray:
             return self.jacobian(space, point, here)
 
-        found = Descent(residual, jacobian, space.low, space.high, space.scale).from_point(joined(x), steps)
+        found = Descent(residual, jacobian, space.low, space.high, space.scale, space.group).from_point(
+            joined(x), steps
+        )
         if found is None:
             return None
         return Fit(terms, tuple(space.parted(found.point)), found.residual, found.jacobian, found.bound)

@@ -14,8 +14,7 @@ import numpy as np
 
 STEPS = 30  # at most
 SETTLED = 0.01  # decrease of the sum of squares below which a fit has settled
-RELUCTANCE = 1e-3  # sum of squares that a coordinate pays for a step of its own scale
-SEEN = 30.0  # sigmas: or for the step that changes the data by so much, if that is larger: nothing for what they see
+RELUCTANCE = 1e-6  # of a coordinate's curvature, added to it: nothing for what the data see
 AS_FORETOLD = 0.9  # of the expected decrease: a Jacobian that foretold this much is used again
 FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e6
 Function = Callable[[np.ndarray], np.ndarray | None]
@@ -40,7 +39,7 @@ class Descent:
     (n,).
 
     ``jacobian`` (size, n) is that at a point, given the residual there; ``scale`` (n,) a small amount of each
-    coordinate.
+    coordinate, ``group`` (n,) a number for those that belong together.
     """
 
     function: Function
@@ -48,6 +47,7 @@ class Descent:
     low: np.ndarray
     high: np.ndarray
     scale: np.ndarray
+    group: np.ndarray
 
     def from_point(self, start: np.ndarray, steps: int = STEPS) -> Minimum | None:
         """The minimum that is reached from a start (n,), moved within the bounds; None where that is impossible."""
@@ -72,7 +72,7 @@ class Descent:
     def _step(self) -> bool:
         """One step, or a new Jacobian; whether there may be more to gain."""
         low, high = self.low - self.point, self.high - self.point
-        step = bounded_step(self.slopes, self.residual, low, high, self.damping, self.scale)
+        step = bounded_step(self.slopes, self.residual, low, high, self.damping, self.scale, self.group)
         trial = self.point + step
         expected = self._squares - float(np.sum((self.residual + self.slopes @ (trial - self.point)) ** 2))
         if expected < SETTLED:
@@ -107,14 +107,22 @@ class Descent:
 
 
 def bounded_step(
-    jacobian: np.ndarray, residual: np.ndarray, low: np.ndarray, high: np.ndarray, damping: float, scale: np.ndarray
+    jacobian: np.ndarray,
+    residual: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    damping: float,
+    scale: np.ndarray,
+    group: np.ndarray,
 ) -> np.ndarray:
     """Least-squares step (n,) within bounds: what would leave them stops there, and the others make up for it."""
     gradient = jacobian.T @ residual
     step = np.zeros(gradient.size)
     free = ~(((low >= 0) & (gradient > 0)) | ((high <= 0) & (gradient < 0))) & (np.linalg.norm(jacobian, axis=0) > 0)
     while free.any():
-        step[free] = -_solve(jacobian[:, free], residual + jacobian[:, ~free] @ step[~free], damping, scale[free])
+        step[free] = -_solve(
+            jacobian[:, free], residual + jacobian[:, ~free] @ step[~free], damping, scale[free], group[free]
+        )
         beyond = free & ((step < low) | (step > high))
         if not beyond.any():
             break
@@ -123,18 +131,24 @@ def bounded_step(
     return step
 
 
-def reluctance(seen: np.ndarray) -> np.ndarray:
-    """What is added to the diagonal (n,) of normal equations with columns of unit length; ``seen`` (n,) are the sigmas
-    by which a step of a coordinate's own scale changes the data.
+def reluctance(seen: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """What is added to the diagonal (n,) of normal equations with columns of unit length.
+
+    ``seen`` (n,) are the sigmas by which a step of a coordinate's own scale changes the data.  Of coordinates of one
+    ``group`` (n,) those that the data see less pay more for going far: they must not do what another does better.
     """
-    return np.asarray(RELUCTANCE / np.maximum(seen, SEEN) ** 2)
+    best = np.zeros(int(group.max(initial=0)) + 1)
+    np.maximum.at(best, group, seen)
+    return RELUCTANCE * np.minimum((best[group] / np.maximum(seen, 1e-300)) ** 2, 1 / RELUCTANCE)
 
 
-def _solve(jacobian: np.ndarray, residual: np.ndarray, damping: float, scale: np.ndarray) -> np.ndarray:
+def _solve(
+    jacobian: np.ndarray, residual: np.ndarray, damping: float, scale: np.ndarray, group: np.ndarray
+) -> np.ndarray:
     """Least squares with columns scaled to unit length; what the data hardly see pays for going far (in its own
     scale).
     """
     norm = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian / norm
-    matrix = scaled.T @ scaled + np.diag(damping + reluctance(scale * norm))
+    matrix = scaled.T @ scaled + np.diag(damping + reluctance(scale * norm, group))
     return np.asarray(np.linalg.solve(matrix, scaled.T @ residual) / norm)

@@ -18,6 +18,7 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.engines import Engines
 from compare.diagnose.explain import Explanation, explain, has_structure, pruned
 from compare.diagnose.fit import Data, Fit, Fitter
+from compare.diagnose.inverse import beginnings
 from compare.diagnose.locate import Stretch, locate, rms_difference, spread
 from compare.diagnose.noise import rms
 from compare.diagnose.predict import Model, Term, altered
@@ -138,7 +139,7 @@ class Problem:
         workers = options.workers or min(2, os.cpu_count() or 1)
         problem = cls(
             measured, rig, mechanism, model, data, fitter, terms, ruled_out, options, engines, skipped,
-            _begun(fitter), Engines(model, options.simulator, workers),
+            _begun(model, fitter), Engines(model, options.simulator, workers),
         )  # fmt: skip
         problem.refuse_slips()
         problem.note_limits()
@@ -273,7 +274,9 @@ class Problem:
         cost = costs(wanted, self.rig, data.size)
         free = bool(self.base.terms)
         # a free motion answers linearly only at first: its first part is explained first
-        for share in HORIZONS if free and not first else ():
+        fresh = free and not first
+        first = self.begun(cost) if fresh else first
+        for share in HORIZONS if fresh and not self.close(data, first) else ():
             search = self.prepared(data.until(share), cost, wanted, free)
             first = search.leaders(search.best(first))
         self.search = self.prepared(data, cost, wanted, free)
@@ -282,16 +285,33 @@ class Problem:
             return pruned(self.search, next((f for f in begun if f is not None), self.search.base))[0]
         return pruned(self.search, self.search.best(first))[0]
 
+    def close(self, data: Data, first: Sequence[Fit]) -> bool:
+        """Whether the whole of the data is within reach from one of these fits."""
+        fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds)
+        reached = (fitter.fit(f.terms, dict(zip(f.terms, f.x, strict=True))) for f in first)
+        return any(fit is not None and rms(fit.residual) <= CLOSED for fit in reached)
+
+    def begun(self, cost: Mapping[Term, float]) -> list[Fit]:
+        """Fits of the first part of free runs, that begin where their motion read backward says."""
+        data = self.data.until(HORIZONS[0])
+        fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds)
+        found = []
+        for beginning in beginnings(self.model, self.fitter.bounds, cost):
+            x = {t: beginning.starts[t.where] for t in self.base.terms} | dict(beginning.effects)
+            fit = fitter.fit(list(x), x)
+            found += [] if fit is None else [fit]
+        return found
+
+    def model_of(self, data: Data) -> Model:
+        """The nominal model of these data."""
+        known = data.measured is self.measured
+        return self.model if known else Model(data.measured, self.rig, self.mechanism, self.model.courses)
+
     def prepared(self, data: Data, cost: Mapping[Term, float], wanted: Sequence[Term], free: bool) -> Search:
         """A search in these data, with sensitivities about the nominal model or, in free runs, about the fit it begins
         with.
         """
-        model = (
-            self.model
-            if data.measured is self.measured
-            else Model(data.measured, self.rig, self.mechanism, self.model.courses)
-        )
-        fitter = Fitter(model, data, self.rig, self.fitter.bounds)
+        fitter = Fitter(self.model_of(data), data, self.rig, self.fitter.bounds)
         start = dict(zip(self.base.terms, self.base.x, strict=True))
         base = fitter.at(self.base.terms, start) or self.base
         if self.search is not None and not free:
@@ -376,11 +396,11 @@ class Problem:
         return self.model.motor(run, self.mechanism).at(run.time).theta
 
 
-def _begun(fitter: Fitter) -> Fit:
+def _begun(model: Model, fitter: Fitter) -> Fit:
     """The nominal mechanism as a fit of the starts of free runs, first to their first part.  Raises MeasuredError where
     it cannot make the runs.
     """
-    model, early = fitter.model, fitter.data.until(HORIZONS[0])
+    early = fitter.data.until(HORIZONS[0])
     starts = prepare.starts(model.measured)
     first = Model(early.measured, fitter.rig, model.mechanism, model.courses)
     begun = Fitter(first, early, fitter.rig, fitter.bounds).fit(list(starts), starts)

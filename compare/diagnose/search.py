@@ -10,6 +10,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from compare.diagnose.effects.effect import Rig
+from compare.diagnose.effects.sensors import EachRun
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.noise import rms, sample_weights
 from compare.diagnose.predict import Term
@@ -23,6 +24,7 @@ DEEP = 2  # the same, of sets with more than MOST
 ROUNDS = 5
 # of chi^2: sets that the screen puts farther behind its best are not fitted, unless they are among the first few
 MARGIN = 60.0
+ANEW = 4.0  # of chi^2, that each value of a fault that is another in each run must bring beside a parameter's share
 FIRST = 5
 CLOSED = 1.1  # of the noise floor: a gap that is closed
 STRAYED = 0.5  # of the noise (rms), by which a linear forecast may miss a fit
@@ -31,7 +33,7 @@ LEADERS = 5  # of the best sets of a part of the data are tried on more of it
 
 def costs(terms: Sequence[Term], rig: Rig, samples: int) -> dict[Term, float]:
     """Decrease of chi^2 that each term must bring: chance over the whole vocabulary, and a further parameter's share
-    each.
+    each; where each run has its own value, all are further ones, and dearer: they can stand for much.
     """
     places = len({t.key for t in terms}) or 1
     further = max(8.0, math.log(max(samples, 2)))
@@ -39,7 +41,9 @@ def costs(terms: Sequence[Term], rig: Rig, samples: int) -> dict[Term, float]:
     found = {}
     for t in terms:
         n = len(t.effect.scales(rig, t.where, t.variant))
-        found[t] = float(chi2.isf(CHANCE / (places * alternatives[t.key]), 1)) + further * (n - 1)
+        each_run = isinstance(t.effect, EachRun) and t.variant == EachRun.each_run
+        more = n * (further + ANEW) if each_run else (n - 1) * further
+        found[t] = float(chi2.isf(CHANCE / (places * alternatives[t.key]), 1)) + more
     return found
 
 

@@ -91,7 +91,8 @@ class Screen:
         self.norm[self.norm == 0] = 1.0
         stacked = stacked / self.norm
         scales = [self.unit(found[t]) for t in self.terms]
-        self.reluctance = reluctance(np.concatenate(scales) * self.norm) if scales else np.zeros(0)
+        group = np.repeat(np.arange(len(self.terms)), np.diff(self.edges))
+        self.reluctance = reluctance(np.concatenate(scales) * self.norm, group) if scales else np.zeros(0)
         left = residual - basis @ (basis.T @ residual)
         self.chi2 = float(left @ left)
         self.gram = stacked.T @ stacked

@@ -1,0 +1,151 @@
+"""What an effect must do to be named, each test with what it asks and what it found.
+
+It must bring more than chance, weigh in the disagreement that there is, and foretell data that it was not fitted to.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from compare.diagnose.fit import FOLDS, Data, Fit
+from compare.diagnose.noise import rms
+from compare.diagnose.search import CLOSED, Search
+
+HELD_OUT = 9.0  # of chi^2 on data left out that an effect must bring
+HALF = 0.5  # share of a sensor's excess that an effect must remove, in two runs, where something else remains
+WHOLE = 0.05  # or this share of the whole excess, or half of what is left of it
+TWICE = 2  # runs
+RUNS = 3  # from which on whole runs are left out
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A fit beside the same without one of its effects.
+
+    ``gain`` is the weighted decrease of chi^2 that the effect brings, ``asked`` what it must bring at least, and
+    ``foretold`` the decrease on data left out; ``share`` is that of the whole weighted excess, ``left`` that of what
+    there is of it without the effect; ``sensors`` are those of whose excess it removes half in runs enough.
+    """
+
+    gain: float
+    asked: float
+    foretold: float
+    share: float
+    left: float
+    sensors: tuple[str, ...]
+    closed: bool
+
+    @property
+    def failed(self) -> str:
+        """Which test the effect fails, and by how much; empty where it fails none."""
+        if self.gain < self.asked:
+            return (
+                f"it is worth {_sigmas(self.gain)}, and chance alone among so many candidates gives"
+                f" {_sigmas(self.asked)}"
+            )
+        if self.foretold < HELD_OUT:
+            return (
+                f"it does not foretell data that it was not fitted to ({_sigmas(self.foretold)},"
+                f" {_sigmas(HELD_OUT)} are asked)"
+            )
+        if not self.closed and self.share < WHOLE and self.left < HALF and not self.sensors:
+            return (
+                f"it takes {100 * self.share:.2g} % of the disagreement away ({100 * WHOLE:.0f} % are asked), and"
+                f" {100 * max(self.left, 0.0):.2g} % of what the others leave, less than half of any sensor's in two"
+                " runs: something larger remains"
+            )
+        return ""
+
+
+def _sigmas(chi2: float) -> str:
+    return f"{math.copysign(math.sqrt(abs(chi2)), chi2):.3g} sigma"
+
+
+def tried(search: Search, fit: Fit, less: Fit, i: int, weights: np.ndarray) -> Trial:
+    """The trial of the i-th effect of a fit; ``less`` is the best fit without it."""
+    data = search.fitter.data
+    gain = float(weights @ (less.residual**2 - fit.residual**2))
+    whole = float(weights @ (search.base.residual**2 - 1.0))
+    return Trial(
+        gain,
+        search.cost[fit.terms[i]],
+        foretold(data, less, weights) - foretold(data, fit, weights),
+        gain / whole if whole > 0 else 1.0,
+        (less.chi2 - fit.chi2) / max(less.chi2 - less.residual.size, 1e-300),
+        halved(data, less, fit),
+        rms(fit.residual) <= CLOSED,
+    )
+
+
+def halved(data: Data, less: Fit, fit: Fit) -> tuple[str, ...]:
+    """Sensors of whose excess over the noise a fit removes half in two runs, or in the only run that has any."""
+    found: dict[str, list[bool]] = {}
+    for part in data.parts:
+        before, after = (float(f.residual[part.place] @ f.residual[part.place]) for f in (less, fit))
+        size = part.used.size
+        if before > CLOSED**2 * size:
+            found.setdefault(part.signal, []).append(before - after >= HALF * (before - size))
+    return tuple(signal for signal, runs in found.items() if sum(runs) >= min(TWICE, len(runs)))
+
+
+# ---------------------------------------------------------------- data left out
+
+
+def foretold(data: Data, fit: Fit, weights: np.ndarray) -> float:
+    """-2 log of how likely the data of each fold are, as foretold from all others with what these leave open; less for
+    a better fit.
+
+    Coordinates that the others do not determine are foretold as anything that is no larger than the whole residual.
+    """
+    root = np.sqrt(weights)
+    residual, columns = fit.residual * root, fit.jacobian[:, ~fit.bound] * root[:, None]
+    norm = np.linalg.norm(columns, axis=0)
+    columns = columns[:, norm > 0] / norm[norm > 0]
+    loose = np.eye(columns.shape[1]) / max(float(residual @ residual), 1.0)
+    total = 0.0
+    for here in folds(data):
+        known = columns[~here].T @ columns[~here] + loose
+        mine = columns[here].T @ columns[here]
+        # about the fit the others' optimum is off by: known^-1 columns[~here]^T residual[~here]
+        step = np.linalg.solve(known, columns[~here].T @ residual[~here])
+        left = residual[here] - columns[here] @ step
+        pull = columns[here].T @ left
+        total += float(left @ left - pull @ np.linalg.solve(known + mine, pull))
+        total += float(np.linalg.slogdet(known + mine)[1] - np.linalg.slogdet(known)[1])
+    return total
+
+
+def folds(data: Data) -> Iterator[np.ndarray]:
+    """Masks (size,) of what is left out together: whole runs where there are enough, else whole revolutions, else
+    segments.
+    """
+    runs = _run_of(data)
+    of = runs if len(np.unique(runs)) >= RUNS else data.fold if data.turn is None else data.turn
+    for value in np.unique(of):
+        yield of == value
+
+
+def _run_of(data: Data) -> np.ndarray:
+    run = np.zeros(data.size, int)
+    for part in data.parts:
+        run[part.place] = part.run
+    return run
+
+
+def held_out(data: Data, fit: Fit) -> np.ndarray:
+    """Residual (size,) of each block with the coordinates refitted to all other blocks (about the fit, to first
+    order).
+    """
+    columns = fit.jacobian[:, ~fit.bound]
+    norm = np.linalg.norm(columns, axis=0)
+    columns = columns[:, norm > 0] / norm[norm > 0]
+    out = fit.residual.copy()
+    for fold in range(FOLDS if columns.shape[1] else 0):
+        rest, here = data.fold != fold, data.fold == fold
+        matrix = columns[rest].T @ columns[rest] + 1e-9 * np.eye(columns.shape[1])
+        out[here] -= columns[here] @ np.linalg.solve(matrix, columns[rest].T @ fit.residual[rest])
+    return out

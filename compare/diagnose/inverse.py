@@ -1,0 +1,100 @@
+"""Released runs read backward: the motion is taken as measured, and its acceleration is what a model must say.
+
+Whatever is missing, this residual answers to it nearly linearly, where the motion itself may be changed altogether: a
+spring turns a swing into a vibration.  What is found begins the fits of the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analytic.beyond_paper.drive import Turning
+from analytic.beyond_paper.freedom import Freedom
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.mechanism.signals import DRIVE_TORQUE
+from compare.diagnose import prepare
+from compare.diagnose.data.quality import noise
+from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
+from compare.diagnose.fit import Bounds, Data, Fitter
+from compare.diagnose.predict import Hypothesis, Impossible, Model, Term
+from compare.diagnose.search import Search
+from compare.diagnose.sensitivities import sensitivities
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """Effects with their natural coordinates, and by run the angle (rad) and rate (rad/s) at its first sample."""
+
+    effects: Mapping[Term, np.ndarray]
+    starts: Mapping[str, np.ndarray]
+
+
+class Backward:
+    """Predicts, under hypotheses, the torque (N.m) that the nominal linkage lacks for the motion of each free run:
+    its inertia times what the acceleration is off by.
+    """
+
+    def __init__(self, model: Model, motions: Mapping[str, Turning]) -> None:
+        self.model, self.motions = model, motions
+        self.inertia = {run.name: self.freedom(run, []).inertia(motions[run.name].theta) for run in self.runs}
+
+    @property
+    def runs(self) -> list[MeasuredRun]:
+        """The free runs."""
+        return [run for run in self.model.measured.runs if run.drive == "free"]
+
+    def freedom(self, run: MeasuredRun, hypothesis: Hypothesis) -> Freedom:
+        """The freedom of a run's linkage under a hypothesis.  Raises Impossible or AssemblyError."""
+        return Freedom.of(Assembly(self.model.altered(run, hypothesis).with_clearances({})))
+
+    def __call__(self, hypotheses: Sequence[Hypothesis]) -> list[list[dict[str, np.ndarray]] | None]:
+        """The readings of every run, (N,) by signal, for each hypothesis; None where it is impossible."""
+        return [self._under(hypothesis) for hypothesis in hypotheses]
+
+    def _under(self, hypothesis: Hypothesis) -> list[dict[str, np.ndarray]] | None:
+        found = []
+        try:
+            freedoms = {loads: self.freedom(run, hypothesis) for loads, run in {r.loads: r for r in self.runs}.items()}
+        except (Impossible, AssemblyError):
+            return None
+        for run in self.runs:
+            seen = self.motions[run.name]
+            off = seen.alpha - freedoms[run.loads].acceleration(seen.theta, seen.omega)
+            found.append({DRIVE_TORQUE: self.inertia[run.name] * off})
+        return found
+
+
+def beginnings(model: Model, bounds: Bounds, cost: Mapping[Term, float]) -> list[Beginning]:
+    """Where fits of free runs may begin, the likeliest first; none where a free run has no encoder."""
+    encoder, free = model.rig.encoder, [run for run in model.measured.runs if run.drive == "free"]
+    if any(encoder not in run.channels for run in free):
+        return []
+    motions = {run.name: prepare.course(run, encoder).at(run.time) for run in free}
+    backward = Backward(model, motions)
+    nominal = backward([[]])[0]
+    if nominal is None:
+        return []
+    known = [_balanced(run, model.measured, n[DRIVE_TORQUE]) for run, n in zip(free, nominal, strict=True)]
+    data = Data(
+        replace(model.measured, runs=tuple(known)),
+        {(run.name, DRIVE_TORQUE): run.channels[DRIVE_TORQUE].noise for run in known},
+        encoder,
+    )
+    fitter = Fitter(backward, data, model.rig, bounds)
+    base = fitter.at((), {})
+    if base is None:
+        return []
+    terms = [term for term in cost if not term.effect.sensor]
+    search = Search(fitter, base, sensitivities(fitter, base, terms), {t: cost[t] for t in terms})
+    starts = {run: np.array([motion.theta[0], motion.omega[0]]) for run, motion in motions.items()}
+    return [Beginning(dict(zip(f.terms, f.x, strict=True)), starts) for f in search.leaders(search.best()) if f.terms]
+
+
+def _balanced(run: MeasuredRun, measured: Measured, nominal: np.ndarray) -> MeasuredRun:
+    """A free run whose only reading is that no torque is lacking, as noisy as the nominal one's scatter."""
+    signal = measured.signals[DRIVE_TORQUE]
+    lacks = Channel(signal, np.zeros(run.time.size), noise(run.time, nominal), True, signal.unit)
+    return replace(run, channels={DRIVE_TORQUE: lacks})
