@@ -48,7 +48,7 @@ class TrueEffect(Part):
 
 
 class TrueFault(Part):
-    """Something else that is in a set: what is slightly off in the rig, or a fault of a sensor; never wrong if named."""
+    """Something else in a set: what is slightly off in the rig, or a fault of a sensor; never wrong when named."""
 
     name: str
     where: str

@@ -24,7 +24,7 @@ from compare.sweep import sweep
 from sim_models.engine import ENGINES, SimulationError, Unsupported, declared, installed_version
 
 # sets of each kind
-FULL: dict[Kind, int] = {"effects": 220, "none": 300, "outside": 30, "alias": 8} | dict.fromkeys(BENCH, 60)
+FULL: dict[Kind, int] = {"effects": 220, "none": 300, "outside": 30, "alias": 8, **dict.fromkeys(BENCH, 60)}
 NORMAL = 1.959964  # of a 95 % interval
 
 

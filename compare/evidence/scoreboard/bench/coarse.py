@@ -1,11 +1,11 @@
 """Cheap loggers: an encoder of few counts, few samples a turn, an uneven hand, and stamps that jitter.
 
-Drawn: two to four runs of 60 to 250 samples that follow their encoder (1000 to 4096 counts a turn, rounded), 5 to 25 deg
-of crank from sample to sample, speed uneven by 3 to 8 % (one or two harmonics of the crank, and slow waves), stamps that
-are up to 2 to 5 % of the interval off, two or three sensors beside the encoder.  One effect of 40 to 200 sigmas, a sigma
-being white noise and what a rounded encoder makes of it, which can be told from all others by 8 sigmas.  Every third set
-is a student's slider-crank: six runs at 50 Hz and 6 to 22 deg a sample, the slider to 0.3 mm and in half of them the rod's
-angle, a length or a pivot wrong by 1.5 to 4 mm.
+Drawn: two to four runs of 60 to 250 samples that follow their encoder (1000 to 4096 counts a turn, rounded), 5 to
+25 deg of crank from sample to sample, speed uneven by 3 to 8 % (one or two harmonics of the crank, and slow waves),
+stamps that are up to 2 to 5 % of the interval off, two or three sensors beside the encoder.  One effect of 40 to
+200 sigmas, a sigma being white noise and what a rounded encoder makes of it, which can be told from all others by
+15 sigmas.  Every third set is a student's slider-crank: six runs at 50 Hz and 6 to 22 deg a sample, the slider to
+0.3 mm and in half of them the rod's angle, a length or a pivot wrong by 1.5 to 4 mm.
 """
 
 from __future__ import annotations
@@ -37,7 +37,6 @@ from compare.evidence.scoreboard.bench.rig import (
 from compare.evidence.scoreboard.bench.sensors import counted, read, white
 from compare.evidence.scoreboard.bench.sigmas import Ruler
 from compare.evidence.scoreboard.rigs import Experiment, Plan, Rejected, draw_log, draw_mechanism, draw_sensors, ideal
-from compare.evidence.scoreboard.score import DISTINCT
 from compare.evidence.scoreboard.sizes import Planted
 
 EFFECTS = (
@@ -50,7 +49,7 @@ RATE = 50.0  # Hz, of a student's logger
 SAMPLES, RUNS = (60, 250), (2, 4)
 JITTER = (0.02, 0.05)  # of the interval, either way
 SPEED = {"crank-rocker": (4.0, 15.0), "slider-crank": (5.0, 25.0), "six-bar": (4.0, 9.0)}  # rad/s
-LEAST, MOST = 40.0, 200.0  # sigmas
+LEAST, MOST, TOLD = 40.0, 200.0, 15.0  # sigmas; left after the best rival
 FAULT = (1.5e-3, 4e-3)  # m, of a student's rig
 
 
@@ -66,7 +65,7 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
             _wrong_length(rng) if student else grown(rng, rounded, EFFECTS[turn_of(k) % len(EFFECTS)], LEAST, MOST)
         ]
     judged = Ruler(rounded).judged(truth)
-    if any(e.distinct < DISTINCT for e in judged):
+    if any(e.distinct < TOLD for e in judged):
         raise Rejected("another effect looks the same")
     source = draw_player(rng, simulator, [VOCABULARY[e.name] for e in judged])
     jitter = rng.uniform(*JITTER)

@@ -1,10 +1,10 @@
 """What is missing changes the motion, or most of the forces.
 
-By seed, in turn: a released pendulum with a spring of 2 to 8 times m g l and a damper; a payload of 1 to 3 times its link's
-mass; a length wrong by 5 to 10 %; friction that takes half of the drive's power; gravity forgotten altogether; a released
-pendulum with a spring that rests within 8 deg of +-180 deg; a payload on a released pendulum whose pin has a load cell; a
-spring at rest within 8 deg of +-180 deg in a rocking joint.  In three of ten driven sets there is viscous friction of 5 to
-20 % of the drive's power beside it.
+By seed, in turn: a released pendulum with a spring of 2 to 8 times m g l and a damper; a payload of 1 to 3 times
+its link's mass; a length wrong by 5 to 10 %; friction that takes half of the drive's power; gravity forgotten
+altogether; a released pendulum with a spring that rests within 8 deg of +-180 deg; a payload on a released pendulum
+whose pin has a load cell; a spring at rest within 8 deg of +-180 deg in a rocking joint.  In three of ten driven
+sets there is viscous friction of 5 to 20 % of the drive's power beside it.
 
 Pendulums are integrated by :mod:`pendulum` and not by an engine: two or three releases of 3 to 6 s, angle and rate.
 Where they turn near 180 deg, half of the files have the angle within half a turn.
@@ -38,7 +38,7 @@ from compare.evidence.scoreboard.bench.rig import (
 )
 from compare.evidence.scoreboard.bench.sensors import white
 from compare.evidence.scoreboard.bench.sigmas import Ruler
-from compare.evidence.scoreboard.rigs import Experiment, Plan, Rejected, draw_log, ideal
+from compare.evidence.scoreboard.rigs import Experiment, Rejected, draw_log, ideal
 from compare.evidence.scoreboard.score import DISTINCT
 from compare.evidence.scoreboard.sizes import Planted
 from compare.judge.grid import turns_fully

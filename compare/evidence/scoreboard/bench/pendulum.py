@@ -1,7 +1,8 @@
 """A released pendulum on its own equation of motion, integrated to 1e-10 by scipy and by no engine.
 
-One body turns about a pin at the origin.  q is its angle from the ground's x axis, J its moment of inertia about the pin,
-m its mass, c = (a, n) its centre in its own frame, g gravity; spring k with rest angle r, damper d, a constant torque T:
+One body turns about a pin at the origin.  q is its angle from the ground's x axis, J its moment of inertia about
+the pin, m its mass, c = (a, n) its centre in its own frame, g gravity; spring k with rest angle r, damper d, a
+constant torque T:
 
     J q'' = m (c_x g_y - c_y g_x) - k (q - r) - d q' + T,    c_x + i c_y = (a + i n) exp(i q)
 

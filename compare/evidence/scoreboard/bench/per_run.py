@@ -1,10 +1,11 @@
 """Sensors that are wrong in each run in their own way.
 
-Drawn: a linkage with four to six runs, commanded (even sets) or uneven and following their encoder (odd ones); in each run
-a zero of the encoder of its own (0.5 to 5 deg at most), a tare of each force and torque channel (3 to 30 sigmas at most),
-and in half of the commanded sets a late or early clock (up to 2 deg of the crank); one first-order lag (2 to 10 ms) of the
-drive torque and the load cells.  One effect of the rig of 40 to 200 sigmas with all that free; its parameters are known to
-1.7 %, one sigma, so that 5 % can be asked for.  Noise is stated in half of the sets.
+Drawn: a linkage with four to six runs, commanded (even sets) or uneven and following their encoder (odd ones); in
+each run a zero of the encoder of its own (0.5 to 5 deg at most), a tare of each force and torque channel (3 to 30
+sigmas at most), and in half of the commanded sets a late or early clock (up to 2 deg of the crank); one first-order
+lag (2 to 10 ms) of the drive torque and the load cells.  One effect of the rig of 40 to 200 sigmas with all that
+free; its parameters are known to 1.7 %, one sigma, so that 5 % can be asked for.  Noise is stated in half of the
+sets.
 """
 
 from __future__ import annotations

@@ -126,15 +126,22 @@ def uneven(rng: np.random.Generator, plan: Plan, low: float = 0.03, high: float 
 
 
 def draw_bench(
-    rng: np.random.Generator, cases: Sequence[str], wanted: Sequence[str] = (), slow: bool = False
+    rng: np.random.Generator,
+    cases: Sequence[str],
+    wanted: Sequence[str] = (),
+    slow: bool = False,
+    weight_alone: bool = False,
 ) -> Experiment:
     """A linkage of 0.2 to 0.7 m, two or three commanded runs, and sensors of a bench: angles to 0.01 to 0.03 deg,
     lengths to 20 to 50 um, forces and torques to 0.5 to 1 % of their peak.
 
-    Raises Rejected where the linkage that was drawn does not turn.
+    With ``weight_alone`` nothing but gravity and inertia loads the rig.  Raises Rejected where the linkage that was
+    drawn does not turn.
     """
     case = str(rng.choice(list(cases)))
     nominal = enlarged(draw_mechanism(rng, case), draw_log(rng, 2.0, 4.0))
+    if weight_alone:
+        nominal = nominal.replace(loads=(), gravity=(0.0, -9.81))
     slower = SLOWER[case]
     plans = tuple(
         replace(p, speed=slower * p.speed, time=p.time / slower)

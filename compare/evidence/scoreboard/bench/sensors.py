@@ -56,7 +56,7 @@ def hum(time: np.ndarray, amplitude: float, phase: float, frequency: float = 50.
 
 
 def filtered(time: np.ndarray, values: np.ndarray, time_constant: float) -> np.ndarray:
-    """What a filter of first order makes of values (N,) that are straight between times (N,) s; at rest at the first."""
+    """What a filter of first order, at rest at first, makes of values (N,) that are straight between times (N,) s."""
     out = np.empty_like(values)
     out[0] = values[0]
     for k in range(1, values.size):

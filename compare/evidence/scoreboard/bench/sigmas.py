@@ -1,9 +1,9 @@
 """How well an effect shows beside its best rival and all that the family allows for: nuisances of sensors, and what is
 slightly off.
 
-Everything is linear about the nominal rig, by the analytic model.  ``distinct`` of an effect: with r the sigmas that are
-left once a rival, the other true effects and the nuisances are fitted to the data, and r0 those once the true effect is,
-the smallest sqrt(r^2 - r0^2) of all rivals.
+Everything is linear about the nominal rig, by the analytic model.  ``distinct`` of an effect: with r the sigmas
+that are left once a rival, the other true effects and the nuisances are fitted to the data, and r0 those once the
+true effect is, the smallest sqrt(r^2 - r0^2) of all rivals.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ RIVALS = (
     "coulomb_friction", "viscous_friction", "joint_spring", "external_force", "load_torque", "drive_compliance",
     "speed_ripple", "encoder_offset", "sensor_bias", "sensor_gain", "sensor_delay", "sensor_frame", "clock_offset",
 )  # fmt: skip
-Hypothesis = list[tuple[Term, Values]]
+Hypothesis = Sequence[tuple[Term, Values]]
 
 
 class Ruler:
@@ -35,9 +35,10 @@ class Ruler:
     def __init__(self, experiment: Experiment) -> None:
         self.experiment, self.sizer = experiment, Sizer(experiment)
         self.model = self.sizer.model([])
-        self.nominal = self.readings([[]])[0]
-        if self.nominal is None:
+        nominal = self.readings([[]])[0]
+        if nominal is None:
             raise Rejected("the nominal rig is not possible everywhere")
+        self.nominal = nominal
 
     def readings(self, hypotheses: Sequence[Hypothesis]) -> list[np.ndarray | None]:
         """All readings over their noise, of run after run and sensor after sensor."""
@@ -53,7 +54,7 @@ class Ruler:
     def signature(self, things: Sequence[Planted]) -> np.ndarray:
         """What things together change.  Raises Rejected where they are not possible."""
         found = self.readings([[(_term(t), t.values) for t in things]])[0]
-        if found is None or self.nominal is None:
+        if found is None:
             raise Rejected("the truth is not possible everywhere")
         return np.asarray(found - self.nominal)
 

@@ -1,10 +1,10 @@
 """Rigs on which everything is slightly off, and one or two things matter.
 
-Drawn: a linkage of 0.2 to 0.7 m with two or three commanded runs and the noise of a bench; every length (the ground's
-too) off by 0.1 to 0.3 mm, masses by up to 1 %, coms by up to 0.5 mm, friction in every joint that takes 0.5 to 2 % of the
-drive's power.  One effect of ``DOMINANT`` by seed, in three sets of ten a second one: 40 to 300 sigmas each, and at least
-three times what all the slight things do together; each can be told from its rivals by 8 sigmas and by as many as the
-slight things make.
+Drawn: a linkage of 0.2 to 0.7 m with two or three commanded runs and the noise of a bench; every length (the
+ground's too) off by 0.1 to 0.3 mm, masses by up to 1 %, coms by up to 0.5 mm, friction in every joint that takes
+0.5 to 2 % of the drive's power.  One effect of ``DOMINANT`` by seed, in three sets of ten a second one: 40 to 300
+sigmas each, and at least three times what all the slight things do together; each can be told from its rivals by 8
+sigmas and by as many as the slight things make.
 """
 
 from __future__ import annotations
@@ -50,7 +50,9 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
         names.append(str(rng.choice([n for n in DOMINANT if n not in (*SINGLE, *names)])))
     effects = [VOCABULARY[name] for name in names]
     wanted = [sensor for effect in effects for sensor in effect.hiding.sensors]
-    experiment = draw_bench(rng, list(CASES), ["torque", *wanted], slow="joint_clearance" in names)
+    experiment = draw_bench(
+        rng, list(CASES), ["torque", *wanted], slow="joint_clearance" in names, weight_alone="com_offset" in names
+    )
     source = draw_player(rng, simulator, effects)
     ruler = Ruler(experiment)
     slight = slightly_off(rng, experiment)

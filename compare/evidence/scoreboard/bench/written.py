@@ -21,7 +21,7 @@ from compare.files import output_folder, write_atomically
 from compare.results.scoreboard import Kind, Recorder, TrueEffect, TrueFault, Truth
 from sim_models.engine import SimulationError, engine, installed_version
 
-ATTEMPTS = 400
+ATTEMPTS = 1000
 FAMILIES: Mapping[Kind, Callable[[int, np.random.Generator], Bench]] = {
     "slightly-off": slightly_off.draw,
     "coarse": coarse.draw,
