@@ -35,6 +35,11 @@ def update(
     alias: Annotated[
         int | None, typer.Option(min=0, help="Sets in which clearance and length may be aliases [8].")
     ] = None,
+    slightly_off: Annotated[int | None, typer.Option(min=0, help="Sets with everything slightly off [60].")] = None,
+    coarse: Annotated[int | None, typer.Option(min=0, help="Sets of coarse encoders and few samples [60].")] = None,
+    coloured: Annotated[int | None, typer.Option(min=0, help="Sets with drift, hum and filters [60].")] = None,
+    per_run: Annotated[int | None, typer.Option(min=0, help="Sets with faults of sensors in each run [60].")] = None,
+    large: Annotated[int | None, typer.Option(min=0, help="Sets in which large effects are missing [60].")] = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -45,6 +50,8 @@ def update(
         from compare.evidence.scoreboard.check import update_scoreboard
 
         given = {"effects": effects, "none": none, "outside": outside, "alias": alias}
+        given |= {"slightly-off": slightly_off, "coarse": coarse, "coloured": coloured}
+        given |= {"per-run": per_run, "large": large}
         with resumed(), progress_bar() as bar:
             board = update_scoreboard(
                 folder, given, workers=workers, progress=lambda done, total: bar("sets", done, total)
@@ -85,7 +92,7 @@ def show(
     """Make one set, diagnose it, and print what was said beside the truth."""
     with complaints(), tempfile.TemporaryDirectory() as scratch:
         from compare.evidence.scoreboard.board import scored
-        from compare.evidence.scoreboard.record import make
+        from compare.evidence.scoreboard.record import make_set
         from compare.evidence.scoreboard.rigs import Rejected
         from compare.evidence.scoreboard.score import opened
         from compare.files import made_folder
@@ -93,7 +100,7 @@ def show(
 
         with made_folder(out or Path(scratch)) as folder:
             try:
-                make(seed, folder / "data", folder / "seal")
+                make_set(seed, folder / "data", folder / "seal")
             except Rejected as error:
                 raise OptionError(f"{error}; choose another seed") from None
             found = HiddenSet(truth=opened(folder / "seal"), scored=scored(folder / "data", folder / "seal"))

@@ -121,9 +121,10 @@ def _asked(rows: Sequence[Threshold]) -> Iterator[str]:
     for r in rows:
         least, most = 100 * r.least, 100 * r.most
         asked = f"at most {most:g} %" if not least else f"{least:g} to {most:g} %" if most < 100 else f"{least:g} %"
-        yield (
-            f"| {r.what} | {r.count} of {r.of} | {100 * r.count / r.of:.1f} % | {asked} | {'yes' if r.met else 'NO'} |"
-        )
+        share = f"{100 * r.count / r.of:.1f} %"
+        if r.interval is not None:
+            share += f" ({100 * r.interval[0]:.0f} to {100 * r.interval[1]:.0f} %)"
+        yield f"| {r.what} | {r.count} of {r.of} | {share} | {asked} | {'yes' if r.met else 'NO'} |"
 
 
 def _outcomes(title: str, results: Sequence[Scored], groups: Callable[[Scored], list[str]]) -> Iterator[str]:

@@ -14,7 +14,9 @@ from compare.results.diagnosis import Key
 from compare.results.document import Document, Number, Part, Row, Share
 from compare.results.evidence import Remade, Stored
 
-Kind = Literal["effects", "none", "outside", "alias"]
+Kind = Literal[
+    "effects", "none", "outside", "alias", "slightly-off", "coarse", "coloured", "per-run", "large"
+]  # the last five are sets of the bench
 Outcome = Literal[
     "exact", "tie", "clear", "abstained", "partly", "incomplete", "missed", "wrong", "false alarm", "failed"
 ]
@@ -38,6 +40,19 @@ class TrueEffect(Part):
     linear: Annotated[Sigmas, Field(description="Left of it by the best rival in the linear problem.")]
     distinct: Annotated[Sigmas, Field(description="Left of it by the best rival that was fitted.")]
     rival: Annotated[str | None, Field(description="That rival; null if none took anything away.")]
+
+    @property
+    def key(self) -> str:
+        """``name@where``."""
+        return f"{self.name}@{self.where}"
+
+
+class TrueFault(Part):
+    """Something else in a set: what is slightly off in the rig, or a fault of a sensor; never wrong when named."""
+
+    name: str
+    where: str
+    parameters: Annotated[Mapping[str, FiniteFloat], Field(description="SI; a value per run is offset@run.")]
 
     @property
     def key(self) -> str:
@@ -82,7 +97,10 @@ class Truth(Document):
     case: Annotated[str, Field(description="The linkage.")]
     source: Recorder
     simulator: Annotated[str, Field(description="Engine that is to diagnose the data.")]
-    effects: tuple[TrueEffect, ...]
+    effects: Annotated[tuple[TrueEffect, ...], Field(description="What is to be named.")]
+    slight: Annotated[tuple[TrueFault, ...], Field(description="What is slightly off in the rig beside them.")] = ()
+    faults: Annotated[tuple[TrueFault, ...], Field(description="What is wrong with the sensors beside them.")] = ()
+    together: Annotated[Sigmas, Field(description="Of the signature of all that is slightly off.")] = 0.0
     noise: Annotated[
         Mapping[str, Annotated[FiniteFloat, Field(gt=0)]],
         Field(description="1-sigma of each sensor by signal, in the signal's SI unit."),
@@ -162,6 +180,21 @@ class Scored(Part):
     named: tuple[Said, ...] = ()
     parameters: Annotated[tuple[Value, ...], Field(description="Where the effects were named exactly.")] = ()
     gap: Gap | None = None
+    named_all: Annotated[
+        bool, Field(description="Sets of the bench: whether each effect to be named is named, or tied with what is.")
+    ] = False
+    false_rig: Annotated[
+        tuple[Key, ...],
+        Field(description="Sets of the bench: named effects of the rig, not of a sensor, that are not in the set."),
+    ] = ()
+    worst_error: Annotated[
+        float | None,
+        Field(
+            ge=0,
+            description="Sets of the bench: largest relative error of what is to be named, a vector by its length, an"
+            " angle in rad; null where one of them is not named itself.",
+        ),
+    ] = None
     seconds: Annotated[float, Field(ge=0, description="That the diagnosis took, on whatever machine.")] = 0.0
     why: Annotated[str, Field(description="Of a set that failed.")] = ""
 
@@ -178,6 +211,9 @@ class Threshold(Part):
     least: Annotated[Share, Field(description="Share that is asked for.")]
     most: Share
     met: bool
+    interval: Annotated[
+        tuple[Share, Share] | None, Field(description="95 % interval of the share (Wilson); rows of the bench.")
+    ] = None
 
 
 class Scoreboard(Stored):

@@ -5,6 +5,7 @@ meets.
 from __future__ import annotations
 
 import hashlib
+import math
 import tempfile
 import time
 import warnings
@@ -16,14 +17,15 @@ from analytic.mechanism import MechanismWarning
 from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.workflow import diagnose
 from compare.evidence.scoreboard.hidden import FIRST
-from compare.evidence.scoreboard.record import make
-from compare.evidence.scoreboard.score import failed, opened, score
+from compare.evidence.scoreboard.record import make_set
+from compare.evidence.scoreboard.score import BENCH, CLOSED, closed, failed, opened, score
 from compare.results.scoreboard import Kind, Scoreboard, Scored, Threshold
 from compare.sweep import sweep
 from sim_models.engine import ENGINES, SimulationError, Unsupported, declared, installed_version
 
-FULL: dict[Kind, int] = {"effects": 220, "none": 300, "outside": 30, "alias": 8}  # sets of each kind
-CLOSED = 1.1  # of the noise floor
+# sets of each kind
+FULL: dict[Kind, int] = {"effects": 220, "none": 300, "outside": 30, "alias": 8, **dict.fromkeys(BENCH, 60)}
+NORMAL = 1.959964  # of a 95 % interval
 
 
 def seeds(counts: Mapping[Kind, int]) -> list[int]:
@@ -43,7 +45,7 @@ def examine(content: Asked) -> dict[str, object]:
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore", MechanismWarning)  # of values that are only tried
         data, seal = Path(folder, "data"), Path(folder, "seal")
-        make(content["seed"], data, seal)
+        make_set(content["seed"], data, seal)
         return scored(data, seal).model_dump(mode="json", exclude_unset=True)
 
 
@@ -116,14 +118,18 @@ def thresholds(results: Iterable[Scored]) -> tuple[Threshold, ...]:
     clear, blurred = ([r for r in effects if r.distinguishable is is_clear] for is_clear in (True, False))
     intervals = [p.covered for r in effects for p in r.parameters]
     explained = [r for r in effects if r.verdict == "explained"]
-    closed = [r for r in explained if _closed(r)]
     rows = [
         _share("exact where every effect is distinguishable", _count(clear, "exact"), len(clear), 0.95),
         _share("exact or tie otherwise", _count(blurred, "exact", "tie"), len(blurred), 0.95),
         _share("wrong", _count(effects, "wrong"), len(effects), 0.0, 0.02),
         _share("false alarms without any effect", _count(of("none"), "false alarm"), len(of("none")), 0.0, 0.01),
         _share("95 % intervals that cover the truth", sum(intervals), len(intervals), 0.90, 0.99),
-        _share(f"gap after at most {CLOSED:g} of the noise floor where explained", len(closed), len(explained), 1.0),
+        _share(
+            f"gap after at most {CLOSED:g} of the noise floor where explained",
+            sum(map(closed, explained)),
+            len(explained),
+            1.0,
+        ),
         _share(
             "outside the vocabulary: not explained away",
             _count(of("outside"), "abstained", "partly"),
@@ -131,16 +137,50 @@ def thresholds(results: Iterable[Scored]) -> tuple[Threshold, ...]:
             0.95,
         ),
         _share("clearance or length: as the load allows", sum(r.good for r in of("alias")), len(of("alias")), 1.0),
+        *_of_the_bench(results),
         _share("diagnosed at all", len(results) - _count(results, "failed"), len(results), 1.0),
     ]
     return tuple(row for row in rows if row is not None)
 
 
-def _closed(r: Scored) -> bool:
-    gap = r.gap
-    if gap is None or gap.after is None or gap.noise_floor is None:
-        return False
-    return gap.after <= CLOSED * gap.noise_floor
+def _of_the_bench(results: Sequence[Scored]) -> list[Threshold | None]:
+    """What is asked of each family, of its sets with effects and of its empty ones."""
+    asked: dict[Kind, tuple[str, float, str, float]] = {
+        "slightly-off": (
+            "slightly off everywhere: what matters is named, nothing false", 0.95,
+            "slightly off, nothing that matters: nothing false named", 0.95,
+        ),
+        "coarse": ("coarse data: exact or tie", 0.90, "coarse data, empty: no gap", 0.95),
+        "coloured": (
+            "coloured noise: the truth is named, no false effect of the rig", 0.85,
+            "coloured noise, empty: no false effect of the rig", 0.97,
+        ),
+        "per-run": (
+            f"faults of each run: the rig's effect within 5 %, gap after at most {CLOSED:g}", 0.90,
+            "faults of each run, empty: no false effect of the rig", 0.95,
+        ),
+        "large": (
+            f"large effects: named, gap after at most {CLOSED:g}", 0.90,
+            "where large effects are drawn, empty: nothing named", 0.95,
+        ),
+    }  # fmt: skip
+    rows = []
+    for kind, (what, least, empty, clear) in asked.items():
+        sets = [r for r in results if r.kind == kind]
+        for words, share, found in (
+            (what, least, [r for r in sets if r.truth]),
+            (empty, clear, [r for r in sets if not r.truth]),
+        ):
+            row = _share(words, sum(r.good for r in found), len(found), share)
+            rows.append(row and row.model_copy(update={"interval": wilson(row.count, row.of)}))
+    return rows
+
+
+def wilson(count: int, of: int) -> tuple[float, float]:
+    """95 % interval of a share of which ``count`` in ``of`` is a sample (Wilson 1927)."""
+    share, z = count / of, NORMAL**2 / of
+    middle, half = share + z / 2, math.sqrt(z * (share * (1 - share) + z / 4))
+    return max((middle - half) / (1 + z), 0.0), min((middle + half) / (1 + z), 1.0)
 
 
 def _share(what: str, count: int, total: int, least: float, most: float = 1.0) -> Threshold | None:

@@ -27,7 +27,17 @@ from compare.evidence.scoreboard.sizes import LARGEST, SMALLEST, Drawn, Planted,
 from compare.results.scoreboard import Kind
 
 # first seed of each kind of set
-FIRST: dict[Kind, int] = {"effects": 0, "none": 100_000, "outside": 200_000, "alias": 300_000}
+FIRST: dict[Kind, int] = {
+    "effects": 0,
+    "none": 100_000,
+    "outside": 200_000,
+    "alias": 300_000,
+    "slightly-off": 400_000,
+    "coarse": 410_000,
+    "coloured": 420_000,
+    "per-run": 430_000,
+    "large": 440_000,
+}
 # by seed
 DIAGNOSING = ("mujoco", "exudyn", "mujoco", "dart", "mujoco", "pybullet", "mujoco", "mujoco", "mujoco", "mujoco")
 ELSE = "mujoco"  # diagnoses where the engine of the seed is the only one that can make the data

@@ -22,16 +22,30 @@ from compare.diagnose.data.units import dimension, factor
 from compare.diagnose.effects.effect import Effect, Values
 from compare.diagnose.effects.sensors import EncoderOffset, SensorBias, SensorFrame, SensorGain
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.evidence.scoreboard.hidden import Hidden, course_grid, draw
+from compare.evidence.scoreboard.bench.written import FAMILIES, make_bench
+from compare.evidence.scoreboard.hidden import FIRST, Hidden, draw, kind_of
 from compare.evidence.scoreboard.outside import Course, Outside
+from compare.evidence.scoreboard.play import run
 from compare.evidence.scoreboard.rigs import Plan, Rejected
 from compare.evidence.scoreboard.sizes import Planted
 from compare.files import output_folder, write_atomically
 from compare.results.scoreboard import Recorder, TrueEffect, TrueOutsider, Truth
-from sim_models.engine import JointModel, Request, SimulationError, Trace, engine, installed_version
+from sim_models.engine import SimulationError, engine, installed_version
 
 ATTEMPTS = 200
 Readings = dict[str, np.ndarray]
+
+
+def make_set(seed: int, data: Path, seal: Path) -> Truth:
+    """Draw the set of a seed of any kind, record it, and write the data into one folder and the truth into the other.
+
+    Raises Rejected where no attempt made a usable set.
+    """
+    kind = kind_of(seed)
+    if kind in FAMILIES:
+        return make_bench(seed, kind, seed - FIRST[kind], data, seal)
+    make(seed, data, seal)
+    return Truth.read(seal / Truth.file)
 
 
 def make(seed: int, data: Path, seal: Path) -> Hidden:
@@ -90,26 +104,6 @@ def moved(hidden: Hidden, plan: Plan, time: np.ndarray) -> Mapping[str, np.ndarr
         return np.asarray(plan.command(t) + a * np.sin(h * plan.command(t) + p))
 
     return {**simulate(m, plan, time, motor), encoder: motor(time)}
-
-
-def run(name: str, m: Mechanism, plan: Plan, time: np.ndarray, course: Course | None) -> Trace:
-    """One simulation, clearance by contact (in Exudyn by a link as long as it, as stiff contact takes long).
-
-    Raises Rejected where a pin leaves its bearing.
-    """
-    assert m.drive is not None
-    m = m.replace(drive=m.drive.model_copy(update={"speed": plan.speed, "ripple": None}))
-    with_clearance: JointModel = "massless-link" if name == "exudyn" else "contact"
-    joint_model: JointModel = with_clearance if m.clearances else "ideal"
-    if course is None:
-        request = Request(m, joint_model, crank_angle=plan.command(time))
-    else:
-        grid = course_grid(plan, time)
-        request = Request(m, joint_model, time=time, course=(grid, course(grid)))
-    trace = engine(name).simulate_flexible(request) if m.bends else engine(name).simulate(request)
-    if any(trace.free_share.values()):
-        raise Rejected(f"a pin flies free in {plan.name}")
-    return trace
 
 
 def _offset(seen: Readings, run: str, where: str, v: Values) -> Readings:
@@ -217,13 +211,11 @@ def outsider(fault: Outside, left: float) -> TrueOutsider:
 
 if __name__ == "__main__":
     if len(sys.argv) != 3 or not sys.argv[1].isdigit():
-        sys.exit(
-            "usage: python -m compare.evidence.scoreboard.record SEED OUT   (0.. effects, 100000.. none, 200000.."
-            " outside, 300000.. alias)"
-        )
+        kinds = ", ".join(f"{first}.. {kind}" for kind, first in FIRST.items())
+        sys.exit(f"usage: python -m compare.evidence.scoreboard.record SEED OUT   ({kinds})")
     out = Path(sys.argv[2])
-    made = make(int(sys.argv[1]), out / "data", out / "seal")
+    made = make_set(int(sys.argv[1]), out / "data", out / "seal")
     print(
-        f"{made.kind}: {made.experiment.case}, played by {made.source}, for {made.simulator} to diagnose:"
+        f"{made.kind}: {made.case}, played by {made.source.name}, for {made.simulator} to diagnose:"
         f" {out / 'data' / 'measured.toml'}"
     )

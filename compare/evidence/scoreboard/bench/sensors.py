@@ -1,0 +1,73 @@
+"""What sensors, amplifiers, encoders and clocks make of what is there, from the contract's sentences and not by the
+diagnosis' own code.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from compare.evidence.scoreboard.bench.rig import Readings
+from compare.evidence.scoreboard.rigs import Experiment
+from compare.evidence.scoreboard.sizes import Planted
+
+
+def read(thing: Planted, seen: Readings) -> Readings:
+    """What an effect of a sensor, the same in all runs, makes of the readings; effects of the rig leave them."""
+    signal, v = thing.where, thing.values
+    if thing.name in ("encoder_offset", "sensor_bias"):
+        return {**seen, signal: seen[signal] + v["offset" if thing.name == "encoder_offset" else "bias"]}
+    if thing.name == "sensor_gain":
+        return {**seen, signal: (1 + v["gain_error"]) * seen[signal]}
+    return seen
+
+
+def white(rng: np.random.Generator, experiment: Experiment, seen: Readings) -> Readings:
+    """Readings with white noise."""
+    return {s: v + experiment.noise[s] * rng.standard_normal(v.size) for s, v in seen.items()}
+
+
+def drifting(rng: np.random.Generator, n: int, interval: float, memory: float) -> np.ndarray:
+    """Noise (n,) of rms 1 that forgets itself over ``memory`` (s): autoregressive of first order."""
+    keep = math.exp(-interval / memory)
+    steps = rng.standard_normal(n)
+    found = np.empty(n)
+    found[0] = steps[0]
+    for k in range(1, n):
+        found[k] = keep * found[k - 1] + math.sqrt(1 - keep**2) * steps[k]
+    return found
+
+
+def pink(rng: np.random.Generator, n: int) -> np.ndarray:
+    """Noise (n,) of rms 1 in the mean, whose power falls as one over frequency; a run sees a part of a longer one."""
+    count = 4 * n
+    frequency = np.fft.rfftfreq(count)
+    spectrum = rng.standard_normal(frequency.size) + 1j * rng.standard_normal(frequency.size)
+    spectrum[0] = 0.0
+    spectrum[1:] /= np.sqrt(frequency[1:])
+    whole = np.fft.irfft(spectrum, count)
+    return np.asarray(whole[:n] / whole.std())
+
+
+def hum(time: np.ndarray, amplitude: float, phase: float, frequency: float = 50.0) -> np.ndarray:
+    """Mains in a channel at times (N,) s, as it is sampled."""
+    return np.asarray(amplitude * np.sin(2 * math.pi * frequency * time + phase))
+
+
+def filtered(time: np.ndarray, values: np.ndarray, time_constant: float) -> np.ndarray:
+    """What a filter of first order, at rest at first, makes of values (N,) that are straight between times (N,) s."""
+    out = np.empty_like(values)
+    out[0] = values[0]
+    for k in range(1, values.size):
+        h = time[k] - time[k - 1]
+        keep = math.exp(-h / time_constant)
+        straight = time_constant / h * (1 - keep)
+        out[k] = keep * out[k - 1] + (straight - keep) * values[k - 1] + (1 - straight) * values[k]
+    return out
+
+
+def counted(angle: np.ndarray, counts: int) -> np.ndarray:
+    """Angles (N,) rad as an encoder of so many counts a turn tells them."""
+    step = 2 * math.pi / counts
+    return np.asarray(step * np.round(angle / step))

@@ -1,0 +1,31 @@
+"""One run of a rig, played by an engine."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analytic.mechanism import Mechanism
+from compare.evidence.scoreboard.hidden import course_grid
+from compare.evidence.scoreboard.outside import Course
+from compare.evidence.scoreboard.rigs import Plan, Rejected
+from sim_models.engine import JointModel, Request, Trace, engine
+
+
+def run(name: str, m: Mechanism, plan: Plan, time: np.ndarray, course: Course | None) -> Trace:
+    """One simulation, clearance by contact (in Exudyn by a link as long as it, as stiff contact takes long).
+
+    Raises Rejected where a pin leaves its bearing.
+    """
+    assert m.drive is not None
+    m = m.replace(drive=m.drive.model_copy(update={"speed": plan.speed, "ripple": None}))
+    with_clearance: JointModel = "massless-link" if name == "exudyn" else "contact"
+    joint_model: JointModel = with_clearance if m.clearances else "ideal"
+    if course is None:
+        request = Request(m, joint_model, crank_angle=plan.command(time))
+    else:
+        grid = course_grid(plan, time)
+        request = Request(m, joint_model, time=time, course=(grid, course(grid)))
+    trace = engine(name).simulate_flexible(request) if m.bends else engine(name).simulate(request)
+    if any(trace.free_share.values()):
+        raise Rejected(f"a pin flies free in {plan.name}")
+    return trace
