@@ -15,6 +15,7 @@ from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
 from compare.diagnose.problem import Options, Problem, Progress, silent
 from compare.diagnose.result import as_document
+from compare.diagnose.validation import parted, validated
 from compare.faults import ArgumentError
 from compare.results.diagnosis import Diagnosis
 
@@ -61,6 +62,7 @@ def diagnose(
         progress,
     )
     data = measured if isinstance(measured, Measured) else load_measured(path(measured, "measured"))
+    data, unfitted = parted(data)
     rigid = data.mechanism.rigid()
     problem = Problem.of(data, rigid, options)
     explanation = problem.explanation()
@@ -73,4 +75,5 @@ def diagnose(
             f"The links' stated moduli of elasticity are {'used' if nearer else 'left out'}: that explains the data"
             " with less."
         )
-    return as_document(problem, problem.verified(explanation))
+    found = problem.verified(explanation)
+    return as_document(problem, found, validated(problem, found, unfitted))

@@ -18,6 +18,8 @@ from sim_models.engine import SettingValue
 Verdict = Literal["no gap", "explained", "partly explained", "unexplained", "ambiguous"]
 Status = Literal["named", "tied", "not needed", "not physical", "invisible", "excluded"]
 Side = Literal["before", "after"]
+Kind = Literal["rig", "sensor"]
+Role = Literal["fit", "validation"]
 SETTLED: tuple[Verdict, ...] = ("no gap", "explained")
 Size = Annotated[FiniteFloat, Field(ge=0)]
 Unit = Annotated[str, Field(min_length=1, description="SI; 1 for a number without a unit")]
@@ -38,6 +40,8 @@ class Located(Part):
     size: FiniteFloat
     unit: Unit
     sigmas: Size
+    time_from: Annotated[Number, Field(description="s; null where it is not known.")] = None
+    time_to: Annotated[Number, Field(description="s; null where it is not known.")] = None
 
 
 class Parameter(Part):
@@ -61,32 +65,76 @@ class Place(Part):
         return f"{self.name}@{self.where}"
 
 
+class Rival(Place):
+    """An effect that explains the data as well as a named one in its place."""
+
+    odds: Annotated[
+        Amount, Field(description="How likely it is beside the named effect: 0.1 is 10 to 1 for the named one.")
+    ] = None
+
+
+Parameters = Annotated[
+    Mapping[str, Parameter], Field(min_length=1, description="By name; a value of one run is called name@run.")
+]
+EffectKind = Annotated[Kind, Field(description="rig: the linkage, its loads or its drive; sensor: what measures them.")]
+
+
 class Effect(Place):
     """What is missing from the model."""
 
-    parameters: Annotated[
-        Mapping[str, Parameter], Field(min_length=1, description="By name; a value of one run is called name@run.")
-    ]
+    parameters: Parameters
     gap_before: Amount
     gap_after: Amount
     held_out_before: Amount
     held_out_after: Amount
-    ambiguous_with: Annotated[tuple[Place, ...], Field(description="What explains these data as well.")]
+    ambiguous_with: Annotated[tuple[Rival, ...], Field(description="What explains these data as well.")]
     would_separate: Annotated[
         str, Field(description="A run or a sensor that would tell them apart, in words and as a [[run]].")
     ]
+    kind: EffectKind = "rig"
+    share: Annotated[
+        Number,
+        Field(description="Of the squared gap before any effect: what this one takes away, added in the listed order."),
+    ] = None
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name} {p.value:.4g} {p.unit}" for name, p in self.parameters.items())
         return f"Effect({self.key}: {values})"
 
 
+class Attempt(Place):
+    """An effect that takes a part of the gap away and is not named."""
+
+    kind: EffectKind
+    parameters: Parameters
+    share: Annotated[Number, Field(description="Of the squared gap: what it takes away beside the named effects.")]
+    gap_before: Annotated[Amount, Field(description="Without it, beside the named effects.")]
+    gap_after: Annotated[Amount, Field(description="With it, beside the named effects.")]
+    failed: Annotated[Text, Field(description="The test that it failed, and by how much.")]
+
+
+class SensorGap(Part):
+    """How far measured and simulated values of one signal are apart over all fitted runs: root mean square, SI."""
+
+    unit: Unit
+    before: Amount
+    after: Amount
+
+
 class Closing(Part):
-    """Root mean square of residual over noise, over all samples and signals; 1 is the noise floor."""
+    """Root mean square of residual over noise, over all samples and signals of the fitted runs; 1 is the noise
+    floor.
+    """
 
     before: Size
     after: Size
     noise_floor: Size
+    explained: Annotated[
+        Number, Field(description="Share of the squared gap beyond the noise that the effects explain; null without a gap.")
+    ] = None
+    by_signal: Annotated[
+        Mapping[str, SensorGap], Field(description="The same in each sensor's own unit.")
+    ] = Field(default_factory=dict)
 
 
 class Elsewhere(Part):
@@ -174,6 +222,7 @@ class DiagnosedRun(Part):
         ),
     ]
     signals: Annotated[Mapping[str, Channel], Field(min_length=1)]
+    role: Annotated[Role, Field(description="validation: never fitted, and no part of the gap or the verdict")] = "fit"
 
     @model_validator(mode="after")
     def _whole(self) -> DiagnosedRun:
@@ -230,6 +279,9 @@ class Diagnosis(Document):
     ]
     faults: Annotated[tuple[Fault, ...], Field(description="What is wrong with the data themselves.")]
     candidates: Annotated[tuple[Candidate, ...], Field(description="What was considered, and what became of it.")]
+    attempts: Annotated[
+        tuple[Attempt, ...], Field(description="What was tried and is not named, the best first.")
+    ] = ()
     inseparable: Annotated[
         tuple[Pair, ...],
         Field(description="Pairs of candidates that look alike in these data, and how their changes correlate."),
@@ -247,6 +299,16 @@ class Diagnosis(Document):
     def settled(self) -> bool:
         """Whether there is no gap, or it is explained."""
         return self.verdict in SETTLED
+
+    @property
+    def fitted(self) -> tuple[DiagnosedRun, ...]:
+        """The runs that the verdict rests on."""
+        return tuple(run for run in self.runs if run.role == "fit")
+
+    @property
+    def validation(self) -> tuple[DiagnosedRun, ...]:
+        """The runs that nothing was fitted to."""
+        return tuple(run for run in self.runs if run.role == "validation")
 
     @cached_property
     def signals(self) -> dict[str, Signal]:

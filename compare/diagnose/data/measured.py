@@ -55,6 +55,11 @@ def load_measured(path: str | Path) -> Measured:
         raise MeasuredError(
             f"{path.name}: run {twice!r} is there {names.count(twice)} times; give each run a name of its own"
         )
+    if all(entry.role == "validation" for entry in file.runs):
+        raise MeasuredError(
+            f"{path.name}: role is 'validation' in {'every run' if len(names) > 1 else f'run {names[0]!r}, the only one'},"
+            " and nothing is left to fit; leave role out of at least one run"
+        )
     tolerance = tolerances(path.name, file.tolerance)
     read = [_run(path, entry, mechanism) for entry in file.runs]
     return Measured(
@@ -127,7 +132,7 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism) -> tuple[MeasuredRun, l
         _check_speed(where, entry.file, table.time, channels[encoder], speed, angle or 0.0)
     start = _start(entry, mechanism, table.time, channels) if drive == "free" else {}
     run = MeasuredRun(
-        entry.name, table.time, channels, drive, speed, angle, start, entry.loads, entry.from_rest, entry.file
+        entry.name, table.time, channels, drive, speed, angle, start, entry.loads, entry.from_rest, entry.file, entry.role
     )
     return _thinned(where, run, encoder, faults)
 

@@ -63,6 +63,7 @@ class Entry(_Part):
     loads: Annotated[tuple[Load, ...] | None, BeforeValidator(_as_tuple), Field(alias="load")] = None
     noise: Mapping[str, Annotated[float, Field(gt=0, lt=LARGEST)]] = Field(default_factory=dict)
     from_rest: bool = False
+    role: Literal["fit", "validation"] = "fit"
 
 
 class MeasuredFile(_Part):

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 LARGEST = 1e30  # SI, of any number that is read; nothing on a bench is as large, and its square is still a number
 SHOWN = 80  # characters of what a file has, in a message
 Drive = Literal["speed", "measured", "free"]
+Role = Literal["fit", "validation"]
 
 
 class MeasuredError(Error, ValueError):
@@ -76,7 +77,8 @@ class MeasuredRun:
 
     ``speed`` (rad/s) and ``angle`` (rad, at time 0) are the command of a ``speed`` run, else None; ``start`` is the
     state at the first sample of a ``free`` one: what was given, and for the driven body at least an estimate.
-    ``loads`` replace the mechanism's; None keeps them.
+    ``loads`` replace the mechanism's; None keeps them.  A ``validation`` run is simulated and shown, and nothing is
+    fitted to it.
     """
 
     name: str
@@ -89,6 +91,7 @@ class MeasuredRun:
     loads: tuple[Load, ...] | None
     from_rest: bool
     file: str
+    role: Role = "fit"
 
     def __repr__(self) -> str:
         span = f"{self.time[-1] - self.time[0]:.3g} s" if self.time.size else "empty"
