@@ -30,6 +30,7 @@ class Stretch:
     size: float
     unit: str  # SI
     sigmas: float  # of the stretch's mean, correlation accounted for
+    time: tuple[float, float]  # s, at which it begins and ends
 
 
 def locate(
@@ -64,7 +65,9 @@ def locate(
             if sign[k] and abs(size) > (spread or {}).get((run.name, part.signal), 0.0):
                 sure = abs(mean) * math.sqrt(at.size / whiteness)
                 begin, end, unit = float(theta[at[0]]), float(theta[at[-1]]), run.channels[part.signal].signal.unit
-                found.append(Stretch(run.name, part.signal, begin, end, size, unit, sure))
+                time = run.time[part.used[at[[0, -1]]]]
+                when = float(time[0]), float(time[1])
+                found.append(Stretch(run.name, part.signal, begin, end, size, unit, sure, when))
             k = last + 1
     return sorted(found, key=lambda s: -s.sigmas)[:MOST]
 

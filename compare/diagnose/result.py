@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,12 +13,13 @@ import numpy as np
 from analytic.mechanism.one_line import count
 from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.experiment_design import would_separate
-from compare.diagnose.explain import Explanation, Named, left_of
-from compare.diagnose.fit import FOLDS, SEGMENTS, Fit
+from compare.diagnose.explain import Attempt, Explanation, Named, left_of
+from compare.diagnose.fit import FOLDS, SEGMENTS, Fit, without_columns
 from compare.diagnose.noise import rms
 from compare.diagnose.predict import Term
 from compare.diagnose.statement import as_parameter, named, statement, tied
 from compare.results.crosscheck import Simulator
+from compare.results.diagnosis import Attempt as DocumentAttempt
 from compare.results.diagnosis import (
     Candidate,
     Channel,
@@ -27,26 +29,42 @@ from compare.results.diagnosis import (
     Effect,
     Elsewhere,
     Engine,
+    Kind,
     Located,
-    Place,
+    Rival,
+    SensorGap,
+    Side,
     Status,
     Step,
 )
 from compare.results.diagnosis import Fault as DataFault
-from compare.results.sentences import sentence
+from compare.results.sentences import (
+    capital,
+    data_sentences,
+    plainly,
+    sentence,
+    separation,
+    validation_sentences,
+)
 from sim_models.engine import SettingValue, installed_version
 
 if TYPE_CHECKING:
     from compare.diagnose.locate import Stretch
     from compare.diagnose.problem import Problem, Verified
+    from compare.diagnose.search import Search
     from compare.diagnose.sensitivities import Screen
     from compare.diagnose.simulate import Simulated
+    from compare.diagnose.validation import Validated, Validation
 
 INSEPARABLE = 0.999  # cosine between two sensitivities
 LISTED = 40  # pairs
+PLACES = 3  # told in the story; the page lists all
+CHANCE_LEFT = 3.0  # sigmas of one effect that are nothing
+SIDES: tuple[Side, ...] = ("before", "after")
+SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
 
 
-def as_document(problem: Problem, found: Verified) -> Diagnosis:
+def as_document(problem: Problem, found: Verified, validation: Validation) -> Diagnosis:
     """Everything found; the command that asked for it is not known here."""
     e = found.explanation
     before, after = _gap(problem, found.before[problem.simulator]), _gap(problem, found.after[problem.simulator])
@@ -55,16 +73,17 @@ def as_document(problem: Problem, found: Verified) -> Diagnosis:
     failure = (
         f"{problem.simulator} could not simulate that ({why}): the gap after is the analytic model's." if why else ""
     )
+    runs = tuple(_run(problem, found, r, run) for r, run in enumerate(problem.measured.runs))
     result = Diagnosis(
         case=problem.mechanism.name,
         verdict=e.verdict,
-        statement=statement(e, gap, failure),
+        statement=e.verdict,  # until its sentences can be made of the rest
         simulator=Simulator(name=problem.simulator, version=found.before[problem.simulator].version),
         command="",
         versions=_versions(found),
         located=tuple(_located(stretch) for stretch in found.stretches),
         effects=_effects(problem, e),
-        gap=Closing(before=gap[0], after=gap[1], noise_floor=1.0),
+        gap=_closing(problem, gap, runs),
         other_simulators={
             name: Elsewhere(before=_gap(problem, found.before[name]), after=_gap(problem, said))
             for name, said in found.after.items()
@@ -72,16 +91,19 @@ def as_document(problem: Problem, found: Verified) -> Diagnosis:
         },
         faults=tuple(
             DataFault(run=f.run, signal=f.signal, kind=f.kind, samples=f.samples, text=f.text)
-            for f in problem.measured.faults
+            for f in (*problem.measured.faults, *validation.faults)
         ),
-        candidates=_candidates(problem, found),
+        candidates=(),
+        attempts=tuple(_attempt(a) for a in e.attempts),
         inseparable=_inseparable(problem),
         engines=_engines(problem, found),
-        runs=tuple(_run(problem, found, r, run) for r, run in enumerate(problem.measured.runs)),
+        runs=(*runs, *(_validation_run(validated) for validated in validation.runs)),
         mechanism=problem.measured.mechanism,
         explained=found.explained,
         steps=(),
     )
+    told = {"statement": statement(result, e, failure), "candidates": _candidates(problem, found, result)}
+    result = result.model_copy(update=told)
     return result.model_copy(update={"steps": _steps(problem, found, result)})
 
 
@@ -94,11 +116,55 @@ def _located(stretch: Stretch) -> Located:
         size=stretch.size,
         unit=stretch.unit,
         sigmas=stretch.sigmas,
+        time_from=stretch.time[0],
+        time_to=stretch.time[1],
     )
 
 
 def _gap(problem: Problem, said: Simulated) -> float | None:
     return None if said.readings is None else rms(problem.data.residual(said.readings))
+
+
+def _closing(problem: Problem, gap: tuple[float, float], runs: Sequence[DiagnosedRun]) -> Closing:
+    """The gap in noise, the share of its excess that is explained, and how far each sensor is off in its own unit."""
+    excess = gap[0] ** 2 - 1
+    return Closing(
+        before=gap[0],
+        after=gap[1],
+        noise_floor=1.0,
+        explained=min((gap[0] ** 2 - gap[1] ** 2) / excess, 1.0) if excess > 0 else None,
+        by_signal={
+            name: _by_signal([run.signals[name] for run in runs if name in run.signals], signal.wraps)
+            for name, signal in problem.measured.signals.items()
+            if any(name in run.signals for run in runs)
+        },
+    )
+
+
+def _by_signal(channels: Sequence[Channel], wraps: bool) -> SensorGap:
+    off: dict[Side, float | None] = {}
+    for side in SIDES:
+        residual = np.concatenate([channel.residual(side, wraps) for channel in channels])
+        known = residual[np.isfinite(residual)]
+        off[side] = rms(known) if known.size else None
+    return SensorGap(unit=channels[0].unit, before=off["before"], after=off["after"])
+
+
+def _kind(term: Term) -> Kind:
+    return "sensor" if term.effect.sensor else "rig"
+
+
+def _attempt(a: Attempt) -> DocumentAttempt:
+    return DocumentAttempt(
+        name=a.term.effect.name,
+        where=a.term.where,
+        kind=_kind(a.term),
+        parameters={name: as_parameter(interval) for name, interval in a.parameters.items()},
+        share=a.share,
+        gap_before=a.gap[0],
+        gap_after=a.gap[1],
+        failed=a.failed,
+    )
 
 
 def _effects(problem: Problem, e: Explanation) -> tuple[Effect, ...]:
@@ -119,20 +185,26 @@ def _effect(problem: Problem, fit: Fit, n: Named, noise: dict[tuple[str, str], f
         gap_after=n.gap[1],
         held_out_before=n.held_out[0],
         held_out_after=n.held_out[1],
-        ambiguous_with=tuple(Place(name=t.effect.name, where=t.where) for t, _ in n.ties),
+        ambiguous_with=tuple(
+            Rival(name=t.effect.name, where=t.where, odds=odds)
+            for (t, _), odds in zip_longest(n.ties, n.odds[: len(n.ties)])
+        ),
         would_separate=(
             would_separate(problem.model, noise, fit, n.ties[0][1]) if n.ties else ""
         ),  # from the first of its rivals
+        kind=_kind(n.term),
+        share=n.share,
     )
 
 
-def _candidates(problem: Problem, found: Verified) -> tuple[Candidate, ...]:
+def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[Candidate, ...]:
     """Every effect that was considered, what the data thought of it, and why it was not named."""
     search, e = problem.search, found.explanation
     assert search is not None
     screen = search.screen(search.base)
     chosen = {n.term.key: n for n in e.named}
     tied = {t.key: n for n in e.named for t, _ in n.ties}
+    failed = {a.term.key: a.failed for a in e.attempts}
     best: dict[tuple[str, str], tuple[float, Term]] = {}
     for i, term in enumerate(screen.terms):
         gain = screen.gain([i])[0]
@@ -153,13 +225,13 @@ def _candidates(problem: Problem, found: Verified) -> tuple[Candidate, ...]:
             sigmas = math.sqrt(max(gain, 0.0))
             if term.key in chosen:
                 rival, remaining = _nearest(problem, chosen[term.key].term, e.fit)
-                status, why = "named", named(chosen[term.key])
+                status, why = "named", named(result, chosen[term.key])
             elif term.key in tied:
                 status, why = "tied", f"explains the data as well as {tied[term.key].term.label}"
             elif _unphysical(screen, shown, problem):
                 status, why = "not physical", "it would have to have the wrong sign"
             else:
-                status, why = "not needed", "it brings no more than chance" + " once the rest is in" * bool(e.named)
+                status, why = "not needed", failed.get(term.key) or _not_needed(search, e, shown, sigmas)
         rows[term.key] = Candidate(
             name=term.effect.name,
             where=term.where,
@@ -170,6 +242,27 @@ def _candidates(problem: Problem, found: Verified) -> tuple[Candidate, ...]:
             why=why,
         )
     return tuple(rows.values())
+
+
+def _not_needed(search: Search, e: Explanation, term: Term, sigmas: float) -> str:
+    """Why an effect that would take so many sigmas alone is not named, where no attempt says it."""
+    alone = f"alone it would take {plainly(sigmas, 2)} {SIGMA}"
+    if sigmas**2 < search.cost[term]:
+        chance = f"chance gives the luckiest of {len({t.key for t in search.cost})} candidates up to"
+        return f"{alone}; {chance} {plainly(math.sqrt(search.cost[term]), 2)} {SIGMA}"
+    if not e.named:
+        return f"{alone} of the gap's {plainly(math.sqrt(e.base.chi2), 2)} {SIGMA}; no set of effects with it was named"
+    left = beside(e.fit, search.sensitivities[term].columns) if term in search.sensitivities else 0.0
+    rest = "nothing is" if left < CHANCE_LEFT else f"{plainly(left, 2)} {SIGMA} are"
+    return f"{alone}; beside the named effects {rest} left for it"
+
+
+def beside(fit: Fit, columns: np.ndarray) -> float:
+    """Sigmas of a fit's residual that columns (size, k) could still take beside its own effects, to first order."""
+    own = fit.jacobian[:, ~fit.bound]
+    more = np.column_stack([without_columns(column, own) for column in columns.T])
+    left = without_columns(fit.residual, own)
+    return math.sqrt(max(float(left @ left) - float(np.sum(without_columns(left, more) ** 2)), 0.0))
 
 
 def _unphysical(screen: Screen, term: Term, problem: Problem) -> bool:
@@ -285,6 +378,41 @@ def _run(problem: Problem, found: Verified, r: int, run: MeasuredRun) -> Diagnos
         crank_angle=problem.crank_angle(run),
         held_out=tuple(1 if s % FOLDS == 0 else 0 for s in segment),
         signals=signals,
+        role="fit",
+    )
+
+
+def _validation_run(validated: Validated) -> DiagnosedRun:
+    """A validation run as the document has it: its gaps are over its own noise, errors in common left aside."""
+    run = validated.run
+    absent = np.full(run.time.size, np.nan)
+    sides = (("before", validated.before), ("after", validated.after))
+    signals: dict[str, Channel] = {}
+    for name, channel in run.channels.items():
+        if run.drive == "measured" and name == validated.encoder:
+            continue
+        said = {side: absent if found.readings is None else found.readings[0][name] for side, found in sides}
+        off = {side: channel.signal.apart(channel.values, values) / channel.noise for side, values in said.items()}
+        gaps = {side: rms(known) if (known := each[np.isfinite(each)]).size else None for side, each in off.items()}
+        signals[name] = Channel(
+            unit=channel.signal.unit,
+            noise=channel.noise,
+            noise_given=channel.noise_given,
+            measured=channel.values,
+            before=said["before"],
+            after=said["after"],
+            gap_before=gaps["before"],
+            gap_after=gaps["after"],
+        )
+    return DiagnosedRun(
+        name=run.name,
+        file=run.file,
+        drive=run.drive,
+        time=run.time,
+        crank_angle=validated.crank_angle,
+        held_out=None,
+        signals=signals,
+        role="validation",
     )
 
 
@@ -300,36 +428,27 @@ def _versions(found: Verified) -> dict[str, str]:
 def _steps(problem: Problem, found: Verified, result: Diagnosis) -> tuple[Step, ...]:
     """The story, step by step."""
     e = found.explanation
-    samples = sum(p.used.size for p in problem.data.parts)
-    given = sum(c.noise_given for run in problem.measured.runs for c in run.channels.values())
-    total = sum(len(run.channels) for run in problem.measured.runs)
-    measured = (
-        f"{count(len(problem.measured.runs), 'run')}, {count(total, 'sensor record')}, {count(samples, 'sample')};"
-        f" the noise of {given} records is given, of {total - given} estimated from their own scatter.",
-        *(_capital(f"{fault.text}.") for fault in result.faults),
-    )
-    places = tuple(_capital(f"{sentence(result, place)}.") for place in result.located[:8])
+    measured = (*data_sentences(result.runs), *(capital(f"{fault.text}.") for fault in result.faults))
+    places = [capital(f"{sentence(result, place)}.") for place in result.located[:PLACES]]
+    more = len(result.located) - PLACES
+    places += [f"And in {count(more, 'other place')}."] if more > 0 else []
     add = tuple(_added(engine) for engine in result.engines)
     return (
         Step(title="Measured data", text=measured),
-        Step(title="Locate", text=places or ("No sensor leaves its noise floor anywhere.",)),
+        Step(title="Locate", text=tuple(places) or ("No sensor leaves its noise anywhere.",)),
         Step(title="Isolate", text=_isolated(problem, found, result)),
-        Step(title="Name", text=_named(e, result) or ("No effect earns its place on held-out data.",)),
+        Step(title="Name", text=_named(e, result) or ("No effect passes the tests that a name has to pass.",)),
         Step(title="Add", text=add if e.named else ("Nothing to add.",)),
-        Step(title="Result", text=(result.statement,)),
+        Step(title="Result", text=(result.statement, *validation_sentences(result))),
     )
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def _isolated(problem: Problem, found: Verified, result: Diagnosis) -> tuple[str, ...]:
     visible = sum(c.status not in ("invisible", "excluded") for c in result.candidates)
     considered = (
-        f"{len(result.candidates)} effects at their places were considered, {visible} of them would show in"
-        f" these data; their sensitivities come from the analytic model, which agrees with {problem.simulator} on the"
-        f" nominal mechanism within {found.agreement_before:.2g} of the noise."
+        f"{len(result.candidates)} effects, each at each place where it can be, were considered, and {visible} of them"
+        f" would show in these data. What a little of each would do comes from the analytic model, which agrees with"
+        f" {problem.simulator} on the nominal mechanism within {plainly(found.agreement_before, 2)} of the noise."
     )
     if not result.inseparable:
         return (considered, *problem.notes)
@@ -342,11 +461,13 @@ def _named(e: Explanation, result: Diagnosis) -> tuple[str, ...]:
     told = []
     for n, effect in zip(e.named, result.effects, strict=True):
         told.append(
-            f"{named(n)} It takes the gap from {n.gap[0]:.3g} to {n.gap[1]:.3g} times the noise, "
-            f"on data held out from {n.held_out[0]:.3g} to {n.held_out[1]:.3g}."
+            f"{named(result, n)} It takes the gap from {plainly(n.gap[0])} to {plainly(n.gap[1])} times the noise, and"
+            f" on held-out data, which its values were not fitted to, from {plainly(n.held_out[0])} to"
+            f" {plainly(n.held_out[1])}."
         )
         if n.ties:
-            told.append(f"As good: {tied(n)}. To tell them apart: {effect.would_separate}")
+            words = separation(effect.would_separate)[0].rstrip(":.") or "no run of these sensors can"
+            told.append(f"As good: {tied(result, n)}. To tell them apart: {words}.")
     return tuple(told)
 
 
@@ -359,4 +480,4 @@ def _added(engine: Engine) -> str:
         if engine.added
         else ""
     )
-    return f"{engine.name}: gap {engine.before:.3g} before, {engine.after:.3g} after{lacking}."
+    return f"{engine.name}: gap {plainly(engine.before)} before, {plainly(engine.after)} after{lacking}."

@@ -26,6 +26,7 @@ class Validated:
     before: Simulated
     after: Simulated
     crank_angle: np.ndarray
+    encoder: str
 
 
 @dataclass(frozen=True)
@@ -41,12 +42,13 @@ def parted(measured: Measured) -> tuple[Measured, Measured]:
     where none is fitted.
     """
     fitted, others = (
-        replace(measured, runs=tuple(run for run in measured.runs if run.role == role)) for role in ("fit", "validation")
+        replace(measured, runs=tuple(run for run in measured.runs if run.role == role))
+        for role in ("fit", "validation")
     )
     if not fitted.runs:
         raise MeasuredError(
-            f"{measured.source}: role is 'validation' in every run, and nothing is left to fit; leave role out of at"
-            " least one run"
+            f"{measured.source}: every run has role = 'validation', and nothing is left to fit; leave role out of at"
+            " least one"
         )
     return fitted, others
 
@@ -63,9 +65,7 @@ def validated(problem: Problem, found: Verified, others: Measured) -> Validation
     if not others.runs:
         return Validation()
     courses, thinned = prepare.followed(prepare.thinned(others))
-    models = [
-        Model(replace(thinned, runs=(run,)), problem.rig, problem.mechanism, courses) for run in thinned.runs
-    ]
+    models = [Model(replace(thinned, runs=(run,)), problem.rig, problem.mechanism, courses) for run in thinned.runs]
     return Validation(
         tuple(_validated(problem, explained, model) for model in models), thinned.faults[len(others.faults) :]
     )
@@ -77,10 +77,11 @@ def _validated(problem: Problem, explained: Hypothesis, model: Model) -> Validat
     model = Model(prepare.unturned(model.measured, model, starts), model.rig, model.mechanism, model.courses)
     engines = Engines(model, problem.simulator, 1)
     before, after = (
-        engines.simulate(hypothesis, (problem.simulator,))[problem.simulator] for hypothesis in (start, [*start, *explained])
+        engines.simulate(hypothesis, (problem.simulator,))[problem.simulator]
+        for hypothesis in (start, [*start, *explained])
     )
     (run,) = model.measured.runs
-    return Validated(run, before, after, _crank_angle(model, run, start))
+    return Validated(run, before, after, _crank_angle(model, run, start), problem.rig.encoder)
 
 
 def _crank_angle(model: Model, run: MeasuredRun, start: Hypothesis) -> np.ndarray:
@@ -91,4 +92,3 @@ def _crank_angle(model: Model, run: MeasuredRun, start: Hypothesis) -> np.ndarra
         return model.motor(run, model.mechanism).at(run.time).theta
     moved = model.released(run, [start])[0]
     return np.full(run.time.size, model.start(run, start)[0]) if moved is None else moved.motion.theta
-

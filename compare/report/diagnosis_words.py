@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import number, setting
 from compare.results.diagnosis import Diagnosis, Effect, Engine, Located, Place
-from compare.results.sentences import parameter, spoken
+from compare.results.sentences import parameter, separation, spoken
 
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
-TOML_STARTS = ("[", "#")
 
 
 def phrase(result: Diagnosis, name: str, where: str) -> str:
@@ -51,19 +50,6 @@ def ties(result: Diagnosis) -> list[list[Place]]:
 def advice(group: Sequence[Place]) -> tuple[str, str]:
     """What would tell a group's effects apart: in words, and as the ``[[run]]`` to copy; each may be empty."""
     return separation(group[0].would_separate if isinstance(group[0], Effect) else "")
-
-
-def separation(text: str) -> tuple[str, str]:
-    """The words of a ``would_separate`` and the ``[[run]]`` to copy from it; the latter may be empty."""
-    lines = text.splitlines()
-    start = next((i for i, line in enumerate(lines) if line.strip().startswith("[[run]]")), len(lines))
-    end = start
-    while end < len(lines) and (
-        not lines[end].strip() or lines[end].strip().startswith(TOML_STARTS) or "=" in lines[end]
-    ):
-        end += 1
-    words = " ".join(line.strip() for line in (*lines[:start], *lines[end:]) if line.strip())
-    return words, "\n".join(lines[start:end]).strip()
 
 
 def next_steps(result: Diagnosis) -> list[str]:

@@ -130,11 +130,12 @@ class Closing(Part):
     after: Size
     noise_floor: Size
     explained: Annotated[
-        Number, Field(description="Share of the squared gap beyond the noise that the effects explain; null without a gap.")
+        Number,
+        Field(description="Share of the squared gap beyond the noise that the effects explain; null without a gap."),
     ] = None
-    by_signal: Annotated[
-        Mapping[str, SensorGap], Field(description="The same in each sensor's own unit.")
-    ] = Field(default_factory=dict)
+    by_signal: Annotated[Mapping[str, SensorGap], Field(description="The same in each sensor's own unit.")] = Field(
+        default_factory=dict
+    )
 
 
 class Elsewhere(Part):
@@ -279,9 +280,7 @@ class Diagnosis(Document):
     ]
     faults: Annotated[tuple[Fault, ...], Field(description="What is wrong with the data themselves.")]
     candidates: Annotated[tuple[Candidate, ...], Field(description="What was considered, and what became of it.")]
-    attempts: Annotated[
-        tuple[Attempt, ...], Field(description="What was tried and is not named, the best first.")
-    ] = ()
+    attempts: Annotated[tuple[Attempt, ...], Field(description="What was tried and is not named, the best first.")] = ()
     inseparable: Annotated[
         tuple[Pair, ...],
         Field(description="Pairs of candidates that look alike in these data, and how their changes correlate."),

@@ -1,17 +1,67 @@
-"""Sentences of a diagnosis that stand in its file and on its page: signals, places and parameters as one says them."""
+"""Sentences of a diagnosis that stand in its file and on its page: signals, places, parameters and data as one says
+them.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
+from analytic.mechanism.one_line import count
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.quantities import MINUS, Quantity, amount, fitting, number, quantities, shown
+from compare.quantities import DASH, MINUS, Quantity, fitting, number, quantities, shown
 from compare.results.diagnosis import DiagnosedRun, Diagnosis, Located, Parameter
 
 TURN = math.tau
 PERCENT = {p.name for effect in VOCABULARY.values() for p in effect.parameters if p.percent}  # parameters read in %
+MOST_OF_RUN = 0.7  # of its time: a stretch that is there throughout
+ZEROS = {  # what each run has of its own where an effect has a value for each; {} is the sensor
+    "encoder_offset": "encoder zero",
+    "sensor_bias": "zero of the sensor for {}",
+    "sensor_drift": "drift of the sensor for {}",
+}
+WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+TOML_STARTS = ("[", "#")
+Row = tuple[str, str, str]  # a parameter's name, its value and its 95 % interval
+
+
+def plainly(value: float | None, digits: int = 3, sign: bool = False) -> str:
+    """A number as one writes it: ``17,400``; powers of ten only beyond a million or below a ten-thousandth."""
+    if value is None or not math.isfinite(value):
+        return DASH
+    short = float(f"{value:.{digits}g}")
+    if short and not 1e-4 <= abs(short) < 1e6:
+        return number(value, digits, sign)
+    decimals = max(0, digits - 1 - (math.floor(math.log10(abs(short))) if short else 0))
+    text = f"{short:{'+' if sign else ''},.{decimals}f}"
+    return (text.rstrip("0").rstrip(".") if "." in text else text).replace("-", MINUS)
+
+
+def size(value: float | None, unit: str, digits: int = 3, sign: bool = False) -> str:
+    """An SI value in the unit that fits it, as one writes it: ``130 deg``."""
+    if value is None:
+        return DASH
+    name, factor = fitting(unit, value)
+    return plainly(value * factor, digits, sign) + ("" if name == "1" else f" {name}")
+
+
+def in_words(number: int) -> str:
+    """A count as one says it: ``six``, ``3,000``."""
+    return WORDS[number] if 0 <= number < len(WORDS) else f"{number:,}"
+
+
+def enumerated(names: Sequence[str]) -> str:
+    """``a, b and c``."""
+    return " and ".join(part for part in (", ".join(names[:-1]), names[-1] if names else "") if part)
+
+
+def capital(text: str) -> str:
+    """A text that begins a sentence."""
+    return text[:1].upper() + text[1:]
 
 
 def quantity(result: Diagnosis, signal: str) -> Quantity:
@@ -24,21 +74,21 @@ def quantity(result: Diagnosis, signal: str) -> Quantity:
 
 
 def spoken(result: Diagnosis, signal: str) -> str:
-    """A signal as one says it: ``follower angle``, ``reaction x at B``."""
+    """A signal as one says it: ``follower angle``, ``reaction x at B``; several joined by + one after the other."""
+    if "+" in signal and signal not in result.signals:
+        return enumerated([spoken(result, each) for each in signal.split("+")])
     found = quantity(result, signal)
     return f"{found.place[3:]} {found.name}" if found.place.startswith("of ") else found.label
 
 
-def parameter(name: str, found: Parameter) -> tuple[str, str, str]:
+def parameter(name: str, found: Parameter, like: Sequence[Parameter] = ()) -> Row:
     """A parameter's name, its value, and its 95 % interval, in one unit and to as many digits as the interval allows.
 
-    A value of one run is called ``offset@run``.
+    The unit fits the values that it is ``like`` too.  A value of one run is called ``offset@run``.
     """
     value, low, high = found.value, found.low, found.high
-    unit, factor = fitting(found.unit, value, low, high)
     what, _, run = name.partition("@")
-    if what in PERCENT:
-        unit, factor = "%", 100.0
+    unit, factor = _unit(what, (found, *like))
     half = 0.5 * abs(high - low) * factor if low is not None and high is not None else 0.0
     decimals = 1 - math.floor(math.log10(half * (1 + 1e-9))) if half > 0 else None
 
@@ -52,6 +102,210 @@ def parameter(name: str, found: Parameter) -> tuple[str, str, str]:
     return what.replace("_", " ") + (f" in run {run}" if run else ""), say(value) + suffix, interval
 
 
+def _unit(what: str, found: Sequence[Parameter]) -> tuple[str, float]:
+    """The unit in which some parameters of one name are read, and the factor to it."""
+    if what in PERCENT:
+        return "%", 100.0
+    return fitting(found[0].unit, *(v for p in found for v in (p.value, p.low, p.high)))
+
+
+def rows(parameters: Mapping[str, Parameter]) -> list[Row]:
+    """Every parameter of an effect; the values of one parameter in several runs in one unit."""
+    return [
+        parameter(name, found, [p for other, p in parameters.items() if _base(other) == _base(name)])
+        for name, found in parameters.items()
+    ]
+
+
+def _base(name: str) -> str:
+    return name.partition("@")[0]
+
+
+@dataclass(frozen=True)
+class OwnValues:
+    """The values that a parameter has in each run: ``called`` is what each run has of its own, ``reach`` from the
+    smallest to the largest, and ``runs`` the value and interval in each.
+    """
+
+    called: str
+    reach: str
+    runs: tuple[Row, ...]
+
+    def sentence(self, runs: int) -> str:
+        """``each run has its own encoder zero, -1.7 to +3.6 deg``, where there are so many runs."""
+        whose = (
+            "each run has" if len(self.runs) >= runs else f"{in_words(len(self.runs))} of {in_words(runs)} runs have"
+        )
+        return f"{whose} {'its' if len(self.runs) >= runs else 'their'} own {self.called}, {self.reach}"
+
+
+def own_values(result: Diagnosis, name: str, where: str, parameters: Mapping[str, Parameter]) -> OwnValues | None:
+    """The values for each run of an effect that has such; None of any other."""
+    found = {key.partition("@")[2]: p for key, p in parameters.items() if "@" in key}
+    if len(found) < len(parameters):
+        return None
+    what = _base(next(iter(parameters)))
+    unit, factor = _unit(what, tuple(found.values()))
+    ends = [plainly(factor * end(p.value for p in found.values()), 2, True) for end in (min, max)]
+    called = ZEROS.get(name, name.replace("_", " ") + " of {}").format(
+        spoken(result, where) if name in VOCABULARY and VOCABULARY[name].place == "signal" else where
+    )
+    own = tuple((run, value, interval) for run, (_, value, interval) in zip(found, rows(parameters), strict=True))
+    return OwnValues(called, f"{ends[0]} to {ends[1]}" + ("" if unit == "1" else f" {unit}"), own)
+
+
+def separation(text: str) -> tuple[str, str]:
+    """The words of a ``would_separate`` and the ``[[run]]`` to copy from it; the latter may be empty."""
+    lines = text.splitlines()
+    start = next((i for i, line in enumerate(lines) if line.strip().startswith("[[run]]")), len(lines))
+    end = start
+    while end < len(lines) and (
+        not lines[end].strip() or lines[end].strip().startswith(TOML_STARTS) or "=" in lines[end]
+    ):
+        end += 1
+    words = " ".join(line.strip() for line in (*lines[:start], *lines[end:]) if line.strip())
+    return words, "\n".join(lines[start:end]).strip()
+
+
+def odds(likely: float | None) -> str:
+    """How much likelier the named effect is than one that is ``likely`` times as likely: ``19 to 1``; empty where that
+    is not known.
+    """
+    if likely is None:
+        return ""
+    if likely > 1.05:
+        return f"1 to {plainly(likely, 2)}" if likely < 1000 else "less than 1 to 1,000"
+    if likely > 0.95:
+        return "even"
+    return f"{plainly(1 / likely, 2)} to 1" if likely > 1e-3 else "more than 1,000 to 1"
+
+
+# ------------------------------------------------------------------ data
+
+
+def data_sentences(runs: Sequence[DiagnosedRun]) -> tuple[str, ...]:
+    """What was measured, in plain sentences: runs, sensors, samples, whose noise was given, and which runs are kept for
+    validation.
+    """
+    fitted = [run for run in runs if run.role == "fit"]
+    kept = [run.name for run in runs if run.role == "validation"]
+    sensors = sorted({len(run.signals) for run in fitted})
+    records = [channel for run in fitted for channel in run.signals.values()]
+    samples = sum(int(np.isfinite(channel.measured).sum()) for channel in records)
+    many = (
+        f"{in_words(sensors[0])} to {in_words(sensors[-1])} sensors"
+        if len(sensors) > 1
+        else f"{in_words(sensors[0])} sensor{'s' * (sensors[0] > 1)}"
+    )
+    each = " each" if len(fitted) > 1 else ""
+    told = [
+        capital(f"{in_words(len(fitted))} run{'s' * (len(fitted) > 1)} with {many}{each}, {samples:,} samples."),
+        _noise_sentence([channel.noise_given for channel in records]),
+    ]
+    if kept:
+        one = len(kept) == 1
+        told.append(
+            f"Run{'s' * (not one)} {enumerated(kept)} {'is' if one else 'are'} for validation: nothing was fitted to"
+            f" {'it' if one else 'them'}."
+        )
+    return tuple(told)
+
+
+def _noise_sentence(given: Sequence[bool]) -> str:
+    if all(given):
+        return "You gave the noise of every sensor."
+    if not any(given):
+        return "You gave no noise: it was estimated from the scatter of each sensor."
+    return (
+        f"You gave the noise of {in_words(sum(given))} of the {count(len(given), 'record')} (a sensor in a run); of the"
+        " others it was estimated from their scatter."
+    )
+
+
+def validation_sentences(result: Diagnosis) -> tuple[str, ...]:
+    """How near the nominal and the explained mechanism come to each validation run, by its sensors together."""
+    told = []
+    for run in result.validation:
+        before, after = (pooled(run, side) for side in ("before", "after"))
+        what = f"Validation run {run.name}, which nothing was fitted to"
+        if before is None or after is None:
+            told.append(f"{what}: the engine could not simulate it {'before' if before is None else 'after'}.")
+            continue
+        told.append(f"{what}, differs by {plainly(before)} times the noise before and {plainly(after)} after.")
+    return tuple(told)
+
+
+def pooled(run: DiagnosedRun, side: Literal["before", "after"]) -> float | None:
+    """Gap of a run: root mean square of residual over noise, over the samples of all its sensors; None where a sensor
+    has none.
+    """
+    squares, samples = 0.0, 0
+    for channel in run.signals.values():
+        gap = channel.gap_before if side == "before" else channel.gap_after
+        if gap is None:
+            return None
+        known = int(np.isfinite(channel.measured).sum())
+        squares, samples = squares + known * gap**2, samples + known
+    return math.sqrt(squares / samples) if samples else None
+
+
+@dataclass(frozen=True)
+class InUnits:
+    """How far a sensor is off over all fitted runs, in its own unit: root mean square before and after, and the peak to
+    peak range (SI) of what it measured, of an angle at most a turn.
+    """
+
+    signal: str
+    unit: str
+    before: float | None
+    after: float | None
+    reach: float
+
+    def share(self, side: str = "after") -> float | None:
+        """Of the range."""
+        off = self.after if side == "after" else self.before
+        return None if off is None or not self.reach else off / self.reach
+
+
+def in_units(result: Diagnosis) -> list[InUnits]:
+    """Every sensor of the fitted runs."""
+    found = []
+    for signal, gap in result.gap.by_signal.items():
+        values = [run.signals[signal].measured for run in result.fitted if signal in run.signals]
+        known = np.concatenate(values) if values else np.zeros(0)
+        known = known[np.isfinite(known)]
+        reach = float(np.ptp(known)) if known.size else 0.0
+        reach = min(reach, TURN) if result.wraps(signal) else reach
+        found.append(InUnits(signal, gap.unit, gap.before, gap.after, reach))
+    return found
+
+
+def explained_to(result: Diagnosis, side: str = "after") -> str:
+    """How near the model comes to the sensor that it misses most: ``explained to 1 % of the range: ...``; empty where
+    that is not known.
+    """
+    worst = max(
+        (sensor for sensor in in_units(result) if sensor.share(side) is not None),
+        key=lambda sensor: sensor.share(side) or 0.0,
+        default=None,
+    )
+    if worst is None:
+        return ""
+    off = worst.after if side == "after" else worst.before
+    unit, factor = fitting(worst.unit, worst.reach)
+    said = f"{plainly((off or 0.0) * factor)} of {plainly(worst.reach * factor)} {unit}"
+    share = plainly(100 * (worst.share(side) or 0.0), 2)
+    if side == "before":
+        return f"At worst, {spoken(result, worst.signal)} is {share} % of its range off ({said}, rms)."
+    return (
+        f"The data are explained to {share} % of the range: the worst sensor, {spoken(result, worst.signal)}, is still"
+        f" off by {said} (rms)."
+    )
+
+
+# ------------------------------------------------------------------ places
+
+
 def wrapped(result: Diagnosis) -> bool:
     """Whether the commanded crank angles are shown within one turn, because some run makes a whole one."""
     ends = [(run.crank_angle.min(), run.crank_angle.max()) for run in result.runs if not run.over_time]
@@ -59,23 +313,68 @@ def wrapped(result: Diagnosis) -> bool:
 
 
 def span(result: Diagnosis, place: Located) -> str:
-    """Where on the crank a deviation is: ``between 40 and 110 deg``."""
-    low, high = sorted((place.crank_angle_from, place.crank_angle_to))
-    if high - low >= TURN - 1e-3:
-        return "over the whole turn"
+    """Where in its run a deviation is: ``at 237 to 330 deg, turn 13, 2.8 s``, or ``throughout the run``."""
     run = _run(result, place.run)
-    if wrapped(result) and (run is None or not run.over_time):
-        shift = TURN * math.floor(low / TURN + 1e-3)  # what is printed as 360 deg is the next turn's 0
-        low, high = low - shift, high - shift
-    first, last = (number(float(f"{math.degrees(angle):.1f}") + 0.0, 4) for angle in (low, high))
-    return f"between {first} and {last} deg"
+    low, high = sorted((place.crank_angle_from, place.crank_angle_to))
+    if run is None:
+        return f"at {_degrees(low)} to {_degrees(high)} deg"
+    begin, end = _times(run, place)
+    if end - begin >= MOST_OF_RUN * float(run.time[-1] - run.time[0]):
+        return "throughout the run"
+    if run.drive == "free":
+        return f"from {plainly(begin, 4)} to {plainly(end, 4)} s, at {_degrees(low)} to {_degrees(high)} deg"
+    if not _turns(result, run):
+        return f"at {_degrees(low)} to {_degrees(high)} deg, {plainly(begin)} s"
+    first, last = sorted((_turn(run, low + 1e-3), _turn(run, high - 1e-3)))
+    if high - low >= TURN - 1e-3:
+        turns = f"over turns {first} to {last}" if last > first else f"over turn {first}"
+        return f"{turns}, {plainly(begin)} to {plainly(end)} s"
+    shift = TURN * math.floor(low / TURN + 1e-3)  # what is printed as 360 deg is the next turn's 0
+    low, high = low - shift, high - shift
+    high = high - TURN if high > TURN + 1e-3 else high
+    turn = f", turn {_turn(run, place.crank_angle_from + 0.5 * _way_of(run) * 1e-3)}" if _several(run) else ""
+    return f"at {_degrees(low)} to {_degrees(high)} deg{turn}, {plainly(begin)} s"
+
+
+def _degrees(angle: float) -> str:
+    return plainly(float(f"{math.degrees(angle):.1f}") + 0.0, 4 if abs(angle) < 1 else 3)
+
+
+def _times(run: DiagnosedRun, place: Located) -> tuple[float, float]:
+    """When a deviation begins and ends (s); where its file does not say, when the crank was there first."""
+    if place.time_from is not None and place.time_to is not None:
+        return place.time_from, place.time_to
+    at = [int(np.argmin(np.abs(run.crank_angle - a))) for a in (place.crank_angle_from, place.crank_angle_to)]
+    return float(run.time[min(at)]), float(run.time[max(at)])
+
+
+def _turns(result: Diagnosis, run: DiagnosedRun) -> bool:
+    """Whether angles of a run are told within one turn."""
+    low, high = float(run.crank_angle.min()), float(run.crank_angle.max())
+    return wrapped(result) or high - low > TURN - 0.1 or low < -TURN or high > TURN
+
+
+def _several(run: DiagnosedRun) -> bool:
+    """Whether a run makes more than one turn."""
+    return float(np.ptp(run.crank_angle)) > TURN + 1e-3
+
+
+def _way_of(run: DiagnosedRun) -> float:
+    """1 where the crank's angle grows along a run, else -1."""
+    return 1.0 if run.crank_angle[-1] >= run.crank_angle[0] else -1.0
+
+
+def _turn(run: DiagnosedRun, angle: float) -> int:
+    """Which turn of a run an angle (rad, continued) is in, 1 at its first sample; each ends where the angle is 0."""
+    first = float(run.crank_angle[0]) + 1e-6 * _way_of(run)
+    return abs(math.floor(angle / TURN) - math.floor(first / TURN)) + 1
 
 
 def sentence(result: Diagnosis, place: Located) -> str:
-    """A located deviation: ``follower angle is late by 0.6 mrad between 40 and 110 deg in run slow-forward``."""
-    size = amount(abs(place.size), place.unit, 2)
-    what = f"{spoken(result, place.signal)} is {_direction(result, place)} by {size}"
-    return f"{what} {span(result, place)} in run {place.run}"
+    """A located deviation: ``follower angle in run forward is late by 0.6 mrad at 40 to 110 deg, turn 2, 1.3 s``."""
+    off = size(abs(place.size), place.unit, 2)
+    what = f"{spoken(result, place.signal)} in run {place.run} is {_direction(result, place)} by {off}"
+    return f"{what} {span(result, place)}"
 
 
 def _direction(result: Diagnosis, place: Located) -> str:

@@ -57,8 +57,8 @@ def load_measured(path: str | Path) -> Measured:
         )
     if all(entry.role == "validation" for entry in file.runs):
         raise MeasuredError(
-            f"{path.name}: role is 'validation' in {'every run' if len(names) > 1 else f'run {names[0]!r}, the only one'},"
-            " and nothing is left to fit; leave role out of at least one run"
+            f"{path.name}: every run has role = 'validation' ({listed(names)}), and nothing is left to fit; leave role"
+            " out of at least one"
         )
     tolerance = tolerances(path.name, file.tolerance)
     read = [_run(path, entry, mechanism) for entry in file.runs]
@@ -132,7 +132,17 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism) -> tuple[MeasuredRun, l
         _check_speed(where, entry.file, table.time, channels[encoder], speed, angle or 0.0)
     start = _start(entry, mechanism, table.time, channels) if drive == "free" else {}
     run = MeasuredRun(
-        entry.name, table.time, channels, drive, speed, angle, start, entry.loads, entry.from_rest, entry.file, entry.role
+        entry.name,
+        table.time,
+        channels,
+        drive,
+        speed,
+        angle,
+        start,
+        entry.loads,
+        entry.from_rest,
+        entry.file,
+        entry.role,
     )
     return _thinned(where, run, encoder, faults)
 
