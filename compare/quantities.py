@@ -22,6 +22,7 @@ READ = {  # SI unit -> (least size, unit that is read from there on, factor), la
     "N": ((0.1, "N", 1.0), (0.0, "mN", 1e3)),
     "N.m": ((0.01, "N·m", 1.0), (0.0, "mN·m", 1e3)),
     "N.m.s/rad": ((0.01, "N·m·s/rad", 1.0), (0.0, "mN·m·s/rad", 1e3)),
+    "kg.m^2": ((0.01, "kg·m²", 1.0), (0.0, "kg·mm²", 1e6)),
     "Pa": ((1e9, "GPa", 1e-9), (1e6, "MPa", 1e-6), (0.0, "Pa", 1.0)),
 }
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
-from compare.quantities import fitting, number
+from compare.quantities import fitting
 from compare.report.diagnosis_page import diagnosis_html
 from compare.report.diagnosis_text import diagnosis_md, terminal_lines
-from compare.report.diagnosis_words import phrase, remaining
+from compare.report.diagnosis_words import of_effect, phrase, remaining
 from compare.report.explained import explained_toml
 from compare.report.junit import Case, junit_xml
 from compare.results.diagnosis import Diagnosis
-from compare.results.sentences import parameter, spoken
+from compare.results.sentences import plainly, spoken
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,7 +35,7 @@ def files(result: Diagnosis) -> dict[str, str]:
 
 def junit(result: Diagnosis) -> str:
     """The verdict as a JUnit file: it fails if it is not settled, and so does each signal that is left unexplained."""
-    left = () if result.settled else remaining(result)
+    left = {} if result.settled else remaining(result)
     verdict = Case(
         f"{result.case}.diagnosis",
         "verdict",
@@ -47,11 +47,10 @@ def junit(result: Diagnosis) -> str:
     for run in result.runs:
         cases = []
         for name, channel in run.signals.items():
-            gaps = f"gap {number(channel.gap_before)} before, {number(channel.gap_after)} after"
-            beyond = f"{spoken(result, name)} in run {run.name} still has a gap of {number(channel.gap_after)}"
-            failure = beyond if beyond in left else ""
+            gaps = f"gap {plainly(channel.gap_before)} before, {plainly(channel.gap_after)} after"
+            failure = left.get((run.name, name), "")
             cases.append(Case(f"{result.case}.{run.name}", name, said=gaps, failure=failure, kind="gap"))
-        suites[f"run {run.name}"] = cases
+        suites[f"{'validation ' * (run.role == 'validation')}run {run.name}"] = cases
     return junit_xml(f"diagnosis of {result.case}", suites)
 
 
@@ -64,9 +63,7 @@ def print_table(result: Diagnosis, console: Console) -> None:
 def summary_html(result: Diagnosis) -> str:
     """The verdict, and what is missing with the 95 % intervals."""
     rows = [
-        (phrase(result, effect.name, effect.where), *parameter(*item))
-        for effect in result.effects
-        for item in effect.parameters.items()
+        (phrase(result, effect.name, effect.where), *row) for effect in result.effects for row in of_effect(effect)
     ] or [("nothing", "", "", "")]
     body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     head = "<tr><th>missing</th><th>parameter</th><th>value</th><th>95 % interval</th></tr>"

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compare.quantities import MINUS, Quantity, amount, fitting, number
-from compare.report.diagnosis_words import SIGMA
+from compare.quantities import MINUS, Quantity, number
+from compare.report.diagnosis_words import SIGMA, run_title
 from compare.report.figures import Axis, Figure, Numbers, Series, scaled
 from compare.report.svg import ticks
 from compare.results.diagnosis import DiagnosedRun, Diagnosis, Side
 from compare.results.document import listed
-from compare.results.sentences import quantity, spoken, wrapped
+from compare.results.sentences import off, off_by, quantity, reading, spoken, wrapped
 
 COLUMNS = 72  # of the map: 5 degrees where the crank turns fully
 LEVELS = (2.0, 4.0, 10.0, 30.0)  # sigmas at which the map's colour changes
@@ -59,8 +59,8 @@ class Map:
 
 @dataclass(frozen=True)
 class Panel:
-    """Measured minus simulated of one signal in one run: residuals in ``unit``, measured values in
-    ``quantity.unit``.
+    """One signal in one run: measured values and, over them, simulated ones in ``quantity.unit``, and residuals
+    (measured minus simulated) in ``unit``, ``per`` of which are one ``quantity.unit``.
     """
 
     run: int
@@ -68,6 +68,7 @@ class Panel:
     quantity: Quantity
     title: str
     unit: str
+    per: float
     x: Axis
     over: Numbers
     measured: Numbers
@@ -75,6 +76,7 @@ class Panel:
     after: Numbers
     noise: float
     noise_text: str
+    off: tuple[str, str]
     gap_before: float | None
     gap_after: float | None
     held_out: tuple[tuple[float, float], ...]
@@ -89,6 +91,13 @@ class Panel:
         ]
         return f"Measured minus simulated over {self.x.label}: {'; '.join(worst)}; noise {self.noise_text}."
 
+    def simulated(self, side: Side) -> Numbers:
+        """Simulated values (N) in ``quantity.unit``, of an angle those within half a turn of the measured one."""
+        residual = self.before if side == "before" else self.after
+        return tuple(
+            None if m is None or r is None else m - r / self.per for m, r in zip(self.measured, residual, strict=True)
+        )
+
 
 def panels(result: Diagnosis) -> list[Panel]:
     """Every signal of every run, in their order."""
@@ -99,20 +108,25 @@ def _panel(result: Diagnosis, i: int, run: DiagnosedRun, name: str) -> Panel:
     channel, what, words = run.signals[name], quantity(result, name), spoken(result, name)
     x, over = _abscissa(run)
     before, after = (listed(result.residual(run, name, side)) for side in SIDES)
-    unit, factor = fitting(channel.unit, channel.noise, *before, *after)
+    unit, factor = reading(result, name)
     return Panel(
         run=i,
         signal=name,
         quantity=what,
         title=words[:1].upper() + words[1:],
         unit=unit,
+        per=factor / what.factor,
         x=x,
         over=over,
         measured=scaled(listed(channel.measured), what.factor),
         before=_short(before, factor),
         after=_short(after, factor),
         noise=channel.noise * factor,
-        noise_text=amount(channel.noise, channel.unit) + ("" if channel.noise_given else ", estimated from the data"),
+        noise_text=off_by(result, name, channel.noise) + ("" if channel.noise_given else ", estimated from the data"),
+        off=(
+            off_by(result, name, off(result, run, name, "before")),
+            off_by(result, name, off(result, run, name, "after")),
+        ),
         gap_before=channel.gap_before,
         gap_after=channel.gap_after,
         held_out=_blocks(run.held_out, over),
@@ -164,7 +178,7 @@ def _map(result: Diagnosis, group: Sequence[tuple[int, DiagnosedRun]]) -> Map:
         for k, (name, channel) in enumerate(run.signals.items()):
             before, after = (_cells(result.residual(run, name, side) / channel.noise, columns) for side in SIDES)
             gaps = (channel.gap_before, channel.gap_after)
-            strips.append(Strip(offset + k, run.name, spoken(result, name), before, after, *gaps))
+            strips.append(Strip(offset + k, run_title(run), spoken(result, name), before, after, *gaps))
     return Map(axis, low, low + wide, tuple(strips))
 
 
@@ -227,6 +241,27 @@ def figure(panel: Panel, name: str) -> Figure:
     ]
     title = f"{panel.title}: measured {MINUS} simulated"
     return Figure(name, title, panel.summary, panel.x, Axis(f"measured {MINUS} simulated", panel.unit), tuple(lines))
+
+
+def overlay(panel: Panel, name: str) -> Figure:
+    """Measured and simulated values of a panel over each other, on paper; lines break where an angle goes over half a
+    turn from one sample to the next.
+    """
+    half = 180.0 if panel.quantity.angular else math.inf
+    sides = ((panel.simulated("before"), "before", BEFORE), (panel.simulated("after"), "after", AFTER))
+    lines = [Series("measured", *_thinned(panel.over, panel.measured), "analytic", "link")]
+    lines += [Series(word, *_thinned(panel.over, broken(side, half)), role) for side, word, role in sides]
+    summary = (
+        f"Measured and simulated over {panel.x.label}: off by {panel.off[0]} before and {panel.off[1]} after (rms)."
+    )
+    title = f"{panel.title}: measured and simulated"
+    return Figure(name, title, summary, panel.x, Axis(panel.quantity.label, panel.quantity.unit), tuple(lines))
+
+
+def broken(values: Numbers, most: float) -> Numbers:
+    """Values (N) with a gap in place of each that is more than ``most`` away from the one before."""
+    pairs = zip(values, (None, *values[:-1]), strict=True)
+    return tuple(None if v is not None and w is not None and abs(v - w) > most else v for v, w in pairs)
 
 
 def _thinned(x: Numbers, y: Numbers) -> tuple[Numbers, Numbers]:

@@ -9,16 +9,16 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from compare.quantities import DASH, MINUS, number
+from compare.quantities import DASH, MINUS
 from compare.report import diagnosis_figures as figures
 from compare.report import diagnosis_words as words
-from compare.report.diagnosis_text import SIGNS, of_effect
+from compare.report.diagnosis_text import NOTHING_TRIED, SIGNS
 from compare.report.explained import changes, without_null
 from compare.report.pages import script_json
 from compare.report.svg import NOT_XML, draw
 from compare.results.diagnosis import DiagnosedRun, Diagnosis
 from compare.results.document import as_written
-from compare.results.sentences import sentence, spoken
+from compare.results.sentences import capital, in_units, off_by, plainly, sentence, spoken, validation_sentences
 
 LOOKS = {
     "no gap": "agrees",
@@ -50,6 +50,14 @@ def diagnosis_html(result: Diagnosis) -> str:
         "look": LOOKS[result.verdict],
         "sign": SIGNS[result.verdict],
         "groups": words.ties(result),
+        "bars": words.waterfall(result),
+        "sensors": in_units(result),
+        "validation": validation_sentences(result),
+        "attempts": words.attempts(result),
+        "nothing_tried": NOTHING_TRIED,
+        "unsettled": words.unsettled(result),
+        "words": words,
+        "steps": [step for step in result.steps if step.title != "Result"],
         "maps": found,
         "cells": _strip,
         "legend": _legend(),
@@ -58,10 +66,13 @@ def diagnosis_html(result: Diagnosis) -> str:
         "panels": panels,
         "runs": _runs(result, panels),
         "widest": max(
-            range(len(result.runs)),
+            (i for i, run in enumerate(result.runs) if run.role == "fit"),
             key=lambda i: max((p.gap_before or 0.0 for p in panels if p.run == i), default=0.0),
         ),
-        "drawings": [Markup(draw(figures.figure(panel, f"residual-{i}"))) for i, panel in enumerate(panels)],
+        "drawings": [
+            Markup(draw(figures.overlay(panel, f"values-{i}")) + draw(figures.figure(panel, f"residual-{i}")))
+            for i, panel in enumerate(panels)
+        ],
         "candidates": candidates,
         "candidates_listed": CANDIDATES,
         "statuses": STATUS,
@@ -136,6 +147,9 @@ def _data(result: Diagnosis, panels: list[figures.Panel], found: list[figures.Ma
                 "title": p.title,
                 "summary": p.summary,
                 "unit": p.unit,
+                "per": p.per,
+                "half": 180 if p.quantity.angular else None,
+                "label": p.quantity.label,
                 "noise": p.noise,
                 "measuredUnit": p.quantity.unit,
                 "measured": p.measured,
@@ -162,18 +176,24 @@ def _environment(result: Diagnosis) -> Environment:
         loader=PackageLoader("compare.report"), autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True
     )
     environment.filters |= {
-        "number": number,
-        "signed": lambda value: number(value, 3, True),
-        "parameters": of_effect,
+        "number": plainly,
+        "percent": lambda share: DASH if share is None else f"{plainly(100 * share, 2)} %",
+        "signed": lambda value: plainly(value, 3, True),
+        "parameters": words.of_effect,
+        "own": lambda effect: words.of_runs(result, effect),
+        "headline": lambda effect: words.headline(result, effect),
+        "rival": lambda group, effect: words.rival_words(result, group, effect),
         "phrase": lambda effect: words.phrase(result, effect.name, effect.where),
         "named": lambda key: words.named(result, key),
         "spoken": lambda signal: spoken(result, signal),
+        "off": lambda value, signal: off_by(result, signal, value),
         "sentence": lambda place: sentence(result, place),
         "advice": words.advice,
         "remark": words.remark,
+        "run_title": words.run_title,
         "simulated_by": words.simulated_by,
-        "sigmas": lambda value: DASH if value is None else f"{value:.0f}" if value >= 100 else number(value),
-        "capital": lambda text: text[:1].upper() + text[1:],
+        "sigmas": lambda value: plainly(value, 2),
+        "capital": capital,
     }
     return environment
 

@@ -5,16 +5,49 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from compare.quantities import DASH, MINUS, SUPERSCRIPT, TIMES, amount, number
-from compare.report.diagnosis_words import SIGMA, advice, next_steps, phrase, settings, simulated_by, ties, worst_first
+from compare.quantities import DASH, MINUS, SUPERSCRIPT, TIMES
+from compare.report.diagnosis_words import (
+    GAP,
+    HELD_OUT,
+    SIGMA,
+    SIGMA_MEANS,
+    TIE,
+    advice,
+    attempts,
+    headline,
+    next_steps,
+    of_effect,
+    of_runs,
+    phrase,
+    rival_words,
+    settings,
+    simulated_by,
+    ties,
+    unsettled,
+    waterfall,
+    worst_first,
+)
 from compare.report.pages import code_block
 from compare.report.pages import escape_markdown as md
-from compare.results.diagnosis import Diagnosis, Effect, Place
-from compare.results.sentences import parameter, quantity, sentence, spoken
+from compare.results.diagnosis import Diagnosis, Effect, Place, Side
+from compare.results.sentences import (
+    capital,
+    in_units,
+    off,
+    off_by,
+    plainly,
+    quantity,
+    sentence,
+    spoken,
+    validation_sentences,
+)
 
 SIGNS = {"no gap": "✓", "explained": "✓", "partly explained": "≈", "ambiguous": "?", "unexplained": "✗"}
 PLACES_SHOWN = 3  # in a terminal
 PLACES_LISTED = 12  # in the Markdown
+ATTEMPTS_SHOWN = 3  # in a terminal
+NOTHING_TRIED = "Nothing else that was tried takes away a part of the gap that would be worth listing."
+SIDES: tuple[Side, ...] = ("before", "after")
 ASCII = {MINUS: "-", DASH: "-", "·": ".", "µ": "u", SIGMA: "sigma"} | {
     chr(small): chr(plain) for plain, small in SUPERSCRIPT.items()
 }
@@ -30,15 +63,17 @@ def terminal_lines(result: Diagnosis) -> list[str]:
         out += _effect_lines(result, group)
     gap = result.gap
     out.append(
-        f"gap: {number(gap.before)} before, {number(gap.after)} after, noise floor {number(gap.noise_floor)}"
+        f"gap: {plainly(gap.before)} before, {plainly(gap.after)} after, noise floor {plainly(gap.noise_floor)}"
         f" ({simulated_by(result)})"
     )
     others = [
-        f"{name} {number(g.before)} before, {number(g.after)} after" for name, g in result.other_simulators.items()
+        f"{name} {plainly(g.before)} before, {plainly(g.after)} after" for name, g in result.other_simulators.items()
     ]
     out += [f"gap elsewhere: {'; '.join(others)}"] if others else []
+    out += validation_sentences(result)
+    out += _tried(result)
     places = worst_first(result)
-    out += [f"where: {sentence(result, place)} ({number(place.sigmas)} sigma)" for place in places[:PLACES_SHOWN]]
+    out += [f"where: {sentence(result, place)} ({plainly(place.sigmas)} sigma)" for place in places[:PLACES_SHOWN]]
     out += [f"where: {_others(len(places) - PLACES_SHOWN)}"] if len(places) > PLACES_SHOWN else []
     out += [f"data: run {fault.run}, {spoken(result, fault.signal)}: {_line(fault.text)}" for fault in result.faults]
     return [in_ascii(line) for line in out]
@@ -47,10 +82,13 @@ def terminal_lines(result: Diagnosis) -> list[str]:
 def _effect_lines(result: Diagnosis, group: Sequence[Place]) -> list[str]:
     out = []
     for i, effect in enumerate(group):
-        rows = of_effect(effect)
-        values = ", ".join(f"{name} {value} (95 %: {interval})" for name, value, interval in rows)
         lead = "missing" if len(group) == 1 else "either" if i == 0 else "or"
-        out.append(f"{lead}: {phrase(result, effect.name, effect.where)}" + (f", {values}" if values else ""))
+        own = of_runs(result, effect)
+        values = ", ".join(f"{name} {value} (95 %: {interval})" for name, value, interval in of_effect(effect))
+        said = headline(result, effect) if own else phrase(result, effect.name, effect.where)
+        odds = rival_words(result, group, effect).partition("odds ")[2].rstrip(".")
+        tail = [f", {values}"] if values and not own else [f" (odds {odds})"] if i and odds else []
+        out.append(f"{lead}: {said}" + "".join(tail))
     if len(group) > 1:
         words, block = advice(group)
         out.append(
@@ -60,9 +98,14 @@ def _effect_lines(result: Diagnosis, group: Sequence[Place]) -> list[str]:
     return out
 
 
-def of_effect(effect: Place) -> list[tuple[str, str, str]]:
-    """Name, value and interval of each parameter; nothing for an effect that is only tied."""
-    return [parameter(*item) for item in effect.parameters.items()] if isinstance(effect, Effect) else []
+def _tried(result: Diagnosis) -> list[str]:
+    """The best of what was tried and is not named, where the verdict leaves a question."""
+    if not unsettled(result):
+        return []
+    return [
+        f"tried: {what}, {values}: {share or 'no known share'} of the gap; not named: {_line(failed)}"
+        for what, values, share, _, failed in attempts(result)[:ATTEMPTS_SHOWN]
+    ]
 
 
 def _others(count: int) -> str:
@@ -81,19 +124,21 @@ def in_ascii(words: str) -> str:
 def diagnosis_md(result: Diagnosis) -> str:
     """The text of diagnosis.md."""
     gap = result.gap
-    shrinks = f"{number(gap.before)} before → {number(gap.after)} after (noise floor {number(gap.noise_floor)})"
+    shrinks = f"{plainly(gap.before)} before → {plainly(gap.after)} after (noise floor {plainly(gap.noise_floor)})"
     out = [
         f"# {SIGNS[result.verdict]} Diagnosis of {md(result.case)}: {result.verdict}",
         "",
         md(result.statement),
         "",
     ]
-    out += [f"- Gap (rms of residual over noise): {shrinks}, simulated by {md(simulated_by(result))}"]
+    out += [f"- Gap: {shrinks}, simulated by {md(simulated_by(result))}. {md(GAP)}"]
     out += [
-        f"- In {md(name)}: {number(g.before)} before → {number(g.after)} after"
+        f"- In {md(name)}: {plainly(g.before)} before → {plainly(g.after)} after"
         for name, g in result.other_simulators.items()
     ]
-    out += ["", *_effects(result), *_next(result), *_located(result), *_gaps(result)]
+    out += [f"- {md(said)}" for said in validation_sentences(result)]
+    out += ["", *_shares(result), *_effects(result), *_attempts(result), *_next(result), *_located(result)]
+    out += [*_in_units(result), *_gaps(result)]
     if result.faults:
         rows = [
             [md(f.run), md(spoken(result, f.signal)), md(f.kind), str(f.samples), md(f.text)] for f in result.faults
@@ -106,17 +151,36 @@ def diagnosis_md(result: Diagnosis) -> str:
     return "\n".join(out)
 
 
+def _shares(result: Diagnosis) -> list[str]:
+    """The waterfall as a table."""
+    bars = waterfall(result)
+    if not bars:
+        return []
+    rows = [[md(capital(bar.label)), f"{plainly(bar.share, 2)} %"] for bar in bars]
+    return ["## What takes the gap away", "", *_table(["Step", "Share of the squared gap"], rows, (1,))]
+
+
 def _effects(result: Diagnosis) -> list[str]:
     if not result.effects:
         return []
-    rows = []
+    rows, told = [], []
     for group in ties(result):
-        rivals = [phrase(result, effect.name, effect.where) for effect in group]
         for i, effect in enumerate(group):
-            others = ", ".join(name for k, name in enumerate(rivals) if k != i) if len(group) > 1 else DASH
-            rows += [[md(cell) for cell in (rivals[i], *row, _shrinks(effect), others)] for row in _parameters(effect)]
-    head = ["Effect", "Parameter", "Value", "95 % interval", "Gap on held-out data", "As good as"]
-    return ["## What is missing", "", *_table(head, rows, (2, 3))]
+            others = md(rival_words(result, group, effect)) if i else _rivals(result, group)
+            own = of_runs(result, effect)
+            told += [capital(md(f"{headline(result, effect)}.")), ""] if own else []
+            what = phrase(result, effect.name, effect.where)
+            kind = DASH if not isinstance(effect, Effect) else effect.kind
+            rows += [
+                [md(cell) for cell in (what, kind, *row, _shrinks(effect))] + [others] for row in _parameters(effect)
+            ]
+    head = ["Effect", "Kind", "Parameter", "Value", "95 % interval", "Gap on held-out data", "As good as"]
+    tie = [TIE, ""] if any(len(group) > 1 for group in ties(result)) else []
+    return ["## What is missing", "", *told, *_table(head, rows, (3, 4)), HELD_OUT, "", *tie]
+
+
+def _rivals(result: Diagnosis, group: Sequence[Place]) -> str:
+    return md(", ".join(phrase(result, other.name, other.where) for other in group[1:])) or DASH
 
 
 def _parameters(effect: Place) -> list[tuple[str, str, str]]:
@@ -127,7 +191,17 @@ def _shrinks(effect: Place) -> str:
     if not isinstance(effect, Effect):
         return DASH
     before, after = effect.held_out_before, effect.held_out_after
-    return DASH if before is None or after is None else f"{number(before)} → {number(after)}"
+    return DASH if before is None or after is None else f"{plainly(before)} → {plainly(after)}"
+
+
+def _attempts(result: Diagnosis) -> list[str]:
+    """What was tried and is not named; always there where the verdict leaves a question."""
+    tried = attempts(result)
+    if not unsettled(result) and not tried:
+        return []
+    rows = [[str(i), *map(md, row)] for i, row in enumerate(tried, 1)]
+    head = ["", "Effect", "Values", "Share of the squared gap", "Gap without → with", "Not named because"]
+    return ["## The best attempts", "", *(_table(head, rows, (0, 3)) if rows else [NOTHING_TRIED, ""])]
 
 
 def _next(result: Diagnosis) -> list[str]:
@@ -143,30 +217,53 @@ def _located(result: Diagnosis) -> list[str]:
     if not places:
         return []
     out = ["## Where simulation and measurement disagree", ""]
-    out += [f"- {md(sentence(result, place))} ({number(place.sigmas)} {SIGMA})" for place in places[:PLACES_LISTED]]
+    out += [
+        f"- {md(capital(sentence(result, place)))} ({plainly(place.sigmas)} {SIGMA})"
+        for place in places[:PLACES_LISTED]
+    ]
     out += [f"- {_others(len(places) - PLACES_LISTED)} (diagnosis.html)"] if len(places) > PLACES_LISTED else []
     return [*out, ""]
+
+
+def _in_units(result: Diagnosis) -> list[str]:
+    """How far each sensor is off in its own unit."""
+    rows = []
+    for sensor in in_units(result):
+        sides = [off_by(result, sensor.signal, v) for v in (sensor.before, sensor.after)]
+        share = sensor.share()
+        rows.append(
+            [
+                md(quantity(result, sensor.signal).title),
+                *sides,
+                DASH if share is None else f"{plainly(100 * share, 2)} %",
+            ]
+        )
+    head = ["Signal", "Off before (rms)", "Off after (rms)", "Of its range"]
+    return ["## How far each sensor is off", "", *_table(head, rows, (1, 2, 3))] if rows else []
 
 
 def _gaps(result: Diagnosis) -> list[str]:
     rows = []
     for run in result.runs:
         for name, signal in run.signals.items():
-            noise = amount(signal.noise, signal.unit) + ("" if signal.noise_given else ", estimated")
+            noise = off_by(result, name, signal.noise) + ("" if signal.noise_given else ", estimated")
+            sides = [off_by(result, name, off(result, run, name, side)) for side in SIDES]
             rows.append(
                 [
-                    md(run.name),
+                    md(run.name + " (validation)" * (run.role == "validation")),
                     md(quantity(result, name).title),
                     noise,
-                    number(signal.gap_before),
-                    number(signal.gap_after),
+                    *sides,
+                    plainly(signal.gap_before),
+                    plainly(signal.gap_after),
                 ]
             )
     free = (
         " Runs without a commanded speed are compared over time." if any(run.over_time for run in result.runs) else ""
     )
-    head = ["Run", "Signal", f"Noise (1 {SIGMA})", "Gap before", "Gap after"]
-    return ["## Gap per run and signal", "", f"1 is the noise floor.{free}", "", *_table(head, rows, (3, 4))]
+    head = ["Run", "Signal", f"Noise (1 {SIGMA})", "Off before (rms)", "Off after (rms)", "Gap before", "Gap after"]
+    intro = f"A gap of 1 is the noise floor. {SIGMA_MEANS}{free}"
+    return ["## Gap per run and signal", "", intro, "", *_table(head, rows, (3, 4, 5, 6))]
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int]) -> list[str]:

@@ -2,14 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.quantities import number, setting
-from compare.results.diagnosis import Diagnosis, Effect, Engine, Located, Place
-from compare.results.sentences import parameter, separation, spoken
+from compare.quantities import setting
+from compare.results.diagnosis import Attempt, DiagnosedRun, Diagnosis, Effect, Engine, Located, Parameter, Place, Rival
+from compare.results.sentences import (
+    OwnValues,
+    Row,
+    odds,
+    off,
+    off_by,
+    own_values,
+    plainly,
+    rows,
+    separation,
+    spoken,
+)
 
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
+SHOWN = 0.001  # of the squared gap: a smaller share of everything is no bar
+# what a word means, for who does not know it; each stands where the word is first used
+GAP = (
+    "The gap is how far measured and simulated are apart in multiples of the sensors' noise (root mean square over all"
+    " samples and signals). 1 means that nothing but noise is left."
+)
+SIGMA_MEANS = (
+    f"{SIGMA} (sigma) is the noise of a sensor, one standard deviation: about two readings in three of a still signal"
+    f" lie within ±1 {SIGMA}, nearly all within ±3 {SIGMA}."
+)
+SURE = (
+    "How sure: how many times larger the deviation is than chance makes it in a stretch of that length."
+    f" Below 3 {SIGMA} it may be luck, beyond 5 {SIGMA} it is not."
+)
+HELD_OUT = (
+    "Held-out data are a part of the samples that is left out while the values are fitted, and used to check them; every"
+    " part is left out once."
+)
+TIE = "A tie: each of these explains the data about as well as the others, and the data cannot say which it is."
+PARTS = (
+    "By how many sigma a run would part them: how many times larger their difference is there than the noise; 5 or more"
+    " decides. To copy into measured.toml:"
+)
+INTERVAL = "95 %: in 95 of 100 repetitions of the measurement the interval would hold the true value."
 
 
 def phrase(result: Diagnosis, name: str, where: str) -> str:
@@ -18,6 +54,27 @@ def phrase(result: Diagnosis, name: str, where: str) -> str:
     if effect is None:
         return f"{name.replace('_', ' ')} at {where}"
     return effect.called(spoken(result, where) if effect.place == "signal" else where)
+
+
+def headline(result: Diagnosis, effect: Place) -> str:
+    """What is said of an effect in one line: the phrase, or of one with values for each run that and their range."""
+    own = of_runs(result, effect)
+    return own.sentence(len(result.fitted)) if own else phrase(result, effect.name, effect.where)
+
+
+def of_runs(result: Diagnosis, effect: Place) -> OwnValues | None:
+    """The values for each run of an effect that has such."""
+    found = _parameters(effect)
+    return own_values(result, effect.name, effect.where, found) if found else None
+
+
+def of_effect(effect: Place) -> list[Row]:
+    """Name, value and interval of each parameter; nothing for an effect that is only tied."""
+    return rows(_parameters(effect))
+
+
+def _parameters(effect: Place) -> Mapping[str, Parameter]:
+    return effect.parameters if isinstance(effect, Effect | Attempt) else {}
 
 
 def named(result: Diagnosis, key: str) -> str:
@@ -47,6 +104,78 @@ def ties(result: Diagnosis) -> list[list[Place]]:
     return groups
 
 
+def rival_words(result: Diagnosis, group: Sequence[Place], place: Place) -> str:
+    """How an effect that is only tied stands against the first of its group, with the odds where they are known."""
+    found = odds(place.odds) if isinstance(place, Rival) else ""
+    if not found:
+        return "Explains these data as well."
+    first = phrase(result, group[0].name, group[0].where)
+    if found == "even":
+        return f"Explains these data as well: as likely as {first}."
+    return f"Explains these data nearly as well: odds {found} for {first}."
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A step from the gap before to the gap after: a share of the squared gap, and where its bar begins; both in per
+    cent.
+    """
+
+    label: str
+    kind: str  # before, sensor, rig or rest
+    share: float
+    left: float
+
+
+def waterfall(result: Diagnosis) -> list[Bar]:
+    """The gap before, what each named effect takes of it, sensors first, and what remains; nothing where no share is
+    known.
+    """
+    effects = sorted(
+        (effect for effect in result.effects if effect.share and effect.share > SHOWN),
+        key=lambda effect: (effect.kind != "sensor", -(effect.share or 0.0)),
+    )
+    if not effects:
+        return []
+    bars, left = [Bar("before: the nominal model", "before", 100.0, 0.0)], 100.0
+    for effect in effects:
+        share = min(100 * (effect.share or 0.0), left)
+        left -= share
+        bars.append(Bar(headline(result, effect), effect.kind, share, left))
+    return [*bars, Bar("what remains" + _floor(result), "rest", left, 0.0)]
+
+
+def _floor(result: Diagnosis) -> str:
+    if result.gap.before <= 1:
+        return ""
+    noise = 100 / result.gap.before**2
+    return f" (noise alone would be {plainly(noise, 2)} %)" if noise >= 0.05 else ""
+
+
+def attempts(result: Diagnosis) -> list[tuple[str, str, str, str, str]]:
+    """What was tried and is not named, best first: the effect, its values, its share, the gap without and with it, and
+    what it failed.
+    """
+    found = []
+    for attempt in result.attempts:
+        own = of_runs(result, attempt)
+        values = own.reach if own else ", ".join(f"{name} {value}" for name, value, _ in of_effect(attempt))
+        share = "" if attempt.share is None else f"{plainly(100 * attempt.share, 2)} %"
+        gaps = f"{plainly(attempt.gap_before)} → {plainly(attempt.gap_after)}"
+        found.append((phrase(result, attempt.name, attempt.where), values, share, gaps, attempt.failed))
+    return found
+
+
+def unsettled(result: Diagnosis) -> bool:
+    """Whether the verdict leaves a question, so that what was tried has to be shown."""
+    return not result.settled
+
+
+def run_title(run: DiagnosedRun) -> str:
+    """A run's name, and that it is a validation run."""
+    return f"{run.name} (validation run: nothing was fitted to it)" if run.role == "validation" else run.name
+
+
 def advice(group: Sequence[Place]) -> tuple[str, str]:
     """What would tell a group's effects apart: in words, and as the ``[[run]]`` to copy; each may be empty."""
     return separation(group[0].would_separate if isinstance(group[0], Effect) else "")
@@ -65,31 +194,37 @@ def next_steps(result: Diagnosis) -> list[str]:
             tied = " and ".join(phrase(result, effect.name, effect.where) for effect in group)
             steps.append(f"Separate {tied}: {words or 'no run of these sensors can'}.")
     if result.verdict in ("explained", "partly explained"):
-        steps += [f"Confirm {phrase(result, e.name, e.where)} at the rig: expect {_values(e)}." for e in result.effects]
+        steps += [
+            f"Confirm {phrase(result, e.name, e.where)} at the rig: expect {_values(result, e)}."
+            for e in result.effects
+        ]
         if result.explained != result.mechanism:
             steps.append("Use explained.toml in place of the nominal mechanism.")
     if result.verdict in ("partly explained", "unexplained"):
-        steps += [f"Look for what is outside the vocabulary: {rest}." for rest in remaining(result)[:3]]
+        left = remaining(result)
+        steps += [f"Look for what this program does not know: {rest}." for rest in list(left.values())[:3]]
     return steps
 
 
-def _values(effect: Effect) -> str:
-    return ", ".join(f"{name} {value}" for name, value, _ in (parameter(*item) for item in effect.parameters.items()))
+def _values(result: Diagnosis, effect: Effect) -> str:
+    own = of_runs(result, effect)
+    return own.reach if own else ", ".join(f"{name} {value}" for name, value, _ in of_effect(effect))
 
 
-def remaining(result: Diagnosis) -> list[str]:
-    """The signals whose gap is still above the noise floor, the largest first."""
+def remaining(result: Diagnosis) -> dict[tuple[str, str], str]:
+    """The signals of fitted runs whose gap is still above the noise floor, by run and signal, the largest first."""
     floor = 1.1 * result.gap.noise_floor
-    rows = [
-        (channel.gap_after, run.name, name)
-        for run in result.runs
+    found = [
+        (channel.gap_after, run, name)
+        for run in result.fitted
         for name, channel in run.signals.items()
         if channel.gap_after is not None and channel.gap_after > floor
     ]
-    return [
-        f"{spoken(result, signal)} in run {run} still has a gap of {number(gap)}"
-        for gap, run, signal in sorted(rows, reverse=True)
-    ]
+    return {
+        (run.name, name): f"{spoken(result, name)} in run {run.name} is still off by"
+        f" {off_by(result, name, off(result, run, name, 'after'))} (rms), {plainly(gap)} times its noise"
+        for gap, run, name in sorted(found, key=lambda row: -row[0])
+    }
 
 
 def simulated_by(result: Diagnosis) -> str:

@@ -263,8 +263,28 @@ class InUnits:
 
     def share(self, side: str = "after") -> float | None:
         """Of the range."""
-        off = self.after if side == "after" else self.before
-        return None if off is None or not self.reach else off / self.reach
+        rest = self.after if side == "after" else self.before
+        return None if rest is None or not self.reach else rest / self.reach
+
+
+def off(result: Diagnosis, run: DiagnosedRun, signal: str, side: Literal["before", "after"]) -> float | None:
+    """How far a sensor is off in a run: root mean square, SI."""
+    residual = result.residual(run, signal, side)
+    known = residual[np.isfinite(residual)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else None
+
+
+def reading(result: Diagnosis, signal: str) -> tuple[str, float]:
+    """The one unit in which all that is said of how far a sensor is off is read, and the factor to it."""
+    runs = [run for run in result.runs if signal in run.signals]
+    found = [off(result, run, signal, side) for run in runs for side in ("before", "after")]
+    return fitting(runs[0].signals[signal].unit if runs else "1", *found)
+
+
+def off_by(result: Diagnosis, signal: str, value: float | None) -> str:
+    """How far a sensor is off (SI), in the one unit of that sensor."""
+    unit, factor = reading(result, signal)
+    return DASH if value is None else f"{plainly(value * factor)} {unit}"
 
 
 def in_units(result: Diagnosis) -> list[InUnits]:
@@ -291,9 +311,9 @@ def explained_to(result: Diagnosis, side: str = "after") -> str:
     )
     if worst is None:
         return ""
-    off = worst.after if side == "after" else worst.before
-    unit, factor = fitting(worst.unit, worst.reach)
-    said = f"{plainly((off or 0.0) * factor)} of {plainly(worst.reach * factor)} {unit}"
+    _, factor = unit = shown(worst.unit)
+    rest = worst.after if side == "after" else worst.before
+    said = f"{plainly((rest or 0.0) * factor)} of {plainly(worst.reach * factor)} {unit[0]}"
     share = plainly(100 * (worst.share(side) or 0.0), 2)
     if side == "before":
         return f"At worst, {spoken(result, worst.signal)} is {share} % of its range off ({said}, rms)."

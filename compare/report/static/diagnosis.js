@@ -2,8 +2,15 @@
 // or the arrow keys, and blocks of text to copy.
 "use strict";
 
-// A chart that shades what lies behind its lines, and draws of many samples what the screen can show.
-class Residuals extends Chart {
+// A chart that draws of many samples what the screen can show.
+class Thinned extends Chart {
+  drawSeries(s, parent, x, y) {
+    super.drawSeries(this.scales && s.x.length > 4 * this.scales.width ? thinned(s, x) : s, parent, x, y);
+  }
+}
+
+// A chart that shades what lies behind its lines.
+class Residuals extends Thinned {
   axes(x, y, width, height) {
     const clamp = (v, {start, end}) => Math.min(Math.max(v, Math.min(start, end)), Math.max(start, end));
     const shade = (kind, left, right, top, bottom) => {
@@ -14,10 +21,6 @@ class Residuals extends Chart {
     for (const [from, to] of held) shade("held", Math.min(x(from), x(to)), Math.max(x(from), x(to)), y.end, y.start);
     shade("band", x.start, x.end, y(limit), y(-limit));
     super.axes(x, y, width, height);
-  }
-
-  drawSeries(s, parent, x, y) {
-    super.drawSeries(this.scales && s.x.length > 4 * this.scales.width ? thinned(s, x) : s, parent, x, y);
   }
 }
 
@@ -44,6 +47,18 @@ function residualFigure(panel, run, number) {
   const limit = data.band * panel.noise, ends = [run.x[0], run.x.at(-1)];
   for (const v of [limit, -limit]) series.push({name: "", x: ends, y: [v, v], role: "frame", mark: "dashed", level: 0, labels: [], scale: true});
   return {name: `residual-${number}`, title: panel.title, summary: panel.summary, kind: "curves", x: {label: run.label, unit: run.unit}, y: {label: "measured − simulated", unit: panel.unit}, series};
+}
+
+// Measured and simulated over each other: simulated is measured less the residual, and its line breaks where an angle
+// goes over half a turn from one sample to the next.
+function valuesFigure(panel, run, number) {
+  const simulated = (side) => {
+    const found = panel.measured.map((m, i) => (known(m) && known(panel[side][i]) ? m - panel[side][i] / panel.per : null));
+    return panel.half ? found.map((v, i) => (i && known(v) && known(found[i - 1]) && Math.abs(v - found[i - 1]) > panel.half ? null : v)) : found;
+  };
+  const line = (name, y, role, mark) => ({name, x: run.x, y, role, mark, level: 0, labels: [], scale: true});
+  const series = [line("measured", panel.measured, "analytic", "link"), ...["before", "after"].map((side) => line(side, simulated(side), colours[side], "line"))];
+  return {name: `values-${number}`, title: `${panel.title}, measured and simulated`, summary: `Measured and simulated over ${run.label}.`, kind: "curves", x: {label: run.label, unit: run.unit}, y: {label: panel.label, unit: panel.measuredUnit}, series};
 }
 
 // Every sample of a panel as a table, made when somebody opens it.
@@ -131,8 +146,9 @@ const data = JSON.parse(document.getElementById("data").textContent);
 const colours = data.colours;
 document.querySelectorAll("[data-panel]").forEach((place) => {
   const i = Number(place.dataset.panel), panel = data.panels[i], run = data.runs[panel.run];
+  new Thinned(document.getElementById(`values-${i}`), valuesFigure(panel, run, i));
   new Residuals(place, residualFigure(panel, run, i), {held: run.held, limit: data.band * panel.noise});
-  const details = place.parentElement.querySelector("details");
+  const details = place.closest("figure").querySelector("details");
   details.addEventListener("toggle", () => details.open && !details.querySelector("table") && samples(details, panel, run));
 });
 document.querySelectorAll("[data-map]").forEach((place) => new ResidualMap(place, data.maps[Number(place.dataset.map)]));
