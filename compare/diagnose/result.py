@@ -39,6 +39,7 @@ from compare.results.diagnosis import (
 )
 from compare.results.diagnosis import Fault as DataFault
 from compare.results.sentences import (
+    called,
     capital,
     data_sentences,
     plainly,
@@ -59,7 +60,6 @@ if TYPE_CHECKING:
 INSEPARABLE = 0.999  # cosine between two sensitivities
 LISTED = 40  # pairs
 PLACES = 3  # told in the story; the page lists all
-CHANCE_LEFT = 3.0  # sigmas of one effect that are nothing
 SIDES: tuple[Side, ...] = ("before", "after")
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
 
@@ -227,7 +227,7 @@ def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[C
                 rival, remaining = _nearest(problem, chosen[term.key].term, e.fit)
                 status, why = "named", named(result, chosen[term.key])
             elif term.key in tied:
-                status, why = "tied", f"explains the data as well as {tied[term.key].term.label}"
+                status, why = "tied", f"explains the data as well as {called(result, tied[term.key].term.label)}"
             elif _unphysical(screen, shown, problem):
                 status, why = "not physical", "it would have to have the wrong sign"
             else:
@@ -252,16 +252,19 @@ def _not_needed(search: Search, e: Explanation, term: Term, sigmas: float) -> st
         return f"{alone}; {chance} {plainly(math.sqrt(search.cost[term]), 2)} {SIGMA}"
     if not e.named:
         return f"{alone} of the gap's {plainly(math.sqrt(e.base.chi2), 2)} {SIGMA}; no set of effects with it was named"
-    left = beside(e.fit, search.sensitivities[term].columns) if term in search.sensitivities else 0.0
-    rest = "nothing is" if left < CHANCE_LEFT else f"{plainly(left, 2)} {SIGMA} are"
+    left = beside(e, search.sensitivities[term].columns) if term in search.sensitivities else 0.0
+    rest = "nothing beyond chance is" if left**2 < search.cost[term] else f"{plainly(left, 2)} {SIGMA} are"
     return f"{alone}; beside the named effects {rest} left for it"
 
 
-def beside(fit: Fit, columns: np.ndarray) -> float:
-    """Sigmas of a fit's residual that columns (size, k) could still take beside its own effects, to first order."""
-    own = fit.jacobian[:, ~fit.bound]
-    more = np.column_stack([without_columns(column, own) for column in columns.T])
-    left = without_columns(fit.residual, own)
+def beside(e: Explanation, columns: np.ndarray) -> float:
+    """Sigmas of what an explanation leaves that columns (size, k) could still take beside its effects, to first order
+    and with its samples' weights.
+    """
+    root = np.sqrt(e.weights)
+    own = e.fit.jacobian[:, ~e.fit.bound] * root[:, None]
+    more = np.column_stack([without_columns(column * root, own) for column in columns.T])
+    left = without_columns(e.fit.residual * root, own)
     return math.sqrt(max(float(left @ left) - float(np.sum(without_columns(left, more) ** 2)), 0.0))
 
 
@@ -452,7 +455,7 @@ def _isolated(problem: Problem, found: Verified, result: Diagnosis) -> tuple[str
     )
     if not result.inseparable:
         return (considered, *problem.notes)
-    pairs = ", ".join(f"{a} and {b}" for a, b, _ in result.inseparable[:5])
+    pairs = ", ".join(f"{called(result, a)} and {called(result, b)}" for a, b, _ in result.inseparable[:5])
     others = " and others" if len(result.inseparable) > 5 else ""
     return (considered, *problem.notes, f"These data cannot tell apart: {pairs}{others}.")
 

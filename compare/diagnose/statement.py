@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.explain import Explanation, Interval, Named
 from compare.diagnose.predict import Term
 from compare.results.diagnosis import Diagnosis, Parameter
-from compare.results.sentences import capital, enumerated, explained_to, own_values, plainly, rows, spoken
+from compare.results.sentences import called, capital, enumerated, explained_to, own_values, plainly, rows, spoken
 
 
 def named(result: Diagnosis, n: Named) -> str:
@@ -24,8 +25,9 @@ def named(result: Diagnosis, n: Named) -> str:
 
 
 def meaning(result: Diagnosis, term: Term) -> str:
-    """What an effect at its place means: ``joint B has clearance``."""
-    return term.effect.says(spoken(result, term.where) if term.effect.place == "signal" else term.where)
+    """What an effect at its place means: ``joint B has clearance``; one outside the vocabulary says it itself."""
+    ours = term.effect.name in VOCABULARY and term.effect.place == "signal"
+    return term.effect.says(spoken(result, term.where) if ours else term.where)
 
 
 def tied(result: Diagnosis, n: Named) -> str:
@@ -54,7 +56,7 @@ def statement(result: Diagnosis, e: Explanation, failure: str = "") -> str:
         return f"{what} {measure}"
     if e.verdict == "ambiguous":
         ties = " ".join(
-            f"These data would be explained as well if {tied(result, n)} (instead of {n.term.label})."
+            f"These data would be explained as well if {tied(result, n)} (instead of {called(result, n.term.label)})."
             for n in e.named
             if n.ties
         )

@@ -11,11 +11,11 @@ from rich.console import Console
 from compare.quantities import fitting
 from compare.report.diagnosis_page import diagnosis_html
 from compare.report.diagnosis_text import diagnosis_md, terminal_lines
-from compare.report.diagnosis_words import of_effect, phrase, remaining
+from compare.report.diagnosis_words import of_effect, remaining
 from compare.report.explained import explained_toml
 from compare.report.junit import Case, junit_xml
 from compare.results.diagnosis import Diagnosis
-from compare.results.sentences import plainly, spoken
+from compare.results.sentences import phrase, plainly, spoken
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

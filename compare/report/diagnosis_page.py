@@ -18,7 +18,17 @@ from compare.report.pages import script_json
 from compare.report.svg import NOT_XML, draw
 from compare.results.diagnosis import DiagnosedRun, Diagnosis
 from compare.results.document import as_written
-from compare.results.sentences import capital, in_units, off_by, plainly, sentence, spoken, validation_sentences
+from compare.results.sentences import (
+    called,
+    capital,
+    in_units,
+    off_by,
+    phrase,
+    plainly,
+    sentence,
+    spoken,
+    validation_sentences,
+)
 
 LOOKS = {
     "no gap": "agrees",
@@ -32,7 +42,7 @@ CANDIDATES = 12
 STATUS = {
     "named": "named",
     "tied": "tied",
-    "not needed": "not needed",
+    "not needed": "not named",
     "not physical": "not physical",
     "invisible": "not visible in these data",
     "excluded": "ruled out",
@@ -49,7 +59,8 @@ def diagnosis_html(result: Diagnosis) -> str:
         "result": result,
         "look": LOOKS[result.verdict],
         "sign": SIGNS[result.verdict],
-        "groups": words.ties(result),
+        "singles": [group for group in words.ties(result) if len(group) == 1],
+        "tied": [group for group in words.ties(result) if len(group) > 1],
         "bars": words.waterfall(result),
         "sensors": in_units(result),
         "validation": validation_sentences(result),
@@ -183,8 +194,8 @@ def _environment(result: Diagnosis) -> Environment:
         "own": lambda effect: words.of_runs(result, effect),
         "headline": lambda effect: words.headline(result, effect),
         "rival": lambda group, effect: words.rival_words(result, group, effect),
-        "phrase": lambda effect: words.phrase(result, effect.name, effect.where),
-        "named": lambda key: words.named(result, key),
+        "phrase": lambda effect: phrase(result, effect.name, effect.where),
+        "named": lambda key: called(result, key),
         "spoken": lambda signal: spoken(result, signal),
         "off": lambda value, signal: off_by(result, signal, value),
         "sentence": lambda place: sentence(result, place),

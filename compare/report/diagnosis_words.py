@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import setting
 from compare.results.diagnosis import Attempt, DiagnosedRun, Diagnosis, Effect, Engine, Located, Parameter, Place, Rival
 from compare.results.sentences import (
@@ -15,6 +14,7 @@ from compare.results.sentences import (
     off,
     off_by,
     own_values,
+    phrase,
     plainly,
     rows,
     separation,
@@ -37,8 +37,8 @@ SURE = (
     f" Below 3 {SIGMA} it may be luck, beyond 5 {SIGMA} it is not."
 )
 HELD_OUT = (
-    "Held-out data are a part of the samples that is left out while the values are fitted, and used to check them; every"
-    " part is left out once."
+    "Held-out data are a part of the samples that is left out while the values are fitted, and used to check them;"
+    " every part is left out once."
 )
 TIE = "A tie: each of these explains the data about as well as the others, and the data cannot say which it is."
 PARTS = (
@@ -46,14 +46,6 @@ PARTS = (
     " decides. To copy into measured.toml:"
 )
 INTERVAL = "95 %: in 95 of 100 repetitions of the measurement the interval would hold the true value."
-
-
-def phrase(result: Diagnosis, name: str, where: str) -> str:
-    """An effect at its place: ``clearance in joint B``; one outside the vocabulary by its own name."""
-    effect = VOCABULARY.get(name)
-    if effect is None:
-        return f"{name.replace('_', ' ')} at {where}"
-    return effect.called(spoken(result, where) if effect.place == "signal" else where)
 
 
 def headline(result: Diagnosis, effect: Place) -> str:
@@ -75,12 +67,6 @@ def of_effect(effect: Place) -> list[Row]:
 
 def _parameters(effect: Place) -> Mapping[str, Parameter]:
     return effect.parameters if isinstance(effect, Effect | Attempt) else {}
-
-
-def named(result: Diagnosis, key: str) -> str:
-    """``joint_clearance@B`` in words."""
-    name, _, where = key.partition("@")
-    return phrase(result, name, where)
 
 
 def worst_first(result: Diagnosis) -> list[Located]:

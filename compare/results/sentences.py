@@ -81,6 +81,20 @@ def spoken(result: Diagnosis, signal: str) -> str:
     return f"{found.place[3:]} {found.name}" if found.place.startswith("of ") else found.label
 
 
+def phrase(result: Diagnosis, name: str, where: str) -> str:
+    """An effect at its place: ``clearance in joint B``; one outside the vocabulary by its own name."""
+    effect = VOCABULARY.get(name)
+    if effect is None:
+        return f"{name.replace('_', ' ')} at {where}"
+    return effect.called(spoken(result, where) if effect.place == "signal" else where)
+
+
+def called(result: Diagnosis, key: str) -> str:
+    """``joint_clearance@B`` in words."""
+    name, _, where = key.partition("@")
+    return phrase(result, name, where)
+
+
 def parameter(name: str, found: Parameter, like: Sequence[Parameter] = ()) -> Row:
     """A parameter's name, its value, and its 95 % interval, in one unit and to as many digits as the interval allows.
 
