@@ -123,6 +123,85 @@ def sample_diagnosis(runs: int = 3, samples: int = 721) -> dict[str, Any]:
     return result
 
 
+def partly_explained() -> dict[str, Any]:
+    """The crank-rocker of which a zero of the encoder in each run and the clearance are named, the clearance nearly tied,
+    and something remains; its last run is for validation.  Shares, odds and attempts are made up.
+    """
+    result = sample_diagnosis(samples=181)
+    result["runs"][-1] |= {"role": "validation", "held_out": None}
+    fitted = [run["name"] for run in result["runs"][:-1]]
+    for run in result["runs"]:
+        torque = run["signals"]["drive_torque"]
+        torque["measured"] = [
+            v + 0.01 * math.sin(3 * a) for v, a in zip(torque["measured"], run["crank_angle"], strict=True)
+        ]
+        torque |= {f"gap_{side}": _rms(_residuals(torque, side)) for side in ("before", "after")}
+    weighed = result | {"runs": result["runs"][:-1]}
+    _weigh(weighed)
+    result["gap"] = weighed["gap"]
+    zeros = {
+        f"offset@{run}": {"value": v, "unit": "rad", "low": v - 2e-4, "high": v + 2e-4}
+        for run, v in zip(fitted, (math.radians(-1.7), math.radians(3.6)), strict=True)
+    }
+    clearance = result["effects"][0] | {
+        "kind": "rig",
+        "share": 0.25,
+        "ambiguous_with": [{"name": "link_length", "where": "coupler", "odds": 1 / 19}],
+        "would_separate": "Reverse the load.",
+    }
+    encoder = clearance | {
+        "name": "encoder_offset",
+        "where": "crank_angle",
+        "kind": "sensor",
+        "share": 0.6,
+        "parameters": zeros,
+        "ambiguous_with": [],
+        "would_separate": "",
+    }
+    spring = {"stiffness": {"value": 0.2, "unit": "N.m/rad", "low": 0.1, "high": 0.3}}
+    attempts = [
+        {
+            "name": "joint_spring",
+            "where": "E",
+            "kind": "rig",
+            "parameters": spring,
+            "share": 0.04,
+            "gap_before": 3.2,
+            "gap_after": 2.9,
+            "failed": "it takes 4 % of the excess, and 5 % or half of one sensor are asked for",
+        },
+        {
+            "name": "sensor_gain",
+            "where": "drive_torque",
+            "kind": "sensor",
+            "parameters": {"gain_error": {"value": 0.02, "unit": "1", "low": None, "high": None}},
+            "share": 0.01,
+            "gap_before": 3.2,
+            "gap_after": 3.1,
+            "failed": "held-out runs get worse, from 3.2 to 3.4",
+        },
+    ]
+    gap = result["gap"] | {"explained": 0.85, "by_signal": _by_signal(result["runs"][:-1])}
+    return result | {
+        "verdict": "partly explained",
+        "effects": [clearance, encoder],
+        "attempts": attempts,
+        "gap": gap,
+    }
+
+
+def _by_signal(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """How far each sensor is off, in its unit, over some runs."""
+    found = {}
+    for name, (unit, sigma) in NOISE.items():
+        off = {
+            side: _rms(np.concatenate([sigma * _residuals(run["signals"][name], side) for run in runs]))
+            for side in ("before", "after")
+        }
+        found[name] = {"unit": unit, **off}
+    return found
+
+
 def swinging_diagnosis() -> dict[str, Any]:
     """A pendulum, released, whose pin has friction that the model lacks: no crank that turns, so over time."""
     nominal = load("pendulum")

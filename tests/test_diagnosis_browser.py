@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from compare.report.diagnosis_page import diagnosis_html
-from sample_diagnosis import as_document, sample_diagnosis, swinging_diagnosis
+from sample_diagnosis import as_document, partly_explained, sample_diagnosis, swinging_diagnosis
 from test_diagnosis_report import NASTY, hostile
 from test_report_browser import CHROMIUM, Browser, browser, no_errors
 
@@ -252,3 +252,24 @@ def test_hostile_names_are_shown_and_not_run(browser: Browser, tmp_path: Path) -
     assert browser.run("document.images.length") == 0
     assert browser.run("document.title").startswith("</script><img")
     assert NASTY in browser.run("document.body.innerText")
+
+
+def test_a_partly_explained_page_shows_shares_attempts_and_values_over_each_other(
+    browser: Browser, tmp_path: Path
+) -> None:
+    page = written(partly_explained(), tmp_path)
+    browser.open(page)
+    widths = browser.run("[...document.querySelectorAll('.waterfall i')].map(i => i.getBoundingClientRect().width)")
+    assert [w / widths[0] for w in widths] == pytest.approx([1, 0.6, 0.25, 0.15], abs=0.01)
+    lefts = browser.run("[...document.querySelectorAll('.waterfall i')].map(i => i.getBoundingClientRect().left)")
+    assert lefts[1] + widths[1] == pytest.approx(lefts[0] + widths[0], abs=1)
+    assert browser.run("document.querySelectorAll('#attempts + p + .scroll tbody tr').length") == 2
+    assert browser.run("[...document.querySelectorAll('details.run')].map(d => d.open)")[2] is False  # validation
+    opened = browser.run("[...document.querySelectorAll('details.run')].findIndex(d => d.open)")
+    charts = f"document.querySelectorAll('details.run')[{opened}].querySelectorAll('.pair svg.chart')"
+    assert browser.run(f"{charts}.length") == 20
+    first, second = browser.run(f"[...{charts}].slice(0, 2).map(s => s.getBoundingClientRect().left)")
+    assert second > first + 300  # beside each other
+    for width in (390, 1280):
+        browser.open(page, width, 800)
+        assert browser.run("document.documentElement.scrollWidth") <= width

@@ -20,13 +20,34 @@ import pytest
 from compare.files import to_json
 from compare.quantities import DASH, MINUS, amount, fitting
 from compare.report.diagnosis import junit
-from compare.report.diagnosis_figures import COLUMNS, LEVELS, figure, level, maps, panels
+from compare.report.diagnosis_figures import COLUMNS, LEVELS, broken, figure, level, maps, overlay, panels
 from compare.report.diagnosis_page import changes, diagnosis_html, toml
 from compare.report.diagnosis_text import diagnosis_md, terminal_lines
-from compare.report.diagnosis_words import next_steps, phrase, separation, ties
+from compare.report.diagnosis_words import attempts, next_steps, ties, waterfall
 from compare.results.diagnosis import Diagnosis, Effect, Located, Parameter
-from compare.results.sentences import parameter, sentence, span, wrapped
-from sample_diagnosis import CLEARANCE, as_document, no_gap, sample_diagnosis, swinging_diagnosis
+from compare.results.sentences import (
+    data_sentences,
+    explained_to,
+    odds,
+    off,
+    off_by,
+    own_values,
+    parameter,
+    phrase,
+    plainly,
+    sentence,
+    separation,
+    span,
+    wrapped,
+)
+from sample_diagnosis import (
+    CLEARANCE,
+    as_document,
+    no_gap,
+    partly_explained,
+    sample_diagnosis,
+    swinging_diagnosis,
+)
 
 SCHEMA = json.loads(resources.files("compare").joinpath("schemas", "diagnosis.json").read_text(encoding="utf-8"))
 NASTY = "</script><img src=x onerror=\"document.title='owned'\">|`[x](y)"
@@ -50,6 +71,11 @@ def ambiguous() -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def swinging() -> dict[str, Any]:
     return swinging_diagnosis()
+
+
+@pytest.fixture(scope="module")
+def partly() -> dict[str, Any]:
+    return partly_explained()
 
 
 @pytest.fixture(scope="module")
@@ -82,8 +108,10 @@ def faults(result: Any) -> list[str]:
     ]
 
 
-def test_every_sample_is_what_the_schema_says(small: dict[str, Any], swinging: dict[str, Any]) -> None:
-    for result in (small, sample_diagnosis(2, 37), swinging, no_gap()):
+def test_every_sample_is_what_the_schema_says(
+    small: dict[str, Any], swinging: dict[str, Any], partly: dict[str, Any]
+) -> None:
+    for result in (small, sample_diagnosis(2, 37), swinging, no_gap(), partly):
         assert faults(json.loads(to_json(result))) == []
 
 
@@ -106,6 +134,9 @@ WRONG: dict[str, tuple[tuple[Any, ...], Any]] = {
     "a rival without a place": (("candidates", 0, "rival"), "gravity"),
     "a pair of one": (("inseparable",), [["a@b", 1.0]]),
     "no runs": (("runs",), []),
+    "a role of its own": (("runs", 0, "role"), "test"),
+    "a kind of its own": (("effects", 0, "kind"), "drive"),
+    "an attempt that failed nothing": (("attempts",), [{"name": "gravity", "where": "linkage"}]),
 }
 
 
@@ -116,7 +147,7 @@ def test_what_is_wrong_is_noticed(wrong: str, small: dict[str, Any]) -> None:
     assert faults(changed(small, *path, value=value)) != []
 
 
-def test_every_field_is_required(small: dict[str, Any]) -> None:
+def test_every_field_that_was_not_added_later_is_required(small: dict[str, Any]) -> None:
     for name in small:
         assert faults({key: value for key, value in small.items() if key != name}) != [], name
 
@@ -189,52 +220,137 @@ def test_an_angle_that_moves_one_way_is_late_or_early(
     planted = changed(
         explained, "runs", index, "signals", "crank_angle", "measured", value=[b + shift for b in signal["before"]]
     )
-    place = {
-        "run": run,
-        "signal": "crank_angle",
-        "crank_angle_from": math.radians(40),
-        "crank_angle_to": math.radians(110),
-    }
-    place |= {"size": shift, "unit": "rad", "sigmas": 12.0}
-    assert (
-        sentence(as_document(planted), Located.model_validate(place))
-        == f"crank angle is {word} by 0.6 mrad between 40 and 110 deg in run {run}"
+    way = -1.0 if run == "slow-reverse" else 1.0
+    place = Located(
+        run=run,
+        signal="crank_angle",
+        crank_angle_from=way * math.radians(40),
+        crank_angle_to=way * math.radians(110),
+        size=shift,
+        unit="rad",
+        sigmas=12.0,
     )
+    where = "at 250 to 320 deg" if way < 0 else "at 40 to 110 deg"
+    said = f"crank angle in run {run} is {word} by 0.6 mrad {where}, turn 1, 0.175 s"
+    assert sentence(as_document(planted), place) == said
 
 
 def test_what_turns_back_or_is_no_angle_is_too_high_or_too_low(explained: dict[str, Any]) -> None:
     whole = {
         "run": "slow-forward",
         "signal": "follower_angle",
-        "crank_angle_from": 0.0,
-        "crank_angle_to": math.tau,
+        "crank_angle_from": math.radians(20),
+        "crank_angle_to": math.radians(740),
         "size": -2e-3,
         "unit": "rad",
         "sigmas": 12.0,
     }
     assert (
         sentence(as_document(explained), Located.model_validate(whole))
-        == "follower angle is too low by 2 mrad over the whole turn in run slow-forward"
+        == "follower angle in run slow-forward is too low by 2 mrad throughout the run"
     )
     torque = whole | {"signal": "drive_torque", "size": 0.5, "unit": "N.m", "crank_angle_to": 1.0}
     said = sentence(as_document(explained), Located.model_validate(torque))
-    assert re.fullmatch(r"drive torque is too (high|low) by 0.5 N·m between 0 and 57.3 deg in run slow-forward", said)
+    assert re.fullmatch(
+        r"drive torque in run slow-forward is too (high|low) by 0.5 N·m at 20 to 57.3 deg, turn 1, 0 s", said
+    )
 
 
-def test_places_are_told_within_a_turn_where_the_crank_makes_one(
+def test_places_are_told_within_a_turn_with_the_turn_and_the_time(
     explained: dict[str, Any], swinging: dict[str, Any]
 ) -> None:
-    def told(result: dict[str, Any], run: str, begin: float, end: float) -> str:
-        size = {"signal": "crank_angle", "size": 1e-3, "unit": "rad", "sigmas": 9.0}
-        return span(as_document(result), Located(run=run, crank_angle_from=begin, crank_angle_to=end, **size))
+    def told(result: dict[str, Any], run: str, begin: float, end: float, **times: float) -> str:
+        off = {"signal": "crank_angle", "size": 1e-3, "unit": "rad", "sigmas": 9.0}
+        place = Located(run=run, crank_angle_from=math.radians(begin), crank_angle_to=math.radians(end), **off, **times)
+        return span(as_document(result), place)
 
-    begin, end = math.radians(-110), math.radians(-40)
     assert wrapped(as_document(explained))
-    assert told(explained, "slow-reverse", begin, end) == "between 250 and 320 deg"
-    assert told(explained, "slow-reverse", -1e-4, -2.0 * math.pi + 2.0) == "between 114.6 and 360 deg"
-    assert told(explained, "slow-reverse", -4.0, -math.tau - 1e-4) == "between 0 and 130.8 deg"
+    assert told(explained, "slow-reverse", -110, -40) == "at 250 to 320 deg, turn 1, 0.175 s"
+    assert told(explained, "slow-reverse", -400, -470) == "at 250 to 320 deg, turn 2, 3.32 s"
+    assert told(explained, "slow-forward", 597, 690, time_from=2.8, time_to=2.9) == "at 237 to 330 deg, turn 2, 2.8 s"
+    assert told(explained, "slow-forward", 330, 390) == "at 330 to 30 deg, turn 1, 2.71 s"
+    assert told(explained, "slow-forward", 20, 400) == "over turns 1 to 2, 0 to 3.32 s"
+    assert told(explained, "slow-reverse", -20, -700) == "throughout the run"
     assert not wrapped(as_document(swinging))
-    assert told(swinging, "released", begin, end) == f"between {MINUS}110 and {MINUS}40 deg"
+    times = {"time_from": 0.5, "time_to": 0.75}
+    said = f"from 0.5 to 0.75 s, at {MINUS}110 to {MINUS}40 deg"
+    assert told(swinging, "released", -110, -40, **times) == said
+
+
+def test_many_turns_of_a_followed_crank_are_told_like_commanded_ones(explained: dict[str, Any]) -> None:
+    run = explained["runs"][0]
+    many = run | {"drive": "measured", "crank_angle": [20.0 * a for a in run["crank_angle"]]}
+    result = as_document(explained | {"runs": [many, *explained["runs"][1:]]})
+    begin, end = (math.radians(12 * 360 + at) for at in (237, 330))
+    place = Located(
+        run="slow-forward",
+        signal="drive_torque",
+        crank_angle_from=begin,
+        crank_angle_to=end,
+        size=0.1,
+        unit="N.m",
+        sigmas=9.0,
+        time_from=2.8,
+        time_to=2.9,
+    )
+    assert span(result, place) == "at 237 to 330 deg, turn 12, 2.8 s"  # it begins at 400 deg, in its first turn
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (17428.7, "17,400"),
+        (131.2, "131"),
+        (0.98712, "0.987"),
+        (-2.0, f"{MINUS}2"),
+        (0.0, "0"),
+        (1.23e7, "1.23×10⁷"),
+        (3e-5, "3×10⁻⁵"),
+        (None, DASH),
+        (math.nan, DASH),
+    ],
+)
+def test_a_number_is_written_as_one_writes_it(value: float | None, said: str) -> None:
+    assert plainly(value) == said
+
+
+def test_values_of_each_run_are_a_range_and_have_one_unit(explained: dict[str, Any]) -> None:
+    given = {
+        "offset@a": Parameter(value=-0.0297, unit="rad", low=-0.0302, high=-0.0292),
+        "offset@b": Parameter(value=0.0628, unit="rad", low=0.0623, high=0.0633),
+    }
+    result = as_document(explained)
+    own = own_values(result, "encoder_offset", "crank_angle", given)
+    assert own is not None
+    assert own.sentence(2) == f"each run has its own encoder zero, {MINUS}1.7 to +3.6 deg"
+    assert own.sentence(6).startswith("two of six runs have their own encoder zero")
+    assert own.runs[0] == ("a", f"{MINUS}1.702 deg", f"{MINUS}1.730 to {MINUS}1.673 deg")
+    assert [value.split()[-1] for _, value, _ in own.runs] == ["deg", "deg"]  # the first alone would be in mrad
+    assert own_values(result, "joint_clearance", "B", {"radial_clearance": given["offset@a"]}) is None
+
+
+@pytest.mark.parametrize(
+    ("likely", "said"),
+    [(1 / 19, "19 to 1"), (1.0, "even"), (1e-6, "more than 1,000 to 1"), (4.0, "1 to 4"), (None, "")],
+)
+def test_odds_are_said_for_the_named_effect(likely: float | None, said: str) -> None:
+    assert odds(likely) == said
+
+
+def test_data_are_told_in_plain_sentences(explained: dict[str, Any]) -> None:
+    assert data_sentences(as_document(explained).runs) == (
+        "Three runs with ten sensors each, 21,594 samples.",
+        "You gave the noise of 15 of the 30 records (a sensor in a run); of the others it was estimated from their"
+        " scatter.",
+    )
+    runs = copy.deepcopy(explained["runs"])
+    runs[2]["role"] = "validation"
+    for channel in (channel for run in runs for channel in run["signals"].values()):
+        channel["noise_given"] = False
+    assert data_sentences(as_document(explained | {"runs": runs}).runs)[1:] == (
+        "You gave no noise: it was estimated from the scatter of each sensor.",
+        "Run load-reversed is for validation: nothing was fitted to it.",
+    )
 
 
 def test_effects_and_places_are_named_as_an_engineer_would(explained: dict[str, Any]) -> None:
@@ -281,9 +397,12 @@ def test_what_to_do_next_follows_the_verdict(explained: dict[str, Any], ambiguou
         "verdict": "unexplained",
         "effects": [],
     }
+    document = as_document(left)
+    rest = off_by(document, "drive_torque", off(document, document.runs[1], "drive_torque", "after"))
     assert (
-        next_steps(as_document(left))[0]
-        == "Look for what is outside the vocabulary: drive torque in run slow-reverse still has a gap of 7."
+        next_steps(document)[0]
+        == f"Look for what this program does not know: drive torque in run slow-reverse is still off by {rest} (rms), 7"
+        " times its noise."
     )
 
 
@@ -422,7 +541,7 @@ def test_an_ambiguous_page_has_both_names_side_by_side_and_the_run_that_separate
     ambiguous: dict[str, Any],
 ) -> None:
     html = diagnosis_html(as_document(ambiguous))
-    cards = re.findall(r'<div class="card">\s*<h3>(.*?)</h3>', html)
+    cards = re.findall(r'<div class="card[ a-z]*">\s*<h3>(.*?)(?: <span.*)?</h3>', html)
     assert cards == ["Clearance in joint B", "An error in the length of the coupler"]
     block = re.search(r'<div class="copy"><pre tabindex="0"><code>(\[\[run.*?)</code>', html, re.DOTALL)
     assert block
@@ -479,18 +598,18 @@ def test_the_markdown_has_the_effects_and_every_gap(explained: dict[str, Any]) -
     assert text.startswith("# ✓ Diagnosis of crank-rocker: explained")
     rows = [[c.strip() for c in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("|")]
     (effect,) = [row for row in rows if row[0] == "clearance in joint B"]
-    assert effect[1:4] == ["radial clearance", "0.19999 mm", "0.19971 to 0.20026 mm"]
+    assert effect[1:5] == ["rig", "radial clearance", "0.19999 mm", "0.19971 to 0.20026 mm"]
     gaps = [
         row
         for row in rows
-        if len(row) == 5
+        if len(row) == 7
         and row[0] in ("slow-forward", "slow-reverse", "load-reversed")
         and row[1] != "coupler position y"
     ]
     assert len(gaps) == 30
     follower = next(row for row in gaps if row[:2] == ["slow-forward", "Angle of follower"])
     signal = explained["runs"][0]["signals"]["follower_angle"]
-    assert [float(cell) for cell in follower[3:]] == [
+    assert [float(cell) for cell in follower[5:]] == [
         pytest.approx(signal[f"gap_{side}"], rel=1e-2) for side in ("before", "after")
     ]
 
@@ -523,10 +642,103 @@ def test_a_power_of_ten_is_ascii_in_a_terminal(explained: dict[str, Any]) -> Non
     assert any("1.23e7 before" in line for line in lines)
 
 
+# ------------------------------------------------------------------ shares, attempts, validation runs
+
+
+def test_the_waterfall_takes_sensors_first_and_ends_with_what_remains(partly: dict[str, Any]) -> None:
+    bars = waterfall(as_document(partly))
+    assert [bar.kind for bar in bars] == ["before", "sensor", "rig", "rest"]
+    assert bars[1].label == f"each run has its own encoder zero, {MINUS}1.7 to +3.6 deg"
+    assert [bar.share for bar in bars] == pytest.approx([100, 60, 25, 15])
+    assert [bar.left for bar in bars] == pytest.approx([0, 40, 15, 0])  # each begins where the one before it ends
+    assert sum(bar.share for bar in bars[1:]) == pytest.approx(100)
+    html, text = diagnosis_html(as_document(partly)), diagnosis_md(as_document(partly))
+    assert 'class="sensor" style="left: 40.00%; width: 60.00%"' in html
+    assert "| Clearance in joint B | 25 % |" in text
+    unknown = changed(partly, "effects", 0, "share", value=None)
+    unknown = changed(unknown, "effects", 1, "share", value=0.0)
+    assert waterfall(as_document(unknown)) == []
+    assert "What takes the gap away" not in diagnosis_html(as_document(unknown))
+
+
+def test_the_best_attempts_are_ranked_with_what_they_failed(partly: dict[str, Any], explained: dict[str, Any]) -> None:
+    first, second = attempts(as_document(partly))
+    assert first[:4] == ("a spring in joint E", "stiffness 0.20 N·m/rad", "4 %", "3.2 → 2.9")
+    assert second[1] == "gain error 2 %"
+    html, text = diagnosis_html(as_document(partly)), diagnosis_md(as_document(partly))
+    lines = terminal_lines(as_document(partly))
+    for attempt in partly["attempts"]:
+        assert attempt["failed"] in html
+        assert attempt["failed"] in text
+        assert any(line.startswith("tried: ") and attempt["failed"] in line for line in lines)
+    for verdict in ("partly explained", "unexplained", "ambiguous"):
+        silent = as_document(partly | {"verdict": verdict, "attempts": []})
+        assert "Nothing else that was tried" in diagnosis_html(silent)
+        assert "## The best attempts" in diagnosis_md(silent)
+    assert "The best attempts" not in diagnosis_html(as_document(explained))
+
+
+def test_a_tie_has_its_odds(partly: dict[str, Any]) -> None:
+    said = "Explains these data nearly as well: odds 19 to 1 for clearance in joint B."
+    assert said in diagnosis_html(as_document(partly))
+    assert said in diagnosis_md(as_document(partly))
+    assert "or: an error in the length of the coupler (odds 19 to 1 for clearance in joint B)" in terminal_lines(
+        as_document(partly)
+    )
+
+
+def test_a_sensor_with_a_zero_in_each_run_is_one_sentence_and_a_table(partly: dict[str, Any]) -> None:
+    html = diagnosis_html(as_document(partly))
+    assert f"Each run has its own encoder zero, {MINUS}1.7 to +3.6 deg." in html
+    assert re.search(r'<tr><th scope="row">slow-reverse</th><td class="number">3\.600 deg</td>', html)
+    assert "Not applied to the validation runs, for which it has no value." in html
+    lines = terminal_lines(as_document(partly))
+    assert "missing: each run has its own encoder zero, -1.7 to +3.6 deg" in lines
+
+
+def test_a_validation_run_is_shown_and_never_counts(partly: dict[str, Any]) -> None:
+    planted = changed(partly, "runs", 2, "signals", "drive_torque", "gap_after", value=1e3)
+    result = as_document(planted | {"faults": []})
+    assert not any("load-reversed" in step for step in next_steps(result))
+    root = ElementTree.fromstring(junit(result))
+    suite = next(s for s in root.iter("testsuite") if s.get("name") == "validation run load-reversed")
+    assert suite.get("failures") == "0"
+    html, text = diagnosis_html(result), diagnosis_md(result)
+    assert "load-reversed (validation run: nothing was fitted to it)" in html
+    assert "| load-reversed (validation) | Drive torque T |" in text
+    said = "Validation run load-reversed, which nothing was fitted to, differs by"
+    assert all(said in words for words in (html, text, "\n".join(terminal_lines(result))))
+
+
+def test_the_worst_sensor_is_told_with_its_share_of_the_range(partly: dict[str, Any]) -> None:
+    result = as_document(partly)
+    torque = np.concatenate([run.signals["drive_torque"].measured for run in result.fitted])
+    gap = partly["gap"]["by_signal"]["drive_torque"]
+    share = 100 * gap["after"] / np.ptp(torque)
+    said = explained_to(result)
+    assert said.startswith(f"The data are explained to {share:.2g} % of the range: the worst sensor, drive torque,")
+    assert f"off by {gap['after']:.3g} N·m (rms) of a range of {np.ptp(torque):.3g} N·m" in said
+    assert (
+        explained_to(as_document(partly | {"gap": {k: partly["gap"][k] for k in ("before", "after", "noise_floor")}}))
+        == ""
+    )
+
+
+def test_measured_and_simulated_are_over_each_other_in_the_unit_that_is_read(explained: dict[str, Any]) -> None:
+    result = as_document(explained)
+    panel = next(p for p in panels(result) if (p.run, p.signal) == (0, "follower_angle"))
+    before = np.degrees(explained["runs"][0]["signals"]["follower_angle"]["before"])
+    np.testing.assert_allclose(np.array(panel.simulated("before"), float), before, atol=1e-4)
+    drawn = overlay(panel, "x")
+    assert [s.name for s in drawn.series] == ["measured", "before", "after"]
+    assert drawn.y.unit == "deg"
+    assert broken((170.0, 179.0, -179.0, -170.0, None, 10.0), 180.0) == (170.0, 179.0, None, -170.0, None, 10.0)
+
+
 # ------------------------------------------------------------------ the document and its other files
 
 
-@pytest.mark.parametrize("make", [sample_diagnosis, swinging_diagnosis, no_gap])
+@pytest.mark.parametrize("make", [sample_diagnosis, swinging_diagnosis, no_gap, partly_explained])
 def test_a_diagnosis_is_read_and_written_as_it_was(make: Any) -> None:
     content = json.loads(to_json(make()))
     document = Diagnosis.model_validate(content)

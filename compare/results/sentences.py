@@ -325,15 +325,15 @@ def explained_to(result: Diagnosis, side: str = "after") -> str:
     )
     if worst is None:
         return ""
-    _, factor = unit = shown(worst.unit)
+    unit, factor = shown(worst.unit)
     rest = worst.after if side == "after" else worst.before
-    said = f"{plainly((rest or 0.0) * factor)} of {plainly(worst.reach * factor)} {unit[0]}"
-    share = plainly(100 * (worst.share(side) or 0.0), 2)
+    rms, reach = (f"{plainly((value or 0.0) * factor)} {unit}" for value in (rest, worst.reach))
+    share, name = plainly(100 * (worst.share(side) or 0.0), 2), spoken(result, worst.signal)
     if side == "before":
-        return f"At worst, {spoken(result, worst.signal)} is {share} % of its range off ({said}, rms)."
+        return f"At worst, {name} is off by {rms} (rms), {share} % of its range of {reach}."
     return (
-        f"The data are explained to {share} % of the range: the worst sensor, {spoken(result, worst.signal)}, is still"
-        f" off by {said} (rms)."
+        f"The data are explained to {share} % of the range: the worst sensor, {name}, is still off by {rms} (rms) of a"
+        f" range of {reach}."
     )
 
 
