@@ -124,8 +124,8 @@ def sample_diagnosis(runs: int = 3, samples: int = 721) -> dict[str, Any]:
 
 
 def partly_explained() -> dict[str, Any]:
-    """The crank-rocker of which a zero of the encoder in each run and the clearance are named, the clearance nearly tied,
-    and something remains; its last run is for validation.  Shares, odds and attempts are made up.
+    """The crank-rocker of which a zero of the encoder in each run and the clearance are named, the clearance nearly
+    tied, and something remains; its last run is for validation.  Shares, odds and attempts are made up.
     """
     result = sample_diagnosis(samples=181)
     result["runs"][-1] |= {"role": "validation", "held_out": None}

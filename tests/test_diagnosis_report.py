@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from compare.files import to_json
-from compare.quantities import DASH, MINUS, amount, fitting
+from compare.quantities import DASH, MINUS, TIMES, amount, fitting
 from compare.report.diagnosis import junit
 from compare.report.diagnosis_figures import COLUMNS, LEVELS, broken, figure, level, maps, overlay, panels
 from compare.report.diagnosis_page import changes, diagnosis_html, toml
@@ -304,8 +304,8 @@ def test_many_turns_of_a_followed_crank_are_told_like_commanded_ones(explained: 
         (0.98712, "0.987"),
         (-2.0, f"{MINUS}2"),
         (0.0, "0"),
-        (1.23e7, "1.23×10⁷"),
-        (3e-5, "3×10⁻⁵"),
+        (1.23e7, f"1.23{TIMES}10⁷"),
+        (3e-5, f"3{TIMES}10⁻⁵"),
         (None, DASH),
         (math.nan, DASH),
     ],

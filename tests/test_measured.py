@@ -232,6 +232,13 @@ def test_a_run_takes_from_the_mechanism_what_it_leaves_out(tmp_path: Path) -> No
     assert released.start["crank_angular_velocity"] == pytest.approx(SPEED, rel=1e-6)
 
 
+def test_a_run_is_fitted_unless_it_is_for_validation(tmp_path: Path) -> None:
+    time, exact = signals()
+    columns = {"drive_torque [N.m]": exact["drive_torque"]}
+    runs = [RunTable("a", time, columns), RunTable("b", time, columns, {"role": "validation"})]
+    assert [run.role for run in load_measured(write_measured(tmp_path, TEXT, runs)).runs] == ["fit", "validation"]
+
+
 def test_tolerances_are_quantities_parameters_or_parameters_of_an_effect(tmp_path: Path) -> None:
     time, exact = signals()
     given = {"mass": 0.01, "radial_clearance": 1e-4, "sensor_bias.bias": 0.0}

@@ -282,6 +282,8 @@ def test_damaged_files_are_refused_or_read_but_never_crash(tmp_path: Path, seed:
         ({"drive": "measured"}, ["drive_speed", "exclude each other"]),
         ({"drive": "free", "drive_speed": None}, ["drive_angle", "free"]),
         ({"drive": "slow", "drive_speed": None}, ["run[slow].drive", "'slow'", "'measured' or 'free'"]),
+        ({"role": "test"}, ["run[slow].role", "'test'", "'fit' or 'validation'"]),
+        ({"role": "validation"}, ["role = 'validation'", "nothing is left to fit", "(slow)"]),
         ({"drive_speed": "fast"}, ["run[slow].drive_speed", "'fast'"]),
         ({"drive_sped": 3.0}, ["drive_sped", "did you mean 'drive_speed'"]),
         ({"start": {"crank_angle": 1.0}}, ["start", "drive is speed"]),
