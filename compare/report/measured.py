@@ -14,8 +14,8 @@ def summary_html(measured: Measured) -> str:
     for run in measured.runs:
         for name, channel in run.channels.items():
             noise = amount(channel.noise, channel.signal.unit) + ("" if channel.noise_given else ", estimated")
-            rows.append((run.name, run.drive, name, str(channel.values.size), noise))
-    head = "".join(f"<th>{name}</th>" for name in ("run", "drive", "signal", "samples", "noise (1 sigma)"))
+            rows.append((run.name, run.role, run.drive, name, str(channel.values.size), noise))
+    head = "".join(f"<th>{name}</th>" for name in ("run", "role", "drive", "signal", "samples", "noise (1 sigma)"))
     body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     faults = "".join(f"<li>{html.escape(f'{f.run}, {f.signal}: {f.text}')}</li>" for f in measured.faults)
     return f"<p>{html.escape(repr(measured))}</p><table><tr>{head}</tr>{body}</table><ul>{faults}</ul>"
