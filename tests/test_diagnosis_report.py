@@ -331,10 +331,16 @@ def test_values_of_each_run_are_a_range_and_have_one_unit(explained: dict[str, A
 
 @pytest.mark.parametrize(
     ("likely", "said"),
-    [(1 / 19, "19 to 1"), (1.0, "even"), (1e-6, "more than 1,000 to 1"), (4.0, "1 to 4"), (None, "")],
+    [
+        (1 / 19, "19 to 1 for clearance"),
+        (1.0, "even"),
+        (1e-6, "more than 1,000 to 1 for clearance"),
+        (3.4, "3.4 to 1 for it"),
+        (None, ""),
+    ],
 )
-def test_odds_are_said_for_the_named_effect(likely: float | None, said: str) -> None:
-    assert odds(likely) == said
+def test_odds_are_said_for_the_likelier_of_two(likely: float | None, said: str) -> None:
+    assert odds(likely, "clearance") == said
 
 
 def test_data_are_told_in_plain_sentences(explained: dict[str, Any]) -> None:

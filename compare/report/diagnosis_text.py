@@ -18,6 +18,8 @@ from compare.report.diagnosis_words import (
     next_steps,
     of_effect,
     of_runs,
+    percent,
+    rival_odds,
     rival_words,
     settings,
     simulated_by,
@@ -86,7 +88,7 @@ def _effect_lines(result: Diagnosis, group: Sequence[Place]) -> list[str]:
         own = of_runs(result, effect)
         values = ", ".join(f"{name} {value} (95 %: {interval})" for name, value, interval in of_effect(effect))
         said = headline(result, effect) if own else phrase(result, effect.name, effect.where)
-        odds = rival_words(result, group, effect).partition("odds ")[2].rstrip(".")
+        odds = rival_odds(result, group, effect)
         tail = [f", {values}"] if values and not own else [f" (odds {odds})"] if i and odds else []
         out.append(f"{lead}: {said}" + "".join(tail))
     if len(group) > 1:
@@ -156,7 +158,7 @@ def _shares(result: Diagnosis) -> list[str]:
     bars = waterfall(result)
     if not bars:
         return []
-    rows = [[md(capital(bar.label)), f"{plainly(bar.share, 2)} %"] for bar in bars]
+    rows = [[md(capital(bar.label)), percent(bar.share / 100)] for bar in bars]
     return ["## What takes the gap away", "", *_table(["Step", "Share of the squared gap"], rows, (1,))]
 
 

@@ -90,15 +90,17 @@ def ties(result: Diagnosis) -> list[list[Place]]:
     return groups
 
 
+def rival_odds(result: Diagnosis, group: Sequence[Place], place: Place) -> str:
+    """The odds between the first of a tie and another of it, in words; empty where they are not known."""
+    likely = place.odds if isinstance(place, Rival) else None
+    return odds(likely, phrase(result, group[0].name, group[0].where))
+
+
 def rival_words(result: Diagnosis, group: Sequence[Place], place: Place) -> str:
     """How an effect that is only tied stands against the first of its group, with the odds where they are known."""
-    found = odds(place.odds) if isinstance(place, Rival) else ""
-    if not found:
-        return "Explains these data as well."
-    first = phrase(result, group[0].name, group[0].where)
-    if found == "even":
-        return f"Explains these data as well: as likely as {first}."
-    return f"Explains these data nearly as well: odds {found} for {first}."
+    found = rival_odds(result, group, place)
+    nearly = "nearly " * (isinstance(place, Rival) and place.odds is not None and place.odds < 0.2)
+    return f"Explains these data {nearly}as well{f': odds {found}' if found else ''}."
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,7 @@ def waterfall(result: Diagnosis) -> list[Bar]:
     known.
     """
     effects = sorted(
-        (effect for effect in result.effects if effect.share and effect.share > SHOWN),
+        (effect for effect in result.effects if effect.share and effect.share > 0),
         key=lambda effect: (effect.kind != "sensor", -(effect.share or 0.0)),
     )
     if not effects:
@@ -138,18 +140,30 @@ def _floor(result: Diagnosis) -> str:
     return f" (noise alone would be {plainly(noise, 2)} %)" if noise >= 0.05 else ""
 
 
+def percent(share: float) -> str:
+    """A share of the squared gap: ``4 %``, ``below 0.1 %``."""
+    return f"{plainly(100 * share, 2)} %" if abs(share) >= SHOWN else f"below {100 * SHOWN:g} %"
+
+
 def attempts(result: Diagnosis) -> list[tuple[str, str, str, str, str]]:
-    """What was tried and is not named, best first: the effect, its values, its share, the gap without and with it, and
-    what it failed.
+    """What was tried and is neither named nor tied, best first: the effect, its values, its share, the gap without and
+    with it, and what it failed.  Beyond the best one only those that change the gap.
     """
-    found = []
-    for attempt in result.attempts:
-        own = of_runs(result, attempt)
-        values = own.reach if own else ", ".join(f"{name} {value}" for name, value, _ in of_effect(attempt))
-        share = "" if attempt.share is None else f"{plainly(100 * attempt.share, 2)} %"
-        gaps = f"{plainly(attempt.gap_before)} → {plainly(attempt.gap_after)}"
-        found.append((phrase(result, attempt.name, attempt.where), values, share, gaps, attempt.failed))
-    return found
+    told = {other.key for effect in result.effects for other in effect.ambiguous_with}
+    rivals = [attempt for attempt in result.attempts if attempt.key not in told]
+    return [_attempt(result, attempt) for k, attempt in enumerate(rivals) if k == 0 or len(set(_gaps(attempt))) > 1]
+
+
+def _attempt(result: Diagnosis, attempt: Attempt) -> tuple[str, str, str, str, str]:
+    own = of_runs(result, attempt)
+    values = own.reach if own else ", ".join(f"{name} {value}" for name, value, _ in of_effect(attempt))
+    share = "" if attempt.share is None else percent(attempt.share)
+    return phrase(result, attempt.name, attempt.where), values, share, " → ".join(_gaps(attempt)), attempt.failed
+
+
+def _gaps(attempt: Attempt) -> tuple[str, str]:
+    """The gap without and with it, as it is printed."""
+    return plainly(attempt.gap_before), plainly(attempt.gap_after)
 
 
 def unsettled(result: Diagnosis) -> bool:
