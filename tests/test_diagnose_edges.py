@@ -265,5 +265,5 @@ def test_a_located_deviation_has_the_sign_of_its_size_whatever_the_next_turn_bri
         here: Located = place.model_copy(update={"crank_angle_from": start, "crank_angle_to": end, "size": size})
         return sentence(document, here)
 
-    assert "drive torque is too high by 1 N" in said(1.0, 2.0, 1.0)
-    assert "drive torque is too low by 2 N" in said(1.0 + 2 * np.pi, 2.0 + 2 * np.pi, -2.0)
+    assert "drive torque in run two turns is too high by 1 N" in said(1.0, 2.0, 1.0)
+    assert "drive torque in run two turns is too low by 2 N" in said(1.0 + 2 * np.pi, 2.0 + 2 * np.pi, -2.0)

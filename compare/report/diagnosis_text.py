@@ -101,8 +101,8 @@ def _effect_lines(result: Diagnosis, group: Sequence[Place]) -> list[str]:
 
 
 def _tried(result: Diagnosis) -> list[str]:
-    """The best of what was tried and is not named, where the verdict leaves a question."""
-    if not unsettled(result):
+    """The best of what was tried and is not named, where something remains."""
+    if result.verdict not in ("partly explained", "unexplained"):
         return []
     return [
         f"tried: {what}, {values}: {share or 'no known share'} of the gap; not named: {_line(failed)}"

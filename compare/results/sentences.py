@@ -41,14 +41,6 @@ def plainly(value: float | None, digits: int = 3, sign: bool = False) -> str:
     return (text.rstrip("0").rstrip(".") if "." in text else text).replace("-", MINUS)
 
 
-def size(value: float | None, unit: str, digits: int = 3, sign: bool = False) -> str:
-    """An SI value in the unit that fits it, as one writes it: ``130 deg``."""
-    if value is None:
-        return DASH
-    name, factor = fitting(unit, value)
-    return plainly(value * factor, digits, sign) + ("" if name == "1" else f" {name}")
-
-
 def in_words(number: int) -> str:
     """A count as one says it: ``six``, ``3,000``."""
     return WORDS[number] if 0 <= number < len(WORDS) else f"{number:,}"
@@ -405,8 +397,10 @@ def _turn(run: DiagnosedRun, angle: float) -> int:
 
 def sentence(result: Diagnosis, place: Located) -> str:
     """A located deviation: ``follower angle in run forward is late by 0.6 mrad at 40 to 110 deg, turn 2, 1.3 s``."""
-    off = size(abs(place.size), place.unit, 2)
-    what = f"{spoken(result, place.signal)} in run {place.run} is {_direction(result, place)} by {off}"
+    alike = (other.size for other in result.located if other.signal == place.signal)
+    unit, factor = fitting(place.unit, place.size, *alike)  # one unit for all that is said of a sensor
+    much = f"{plainly(abs(place.size) * factor, 2)} {unit}"
+    what = f"{spoken(result, place.signal)} in run {place.run} is {_direction(result, place)} by {much}"
     return f"{what} {span(result, place)}"
 
 
