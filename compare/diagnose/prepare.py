@@ -7,10 +7,10 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.sparse import csr_array, diags_array
 
 from analytic.beyond_paper.drive import Motor
 from analytic.kinematics.assembly import AssemblyError
@@ -27,7 +27,7 @@ from compare.diagnose.fit import Bounds, Data
 from compare.diagnose.predict import Model, StartOfRun, Term
 
 SAMPLES = 60_000  # of all sensors together; of more, evenly spaced ones are used
-REDRAWN = 32  # courses with new noise, of runs that follow a noisy encoder
+NUMBERS = 20_000_000  # of the matrix of errors that sensors share, at most
 TOGETHER = 8  # samples over which a course may not miss its encoder
 STRAY = 3.0  # sigmas (rms) by which it misses the encoder then
 
@@ -74,14 +74,14 @@ def followed(measured: Measured) -> tuple[dict[str, Motor], Measured]:
 
 
 def course(run: MeasuredRun, encoder: str) -> Motor:
-    """The motor of a run that follows its encoder: a smoothing spline through the readings that there are."""
+    """The motor of a run that follows its encoder: a smooth course through the readings that there are."""
+    return Motor(course=_smoothed(run, encoder).course)
+
+
+def _smoothed(run: MeasuredRun, encoder: str) -> Smoother:
     values = run.channels[encoder].values
     known = np.isfinite(values)
-    return _through(run.time, Smoother(run.time[known]).spline(values[known]))
-
-
-def _through(time: np.ndarray, smooth: CubicSpline) -> Motor:
-    return Motor(course=CubicSpline(time, smooth(time)))
+    return Smoother(run.time[known], values[known])
 
 
 def strayed(run: MeasuredRun, encoder: str, motor: Motor) -> Fault | None:
@@ -107,34 +107,56 @@ def strayed(run: MeasuredRun, encoder: str, motor: Motor) -> Fault | None:
 
 
 def shared(measured: Measured, floor: Mapping[tuple[str, str], float], model: Model) -> np.ndarray:
-    """Errors (size, k) that all sensors of a run share because the course it follows is smoothed from a noisy encoder.
+    """Errors (size, k) that all sensors of a run share because the course it follows is smoothed from a noisy encoder:
+    what the errors of its angle, speed and acceleration do to each residual, to first order.
 
-    Each column is what one redraw of the encoder's noise does to the residual, over sqrt(k).
+    The covariance of the residuals is 1 + shared shared^T; of too many directions those that matter least are left out.
     """
-    following = [run for run in measured.runs if run.drive == "measured"]
     encoder = model.rig.encoder
     plain = Data(measured, floor, encoder)
-    if not following:
-        return np.zeros((plain.size, 0))
-    draw = np.random.default_rng(0)
-    smoothed = []
-    for run in following:
-        known = np.isfinite(run.channels[encoder].values)
-        smoother = Smoother(run.time[known])
-        smoothed.append((run, known, smoother, smoother.lam(run.channels[encoder].values[known])))
-    columns = []
-    origin = model([[]])[0]
-    for _ in range(REDRAWN):
-        courses = dict(model.courses)
-        for run, known, smoother, lam in smoothed:
-            again = courses[run.name].at(run.time[known]).theta + run.channels[encoder].noise * draw.standard_normal(
-                smoother.time.size
+    nudges = 1e-5 * model.rig.speed ** np.arange(3)
+    slopes = [_slope(plain, model, order, float(nudge)) for order, nudge in enumerate(nudges)]
+    columns = [np.zeros((plain.size, 0))]
+    for r, run in enumerate(measured.runs):
+        parts = [part for part in plain.parts if part.run == r]
+        if run.drive == "measured" and parts:
+            smoother, channel = _smoothed(run, encoder), run.channels[encoder]
+            rows = np.concatenate([np.arange(part.place.start, part.place.stop) for part in parts])
+            used = np.concatenate([part.used for part in parts])
+            answers = sum(
+                diags_array(slope[rows]) @ answer[used]
+                for slope, answer in zip(slopes, smoother.answers(run.time), strict=True)
             )
-            courses[run.name] = _through(run.time, smoother.spline(again, lam))
-        found = Model(measured, model.rig, model.mechanism, courses)([[]])[0]
-        if found is not None and origin is not None:
-            columns.append((plain.residual(found) - plain.residual(origin)) / math.sqrt(REDRAWN))
-    return np.column_stack(columns) if columns else np.zeros((plain.size, 0))
+            sigma = max(channel.noise if channel.noise_given else 0.0, smoother.sigma)
+            factor = smoother.errors(csr_array(answers), sigma)
+            columns.append(np.zeros((plain.size, factor.shape[1])))
+            columns[-1][rows] = factor
+    together = np.hstack(columns)
+    worth = np.argsort(-np.sum(together**2, axis=0))[: max(1, NUMBERS // plain.size)]
+    return np.ascontiguousarray(together[:, np.sort(worth)])
+
+
+def _slope(data: Data, model: Model, order: int, nudge: float) -> np.ndarray:
+    """(size,) what the angle, speed or acceleration (order 0, 1, 2) of the courses alone does to the residual."""
+    courses = {name: Motor(course=_Nudged(motor, order, nudge)) for name, motor in model.courses.items()}
+    found = Model(model.measured, model.rig, model.mechanism, courses)([[]])[0]
+    origin = model([[]])[0]
+    if found is None or origin is None:
+        return np.zeros(data.size)
+    return (data.residual(found) - data.residual(origin)) / nudge
+
+
+@dataclass(frozen=True)
+class _Nudged:
+    """A course of which the angle, or one of its rates alone, is off by a constant."""
+
+    motor: Motor
+    order: int
+    nudge: float
+
+    def __call__(self, time: np.ndarray, order: int = 0, /) -> np.ndarray:
+        assert self.motor.course is not None
+        return self.motor.course(time, order) + (self.nudge if order == self.order else 0.0)
 
 
 def starts(measured: Measured) -> dict[Term, np.ndarray]:
