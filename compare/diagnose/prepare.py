@@ -112,38 +112,34 @@ def shared(measured: Measured, floor: Mapping[tuple[str, str], float], model: Mo
 
     The covariance of the residuals is 1 + shared shared^T; of too many directions those that matter least are left out.
     """
-    encoder = model.rig.encoder
-    plain = Data(measured, floor, encoder)
-    nudges = 1e-5 * model.rig.speed ** np.arange(3)
-    slopes = [_slope(plain, model, order, float(nudge)) for order, nudge in enumerate(nudges)]
-    columns = [np.zeros((plain.size, 0))]
+    whole = Data(measured, floor, model.rig.encoder)
+    columns = [np.zeros((whole.size, 0))]
     for r, run in enumerate(measured.runs):
-        parts = [part for part in plain.parts if part.run == r]
-        if run.drive == "measured" and parts:
-            smoother, channel = _smoothed(run, encoder), run.channels[encoder]
-            rows = np.concatenate([np.arange(part.place.start, part.place.stop) for part in parts])
-            used = np.concatenate([part.used for part in parts])
-            answers = sum(
-                diags_array(slope[rows]) @ answer[used]
-                for slope, answer in zip(slopes, smoother.answers(run.time), strict=True)
-            )
-            sigma = max(channel.noise if channel.noise_given else 0.0, smoother.sigma)
-            factor = smoother.errors(csr_array(answers), sigma)
-            columns.append(np.zeros((plain.size, factor.shape[1])))
-            columns[-1][rows] = factor
+        places = [np.arange(part.place.start, part.place.stop) for part in whole.parts if part.run == r]
+        if run.drive == "measured" and places:
+            factor = _strained(replace(measured, runs=(run,)), floor, model)
+            columns.append(np.zeros((whole.size, factor.shape[1])))
+            columns[-1][np.concatenate(places)] = factor
     together = np.hstack(columns)
-    worth = np.argsort(-np.sum(together**2, axis=0))[: max(1, NUMBERS // plain.size)]
+    worth = np.argsort(-np.sum(together**2, axis=0))[: max(1, NUMBERS // whole.size)]
     return np.ascontiguousarray(together[:, np.sort(worth)])
 
 
-def _slope(data: Data, model: Model, order: int, nudge: float) -> np.ndarray:
-    """(size,) what the angle, speed or acceleration (order 0, 1, 2) of the courses alone does to the residual."""
-    courses = {name: Motor(course=_Nudged(motor, order, nudge)) for name, motor in model.courses.items()}
-    found = Model(model.measured, model.rig, model.mechanism, courses)([[]])[0]
-    origin = model([[]])[0]
-    if found is None or origin is None:
-        return np.zeros(data.size)
-    return (data.residual(found) - data.residual(origin)) / nudge
+def _strained(measured: Measured, floor: Mapping[tuple[str, str], float], model: Model) -> np.ndarray:
+    """The errors (size, k) that all sensors of a measurement of one run share."""
+    (run,), encoder = measured.runs, model.rig.encoder
+    data, smoother, channel = Data(measured, floor, encoder), _smoothed(run, encoder), run.channels[encoder]
+    origin = Model(measured, model.rig, model.mechanism, model.courses)([[]])[0]
+    used = np.concatenate([part.used for part in data.parts])
+    answers = csr_array((data.size, smoother.size))
+    for order, answer in enumerate(smoother.answers(run.time)):
+        nudge = 1e-5 * model.rig.speed**order
+        motor = Motor(course=_Nudged(model.courses[run.name], order, nudge))
+        found = Model(measured, model.rig, model.mechanism, {run.name: motor})([[]])[0]
+        if found is not None and origin is not None:
+            slope = (data.residual(found) - data.residual(origin)) / nudge
+            answers = answers + diags_array(slope) @ answer[used]
+    return smoother.errors(csr_array(answers), max(channel.noise if channel.noise_given else 0.0, smoother.sigma))
 
 
 @dataclass(frozen=True)

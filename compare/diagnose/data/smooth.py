@@ -2,10 +2,11 @@
 
 The course is a spline of seventh degree, of which the integral of the squared fifth derivative is charged (Eilers and
 Marx, Stat. Sci. 11, 1996), and, where a crank turns fully, harmonics of its angle: a motor that turns unevenly does so
-turn after turn, which a spline alone must find anew in each of them.  Nothing is assumed at the ends.  How stiff the
+turn after turn, which a spline alone must find anew in each of them.  The charge fades towards the ends.  How stiff the
 spline is and how many harmonics there are is chosen by generalised cross-validation (Craven and Wahba, Numer. Math. 31,
-1979), each degree of freedom charged somewhat more than there (as Kim and Gu do, J. R. Stat. Soc. B 66, 2004).  Time is counted in median sample intervals, so that nothing depends on its unit, and a stiffer spline has
-its knots further apart, so that its equations stay solvable; all of them are banded.
+1979), each degree of freedom charged somewhat more than there (as Kim and Gu do, J. R. Stat. Soc. B 66, 2004).  Time
+is counted in median sample intervals, so that nothing depends on its unit, and a stiffer spline has its knots further
+apart, so that its equations stay solvable; all of them are banded.
 """
 
 from __future__ import annotations
@@ -33,8 +34,10 @@ TURNS = 2.0  # of a run, at least, before harmonics are
 STEADY = 0.3  # of its mean rate that a crank keeps, at least, before harmonics are
 SHORTEST = 2.9  # samples of a harmonic's period
 ROUNDS = 4  # at most, in which harmonics are of the angle that the last round found
+EASED = 5  # knots from an end over which the charge comes to its full size; a spline charged to its ends misses there
+FIRM = 0.01  # of the way, from which it does
 STAIRS = 0.5  # of the rms of rounding: a course that misses its readings by less follows the stairs of the counts
-BLURRED = 1.05  # of the rms of rounding: what a course through its middle misses, as the step is known
+BLURRED = 1.1  # of what a course through the middle of the stairs misses them by, as their height is known
 SETTLED = 0.1  # a round that gains less of the score is one too many
 RIDGE = 1e-9  # of a harmonic's own square: keeps those apart that the spline can follow too
 UNSEEN = 0.05  # sigmas of all numbers together
@@ -90,7 +93,7 @@ def _waves(turn: BSpline, at: np.ndarray, count: int, order: int) -> np.ndarray:
 
 
 class Basis:
-    """B-splines over readings at (N,) sample times, and the charge on their bends; ``apart`` is samples between knots."""
+    """B-splines over readings at (N,) sample times, ``apart`` samples between knots, and the charge on their bends."""
 
     def __init__(self, at: np.ndarray, apart: float) -> None:
         self._charged = charged = min(CHARGED, at.size - 2)
@@ -102,8 +105,11 @@ class Basis:
         self.gram = (self.here.T @ self.here).tocsr()
         nodes, weights = np.polynomial.legendre.leggauss(DEGREE - charged + 1)
         half = np.diff(edges)[:, None] / 2
-        bend = self.matrix(((edges[1:] + edges[:-1])[:, None] / 2 + half * nodes).ravel(), charged)
-        rough = bend.T @ (diags_array((half * weights).ravel()) @ bend)
+        inside = ((edges[1:] + edges[:-1])[:, None] / 2 + half * nodes).ravel()
+        ease = np.minimum(inside - at[0], at[-1] - inside) / (EASED * apart)
+        charge = (half * weights).ravel() * np.clip(ease, FIRM, 1.0) ** 3
+        bend = self.matrix(inside, charged)
+        rough = bend.T @ (diags_array(charge) @ bend)
         self._gram, self._rough = _bands(self.gram), _bands(rough)
 
     def matrix(self, at: np.ndarray, order: int) -> csr_array:
@@ -243,8 +249,13 @@ class Smoother:
         off = best.fit.missed(best.count)
         self.sigma = max(math.sqrt(float(off @ off) / left), self._step / math.sqrt(12)) * math.sqrt(_alike(off))
 
+    @property
+    def size(self) -> int:
+        """Number p of the course's coefficients."""
+        return self.fit.basis.gram.shape[0] + 2 * self.count
+
     def answers(self, time: np.ndarray) -> tuple[csr_array, csr_array, csr_array]:
-        """How angle (rad), rate (rad/s) and acceleration at times (N,) s answer to the course's coefficients: (N, p)."""
+        """(N, p) how the angle (rad) at times (N,) s, its rate and its acceleration answer to the coefficients."""
         at, basis, turn = (np.asarray(time, float) - self.start) / self.step, self.fit.basis, self.course.turn
         near = np.clip(at, self.at[0], self.at[-1])
         first, second, third = (
@@ -254,10 +265,11 @@ class Smoother:
         return first, second, third
 
     def errors(self, answers: csr_array, sigma: float) -> np.ndarray:
-        """A factor (S, k), its product with its transpose the covariance, of what white noise (sigma, rad) of the readings
-        does to S numbers that answer to the course's coefficients (S, p); the last column is what smoothing takes off.
+        """Errors (S, k) of S numbers that answer to the course's coefficients (S, p); their covariance is the product
+        with the transpose.
 
-        Directions that add up to less than UNSEEN are left out, and those beyond the MOST that matter most.
+        All but the last come from white noise (sigma, rad) of the readings; the last is what smoothing takes off,
+        estimated by smoothing what is smooth once more.  Directions that add up to less than UNSEEN are left out, and those beyond the MOST that matter most.
         """
         here = hstack([self.fit.basis.here, csr_array(self.fit.waves[:, : 2 * self.count])], format="csr")
 
@@ -274,8 +286,7 @@ class Smoother:
             probes = back(basis)
         square, turned = np.linalg.eigh(probes.T @ probes)
         kept = square > UNSEEN**2
-        followed = self._values - self.fit.missed(self.count)
-        lost = out(followed - here @ self.fit.solve(here.T @ followed, self.count)) / sigma
+        lost = out(self.fit.missed(self.count)) / sigma
         return np.column_stack([basis @ turned[:, kept] * np.sqrt(square[kept]), lost])
 
     def _evenly(self) -> BSpline | None:
@@ -328,7 +339,7 @@ class Smoother:
             self._step / math.sqrt(12),
         )
         if best.miss < STAIRS * rounding:
-            smooth = [c for c in found if c.miss <= BLURRED * rounding and c.worst <= self._step]
+            smooth = [c for c in found if c.miss <= BLURRED * rounding and c.worst <= BLURRED * self._step / 2]
             best = max([best, *smooth], key=lambda choice: choice.reach)
         return best
 
