@@ -236,7 +236,7 @@ SIGMAS = {"crank_angle": 1e-3, "follower_angle": 1e-4, "drive_torque": 1e-3}
 @pytest.mark.parametrize(
     ("motion", "draws"),
     [
-        pytest.param(uneven(120, 12.0), 60, id="crank"),
+        pytest.param(uneven(120, 12.0), 150, id="crank"),
         pytest.param(uneven(200, 5.0), 500, marks=pytest.mark.slow, id="longer crank"),
         pytest.param(swings(200, 4.0), 500, marks=pytest.mark.slow, id="swings"),
     ],

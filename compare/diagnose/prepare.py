@@ -8,6 +8,7 @@ import difflib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
@@ -81,7 +82,13 @@ def course(run: MeasuredRun, encoder: str) -> Motor:
 def _smoothed(run: MeasuredRun, encoder: str) -> Smoother:
     values = run.channels[encoder].values
     known = np.isfinite(values)
-    return Smoother(run.time[known], values[known])
+    return _smoother(run.time[known].tobytes(), values[known].tobytes())
+
+
+@lru_cache(maxsize=32)
+def _smoother(time: bytes, values: bytes) -> Smoother:
+    """Kept, because what follows an encoder and what its errors do are asked for one after the other."""
+    return Smoother(np.frombuffer(time), np.frombuffer(values))
 
 
 def strayed(run: MeasuredRun, encoder: str, motor: Motor) -> Fault | None:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
-from scipy.sparse import csr_array, diags_array, hstack
+from scipy.sparse import csr_array, hstack
 
 from compare.diagnose.data.quality import quantum
 
@@ -28,13 +28,14 @@ FIRST = 0.25  # samples: the shortest reach of a spline that is tried; twice as 
 CLOSE = 1e-6  # samples: so near to a knot is on it
 KNOTS = 2  # to a reach, of one to a sample at most
 CHARGE = 0.4  # of a degree of freedom, more than cross-validation's own, which follows the noise of some runs
+NODES = [np.polynomial.legendre.leggauss(degree + 1) for degree in range(DEGREE)]  # by degree, exact for its square
 LEFT = 0.1  # of the readings' freedom: where less is left, cross-validation knows little
 HARMONICS = (1, 2, 3, 4, 6, 8)  # how many are tried
 TURNS = 2.0  # of a run, at least, before harmonics are
 STEADY = 0.3  # of its mean rate that a crank keeps, at least, before harmonics are
 SHORTEST = 2.9  # samples of a harmonic's period
 ROUNDS = 4  # at most, in which harmonics are of the angle that the last round found
-EASED = 5  # knots from an end over which the charge comes to its full size; a spline charged to its ends misses there
+EASED = 5  # knots from an end over which the charge grows to its full size, as a spline that is charged there misses
 FIRM = 0.01  # of the way, from which it does
 STAIRS = 0.5  # of the rms of rounding: a course that misses its readings by less follows the stairs of the counts
 BLURRED = 1.1  # of what a course through the middle of the stairs misses them by, as their height is known
@@ -101,26 +102,39 @@ class Basis:
         full = np.diff(np.searchsorted(at, edges[:-1] - CLOSE)) > 0
         edges = edges[np.concatenate([[True], full, [True]])]  # no knots in a gap
         self.knots = np.concatenate([np.full(DEGREE, edges[0]), edges, np.full(DEGREE, edges[-1])])
+        self.size = self.knots.size - DEGREE - 1
         self.here = self.matrix(at, 0)
-        self.gram = (self.here.T @ self.here).tocsr()
-        nodes, weights = np.polynomial.legendre.leggauss(DEGREE - charged + 1)
+        nodes, weights = NODES[DEGREE - charged]
         half = np.diff(edges)[:, None] / 2
         inside = ((edges[1:] + edges[:-1])[:, None] / 2 + half * nodes).ravel()
         ease = np.minimum(inside - at[0], at[-1] - inside) / (EASED * apart)
-        charge = (half * weights).ravel() * np.clip(ease, FIRM, 1.0) ** 3
-        bend = self.matrix(inside, charged)
-        rough = bend.T @ (diags_array(charge) @ bend)
-        self._gram, self._rough = _bands(self.gram), _bands(rough)
+        self._gram = _bands(self.here, np.ones(at.size))
+        self._rough = _bands(self.matrix(inside, charged), (half * weights).ravel() * np.clip(ease, FIRM, 1.0) ** 3)
 
     def matrix(self, at: np.ndarray, order: int) -> csr_array:
-        """(M, K) values, or derivatives of that order, of every spline at M times."""
-        inner = self.knots[order : self.knots.size - order]
-        out = csr_array(BSpline.design_matrix(at, inner, DEGREE - order))
-        for degree in range(DEGREE - order + 1, DEGREE + 1):
+        """(M, K) values, or derivatives of that order, of every spline at M times: DEGREE + 1 beside each other."""
+        lower = BSpline.design_matrix(at, self.knots[order : self.knots.size - order], DEGREE - order)
+        few = DEGREE - order + 1
+        values, first = lower.data.reshape(-1, few), lower.indices[::few]
+        rises = np.ones((self.size, 1))
+        for degree in range(DEGREE, DEGREE - order, -1):
             t = self.knots[DEGREE - degree : self.knots.size - (DEGREE - degree)]
-            rise = degree / (t[degree + 1 : -1] - t[1 : -degree - 1])
-            out = out @ diags_array([-rise, rise], offsets=[0, 1], shape=(rise.size, rise.size + 1))
-        return csr_array(out)
+            rise = (degree / (t[degree + 1 : -1] - t[1 : -degree - 1]))[:, None]
+            rises = rise * (np.pad(rises[1:], ((0, 0), (1, 0))) - np.pad(rises[:-1], ((0, 0), (0, 1))))
+        full = np.zeros((at.size, DEGREE + 1))
+        for k in range(few):
+            full[:, k : k + order + 1] += values[:, k : k + 1] * rises[first + k]
+        columns = first[:, None] + np.arange(DEGREE + 1)
+        rows = (DEGREE + 1) * np.arange(at.size + 1)
+        return csr_array((full.ravel(), columns.ravel(), rows), shape=(at.size, self.size))
+
+    def squared(self, coefficients: np.ndarray) -> np.ndarray:
+        """The readings' normal matrix times coefficients (K, k)."""
+        out = self._gram[0][:, None] * coefficients
+        for d, band in enumerate(self._gram[1:, :], 1):
+            out[d:] += band[:-d, None] * coefficients[:-d]
+            out[:-d] += band[:-d, None] * coefficients[d:]
+        return np.asarray(out)
 
     def factor(self, reach: float) -> np.ndarray:
         """Banded Cholesky factor of the equations of a spline of this reach, in samples.  Raises LinAlgError."""
@@ -130,14 +144,17 @@ class Basis:
     def freedom(self, reach: float) -> float:
         """Degrees of freedom: size less the slope of the equations' log determinant in the logarithm of the charge."""
         less, more = (2 * float(np.sum(np.log(self.factor(reach * (1 + e))[0]))) for e in (-0.002, 0.002))
-        return self.gram.shape[0] - (more - less) / (2 * self._charged * 0.004)
+        return self.size - (more - less) / (2 * self._charged * 0.004)
 
 
-def _bands(matrix: csr_array) -> np.ndarray:
-    """Lower bands (DEGREE + 1, K) of a symmetric matrix."""
-    out = np.zeros((DEGREE + 1, matrix.shape[0]))
-    for d in range(min(DEGREE + 1, matrix.shape[0])):
-        out[d, : matrix.shape[0] - d] = matrix.diagonal(-d)
+def _bands(matrix: csr_array, weights: np.ndarray) -> np.ndarray:
+    """Lower bands (DEGREE + 1, K) of a matrix (M, K), from the left times its own weighted transpose."""
+    values, size = matrix.data.reshape(-1, DEGREE + 1), matrix.shape[1]
+    first, weighted = matrix.indices[:: DEGREE + 1], values * weights[:, None]
+    out = np.zeros((DEGREE + 1, size))
+    for d in range(DEGREE + 1):
+        for k in range(DEGREE + 1 - d):
+            out[d] += np.bincount(first + k, weighted[:, k] * values[:, k + d], size)
     return out
 
 
@@ -151,7 +168,7 @@ class Fit:
         self._inside = self._solve(self._both)
         square = waves.T @ waves
         self._within = square - self._both.T @ self._inside
-        self._left = self._within - self._inside.T @ self._both + self._inside.T @ (basis.gram @ self._inside)
+        self._left = self._within - self._inside.T @ self._both + self._inside.T @ basis.squared(self._inside)
         self._ridge = RIDGE * np.diag(np.diag(square))
         self._plain = self._solve(basis.here.T @ values)
         self._missed = values - basis.here @ self._plain
@@ -184,7 +201,7 @@ class Fit:
 
     def solve(self, right: np.ndarray, count: int) -> np.ndarray:
         """Solutions (K + 2 count, k) of the equations of all coefficients with right sides of that shape."""
-        n, size = 2 * count, self.basis.gram.shape[0]
+        n, size = 2 * count, self.basis.size
         alone = self._solve(right[:size])
         if not n:
             return alone
@@ -252,7 +269,7 @@ class Smoother:
     @property
     def size(self) -> int:
         """Number p of the course's coefficients."""
-        return self.fit.basis.gram.shape[0] + 2 * self.count
+        return self.fit.basis.size + 2 * self.count
 
     def answers(self, time: np.ndarray) -> tuple[csr_array, csr_array, csr_array]:
         """(N, p) how the angle (rad) at times (N,) s, its rate and its acceleration answer to the coefficients."""
@@ -269,7 +286,8 @@ class Smoother:
         with the transpose.
 
         All but the last come from white noise (sigma, rad) of the readings; the last is what smoothing takes off,
-        estimated by smoothing what is smooth once more.  Directions that add up to less than UNSEEN are left out, and those beyond the MOST that matter most.
+        estimated by smoothing what is smooth once more.  Directions that add up to less than UNSEEN are left out, and
+        those beyond the MOST that matter most.
         """
         here = hstack([self.fit.basis.here, csr_array(self.fit.waves[:, : 2 * self.count])], format="csr")
 
