@@ -71,22 +71,24 @@ def _beyond(spline: BSpline, at: np.ndarray, order: int) -> np.ndarray:
     """A spline or its derivative (up to the second), continued as a parabola."""
     near = np.clip(at, spline.t[0], spline.t[-1])
     off, out = at - near, spline(near, order)
-    for n in range(order + 1, 3):
+    for n in range(order + 1, 3) if np.any(off) else ():
         out = out + spline(near, n) * off ** (n - order) / (n - order)
     return np.asarray(out)
 
 
 def _waves(turn: BSpline, at: np.ndarray, count: int, order: int) -> np.ndarray:
     """(N, 2 count) cosines and sines of 1 to ``count`` times an angle, or their first or second derivative."""
+    if not count:
+        return np.zeros((at.size, 0))
     n = np.arange(1, count + 1)
-    angle, rate, bend = (np.multiply.outer(_beyond(turn, at, k), n) if count or not k else 0.0 for k in range(3))
+    angle, *rates = (np.multiply.outer(_beyond(turn, at, k), n) for k in range(order + 1))
     cos, sin = np.cos(angle), np.sin(angle)
     if order == 0:
         both = cos, sin
     elif order == 1:
-        both = -rate * sin, rate * cos
+        both = -rates[0] * sin, rates[0] * cos
     else:
-        both = -bend * sin - rate**2 * cos, bend * cos - rate**2 * sin
+        both = -rates[1] * sin - rates[0] ** 2 * cos, rates[1] * cos - rates[0] ** 2 * sin
     return np.stack(both, axis=-1).reshape(at.size, 2 * count)
 
 
@@ -150,11 +152,12 @@ class Basis:
 def _bands(matrix: csr_array, weights: np.ndarray) -> np.ndarray:
     """Lower bands (DEGREE + 1, K) of a matrix (M, K), from the left times its own weighted transpose."""
     values, size = matrix.data.reshape(-1, DEGREE + 1), matrix.shape[1]
-    first, weighted = matrix.indices[:: DEGREE + 1], values * weights[:, None]
+    first, values = matrix.indices[:: DEGREE + 1], np.ascontiguousarray(values.T)
+    weighted = values * weights
     out = np.zeros((DEGREE + 1, size))
     for d in range(DEGREE + 1):
         for k in range(DEGREE + 1 - d):
-            out[d] += np.bincount(first + k, weighted[:, k] * values[:, k + d], size)
+            out[d] += np.bincount(first + k, weighted[k] * values[k + d], size)
     return out
 
 
