@@ -44,6 +44,7 @@ RIDGE = 1e-9  # of a harmonic's own square: keeps those apart that the spline ca
 UNSEEN = 0.05  # sigmas of all numbers together
 MOST = 400  # directions of a course's errors
 POWERS = 3  # rounds of the search for those that matter most (Halko, Martinsson and Tropp, SIAM Rev. 53, 2011)
+TINY = 1e-300
 ROUNDING = 1e-13  # of the range of readings
 
 
@@ -371,7 +372,7 @@ class Smoother:
             left = 1 - free / n
             score = math.inf
             if left > LEFT:
-                score = n * math.log(float(off @ off) / n / left**2 + least**2) + 2 * CHARGE * free
+                score = n * math.log(float(off @ off) / n / left**2 + least**2 + TINY) + 2 * CHARGE * free
             yield Choice(reach, count, score, math.sqrt(float(off @ off) / n), float(np.max(np.abs(off))), fit)
 
 
