@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from analytic.beyond_paper.drive import Turning
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import dumps
 from analytic.mechanism.signals import Signal
 from compare.diagnose import prepare
@@ -18,6 +20,8 @@ from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Channel, MeasuredRun
 from compare.diagnose.data.smooth import Smoother
 from compare.diagnose.data.thin import missed, picked
+from compare.diagnose.fit import Data
+from compare.diagnose.predict import Model, derived
 from compare.evidence.scoreboard.rigs import Plan
 from diagnosis_rigs import diagnosed, experiment, readings, wrong
 from measured_files import RunTable, write_measured
@@ -61,6 +65,7 @@ def test_a_course_keeps_to_its_encoder_within_noise_and_counts(rate: float, degr
     for counts in COUNTS:
         for noise in NOISE:
             values, off = read(angle, counts, noise)
+            off = math.hypot(off, math.radians(degrees) * rate * np.spacing(time[-1]) / math.sqrt(12))  # of its clock
             run = run_of(time, values)
             course = prepare.course(run, "crank_angle")
             found = course.at(time).theta
@@ -73,19 +78,17 @@ def test_a_course_keeps_to_its_encoder_within_noise_and_counts(rate: float, degr
 def test_twenty_thousand_samples_do_not_flatten_it(degrees: float, counts: int | None) -> None:
     k, angle = turning(20_000, degrees)
     values, off = read(angle, counts, 1e-3)
-    assert rms(Smoother(k / 50).spline(values)(k / 50) - angle) < off
+    assert rms(Smoother(k / 50, values).course(k / 50) - angle) < off
 
 
 def test_the_unit_of_time_and_its_zero_do_not_count() -> None:
     k, angle = turning(300, 3.0)
     values, _ = read(angle, 1000, 2e-3)
-    first = Smoother(k * 1.0)
+    first = Smoother(k * 1.0, values)
     for scale in (1e-6, 0.02, 1e3, 3.6e6):
-        other = Smoother(k * scale + 7 * scale)
-        assert other.lam(values) == first.lam(values)
-        np.testing.assert_allclose(
-            other.spline(values)(other.time), first.spline(values)(first.time), rtol=0, atol=1e-9
-        )
+        other = Smoother(k * scale + 7 * scale, values)
+        assert other.reach == first.reach
+        np.testing.assert_allclose(other.course(k * scale + 7 * scale), first.course(k * 1.0), rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -153,6 +156,112 @@ def test_thinning_knows_a_fast_motion_that_it_would_lose_from_one_that_it_keeps(
         k, angle = turning(3000, degrees)
         run = run_of(k / 50, read(angle, 2000, 0.0)[0])
         assert (missed(run, picked(run, 4), "crank_angle") > 0) == lost
+
+
+Motion = tuple[np.ndarray, Turning]
+
+
+def adams() -> Motion:
+    """The crank of a published four-bar: its acceleration is greatest at the start and not zero at the end."""
+    time = np.arange(2000) * 0.005
+    return time, Turning(1.2 - 1.2 * np.cos(2 * time), 2.4 * np.sin(2 * time), 4.8 * np.cos(2 * time))
+
+
+def swings(samples: int = 2000, seconds: float = 8.0) -> Motion:
+    """Five harmonics of a quarter hertz; no turn."""
+    time = np.arange(samples) * seconds / samples
+    rng = np.random.default_rng(3)
+    rate = np.arange(1, 6) * math.pi / 2
+    size, phase = rng.standard_normal(5) / np.arange(1, 6), rng.uniform(0, 6, 5)
+    turn = np.multiply.outer(time, rate) + phase
+    return time, Turning(np.sin(turn) @ size, np.cos(turn) @ (size * rate), -np.sin(turn) @ (size * rate**2))
+
+
+def uneven(samples: int, degrees: float, share: float = 0.05) -> Motion:
+    """A crank at 50 Hz whose speed varies by a share twice a turn and by half of it once, and slowly by a hundredth."""
+    time = np.arange(samples) / 50
+    speed, slow = math.radians(degrees) * 50, 4.0 / time[-1]
+    mean = speed * (time + 0.01 * np.sin(slow * time) / slow)
+    rate, bend = speed * (1 + 0.01 * np.cos(slow * time)), -speed * 0.01 * slow * np.sin(slow * time)
+    theta, slope, curve = mean.copy(), np.ones(samples), np.zeros(samples)
+    for n, part, phase in ((1, share / 2, 0.3), (2, share, 1.1)):
+        theta += part / n * np.sin(n * mean + phase)
+        slope += part * np.cos(n * mean + phase)
+        curve -= part * n * np.sin(n * mean + phase)
+    return time, Turning(theta, rate * slope, bend * slope + rate**2 * curve)
+
+
+# motion, noise (rad), counts a turn, jitter of the time stamps (of an interval), and how far the acceleration may be
+# off (rms, of its own rms) inside and over the five samples at either end
+KINDS = {
+    "printed": (adams(), 0.0, None, 0.0, 2e-5, 5e-4),
+    "swings, fine": (swings(), 1e-6, None, 0.0, 1e-4, 3e-3),
+    "swings, white": (swings(), 1e-4, None, 0.0, 2e-3, 5e-2),
+    "crank, fine": (uneven(500, 4.0), 2e-5, None, 0.0, 4e-4, 2e-3),
+    "crank, white": (uneven(1000, 1.0), 1e-3, None, 0.0, 1e-2, 3e-2),
+    "crank, 4096 counts": (uneven(250, 25.0), 0.0, 4096, 0.0, 4e-3, 5e-3),
+    "crank, 1000 counts": (uneven(120, 12.0), 0.0, 1000, 0.0, 2e-2, 4e-2),
+    "crank, jitter": (uneven(250, 22.0), 0.0, 1000, 0.01, 5e-2, 6e-2),
+    "crank, sixty samples": (uneven(60, 20.0), 0.0, 2048, 0.01, 1e-1, 1e-1),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_acceleration_is_found_inside_and_at_the_ends(kind: str) -> None:
+    (time, true), noise, counts, jitter, inside, ends = KINDS[kind]
+    late = jitter * time[1] * np.random.default_rng(5).standard_normal(time.size)
+    values, _ = read(true.theta + true.omega * late + true.alpha * late**2 / 2, counts, noise, seed=6)
+    if kind == "printed":
+        values = np.radians([float(f"{value:.7g}") for value in np.degrees(values)])
+    found = prepare.course(run_of(time, values), "crank_angle").at(time)
+    off = (found.alpha - true.alpha) / rms(true.alpha)
+    assert rms(off[5:-5]) < inside
+    assert rms(np.concatenate([off[:5], off[-5:]])) < ends
+    assert rms((found.omega - true.omega) / rms(true.omega)) < inside
+    assert rms(found.theta - true.theta) < rms(values - true.theta)
+
+
+def test_a_course_goes_on_beyond_its_ends_with_the_acceleration_that_it_has_there() -> None:
+    time, true = swings()
+    course = Smoother(time, true.theta).course
+    for end, beyond in ((time[0], time[0] - 0.05), (time[-1], time[-1] + 0.05)):
+        assert course(np.array([beyond]), 2) == pytest.approx(course(np.array([end]), 2))
+        speed = course(np.array([end]), 1) + course(np.array([end]), 2) * (beyond - end)
+        assert course(np.array([beyond]), 1) == pytest.approx(speed)
+
+
+SIGMAS = {"crank_angle": 1e-3, "follower_angle": 1e-4, "drive_torque": 1e-3}
+
+
+@pytest.mark.parametrize(
+    ("motion", "draws"),
+    [
+        pytest.param(uneven(120, 12.0), 150, id="crank"),
+        pytest.param(uneven(200, 5.0), 500, marks=pytest.mark.slow, id="longer crank"),
+        pytest.param(swings(200, 4.0), 500, marks=pytest.mark.slow, id="swings"),
+    ],
+)
+def test_what_sensors_share_is_what_new_noise_of_the_encoder_does_to_them(motion: Motion, draws: int) -> None:
+    """Each redraw of the encoder's noise has its course found anew, how stiff it is included."""
+    time, true = motion
+    rig = experiment(Plan("r", 10.0, 0.4, time, None, True), sensors=SIGMAS)
+    seen = derived(Assembly(rig.nominal), true) | {"crank_angle": true.theta}
+    floor = {("r", signal): sigma for signal, sigma in SIGMAS.items()}
+    draw = np.random.default_rng(0)
+    misses = []
+    for _ in range(draws):
+        encoder = true.theta + SIGMAS["crank_angle"] * draw.standard_normal(time.size)
+        measured = rig.measured([seen | {"crank_angle": encoder}])
+        model = Model(measured, rig.rig, rig.nominal, {"r": prepare.course(measured.runs[0], "crank_angle")})
+        readings = model([[]])[0]
+        assert readings is not None
+        misses.append(Data(measured, floor, "crank_angle").residual(readings))
+        if len(misses) == 1:
+            shared = prepare.shared(measured, floor, model)
+    found, expected = np.std(misses, axis=0), np.sqrt(np.sum(shared**2, axis=1))
+    for part in Data(measured, floor, "crank_angle").parts:
+        for some in (slice(10, -10), np.r_[0:5, -5:0]):
+            assert rms(expected[part.place][some]) == pytest.approx(rms(found[part.place][some]), rel=0.15)
 
 
 @pytest.fixture(scope="module")

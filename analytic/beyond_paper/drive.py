@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -39,14 +40,20 @@ class Turning:
         return one_line(self, angles(self.theta, "moment"))
 
 
+class Course(Protocol):
+    """An angle (rad) over time (s), or its first or second derivative, as SciPy's splines are called."""
+
+    def __call__(self, time: np.ndarray, order: int = 0, /) -> np.ndarray: ...
+
+
 @dataclass(frozen=True)
 class Motor:
-    """A motor's motion at any time (s): command plus ripple, or a spline through a measured course."""
+    """A motor's motion at any time (s): command plus ripple, or a measured course."""
 
     speed: float = 0.0  # rad/s
     angle: float = 0.0  # rad at time 0
     drive: Drive | None = None
-    course: CubicSpline | None = None
+    course: Course | None = None
 
     def at(self, time: np.ndarray) -> Turning:
         """The motor at times (N,) s."""

@@ -7,10 +7,11 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.sparse import csr_array, diags_array
 
 from analytic.beyond_paper.drive import Motor
 from analytic.kinematics.assembly import AssemblyError
@@ -27,7 +28,7 @@ from compare.diagnose.fit import Bounds, Data
 from compare.diagnose.predict import Model, StartOfRun, Term
 
 SAMPLES = 60_000  # of all sensors together; of more, evenly spaced ones are used
-REDRAWN = 32  # courses with new noise, of runs that follow a noisy encoder
+NUMBERS = 20_000_000  # of the matrix of errors that sensors share, at most
 TOGETHER = 8  # samples over which a course may not miss its encoder
 STRAY = 3.0  # sigmas (rms) by which it misses the encoder then
 
@@ -74,14 +75,20 @@ def followed(measured: Measured) -> tuple[dict[str, Motor], Measured]:
 
 
 def course(run: MeasuredRun, encoder: str) -> Motor:
-    """The motor of a run that follows its encoder: a smoothing spline through the readings that there are."""
+    """The motor of a run that follows its encoder: a smooth course through the readings that there are."""
+    return Motor(course=_smoothed(run, encoder).course)
+
+
+def _smoothed(run: MeasuredRun, encoder: str) -> Smoother:
     values = run.channels[encoder].values
     known = np.isfinite(values)
-    return _through(run.time, Smoother(run.time[known]).spline(values[known]))
+    return _smoother(run.time[known].tobytes(), values[known].tobytes())
 
 
-def _through(time: np.ndarray, smooth: CubicSpline) -> Motor:
-    return Motor(course=CubicSpline(time, smooth(time)))
+@lru_cache(maxsize=32)
+def _smoother(time: bytes, values: bytes) -> Smoother:
+    """Kept, because what follows an encoder and what its errors do are asked for one after the other."""
+    return Smoother(np.frombuffer(time), np.frombuffer(values))
 
 
 def strayed(run: MeasuredRun, encoder: str, motor: Motor) -> Fault | None:
@@ -107,34 +114,52 @@ def strayed(run: MeasuredRun, encoder: str, motor: Motor) -> Fault | None:
 
 
 def shared(measured: Measured, floor: Mapping[tuple[str, str], float], model: Model) -> np.ndarray:
-    """Errors (size, k) that all sensors of a run share because the course it follows is smoothed from a noisy encoder.
+    """Errors (size, k) that all sensors of a run share because the course it follows is smoothed from a noisy encoder:
+    what the errors of its angle, speed and acceleration do to each residual, to first order.
 
-    Each column is what one redraw of the encoder's noise does to the residual, over sqrt(k).
+    The covariance of the residuals is 1 + shared shared^T; of too many directions those that matter least are left out.
     """
-    following = [run for run in measured.runs if run.drive == "measured"]
-    encoder = model.rig.encoder
-    plain = Data(measured, floor, encoder)
-    if not following:
-        return np.zeros((plain.size, 0))
-    draw = np.random.default_rng(0)
-    smoothed = []
-    for run in following:
-        known = np.isfinite(run.channels[encoder].values)
-        smoother = Smoother(run.time[known])
-        smoothed.append((run, known, smoother, smoother.lam(run.channels[encoder].values[known])))
-    columns = []
-    origin = model([[]])[0]
-    for _ in range(REDRAWN):
-        courses = dict(model.courses)
-        for run, known, smoother, lam in smoothed:
-            again = courses[run.name].at(run.time[known]).theta + run.channels[encoder].noise * draw.standard_normal(
-                smoother.time.size
-            )
-            courses[run.name] = _through(run.time, smoother.spline(again, lam))
-        found = Model(measured, model.rig, model.mechanism, courses)([[]])[0]
+    whole = Data(measured, floor, model.rig.encoder)
+    columns = [np.zeros((whole.size, 0))]
+    for r, run in enumerate(measured.runs):
+        places = [np.arange(part.place.start, part.place.stop) for part in whole.parts if part.run == r]
+        if run.drive == "measured" and places:
+            factor = _strained(replace(measured, runs=(run,)), floor, model)
+            columns.append(np.zeros((whole.size, factor.shape[1])))
+            columns[-1][np.concatenate(places)] = factor
+    together = np.hstack(columns)
+    worth = np.argsort(-np.sum(together**2, axis=0))[: max(1, NUMBERS // whole.size)]
+    return np.ascontiguousarray(together[:, np.sort(worth)])
+
+
+def _strained(measured: Measured, floor: Mapping[tuple[str, str], float], model: Model) -> np.ndarray:
+    """The errors (size, k) that all sensors of a measurement of one run share."""
+    (run,), encoder = measured.runs, model.rig.encoder
+    data, smoother, channel = Data(measured, floor, encoder), _smoothed(run, encoder), run.channels[encoder]
+    origin = Model(measured, model.rig, model.mechanism, model.courses)([[]])[0]
+    used = np.concatenate([part.used for part in data.parts])
+    answers = csr_array((data.size, smoother.size))
+    for order, answer in enumerate(smoother.answers(run.time)):
+        nudge = 1e-5 * model.rig.speed**order
+        motor = Motor(course=_Nudged(model.courses[run.name], order, nudge))
+        found = Model(measured, model.rig, model.mechanism, {run.name: motor})([[]])[0]
         if found is not None and origin is not None:
-            columns.append((plain.residual(found) - plain.residual(origin)) / math.sqrt(REDRAWN))
-    return np.column_stack(columns) if columns else np.zeros((plain.size, 0))
+            slope = (data.residual(found) - data.residual(origin)) / nudge
+            answers = answers + diags_array(slope) @ answer[used]
+    return smoother.errors(csr_array(answers), max(channel.noise if channel.noise_given else 0.0, smoother.sigma))
+
+
+@dataclass(frozen=True)
+class _Nudged:
+    """A course of which the angle, or one of its rates alone, is off by a constant."""
+
+    motor: Motor
+    order: int
+    nudge: float
+
+    def __call__(self, time: np.ndarray, order: int = 0, /) -> np.ndarray:
+        assert self.motor.course is not None
+        return self.motor.course(time, order) + (self.nudge if order == self.order else 0.0)
 
 
 def starts(measured: Measured) -> dict[Term, np.ndarray]:

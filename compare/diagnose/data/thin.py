@@ -50,7 +50,7 @@ def missed(run: MeasuredRun, thin: MeasuredRun, encoder: str) -> float:
     (time, values), knots = sides
     within = (time >= knots[0][0]) & (time <= knots[0][-1])
     time, values = time[within], values[within]
-    error = float(np.sqrt(np.mean((Smoother(knots[0]).spline(knots[1])(time) - values) ** 2)))
+    error = float(np.sqrt(np.mean((Smoother(*knots).course(time) - values) ** 2)))
     return error if error > 3 * max(run.channels[encoder].noise, FLOOR * float(np.ptp(values))) else 0.0
 
 
