@@ -32,6 +32,7 @@ EQUIVALENT = 0.1  # of the noise: an engine this near the analytic model is the 
 HORIZONS = (0.06, 0.12, 0.25, 0.5)  # shares of free runs that are explained one after the other
 SHOWS = 0.2  # of the noise (rms), from which on links that bend are seen
 FAR = 2.0  # times the gap of the analytic model: an engine with a larger one moves in another way altogether
+OVERSTATED = 0.9  # of the noise: a smaller gap says that the noise is less than stated
 REFITS = 2  # to the engine's own difference from the analytic model
 Progress = Callable[[str, int, int | None], None]
 Noise = Mapping[tuple[str, str], float]  # 1-sigma, SI, by run and signal
@@ -224,6 +225,8 @@ class Problem:
         data, and they are fitted or searched again.
         """
         self.options.progress("search", 1, 4)
+        if rms(self.base.residual) < OVERSTATED:
+            return self.quiet()
         data, fit, shift = self.data, self.best_fit(self.data), np.zeros(self.data.size)
         for _ in range(REFITS):
             difference = self.difference(fit)
@@ -246,6 +249,18 @@ class Problem:
             fit = self.best_fit(data, [fit], again=closed)
         assert self.search is not None
         return explain(self.search, fit)
+
+    def quiet(self) -> Explanation:
+        """The explanation of data that are nearer to the nominal model than their noise allows: nothing is named."""
+        self.notes.append(
+            f"Measurement and simulation differ by {rms(self.base.residual):.2g} of the noise only: the noise is"
+            " overstated. Nothing is named by what is smaller than that; give a smaller noise, or none, to look closer."
+        )
+        wanted = [t for t in self.terms if t.key not in self.ruled_out]
+        cost = costs(wanted, self.rig, self.data.size)
+        self.search = self.prepared(self.data, cost, wanted, bool(self.base.terms))
+        structured = has_structure(self.data, self.base.residual)
+        return Explanation(self.base, self.base, (), "no gap", np.ones(self.data.size), structured)
 
     def difference(self, fit: Fit) -> np.ndarray | None:
         """Residual (size,) of the analytic model less that of the chosen engine, with the effects of a fit; None where
