@@ -79,9 +79,7 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
     ruler = Ruler(experiment)
     free = np.column_stack([of_channels(experiment, WAVES), lagging(ruler, group)])
     truth = [grown(rng, experiment, name, LEAST, MOST) for name in names]
-    judged = ruler.judged(truth, (), free)
-    if any(e.distinct < TOLD for e in judged):
-        raise Rejected("drift or another effect looks the same")
+    judged = ruler.judged(truth, (), free, TOLD)
     source = draw_player(rng, simulator, [VOCABULARY[e.name] for e in judged])
     lag = 1 / (2 * math.pi * corner)
     recordings = tuple(_recorded(rng, source, experiment, p, judged, colours, group, lag) for p in experiment.plans)

@@ -18,6 +18,7 @@ from compare.diagnose.effects.effect import Values
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.predict import Term
 from compare.evidence.scoreboard.rigs import Experiment, Rejected
+from compare.evidence.scoreboard.score import DISTINCT
 from compare.evidence.scoreboard.sizes import Planted, Sizer, left
 
 # the vocabulary of the first scoreboard, so that a set stays what it is when the vocabulary grows
@@ -69,46 +70,52 @@ class Ruler:
             return None
         return np.column_stack([f - base for f in found if f is not None])
 
-    def rivals(self) -> list[tuple[Term, np.ndarray]]:
-        """Every effect at every place with its changes."""
-        rig, found = self.sizer.rig, []
-        for name in RIVALS:
-            effect = VOCABULARY[name]
-            for where in effect.places(rig):
-                for variant in effect.variants(rig, where):
-                    term = Term(effect, where, variant)
-                    columns = self.columns(term)
-                    if columns is not None:
-                        found.append((term, columns))
-        return found
+    def rivals(self, truth: Sequence[Planted]) -> list[Term]:
+        """Every other effect at every place; first those at the same places, which are likely to look the same."""
+        rig, true = self.sizer.rig, {(t.name, t.where) for t in truth}
+        effects = [VOCABULARY[name] for name in RIVALS]
+        terms = [Term(e, w, v) for e in effects for w in e.places(rig) for v in e.variants(rig, w)]
+        places = {t.where for t in truth}
+        return sorted((t for t in terms if t.key not in true), key=lambda t: (t.effect.slow, t.where not in places))
 
     def judged(
-        self, truth: Sequence[Planted], slight: Sequence[Planted] = (), nuisances: np.ndarray | None = None
+        self,
+        truth: Sequence[Planted],
+        slight: Sequence[Planted] = (),
+        nuisances: np.ndarray | None = None,
+        least: float = DISTINCT,
     ) -> tuple[Planted, ...]:
-        """The true effects with their sizes, ``nuisances`` (N, k) and the others free to move."""
+        """The true effects with their sizes, ``nuisances`` (N, k) and the others free to move.
+
+        Raises Rejected where one of them is not told from a rival by ``least`` sigmas.
+        """
         if not truth:
             return ()
-        rivals = self.rivals()
-        known = {(t.effect.name, t.where): c for t, c in rivals}
-        free = np.zeros((0, 0)) if nuisances is None else nuisances
-        off = self.signature(slight) if slight else 0.0 * self.signature(truth[:1])
-        out = []
-        for thing in truth:
-            others = [known[t.name, t.where] for t in truth if t is not thing and (t.name, t.where) in known]
-            base = np.column_stack([c for c in (free, *others) if c.size]) if free.size or others else None
-            whole = off + self.signature([thing])
-            right = _rest(off, base)
-            best, rival = _rest(whole, base), None
-            for term, columns in rivals:
-                if term.key in {(t.name, t.where) for t in truth}:
-                    continue
-                rest = _rest(whole, columns if base is None else np.column_stack([base, columns]))
-                if rest < best:
-                    best, rival = rest, term.label
-            distinct = math.sqrt(max(best**2 - right**2, 0.0))
-            total = float(np.linalg.norm(self.signature([thing])))
-            out.append(replace(thing, total=total, linear=distinct, distinct=distinct, rival=rival))
-        return tuple(out)
+        own = [self.columns(_term(t)) for t in truth]
+        off = self.signature(slight) if slight else np.zeros(self.nominal.size)
+        free = [] if nuisances is None else [nuisances]
+        bases, wholes, right = [], [], []
+        for i, thing in enumerate(truth):
+            others = [c for k, c in enumerate(own) if k != i and c is not None]
+            bases.append(np.column_stack([np.zeros((off.size, 0)), *free, *others]))
+            wholes.append(off + self.signature([thing]))
+            right.append(left(off, bases[i]))
+        best = [left(whole, base) for whole, base in zip(wholes, bases, strict=True)]
+        names: list[str | None] = [None] * len(best)
+        for term in self.rivals(truth):
+            columns = self.columns(term)
+            for i in range(len(best) if columns is not None else 0):
+                assert columns is not None
+                rest = left(wholes[i], np.column_stack([bases[i], columns]))
+                if rest < best[i]:
+                    best[i], names[i] = rest, term.label
+                if best[i] ** 2 - right[i] ** 2 < least**2:
+                    raise Rejected(f"{truth[i].name} is not told from {term.label}")
+        found = []
+        for thing, rest, none, rival in zip(truth, best, right, names, strict=True):
+            distinct, total = math.sqrt(rest**2 - none**2), float(np.linalg.norm(self.signature([thing])))
+            found.append(replace(thing, total=total, linear=distinct, distinct=distinct, rival=rival))
+        return tuple(found)
 
     def uncertainty(self, thing: Planted, nuisances: np.ndarray, step: float = 1e-3) -> float:
         """One sigma of the effect's parameters over their size, nuisances free: the worst group of one unit."""
@@ -140,7 +147,3 @@ def units_of(thing: Planted) -> dict[str, tuple[str, ...]]:
 
 def _term(thing: Planted) -> Term:
     return Term(VOCABULARY[thing.name], thing.where)
-
-
-def _rest(residual: np.ndarray, columns: np.ndarray | None) -> float:
-    return float(np.linalg.norm(residual)) if columns is None else left(residual, columns)
