@@ -58,7 +58,10 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
     ruler = Ruler(experiment)
     free = [encoder_zeros(ruler), of_channels(experiment, 0, amplified), lagging(ruler, amplified)]
     nuisances = np.column_stack([*free, *([late_clocks(ruler)] if clocks else [])])
-    truth = [] if is_empty(k) else [grown(rng, experiment, EFFECTS[turn_of(k) % len(EFFECTS)], LEAST, 10 * MOST)]
+    name = EFFECTS[turn_of(k) % len(EFFECTS)]
+    revolute = [j.name for j in experiment.nominal.joints if not j.prismatic]
+    where = str(rng.choice(revolute)) if name == "joint_spring" else None
+    truth = [] if is_empty(k) else [grown(rng, experiment, name, LEAST, 10 * MOST, where)]
     judged = ruler.judged(truth, (), nuisances, LEAST)
     _known(ruler, judged, nuisances)
     source = draw_player(rng, simulator, [VOCABULARY[e.name] for e in judged])

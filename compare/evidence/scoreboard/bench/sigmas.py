@@ -118,31 +118,32 @@ class Ruler:
         return tuple(found)
 
     def uncertainty(self, thing: Planted, nuisances: np.ndarray, step: float = 1e-3) -> float:
-        """One sigma of the effect's parameters over their size, nuisances free: the worst group of one unit."""
-        names, groups = list(thing.values), units_of(thing)
+        """One sigma of the effect's parameters over their size, nuisances free; parameters of one unit are one vector,
+        angles are in rad.  Infinite where the data do not tell one at all.
+        """
+        names, units = list(thing.values), {p.name: p.unit for p in VOCABULARY[thing.name].parameters}
+        groups = {name: tuple(n for n in names if units[n] == units[name]) for name in names}
         columns = []
         for name in names:
-            size = math.hypot(*(thing.values[n] for n in groups[name]))
+            angle = units[name] == "rad"
+            size = 1.0 if angle else math.hypot(*(thing.values[n] for n in groups[name]))
             ends = [
                 self.signature([replace(thing, values={**thing.values, name: thing.values[name] + s * step * size})])
                 for s in (-1, 1)
             ]
             columns.append((ends[1] - ends[0]) / (2 * step))  # over a change as large as the parameter
-        jacobian = np.column_stack([*columns, nuisances]) if nuisances.size else np.column_stack(columns)
-        scale = np.linalg.norm(jacobian, axis=0)
-        scale[scale == 0] = 1.0
-        unit = jacobian / scale
-        covariance = np.linalg.pinv(unit.T @ unit, rcond=1e-12)
-        sigmas = np.sqrt(np.diag(covariance)[: len(names)]) / scale[: len(names)]
+        own = np.column_stack(columns)
+        if nuisances.size:
+            basis, sizes, _ = np.linalg.svd(nuisances / np.linalg.norm(nuisances, axis=0).clip(1e-12), False)
+            basis = basis[:, sizes > 1e-9 * sizes[0]]
+            own = own - basis @ (basis.T @ own)
+        _, sizes, turn = np.linalg.svd(own, full_matrices=False)
+        if sizes[-1] < 1e-9 * sizes[0]:
+            return math.inf
+        sigmas = np.sqrt(np.sum((turn / sizes[:, None]) ** 2, axis=0))
         return max(
             math.hypot(*(sigmas[names.index(n)] for n in group)) for group in {tuple(g) for g in groups.values()}
         )
-
-
-def units_of(thing: Planted) -> dict[str, tuple[str, ...]]:
-    """For each parameter those of the same unit, itself among them: a vector is judged by its length."""
-    unit = {p.name: p.unit for p in VOCABULARY[thing.name].parameters}
-    return {name: tuple(n for n in thing.values if unit[n] == unit[name]) for name in thing.values}
 
 
 def _term(thing: Planted) -> Term:
