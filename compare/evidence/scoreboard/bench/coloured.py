@@ -109,7 +109,7 @@ def _plans(rng: np.random.Generator, experiment: Experiment, follows: bool) -> t
     if n > SAMPLES[1]:
         raise Rejected("too slow for the logger's memory")
     for plan in experiment.plans:
-        speed = min(abs(plan.speed) * faster, 2 * CRANK[1]) * math.copysign(1.0, plan.speed)
+        speed = min(abs(plan.speed) * faster, CRANK[1]) * math.copysign(1.0, plan.speed)
         even = replace(plan, speed=speed, time=np.arange(n) / rate)
         plans.append(uneven(rng, even, 0.01, 0.03) if follows else even)
     return tuple(plans)
