@@ -25,6 +25,7 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fitter
 from compare.diagnose.predict import Term
 from compare.evidence.scoreboard import check
+from compare.evidence.scoreboard.bench.coarse import EFFECTS, effect_of
 from compare.evidence.scoreboard.bench.large import draw as draw_large
 from compare.evidence.scoreboard.bench.nuisances import encoder_zeros, of_channels
 from compare.evidence.scoreboard.bench.pendulum import Pendulum
@@ -515,6 +516,11 @@ def test_sets_of_the_bench_have_what_their_family_says(kind: Kind, tmp_path: Pat
     if kind in ("coarse", "large"):
         assert found.slight == found.faults == ()
     assert found.effects
+
+
+def test_coarse_sets_go_through_their_effects_in_order() -> None:
+    others = [k for k in range(60) if not is_empty(k) and k % 3]
+    assert [effect_of(k) for k in others] == [EFFECTS[i % len(EFFECTS)] for i in range(30)]
 
 
 def test_everything_is_slightly_off_and_friction_takes_a_small_share_of_the_power() -> None:

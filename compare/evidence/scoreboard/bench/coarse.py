@@ -31,7 +31,6 @@ from compare.evidence.scoreboard.bench.rig import (
     is_empty,
     moved,
     peaks_of,
-    turn_of,
     uneven,
 )
 from compare.evidence.scoreboard.bench.sensors import counted, read, white
@@ -61,9 +60,7 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
     rounded = replace(experiment, noise=_with_rounding(experiment, counts))
     truth: list[Planted] = []
     if not is_empty(k):
-        truth = [
-            _wrong_length(rng) if student else grown(rng, rounded, EFFECTS[turn_of(k) % len(EFFECTS)], LEAST, MOST)
-        ]
+        truth = [_wrong_length(rng) if student else grown(rng, rounded, effect_of(k), LEAST, MOST)]
     judged = Ruler(rounded).judged(truth, least=TOLD)
     source = draw_player(rng, simulator, [VOCABULARY[e.name] for e in judged])
     jitter = rng.uniform(*JITTER)
@@ -82,6 +79,11 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
         experiment.noise_given,
         recordings,
     )
+
+
+def effect_of(k: int) -> str:
+    """The effect of the k-th set, if it is neither empty nor a student's: they are gone through in order."""
+    return EFFECTS[(3 * (k // 6) + k % 6 - 1 - (k % 6 > 3)) % len(EFFECTS)]
 
 
 def _rig(rng: np.random.Generator) -> Experiment:

@@ -70,7 +70,7 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
     if names and rng.random() < TWO:
         names.append(str(rng.choice([n for n in EFFECTS if n not in names])))
     experiment = draw_bench(rng, list(CASES), ["torque"])
-    follows = k % 3 == 1
+    follows = bool(rng.random() < 1 / 3)
     experiment = replace(experiment, plans=_plans(rng, experiment, follows), noise_given=bool(rng.random() < 1 / 3))
     if follows and experiment.encoder not in experiment.noise:
         raise Rejected("a run that follows its encoder needs one")

@@ -1,7 +1,8 @@
 """How well an effect shows beside its best rival and all that the family allows for: nuisances of sensors, and what is
 slightly off.
 
-Everything is linear about the nominal rig, by the analytic model.  ``distinct`` of an effect: with r the sigmas
+Everything is linear about the nominal rig, by the analytic model, but a payload as a rival, which is fitted in
+full.  ``distinct`` of an effect: with r the sigmas
 that are left once a rival, the other true effects and the nuisances are fitted to the data, and r0 those once the
 true effect is, the smallest sqrt(r^2 - r0^2) of all rivals.
 """
@@ -13,7 +14,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import least_squares
 
+from compare.diagnose.effects.bodies import Payload
 from compare.diagnose.effects.effect import Values
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.predict import Term
@@ -107,6 +110,8 @@ class Ruler:
             for i in range(len(best) if columns is not None else 0):
                 assert columns is not None
                 rest = left(wholes[i], np.column_stack([bases[i], columns]))
+                if rest < best[i] and isinstance(term.effect, Payload):
+                    rest = self.left_by_payload(term, wholes[i], bases[i])
                 if rest < best[i]:
                     best[i], names[i] = rest, term.label
                 if best[i] ** 2 - right[i] ** 2 < least**2:
@@ -116,6 +121,25 @@ class Ruler:
             distinct, total = math.sqrt(rest**2 - none**2), float(np.linalg.norm(self.signature([thing])))
             found.append(replace(thing, total=total, linear=distinct, distinct=distinct, rival=rival))
         return tuple(found)
+
+    def left_by_payload(self, term: Term, whole: np.ndarray, base: np.ndarray) -> float:
+        """Sigmas that the best payload with a mass leaves: small payloads span more than any one of them can be, such
+        as a centre of mass elsewhere.
+        """
+        rig, free = self.sizer.rig, _basis(base)
+        scale = np.asarray(term.effect.scales(rig, term.where), float)
+
+        def residual(x: np.ndarray) -> np.ndarray:
+            values = term.effect.values(rig, term.where, x * scale)
+            rest = whole - self.signature([Planted(term.effect.name, term.where, values)])
+            return np.asarray(rest - free @ (free.T @ rest))
+
+        low = np.array([0.0, -np.inf, -np.inf])
+        fits = [
+            least_squares(residual, [5.0, along, normal], bounds=(low, np.inf), max_nfev=12)
+            for along, normal in ((0.5, 0.5), (-0.5, -0.5))
+        ]
+        return min(math.sqrt(2 * fit.cost) for fit in fits)
 
     def uncertainty(self, thing: Planted, nuisances: np.ndarray, step: float = 1e-3) -> float:
         """One sigma of the effect's parameters over their size, nuisances free; parameters of one unit are one vector,
@@ -134,8 +158,7 @@ class Ruler:
             columns.append((ends[1] - ends[0]) / (2 * step))  # over a change as large as the parameter
         own = np.column_stack(columns)
         if nuisances.size:
-            basis, sizes, _ = np.linalg.svd(nuisances / np.linalg.norm(nuisances, axis=0).clip(1e-12), False)
-            basis = basis[:, sizes > 1e-9 * sizes[0]]
+            basis = _basis(nuisances)
             own = own - basis @ (basis.T @ own)
         _, sizes, turn = np.linalg.svd(own, full_matrices=False)
         if sizes[-1] < 1e-9 * sizes[0]:
@@ -144,6 +167,14 @@ class Ruler:
         return max(
             math.hypot(*(sigmas[names.index(n)] for n in group)) for group in {tuple(g) for g in groups.values()}
         )
+
+
+def _basis(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal columns that span these, (N, k)."""
+    if not columns.shape[1]:
+        return columns
+    basis, sizes, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0).clip(1e-12), full_matrices=False)
+    return np.asarray(basis[:, sizes > 1e-9 * sizes[0]])
 
 
 def _term(thing: Planted) -> Term:
