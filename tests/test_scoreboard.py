@@ -25,12 +25,19 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fitter
 from compare.diagnose.predict import Term
 from compare.evidence.scoreboard import check
-from compare.evidence.scoreboard.board import FULL, board, run_all, seeds, thresholds
+from compare.evidence.scoreboard.bench.coarse import EFFECTS, effect_of
+from compare.evidence.scoreboard.bench.large import draw as draw_large
+from compare.evidence.scoreboard.bench.nuisances import encoder_zeros, of_channels
+from compare.evidence.scoreboard.bench.pendulum import Pendulum
+from compare.evidence.scoreboard.bench.rig import is_empty, moved, slightly_off, uneven
+from compare.evidence.scoreboard.bench.sensors import counted, drifting, filtered, pink
+from compare.evidence.scoreboard.bench.sigmas import Ruler
+from compare.evidence.scoreboard.board import FULL, board, run_all, seeds, thresholds, wilson
 from compare.evidence.scoreboard.hidden import COUNTS, DIAGNOSING, FIRST, Hidden, draw, kind_of
 from compare.evidence.scoreboard.outside import KINDS
-from compare.evidence.scoreboard.record import make, recorded
+from compare.evidence.scoreboard.record import make, make_set, recorded
 from compare.evidence.scoreboard.rigs import Experiment, Plan, Rejected
-from compare.evidence.scoreboard.score import failed, opened, score
+from compare.evidence.scoreboard.score import BENCH, failed, opened, score
 from compare.evidence.scoreboard.sizes import Planted, Sizer
 from compare.evidence.stored import read, status
 from compare.faults import Exit, OptionError
@@ -43,13 +50,16 @@ from compare.results.scoreboard import (
     Scoreboard,
     ScoreboardCheck,
     TrueEffect,
+    TrueFault,
     TrueOutsider,
     Truth,
 )
 from document_faults import faults
 from marks import slow
+from sim_models.engine import Request, engine
 
 REPORTS = Path(__file__).parents[1] / "reports" / "scoreboard"
+DRAWN = [name for name, effect in VOCABULARY.items() if effect.hiding.drawn]
 SPEED, ANGLE = 6.0, 0.4
 SENSORS = {
     "crank_angle": 5e-5,
@@ -216,8 +226,8 @@ def test_a_full_board_has_every_effect_kind_and_engine_often_enough() -> None:
     assert FULL["none"] >= 300
     assert FULL["outside"] >= 24
     effects = [s for s in chosen if kind_of(s) == "effects"]
-    first = [list(VOCABULARY)[s % len(VOCABULARY)] for s in effects]
-    assert min(first.count(name) for name in VOCABULARY) >= 10
+    first = [DRAWN[s % len(DRAWN)] for s in effects]
+    assert min(first.count(name) for name in DRAWN) >= 10
     assert all([DIAGNOSING[s % len(DIAGNOSING)] for s in effects].count(e) >= 20 for e in set(DIAGNOSING))
     assert {KINDS[s % len(KINDS)] for s in chosen if kind_of(s) == "outside"} == set(KINDS)
     assert sum(COUNTS) == pytest.approx(1.0)
@@ -235,7 +245,7 @@ def drawn(seed: int) -> Hidden:
 @pytest.mark.parametrize("seed", [16, 25, 38, *slow(2, 9, 14)])
 def test_effects_are_as_large_as_asked_and_another_engine_diagnoses(seed: int) -> None:
     found = drawn(seed)
-    assert found.truth[0].name == list(VOCABULARY)[seed % len(VOCABULARY)]
+    assert found.truth[0].name == DRAWN[seed % len(DRAWN)]
     assert found.source != found.simulator
     for e in found.truth:
         assert e.total > 5
@@ -465,6 +475,243 @@ def test_a_check_names_the_sets_that_are_worse_and_no_others(monkeypatch: pytest
     assert status(found) == Exit.DISAGREES
     with pytest.raises(OptionError, match=r"scoreboard.json.*compare scoreboard update"):
         check.check_scoreboard(tmp_path)
+
+
+# ---------------------------------------------------------------- sets of the bench
+
+
+@pytest.mark.parametrize("kind", ["coarse", "large", *slow("slightly-off", "coloured", "per-run")])
+def test_one_seed_of_the_bench_is_one_set_and_one_in_six_is_empty(kind: Kind, tmp_path: Path) -> None:
+    seed = FIRST[kind] + 5
+    first, again = (make_set(seed, tmp_path / name, tmp_path / f"{name}-seal") for name in "ab")
+    assert first == again
+    files = sorted(path.name for path in (tmp_path / "a").iterdir())
+    assert all((tmp_path / "a" / f).read_bytes() == (tmp_path / "b" / f).read_bytes() for f in files)
+    assert first.kind == kind_of(seed) == kind
+    assert first.effects == ()
+    assert is_empty(5)
+    assert not is_empty(4)
+    assert first.source.name != first.simulator
+    measured = load_measured(tmp_path / "a" / "measured.toml")
+    assert len(measured.runs) + 2 == len(files)
+    written = " ".join((tmp_path / "a" / f).read_text(encoding="utf-8") for f in files if f != "nominal.toml")
+    assert not any(name in written for name in VOCABULARY)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", BENCH)
+def test_sets_of_the_bench_have_what_their_family_says(kind: Kind, tmp_path: Path) -> None:
+    found = make_set(FIRST[kind], tmp_path / "data", tmp_path / "seal")
+    assert opened(tmp_path / "seal") == found
+    assert all(e.distinct >= 8 for e in found.effects)
+    slight, wrong = {f.name for f in found.slight}, {f.name for f in found.faults}
+    if kind == "slightly-off":
+        assert {"payload", "com_offset", "link_length", "pivot_position"} < slight
+        assert {"viscous_friction", "coulomb_friction"} < slight
+        assert min(e.total for e in found.effects) > 0.9 * max(40.0, 3 * found.together)
+    if kind == "per-run":
+        assert {"encoder_offset", "sensor_bias", "sensor_lag"} <= wrong
+    if kind == "coloured":
+        assert {"sensor_drift", "sensor_lag"} <= wrong
+    if kind in ("coarse", "large"):
+        assert found.slight == found.faults == ()
+    assert found.effects
+
+
+def test_coarse_sets_go_through_their_effects_in_order() -> None:
+    others = [k for k in range(60) if not is_empty(k) and k % 3]
+    assert [effect_of(k) for k in others] == [EFFECTS[i % len(EFFECTS)] for i in range(30)]
+
+
+def test_everything_is_slightly_off_and_friction_takes_a_small_share_of_the_power() -> None:
+    rig = experiment()
+    things = slightly_off(np.random.default_rng(3), rig)
+    lengths = [abs(t.values["length_error"]) for t in things if t.name == "link_length"]
+    assert len(lengths) == 3
+    assert all(1e-4 <= size <= 3e-4 for size in lengths)
+    (plan,) = rig.plans
+    true = moved("mujoco", rig, plan, [t for t in things if "friction" in t.name], plan.time)
+    nominal = moved("mujoco", rig, plan, [], plan.time)
+    more = float(np.mean(true["drive_torque"] - nominal["drive_torque"]))
+    assert 0.004 < more / float(np.sqrt(np.mean(nominal["drive_torque"] ** 2))) < 0.021
+
+
+def test_a_filter_of_first_order_answers_a_step_and_a_ramp_as_the_book_says() -> None:
+    time = np.sort(np.random.default_rng(1).uniform(0.0, 1.0, 400))
+    ramp = filtered(time, time, 0.02)
+    late = time > 0.3
+    assert np.allclose(ramp[late], time[late] - 0.02, rtol=0, atol=1e-5)
+    time = np.linspace(0.0, 0.2, 20001)
+    step = filtered(time, (time > 0).astype(float), 0.02)
+    assert np.allclose(step, 1 - np.exp(-time / 0.02), rtol=0, atol=5e-4)
+
+
+def test_encoders_count_and_drift_remembers() -> None:
+    angle = np.linspace(0.0, 3.0, 1000)
+    told = counted(angle, 1024)
+    assert np.abs(told - angle).max() <= math.pi / 1024 + 1e-12
+    assert np.allclose(told * 1024 / (2 * math.pi), np.round(told * 1024 / (2 * math.pi)))
+    rng = np.random.default_rng(7)
+    drift, flicker = drifting(rng, 100_000, 0.01, 0.1), pink(rng, 100_000)
+    assert float(drift.std()) == pytest.approx(1.0, rel=0.05)
+    assert float(np.mean(drift[10:] * drift[:-10])) == pytest.approx(math.exp(-1), abs=0.05)
+    power = np.abs(np.fft.rfft(flicker)) ** 2
+    decades = [float(np.mean(power[10**k : 2 * 10**k])) for k in (2, 3, 4)]
+    assert decades[0] / decades[1] == pytest.approx(10, rel=0.4)
+    assert decades[1] / decades[2] == pytest.approx(10, rel=0.4)
+
+
+def test_the_pendulum_of_the_bench_swings_as_an_engine_swings_it() -> None:
+    """Spring, damper and a payload off its line, by hand and by the mechanism that the vocabulary makes of them."""
+    m = load("pendulum")
+    things = [
+        Planted("joint_spring", "O", {"stiffness": 1.5, "rest_angle": -1.2}),
+        Planted("viscous_friction", "O", {"damping": 0.02}),
+        Planted("payload", "pendulum", {"mass": 0.3, "along": 0.1, "normal": 0.03}),
+    ]
+    true = m
+    for thing in things:
+        true = VOCABULARY[thing.name].on_mechanism(true, thing.where, thing.values)
+    time = np.linspace(0.0, 1.5, 151)
+    pendulum = Pendulum.of(m).with_things(things)
+    angle, rate = pendulum.swing(0.0, 0.7, time)
+    push = pendulum.push(angle, rate)
+    trace = engine("exudyn").simulate(Request(true, time=time, start_speed=0.7))
+    assert np.allclose(angle, trace.signals["pendulum_angle"], rtol=0, atol=2e-5)
+    assert np.allclose(rate, trace.signals["pendulum_angular_velocity"], rtol=0, atol=3e-4)
+    assert np.allclose(push.real, trace.signals["reaction_O_x"], rtol=0, atol=2e-3 * np.abs(push).max())
+    assert np.allclose(push.imag, trace.signals["reaction_O_y"], rtol=0, atol=2e-3 * np.abs(push).max())
+
+
+@pytest.mark.slow
+def test_every_release_of_a_large_set_turns_on_its_own_spring() -> None:
+    made = draw_large(6, np.random.default_rng([FIRST["large"] + 6, 0]))
+    assert [e.name for e in made.dominant] == ["joint_spring", "viscous_friction"]
+    assert made.source == "scipy"
+    assert abs(abs(made.dominant[0].values["rest_angle"]) - math.pi) < math.radians(8)
+
+
+def test_what_a_tare_can_do_is_not_told_from_it_and_a_zero_of_the_encoder_is_its_own() -> None:
+    ruler = Ruler(experiment())
+    torque = Planted("load_torque", "crank", {"torque": 2e-3})
+    with pytest.raises(Rejected, match="load_torque is not told from"):
+        ruler.judged([torque])
+    payload = Planted("payload", "coupler", {"mass": 0.02, "along": 0.01, "normal": 0.02})
+    free = of_channels(ruler.experiment, 0, ["drive_torque", "reaction_E_x", "reaction_E_y"])
+    alone, beside = ruler.judged([payload])[0], ruler.judged([payload], (), free)[0]
+    assert alone.total == beside.total
+    assert 8 < beside.distinct < alone.distinct < alone.total
+    assert ruler.uncertainty(payload, free) > 1.01 * ruler.uncertainty(payload, np.zeros((0, 0)))
+    (column,) = encoder_zeros(ruler).T
+    assert np.allclose(column[:121], 1 / SENSORS["crank_angle"])
+    assert not column[121:].any()  # the motor follows its command, not its encoder
+
+
+def test_an_uneven_run_keeps_its_mean_speed() -> None:
+    even = experiment().plans[0]
+    run = uneven(np.random.default_rng(2), even)
+    time = np.linspace(0.0, 40 * math.pi / SPEED, 4001)
+    rate = np.gradient(run.command(time), time)
+    assert float(rate.mean()) == pytest.approx(SPEED, rel=0.01)
+    assert 0.02 < float(np.ptp(rate)) / 2 / SPEED < 0.11
+    assert run.follows
+
+
+def on_bench(*named: Key, kind: Kind = "slightly-off", verdict: str = "explained", after: float = 1.0) -> Diagnosis:
+    found = said(*((key, []) for key in named), verdict=verdict)
+    return found.model_copy(update={"gap": Closing(before=2.0, after=after, noise_floor=1.0)})
+
+
+SLIGHT, LAG = ("com_offset", "coupler"), ("sensor_lag", "drive_torque")
+
+
+def bench_truth(*keys: Key, kind: Kind = "slightly-off") -> Truth:
+    there = [TrueFault(name=n, where=w, parameters={}) for n, w in (SLIGHT, LAG)]
+    return truth(*keys, kind=kind).model_copy(update={"slight": tuple(there[:1]), "faults": tuple(there[1:])})
+
+
+@pytest.mark.parametrize(
+    ("named", "kind", "outcome", "good"),
+    [
+        ((BIAS,), "slightly-off", "exact", True),
+        ((BIAS, SLIGHT, LAG), "slightly-off", "exact", True),
+        ((BIAS, ("sensor_lag", "drive_torque+drive_torque")), "slightly-off", "exact", True),
+        ((BIAS, ("sensor_lag", "drive_torque+coupler_x")), "slightly-off", "wrong", False),
+        ((BIAS, LENGTH), "slightly-off", "wrong", False),
+        ((BIAS, GAIN), "slightly-off", "wrong", False),
+        ((BIAS, GAIN), "coloured", "wrong", True),  # the truth, and no false effect of the rig
+        ((BIAS, LENGTH), "coloured", "wrong", False),
+        ((SLIGHT,), "slightly-off", "incomplete", False),
+        ((), "slightly-off", "abstained", False),
+        ((BIAS,), "per-run", "exact", True),
+        ((BIAS,), "large", "exact", True),
+    ],
+)
+def test_outcomes_on_the_bench(named: tuple[Key, ...], kind: Kind, outcome: str, good: bool) -> None:
+    found = score(on_bench(*named, verdict="explained" if named else "unexplained"), bench_truth(BIAS, kind=kind))
+    assert (found.outcome, found.good) == (outcome, good)
+    assert found.false_rig == (("link_length@follower",) if LENGTH in named else ())
+    assert found.worst_error == (pytest.approx(0.02) if BIAS in named else None)
+
+
+@pytest.mark.parametrize(
+    ("named", "verdict", "kind", "outcome", "good"),
+    [
+        ((), "no gap", "coarse", "clear", True),
+        ((), "unexplained", "coarse", "clear", False),
+        ((), "unexplained", "coloured", "clear", True),
+        ((GAIN,), "partly explained", "coloured", "clear", True),
+        ((LENGTH,), "explained", "coloured", "false alarm", False),
+        ((SLIGHT,), "explained", "slightly-off", "clear", True),
+    ],
+)
+def test_empty_sets_of_the_bench(named: tuple[Key, ...], verdict: str, kind: Kind, outcome: str, good: bool) -> None:
+    found = score(on_bench(*named, verdict=verdict), bench_truth(kind=kind))
+    assert (found.outcome, found.good) == (outcome, good)
+
+
+def test_on_the_bench_a_gap_that_stays_and_a_value_that_is_off_are_not_good() -> None:
+    for kind in ("per-run", "large"):
+        assert not score(on_bench(BIAS, after=1.2), bench_truth(BIAS, kind=kind)).good
+    off = bench_truth(BIAS, kind="per-run")
+    twice = tuple(e.model_copy(update={"parameters": {"bias": 0.9}}) for e in off.effects)
+    assert not score(on_bench(BIAS), off.model_copy(update={"effects": twice})).good
+    assert score(on_bench(BIAS), off.model_copy(update={"effects": twice, "kind": "large"})).good
+
+
+def test_rows_of_the_bench_state_their_intervals() -> None:
+    assert wilson(9, 10) == pytest.approx((0.5958, 0.9821), abs=1e-4)
+    assert wilson(0, 60) == pytest.approx((0.0, 0.0602), abs=1e-4)
+    good, empty = score(on_bench(BIAS), bench_truth(BIAS)), score(on_bench(verdict="no gap"), bench_truth())
+    rows = {r.what: r for r in thresholds([good] * 9 + [score(on_bench(LENGTH), bench_truth(BIAS)), empty])}
+    row = rows["slightly off everywhere: what matters is named, nothing false"]
+    assert (row.count, row.of, row.met) == (9, 10, False)
+    assert row.interval == pytest.approx((0.5958, 0.9821), abs=1e-4)
+    assert rows["slightly off, nothing that matters: nothing false named"].met
+    page = board([good] * 9 + [score(on_bench(LENGTH), bench_truth(BIAS))]).files()["README.md"]
+    assert "| 9 of 10 | 90.0 % (60 to 98 %) | 95 % | NO |" in page
+    assert "friction in every joint; one or two things that matter | 10 | 0 | 9 | 1 | 10 | 2 % |" in page
+    assert "| slightly-off | 10 |" in page
+
+
+def test_a_set_of_the_bench_is_told_with_what_is_off_and_what_its_sensors_do() -> None:
+    found = bench_truth(BIAS).model_copy(update={"together": 42.0})
+    text = io.StringIO()
+    HiddenSet(truth=found, scored=score(on_bench(BIAS, LENGTH), found)).print_to(Console(file=text, width=110))
+    assert "slightly off, together 42 sigma: com_offset@coupler" in text.getvalue()
+    assert "sensors: sensor_lag@drive_torque" in text.getvalue()
+    assert "not in the set: link_length@follower" in text.getvalue()
+
+
+@pytest.mark.slow
+def test_some_sets_of_the_bench_are_diagnosed_and_scored(tmp_path: Path) -> None:
+    """A share of each family goes from its seed to a score; how many are good is the board's to say."""
+    chosen = [FIRST[kind] + k for kind in BENCH for k in (1, 5)]
+    results = run_all(chosen, tmp_path, 2)
+    assert [r.seed for r in results] == chosen
+    assert [r.kind for r in results] == [kind for kind in BENCH for _ in (1, 5)]
+    assert not [r.why for r in results if r.outcome == "failed"]
+    assert all(bool(r.truth) is (r.seed % 10 == 1) for r in results)
 
 
 @pytest.mark.slow

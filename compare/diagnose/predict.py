@@ -87,6 +87,7 @@ class Model:
         self.measured, self.rig, self.mechanism = measured, rig, mechanism
         self.courses = courses
         self._tables: dict[object, tuple[Assembly, Freedom] | None] = {}
+        self._turned: dict[object, Turning] = {}
         self._kept: OrderedDict[object, dict[str, np.ndarray]] = OrderedDict()
 
     def altered(self, run: MeasuredRun, hypothesis: Hypothesis) -> Mechanism:
@@ -164,19 +165,29 @@ class Model:
             return _balanced(assembly, turning, {}).drive_torque
 
         turns = stiffness is not None and turns_fully(assembly)
-        motors = [self.motor(run, mechanism) for run, _, _ in motions]
-        cranks = []
-        for motor, (_, time, offset) in zip(motors, motions, strict=True):
-            crank = motor.crank(time, stiffness, torque, turns)
+        seen, cranks = [], []
+        for run, time, offset in motions:
+            motor = self.motor(run, mechanism)
+            shaft = self._course(run, time) if run.drive == "measured" else motor.at(time)
+            crank = shaft if stiffness is None else motor.crank(time, stiffness, torque, turns)
+            seen.append(shaft.theta - offset)
             cranks.append(Turning(crank.theta - offset, crank.omega, crank.alpha))
         if mechanism.clearances:  # which forces are too faint for a direction is asked of each run by itself
             found = [derived(assembly, crank) for crank in cranks]
         else:
             found = _parted(derived(assembly, _joined(cranks)), [crank.theta.size for crank in cranks])
-        return [
-            signals | {self.rig.encoder: motor.at(time).theta - offset}
-            for signals, motor, (_, time, offset) in zip(found, motors, motions, strict=True)
-        ]
+        return [signals | {self.rig.encoder: angle} for signals, angle in zip(found, seen, strict=True)]
+
+    def _course(self, run: MeasuredRun, time: np.ndarray) -> Turning:
+        """What a run that follows its encoder makes of the motor at times (N,) s; kept, as it takes longer than the
+        linkage.
+        """
+        key = (run.name, float(time[0]), float(time[-1]), time.size)
+        if key not in self._turned:
+            if len(self._turned) > CACHED:
+                self._turned.clear()
+            self._turned[key] = self.courses[run.name].at(time)
+        return self._turned[key]
 
     def motor(self, run: MeasuredRun, mechanism: Mechanism) -> Motor:
         """The motor of a driven run."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 from compare.diagnose import prepare
+from compare.diagnose.colour import colours
 from compare.diagnose.data.quality import suspicious_swaps, suspicious_units
 from compare.diagnose.data.recording import Measured, MeasuredError, MeasuredRun
 from compare.diagnose.effects.effect import Effect, Rig
@@ -33,6 +34,7 @@ HORIZONS = (0.06, 0.12, 0.25, 0.5)  # shares of free runs that are explained one
 SHOWS = 0.2  # of the noise (rms), from which on links that bend are seen
 FAR = 2.0  # times the gap of the analytic model: an engine with a larger one moves in another way altogether
 OVERSTATED = 0.9  # of the noise: a smaller gap says that the noise is less than stated
+RECOLOURED = 2  # times that the colours of noise are estimated anew
 REFITS = 2  # to the engine's own difference from the analytic model
 Progress = Callable[[str, int, int | None], None]
 Noise = Mapping[tuple[str, str], float]  # 1-sigma, SI, by run and signal
@@ -227,7 +229,12 @@ class Problem:
         self.options.progress("search", 1, 4)
         if rms(self.base.residual) < OVERSTATED:
             return self.quiet()
-        data, fit, shift = self.data, self.best_fit(self.data), np.zeros(self.data.size)
+        fit = self.best_fit(self.data)
+        for _ in range(RECOLOURED):
+            if not self.coloured(fit):
+                break
+            fit = self.best_fit(self.data, [] if self.base.terms else [fit])
+        data, shift = self.data, np.zeros(self.data.size)
         for _ in range(REFITS):
             difference = self.difference(fit)
             if difference is None:
@@ -248,7 +255,38 @@ class Problem:
             # where these effects close the gap, what more the difference asks for is the engine's, not the rig's
             fit = self.best_fit(data, [fit], again=closed)
         assert self.search is not None
+        self.note_colours()
         return explain(self.search, fit)
+
+    def coloured(self, fit: Fit) -> bool:
+        """Whether what a fit leaves is noise that is not white, of colours that were not known; from then on they
+        are.
+        """
+        plain = self.data.coloured({})
+        left = plain.residual(self.analytic(fit))
+        if rms(left) <= CLOSED and not has_structure(plain, left):
+            return False
+        found = colours(plain, left)
+        if found == self.data.colours:
+            return False
+        self.data = plain.coloured(found)
+        self.fitter = Fitter(self.model, self.data, self.rig, self.fitter.bounds)
+        self.base = self.fitter.at(self.base.terms, dict(zip(self.base.terms, self.base.x, strict=True))) or self.base
+        self.search = None
+        return True
+
+    def note_colours(self) -> None:
+        """Note which sensors' noise is not white."""
+        for signal, colour in self.data.colours.items():
+            parts = ["wanders slowly"] if colour.keeps else []
+            parts += [f"hums at {frequency:g} Hz" for frequency in colour.hum]
+            unit = self.measured.signals[signal].unit
+            noise = max(self.data.noise[run.name, signal] for run in self.measured.runs if signal in run.channels)
+            size = amount(noise * colour.total, unit)
+            self.notes.append(
+                f"The noise of {signal} {' and '.join(parts) or 'is larger than stated'}, {size} (rms) in all, and does not"
+                " come back with the crank's angle: it is taken as noise of that kind, not as a fault of the linkage."
+            )
 
     def quiet(self) -> Explanation:
         """The explanation of data that are nearer to the nominal model than their noise allows: nothing is named."""
@@ -373,7 +411,10 @@ class Problem:
             for (run, signal), (size, pair) in between.items()
             if size > self.data.noise[run, signal]
         ]
-        return locate(self.data, begin.residual, angles, {key: size for key, (size, _) in between.items()})
+        plain = self.data.coloured({})
+        return locate(
+            plain, plain.residual(self.analytic(begin)), angles, {key: size for key, (size, _) in between.items()}
+        )
 
     def simulated(self, fit: Fit) -> Simulated:
         """Every run by the chosen engine under a fit's hypothesis; the last one asked for is remembered."""

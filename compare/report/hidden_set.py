@@ -50,12 +50,18 @@ def _hidden(truth: Truth) -> Iterator[str]:
         values = ", ".join(f"{name} {value:.6g}" for name, value in e.parameters.items())
         beside = f"{e.distinct:.3g} beside {e.rival}" if e.rival else "no rival"
         yield f"hidden: {e.key}: {values} ({e.total:.3g} sigma, {beside})"
+    if truth.slight:
+        keys = ", ".join(f.key for f in truth.slight)
+        yield f"slightly off, together {truth.together:.3g} sigma: {keys}"
+    for f in truth.faults:
+        values = ", ".join(f"{name} {value:.6g}" for name, value in f.parameters.items())
+        yield f"sensors: {f.key}{f': {values}' if values else ''}"
     other = truth.outside
     if other is not None:
         size = f"{other.size:.6g} {other.unit} ({other.left:.3g} sigma)"
         yield f"hidden: {other.kind}@{other.where}, outside the vocabulary: {size}"
     elif not truth.effects:
-        yield "hidden: nothing"
+        yield "hidden: nothing beside that" if truth.slight or truth.faults else "hidden: nothing"
 
 
 def _said(scored: Scored) -> Iterator[str]:
@@ -64,4 +70,6 @@ def _said(scored: Scored) -> Iterator[str]:
         yield f"named: {effect.effect}{ties}"
     for p in scored.parameters:
         yield f"    {p.parameter}: {p.found:.6g}, true {p.true:.6g}{'' if p.covered else ', outside the 95 % interval'}"
+    if scored.false_rig:
+        yield f"not in the set: {', '.join(scored.false_rig)}"
     yield f"{'good' if scored.good else 'not good'}: {scored.outcome}; {scored.why or scored.verdict}"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from analytic.mechanism.one_line import count
-from compare.evidence.scoreboard.score import DISTINCT
+from compare.evidence.scoreboard.score import DISTINCT, closed
 from compare.report.figures import Axis, Figure, Series
 from compare.report.svg import draw
 from compare.results.scoreboard import Hidden, Scoreboard, Scored, Threshold, Value
@@ -108,6 +108,7 @@ def page(board: Scoreboard) -> str:
         *_outcomes("Outside the vocabulary", [r for r in results if r.kind == "outside"], lambda r: [str(r.outside)]),
         "",
         "![Each set with effects: sigmas of its faintest signature, and what the best rival leaves](sizes.svg)",
+        *_bench(results),
         *_per_engine(board.by_simulator),
         *_errors(effects),
         *_failures(board.results),
@@ -139,6 +140,55 @@ def _outcomes(title: str, results: Sequence[Scored], groups: Callable[[Scored], 
     yield from ("", f"## {title}", "", f"| | {' | '.join(columns)} |", "|---|" + "--:|" * len(columns))
     for group in sorted(found, key=_in_order):
         yield f"| {group} | " + " | ".join(str(found[group][c] or "") for c in columns) + " |"
+
+
+FAMILIES: Mapping[str, str] = {
+    "slightly-off": "lengths 0.1 to 0.3 mm off, masses 1 %, coms 0.5 mm, friction in every joint; one or two things"
+    " that matter",
+    "coarse": "encoders of 1000 to 4096 counts, 5 to 25 deg of crank a sample, uneven speed, stamps that jitter",
+    "coloured": "drift, 1/f noise, hum at 50 Hz, filters of 20 to 50 Hz",
+    "per-run": "in each run its own zero of the encoder, tares, in some a clock; one amplifier's lag",
+    "large": "what is missing changes the motion, or most of the forces",
+}
+
+
+def _bench(results: Sequence[Scored]) -> Iterator[str]:
+    """The families of the bench: what they are, and what was scored beside the outcome."""
+    found = {kind: [r for r in results if r.kind == kind] for kind in FAMILIES}
+    if not any(found.values()):
+        return
+    yield from ("", "## Sets as unkind as a bench", "")
+    yield "One set in six of each family is empty: nothing is hidden in it but what is unkind in all of them. Intervals"
+    yield "above are 95 % (Wilson). *Error* is the largest of an effect's parameters, where it is named itself."
+    yield from ("", "| family | sets | empty | named or tied | false effect of the rig | gap closed | median error |")
+    yield "|---|--:|--:|--:|--:|--:|--:|"
+    for kind, words in FAMILIES.items():
+        sets = found[kind]
+        full = [r for r in sets if r.truth]
+        errors = sorted(r.worst_error for r in full if r.worst_error is not None)
+        middle = f"{100 * errors[len(errors) // 2]:.2g} %" if errors else ""
+        named, false = sum(r.named_all for r in full), sum(bool(r.false_rig) for r in sets)
+        cells = (f"{kind}: {words}", len(sets), len(sets) - len(full), named, false, sum(map(closed, full)), middle)
+        if sets:
+            yield "| " + " | ".join(str(cell) for cell in cells) + " |"
+    every = [r for sets in found.values() for r in sets]
+    yield from _outcomes("Sets of the bench, by effect", every, lambda r: [e.effect.split("@")[0] for e in r.truth])
+    yield from _verdicts(found)
+
+
+def _verdicts(found: Mapping[str, Sequence[Scored]]) -> Iterator[str]:
+    """How often each verdict was given, by family, with something to be named and without."""
+    groups = {
+        f"{kind}{'' if full else ', empty'}": [r.verdict for r in sets if bool(r.truth) is full]
+        for kind, sets in found.items()
+        for full in (True, False)
+    }
+    columns = sorted({verdict for verdicts in groups.values() for verdict in verdicts})
+    yield from ("", "## Sets of the bench, by verdict", "")
+    yield from (f"| | {' | '.join(columns)} |", "|---|" + "--:|" * len(columns))
+    for name, verdicts in groups.items():
+        if verdicts:
+            yield f"| {name} | " + " | ".join(str(verdicts.count(c) or "") for c in columns) + " |"
 
 
 def _per_engine(by_simulator: Mapping[str, Sequence[Threshold]]) -> Iterator[str]:

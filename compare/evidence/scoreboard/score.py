@@ -167,7 +167,7 @@ def _on_bench(
     """The outcome, and what else is scored."""
     said, simpler = _simpler(truth, found, true)
     right = true.union(*simpler.values(), {(f.name, f.where) for f in (*truth.slight, *truth.faults)})
-    false = [key for key, ties in found.items() if key not in right and not ties & right]
+    false = [key for key, ties in found.items() if not any(_among(right, k) for k in (key, *ties))]
     rig = tuple("@".join(key) for key in false if not of_sensor(key[0]))
     everything = all(key in said or simpler.get(key) for key in true)
     more: dict[str, object] = {"named_all": everything, "false_rig": rig}
@@ -179,6 +179,12 @@ def _on_bench(
     if false:
         return "wrong", more
     return ("exact" if true <= set(found) else "tie") if everything else "incomplete", more
+
+
+def _among(right: set[Key], key: Key) -> bool:
+    """Whether an effect is one of these; one of several signals (``drive_torque+reaction_A_x``) where it is at each."""
+    name, where = key
+    return key in right or all((name, part) in right for part in where.split("+"))
 
 
 def _worst_error(diagnosis: Diagnosis, truth: Truth) -> float | None:

@@ -35,7 +35,6 @@ from compare.evidence.scoreboard.bench.rig import (
 from compare.evidence.scoreboard.bench.sensors import white
 from compare.evidence.scoreboard.bench.sigmas import Ruler
 from compare.evidence.scoreboard.rigs import CASES, Experiment, Plan, Rejected, draw_log
-from compare.evidence.scoreboard.score import DISTINCT
 from compare.evidence.scoreboard.sizes import Planted
 
 EFFECTS = (
@@ -59,8 +58,11 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
     ruler = Ruler(experiment)
     free = [encoder_zeros(ruler), of_channels(experiment, 0, amplified), lagging(ruler, amplified)]
     nuisances = np.column_stack([*free, *([late_clocks(ruler)] if clocks else [])])
-    truth = [] if is_empty(k) else [grown(rng, experiment, EFFECTS[turn_of(k) % len(EFFECTS)], LEAST, 10 * MOST)]
-    judged = ruler.judged(truth, (), nuisances)
+    name = EFFECTS[turn_of(k) % len(EFFECTS)]
+    revolute = [j.name for j in experiment.nominal.joints if not j.prismatic]
+    where = str(rng.choice(revolute)) if name == "joint_spring" else None
+    truth = [] if is_empty(k) else [grown(rng, experiment, name, LEAST, 10 * MOST, where)]
+    judged = ruler.judged(truth, (), nuisances, LEAST)
     _known(ruler, judged, nuisances)
     source = draw_player(rng, simulator, [VOCABULARY[e.name] for e in judged])
     lag = draw_log(rng, *LAG)
@@ -111,7 +113,7 @@ def _plans(rng: np.random.Generator, experiment: Experiment, follows: bool) -> t
 def _known(ruler: Ruler, judged: tuple[Planted, ...], nuisances: np.ndarray) -> None:
     """Raises Rejected for an effect that these data do not tell from others, or not well enough."""
     for effect in judged:
-        if not LEAST <= effect.distinct <= MOST or effect.distinct < DISTINCT:
+        if effect.distinct > MOST:
             raise Rejected(f"{effect.name} is left with {effect.distinct:.3g} sigma")
         if ruler.uncertainty(effect, nuisances) > KNOWN:
             raise Rejected(f"the parameters of {effect.name} are not known well enough")

@@ -1,7 +1,8 @@
 """How well an effect shows beside its best rival and all that the family allows for: nuisances of sensors, and what is
 slightly off.
 
-Everything is linear about the nominal rig, by the analytic model.  ``distinct`` of an effect: with r the sigmas
+Everything is linear about the nominal rig, by the analytic model, but a payload as a rival, which is fitted in
+full.  ``distinct`` of an effect: with r the sigmas
 that are left once a rival, the other true effects and the nuisances are fitted to the data, and r0 those once the
 true effect is, the smallest sqrt(r^2 - r0^2) of all rivals.
 """
@@ -13,11 +14,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import least_squares
 
+from compare.diagnose.effects.bodies import Payload
 from compare.diagnose.effects.effect import Values
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.predict import Term
 from compare.evidence.scoreboard.rigs import Experiment, Rejected
+from compare.evidence.scoreboard.score import DISTINCT
 from compare.evidence.scoreboard.sizes import Planted, Sizer, left
 
 # the vocabulary of the first scoreboard, so that a set stays what it is when the vocabulary grows
@@ -69,78 +73,109 @@ class Ruler:
             return None
         return np.column_stack([f - base for f in found if f is not None])
 
-    def rivals(self) -> list[tuple[Term, np.ndarray]]:
-        """Every effect at every place with its changes."""
-        rig, found = self.sizer.rig, []
-        for name in RIVALS:
-            effect = VOCABULARY[name]
-            for where in effect.places(rig):
-                for variant in effect.variants(rig, where):
-                    term = Term(effect, where, variant)
-                    columns = self.columns(term)
-                    if columns is not None:
-                        found.append((term, columns))
-        return found
+    def rivals(self, truth: Sequence[Planted]) -> list[Term]:
+        """Every other effect at every place; first those at the same places, which are likely to look the same."""
+        rig, true = self.sizer.rig, {(t.name, t.where) for t in truth}
+        effects = [VOCABULARY[name] for name in RIVALS]
+        terms = [Term(e, w, v) for e in effects for w in e.places(rig) for v in e.variants(rig, w)]
+        places = {t.where for t in truth}
+        return sorted((t for t in terms if t.key not in true), key=lambda t: (t.effect.slow, t.where not in places))
 
     def judged(
-        self, truth: Sequence[Planted], slight: Sequence[Planted] = (), nuisances: np.ndarray | None = None
+        self,
+        truth: Sequence[Planted],
+        slight: Sequence[Planted] = (),
+        nuisances: np.ndarray | None = None,
+        least: float = DISTINCT,
     ) -> tuple[Planted, ...]:
-        """The true effects with their sizes, ``nuisances`` (N, k) and the others free to move."""
+        """The true effects with their sizes, ``nuisances`` (N, k) and the others free to move.
+
+        Raises Rejected where one of them is not told from a rival by ``least`` sigmas.
+        """
         if not truth:
             return ()
-        rivals = self.rivals()
-        known = {(t.effect.name, t.where): c for t, c in rivals}
-        free = np.zeros((0, 0)) if nuisances is None else nuisances
-        off = self.signature(slight) if slight else 0.0 * self.signature(truth[:1])
-        out = []
-        for thing in truth:
-            others = [known[t.name, t.where] for t in truth if t is not thing and (t.name, t.where) in known]
-            base = np.column_stack([c for c in (free, *others) if c.size]) if free.size or others else None
-            whole = off + self.signature([thing])
-            right = _rest(off, base)
-            best, rival = _rest(whole, base), None
-            for term, columns in rivals:
-                if term.key in {(t.name, t.where) for t in truth}:
-                    continue
-                rest = _rest(whole, columns if base is None else np.column_stack([base, columns]))
-                if rest < best:
-                    best, rival = rest, term.label
-            distinct = math.sqrt(max(best**2 - right**2, 0.0))
-            total = float(np.linalg.norm(self.signature([thing])))
-            out.append(replace(thing, total=total, linear=distinct, distinct=distinct, rival=rival))
-        return tuple(out)
+        own = [self.columns(_term(t)) for t in truth]
+        off = self.signature(slight) if slight else np.zeros(self.nominal.size)
+        free = [] if nuisances is None else [nuisances]
+        bases, wholes, right = [], [], []
+        for i, thing in enumerate(truth):
+            others = [c for k, c in enumerate(own) if k != i and c is not None]
+            bases.append(np.column_stack([np.zeros((off.size, 0)), *free, *others]))
+            wholes.append(off + self.signature([thing]))
+            right.append(left(off, bases[i]))
+        best = [left(whole, base) for whole, base in zip(wholes, bases, strict=True)]
+        names: list[str | None] = [None] * len(best)
+        for term in self.rivals(truth):
+            columns = self.columns(term)
+            for i in range(len(best) if columns is not None else 0):
+                assert columns is not None
+                rest = left(wholes[i], np.column_stack([bases[i], columns]))
+                if rest < best[i] and isinstance(term.effect, Payload):
+                    rest = self.left_by_payload(term, wholes[i], bases[i])
+                if rest < best[i]:
+                    best[i], names[i] = rest, term.label
+                if best[i] ** 2 - right[i] ** 2 < least**2:
+                    raise Rejected(f"{truth[i].name} is not told from {term.label}")
+        found = []
+        for thing, rest, none, rival in zip(truth, best, right, names, strict=True):
+            distinct, total = math.sqrt(rest**2 - none**2), float(np.linalg.norm(self.signature([thing])))
+            found.append(replace(thing, total=total, linear=distinct, distinct=distinct, rival=rival))
+        return tuple(found)
+
+    def left_by_payload(self, term: Term, whole: np.ndarray, base: np.ndarray) -> float:
+        """Sigmas that the best payload with a mass leaves: small payloads span more than any one of them can be, such
+        as a centre of mass elsewhere.
+        """
+        rig, free = self.sizer.rig, _basis(base)
+        scale = np.asarray(term.effect.scales(rig, term.where), float)
+
+        def residual(x: np.ndarray) -> np.ndarray:
+            values = term.effect.values(rig, term.where, x * scale)
+            rest = whole - self.signature([Planted(term.effect.name, term.where, values)])
+            return np.asarray(rest - free @ (free.T @ rest))
+
+        low = np.array([0.0, -np.inf, -np.inf])
+        fits = [
+            least_squares(residual, [5.0, along, normal], bounds=(low, np.inf), max_nfev=12)
+            for along, normal in ((0.5, 0.5), (-0.5, -0.5))
+        ]
+        return min(math.sqrt(2 * fit.cost) for fit in fits)
 
     def uncertainty(self, thing: Planted, nuisances: np.ndarray, step: float = 1e-3) -> float:
-        """One sigma of the effect's parameters over their size, nuisances free: the worst group of one unit."""
-        names, groups = list(thing.values), units_of(thing)
+        """One sigma of the effect's parameters over their size, nuisances free; parameters of one unit are one vector,
+        angles are in rad.  Infinite where the data do not tell one at all.
+        """
+        names, units = list(thing.values), {p.name: p.unit for p in VOCABULARY[thing.name].parameters}
+        groups = {name: tuple(n for n in names if units[n] == units[name]) for name in names}
         columns = []
         for name in names:
-            size = math.hypot(*(thing.values[n] for n in groups[name]))
+            angle = units[name] == "rad"
+            size = 1.0 if angle else math.hypot(*(thing.values[n] for n in groups[name]))
             ends = [
                 self.signature([replace(thing, values={**thing.values, name: thing.values[name] + s * step * size})])
                 for s in (-1, 1)
             ]
             columns.append((ends[1] - ends[0]) / (2 * step))  # over a change as large as the parameter
-        jacobian = np.column_stack([*columns, nuisances]) if nuisances.size else np.column_stack(columns)
-        scale = np.linalg.norm(jacobian, axis=0)
-        scale[scale == 0] = 1.0
-        unit = jacobian / scale
-        covariance = np.linalg.pinv(unit.T @ unit, rcond=1e-12)
-        sigmas = np.sqrt(np.diag(covariance)[: len(names)]) / scale[: len(names)]
+        own = np.column_stack(columns)
+        if nuisances.size:
+            basis = _basis(nuisances)
+            own = own - basis @ (basis.T @ own)
+        _, sizes, turn = np.linalg.svd(own, full_matrices=False)
+        if sizes[-1] < 1e-9 * sizes[0]:
+            return math.inf
+        sigmas = np.sqrt(np.sum((turn / sizes[:, None]) ** 2, axis=0))
         return max(
             math.hypot(*(sigmas[names.index(n)] for n in group)) for group in {tuple(g) for g in groups.values()}
         )
 
 
-def units_of(thing: Planted) -> dict[str, tuple[str, ...]]:
-    """For each parameter those of the same unit, itself among them: a vector is judged by its length."""
-    unit = {p.name: p.unit for p in VOCABULARY[thing.name].parameters}
-    return {name: tuple(n for n in thing.values if unit[n] == unit[name]) for name in thing.values}
+def _basis(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal columns that span these, (N, k)."""
+    if not columns.shape[1]:
+        return columns
+    basis, sizes, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0).clip(1e-12), full_matrices=False)
+    return np.asarray(basis[:, sizes > 1e-9 * sizes[0]])
 
 
 def _term(thing: Planted) -> Term:
     return Term(VOCABULARY[thing.name], thing.where)
-
-
-def _rest(residual: np.ndarray, columns: np.ndarray | None) -> float:
-    return float(np.linalg.norm(residual)) if columns is None else left(residual, columns)
