@@ -284,8 +284,8 @@ class Problem:
             noise = max(self.data.noise[run.name, signal] for run in self.measured.runs if signal in run.channels)
             size = amount(noise * colour.total, unit)
             self.notes.append(
-                f"The noise of {signal} {' and '.join(parts) or 'is larger than stated'}, {size} (rms) in all, and does not"
-                " come back with the crank's angle: it is taken as noise of that kind, not as a fault of the linkage."
+                f"The noise of {signal} {' and '.join(parts) or 'is larger than stated'}, {size} (rms) in all, and does"
+                " not come back with the crank's angle: it is taken as noise of that kind, not as a fault of the linkage."
             )
 
     def quiet(self) -> Explanation:
