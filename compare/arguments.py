@@ -97,6 +97,13 @@ def number(given: object, called: str, unit: str) -> float:
     raise ArgumentError(called, f"{quoted(given)} cannot be used; give one number ({unit})")
 
 
+def seconds(given: object, called: str) -> float:
+    """A time (s) of more than nothing.  Raises ArgumentError."""
+    if isinstance(given, Real) and not isinstance(given, bool) and 0 < float(given) < math.inf:
+        return float(given)
+    raise ArgumentError(called, f"{quoted(given)} cannot be used; give a number of seconds above 0")
+
+
 def names(given: object, called: str, least: int = 0) -> tuple[str, ...]:
     """Names, each once, at least so many; a single text is one name.  Raises ArgumentError."""
     found = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else None

@@ -46,6 +46,10 @@ def diagnose(
     others: Annotated[
         Others, typer.Option(help="Engines that simulate the explanation too: every installed one, or none.")
     ] = Others.all,
+    budget: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="End the search then, with the best so far [when it is done]."),
+    ] = None,
     json: Json = False,
     quiet: Quiet = False,
     workers: Annotated[
@@ -73,6 +77,7 @@ def diagnose(
                 exclude=exclude or (),
                 others=others is Others.all,
                 workers=workers,
+                budget=budget,
                 progress=progress,
             )
         publish(

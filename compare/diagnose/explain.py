@@ -96,7 +96,7 @@ def explain(search: Search, fit: Fit) -> Explanation:
     for last in (False, False, True):
         fit, weights, found, fell = pruned(search, fit)
         attempts += fell
-        named = tuple(rivalled(search, fit, weights, n) for n in found)
+        named = tuple(n if search.late() else rivalled(search, fit, weights, n) for n in found)
         better = [rival for n in named for _, rival in n.ties if search.beats(rival, fit)]
         if last or not better:
             break
@@ -104,7 +104,7 @@ def explain(search: Search, fit: Fit) -> Explanation:
     named = shared_out(search, fit, sorted(named, key=lambda n: -n.chi2_gain))
     structured = has_structure(data, fit.residual, MODEL if named else SLIGHT)
     said = verdict(fit, named, structured)
-    if said not in ("no gap", "explained"):
+    if said not in ("no gap", "explained") and not search.late():
         attempts += beside(search, fit, weights, {a.term.key for a in attempts})
     keys = {n.term.key for n in named}
     ranked = sorted((a for a in attempts if a.term.key not in keys), key=lambda a: -a.share)

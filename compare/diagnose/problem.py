@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -50,6 +51,7 @@ class Options:
 
     ``simulator`` is the chosen engine; ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects
     beside the vocabulary; with ``others`` every installed engine simulates too, in as many processes as ``workers``.
+    The search ends ``budget`` seconds after it ``began`` (None: when it is done), with the best so far.
     """
 
     simulator: str
@@ -59,6 +61,12 @@ class Options:
     others: bool = True
     workers: int | None = None
     progress: Progress = silent
+    budget: float | None = None
+    began: float = field(default_factory=time.monotonic)
+
+    def late(self) -> bool:
+        """Whether the budget is spent."""
+        return self.budget is not None and time.monotonic() - self.began > self.budget
 
     @property
     def vocabulary(self) -> Mapping[str, Effect]:
@@ -123,6 +131,7 @@ class Problem:
     notes: list[str] = field(default_factory=list)
     nominal: Callable[[], dict[str, Simulated]] = dict  # what the other engines say of the nominal mechanism
     search: Search | None = None
+    complete: bool = True  # whether the search ended by itself, not by its budget
     remembered: tuple[list[tuple[Term, dict[str, float]]], Simulated] | None = None
 
     @classmethod
@@ -231,12 +240,12 @@ class Problem:
             return self.quiet()
         fit = self.best_fit(self.data)
         for _ in range(RECOLOURED):
-            if not self.coloured(fit):
+            if self.options.late() or not self.coloured(fit):
                 break
             fit = self.best_fit(self.data, [] if self.base.terms else [fit])
         data, shift = self.data, np.zeros(self.data.size)
         for _ in range(REFITS):
-            difference = self.difference(fit)
+            difference = None if self.options.late() else self.difference(fit)
             if difference is None:
                 break
             change = self.largest_rms(difference - shift)
@@ -256,6 +265,7 @@ class Problem:
             fit = self.best_fit(data, [fit], again=closed)
         assert self.search is not None
         self.note_colours()
+        self.complete = not self.options.late()
         return explain(self.search, fit)
 
     def coloured(self, fit: Fit) -> bool:
@@ -284,8 +294,8 @@ class Problem:
             noise = max(self.data.noise[run.name, signal] for run in self.measured.runs if signal in run.channels)
             size = amount(noise * colour.total, unit)
             self.notes.append(
-                f"The noise of {signal} {' and '.join(parts) or 'is larger than stated'}, {size} (rms) in all, and does"
-                " not come back with the crank's angle: it is taken as noise of that kind, not as a fault of the linkage."
+                f"The noise of {signal} {' and '.join(parts) or 'is larger than stated'}, {size} (rms) in all. It does"
+                " not come back with the crank's angle: it is taken as noise of that kind, not as a fault of the rig."
             )
 
     def quiet(self) -> Explanation:
@@ -330,6 +340,8 @@ class Problem:
         fresh = free and not first
         first = self.begun(cost) if fresh else first
         for share in HORIZONS if fresh and not self.close(data, first) else ():
+            if self.options.late():
+                break
             search = self.prepared(data.until(share), cost, wanted, free)
             first = search.leaders(search.best(first))
         self.search = self.prepared(data, cost, wanted, free)
@@ -371,7 +383,16 @@ class Problem:
             found = dict(self.search.sensitivities)  # differences of residuals: a shift of the data does not touch them
         else:
             found = {} if free else sensitivities(fitter, base, wanted)
-        return Search(fitter, base, found, cost, nonlinear=free)
+        progress = self.options.progress
+        return Search(
+            fitter,
+            base,
+            found,
+            cost,
+            nonlinear=free,
+            late=self.options.late,
+            tell=lambda sets: progress(f"search, {sets} sets of effects fitted", 1, 4),
+        )
 
     # ---------------------------------------------------------------- simulation in full
 
@@ -383,16 +404,19 @@ class Problem:
         begin = (
             self.base if explanation.named else fit
         )  # free runs without a gap are released from where all of the data say
-        known = begin.values(self.rig) == self.base.values(self.rig)
-        nominal = self.nominal() if known else self.engine_runs.simulate(begin.values(self.rig), self.engines[1:])
-        before = {self.simulator: self.simulated(begin)} | nominal
-        others = nominal if begin is fit else self.engine_runs.simulate(hypothesis, self.engines[1:])
-        after = {self.simulator: self.simulated(fit)} | others
-        readings = after[self.simulator].readings
+        chosen = {"before": self.simulated(begin), "after": self.simulated(fit)}
+        readings = chosen["after"].readings
         if explanation.verdict in ("explained", "ambiguous") and (
             readings is None or rms(self.data.residual(readings)) > CLOSED
         ):
             explanation = replace(explanation, verdict="partly explained")
+        if self.engines[1:]:
+            self.options.progress(f"{explanation.verdict} by {self.simulator}, asking the others", 3, 4)
+        known = begin.values(self.rig) == self.base.values(self.rig)
+        nominal = self.nominal() if known else self.engine_runs.simulate(begin.values(self.rig), self.engines[1:])
+        others = nominal if begin is fit else self.engine_runs.simulate(hypothesis, self.engines[1:])
+        before = {self.simulator: chosen["before"]} | nominal
+        after = {self.simulator: chosen["after"]} | others
         explained = altered(self.measured.mechanism, [h for h in hypothesis if not h[0].effect.sensor])
         agreement = {name: self.agreement(s, explanation.fit) for name, s in after.items()}
         stretches = self.located(begin, before)

@@ -60,6 +60,7 @@ if TYPE_CHECKING:
 INSEPARABLE = 0.999  # cosine between two sensitivities
 LISTED = 40  # pairs
 PLACES = 3  # told in the story; the page lists all
+BUDGET = "The budget of {:g} s ended the search: this is the best so far, and what ties with it was not looked for."
 SIDES: tuple[Side, ...] = ("before", "after")
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
 
@@ -101,8 +102,10 @@ def as_document(problem: Problem, found: Verified, validation: Validation) -> Di
         mechanism=problem.measured.mechanism,
         explained=found.explained,
         steps=(),
+        complete=problem.complete,
     )
-    told = {"statement": statement(result, e, failure), "candidates": _candidates(problem, found, result)}
+    cut = "" if problem.complete else f" {BUDGET.format(problem.options.budget)}"
+    told = {"statement": statement(result, e, failure) + cut, "candidates": _candidates(problem, found, result)}
     result = result.model_copy(update=told)
     return result.model_copy(update={"steps": _steps(problem, found, result)})
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from compare.diagnose.sensitivities import Screen, Sensitivity, sensitivities
 
 CHANCE = 1e-3  # probability that noise alone names anything at all
 MOST = 4  # effects of the rig at once
-FAULTS = 8  # of sensors, beside them
+FAULTS = 16  # of sensors, beside them
 FITTED = 9  # sets of each size that are fitted in full
 DEEP = 2  # the same, of sets with more than MOST
 ROUNDS = 5
@@ -57,6 +57,8 @@ class Search:
     cost: Mapping[Term, float]
     nonlinear: bool = False  # sensitivities hold only near the fit they were taken about (free runs)
     surveyed: Fit | None = None
+    late: Callable[[], bool] = lambda: False  # whether the time for it is over: what is best so far is taken then
+    tell: Callable[[int], None] = lambda sets: None  # after so many sets of effects
 
     @property
     def rig(self) -> Rig:
@@ -88,7 +90,7 @@ class Search:
         for _ in range(ROUNDS):
             before = best
             best = self.climb(self.screen(best), best)
-            if set(best.terms) == set(before.terms):
+            if set(best.terms) == set(before.terms) or self.late():
                 break
         return best
 
@@ -106,17 +108,16 @@ class Search:
         """Fit the screen's best sets of each size until one more effect does not pay."""
         behind = 0
         for level in screen.best_sets(MOST, FAULTS, self.cost):
-            fits = [
-                self.fitted(screen, chosen)
-                for k, (net, chosen) in enumerate(level[: FITTED if len(level[0][1]) <= MOST else DEEP])
-                if k < FIRST or net > level[0][0] - MARGIN
-            ]
             improved = False
-            for fit in fits:
+            for k, (net, chosen) in enumerate(level[: FITTED if len(level[0][1]) <= MOST else DEEP]):
+                if self.late() or (k >= FIRST and net <= level[0][0] - MARGIN):
+                    break
+                fit = self.fitted(screen, chosen)
+                self.tell(len(self.fitter.done()))
                 if fit is not None and self.beats(fit, best):
                     best, improved = fit, True
             behind = 0 if improved or len(level[0][1]) <= len(best.named()) else behind + 1
-            if behind == 2:
+            if behind == 2 or self.late():
                 break
         return best
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from analytic.mechanism import MechanismWarning
 from analytic.mechanism.errors import quoted
-from compare.arguments import Names, flag, names, one_engine, path, whole
+from compare.arguments import Names, flag, names, one_engine, path, seconds, whole
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
@@ -29,7 +29,7 @@ def _trying() -> Iterator[None]:
 
 
 @_trying()
-def diagnose(
+def diagnose(  # noqa: PLR0913 - what a person may ask, by name
     measured: Measured | str | Path,
     simulator: str = "mujoco",
     *,
@@ -38,6 +38,7 @@ def diagnose(
     own: Sequence[Effect] = (),
     others: bool = True,
     workers: int | None = None,
+    budget: float | None = None,
     progress: Progress = silent,
 ) -> Diagnosis:
     """Find which effects the data want that the mechanism lacks.
@@ -45,7 +46,8 @@ def diagnose(
     ``measured`` is a recording, or the path of a measured.toml (or of its folder); ``simulator`` the engine that
     simulates before and after.  ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects beside
     the vocabulary.  With ``others`` every installed engine simulates the explanation too.  Simulations run in
-    ``workers`` processes (two, or the cores that there are).
+    ``workers`` processes (two, or the cores that there are).  After ``budget`` seconds the search ends with the best so
+    far, and the result says so.
 
     Raises ArgumentError, MeasuredError for data that cannot be what they say, Unsupported or SimulatorMissing for the
     simulator, SimulationError where it fails on the nominal mechanism.
@@ -60,6 +62,7 @@ def diagnose(
         flag(others, "others"),
         None if workers is None else whole(workers, "workers", 1),
         progress,
+        None if budget is None else seconds(budget, "budget"),
     )
     data = measured if isinstance(measured, Measured) else load_measured(path(measured, "measured"))
     data, unfitted = parted(data)
