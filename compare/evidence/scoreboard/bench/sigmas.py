@@ -156,7 +156,7 @@ class Ruler:
             least_squares(
                 lambda x: rest(whole - signature(x)), start, bounds=(low, np.inf), x_scale=np.abs(start) + 0.1
             )
-            for s in starts
+            for start in starts
         ]
         return min(math.sqrt(2 * fit.cost) for fit in fits)
 
