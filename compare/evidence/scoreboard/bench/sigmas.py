@@ -123,7 +123,7 @@ class Ruler:
         return tuple(found)
 
     def left_by_payload(self, term: Term, whole: np.ndarray, base: np.ndarray, columns: np.ndarray) -> float:
-        """Sigmas that the best payload with a mass leaves: small payloads, ``columns`` (N, 4), span more than any one of
+        """Sigmas that the best payload with a mass leaves: small ones, ``columns`` (N, 4), span more than any one of
         them can be, such as a centre of mass elsewhere.
 
         It is looked for from what the small ones say, and from the best of a grid over the body.
