@@ -24,6 +24,7 @@ from compare.diagnose.effects.sensors import EncoderOffset
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fitter
 from compare.diagnose.predict import Term
+from compare.diagnose.problem import Options, Problem
 from compare.evidence.scoreboard import check
 from compare.evidence.scoreboard.bench.coarse import EFFECTS, effect_of
 from compare.evidence.scoreboard.bench.large import draw as draw_large
@@ -516,6 +517,24 @@ def test_sets_of_the_bench_have_what_their_family_says(kind: Kind, tmp_path: Pat
     if kind in ("coarse", "large"):
         assert found.slight == found.faults == ()
     assert found.effects
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [FIRST["slightly-off"], FIRST["per-run"] + 3, FIRST["per-run"] + 8])
+def test_the_sealed_truth_with_all_that_is_off_leaves_white_noise(seed: int, tmp_path: Path) -> None:
+    """The diagnosis' own model with everything in the seal, against what was played here without it."""
+    found = make_set(seed, tmp_path / "data", tmp_path / "seal")
+    measured = load_measured(tmp_path / "data" / "measured.toml")
+    problem = Problem.of(measured, measured.mechanism, Options("mujoco", others=False, workers=1))
+    faults_ = [f for f in (*found.slight, *found.faults) if f.name != "sensor_delay"]  # another word for the lag
+    things = [(e.name, e.where, dict(e.parameters)) for e in (*found.effects, *faults_)]
+    truth_ = [(Term(VOCABULARY[n], w, float(any("@" in p for p in v))), v) for n, w, v in things]
+    (predicted,) = problem.model([truth_])
+    assert predicted is not None
+    for run, seen in zip(measured.runs, predicted, strict=True):
+        for signal, channel in run.channels.items():
+            rest = (channel.values - seen[signal]) / found.noise[signal]
+            assert 0.75 < float(np.sqrt(np.mean(rest**2))) < 1.3, (run.name, signal)
 
 
 def test_coarse_sets_go_through_their_effects_in_order() -> None:

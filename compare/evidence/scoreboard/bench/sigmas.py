@@ -111,7 +111,7 @@ class Ruler:
                 assert columns is not None
                 rest = left(wholes[i], np.column_stack([bases[i], columns]))
                 if rest < best[i] and isinstance(term.effect, Payload):
-                    rest = self.left_by_payload(term, wholes[i], bases[i])
+                    rest = self.left_by_payload(term, wholes[i], bases[i], columns)
                 if rest < best[i]:
                     best[i], names[i] = rest, term.label
                 if best[i] ** 2 - right[i] ** 2 < least**2:
@@ -122,22 +122,41 @@ class Ruler:
             found.append(replace(thing, total=total, linear=distinct, distinct=distinct, rival=rival))
         return tuple(found)
 
-    def left_by_payload(self, term: Term, whole: np.ndarray, base: np.ndarray) -> float:
-        """Sigmas that the best payload with a mass leaves: small payloads span more than any one of them can be, such
-        as a centre of mass elsewhere.
+    def left_by_payload(self, term: Term, whole: np.ndarray, base: np.ndarray, columns: np.ndarray) -> float:
+        """Sigmas that the best payload with a mass leaves: small ones, ``columns`` (N, 4), span more than any one of
+        them can be, such as a centre of mass elsewhere.
+
+        It is looked for from what the small ones say, and from the best of a grid over the body.
         """
         rig, free = self.sizer.rig, _basis(base)
         scale = np.asarray(term.effect.scales(rig, term.where), float)
 
-        def residual(x: np.ndarray) -> np.ndarray:
-            values = term.effect.values(rig, term.where, x * scale)
-            rest = whole - self.signature([Planted(term.effect.name, term.where, values)])
-            return np.asarray(rest - free @ (free.T @ rest))
+        def rest(values: np.ndarray) -> np.ndarray:
+            return np.asarray(values - free @ (free.T @ values))
 
+        def signature(x: np.ndarray) -> np.ndarray:
+            return self.signature(
+                [Planted(term.effect.name, term.where, term.effect.values(rig, term.where, x * scale))]
+            )
+
+        wanted, starts = rest(whole), []
+        linear = np.linalg.lstsq(rest(columns), wanted, rcond=None)[0]
+        first = term.effect.start(rig, term.where, linear)
+        if first[0] > 0:
+            starts.append(first / scale)
+        grid = []
+        for along in np.linspace(-2.0, 2.0, 9):
+            for normal in (-1.0, 0.0, 1.0):
+                shape = rest(signature(np.array([1.0, along, normal])))
+                mass = max(float(shape @ wanted) / max(float(shape @ shape), 1e-30), 1e-3)
+                grid.append((float(np.linalg.norm(wanted - mass * shape)), mass, along, normal))
+        starts.append(np.array(min(grid)[1:]))
         low = np.array([0.0, -np.inf, -np.inf])
         fits = [
-            least_squares(residual, [5.0, along, normal], bounds=(low, np.inf), max_nfev=12)
-            for along, normal in ((0.5, 0.5), (-0.5, -0.5))
+            least_squares(
+                lambda x: rest(whole - signature(x)), start, bounds=(low, np.inf), x_scale=np.abs(start) + 0.1
+            )
+            for start in starts
         ]
         return min(math.sqrt(2 * fit.cost) for fit in fits)
 
