@@ -237,6 +237,27 @@ def _swiftest(run: MeasuredRun, signal: str) -> float:
     return float(np.max(np.abs(step / (run.time[here[lag:]] - run.time[here[:-lag]])), initial=0.0))
 
 
+def on_one_turn(measured: Measured) -> Measured:
+    """Free runs moved by whole turns to about the same angle, within half a turn of zero: an encoder does not know in
+    which turn it is, and a spring that a model lacks does.  Where the model has a spring, runs stay.
+    """
+    encoder = f"{measured.mechanism.driven}_angle"
+    if any(joint.stiffness for joint in measured.mechanism.joints):
+        return measured
+    runs, about = [], 0.0
+    for run in measured.runs:
+        if run.drive == "free" and encoder in run.channels:
+            channel = run.channels[encoder]
+            middle = float(np.nanmedian(channel.values))
+            turns = middle - float(turned_near(np.array(middle), about))
+            about = middle - turns
+            if turns:
+                moved = {**run.channels, encoder: replace(channel, values=channel.values - turns)}
+                run = replace(run, channels=moved, start={**run.start, encoder: run.start[encoder] - turns})
+        runs.append(run)
+    return replace(measured, runs=tuple(runs))
+
+
 def unturned(measured: Measured, model: Model, starts: Mapping[Term, np.ndarray]) -> Measured:
     """Measured angles moved by whole turns to where the model has them."""
     found = model([[(t, t.effect.values(model.rig, t.where, x)) for t, x in starts.items()]])[0]

@@ -138,7 +138,7 @@ class Problem:
     def of(cls, measured: Measured, mechanism: Mechanism, options: Options) -> Problem:
         """Prepare: the rig, the noise floor, the nominal model and what each engine says of it."""
         engines, skipped = options.engines()
-        courses, measured = prepare.followed(prepare.thinned(measured))
+        courses, measured = prepare.followed(prepare.thinned(prepare.on_one_turn(measured)))
         noise = {(run.name, s): c.noise for run in measured.runs for s, c in run.channels.items()}
         rig, model = prepare.nominal(measured, mechanism, courses)
         measured = prepare.unturned(measured, model, prepare.starts(measured))
