@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 from analytic.mechanism.signals import wrapped
 from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.diagnose.effects.effect import Rig
-from compare.diagnose.least_squares import STEPS, Descent
+from compare.diagnose.least_squares import ROUGHLY, STEPS, Descent
 from compare.diagnose.predict import Hypothesis, StartOfRun, Term
 
 STEP_OF_SCALE = 1.0  # difference step, in the effects' own scales
@@ -340,7 +340,15 @@ class Fitter:
         key = _sorted(terms)
         return self._fit(key, [np.array(x[t], float) for t in key], steps=0)
 
-    def _fit(self, terms: tuple[Term, ...], x: Sequence[np.ndarray], steps: int = STEPS) -> Fit | None:
+    def settled(self, fit: Fit) -> Fit:
+        """A fit taken to its very minimum; it replaces the one that was close enough to be compared."""
+        found = self._fit(fit.terms, fit.x, rough=0.0) or fit
+        self._fits[fit.terms] = found
+        return found
+
+    def _fit(
+        self, terms: tuple[Term, ...], x: Sequence[np.ndarray], steps: int = STEPS, rough: float = ROUGHLY
+    ) -> Fit | None:
         space = Space(terms, self.rig, self.bounds)
 
         def residual(point: np.ndarray) -> np.ndarray | None:
@@ -349,7 +357,7 @@ class Fitter:
         def jacobian(point: np.ndarray, here: np.ndarray) -> np.ndarray:
             return self.jacobian(space, point, here)
 
-        found = Descent(residual, jacobian, space.low, space.high, space.scale, space.group).from_point(
+        found = Descent(residual, jacobian, space.low, space.high, space.scale, space.group, rough).from_point(
             joined(x), steps
         )
         if found is None:

@@ -14,6 +14,7 @@ import numpy as np
 
 STEPS = 30  # at most
 SETTLED = 0.01  # decrease of the sum of squares below which a fit has settled
+ROUGHLY = 1e-3  # of the sum's excess over one a number: below which it has settled well enough to be compared
 RELUCTANCE = 1e-6  # of a coordinate's curvature, added to it: nothing for what the data see
 AS_FORETOLD = 0.9  # of the expected decrease: a Jacobian that foretold this much is used again
 FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e6
@@ -48,6 +49,7 @@ class Descent:
     high: np.ndarray
     scale: np.ndarray
     group: np.ndarray
+    rough: float = 0.0  # share of the excess below which a decrease does not matter
 
     def from_point(self, start: np.ndarray, steps: int = STEPS) -> Minimum | None:
         """The minimum that is reached from a start (n,), moved within the bounds; None where that is impossible."""
@@ -75,7 +77,7 @@ class Descent:
         step = bounded_step(self.slopes, self.residual, low, high, self.damping, self.scale, self.group)
         trial = self.point + step
         expected = self._squares - float(np.sum((self.residual + self.slopes @ (trial - self.point)) ** 2))
-        if expected < SETTLED:
+        if expected < max(SETTLED, self.rough * (self._squares - self.residual.size)):
             return self._renewed()
         new = self.function(trial)
         gained = -np.inf if new is None else self._squares - float(new @ new)

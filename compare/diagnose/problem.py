@@ -18,7 +18,7 @@ from compare.diagnose.data.recording import Measured, MeasuredError, MeasuredRun
 from compare.diagnose.effects.effect import Effect, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.engines import Engines
-from compare.diagnose.explain import Explanation, explain, has_structure, pruned
+from compare.diagnose.explain import Attempt, Explanation, explain, has_structure, pruned
 from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.inverse import beginnings
 from compare.diagnose.locate import Stretch, locate, rms_difference, spread
@@ -410,6 +410,10 @@ class Problem:
             readings is None or rms(self.data.residual(readings)) > CLOSED
         ):
             explanation = replace(explanation, verdict="partly explained")
+        gaps = [math.inf if (r := said.readings) is None else rms(self.data.residual(r)) for said in chosen.values()]
+        if explanation.named and readings is not None and gaps[1] > gaps[0]:
+            explanation, fit, chosen["after"] = self.withdrawn(explanation, *gaps), begin, chosen["before"]
+            hypothesis = fit.values(self.rig)
         if self.engines[1:]:
             self.options.progress(f"{explanation.verdict} by {self.simulator}, asking the others", 3, 4)
         known = begin.values(self.rig) == self.base.values(self.rig)
@@ -423,6 +427,14 @@ class Problem:
         self.options.progress("done", 4, 4)
         return Verified(
             explanation, explained, before, after, agreement, self.agreement(before[self.simulator], begin), stretches
+        )
+
+    def withdrawn(self, explanation: Explanation, before: float, after: float) -> Explanation:
+        """An explanation whose effects make the simulated gap larger: nothing is named, and what was tried is told."""
+        why = f"simulated in full by {self.simulator}, the gap grows with it: {before:.3g} before, {after:.3g} after"
+        tried = [Attempt(n.term, n.parameters, n.share, (before, after), why) for n in explanation.named]
+        return replace(
+            explanation, fit=self.base, named=(), verdict="unexplained", attempts=(*tried, *explanation.attempts)
         )
 
     def located(self, begin: Fit, before: Mapping[str, Simulated]) -> list[Stretch]:

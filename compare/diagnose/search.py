@@ -92,7 +92,7 @@ class Search:
             best = self.climb(self.screen(best), best)
             if set(best.terms) == set(before.terms) or self.late():
                 break
-        return best
+        return self.fitter.settled(best) if best is not self.base else best
 
     def leaders(self, best: Fit) -> list[Fit]:
         """The best fits so far, best first."""
