@@ -268,7 +268,12 @@ def unturned(measured: Measured, model: Model, starts: Mapping[Term, np.ndarray]
         channels = {}
         for signal, channel in run.channels.items():
             turns = 0.0
-            if channel.signal.kind == "pose" and channel.signal.wraps:
+            if (
+                run.drive == "free" and signal == model.rig.encoder
+            ):  # its motion may be another, its start not
+                first = channel.values[np.isfinite(channel.values)][:1]
+                turns = float(np.sum(turned_near(np.zeros(1), first - run.start[signal])))
+            elif channel.signal.kind == "pose" and channel.signal.wraps:
                 turns = float(turned_near(np.zeros(()), np.nanmedian(channel.values - predicted[signal])))
             channels[signal] = replace(channel, values=channel.values - turns) if turns else channel
         runs.append(replace(run, channels=channels))
