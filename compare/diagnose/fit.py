@@ -215,7 +215,7 @@ def bridged(values: np.ndarray) -> np.ndarray:
     return np.interp(at, at[known], values[known])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fit:
     """A set of effects and the coordinates at which it explains the data best."""
 

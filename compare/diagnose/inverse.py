@@ -19,9 +19,13 @@ from compare.diagnose import prepare
 from compare.diagnose.data.quality import noise
 from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.fit import Bounds, Data, Fitter
+from compare.diagnose.noise import rms
 from compare.diagnose.predict import Hypothesis, Impossible, Model, Term
 from compare.diagnose.search import Search
 from compare.diagnose.sensitivities import sensitivities
+
+NEAR = 1.2  # times the least gap of the acceleration: what is as simple and not worse than that begins a fit too
+MOST = 6
 
 
 @dataclass(frozen=True)
@@ -90,7 +94,11 @@ def beginnings(model: Model, bounds: Bounds, cost: Mapping[Term, float]) -> list
     terms = [term for term in cost if not term.effect.sensor]
     search = Search(fitter, base, sensitivities(fitter, base, terms), {t: cost[t] for t in terms})
     starts = {run: np.array([motion.theta[0], motion.omega[0]]) for run, motion in motions.items()}
-    return [Beginning(dict(zip(f.terms, f.x, strict=True)), starts) for f in search.leaders(search.best()) if f.terms]
+    best = search.best()
+    near = [fit for fit in fitter.done() if fit.terms and rms(fit.residual) < NEAR * rms(best.residual)]
+    first = sorted(near, key=lambda fit: (search.price(fit), fit.chi2))[:MOST]
+    leaders = [fit for fit in search.leaders(best) if fit.terms and fit not in first]
+    return [Beginning(dict(zip(fit.terms, fit.x, strict=True)), starts) for fit in (*leaders, *first)]
 
 
 def _balanced(run: MeasuredRun, measured: Measured, nominal: np.ndarray) -> MeasuredRun:

@@ -251,9 +251,10 @@ def on_one_turn(measured: Measured) -> Measured:
             middle = float(np.nanmedian(channel.values))
             turns = middle - float(turned_near(np.array(middle), about))
             about = middle - turns
-            if turns:
-                moved = {**run.channels, encoder: replace(channel, values=channel.values - turns)}
-                run = replace(run, channels=moved, start={**run.start, encoder: run.start[encoder] - turns})
+            values = channel.values - turns
+            start = turned_near(run.start[encoder], values[np.isfinite(values)][0])
+            moved = {**run.channels, encoder: replace(channel, values=values)}
+            run = replace(run, channels=moved, start={**run.start, encoder: float(start)})
         runs.append(run)
     return replace(measured, runs=tuple(runs))
 
@@ -268,9 +269,7 @@ def unturned(measured: Measured, model: Model, starts: Mapping[Term, np.ndarray]
         channels = {}
         for signal, channel in run.channels.items():
             turns = 0.0
-            if (
-                run.drive == "free" and signal == model.rig.encoder
-            ):  # its motion may be another, its start not
+            if run.drive == "free" and signal == model.rig.encoder:  # its motion may be another, its start not
                 first = channel.values[np.isfinite(channel.values)][:1]
                 turns = float(np.sum(turned_near(np.zeros(1), first - run.start[signal])))
             elif channel.signal.kind == "pose" and channel.signal.wraps:

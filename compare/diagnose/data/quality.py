@@ -198,9 +198,10 @@ def unwrapped(angle: np.ndarray, command: np.ndarray | None = None) -> tuple[np.
         not np.any(jump) or np.ptp(angle[here]) > 2 * math.pi * 1.01
     ):  # what turns further than once is continued already
         return angle, 0
-    turn = jump & (
-        np.abs(np.abs(step) - 2 * math.pi) < max(0.1, 10 * float(np.median(np.abs(step))))
-    )  # another jump is a spike
+    over = np.abs(np.abs(step) - 2 * math.pi)
+    around = np.pad(np.where(jump, over, np.abs(step)), 1, mode="edge")
+    usual = np.maximum(max(0.1, 10 * float(np.median(np.abs(step)))), 3 * np.maximum(around[:-2], around[2:]))
+    turn = jump & (over < usual)  # another jump is a spike
     out = angle.copy()
     if command is None:
         out[here[1:]] -= 2 * math.pi * np.cumsum(np.where(turn, np.sign(step), 0.0))

@@ -9,6 +9,8 @@ import numpy as np
 from analytic.mechanism import GROUND, Body, Mechanism
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Rig, Values
 
+HEAVY = 0.3  # of a body's mass: a payload from which a fit finds one of any mass
+
 
 class Gravity(Effect):
     """Weight that the model lacks or directs wrongly; values are the whole vector."""
@@ -75,7 +77,7 @@ class Payload(Effect):
         return np.array([m * share, a * (coefficients[1] - coefficients[2]) / share, n * coefficients[3] / share])
 
     def other_start(self, rig: Rig, where: str, x: np.ndarray) -> np.ndarray | None:
-        return np.array([max(float(x[0]), self.scales(rig, where)[0]), 0.0, 0.0])
+        return np.array([max(float(x[0]), HEAVY * body_of(rig.mechanism, where).mass), 0.0, 0.0])
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         body = body_of(mechanism, where)
