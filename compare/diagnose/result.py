@@ -227,7 +227,7 @@ def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[C
             gain, shown = best[term.key]
             sigmas = math.sqrt(max(gain, 0.0))
             if term.key in chosen:
-                rival, remaining = _nearest(problem, chosen[term.key].term, e.fit)
+                rival, remaining = nearest[chosen[term.key].term]
                 status, why = "named", named(result, chosen[term.key])
             elif term.key in tied:
                 status, why = "tied", f"explains the data as well as {called(result, tied[term.key].term.label)}"
@@ -278,24 +278,38 @@ def _unphysical(screen: Screen, term: Term, problem: Problem) -> bool:
     return start.size == low.size and bool(np.any(start < low - 1e-12 * np.abs(low)))
 
 
-def _nearest(problem: Problem, term: Term, fit: Fit) -> tuple[str | None, float]:
-    """The rival that resembles a named effect most, and the sigmas of its signature that remain beside that rival."""
-    i = fit.terms.index(term)
-    signature = fit.jacobian[:, fit.columns(i)] @ fit.x[i]
-    others = np.delete(fit.jacobian, np.arange(fit.jacobian.shape[1])[fit.columns(i)], axis=1)
-    weights = np.ones(signature.size)
-    left: dict[str, float] = {}
+def _nearest(problem: Problem, fit: Fit, named: Sequence[Term]) -> dict[Term, tuple[str | None, float]]:
+    """By named effect the rival that resembles it most, and the sigmas of its signature that remain beside that
+    rival.
+    """
     assert problem.search is not None
-    for rival, s in problem.search.sensitivities.items():
-        if rival.key != term.key and rival not in fit.terms:
-            left[rival.label] = min(
-                left.get(rival.label, math.inf),
-                left_of(signature, np.concatenate([others, s.columns], axis=1), weights),
-            )
-    if not left:
-        return None, left_of(signature, others, weights)
-    name = min(left, key=lambda k: (left[k], k))
-    return name, left[name]
+    rivals = {t: s.columns for t, s in problem.search.sensitivities.items() if t not in fit.terms}
+    columns = np.column_stack([fit.jacobian, *rivals.values()])
+    norm = np.linalg.norm(columns, axis=0)
+    norm[norm == 0] = 1.0
+    columns = columns / norm
+    gram = columns.T @ columns
+    ends = np.cumsum([fit.jacobian.shape[1], *(c.shape[1] for c in rivals.values())])
+    places = {t: np.arange(begin, end) for t, (begin, end) in zip(rivals, pairwise(ends.tolist()), strict=True)}
+    found: dict[Term, tuple[str | None, float]] = {}
+    for term in named:
+        own = fit.columns(fit.terms.index(term))
+        amounts = norm[own] * fit.x[fit.terms.index(term)]
+        size, pull = float(amounts @ gram[own, own] @ amounts), gram[:, own] @ amounts
+        others = np.delete(np.arange(fit.jacobian.shape[1]), own)
+
+        def left(beside: np.ndarray, size: float = size, pull: np.ndarray = pull) -> float:
+            inner = gram[np.ix_(beside, beside)] + 1e-10 * np.eye(beside.size)
+            return math.sqrt(max(size - float(pull[beside] @ np.linalg.solve(inner, pull[beside])), 0.0))
+
+        remains: dict[str, float] = {}
+        for rival, place in places.items():
+            if rival.key != term.key:
+                alone = left(np.concatenate([others, place]))
+                remains[rival.label] = min(remains.get(rival.label, math.inf), alone)
+        name = min(remains, key=lambda k: (remains[k], k)) if remains else None
+        found[term] = (name, left(others) if name is None else remains[name])
+    return found
 
 
 def _inseparable(problem: Problem) -> tuple[tuple[str, str, float], ...]:
