@@ -76,20 +76,26 @@ def tried(search: Search, fit: Fit, less: Fit, i: int, weights: np.ndarray) -> T
         foretold(data, less, weights) - foretold(data, fit, weights),
         gain / whole if whole > 0 else 1.0,
         (less.chi2 - fit.chi2) / max(less.chi2 - less.residual.size, 1e-300),
-        halved(data, less, fit),
+        halved(data, less, fit, cells=not fit.terms[i].effect.sensor),
         rms(fit.residual) <= CLOSED,
     )
 
 
-def halved(data: Data, less: Fit, fit: Fit) -> tuple[str, ...]:
-    """Sensors of whose excess over the noise a fit removes half in two runs, or in the only run that has any."""
-    found: dict[str, list[bool]] = {}
+def halved(data: Data, less: Fit, fit: Fit, cells: bool) -> tuple[str, ...]:
+    """Sensors of whose excess over the noise a fit removes half in two runs, or in the only run that has any; with
+    ``cells`` all that a joint's load cell reads is one sensor.
+    """
+    squares: dict[tuple[str, int], np.ndarray] = {}  # size, before, after
     for part in data.parts:
-        before, after = (float(f.residual[part.place] @ f.residual[part.place]) for f in (less, fit))
-        size = part.used.size
+        signal = data.measured.signals[part.signal]
+        sensor = signal.owner if cells and signal.kind == "reaction" else signal.name
+        of = squares.setdefault((sensor, part.run), np.zeros(3))
+        of += [part.used.size, *(float(f.residual[part.place] @ f.residual[part.place]) for f in (less, fit))]
+    found: dict[str, list[bool]] = {}
+    for (sensor, _), (size, before, after) in squares.items():
         if before > CLOSED**2 * size:
-            found.setdefault(part.signal, []).append(before - after >= HALF * (before - size))
-    return tuple(signal for signal, runs in found.items() if sum(runs) >= min(TWICE, len(runs)))
+            found.setdefault(sensor, []).append(before - after >= HALF * (before - size))
+    return tuple(sensor for sensor, runs in found.items() if sum(runs) >= min(TWICE, len(runs)))
 
 
 # ---------------------------------------------------------------- data left out
