@@ -17,7 +17,8 @@ from compare.diagnose.search import CLOSED, Search
 
 HELD_OUT = 9.0  # of chi^2 on data left out that an effect must bring
 HALF = 0.5  # share of a sensor's excess that an effect must remove, in two runs, where something else remains
-WHOLE = 0.05  # or this share of the whole excess, or half of what is left of it
+WHOLE = 0.05  # or this share of the whole weighted excess, or half of what is left of it
+HARDLY = 0.01  # of what is left of the excess, all samples alike: a smaller share explains nothing
 TWICE = 2  # runs
 RUNS = 3  # from which on whole runs are left out
 
@@ -52,11 +53,16 @@ class Trial:
                 f"it does not foretell data that it was not fitted to ({_sigmas(self.foretold)},"
                 f" {_sigmas(HELD_OUT)} are asked)"
             )
-        if not self.closed and self.share < WHOLE and self.left < HALF and not self.sensors:
+        if (
+            not self.closed
+            and self.left < HALF
+            and not self.sensors
+            and min(self.share / WHOLE, self.left / HARDLY) < 1
+        ):
             return (
-                f"it takes {100 * self.share:.2g} % of the disagreement away ({100 * WHOLE:.0f} % are asked), and"
-                f" {100 * max(self.left, 0.0):.2g} % of what the others leave, less than half of any sensor's in two"
-                " runs: something larger remains"
+                f"it takes {100 * self.share:.2g} % of the weighted disagreement away ({100 * WHOLE:.0f} % are asked),"
+                f" and {100 * max(self.left, 0.0):.2g} % of what the others leave ({100 * HARDLY:.0f} % is asked), less"
+                " than half of any sensor's in two runs: something larger remains"
             )
         return ""
 
@@ -69,7 +75,8 @@ def tried(search: Search, fit: Fit, less: Fit, i: int, weights: np.ndarray) -> T
     """The trial of the i-th effect of a fit; ``less`` is the best fit without it."""
     data = search.fitter.data
     gain = float(weights @ (less.residual**2 - fit.residual**2))
-    whole = float(weights @ (search.base.residual**2 - 1.0))
+    excess = weights * (search.base.residual**2 - 1.0)
+    whole = sum(max(0.0, float(excess[part.place].sum())) for part in data.parts)
     return Trial(
         gain,
         search.cost[fit.terms[i]],

@@ -171,6 +171,7 @@ DECISIONS = (
     ("Chi-squared that each value of a fault that differs from run to run must bring more", "search.ANEW"),
     ("Chi-squared that an effect must gain on data that it was not fitted to", "admission.HELD_OUT"),
     ("Share of the whole excess that an effect must remove where something else remains", "admission.WHOLE"),
+    ("And the share of what the others leave, all samples alike", "admission.HARDLY"),
     ("Or the share of what the others leave, or of a sensor's excess", "admission.HALF"),
     ("... in so many runs", "admission.TWICE"),
     ("Runs from which on whole runs are left out", "admission.RUNS"),

@@ -51,7 +51,11 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
     effects = [VOCABULARY[name] for name in names]
     wanted = [sensor for effect in effects for sensor in effect.hiding.sensors]
     experiment = draw_bench(
-        rng, list(CASES), ["torque", *wanted], slow=any(e.hiding.in_contact for e in effects), weight_alone="com_offset" in names
+        rng,
+        list(CASES),
+        ["torque", *wanted],
+        slow=any(e.hiding.in_contact for e in effects),
+        weight_alone="com_offset" in names,
     )
     source = draw_player(rng, simulator, effects)
     ruler = Ruler(experiment)
