@@ -133,7 +133,6 @@ def test_read_backward_one_of_the_beginnings_is_near_with_the_whole_vocabulary()
     which it is, the fits of the motion say.
     """
     found = begun(swings())
-    for each in found: print(each)
     assert_near(next(each for each in found if set(each) == {"joint_spring", "viscous_friction"}))
 
 

@@ -119,7 +119,7 @@ def _offset(seen: Readings, run: str, where: str, v: Values) -> Readings:
 
 
 def _biased(seen: Readings, run: str, where: str, v: Values) -> Readings:
-    return {**seen, where: seen[where] + v["bias"]}
+    return {**seen, where: seen[where] + v.get("bias", v.get(f"bias@{run}", 0.0))}
 
 
 def _scaled(seen: Readings, run: str, where: str, v: Values) -> Readings:
