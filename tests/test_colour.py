@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -69,6 +70,17 @@ def test_what_repeats_with_the_crank_is_not_called_noise(harmonic: int) -> None:
     data, rng = data_of(rig()), np.random.default_rng(1)
     turns = [3 * np.sin(harmonic * SPEED * TIME + 0.4)] * 2
     assert colours(data, with_part(data, rng, {"drive_torque": turns})) == {}
+
+
+def test_noise_is_found_beside_what_repeats_with_the_crank_and_without_it() -> None:
+    data, rng = data_of(rig()), np.random.default_rng(1)
+    wander = [wandering(rng, SAMPLES) for _ in range(2)]
+    repeating = [w + 5 * np.sin(2 * SPEED * TIME) for w in wander]
+    alone = colours(data, with_part(data, np.random.default_rng(2), {"drive_torque": wander}))
+    beside = colours(data, with_part(data, np.random.default_rng(2), {"drive_torque": repeating}))
+    assert set(beside) == set(alone) == {"drive_torque"}
+    assert astuple(beside["drive_torque"])[:3] == pytest.approx(astuple(alone["drive_torque"])[:3])
+    assert alone["drive_torque"].total == pytest.approx(math.sqrt(1 + WANDER**2), rel=0.25)
 
 
 def test_a_line_between_the_crank_s_harmonics_is_not_called_noise() -> None:

@@ -20,7 +20,7 @@ PLANS = (
     turn("fast-reverse", -12.0, samples=77),
     turn("loaded", 6.0, loads=(Load(body="coupler", force=(9.0, 4.0)),)),
     turn("follows", 5.0, follows=True),
-    turn("follows-too", -7.0, follows=True, samples=90),
+    turn("follows-too", -5.0, follows=True),  # at the same times, another course
 )
 RIG = experiment(*PLANS)
 Things = Sequence[tuple[str, str, dict[str, float]]]
@@ -76,15 +76,19 @@ def test_what_is_kept_of_one_hypothesis_is_not_read_under_another() -> None:
     plain: Things = []
     heavy: Things = [("payload", "coupler", {"mass": 0.05, "along": 0.0, "normal": 0.0})]
     late: Things = [("sensor_delay", "follower_angle", {"delay": 2e-3})]
-    found = kept([hypothesis(t) for t in (plain, heavy, late, plain)])
+    turned: Things = [("encoder_offset", "crank_angle", {"offset": 0.02})]  # which the motor of some runs follows
+    asked = [hypothesis(things) for things in (plain, heavy, late, turned, plain)]
+    found = kept(asked)
     assert None not in found
-    fresh = [model(*range(len(PLANS)))([hypothesis(t)])[0] for t in (plain, heavy, late, plain)]
+    fresh = [model(*range(len(PLANS)))([each])[0] for each in asked]
     for one, other in zip(found, fresh, strict=True):
         assert one is not None
         assert other is not None
         for a, b in zip(one, other, strict=True):
             for signal in a:
                 np.testing.assert_allclose(a[signal], b[signal], rtol=1e-12, atol=1e-12)
-    first = [readings[0] for readings in found if readings is not None]
-    assert np.abs(first[1]["drive_torque"] - first[0]["drive_torque"]).max() > 1e-3
-    assert np.abs(first[2]["follower_angle"] - first[0]["follower_angle"]).max() > 1e-4
+    read = [readings for readings in found if readings is not None]
+    assert np.abs(read[1][0]["drive_torque"] - read[0][0]["drive_torque"]).max() > 1e-3
+    assert np.abs(read[2][0]["follower_angle"] - read[0][0]["follower_angle"]).max() > 1e-4
+    assert np.abs(read[3][3]["follower_angle"] - read[0][3]["follower_angle"]).max() > 1e-3, "its motor is elsewhere"
+    np.testing.assert_allclose(read[3][0]["follower_angle"], read[0][0]["follower_angle"], atol=1e-12)
