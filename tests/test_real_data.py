@@ -82,7 +82,6 @@ def test_the_torque_of_a_commercial_program_follows_from_its_printed_angle_to_th
     assert off.max() < 0.04
 
 
-@pytest.mark.xfail(strict=True, reason="noise that is stated too large does not end the search yet")
 def test_a_four_bar_of_a_commercial_program_has_no_gap() -> None:
     result = real("adams-fourbar")
     assert result["gap"]["before"] < 1

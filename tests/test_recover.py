@@ -10,7 +10,7 @@ import pytest
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Load, Mechanism
 from analytic.mechanism.file import load
-from compare.diagnose.effects.effect import Effect, Rig
+from compare.diagnose.effects.effect import Effect, Rig, Values
 from compare.diagnose.effects.sensors import EFFECTS
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.evidence.scoreboard.sizes import Planted
@@ -38,6 +38,8 @@ RECOVERED = {  # effect -> where, values
     "sensor_delay": ("follower_angle", {"delay": 1e-3}),
     "sensor_frame": ("E", {"rotation": 0.3}),
     "clock_offset": ("fast-reverse", {"offset": 1e-3}),
+    "sensor_lag": ("drive_torque+reaction_E_x+reaction_E_y", {"time_constant": 5e-3}),
+    "sensor_drift": ("reaction_E_x", {"drift": 0.08}),
 }
 PLAYED_BY = {
     "joint_clearance": "dart",
@@ -56,6 +58,8 @@ SLOW = {"link_flexibility", "drive_compliance"} | {
     "sensor_frame",
     "clock_offset",
     "sensor_delay",
+    "sensor_lag",
+    "sensor_drift",
     "moment_of_inertia",
     "gravity",
     "pivot_position",
@@ -102,6 +106,12 @@ BY_THEMSELVES = [p for p in PLACES if p.effect.acts_by_itself(p.variant)]  # as 
 TIME = np.linspace(0.0, 1.0, 50)
 
 
+def acts_in_time(effect: Effect, where: str, values: Values) -> list[bool]:
+    """Whether it delays, filters or lets creep any sensor in any run."""
+    acts = effect.delay, effect.lag, effect.drift
+    return [any(act(run, s, where, values) for run in RIG.runs for s in RIG.signals) for act in acts]
+
+
 def changed(mechanism: Mechanism, name: str, where: str) -> Mechanism:
     return VOCABULARY[name].on_mechanism(mechanism, where, RECOVERED[name][1])
 
@@ -126,9 +136,9 @@ def test_an_effect_changes_nothing_that_it_is_given(place: Place) -> None:
     assert values == kept
     assert list(seen) == list(copies)
     assert all(np.array_equal(seen[s], copies[s]) for s in seen)
-    late = any(effect.delay(run, s, where, values) for run in RIG.runs for s in RIG.signals)
     altered = any(not np.array_equal(read[s], seen[s]) for s in seen)
-    assert (mechanism != RIG.mechanism) + altered + late == 1, "it does its one thing, and does something"
+    done = [mechanism != RIG.mechanism, altered, *acts_in_time(effect, where, values)]
+    assert sum(done) == 1, "it does its one thing, and does something"
     assert effect.sensor == (mechanism == RIG.mechanism)
 
 
@@ -154,7 +164,7 @@ def test_an_effect_of_zero_is_none(place: Place) -> None:
     seen = {s: np.cos(TIME + k) for k, s in enumerate(RIG.signals)}
     read = effect.on_readings(seen, "slow", where, values)
     assert all(np.array_equal(read[s], seen[s]) for s in seen)
-    assert not any(effect.delay(run, s, where, values) for run in RIG.runs for s in RIG.signals)
+    assert not any(acts_in_time(effect, where, values))
     assert np.all(effect.lowest(RIG, where, variant) <= 0), "no effect must be allowed"
     assert_same_linkage(effect.on_mechanism(RIG.mechanism, where, values), RIG.mechanism)
 
@@ -283,6 +293,13 @@ def test_one_effect_of_sensors_is_what_the_contract_says() -> None:
         )
     assert by_name["sensor_delay"].delay("slow", "coupler_x", "coupler_x", {"delay": 1e-3}) == 1e-3
     assert by_name["sensor_delay"].delay("slow", "crank_angle", "coupler_x", {"delay": 1e-3}) == 0
+    amplifier, filtered = "drive_torque+reaction_E_x", {"time_constant": 1e-3}
+    for signal, constant in (("drive_torque", 1e-3), ("reaction_E_x", 1e-3), ("reaction_E_y", 0), ("crank_angle", 0)):
+        assert by_name["sensor_lag"].lag("slow", signal, amplifier, filtered) == constant
+    rates = {"drift@slow": 0.1, "drift@fast-reverse": -0.2}
+    for run, rate in (("slow", 0.1), ("fast-reverse", -0.2)):
+        assert by_name["sensor_drift"].drift(run, "coupler_x", "coupler_x", rates) == rate
+        assert by_name["sensor_drift"].drift(run, "crank_angle", "coupler_x", rates) == 0
     assert by_name["clock_offset"].delay("slow", "crank_angle", "slow", {"offset": -2e-3}) == -2e-3
     assert by_name["clock_offset"].delay("fast-reverse", "crank_angle", "slow", {"offset": -2e-3}) == 0
 

@@ -165,5 +165,6 @@ def test_a_diagnosis_of_a_file_is_that_of_its_recording(monkeypatch: pytest.Monk
     for data, mechanism, options in asked:
         assert isinstance(data, lc.read_measured(path).__class__)
         assert mechanism == data.mechanism.rigid()
-        assert options == Options("mujoco", only=("gravity",), others=False, workers=1)
+        assert isinstance(options, Options)
+        assert options == Options("mujoco", only=("gravity",), others=False, workers=1, began=options.began)
     assert len(asked) == 3

@@ -17,7 +17,8 @@ from compare.diagnose.search import CLOSED, Search
 
 HELD_OUT = 9.0  # of chi^2 on data left out that an effect must bring
 HALF = 0.5  # share of a sensor's excess that an effect must remove, in two runs, where something else remains
-WHOLE = 0.05  # or this share of the whole excess, or half of what is left of it
+WHOLE = 0.05  # or this share of the whole weighted excess, or half of what is left of it
+HARDLY = 0.01  # of what is left of the excess, all samples alike: a smaller share explains nothing
 TWICE = 2  # runs
 RUNS = 3  # from which on whole runs are left out
 
@@ -52,11 +53,16 @@ class Trial:
                 f"it does not foretell data that it was not fitted to ({_sigmas(self.foretold)},"
                 f" {_sigmas(HELD_OUT)} are asked)"
             )
-        if not self.closed and self.share < WHOLE and self.left < HALF and not self.sensors:
+        if (
+            not self.closed
+            and self.left < HALF
+            and not self.sensors
+            and min(self.share / WHOLE, self.left / HARDLY) < 1
+        ):
             return (
-                f"it takes {100 * self.share:.2g} % of the disagreement away ({100 * WHOLE:.0f} % are asked), and"
-                f" {100 * max(self.left, 0.0):.2g} % of what the others leave, less than half of any sensor's in two"
-                " runs: something larger remains"
+                f"it takes {100 * self.share:.2g} % of the weighted disagreement away ({100 * WHOLE:.0f} % are asked),"
+                f" and {100 * max(self.left, 0.0):.2g} % of what the others leave ({100 * HARDLY:.0f} % is asked), less"
+                " than half of any sensor's in two runs: something larger remains"
             )
         return ""
 
@@ -69,27 +75,34 @@ def tried(search: Search, fit: Fit, less: Fit, i: int, weights: np.ndarray) -> T
     """The trial of the i-th effect of a fit; ``less`` is the best fit without it."""
     data = search.fitter.data
     gain = float(weights @ (less.residual**2 - fit.residual**2))
-    whole = float(weights @ (search.base.residual**2 - 1.0))
+    excess = weights * (search.base.residual**2 - 1.0)
+    whole = sum(max(0.0, float(excess[part.place].sum())) for part in data.parts)
     return Trial(
         gain,
         search.cost[fit.terms[i]],
         foretold(data, less, weights) - foretold(data, fit, weights),
         gain / whole if whole > 0 else 1.0,
         (less.chi2 - fit.chi2) / max(less.chi2 - less.residual.size, 1e-300),
-        halved(data, less, fit),
+        halved(data, less, fit, cells=not fit.terms[i].effect.sensor),
         rms(fit.residual) <= CLOSED,
     )
 
 
-def halved(data: Data, less: Fit, fit: Fit) -> tuple[str, ...]:
-    """Sensors of whose excess over the noise a fit removes half in two runs, or in the only run that has any."""
-    found: dict[str, list[bool]] = {}
+def halved(data: Data, less: Fit, fit: Fit, cells: bool) -> tuple[str, ...]:
+    """Sensors of whose excess over the noise a fit removes half in two runs, or in the only run that has any; with
+    ``cells`` all that a joint's load cell reads is one sensor.
+    """
+    squares: dict[tuple[str, int], np.ndarray] = {}  # size, before, after
     for part in data.parts:
-        before, after = (float(f.residual[part.place] @ f.residual[part.place]) for f in (less, fit))
-        size = part.used.size
+        signal = data.measured.signals[part.signal]
+        sensor = signal.owner if cells and signal.kind == "reaction" else signal.name
+        of = squares.setdefault((sensor, part.run), np.zeros(3))
+        of += [part.used.size, *(float(f.residual[part.place] @ f.residual[part.place]) for f in (less, fit))]
+    found: dict[str, list[bool]] = {}
+    for (sensor, _), (size, before, after) in squares.items():
         if before > CLOSED**2 * size:
-            found.setdefault(part.signal, []).append(before - after >= HALF * (before - size))
-    return tuple(signal for signal, runs in found.items() if sum(runs) >= min(TWICE, len(runs)))
+            found.setdefault(sensor, []).append(before - after >= HALF * (before - size))
+    return tuple(sensor for sensor, runs in found.items() if sum(runs) >= min(TWICE, len(runs)))
 
 
 # ---------------------------------------------------------------- data left out

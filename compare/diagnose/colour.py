@@ -72,7 +72,7 @@ def _unrepeated(data: Data, part: Part, residual: np.ndarray) -> _Record | None:
 
 def _colour(records: Sequence[_Record]) -> Colour | None:
     """The colour of one sensor's noise; None where it is white, or not noise alone."""
-    hum = tuple(f for f in MAINS if sum(_power(r, f) for r in records) > HUM * len(records))
+    hum = tuple(f for f in MAINS if sum(_power(r, f) / _white(r) for r in records) > HUM * len(records))
     rest = [_without(r, hum) for r in records]
     samples = sum(r.left.size - r.freedom - 2 * len(hum) for r in records)
     plain = sum(float(left @ left) for left in rest)
@@ -92,6 +92,11 @@ def _colour(records: Sequence[_Record]) -> Colour | None:
         return None
     amplitude = max((math.sqrt(2 * _power(r, f) / r.left.size) for r in records for f in hum), default=0.0)
     return Colour(keeps, forgets, size, hum, amplitude)
+
+
+def _white(record: _Record) -> float:
+    """Mean square of the white part of what is left, as it differs from sample to sample; the noise's at least."""
+    return max(1.0, float(np.var(np.diff(record.left))) / 2)
 
 
 def _power(record: _Record, frequency: float) -> float:

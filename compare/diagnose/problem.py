@@ -265,8 +265,9 @@ class Problem:
             fit = self.best_fit(data, [fit], again=closed)
         assert self.search is not None
         self.note_colours()
-        self.complete = not self.options.late()
-        return explain(self.search, fit)
+        found = explain(self.search, fit)
+        self.complete = not self.options.late()  # late, it does not look for ties either
+        return found
 
     def coloured(self, fit: Fit) -> bool:
         """Whether what a fit leaves is noise that is not white, of colours that were not known; from then on they

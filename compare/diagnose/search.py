@@ -110,7 +110,7 @@ class Search:
         for level in screen.best_sets(MOST, FAULTS, self.cost):
             improved = False
             for k, (net, chosen) in enumerate(level[: FITTED if len(level[0][1]) <= MOST else DEEP]):
-                if self.late() or (k >= FIRST and net <= level[0][0] - MARGIN):
+                if (self.late() and best is not self.base) or (k >= FIRST and net <= level[0][0] - MARGIN):
                     break
                 fit = self.fitted(screen, chosen)
                 self.tell(len(self.fitter.done()))

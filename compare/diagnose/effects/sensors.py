@@ -143,6 +143,10 @@ class SensorDrift(OnSensor, EachRun):
     def drift(self, run: str, signal: str, where: str, values: Values) -> float:
         return self.value(run, values) if signal == where else 0.0
 
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        rate = draw.sign * rig.noise[where] * rig.speed / (2 * math.pi)  # the noise, over a turn of the fastest run
+        return Growth(lambda a: {"drift": a * rate}, 30.0)
+
 
 class SensorGain(OnSensor):
     """A sensor whose scale is off: reading = (1 + gain_error) value."""
@@ -209,6 +213,9 @@ class SensorLag(Effect):
 
     def lag(self, run: str, signal: str, where: str, values: Values) -> float:
         return values["time_constant"] if signal in where.split("+") else 0.0
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        return Growth(lambda a: {"time_constant": a}, 0.1 / rig.speed)
 
 
 class SensorFrame(Effect):

@@ -22,6 +22,7 @@ from compare.diagnose.data.units import dimension, factor
 from compare.diagnose.effects.effect import Effect, Values
 from compare.diagnose.effects.sensors import EncoderOffset, SensorBias, SensorFrame, SensorGain
 from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.evidence.scoreboard.bench.sensors import filtered, history
 from compare.evidence.scoreboard.bench.written import FAMILIES, make_bench
 from compare.evidence.scoreboard.hidden import FIRST, Hidden, draw, kind_of
 from compare.evidence.scoreboard.outside import Course, Outside
@@ -73,12 +74,19 @@ def recorded(hidden: Hidden, plan: Plan) -> Readings:
     """What noiseless sensors read in a run, by signal."""
     experiment, effects = hidden.experiment, hidden.truth
     age = {s: sum(VOCABULARY[e.name].delay(plan.name, s, e.where, e.values) for e in effects) for s in experiment.noise}
+    lag = {s: sum(VOCABULARY[e.name].lag(plan.name, s, e.where, e.values) for e in effects) for s in experiment.noise}
     seen: Readings = {}
-    for delay in sorted(set(age.values())):
-        signals = moved(hidden, plan, plan.time - delay)
-        seen |= {s: signals[s] for s in age if age[s] == delay}
+    for delay, constant in sorted({(age[s], lag[s]) for s in age}):
+        asked = plan.time - delay
+        time = history(asked, [constant]) if constant else asked
+        signals, at = moved(hidden, plan, time), np.searchsorted(time, asked)
+        for s in age:
+            if (age[s], lag[s]) == (delay, constant):
+                seen[s] = (filtered(time, signals[s], constant) if constant else signals[s])[at]
     for e in effects:
         seen = read(e, seen, plan.name)
+        rates = {s: VOCABULARY[e.name].drift(plan.name, s, e.where, e.values) for s in seen}
+        seen |= {s: seen[s] + rate * (plan.time - plan.time[0]) for s, rate in rates.items() if rate}
     return seen
 
 
@@ -111,7 +119,7 @@ def _offset(seen: Readings, run: str, where: str, v: Values) -> Readings:
 
 
 def _biased(seen: Readings, run: str, where: str, v: Values) -> Readings:
-    return {**seen, where: seen[where] + v["bias"]}
+    return {**seen, where: seen[where] + v.get("bias", v.get(f"bias@{run}", 0.0))}
 
 
 def _scaled(seen: Readings, run: str, where: str, v: Values) -> Readings:
@@ -135,7 +143,7 @@ ANEW: Mapping[type[Effect], Callable[[Readings, str, str, Values], Readings]] = 
 
 
 def read(planted: Planted, seen: Readings, run: str) -> Readings:
-    """What an effect of a sensor makes of the readings (delays and clocks apart)."""
+    """What an effect of a sensor makes of the readings (delays, filters, drifts and clocks apart)."""
     effect = VOCABULARY[planted.name]
     play = ANEW.get(type(effect), effect.on_readings)
     return dict(play(seen, run, planted.where, planted.values))

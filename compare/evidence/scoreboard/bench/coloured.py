@@ -34,7 +34,7 @@ from compare.evidence.scoreboard.bench.rig import (
     turn_of,
     uneven,
 )
-from compare.evidence.scoreboard.bench.sensors import drifting, filtered, hum, pink, read
+from compare.evidence.scoreboard.bench.sensors import drifting, filtered, history, hum, pink, read
 from compare.evidence.scoreboard.bench.sigmas import Ruler
 from compare.evidence.scoreboard.rigs import CASES, Experiment, Plan, Rejected
 from compare.evidence.scoreboard.sizes import Planted
@@ -74,9 +74,9 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
     experiment = replace(experiment, plans=_plans(rng, experiment, follows), noise_given=bool(rng.random() < 1 / 3))
     if follows and experiment.encoder not in experiment.noise:
         raise Rejected("a run that follows its encoder needs one")
-    group = tuple(s for s in experiment.noise if _amplified(s))
+    group = amplified(experiment)
     corner = rng.uniform(*FILTER)
-    colours = {s: _colour(rng, s, follows and s == experiment.encoder) for s in experiment.noise}
+    colours = {s: _colour(rng, s in group, follows and s == experiment.encoder) for s in experiment.noise}
     ruler = Ruler(experiment)
     free = np.column_stack([of_channels(experiment, WAVES), lagging(ruler, group)])
     truth = [grown(rng, experiment, name, LEAST, MOST) for name in names]
@@ -115,15 +115,16 @@ def _plans(rng: np.random.Generator, experiment: Experiment, follows: bool) -> t
     return tuple(plans)
 
 
-def _amplified(signal: str) -> bool:
-    return signal == "drive_torque" or signal.startswith("reaction_")
+def amplified(experiment: Experiment) -> tuple[str, ...]:
+    """Sensors of forces and of the drive torque, which one amplifier has."""
+    return tuple(s for s in experiment.noise if experiment.signals[s].kind in ("drive", "reaction"))
 
 
-def _colour(rng: np.random.Generator, signal: str, encoder: bool) -> Colour:
+def _colour(rng: np.random.Generator, hums: bool, encoder: bool) -> Colour:
     """An encoder that the motor follows is white."""
     size = rng.uniform(*COLOUR) if rng.random() < COLOURED else 0.0
     memory = float(np.exp(rng.uniform(*np.log(MEMORY)))) if rng.random() < 0.5 else None
-    mains = rng.uniform(*HUM) if _amplified(signal) else 0.0
+    mains = rng.uniform(*HUM) if hums else 0.0
     slope = float(rng.choice([-1, 1]) * rng.uniform(*SLOPE)) if rng.random() < STEADY else 0.0
     return Colour(0.0, None, 0.0, 0.0) if encoder else Colour(size, memory, mains, slope)
 
@@ -181,9 +182,7 @@ def lagged(
     if not lags:
         signals = moved(source, experiment, plan, truth, asked)
         return {s: np.array(signals[s]) for s in experiment.noise}
-    longest, fine = max(lags.values()), min(lags.values()) / 8
-    time = np.union1d(np.arange(asked[0] - 8 * longest, asked[-1], fine), asked)
-    time = time[np.concatenate([[True], np.diff(time) > 1e-9]) | np.isin(time, asked)]
+    time = history(asked, list(lags.values()))
     signals, at = moved(source, experiment, plan, truth, time), np.searchsorted(time, asked)
     return {
         s: np.array((filtered(time, signals[s], lags[s]) if s in lags else signals[s])[at]) for s in experiment.noise

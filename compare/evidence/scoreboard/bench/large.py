@@ -21,6 +21,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Body, Mechanism
 from analytic.mechanism.file import load
+from analytic.mechanism.signals import wrapped
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.evidence.scoreboard.bench.pendulum import Pendulum, rival_left, turned
 from compare.evidence.scoreboard.bench.rig import (
@@ -44,6 +45,7 @@ from compare.evidence.scoreboard.sizes import Planted
 from compare.judge.grid import turns_fully
 
 PENDULUM = "pendulum"
+FORGOTTEN = "gravity forgotten"
 CASES = ("crank-rocker", "slider-crank")
 SPRING, DAMPER = (2.0, 8.0), (0.02, 0.12)  # of m g l; of critical damping
 PAYLOAD, LENGTH, FRICTION, BESIDE = (1.0, 3.0), (0.05, 0.10), 0.5, (0.05, 0.2)
@@ -72,7 +74,7 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
 
 def _driven(rng: np.random.Generator, kind: str, empty: bool, simulator: str) -> Bench:
     experiment = draw_bench(rng, CASES, ["torque", "encoder"])
-    true_gravity = (0.0, 0.0) if kind == "gravity" else experiment.nominal.gravity
+    true_gravity = (0.0, 0.0) if kind == FORGOTTEN else experiment.nominal.gravity
     experiment = replace(experiment, nominal=experiment.nominal.replace(gravity=true_gravity))
     things: list[Planted] = []
     if not empty:
@@ -126,9 +128,11 @@ def _rubs(rng: np.random.Generator, experiment: Experiment, name: str, share: fl
     signals, joint = ideal(experiment.nominal, plan), str(rng.choice([j.name for j in experiment.nominal.joints]))
     power = share * abs(plan.speed) * float(np.sqrt(np.mean(signals["drive_torque"] ** 2)))
     rate = joint_rate(experiment.nominal, joint, signals, plan)
-    if name == "viscous_friction":
-        return Planted(name, joint, {"damping": power / float(np.mean(rate**2))})
-    return Planted(name, joint, {"friction_torque": power / float(np.mean(np.abs(rate)))})
+    parameter, exponent = RUBBING[name]
+    return Planted(name, joint, {parameter: power / float(np.mean(np.abs(rate) ** exponent))})
+
+
+RUBBING = {"viscous_friction": ("damping", 2), "coulomb_friction": ("friction_torque", 1)}  # power over rate to this
 
 
 def _forgotten(rng: np.random.Generator, experiment: Experiment) -> Planted:
@@ -178,7 +182,7 @@ def _released(rng: np.random.Generator, kind: str, empty: bool, simulator: str) 
         clean = dict(zip(STATE, swing, strict=True)) | {"reaction_O_x": push.real, "reaction_O_y": push.imag}
         seen = {s: clean[s] + sigma * rng.standard_normal(n) for s, sigma in noise.items()}
         if wraps:
-            seen["pendulum_angle"] = np.angle(np.exp(1j * seen["pendulum_angle"]))
+            seen["pendulum_angle"] = wrapped(seen["pendulum_angle"])
         start = {s: round(float(seen[s][0]), 2) for s in STATE}
         fields: dict[str, object] = {"drive": "free", **({"start": start} if told else {})}
         recordings.append(Recording(f"swing-{i + 1}", time, seen, fields))
@@ -243,10 +247,10 @@ def _judged(
         pairs = [(true.swing(*start, time), without.swing(*start, time)) for start in starts]
         total = math.sqrt(sum(float(np.sum(((a - b) / np.array(sigmas)[:, None]) ** 2)) for a, b in pairs))
         distinct = total
-        if thing.name == "payload":
+        if "mass" in thing.values:
             parts = [np.abs(true.push(*a) - believed.push(*a)) / noise["reaction_O_x"] for a, _ in pairs]
             distinct = min(total, float(np.linalg.norm(np.concatenate(parts))))
-        elif thing.name == "joint_spring":
+        elif "stiffness" in thing.values:
             distinct = min(total, rival_left(true, believed, starts, time, sigmas))
         if distinct < DISTINCT:
             raise Rejected(f"{thing.name} on the pendulum is not told from others")
@@ -270,7 +274,7 @@ KINDS: dict[str, Drawer] = {
     "a payload": _heavy,
     "a length": _long,
     "friction": _rough,
-    "gravity": _forgotten,
+    FORGOTTEN: _forgotten,
     "a spring near 180 deg": _none,
     "a payload on a pendulum": _none,
     "a spring near 180 deg in a linkage": _wound,

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,10 +21,12 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from analytic.mechanism import Mechanism
+from compare.diagnose.effects.effect import Values
 from compare.evidence.scoreboard.rigs import Rejected
 from compare.evidence.scoreboard.sizes import Planted
 
 TOLERANCE = 1e-10
+TORQUE = "a constant torque"
 
 
 @dataclass(frozen=True)
@@ -59,18 +61,9 @@ class Pendulum:
         """With effects, as the contract says what they mean."""
         p = self
         for thing in things:
-            v = thing.values
-            if thing.name == "joint_spring":
-                p = replace(p, stiffness=v["stiffness"], rest=v["rest_angle"])
-            elif thing.name == "viscous_friction":
-                p = replace(p, damping=v["damping"])
-            elif thing.name == "payload":
-                arm = self.centre + complex(v["along"], v["normal"])
-                mass = p.mass + v["mass"]
-                centre = (p.mass * p.centre + v["mass"] * arm) / mass
-                p = replace(p, mass=mass, centre=centre, inertia=p.inertia + v["mass"] * abs(arm) ** 2)
-            else:
+            if thing.name not in THINGS:
                 raise ValueError(f"{thing.name}: a pendulum has a spring, a damper and a payload; use one of them")
+            p = THINGS[thing.name](p, self.centre, thing.values)
         return p
 
     def acceleration(self, angle: np.ndarray, rate: np.ndarray) -> np.ndarray:
@@ -104,6 +97,21 @@ class Pendulum:
         return self.mass * abs(self.gravity) * abs(self.centre)
 
 
+def _with_payload(p: Pendulum, nominal_centre: complex, v: Values) -> Pendulum:
+    """With a mass at a place that is told from the nominal centre."""
+    arm = nominal_centre + complex(v["along"], v["normal"])
+    mass = p.mass + v["mass"]
+    centre = (p.mass * p.centre + v["mass"] * arm) / mass
+    return replace(p, mass=mass, centre=centre, inertia=p.inertia + v["mass"] * abs(arm) ** 2)
+
+
+THINGS: Mapping[str, Callable[[Pendulum, complex, Values], Pendulum]] = {
+    "joint_spring": lambda p, _, v: replace(p, stiffness=v["stiffness"], rest=v["rest_angle"]),
+    "viscous_friction": lambda p, _, v: replace(p, damping=v["damping"]),
+    "payload": _with_payload,
+}
+
+
 # ---------------------------------------------------------------- what else could explain a swing
 
 
@@ -119,7 +127,7 @@ def rival_left(pendulum: Pendulum, nominal: Pendulum, starts: Sequence[tuple[flo
     without = replace(pendulum, stiffness=0.0, rest=0.0)
     missing = pendulum.inertia * (pendulum.acceleration(q, w) - without.acceleration(q, w))
     arm = nominal.centre * np.exp(1j * q)
-    shapes = {"gravity": np.column_stack([-arm.imag, arm.real]) * nominal.mass, "torque": np.ones((q.size, 1))}
+    shapes = {"gravity": np.column_stack([-arm.imag, arm.real]) * nominal.mass, TORQUE: np.ones((q.size, 1))}
     left = []
     for name, shape in shapes.items():
         x = np.linalg.lstsq(np.column_stack([shape, -w]), missing, rcond=None)[0]
@@ -139,10 +147,10 @@ def rival_left(pendulum: Pendulum, nominal: Pendulum, starts: Sequence[tuple[flo
 
 
 def _wrong(without: Pendulum, name: str, p: np.ndarray) -> Pendulum:
-    damped = replace(without, damping=without.damping + p[2 if name == "gravity" else 1])
-    if name == "gravity":
-        return replace(damped, gravity=without.gravity + complex(p[0], p[1]))
-    return replace(damped, torque=float(p[0]))
+    damped = replace(without, damping=without.damping + p[1 if name == TORQUE else 2])
+    if name == TORQUE:
+        return replace(damped, torque=float(p[0]))
+    return replace(damped, gravity=without.gravity + complex(p[0], p[1]))
 
 
 def turned(angle: float) -> float:

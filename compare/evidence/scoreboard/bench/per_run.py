@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.evidence.scoreboard.bench.coloured import lagged
+from compare.evidence.scoreboard.bench.coloured import amplified, lagged
 from compare.evidence.scoreboard.bench.nuisances import encoder_zeros, lagging, late_clocks, of_channels
 from compare.evidence.scoreboard.bench.rig import (
     DIAGNOSING,
@@ -41,6 +41,7 @@ EFFECTS = (
     "link_length", "viscous_friction", "payload", "pivot_position", "coulomb_friction", "com_offset", "joint_spring",
     "external_force",
 )  # fmt: skip
+REVOLUTE = frozenset({"joint_spring"})  # in revolute joints only
 RUNS = (4, 6)
 ZERO, TARE, LATE = (0.5, 5.0), (3.0, 30.0), 2.0  # deg at most; sigmas at most; deg of the crank at most
 LAG = (2e-3, 1e-2)  # s
@@ -54,29 +55,29 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
     experiment = draw_bench(rng, list(CASES), ["torque", "encoder"])
     experiment = replace(experiment, plans=_plans(rng, experiment, follows))
     clocks = not follows and k % 4 == 0
-    amplified = [s for s in experiment.noise if s == "drive_torque" or s.startswith("reaction_")]
+    group = amplified(experiment)
     ruler = Ruler(experiment)
-    free = [encoder_zeros(ruler), of_channels(experiment, 0, amplified), lagging(ruler, amplified)]
+    free = [encoder_zeros(ruler), of_channels(experiment, 0, group), lagging(ruler, group)]
     nuisances = np.column_stack([*free, *([late_clocks(ruler)] if clocks else [])])
     name = EFFECTS[turn_of(k) % len(EFFECTS)]
     revolute = [j.name for j in experiment.nominal.joints if not j.prismatic]
-    where = str(rng.choice(revolute)) if name == "joint_spring" else None
+    where = str(rng.choice(revolute)) if name in REVOLUTE else None
     truth = [] if is_empty(k) else [grown(rng, experiment, name, LEAST, 10 * MOST, where)]
     judged = ruler.judged(truth, (), nuisances, LEAST)
     _known(ruler, judged, nuisances)
     source = draw_player(rng, simulator, [VOCABULARY[e.name] for e in judged])
     lag = draw_log(rng, *LAG)
     zeros = _each(rng, experiment, math.radians(rng.uniform(*ZERO)))
-    tares = {s: _each(rng, experiment, experiment.noise[s] * rng.uniform(*TARE)) for s in amplified}
+    tares = {s: _each(rng, experiment, experiment.noise[s] * rng.uniform(*TARE)) for s in group}
     lates = {
         p.name: float(rng.uniform(-1, 1)) * math.radians(LATE) / abs(p.speed) if clocks else 0.0
         for p in experiment.plans
     }
     recordings = []
     for plan in experiment.plans:
-        seen = lagged(source, experiment, plan, judged, dict.fromkeys(amplified, lag), lates[plan.name])
+        seen = lagged(source, experiment, plan, judged, dict.fromkeys(group, lag), lates[plan.name])
         seen[experiment.encoder] = seen[experiment.encoder] + zeros[plan.name]
-        seen |= {s: seen[s] + tares[s][plan.name] for s in amplified}
+        seen |= {s: seen[s] + tares[s][plan.name] for s in group}
         recordings.append(Recording(plan.name, plan.time, white(rng, experiment, seen), command_fields(plan)))
     return Bench(
         experiment.case,

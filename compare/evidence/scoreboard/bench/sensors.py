@@ -5,9 +5,11 @@ diagnosis' own code.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from compare.diagnose.effects.effect import Values
 from compare.evidence.scoreboard.bench.rig import Readings
 from compare.evidence.scoreboard.rigs import Experiment
 from compare.evidence.scoreboard.sizes import Planted
@@ -15,12 +17,15 @@ from compare.evidence.scoreboard.sizes import Planted
 
 def read(thing: Planted, seen: Readings) -> Readings:
     """What an effect of a sensor, the same in all runs, makes of the readings; effects of the rig leave them."""
-    signal, v = thing.where, thing.values
-    if thing.name in ("encoder_offset", "sensor_bias"):
-        return {**seen, signal: seen[signal] + v["offset" if thing.name == "encoder_offset" else "bias"]}
-    if thing.name == "sensor_gain":
-        return {**seen, signal: (1 + v["gain_error"]) * seen[signal]}
-    return seen
+    play = READ.get(thing.name)
+    return seen if play is None else {**seen, thing.where: play(seen[thing.where], thing.values)}
+
+
+READ: Mapping[str, Callable[[np.ndarray, Values], np.ndarray]] = {
+    "encoder_offset": lambda seen, v: seen + v["offset"],
+    "sensor_bias": lambda seen, v: seen + v["bias"],
+    "sensor_gain": lambda seen, v: (1 + v["gain_error"]) * seen,
+}
 
 
 def white(rng: np.random.Generator, experiment: Experiment, seen: Readings) -> Readings:
@@ -65,6 +70,15 @@ def filtered(time: np.ndarray, values: np.ndarray, time_constant: float) -> np.n
         straight = time_constant / h * (1 - keep)
         out[k] = keep * out[k - 1] + (straight - keep) * values[k - 1] + (1 - straight) * values[k]
     return out
+
+
+def history(asked: np.ndarray, time_constants: Sequence[float]) -> np.ndarray:
+    """Times (s), those ``asked`` (N,) among them, for filters of these time constants (s): eight in the shortest, from
+    eight of the longest before the first.
+    """
+    longest, fine = max(time_constants), min(time_constants) / 8
+    time = np.union1d(np.arange(asked[0] - 8 * longest, asked[-1], fine), asked)
+    return time[np.concatenate([[True], np.diff(time) > 1e-9]) | np.isin(time, asked)]
 
 
 def counted(angle: np.ndarray, counts: int) -> np.ndarray:

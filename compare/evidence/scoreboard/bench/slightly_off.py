@@ -51,7 +51,11 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
     effects = [VOCABULARY[name] for name in names]
     wanted = [sensor for effect in effects for sensor in effect.hiding.sensors]
     experiment = draw_bench(
-        rng, list(CASES), ["torque", *wanted], slow="joint_clearance" in names, weight_alone="com_offset" in names
+        rng,
+        list(CASES),
+        ["torque", *wanted],
+        slow=any(e.hiding.in_contact for e in effects),
+        weight_alone="com_offset" in names,
     )
     source = draw_player(rng, simulator, effects)
     ruler = Ruler(experiment)
@@ -81,7 +85,7 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
 
 def _place(rng: np.random.Generator, experiment: Experiment, name: str) -> str | None:
     """The joint of a clearance, whose pin keeps touching its bearing; None: anywhere."""
-    if name != "joint_clearance":
+    if not VOCABULARY[name].hiding.in_contact:
         return None
     sizes = {
         j.name: [ideal(experiment.nominal, p)[f"reaction_{j.name}_magnitude"] for p in experiment.plans]
