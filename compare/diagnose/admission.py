@@ -71,8 +71,10 @@ def _sigmas(chi2: float) -> str:
     return f"{math.copysign(math.sqrt(abs(chi2)), chi2):.3g} sigma"
 
 
-def tried(search: Search, fit: Fit, less: Fit, i: int, weights: np.ndarray) -> Trial:
-    """The trial of the i-th effect of a fit; ``less`` is the best fit without it."""
+def tried(search: Search, fit: Fit, less: Fit, i: int, weights: np.ndarray, told: float | None = None) -> Trial:
+    """The trial of the i-th effect of a fit; ``less`` is the best fit without it, ``told`` how well the fit foretells,
+    if that is known.
+    """
     data = search.fitter.data
     gain = float(weights @ (less.residual**2 - fit.residual**2))
     excess = weights * (search.base.residual**2 - 1.0)
@@ -80,7 +82,7 @@ def tried(search: Search, fit: Fit, less: Fit, i: int, weights: np.ndarray) -> T
     return Trial(
         gain,
         search.cost[fit.terms[i]],
-        foretold(data, less, weights) - foretold(data, fit, weights),
+        foretold(data, less, weights) - (foretold(data, fit, weights) if told is None else told),
         gain / whole if whole > 0 else 1.0,
         (less.chi2 - fit.chi2) / max(less.chi2 - less.residual.size, 1e-300),
         halved(data, less, fit, cells=not fit.terms[i].effect.sensor),

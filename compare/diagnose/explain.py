@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from scipy.stats import chi2
 
-from compare.diagnose.admission import held_out, tried
+from compare.diagnose.admission import foretold, held_out, tried
 from compare.diagnose.fit import Data, Fit, rank_of, without_columns
 from compare.diagnose.noise import rms, sample_weights
 from compare.diagnose.predict import Term
@@ -201,15 +201,16 @@ def admitted(search: Search, fit: Fit, weights: np.ndarray) -> tuple[list[Named]
     """
     screen, data = search.screen(fit), search.fitter.data
     found, failing = [], []
+    told, held_with = foretold(data, fit, weights), rms(held_out(data, fit))
     for i in fit.named():
         less = search.with_terms(fit, screen, without(fit, i)) or search.base
-        trial = tried(search, fit, less, i, weights)
+        trial = tried(search, fit, less, i, weights, told)
         gap = rms(less.residual), rms(fit.residual)
         parameters = intervals(search, fit, i, weights)
         if trial.failed:
             share = (less.chi2 - fit.chi2) / max(search.base.chi2, 1e-300)
             failing.append((trial.gain, i, Attempt(fit.terms[i], parameters, share, gap, trial.failed)))
-        held = rms(held_out(data, less)), rms(held_out(data, fit))
+        held = rms(held_out(data, less)), held_with
         found.append(Named(fit.terms[i], parameters, trial.gain, gap, held))
     return found, failing
 

@@ -36,6 +36,7 @@ SHOWS = 0.2  # of the noise (rms), from which on links that bend are seen
 FAR = 2.0  # times the gap of the analytic model: an engine with a larger one moves in another way altogether
 OVERSTATED = 0.9  # of the noise: a smaller gap says that the noise is less than stated
 RECOLOURED = 2  # times that the colours of noise are estimated anew
+REMEMBERED = 3  # simulations of all runs that are kept beside the last
 REFITS = 2  # to the engine's own difference from the analytic model
 Progress = Callable[[str, int, int | None], None]
 Noise = Mapping[tuple[str, str], float]  # 1-sigma, SI, by run and signal
@@ -132,7 +133,7 @@ class Problem:
     nominal: Callable[[], dict[str, Simulated]] = dict  # what the other engines say of the nominal mechanism
     search: Search | None = None
     complete: bool = True  # whether the search ended by itself, not by its budget
-    remembered: tuple[list[tuple[Term, dict[str, float]]], Simulated] | None = None
+    remembered: list[tuple[list[tuple[Term, dict[str, float]]], Simulated]] = field(default_factory=list)
 
     @classmethod
     def of(cls, measured: Measured, mechanism: Mechanism, options: Options) -> Problem:
@@ -454,11 +455,14 @@ class Problem:
         )
 
     def simulated(self, fit: Fit) -> Simulated:
-        """Every run by the chosen engine under a fit's hypothesis; the last one asked for is remembered."""
+        """Every run by the chosen engine under a fit's hypothesis; the last few are remembered."""
         hypothesis = fit.values(self.rig)
-        if self.remembered is None or self.remembered[0] != hypothesis:
-            self.remembered = hypothesis, self.engine_runs.simulate(hypothesis, (self.simulator,))[self.simulator]
-        return self.remembered[1]
+        for known, said in self.remembered:
+            if known == hypothesis:
+                return said
+        said = self.engine_runs.simulate(hypothesis, (self.simulator,))[self.simulator]
+        self.remembered = [*self.remembered[-REMEMBERED:], (hypothesis, said)]
+        return said
 
     def analytic(self, fit: Fit) -> list[dict[str, np.ndarray]]:
         """Readings by the analytic model.  Raises SimulationError where it has none."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import platform
 from collections.abc import Mapping, Sequence
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from analytic.mechanism.one_line import count
 from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.experiment_design import would_separate
-from compare.diagnose.explain import Attempt, Explanation, Named, left_of
+from compare.diagnose.explain import Attempt, Explanation, Named
 from compare.diagnose.fit import FOLDS, SEGMENTS, Fit, without_columns
 from compare.diagnose.noise import rms
 from compare.diagnose.predict import Term
@@ -208,6 +208,7 @@ def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[C
     chosen = {n.term.key: n for n in e.named}
     tied = {t.key: n for n in e.named for t, _ in n.ties}
     failed = {a.term.key: a.failed for a in e.attempts}
+    nearest = _nearest(problem, e.fit, [n.term for n in e.named])
     best: dict[tuple[str, str], tuple[float, Term]] = {}
     for i, term in enumerate(screen.terms):
         gain = screen.gain([i])[0]

@@ -57,6 +57,7 @@ class Search:
     cost: Mapping[Term, float]
     nonlinear: bool = False  # sensitivities hold only near the fit they were taken about (free runs)
     surveyed: Fit | None = None
+    screened: tuple[Fit, Mapping[Term, Sensitivity], Screen] | None = None
     late: Callable[[], bool] = lambda: False  # whether the time for it is over: what is best so far is taken then
     tell: Callable[[int], None] = lambda sets: None  # after so many sets of effects
 
@@ -139,13 +140,17 @@ class Search:
         return dict(zip(self.base.terms, self.base.x, strict=True))
 
     def screen(self, about: Fit) -> Screen:
-        """The linear problem about a fit: its terms by their derivatives there, all others by their sensitivities."""
+        """The linear problem about a fit: its terms by their derivatives there, all others by their sensitivities; the
+        last one is kept.
+        """
         if about is not self.surveyed and (self.nonlinear or self.strayed(about)):
             found = sensitivities(self.fitter, about, list(self.cost))
             own = {about.terms[i]: about.jacobian[:, about.columns(i)] for i in about.named()}
             still = np.zeros(about.residual.size)
             self.sensitivities = found | {t: Sensitivity(t, still, columns, fitted=True) for t, columns in own.items()}
             self.surveyed = about
+        if self.screened is not None and self.screened[0] is about and self.screened[1] is self.sensitivities:
+            return self.screened[2]
         found = dict(self.sensitivities)
         residual = about.residual.copy()
         for i in about.named():
@@ -153,9 +158,11 @@ class Search:
             residual -= columns @ about.x[i]
             found[term] = Sensitivity(term, np.zeros(residual.size), columns, fitted=True)
         always = [about.jacobian[:, about.columns(i)] for i in range(len(about.terms)) if i not in about.named()]
-        return Screen(
+        screen = Screen(
             self.rig, residual, np.concatenate(always, axis=1) if always else np.zeros((residual.size, 0)), found
         )
+        self.screened = about, self.sensitivities, screen
+        return screen
 
     def strayed(self, about: Fit) -> bool:
         """Whether a fit leaves a gap, and is so far from where the sensitivities were taken that these mislead."""
