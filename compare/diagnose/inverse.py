@@ -96,9 +96,9 @@ def beginnings(model: Model, bounds: Bounds, cost: Mapping[Term, float]) -> list
     starts = {run: np.array([motion.theta[0], motion.omega[0]]) for run, motion in motions.items()}
     best = search.best()
     near = [fit for fit in fitter.done() if fit.terms and rms(fit.residual) < NEAR * rms(best.residual)]
-    first = sorted(near, key=lambda fit: (search.price(fit), fit.chi2))[:MOST]
-    leaders = [fit for fit in search.leaders(best) if fit.terms and fit not in first]
-    return [Beginning(dict(zip(fit.terms, fit.x, strict=True)), starts) for fit in (*leaders, *first)]
+    leaders = [fit for fit in search.leaders(best) if fit.terms]
+    simple = [fit for fit in sorted(near, key=lambda fit: (search.price(fit), fit.chi2)) if fit not in leaders]
+    return [Beginning(dict(zip(fit.terms, fit.x, strict=True)), starts) for fit in (*leaders, *simple[:MOST])]
 
 
 def _balanced(run: MeasuredRun, measured: Measured, nominal: np.ndarray) -> MeasuredRun:
