@@ -318,12 +318,18 @@ class Fitter:
         return [None if f is None else self.data.residual(f) for f in found]
 
     def fit(self, terms: Sequence[Term], *starts: Mapping[Term, np.ndarray]) -> Fit | None:
-        """The best fit of a set of terms from the start with the smallest residual; None where none is possible."""
+        """The best fit of a set of terms from the start with the smallest residual; None where none is possible.
+
+        A set is fitted once; of free motions again from a start that is better than what was reached from another.
+        """
         key = _sorted(terms)
-        if key not in self._fits:
-            points = [self._within(key, [np.array(start[t], float) for t in key]) for start in starts]
-            tried = self.residuals(key, points) if len(points) > 1 else [np.zeros(1)]
-            sizes = [np.inf if r is None else float(r @ r) for r in tried]
+        known, free = self._fits.get(key), any(isinstance(t.effect, StartOfRun) for t in key)
+        if key in self._fits and not free:
+            return known
+        points = [self._within(key, [np.array(start[t], float) for t in key]) for start in starts]
+        tried = self.residuals(key, points) if len(points) > 1 or free else [np.zeros(1)]
+        sizes = [np.inf if r is None else float(r @ r) for r in tried]
+        if known is None or min(sizes) < known.chi2:
             self._fits[key] = self._fit(key, points[int(np.argmin(sizes))])
         return self._fits[key]
 
