@@ -161,6 +161,8 @@ def beside(search: Search, fit: Fit, weights: np.ndarray, known: Collection[tupl
             continue
         i = more.terms.index(screen.terms[k])
         trial = tried(search, more, fit, i, sample_weights(search.fitter.data, more.residual))
+        if trial.gain <= 0:
+            continue
         share = (fit.chi2 - more.chi2) / max(search.base.chi2, 1e-300)
         gap = rms(fit.residual), rms(more.residual)
         why = trial.failed or "with it, another of the effects would no longer be needed"
