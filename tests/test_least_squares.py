@@ -42,7 +42,9 @@ class Counted(Fitter):
 class ByScipy(Counted):
     """The same by SciPy, with the same residuals, bounds, scales and Jacobian."""
 
-    def _fit(self, terms: tuple[Term, ...], x: Sequence[np.ndarray], steps: int = STEPS) -> Fit | None:
+    def _fit(
+        self, terms: tuple[Term, ...], x: Sequence[np.ndarray], steps: int = STEPS, rough: float = 0.0
+    ) -> Fit | None:
         space, kept = Space(terms, self.rig, self.bounds), {}
 
         def residual(point: np.ndarray) -> np.ndarray:
@@ -54,7 +56,7 @@ class ByScipy(Counted):
         start = np.clip(joined(x), space.low, space.high)
         begin = residual(start)
         if not steps or not start.size or np.isnan(begin).any():
-            return super()._fit(terms, x, steps)
+            return super()._fit(terms, x, steps, rough)
         found = least_squares(
             residual,
             start,
