@@ -71,6 +71,7 @@ def test_a_free_run_of_a_large_swing_without_a_gap_is_off_nowhere() -> None:
     assert float(within.replace("\N{MULTIPLICATION SIGN}10", "e")) < 0.05
 
 
+@pytest.mark.slow
 def test_the_zero_of_the_only_sensor_of_a_pendulum_is_a_cause_like_any_other() -> None:
     data = swings()
     off = tuple(
