@@ -17,24 +17,22 @@ import numpy as np
 
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Mechanism
-from analytic.mechanism.file import dumps
-from compare.diagnose.data.units import dimension, factor
 from compare.diagnose.effects.effect import Effect, Values
 from compare.diagnose.effects.sensors import EncoderOffset, SensorBias, SensorFrame, SensorGain
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.evidence.scoreboard.bench.sensors import filtered, history
 from compare.evidence.scoreboard.bench.written import FAMILIES, make_bench
+from compare.evidence.scoreboard.files import Readings, Recording, write_files
 from compare.evidence.scoreboard.hidden import FIRST, Hidden, draw, kind_of
 from compare.evidence.scoreboard.outside import Course, Outside
 from compare.evidence.scoreboard.play import run
-from compare.evidence.scoreboard.rigs import Plan, Rejected
+from compare.evidence.scoreboard.rigs import Plan, Rejected, command_fields
 from compare.evidence.scoreboard.sizes import Planted
 from compare.files import output_folder, write_atomically
-from compare.results.scoreboard import Recorder, TrueEffect, TrueOutsider, Truth
+from compare.results.scoreboard import Recorder, TrueOutsider, Truth
 from sim_models.engine import SimulationError, engine, installed_version
 
 ATTEMPTS = 200
-Readings = dict[str, np.ndarray]
 
 
 def make_set(seed: int, data: Path, seal: Path) -> Truth:
@@ -162,41 +160,16 @@ def with_noise(hidden: Hidden, clean: list[Readings], rng: np.random.Generator) 
 
 def write_data(hidden: Hidden, noisy: list[Readings], folder: Path) -> None:
     """measured.toml, nominal.toml and a CSV file for each run."""
-    import tomli_w
-
-    experiment, entries = hidden.experiment, []
-    for plan, readings in zip(experiment.plans, noisy, strict=True):
-        known = experiment.signals
-        units = {s: experiment.units.get(s, known[s].unit) for s in readings}
-        columns = [plan.time, *(v / factor(units[s], dimension(known[s])) for s, v in readings.items())]
-        header = ",".join(["time [s]", *(f"{s} [{units[s]}]" for s in readings)])
-        rows = (",".join(f"{v:.12g}" for v in row) for row in np.column_stack(columns).tolist())
-        write_atomically(folder / f"{plan.name}.csv", "\n".join([header, *rows]) + "\n")
-        entry: dict[str, object] = {"name": plan.name, "file": f"{plan.name}.csv"}
-        entry |= {"drive": "measured"} if plan.follows else {"drive_speed": plan.speed, "drive_angle": plan.angle}
-        if experiment.noise_given:
-            entry["noise"] = {s: float(f"{sigma:.6g}") for s, sigma in experiment.noise.items()}
-        if plan.loads is not None:
-            entry["load"] = [load.model_dump(mode="json", exclude_unset=True) for load in plan.loads]
-        entries.append(entry)
-    write_atomically(folder / "nominal.toml", dumps(experiment.nominal))
-    write_atomically(folder / "measured.toml", tomli_w.dumps({"mechanism": "nominal.toml", "run": entries}))
+    e = hidden.experiment
+    recordings = [
+        Recording(plan.name, plan.time, readings, command_fields(plan))
+        for plan, readings in zip(e.plans, noisy, strict=True)
+    ]
+    write_files(folder, e.nominal, recordings, e.units, e.noise if e.noise_given else None)
 
 
 def truth(hidden: Hidden, attempt: int) -> Truth:
     """What is hidden in a set that this attempt drew."""
-    effects = [
-        TrueEffect(
-            name=e.name,
-            where=e.where,
-            parameters=dict(e.values),
-            total=e.total,
-            linear=e.linear,
-            distinct=e.distinct,
-            rival=e.rival,
-        )
-        for e in hidden.truth
-    ]
     return Truth(
         seed=hidden.seed,
         attempt=attempt,
@@ -204,7 +177,7 @@ def truth(hidden: Hidden, attempt: int) -> Truth:
         case=hidden.experiment.case,
         source=Recorder(name=hidden.source, version=installed_version(engine(hidden.source).package)),
         simulator=hidden.simulator,
-        effects=tuple(effects),
+        effects=tuple(e.sealed() for e in hidden.truth),
         noise=hidden.experiment.noise,
         reversed_load=hidden.reversed_load,
         outside=None if hidden.outside is None else outsider(hidden.outside, hidden.undescribed),

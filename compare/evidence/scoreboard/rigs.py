@@ -52,6 +52,16 @@ class Plan:
         return self.angle + self.speed * time
 
 
+def command_fields(plan: Plan) -> dict[str, object]:
+    """How a run was driven, as measured.toml has it."""
+    fields: dict[str, object] = (
+        {"drive": "measured"} if plan.follows else {"drive_speed": plan.speed, "drive_angle": plan.angle}
+    )
+    if plan.loads is not None:
+        fields["load"] = [load.model_dump(mode="json", exclude_unset=True) for load in plan.loads]
+    return fields
+
+
 @dataclass(frozen=True)
 class Experiment:
     """A nominal mechanism, the runs made on it, and its sensors' noise (1-sigma, SI, by signal)."""

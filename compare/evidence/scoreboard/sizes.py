@@ -22,6 +22,7 @@ from compare.diagnose.fit import Data, Fit, Fitter
 from compare.diagnose.predict import Model, Term
 from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.evidence.scoreboard.rigs import Experiment, Rejected, ideal
+from compare.results.scoreboard import TrueEffect
 
 SMALLEST, LARGEST = 6.0, 60.0  # sigmas of a signature: a decade, from just above the noise
 RIVALS = 8  # fitted in full, at most
@@ -40,6 +41,18 @@ class Planted:
     linear: float = 0.0
     distinct: float = 0.0
     rival: str | None = None
+
+    def sealed(self) -> TrueEffect:
+        """The effect as the seal tells it."""
+        return TrueEffect(
+            name=self.name,
+            where=self.where,
+            parameters=dict(self.values),
+            total=self.total,
+            linear=self.linear,
+            distinct=self.distinct,
+            rival=self.rival,
+        )
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,7 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.evidence.scoreboard.bench.rig import (
     DIAGNOSING,
     Bench,
-    Readings,
-    Recording,
     UnevenPlan,
-    command_fields,
     draw_player,
     enlarged,
     grown,
@@ -35,7 +32,16 @@ from compare.evidence.scoreboard.bench.rig import (
 )
 from compare.evidence.scoreboard.bench.sensors import counted, read, white
 from compare.evidence.scoreboard.bench.sigmas import Ruler
-from compare.evidence.scoreboard.rigs import Experiment, Plan, draw_log, draw_mechanism, draw_sensors, ideal
+from compare.evidence.scoreboard.files import Readings, Recording
+from compare.evidence.scoreboard.rigs import (
+    Experiment,
+    Plan,
+    command_fields,
+    draw_log,
+    draw_mechanism,
+    draw_sensors,
+    ideal,
+)
 from compare.evidence.scoreboard.sizes import Planted
 
 EFFECTS = (
@@ -66,19 +72,7 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
     jitter = rng.uniform(*JITTER)
     recordings = tuple(_recorded(rng, source, experiment, p, judged, counts, jitter) for p in experiment.plans)
     noise = {s: sigma for s, sigma in experiment.noise.items() if s != experiment.encoder}
-    return Bench(
-        experiment.case,
-        experiment.nominal,
-        source,
-        simulator,
-        judged,
-        (),
-        (),
-        noise,
-        experiment.units,
-        experiment.noise_given,
-        recordings,
-    )
+    return Bench.of(replace(experiment, noise=noise), (source, simulator), judged, recordings)
 
 
 def effect_of(k: int) -> str:

@@ -23,9 +23,6 @@ from compare.evidence.scoreboard.bench.rig import (
     DIAGNOSING,
     Bench,
     Fault,
-    Readings,
-    Recording,
-    command_fields,
     draw_bench,
     draw_player,
     grown,
@@ -36,7 +33,8 @@ from compare.evidence.scoreboard.bench.rig import (
 )
 from compare.evidence.scoreboard.bench.sensors import drifting, filtered, history, hum, pink, read
 from compare.evidence.scoreboard.bench.sigmas import Ruler
-from compare.evidence.scoreboard.rigs import CASES, Experiment, Plan, Rejected
+from compare.evidence.scoreboard.files import Readings, Recording
+from compare.evidence.scoreboard.rigs import CASES, Experiment, Plan, Rejected, command_fields
 from compare.evidence.scoreboard.sizes import Planted
 
 EFFECTS = (
@@ -84,19 +82,8 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
     source = draw_player(rng, simulator, [VOCABULARY[e.name] for e in judged])
     lag = 1 / (2 * math.pi * corner)
     recordings = tuple(_recorded(rng, source, experiment, p, judged, colours, group, lag) for p in experiment.plans)
-    return Bench(
-        experiment.case,
-        experiment.nominal,
-        source,
-        simulator,
-        judged,
-        (),
-        tuple(_faults(experiment.encoder, group, lag, colours)),
-        experiment.noise,
-        experiment.units,
-        experiment.noise_given,
-        recordings,
-    )
+    faults = _faults(experiment.encoder, group, lag, colours)
+    return Bench.of(experiment, (source, simulator), judged, recordings, faults=faults)
 
 
 def _plans(rng: np.random.Generator, experiment: Experiment, follows: bool) -> tuple[Plan, ...]:

@@ -27,9 +27,6 @@ from compare.evidence.scoreboard.bench.pendulum import Pendulum, rival_left, tur
 from compare.evidence.scoreboard.bench.rig import (
     DIAGNOSING,
     Bench,
-    Readings,
-    Recording,
-    command_fields,
     draw_bench,
     draw_player,
     is_empty,
@@ -39,7 +36,8 @@ from compare.evidence.scoreboard.bench.rig import (
 )
 from compare.evidence.scoreboard.bench.sensors import white
 from compare.evidence.scoreboard.bench.sigmas import Ruler
-from compare.evidence.scoreboard.rigs import Experiment, Rejected, draw_log, ideal
+from compare.evidence.scoreboard.files import Readings, Recording
+from compare.evidence.scoreboard.rigs import Experiment, Rejected, command_fields, draw_log, ideal
 from compare.evidence.scoreboard.score import DISTINCT
 from compare.evidence.scoreboard.sizes import Planted
 from compare.judge.grid import turns_fully
@@ -88,19 +86,7 @@ def _driven(rng: np.random.Generator, kind: str, empty: bool, simulator: str) ->
         signals = moved(source, experiment, plan, judged, plan.time)
         seen: Readings = {s: np.array(signals[s]) for s in experiment.noise}
         recordings.append(Recording(plan.name, plan.time, white(rng, experiment, seen), command_fields(plan)))
-    return Bench(
-        experiment.case,
-        experiment.nominal,
-        source,
-        simulator,
-        judged,
-        (),
-        (),
-        experiment.noise,
-        experiment.units,
-        experiment.noise_given,
-        tuple(recordings),
-    )
+    return Bench.of(experiment, (source, simulator), judged, recordings)
 
 
 def _heavy(rng: np.random.Generator, experiment: Experiment) -> Planted:

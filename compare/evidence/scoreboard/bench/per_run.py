@@ -23,8 +23,6 @@ from compare.evidence.scoreboard.bench.rig import (
     DIAGNOSING,
     Bench,
     Fault,
-    Recording,
-    command_fields,
     draw_bench,
     draw_player,
     grown,
@@ -34,7 +32,8 @@ from compare.evidence.scoreboard.bench.rig import (
 )
 from compare.evidence.scoreboard.bench.sensors import white
 from compare.evidence.scoreboard.bench.sigmas import Ruler
-from compare.evidence.scoreboard.rigs import CASES, Experiment, Plan, Rejected, draw_log
+from compare.evidence.scoreboard.files import Recording
+from compare.evidence.scoreboard.rigs import CASES, Experiment, Plan, Rejected, command_fields, draw_log
 from compare.evidence.scoreboard.sizes import Planted
 
 EFFECTS = (
@@ -79,19 +78,9 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
         seen[experiment.encoder] = seen[experiment.encoder] + zeros[plan.name]
         seen |= {s: seen[s] + tares[s][plan.name] for s in group}
         recordings.append(Recording(plan.name, plan.time, white(rng, experiment, seen), command_fields(plan)))
-    return Bench(
-        experiment.case,
-        experiment.nominal,
-        source,
-        simulator,
-        judged,
-        (),
-        tuple(_faults(experiment.encoder, zeros, tares, lates if clocks else {}, lag)),
-        experiment.noise,
-        experiment.units,
-        bool(rng.random() < 0.5),
-        tuple(recordings),
-    )
+    faults = _faults(experiment.encoder, zeros, tares, lates if clocks else {}, lag)
+    stated = replace(experiment, noise_given=bool(rng.random() < 0.5))
+    return Bench.of(stated, (source, simulator), judged, recordings, faults=faults)
 
 
 def _plans(rng: np.random.Generator, experiment: Experiment, follows: bool) -> tuple[Plan, ...]:

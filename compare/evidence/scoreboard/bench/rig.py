@@ -12,6 +12,7 @@ from analytic.mechanism import Body, Mechanism
 from analytic.mechanism.signals import AXES, Signal
 from compare.diagnose.effects.effect import Effect
 from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.evidence.scoreboard.files import Recording
 from compare.evidence.scoreboard.hidden import makers
 from compare.evidence.scoreboard.play import run
 from compare.evidence.scoreboard.rigs import (
@@ -32,7 +33,6 @@ PLAYERS = ("exudyn", "mujoco", "dart")
 EVERY = 6  # the last of so many sets is empty: no effect of the rig, only what is unkind in the family
 SLOWER = {"crank-rocker": 0.5, "slider-crank": 0.17, "six-bar": 0.6}  # of the speeds of small linkages
 SENSORS = (5, 9)
-Readings = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -42,16 +42,6 @@ class Fault:
     name: str
     where: str
     values: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Recording:
-    """A run as it is written: ``time`` (N,) s as stamped, what the sensors read, and the fields of its ``[[run]]``."""
-
-    name: str
-    time: np.ndarray
-    readings: Readings
-    fields: Mapping[str, object]
 
 
 @dataclass(frozen=True)
@@ -75,6 +65,32 @@ class Bench:
     noise_stated: bool
     recordings: tuple[Recording, ...]
     together: float = 0.0  # sigmas of all that is slight
+
+    @classmethod
+    def of(
+        cls,
+        experiment: Experiment,
+        engines: tuple[str, str],
+        dominant: tuple[Planted, ...],
+        recordings: Sequence[Recording],
+        slight: tuple[Planted, ...] = (),
+        faults: Sequence[Fault] = (),
+        together: float = 0.0,
+    ) -> Bench:
+        """A set recorded in an experiment; ``engines`` are the one that made the data and the one that diagnoses."""
+        return cls(
+            experiment.case,
+            experiment.nominal,
+            *engines,
+            dominant,
+            slight,
+            tuple(faults),
+            experiment.noise,
+            experiment.units,
+            experiment.noise_given,
+            tuple(recordings),
+            together,
+        )
 
 
 def is_empty(k: int) -> bool:
@@ -295,13 +311,3 @@ def moved(
     m = altered(experiment, plan, things)
     trace = run(source, m, plan, time, plan.command if isinstance(plan, UnevenPlan) else None)
     return {**trace.signals, experiment.encoder: plan.command(time)}
-
-
-def command_fields(plan: Plan) -> dict[str, object]:
-    """How a run was driven, as measured.toml has it."""
-    fields: dict[str, object] = (
-        {"drive": "measured"} if plan.follows else {"drive_speed": plan.speed, "drive_angle": plan.angle}
-    )
-    if plan.loads is not None:
-        fields["load"] = [load.model_dump(mode="json", exclude_unset=True) for load in plan.loads]
-    return fields

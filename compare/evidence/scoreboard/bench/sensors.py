@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from compare.diagnose.effects.effect import Values
-from compare.evidence.scoreboard.bench.rig import Readings
+from compare.evidence.scoreboard.files import Readings
 from compare.evidence.scoreboard.rigs import Experiment
 from compare.evidence.scoreboard.sizes import Planted
 

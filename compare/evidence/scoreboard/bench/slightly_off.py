@@ -15,9 +15,6 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.evidence.scoreboard.bench.rig import (
     DIAGNOSING,
     Bench,
-    Readings,
-    Recording,
-    command_fields,
     draw_bench,
     draw_player,
     grown,
@@ -28,7 +25,8 @@ from compare.evidence.scoreboard.bench.rig import (
 )
 from compare.evidence.scoreboard.bench.sensors import read, white
 from compare.evidence.scoreboard.bench.sigmas import Ruler
-from compare.evidence.scoreboard.rigs import CASES, Experiment, Plan, Rejected, ideal
+from compare.evidence.scoreboard.files import Readings, Recording
+from compare.evidence.scoreboard.rigs import CASES, Experiment, Plan, Rejected, command_fields, ideal
 from compare.evidence.scoreboard.score import DISTINCT
 from compare.evidence.scoreboard.sizes import Planted
 
@@ -67,20 +65,7 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
     dominant = [grown(rng, experiment, name, least, MOST, _place(rng, experiment, name)) for name in names]
     judged = ruler.judged(dominant, slight, least=max(DISTINCT, together))
     recordings = tuple(_recorded(rng, source, experiment, plan, (*slight, *judged)) for plan in experiment.plans)
-    return Bench(
-        experiment.case,
-        experiment.nominal,
-        source,
-        simulator,
-        judged,
-        slight,
-        (),
-        experiment.noise,
-        experiment.units,
-        experiment.noise_given,
-        recordings,
-        together,
-    )
+    return Bench.of(experiment, (source, simulator), judged, recordings, slight, together=together)
 
 
 def _place(rng: np.random.Generator, experiment: Experiment, name: str) -> str | None:
