@@ -11,8 +11,9 @@ import pytest
 from compare.diagnose.admission import HELD_OUT, Trial, foretold
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.diagnose.fit import Data, Fit
+from compare.diagnose.fit import Fit
 from compare.diagnose.predict import Term
+from compare.diagnose.residuals import Data
 from compare.diagnose.search import costs
 from compare.diagnose.sensitivities import candidates
 from diagnosis_rigs import assert_recovered, diagnosed, experiment, named, played, turn, wrong

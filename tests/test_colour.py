@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import lfilter
 
 from compare.diagnose.colour import colours
-from compare.diagnose.fit import Colour, Data
+from compare.diagnose.residuals import Colour, Data
 from compare.evidence.scoreboard.rigs import Experiment, Plan
 from diagnosis_rigs import experiment
 

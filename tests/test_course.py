@@ -20,8 +20,8 @@ from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Channel, MeasuredRun
 from compare.diagnose.data.smooth import Smoother
 from compare.diagnose.data.thin import missed, picked
-from compare.diagnose.fit import Data
 from compare.diagnose.predict import Model, derived
+from compare.diagnose.residuals import Data
 from compare.evidence.scoreboard.rigs import Plan
 from diagnosis_rigs import diagnosed, experiment, readings, wrong
 from measured_files import RunTable, write_measured

@@ -24,9 +24,9 @@ from compare.diagnose.data.measured_file import read_file
 from compare.diagnose.data.recording import Measured, MeasuredError
 from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
 from compare.diagnose.experiment_design import as_toml
-from compare.diagnose.fit import Data
 from compare.diagnose.locate import locate
 from compare.diagnose.prepare import thinned
+from compare.diagnose.residuals import Data
 from compare.diagnose.workflow import diagnose
 from compare.evidence.scoreboard.record import write_data
 from compare.evidence.scoreboard.rigs import Experiment, Plan

@@ -9,9 +9,10 @@ import pytest
 from scipy.optimize import least_squares
 
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.diagnose.fit import Data, Fit, Fitter, Space, joined
+from compare.diagnose.fit import Fit, Fitter, Space, joined
 from compare.diagnose.least_squares import SETTLED, STEPS, Descent
 from compare.diagnose.predict import Term
+from compare.diagnose.residuals import Data
 from compare.diagnose.search import Search, costs
 from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.evidence.scoreboard.sizes import Sizer

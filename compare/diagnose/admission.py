@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compare.diagnose.fit import FOLDS, Data, Fit
-from compare.diagnose.noise import rms
-from compare.diagnose.search import CLOSED, Search
+from compare.diagnose.fit import Fit
+from compare.diagnose.noise import CLOSED, rms
+from compare.diagnose.residuals import FOLDS, Data
+from compare.diagnose.search import Search
 
 HELD_OUT = 9.0  # of chi^2 on data left out that an effect must bring
 HALF = 0.5  # share of a sensor's excess that an effect must remove, in two runs, where something else remains

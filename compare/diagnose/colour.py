@@ -15,7 +15,7 @@ from itertools import combinations
 
 import numpy as np
 
-from compare.diagnose.fit import Colour, Data, Part, turned
+from compare.diagnose.residuals import Colour, Data, Part, turned
 
 TURNS = 1.5  # of every run, from which on what repeats with the crank can be told from what does not
 HARMONICS = 10

@@ -14,8 +14,9 @@ from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.signals import AXES, POSE, Signal, Unit
 from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.effects.effect import Readings, Rig
-from compare.diagnose.fit import Fit, bridged, hypothesis, without_columns
+from compare.diagnose.fit import Fit, hypothesis, without_columns
 from compare.diagnose.predict import Model
+from compare.diagnose.residuals import bridged
 from compare.files import file_name
 from compare.quantities import amount
 

@@ -15,10 +15,11 @@ import numpy as np
 from scipy.stats import chi2
 
 from compare.diagnose.admission import foretold, held_out, tried
-from compare.diagnose.fit import Data, Fit, rank_of, without_columns
-from compare.diagnose.noise import rms, sample_weights
+from compare.diagnose.fit import Fit, rank_of, without_columns
+from compare.diagnose.noise import CLOSED, rms, sample_weights
 from compare.diagnose.predict import Term
-from compare.diagnose.search import CLOSED, Search, without
+from compare.diagnose.residuals import Data
+from compare.diagnose.search import Search, without
 from compare.diagnose.sensitivities import Screen
 from compare.results.diagnosis import Verdict
 

@@ -18,9 +18,10 @@ from analytic.mechanism.signals import DRIVE_TORQUE
 from compare.diagnose import prepare
 from compare.diagnose.data.quality import noise
 from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
-from compare.diagnose.fit import Bounds, Data, Fitter
+from compare.diagnose.fit import Bounds, Fitter
 from compare.diagnose.noise import rms
 from compare.diagnose.predict import Hypothesis, Impossible, Model, Term
+from compare.diagnose.residuals import Data
 from compare.diagnose.search import Search
 from compare.diagnose.sensitivities import sensitivities
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from analytic.mechanism.signals import Signal
 from compare.diagnose.data.recording import Measured
-from compare.diagnose.fit import Data
 from compare.diagnose.noise import correlation_time, rms
+from compare.diagnose.residuals import Data
 
 WINDOWS = 36  # of a run, over which residuals are averaged
 SURE = 4.5  # sigmas of a window's mean

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from compare.diagnose.fit import Data
+from compare.diagnose.residuals import Data
 
+CLOSED = 1.1  # of the noise floor: a gap that is closed
 NOISY = 1.15  # mean square of a sensor's residual, above which it is more than its noise
 
 

@@ -24,8 +24,9 @@ from compare.diagnose.data.smooth import Smoother
 from compare.diagnose.data.thin import missed, picked
 from compare.diagnose.effects.effect import Effect, Parameter, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.diagnose.fit import Bounds, Data
+from compare.diagnose.fit import Bounds
 from compare.diagnose.predict import Model, StartOfRun, Term
+from compare.diagnose.residuals import Data
 
 SAMPLES = 60_000  # of all sensors together; of more, evenly spaced ones are used
 NUMBERS = 20_000_000  # of the matrix of errors that sensors share, at most

@@ -19,12 +19,13 @@ from compare.diagnose.effects.effect import Effect, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.engines import Engines
 from compare.diagnose.explain import Attempt, Explanation, explain, has_structure, pruned
-from compare.diagnose.fit import Data, Fit, Fitter
+from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.inverse import beginnings
 from compare.diagnose.locate import Stretch, locate, rms_difference, spread
-from compare.diagnose.noise import rms
+from compare.diagnose.noise import CLOSED, rms
 from compare.diagnose.predict import Model, Term, altered
-from compare.diagnose.search import CLOSED, Search, costs
+from compare.diagnose.residuals import Data
+from compare.diagnose.search import Search, costs
 from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.diagnose.simulate import Simulated
 from compare.quantities import amount

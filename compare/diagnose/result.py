@@ -14,9 +14,10 @@ from analytic.mechanism.one_line import count
 from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.experiment_design import would_separate
 from compare.diagnose.explain import Attempt, Explanation, Named
-from compare.diagnose.fit import FOLDS, SEGMENTS, Fit, without_columns
+from compare.diagnose.fit import Fit, without_columns
 from compare.diagnose.noise import rms
 from compare.diagnose.predict import Term
+from compare.diagnose.residuals import FOLDS, SEGMENTS
 from compare.diagnose.statement import as_parameter, named, statement, tied
 from compare.results.crosscheck import Simulator
 from compare.results.diagnosis import Attempt as DocumentAttempt

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.sensors import EachRun
 from compare.diagnose.fit import Fit, Fitter
-from compare.diagnose.noise import rms, sample_weights
+from compare.diagnose.noise import CLOSED, rms, sample_weights
 from compare.diagnose.predict import Term
 from compare.diagnose.sensitivities import Screen, Sensitivity, sensitivities
 
@@ -26,7 +26,6 @@ ROUNDS = 5
 MARGIN = 60.0
 ANEW = 4.0  # of chi^2, that each value of a fault that is another in each run must bring beside a parameter's share
 FIRST = 5
-CLOSED = 1.1  # of the noise floor: a gap that is closed
 STRAYED = 0.5  # of the noise (rms), by which a linear forecast may miss a fit
 LEADERS = 5  # of the best sets of a part of the data are tried on more of it
 

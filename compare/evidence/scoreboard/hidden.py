@@ -18,8 +18,9 @@ from analytic.mechanism import Load, Mechanism
 from compare.diagnose.effects.effect import Effect, Rig, Values
 from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.diagnose.fit import Data, Fit, Fitter
+from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.predict import Term, derived
+from compare.diagnose.residuals import Data
 from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.evidence.scoreboard.outside import KINDS, Course, Outside, draw_outside, resized
 from compare.evidence.scoreboard.rigs import CASES, Experiment, Plan, Rejected, draw_experiment, draw_log, ideal

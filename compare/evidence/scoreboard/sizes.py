@@ -18,8 +18,9 @@ from scipy.interpolate import CubicSpline
 from analytic.beyond_paper.drive import Motor
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Rig, Values
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.diagnose.fit import Data, Fit, Fitter
+from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.predict import Model, Term
+from compare.diagnose.residuals import Data
 from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.evidence.scoreboard.rigs import Experiment, Rejected, ideal
 from compare.results.scoreboard import TrueEffect

@@ -1,0 +1,209 @@
+"""Everything measured as one vector, each sample over its noise, be that white, of a colour, or shared by sensors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import lfilter
+
+from analytic.mechanism.signals import wrapped
+from compare.diagnose.data.recording import Measured, MeasuredRun
+
+FOLDS = 6
+SEGMENTS = 18  # of a run; every FOLDS-th one is held out together
+TURNS = 3  # of every run, from which on whole revolutions can be held out
+
+
+@dataclass(frozen=True)
+class Part:
+    """The samples of one sensor in one run, within the vector of all residuals."""
+
+    run: int
+    signal: str
+    used: np.ndarray  # indices of the run's samples
+    place: slice
+
+
+@dataclass(frozen=True)
+class Colour:
+    """Noise of one sensor that is not white: white and slowly wandering parts, whose next sample keeps a share of this
+    one and forgets a share of what was new in it, and hum of the mains.
+
+    ``size`` is what is new in a sample, over the noise; ``hum`` are frequencies (Hz), ``amplitude`` theirs over the
+    noise.
+    """
+
+    keeps: float
+    forgets: float
+    size: float
+    hum: tuple[float, ...] = ()
+    amplitude: float = 0.0
+
+    def innovations(self, left: np.ndarray) -> np.ndarray:
+        """What each sample (N,), or row (N, k), says beyond those before it, over what is new in one."""
+        if not self.keeps:
+            return left / self.size
+        return np.asarray(lfilter([1.0, -self.keeps], [1.0, -self.forgets], left, axis=0)) / self.size
+
+    @property
+    def total(self) -> float:
+        """Its rms over the noise, hum included."""
+        return math.sqrt(self.size**2 + self.wander**2 + self.amplitude**2 / 2)
+
+    @property
+    def wander(self) -> float:
+        """Rms of what the samples before one foretell of it, over the noise."""
+        return self.size * (self.keeps - self.forgets) / math.sqrt(1 - self.keeps**2) if self.keeps else 0.0
+
+
+class Data:
+    """Everything measured as one vector, each sample over its noise.
+
+    ``shared`` (size, k), in units of noise, are errors that samples have in common: their covariance is 1 + shared
+    shared^T.  ``colours`` are those of sensors whose noise is not white, by signal.
+    """
+
+    def __init__(
+        self,
+        measured: Measured,
+        noise: Mapping[tuple[str, str], float],
+        encoder: str,
+        shared: np.ndarray | None = None,
+        colours: Mapping[str, Colour] | None = None,
+    ) -> None:
+        self.measured, self.noise, self.encoder = measured, noise, encoder
+        self.colours = {} if colours is None else colours
+        self.parts: list[Part] = []
+        values, sigma, fold = [], [], []
+        at = 0
+        for r, run in enumerate(measured.runs):
+            segment = np.minimum(np.arange(run.time.size) * SEGMENTS // run.time.size, SEGMENTS - 1) % FOLDS
+            for signal, channel in run.channels.items():
+                if run.drive == "measured" and signal == encoder:
+                    continue  # what the run follows cannot also judge it
+                used = np.flatnonzero(np.isfinite(channel.values))
+                self.parts.append(Part(r, signal, used, slice(at, at + used.size)))
+                at += used.size
+                values.append(channel.values[used])
+                sigma.append(np.full(used.size, noise[run.name, signal]))
+                fold.append(segment[used])
+        self.values, self.sigma, self.fold = (np.concatenate(x) for x in (values, sigma, fold))
+        self.turn = self._turns()
+        wraps = {name: signal.wraps for name, signal in measured.signals.items()}
+        self.turning = np.concatenate([np.full(p.used.size, wraps[p.signal]) for p in self.parts])
+        self.size = at
+        self.shared = np.zeros((at, 0)) if shared is None else shared
+        self._shift = np.zeros(0)
+        basis, spread, _ = np.linalg.svd(
+            self._told(np.column_stack([self.shared, self._records()])), full_matrices=False
+        )
+        # whitens what the sensors' errors have in common
+        self._basis, self._less = basis, 1 / np.sqrt(1 + spread**2) - 1
+
+    def _records(self) -> np.ndarray:
+        """Columns (size, k) of what all samples of a record have in common: where its noise had wandered to when it
+        began, and hum, each as large as it is.
+        """
+        columns = []
+        for part in self.parts:
+            colour = self.colours.get(part.signal)
+            if colour is None:
+                continue
+            time = self.measured.runs[part.run].time[part.used]
+            waves = [colour.wander * colour.keeps ** np.arange(time.size)] if colour.keeps else []
+            for frequency in colour.hum:
+                turn = 2 * np.pi * frequency * time
+                waves += [colour.amplitude * np.cos(turn), colour.amplitude * np.sin(turn)]
+            for wave in waves:
+                columns.append(np.zeros(self.size))
+                columns[-1][part.place] = wave
+        return np.column_stack(columns) if columns else np.zeros((self.size, 0))
+
+    def _told(self, residual: np.ndarray) -> np.ndarray:
+        """A residual (size,), or columns (size, k), where noise has a colour as what is new in each sample."""
+        if not self.colours:
+            return residual
+        out = residual.copy()
+        for part in self.parts:
+            if part.signal in self.colours:
+                out[part.place] = self.colours[part.signal].innovations(residual[part.place])
+        return out
+
+    def coloured(self, colours: Mapping[str, Colour]) -> Data:
+        """The same data, the noise of these sensors of these colours."""
+        return Data(self.measured, self.noise, self.encoder, self.shared, colours)
+
+    def _turns(self) -> np.ndarray | None:
+        """Which revolution of its run (one of FOLDS, in turn) a sample (size,) is in; None where a run makes less than
+        TURNS or none is known.
+        """
+        found = []
+        for part in self.parts:
+            angle = turned(self.measured.runs[part.run], self.encoder)
+            if angle is None or abs(angle[-1] - angle[0]) < TURNS * 2 * np.pi:
+                return None
+            found.append(np.floor(np.abs(angle[part.used] - angle[0]) / (2 * np.pi)).astype(int) % FOLDS)
+        return np.concatenate(found)
+
+    def until(self, share: float) -> Data:
+        """The same data without what free runs did after a share of their time."""
+        runs = []
+        for run in self.measured.runs:
+            early = run.time <= run.time[0] + share * (run.time[-1] - run.time[0])
+            cut = {s: replace(c, values=c.values[early]) for s, c in run.channels.items()}
+            runs.append(replace(run, time=run.time[early], channels=cut) if run.drive == "free" else run)
+        kept = [
+            run.time[part.used] <= runs[part.run].time[-1]
+            for part in self.parts
+            if (run := self.measured.runs[part.run])
+        ]
+        return Data(
+            replace(self.measured, runs=tuple(runs)),
+            self.noise,
+            self.encoder,
+            self.shared[np.concatenate(kept)],
+            self.colours,
+        )
+
+    def shifted(self, difference: np.ndarray) -> Data:
+        """The same data less a difference (size,) in units of noise."""
+        other = copy(self)
+        other._shift = difference if not self._shift.size else self._shift + difference
+        return other
+
+    def residual(self, readings: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
+        """(measured - predicted) / noise, (size,); angles modulo a turn.  Where the model has no answer, straight lines
+        between its answers are taken.
+        """
+        predicted = np.concatenate([bridged(readings[p.run][p.signal])[p.used] for p in self.parts])
+        difference = self.values - predicted
+        difference[self.turning] = wrapped(difference[self.turning])
+        white = self._white(self._told(difference / self.sigma))
+        return white - self._shift if self._shift.size else white
+
+    def _white(self, residual: np.ndarray) -> np.ndarray:
+        return residual + self._basis @ (self._less * (self._basis.T @ residual)) if self._less.size else residual
+
+
+def turned(run: MeasuredRun, encoder: str) -> np.ndarray | None:
+    """The angle (N,) rad of the crank in a driven run as commanded, or as its encoder has it; None where neither is."""
+    if run.drive == "speed" and run.speed is not None:
+        return run.speed * run.time
+    if run.drive == "free" or encoder not in run.channels:
+        return None
+    return bridged(run.channels[encoder].values)
+
+
+def bridged(values: np.ndarray) -> np.ndarray:
+    """Values (N,) with straight lines across NaN; without any number, a huge one that nothing fits."""
+    known = np.isfinite(values)
+    if known.all():
+        return values
+    if not known.any():
+        return np.full(values.shape, 1e12)
+    at = np.arange(values.size)
+    return np.interp(at, at[known], values[known])
