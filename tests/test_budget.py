@@ -64,3 +64,20 @@ def test_noise_that_is_stated_too_large_names_nothing_and_is_told() -> None:
     steps = {step["title"]: step["text"] for step in found["steps"]}
     (note,) = [sentence for sentence in steps["Isolate"] if "overstated" in sentence]
     assert "give a smaller noise, or none, to look closer" in note
+
+
+def test_noise_that_is_overstated_does_not_hide_a_sensor_that_is_off() -> None:
+    """One sensor is off by more than its noise, all others are ten times better than stated."""
+    gain = wrong("sensor_gain", "drive_torque", gain_error=0.0025)
+    measured = overstated(played(experiment(), gain), 10.0)
+    runs = [
+        replace(
+            run,
+            channels={s: replace(c, noise=c.noise / 10) if s == "drive_torque" else c for s, c in run.channels.items()},
+        )
+        for run in measured.runs
+    ]
+    found = diagnosed(replace(measured, runs=tuple(runs)), only=("sensor_gain",))
+    assert found["gap"]["before"] < 0.9
+    assert found["verdict"] != "no gap"
+    assert [(e["name"], e["where"]) for e in found["effects"]] == [("sensor_gain", "drive_torque")]

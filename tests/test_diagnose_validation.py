@@ -85,6 +85,7 @@ def test_values_of_other_runs_do_not_apply_to_a_validation_run() -> None:
     assert max(gaps(kept, "after").values()) < 1.5
 
 
+@pytest.mark.slow
 def test_a_free_validation_run_begins_at_its_given_start() -> None:
     believed = load("pendulum")
     real = believed.with_joint("O", damping=2e-3)
@@ -100,6 +101,25 @@ def test_a_free_validation_run_begins_at_its_given_start() -> None:
     assert kept["signals"]["pendulum_angle"]["after"][0] == pytest.approx(0.8, abs=1e-9)
     assert kept["signals"]["pendulum_angle"]["gap_before"] > 5
     assert kept["signals"]["pendulum_angle"]["gap_after"] == pytest.approx(1.0, abs=0.3)
+
+
+def test_a_free_validation_run_is_on_the_turn_of_the_fitted_ones() -> None:
+    """A spring that the model lacks knows in which turn its joint is; the encoder of a validation run does not."""
+    believed = load("pendulum")
+    real = believed.with_joint("O", stiffness=3.0, rest_angle=-1.2, damping=2e-2)
+    noise = {"pendulum_angle": 1e-3, "pendulum_angular_velocity": 1e-2}
+    whole = released(believed, real, noise, [(-0.5, 0.0), (-1.9, 0.0), (-0.8, 1.0)], np.linspace(0.0, 2.0, 201))
+    last = whole.runs[2]
+    higher = {
+        s: replace(c, values=c.values + 2 * np.pi) if s == "pendulum_angle" else c for s, c in last.channels.items()
+    }
+    given = {"pendulum_angle": -0.8 + 2 * np.pi, "pendulum_angular_velocity": 1.0}
+    runs = (*whole.runs[:2], replace(last, channels=higher, start=given, role="validation"))
+    found = diagnosed(replace(whole, runs=runs), only=("joint_spring", "viscous_friction"))
+    assert {effect["name"] for effect in found["effects"]} == {"joint_spring", "viscous_friction"}
+    kept = by_name(found, "swing-3")
+    assert kept["signals"]["pendulum_angle"]["gap_before"] > 100
+    assert kept["signals"]["pendulum_angle"]["gap_after"] < 3  # from the given start, which is exact here
 
 
 def test_a_validation_run_that_cannot_be_simulated_is_shown_as_such(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -105,7 +105,7 @@ def swings(turns: Sequence[int] = (0, 0)) -> Measured:
 
 def begun(measured: Measured, *only: str) -> list[dict[str, dict[str, float]]]:
     """What each beginning says of each effect, by name."""
-    problem = Problem.of(measured, PENDULUM, Options("mujoco", only=only, others=False, workers=1))
+    problem = Problem.of(on_one_turn(measured), PENDULUM, Options("mujoco", only=only, others=False, workers=1))
     wanted = [t for t in problem.terms if t.key not in problem.ruled_out]
     found = beginnings(problem.model, problem.fitter.bounds, costs(wanted, problem.rig, problem.data.size))
     return [
@@ -128,6 +128,7 @@ def test_a_stiff_spring_and_a_damper_begin_near_what_they_are(turns: tuple[int, 
     assert_one_near(begun(swings(turns), "joint_spring", "viscous_friction"))
 
 
+@pytest.mark.slow
 def test_read_backward_one_of_the_beginnings_is_near_with_the_whole_vocabulary() -> None:
     """A larger moment of inertia with a stiffer spring and a stronger damper moves the same way but for gravity's part:
     which it is, the fits of the motion say.

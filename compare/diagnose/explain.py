@@ -107,12 +107,12 @@ def explain(search: Search, fit: Fit) -> Explanation:
     said = verdict(fit, named, structured)
     if said not in ("no gap", "explained") and not search.late():
         attempts += beside(search, fit, weights, {a.term.key for a in attempts})
-    keys = {n.term.key for n in named}
-    ranked = sorted((a for a in attempts if a.term.key not in keys), key=lambda a: -a.share)
-    once = {a.term.key: a for a in reversed(ranked)}
-    return Explanation(
-        search.base, fit, named, said, weights, structured, tuple(a for a in ranked if once[a.term.key] is a)
-    )
+    named_keys = {n.term.key for n in named}
+    best: dict[tuple[str, str], Attempt] = {}
+    for attempt in sorted(attempts, key=lambda a: -a.share):
+        if attempt.term.key not in named_keys:
+            best.setdefault(attempt.term.key, attempt)
+    return Explanation(search.base, fit, named, said, weights, structured, tuple(best.values()))
 
 
 def pruned(search: Search, fit: Fit) -> tuple[Fit, np.ndarray, list[Named], list[Attempt]]:

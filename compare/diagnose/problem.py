@@ -140,7 +140,7 @@ class Problem:
     def of(cls, measured: Measured, mechanism: Mechanism, options: Options) -> Problem:
         """Prepare: the rig, the noise floor, the nominal model and what each engine says of it."""
         engines, skipped = options.engines()
-        courses, measured = prepare.followed(prepare.thinned(prepare.on_one_turn(measured)))
+        courses, measured = prepare.followed(prepare.thinned(measured))
         noise = {(run.name, s): c.noise for run in measured.runs for s, c in run.channels.items()}
         rig, model = prepare.nominal(measured, mechanism, courses)
         measured = prepare.unturned(measured, model, prepare.starts(measured))
@@ -238,7 +238,7 @@ class Problem:
         data, and they are fitted or searched again.
         """
         self.options.progress("search", 1, 4)
-        if rms(self.base.residual) < OVERSTATED:
+        if rms(self.base.residual) < OVERSTATED and self.largest_rms(self.base.residual) <= CLOSED:
             return self.quiet()
         fit = self.best_fit(self.data)
         for _ in range(RECOLOURED):
@@ -298,7 +298,8 @@ class Problem:
             size = amount(noise * colour.total, unit)
             self.notes.append(
                 f"The noise of {signal} {' and '.join(parts) or 'is larger than stated'}, {size} (rms) in all. It does"
-                " not come back with the crank's angle: it is taken as noise of that kind, not as a fault of the rig."
+                " not come back with the crank's angle: it is taken as noise of that kind, not as a fault of the rig,"
+                " and the gap counts what is new in each of its samples."
             )
 
     def quiet(self) -> Explanation:

@@ -53,6 +53,7 @@ from sim_models.engine import SettingValue, installed_version
 if TYPE_CHECKING:
     from compare.diagnose.locate import Stretch
     from compare.diagnose.problem import Problem, Verified
+    from compare.diagnose.residuals import Part
     from compare.diagnose.search import Search
     from compare.diagnose.sensitivities import Screen
     from compare.diagnose.simulate import Simulated
@@ -384,7 +385,7 @@ def _run(problem: Problem, found: Verified, r: int, run: MeasuredRun) -> Diagnos
         channel = run.channels[part.signal]
         signals[part.signal] = Channel(
             unit=channel.signal.unit,
-            noise=float(problem.data.sigma[part.place][0]) if part.used.size else channel.noise,
+            noise=_noise(problem, part) if part.used.size else channel.noise,
             noise_given=channel.noise_given,
             measured=channel.values,
             before=before[r][part.signal] if before is not None else absent,
@@ -402,6 +403,12 @@ def _run(problem: Problem, found: Verified, r: int, run: MeasuredRun) -> Diagnos
         signals=signals,
         role="fit",
     )
+
+
+def _noise(problem: Problem, part: Part) -> float:
+    """1-sigma (SI) of a sensor's noise of every kind: white, wandering and hum."""
+    colour = problem.data.colours.get(part.signal)
+    return float(problem.data.sigma[part.place][0]) * (colour.total if colour else 1.0)
 
 
 def _validation_run(validated: Validated) -> DiagnosedRun:

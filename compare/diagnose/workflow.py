@@ -13,6 +13,7 @@ from compare.arguments import Names, flag, names, one_engine, path, seconds, who
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
+from compare.diagnose.prepare import on_one_turn
 from compare.diagnose.problem import Options, Problem, Progress, silent
 from compare.diagnose.result import as_document
 from compare.diagnose.validation import parted, validated
@@ -65,7 +66,7 @@ def diagnose(  # noqa: PLR0913 - what a person may ask, by name
         None if budget is None else seconds(budget, "budget"),
     )
     data = measured if isinstance(measured, Measured) else load_measured(path(measured, "measured"))
-    data, unfitted = parted(data)
+    data, unfitted = parted(on_one_turn(data))
     rigid = data.mechanism.rigid()
     problem = Problem.of(data, rigid, options)
     explanation = problem.explanation()

@@ -182,10 +182,10 @@ DECISIONS = (
     ("Standard deviations of correlation between two sensors from which on it is no noise", "colour.ALIKE"),
     ("Chi-squared within which two explanations tie (four standard deviations)", "explain.TIE"),
     ("Standard deviations by which a proposed run must part two explanations", "experiment_design.ENOUGH"),
-    ("Gap, in noise floors, up to which it counts as closed", "search.CLOSED"),
+    ("Gap, in noise floors, up to which it counts as closed", "noise.CLOSED"),
     ("Standard deviations of a stretch that is listed", "locate.SURE"),
-    ("Segments of a run", "fit.SEGMENTS"),
-    ("Folds that share the segments", "fit.FOLDS"),
+    ("Segments of a run", "residuals.SEGMENTS"),
+    ("Folds that share the segments", "residuals.FOLDS"),
 )
 
 

@@ -129,7 +129,7 @@ class SensorDrift(OnSensor, EachRun):
     label = "a drift of the sensor for {}"
     meaning = "the sensor {} drifts"
     hiding = Hiding(drawn=False)
-    parameters = (Parameter("drift", "", "drift"),)
+    parameters = (Parameter("drift", "of the signal per s", "drift"),)
 
     def places(self, rig: Rig) -> Sequence[str]:
         return [s for s in rig.signals if s != rig.encoder]
