@@ -390,6 +390,21 @@ def test_aliases_that_name_each_other_are_one_tie(explained: dict[str, Any]) -> 
     assert isinstance(groups[0][1], Effect)
 
 
+def test_small_errors_are_told_beside_the_effect_that_they_may_be(explained: dict[str, Any]) -> None:
+    error = {
+        "name": "link_length",
+        "where": "crank",
+        "parameters": {"length_error": {"value": 1e-4, "unit": "m", "low": 0.9e-4, "high": 1.1e-4}},
+    }
+    clearance = explained["effects"][0] | {"small_errors": [error, error | {"where": "coupler"}]}
+    result = as_document(explained | {"verdict": "ambiguous", "effects": [clearance]})
+    said = "an error in the length of the crank (length error 0.100 mm) and an error in the length of the coupler"
+    assert any(line.startswith(f"or small errors of the rig together: {said}") for line in terminal_lines(result))
+    assert said in diagnosis_md(result)
+    assert said in diagnosis_html(result)
+    assert any(step.startswith("Measure at the rig what clearance in joint B may") for step in next_steps(result))
+
+
 def test_what_to_do_next_follows_the_verdict(explained: dict[str, Any], ambiguous: dict[str, Any]) -> None:
     clean = explained | {"faults": []}
     assert next_steps(as_document(clean))[0].startswith(

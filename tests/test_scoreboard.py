@@ -33,7 +33,7 @@ from compare.evidence.scoreboard.bench.pendulum import Pendulum
 from compare.evidence.scoreboard.bench.rig import is_empty, moved, slightly_off, uneven
 from compare.evidence.scoreboard.bench.sensors import counted, drifting, filtered, pink
 from compare.evidence.scoreboard.bench.sigmas import Ruler
-from compare.evidence.scoreboard.board import FULL, board, run_all, seeds, thresholds, wilson
+from compare.evidence.scoreboard.board import FULL, board, run_all, scored, seeds, thresholds, wilson
 from compare.evidence.scoreboard.hidden import COUNTS, DIAGNOSING, FIRST, Hidden, draw, kind_of
 from compare.evidence.scoreboard.outside import KINDS
 from compare.evidence.scoreboard.record import make, make_set, recorded
@@ -42,7 +42,7 @@ from compare.evidence.scoreboard.score import BENCH, failed, opened, score
 from compare.evidence.scoreboard.sizes import Planted, Sizer
 from compare.evidence.stored import read, status
 from compare.faults import Exit, OptionError
-from compare.results.diagnosis import Closing, Diagnosis, Effect
+from compare.results.diagnosis import Closing, Diagnosis, Effect, Parameter, SmallError
 from compare.results.document import DocumentError
 from compare.results.scoreboard import (
     HiddenSet,
@@ -696,6 +696,36 @@ def test_on_the_bench_a_gap_that_stays_and_a_value_that_is_off_are_not_good() ->
     twice = tuple(e.model_copy(update={"parameters": {"bias": 0.9}}) for e in off.effects)
     assert not score(on_bench(BIAS), off.model_copy(update={"effects": twice})).good
     assert score(on_bench(BIAS), off.model_copy(update={"effects": twice, "kind": "large"})).good
+
+
+def test_small_errors_that_are_truly_there_make_a_name_right_and_others_do_not() -> None:
+    known = bench_truth(BIAS)
+    for errors, outcome in (((SLIGHT,), "exact"), ((SLIGHT, LENGTH), "wrong"), ((), "wrong")):
+        small = tuple(
+            SmallError(name=n, where=w, parameters={"x": Parameter(value=1e-4, unit="m", low=0.0, high=1.0)})
+            for n, w in errors
+        )
+        told = on_bench(BIAS, GAIN)
+        effects = tuple(e.model_copy(update={"small_errors": small if e.name == GAIN[0] else ()}) for e in told.effects)
+        assert score(told.model_copy(update={"effects": effects}), known).outcome == outcome
+
+
+def test_a_ground_pivot_is_off_where_the_others_are() -> None:
+    known = bench_truth(BIAS)
+    assert score(on_bench(BIAS, ("pivot_position", "D")), known).outcome == "wrong"
+    pivot = TrueFault(name="pivot_position", where="E", parameters={})
+    with_pivot = known.model_copy(update={"slight": (*known.slight, pivot)})
+    assert score(on_bench(BIAS, ("pivot_position", "D")), with_pivot).outcome == "exact"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [FIRST["slightly-off"] + 9, FIRST["large"] + 16])
+def test_what_once_went_wrong_on_the_bench(seed: int, tmp_path: Path) -> None:
+    """A gain that stands for a pivot and a little friction; a payload of thrice the pendulum's mass."""
+    made = make_set(seed, tmp_path / "data", tmp_path / "seal")
+    found = scored(tmp_path / "data", tmp_path / "seal")
+    assert found.good, found
+    assert {n.effect for n in found.named} >= {e.key for e in made.effects}
 
 
 def test_rows_of_the_bench_state_their_intervals() -> None:

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from scipy.stats import chi2
 
+from compare.diagnose import workmanship
 from compare.diagnose.admission import foretold, held_out, tried
 from compare.diagnose.fit import Fit, rank_of, without_columns
 from compare.diagnose.noise import CLOSED, rms, sample_weights
@@ -55,6 +56,7 @@ class Named:
     ties: tuple[tuple[Term, Fit], ...] = ()  # what explains the data as well in its place
     share: float = 0.0  # of the squared gap, before any effect: what it takes away when the effects are added in order
     odds: tuple[float, ...] = ()  # of each tie against this effect, by likelihood
+    together: tuple[tuple[Term, dict[str, Interval]], ...] = ()  # small errors of the rig that do as well in its place
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,8 @@ def explain(search: Search, fit: Fit) -> Explanation:
             break
         fit = min(better, key=lambda rival: float(weights @ rival.residual**2) + search.price(rival))
     named = shared_out(search, fit, sorted(named, key=lambda n: -n.chi2_gain))
+    if not search.late():
+        named = tuple(with_bundle(search, fit, weights, n) for n in named)
     structured = has_structure(data, fit.residual, MODEL if named else SLIGHT)
     said = verdict(fit, named, structured)
     if said not in ("no gap", "explained") and not search.late():
@@ -178,7 +182,7 @@ def verdict(fit: Fit, named: Sequence[Named], structured: bool) -> Verdict:
         return "no gap" if closed else "unexplained"
     if not closed:
         return "partly explained"
-    return "ambiguous" if any(n.ties for n in named) else "explained"
+    return "ambiguous" if any(n.ties or n.together for n in named) else "explained"
 
 
 def has_structure(data: Data, residual: np.ndarray, slight: float = SLIGHT) -> bool:
@@ -284,6 +288,17 @@ def rivalled(search: Search, fit: Fit, weights: np.ndarray, named: Named) -> Nam
         for _, rival in ties.values()
     )
     return replace(named, ties=tuple(ties.values()), odds=odds)
+
+
+def with_bundle(search: Search, fit: Fit, weights: np.ndarray, named: Named) -> Named:
+    """A small effect with the few small errors of the rig that explain the data as well in its place."""
+    without, beside = (gap**2 for gap in named.gap)
+    large = without - beside >= workmanship.SMALL * rms(search.base.residual) ** 2
+    if large or workmanship.size_of(search, fit, named.term) <= 1:
+        return named
+    terms, found = workmanship.bundle(search, fit, weights, named.term, TIE)
+    values = tuple((t, intervals(search, found, found.terms.index(t), weights)) for t in terms)
+    return replace(named, together=values)
 
 
 def ties_with(search: Search, screen: Screen, weights: np.ndarray, fit: Fit, i: int, rival: Fit, term: Term) -> bool:

@@ -80,6 +80,13 @@ def course(run: MeasuredRun, encoder: str) -> Motor:
     return Motor(course=_smoothed(run, encoder).course)
 
 
+def acceleration_error(run: MeasuredRun, encoder: str) -> float:
+    """Root mean square error (rad/s2) of the acceleration of a run's course, from its encoder's noise."""
+    smoother, channel = _smoothed(run, encoder), run.channels[encoder]
+    sigma = max(channel.noise if channel.noise_given else 0.0, smoother.sigma)
+    return smoother.error(smoother.answers(run.time)[2], sigma)
+
+
 def _smoothed(run: MeasuredRun, encoder: str) -> Smoother:
     values = run.channels[encoder].values
     known = np.isfinite(values)

@@ -35,6 +35,7 @@ from compare.results.diagnosis import (
     Rival,
     SensorGap,
     Side,
+    SmallError,
     Status,
     Step,
 )
@@ -197,6 +198,10 @@ def _effect(problem: Problem, fit: Fit, n: Named, noise: dict[tuple[str, str], f
         would_separate=(
             would_separate(problem.model, noise, fit, n.ties[0][1]) if n.ties else ""
         ),  # from the first of its rivals
+        small_errors=tuple(
+            SmallError(name=t.effect.name, where=t.where, parameters={p: as_parameter(v) for p, v in values.items()})
+            for t, values in n.together
+        ),
         kind=_kind(n.term),
         share=n.share,
     )

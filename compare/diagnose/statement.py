@@ -6,7 +6,17 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.explain import Explanation, Interval, Named
 from compare.diagnose.predict import Term
 from compare.results.diagnosis import Diagnosis, Parameter
-from compare.results.sentences import called, capital, enumerated, explained_to, own_values, plainly, rows, spoken
+from compare.results.sentences import (
+    called,
+    capital,
+    enumerated,
+    explained_to,
+    own_values,
+    plainly,
+    rows,
+    small_errors,
+    spoken,
+)
 
 
 def named(result: Diagnosis, n: Named) -> str:
@@ -60,6 +70,7 @@ def statement(result: Diagnosis, e: Explanation, failure: str = "") -> str:
             for n in e.named
             if n.ties
         )
-        return f"{what} {ties} {measure}"
+        small = " ".join(small_errors(result, effect) for effect in result.effects)
+        return " ".join(part for part in (what, ties, small.strip(), measure) if part)
     rest = failure or "Something remains that these effects do not explain."
     return " ".join(part for part in (what, measure, explained_to(result), rest) if part)

@@ -26,6 +26,7 @@ from compare.results.sentences import (
     phrase,
     plainly,
     sentence,
+    small_errors,
     spoken,
     validation_sentences,
 )
@@ -192,6 +193,7 @@ def _environment(result: Diagnosis) -> Environment:
         "signed": lambda value: plainly(value, 3, True),
         "parameters": words.of_effect,
         "own": lambda effect: words.of_runs(result, effect),
+        "small_errors": lambda effect: small_errors(result, effect),
         "headline": lambda effect: words.headline(result, effect),
         "rival": lambda group, effect: words.rival_words(result, group, effect),
         "phrase": lambda effect: phrase(result, effect.name, effect.where),

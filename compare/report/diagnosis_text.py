@@ -40,7 +40,9 @@ from compare.results.sentences import (
     plainly,
     quantity,
     sentence,
+    small_errors,
     spoken,
+    together,
     validation_sentences,
 )
 
@@ -91,6 +93,8 @@ def _effect_lines(result: Diagnosis, group: Sequence[Place]) -> list[str]:
         odds = rival_odds(result, group, effect)
         tail = [f", {values}"] if values and not own else [f" (odds {odds})"] if i and odds else []
         out.append(f"{lead}: {said}" + "".join(tail))
+    small = together(result, group[0]) if isinstance(group[0], Effect) else ""
+    out += [f"or small errors of the rig together: {small}"] if small else []
     if len(group) > 1:
         words, block = advice(group)
         out.append(
@@ -178,7 +182,9 @@ def _effects(result: Diagnosis) -> list[str]:
             ]
     head = ["Effect", "Kind", "Parameter", "Value", "95 % interval", "Gap on held-out data", "As good as"]
     tie = [TIE, ""] if any(len(group) > 1 for group in ties(result)) else []
-    return ["## What is missing", "", *told, *_table(head, rows, (3, 4)), HELD_OUT, "", *tie]
+    small = [md(text) for effect in result.effects if (text := small_errors(result, effect))]
+    small = [line for text in small for line in (text, "")]
+    return ["## What is missing", "", *told, *_table(head, rows, (3, 4)), HELD_OUT, "", *tie, *small]
 
 
 def _rivals(result: Diagnosis, group: Sequence[Place]) -> str:

@@ -10,6 +10,7 @@ from compare.results.diagnosis import Attempt, DiagnosedRun, Diagnosis, Effect, 
 from compare.results.sentences import (
     OwnValues,
     Row,
+    enumerated,
     odds,
     off,
     off_by,
@@ -193,6 +194,11 @@ def next_steps(result: Diagnosis) -> list[str]:
             words = advice(group)[0].rstrip(":.")
             tied = " and ".join(phrase(result, effect.name, effect.where) for effect in group)
             steps.append(f"Separate {tied}: {words or 'no run of these sensors can'}.")
+    for effect in result.effects:
+        if effect.small_errors:
+            errors = enumerated([phrase(result, e.name, e.where) for e in effect.small_errors])
+            instead = phrase(result, effect.name, effect.where)
+            steps.append(f"Measure at the rig what {instead} may stand for: {errors}.")
     if result.verdict in ("explained", "partly explained"):
         steps += [
             f"Confirm {phrase(result, e.name, e.where)} at the rig: expect {_values(result, e)}."

@@ -79,6 +79,12 @@ Parameters = Annotated[
 EffectKind = Annotated[Kind, Field(description="rig: the linkage, its loads or its drive; sensor: what measures them.")]
 
 
+class SmallError(Place):
+    """A small error of the rig, of the kind that every rig has."""
+
+    parameters: Parameters
+
+
 class Effect(Place):
     """What is missing from the model."""
 
@@ -91,6 +97,10 @@ class Effect(Place):
     would_separate: Annotated[
         str, Field(description="A run or a sensor that would tell them apart, in words and as a [[run]].")
     ]
+    small_errors: Annotated[
+        tuple[SmallError, ...],
+        Field(description="Small errors of the rig, as workmanship leaves them, that do as well together."),
+    ] = ()
     kind: EffectKind = "rig"
     share: Annotated[
         Number,

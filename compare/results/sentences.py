@@ -14,7 +14,7 @@ import numpy as np
 from analytic.mechanism.one_line import count
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import DASH, MINUS, Quantity, fitting, number, quantities, shown
-from compare.results.diagnosis import DiagnosedRun, Diagnosis, Located, Parameter
+from compare.results.diagnosis import DiagnosedRun, Diagnosis, Effect, Located, Parameter
 
 TURN = math.tau
 PERCENT = {p.name for effect in VOCABULARY.values() for p in effect.parameters if p.percent}  # parameters read in %
@@ -121,6 +121,23 @@ def rows(parameters: Mapping[str, Parameter]) -> list[Row]:
         parameter(name, found, [p for other, p in parameters.items() if _base(other) == _base(name)])
         for name, found in parameters.items()
     ]
+
+
+def together(result: Diagnosis, effect: Effect) -> str:
+    """The small errors of the rig that together would do as well in place of an effect, with their values."""
+    said = []
+    for error in effect.small_errors:
+        values = ", ".join(f"{name} {value}" for name, value, _ in rows(error.parameters))
+        said.append(f"{phrase(result, error.name, error.where)} ({values})")
+    return enumerated(said)
+
+
+def small_errors(result: Diagnosis, effect: Effect) -> str:
+    """The same in a sentence; empty where there are none."""
+    if not effect.small_errors:
+        return ""
+    errors, instead = together(result, effect), phrase(result, effect.name, effect.where)
+    return f"Small errors of the rig together would explain these data as well as {instead}: {errors}."
 
 
 def _base(name: str) -> str:

@@ -106,6 +106,7 @@ class ComOffset(Effect):
     label = "an offset centre of mass of the {}"
     meaning = "the centre of mass of the {} is off"
     parameters = (Parameter("along", "m", "com"), Parameter("normal", "m", "com"))
+    workmanship = 5.0
 
     def places(self, rig: Rig) -> Sequence[str]:
         return bodies(rig)
@@ -133,6 +134,7 @@ class MomentOfInertia(Effect):
     meaning = "the moment of inertia of the {} is off"
     parameters = (Parameter("inertia_error", "kg.m^2", "inertia"),)
     special_case_of = ("payload",)
+    workmanship = 5.0
 
     def places(self, rig: Rig) -> Sequence[str]:
         return bodies(rig)
@@ -162,6 +164,7 @@ class LinkLength(Effect):
     label = "an error in the length of the {}"
     meaning = "the {} is not as long as thought"
     parameters = (Parameter("length_error", "m", "length"),)
+    workmanship = 100.0
     special_case_of = ("pivot_position",)
 
     def places(self, rig: Rig) -> Sequence[str]:
@@ -192,6 +195,7 @@ class PivotPosition(Effect):
     label = "a displaced ground pivot {}"
     meaning = "the ground pivot {} is not where it is thought to be"
     parameters = (Parameter("x", "m", "length"), Parameter("y", "m", "length"))
+    workmanship = 100.0
 
     def places(self, rig: Rig) -> Sequence[str]:
         used = {j.name for j in rig.mechanism.joints if GROUND in j.bodies}

@@ -150,6 +150,8 @@ class Effect(ABC):
     slow: ClassVar[bool] = (
         False  # takes the analytic model far longer than others, and changes their sensitivities little
     )
+    # how many of its scales careful work leaves as errors on every rig; 0 where it is no matter of workmanship
+    workmanship: ClassVar[float] = 0.0
     hiding: ClassVar[Hiding] = Hiding()
 
     # ---------------------------------------------------------------- in words

@@ -14,7 +14,8 @@
 ``failed``       there was no diagnosis
 
 In sets of the bench what is slightly off and the faults of sensors that are truly there are never wrong when named, and
-never asked for; ``exact`` and ``tie`` are about the effects to be named.  An empty set is ``clear`` where no effect of
+never asked for, and what is named beside small errors that do as well together is right where these are truly there;
+``exact`` and ``tie`` are about the effects to be named.  An empty set is ``clear`` where no effect of
 the rig is named that is not in it.
 """
 
@@ -27,7 +28,7 @@ from pathlib import Path
 import numpy as np
 
 from analytic.mechanism.signals import wrapped
-from compare.diagnose.effects.bodies import LinkLength
+from compare.diagnose.effects.bodies import LinkLength, PivotPosition
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.results.diagnosis import Diagnosis
 from compare.results.scoreboard import Gap, Hidden, Kind, Outcome, Said, Scored, Truth, Value
@@ -54,10 +55,11 @@ def opened(seal: Path) -> Truth:
 def score(diagnosis: Diagnosis, truth: Truth) -> Scored:
     """How a diagnosis did on a set: its outcome, its parameters, and its gap."""
     found = {(e.name, e.where): {(t.name, t.where) for t in e.ambiguous_with} for e in diagnosis.effects}
+    together = {(e.name, e.where): {(t.name, t.where) for t in e.small_errors} for e in diagnosis.effects}
     true = {(e.name, e.where) for e in truth.effects}
     gap = diagnosis.gap
     if truth.kind in BENCH:
-        outcome, more = _on_bench(truth, diagnosis, found, true)
+        outcome, more = _on_bench(truth, diagnosis, found, together, true)
     else:
         outcome, more = judged(truth, diagnosis, found, true), {}
     scored = _of(truth, outcome, diagnosis.verdict).model_copy(
@@ -162,12 +164,21 @@ def of_sensor(name: str) -> bool:
 
 
 def _on_bench(
-    truth: Truth, diagnosis: Diagnosis, found: Mapping[Key, set[Key]], true: set[Key]
+    truth: Truth,
+    diagnosis: Diagnosis,
+    found: Mapping[Key, set[Key]],
+    together: Mapping[Key, set[Key]],
+    true: set[Key],
 ) -> tuple[Outcome, dict[str, object]]:
     """The outcome, and what else is scored."""
     said, simpler = _simpler(truth, found, true)
     right = true.union(*simpler.values(), {(f.name, f.where) for f in (*truth.slight, *truth.faults)})
-    false = [key for key, ties in found.items() if not any(_among(right, k) for k in (key, *ties))]
+    false = [
+        key
+        for key, ties in found.items()
+        if not any(_among(right, k) for k in (key, *ties))
+        and not (together[key] and all(_among(right, k) for k in together[key]))
+    ]
     rig = tuple("@".join(key) for key in false if not of_sensor(key[0]))
     everything = all(key in said or simpler.get(key) for key in true)
     more: dict[str, object] = {"named_all": everything, "false_rig": rig}
@@ -182,8 +193,12 @@ def _on_bench(
 
 
 def _among(right: set[Key], key: Key) -> bool:
-    """Whether an effect is one of these; one of several signals (``drive_torque+reaction_A_x``) where it is at each."""
+    """Whether an effect is one of these; one of several signals (``drive_torque+reaction_A_x``) where it is at each; a
+    displaced ground pivot where any is: it is off against the others, and they against it.
+    """
     name, where = key
+    if name == PivotPosition.name:
+        return any(other == name for other, _ in right)
     return key in right or all((name, part) in right for part in where.split("+"))
 
 
