@@ -160,6 +160,27 @@ def test_what_the_engines_differ_by_is_not_listed_as_a_deviation() -> None:
         assert len(locate(data, residual, angles, {("slow", "follower_angle"): between})) == listed
 
 
+def test_what_every_turn_shows_is_told_by_the_angle_and_the_rest_by_the_turn() -> None:
+    """Ten turns the other way round: a noise off around zero in each of them, and a jolt in the fourth."""
+    rig = experiment(Plan("slow", -4.0, 0.3, np.linspace(0.0, 5 * math.pi, 3600), None))
+    data = Data(
+        rig.measured(readings(rig)), {("slow", signal): noise for signal, noise in SENSORS.items()}, "crank_angle"
+    )
+    part = next(p for p in data.parts if p.signal == "follower_angle")
+    theta = rig.plans[0].command(rig.plans[0].time)
+    angle, passed = np.degrees(theta) % 360, np.degrees(theta[0] - theta)
+    jolt = (passed > 3 * 360) & (passed < 3 * 360 + 20)
+    residual = np.random.default_rng(1).standard_normal(data.size)
+    residual[part.place] += 1.0 * ((angle > 330) | (angle < 40)) + 3.0 * jolt
+    places = locate(data, residual, {"slow": theta})
+    assert [(p.signal, p.time is None) for p in places] == [("follower_angle", True), ("follower_angle", False)]
+    every, once = places
+    assert np.degrees([every.begin, every.end - math.tau]) == pytest.approx([330, 40], abs=10)
+    assert every.size == pytest.approx(SENSORS["follower_angle"], rel=0.2)
+    when = rig.plans[0].time[jolt]
+    assert once.time == pytest.approx((when[0], when[-1]), abs=0.5)
+
+
 def test_data_that_are_thinned_for_the_search_are_said_to_be() -> None:
     rig = experiment(turn("slow", 4.0, samples=6000), turn("fast", 12.0, samples=6000))
     data = rig.measured([{s: np.zeros(6000) for s in SENSORS} for _ in rig.plans])

@@ -122,8 +122,9 @@ def _located(stretch: Stretch) -> Located:
         size=stretch.size,
         unit=stretch.unit,
         sigmas=stretch.sigmas,
-        time_from=stretch.time[0],
-        time_to=stretch.time[1],
+        time_from=stretch.time[0] if stretch.time else None,
+        time_to=stretch.time[1] if stretch.time else None,
+        every_turn=stretch.time is None,
     )
 
 

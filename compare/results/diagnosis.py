@@ -42,6 +42,7 @@ class Located(Part):
     sigmas: Size
     time_from: Annotated[Number, Field(description="s; null where it is not known.")] = None
     time_to: Annotated[Number, Field(description="s; null where it is not known.")] = None
+    every_turn: Annotated[bool, Field(description="Whether it is there in every turn of the run.")] = False
 
 
 class Parameter(Part):

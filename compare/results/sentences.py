@@ -360,6 +360,8 @@ def span(result: Diagnosis, place: Located) -> str:
     low, high = sorted((place.crank_angle_from, place.crank_angle_to))
     if run is None:
         return f"at {_degrees(low)} to {_degrees(high)} deg"
+    if place.every_turn:
+        return "throughout the run" if high - low > MOST_OF_RUN * TURN else f"in every turn, {_turned(low, high)}"
     begin, end = _times(run, place)
     if end - begin >= MOST_OF_RUN * float(run.time[-1] - run.time[0]):
         return "throughout the run"
@@ -367,15 +369,26 @@ def span(result: Diagnosis, place: Located) -> str:
         return f"from {plainly(begin, 4)} to {plainly(end, 4)} s, at {_degrees(low)} to {_degrees(high)} deg"
     if not _turns(result, run):
         return f"at {_degrees(low)} to {_degrees(high)} deg, {plainly(begin)} s"
+    return _in_turns(run, place, begin, end)
+
+
+def _in_turns(run: DiagnosedRun, place: Located, begin: float, end: float) -> str:
+    """Where in a run of whole turns a deviation is, from ``begin`` to ``end`` (s)."""
+    low, high = sorted((place.crank_angle_from, place.crank_angle_to))
     first, last = sorted((_turn(run, low + 1e-3), _turn(run, high - 1e-3)))
     if high - low >= TURN - 1e-3:
         turns = f"over turns {first} to {last}" if last > first else f"over turn {first}"
         return f"{turns}, {plainly(begin)} to {plainly(end)} s"
+    turn = f", turn {_turn(run, place.crank_angle_from + 0.5 * _way_of(run) * 1e-3)}" if _several(run) else ""
+    return f"{_turned(low, high)}{turn}, {plainly(begin)} s"
+
+
+def _turned(low: float, high: float) -> str:
+    """Between which angles of a turn a deviation is."""
     shift = TURN * math.floor(low / TURN + 1e-3)  # what is printed as 360 deg is the next turn's 0
     low, high = low - shift, high - shift
     high = high - TURN if high > TURN + 1e-3 else high
-    turn = f", turn {_turn(run, place.crank_angle_from + 0.5 * _way_of(run) * 1e-3)}" if _several(run) else ""
-    return f"at {_degrees(low)} to {_degrees(high)} deg{turn}, {plainly(begin)} s"
+    return f"at {_degrees(low)} to {_degrees(high)} deg"
 
 
 def _degrees(angle: float) -> str:
