@@ -166,7 +166,7 @@ def beside(search: Search, fit: Fit, weights: np.ndarray, known: Collection[tupl
             continue
         i = more.terms.index(screen.terms[k])
         trial = tried(search, more, fit, i, sample_weights(search.fitter.data, more.residual))
-        if trial.gain <= 0:
+        if trial.gain <= 0 or more.bound[more.columns(i)].any():  # it brings nothing, or wants an unphysical value
             continue
         share = (fit.chi2 - more.chi2) / max(search.base.chi2, 1e-300)
         gap = rms(fit.residual), rms(more.residual)
