@@ -17,6 +17,7 @@ from scipy.stats import chi2
 from compare.diagnose import workmanship
 from compare.diagnose.admission import foretold, held_out, tried
 from compare.diagnose.fit import Fit, rank_of, without_columns
+from compare.diagnose.least_squares import UNSEEN
 from compare.diagnose.noise import CLOSED, rms, sample_weights
 from compare.diagnose.predict import Term
 from compare.diagnose.residuals import Data
@@ -27,6 +28,7 @@ from compare.results.diagnosis import Verdict
 TIE = 16.0  # of chi^2: two explanations closer than four sigmas are not told apart
 RICHER = 0.01  # chance that a richer explanation does better by luck
 RIVALS = 10  # fitted in full for each named effect
+SWAPS = 7  # of a named effect for a rival that does better
 TRIED = 6  # further effects whose trial is told where something remains
 STRUCTURE = 1e-6  # chance of as much structure in noise alone
 BINS = 24
@@ -56,7 +58,7 @@ class Named:
     ties: tuple[tuple[Term, Fit], ...] = ()  # what explains the data as well in its place
     share: float = 0.0  # of the squared gap, before any effect: what it takes away when the effects are added in order
     odds: tuple[float, ...] = ()  # of each tie against this effect, by likelihood
-    together: tuple[tuple[Term, dict[str, Interval]], ...] = ()  # small errors of the rig that do as well in its place
+    small_errors: tuple[tuple[Term, dict[str, Interval]], ...] = ()  # that do as well
 
 
 @dataclass(frozen=True)
@@ -95,8 +97,9 @@ def explain(search: Search, fit: Fit) -> Explanation:
     the verdict.
     """
     data = search.fitter.data
+    search.rivals = True
     attempts: list[Attempt] = []
-    for last in (False, False, True):
+    for last in (*(False,) * SWAPS, True):
         fit, weights, found, fell = pruned(search, fit)
         attempts += fell
         named = tuple(n if search.late() else rivalled(search, fit, weights, n) for n in found)
@@ -104,7 +107,7 @@ def explain(search: Search, fit: Fit) -> Explanation:
         if last or not better:
             break
         fit = min(better, key=lambda rival: float(weights @ rival.residual**2) + search.price(rival))
-    named = shared_out(search, fit, sorted(named, key=lambda n: -n.chi2_gain))
+    named = shared_out(search, fit, sorted(widened(search, weights, named), key=lambda n: -n.chi2_gain))
     if not search.late():
         named = tuple(with_bundle(search, fit, weights, n) for n in named)
     structured = has_structure(data, fit.residual, MODEL if named else SLIGHT)
@@ -135,14 +138,11 @@ def pruned(search: Search, fit: Fit) -> tuple[Fit, np.ndarray, list[Named], list
 
 
 def shared_out(search: Search, fit: Fit, named: Sequence[Named]) -> tuple[Named, ...]:
-    """The effects with each one's share of the squared gap, added one after the other: sensors' faults first, then the
-    rig's effects, the larger first.
-    """
+    """The effects with each one's share of the squared gap, added one after the other as they are listed."""
     screen, before = search.screen(fit), search.base.chi2
     shares: dict[Term, float] = {}
-    order = sorted(named, key=lambda n: not n.term.effect.sensor)
-    for k, n in enumerate(order):
-        so_far = search.with_terms(fit, screen, [m.term for m in order[: k + 1]]) if k + 1 < len(order) else fit
+    for k, n in enumerate(named):
+        so_far = search.with_terms(fit, screen, [m.term for m in named[: k + 1]]) if k + 1 < len(named) else fit
         after = before if so_far is None else so_far.chi2
         shares[n.term] = (before - after) / max(search.base.chi2, 1e-300)
         before = after
@@ -182,7 +182,7 @@ def verdict(fit: Fit, named: Sequence[Named], structured: bool) -> Verdict:
         return "no gap" if closed else "unexplained"
     if not closed:
         return "partly explained"
-    return "ambiguous" if any(n.ties or n.together for n in named) else "explained"
+    return "ambiguous" if any(n.ties or n.small_errors for n in named) else "explained"
 
 
 def has_structure(data: Data, residual: np.ndarray, slight: float = SLIGHT) -> bool:
@@ -225,7 +225,8 @@ def admitted(search: Search, fit: Fit, weights: np.ndarray) -> tuple[list[Named]
 def intervals(search: Search, fit: Fit, i: int, weights: np.ndarray) -> dict[str, Interval]:
     """95 % intervals of a term's reported parameters, from the curvature of chi^2 in natural coordinates."""
     term, x, at = fit.terms[i], fit.x[i], fit.columns(i)
-    scaled = fit.jacobian * np.sqrt(weights)[:, None]
+    sizes = np.concatenate([np.asarray(t.effect.scales(search.rig, t.where, t.variant), float) for t in fit.terms])
+    scaled = fit.jacobian * np.sqrt(weights)[:, None] * (sizes * np.linalg.norm(fit.jacobian, axis=0) > UNSEEN)
     norm = np.linalg.norm(scaled, axis=0)
     norm[norm == 0] = 1.0
     values, vectors = np.linalg.eigh((scaled / norm).T @ (scaled / norm))
@@ -290,15 +291,29 @@ def rivalled(search: Search, fit: Fit, weights: np.ndarray, named: Named) -> Nam
     return replace(named, ties=tuple(ties.values()), odds=odds)
 
 
+def widened(search: Search, weights: np.ndarray, named: Sequence[Named]) -> list[Named]:
+    """The effects with intervals that hold whichever of the tied explanations of the others is true."""
+    out = []
+    for n in named:
+        known = dict(n.parameters)
+        for rival in (rival for other in named if other is not n for _, rival in other.ties):
+            if n.term in rival.terms:
+                there = intervals(search, rival, rival.terms.index(n.term), weights)
+                for p, v in known.items():
+                    known[p] = replace(v, low=min(v.low, there[p].low), high=max(v.high, there[p].high))
+        out.append(replace(n, parameters=known))
+    return out
+
+
 def with_bundle(search: Search, fit: Fit, weights: np.ndarray, named: Named) -> Named:
     """A small effect with the few small errors of the rig that explain the data as well in its place."""
-    without, beside = (gap**2 for gap in named.gap)
-    large = without - beside >= workmanship.SMALL * rms(search.base.residual) ** 2
+    less, more = (gap**2 for gap in named.gap)
+    large = less - more >= workmanship.SMALL * rms(search.base.residual) ** 2
     if large or workmanship.size_of(search, fit, named.term) <= 1:
         return named
     terms, found = workmanship.bundle(search, fit, weights, named.term, TIE)
     values = tuple((t, intervals(search, found, found.terms.index(t), weights)) for t in terms)
-    return replace(named, together=values)
+    return replace(named, small_errors=values)
 
 
 def ties_with(search: Search, screen: Screen, weights: np.ndarray, fit: Fit, i: int, rival: Fit, term: Term) -> bool:

@@ -14,7 +14,9 @@ from compare.diagnose.least_squares import ROUGHLY, STEPS, Descent
 from compare.diagnose.predict import Hypothesis, StartOfRun, Term
 from compare.diagnose.residuals import Data
 
-STEP_OF_SCALE = 1.0  # difference step, in the effects' own scales
+STEP = 0.01  # of the noise (rms), by which a difference step may change the readings of free motions
+COARSE = 10.0  # times as large a step as wanted is still good enough
+REFINED = 4  # times
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +115,7 @@ class Fitter:
     def __init__(self, model: Predicts, data: Data, rig: Rig, bounds: Bounds) -> None:
         self.model, self.data, self.rig, self.bounds = model, data, rig, bounds
         self._fits: dict[tuple[Term, ...], Fit | None] = {}
+        self._shares: dict[tuple[Term, int], float] = {}  # of its scale, which a difference step of a coordinate is
 
     def residuals(self, terms: Sequence[Term], points: Sequence[Sequence[np.ndarray]]) -> list[np.ndarray | None]:
         """Residuals at each point; None where it is impossible."""
@@ -176,9 +179,12 @@ class Fitter:
         """Derivatives (size, n) of the residual by forward differences (backward at an upper bound).
 
         Those of all but the slow effects are taken in the linkage without the slow ones: exact to first order in these.
+        A free motion may answer to a coordinate's own scale as nothing linear does: there steps are as small as needed.
         """
+        if any(isinstance(t.effect, StartOfRun) for t in space.terms):
+            return self._finely(space, point, residual)
         columns = np.zeros((self.data.size, point.size))
-        steps = np.where(point + STEP_OF_SCALE * space.scale > space.high, -1.0, 1.0) * STEP_OF_SCALE * space.scale
+        steps = np.where(point + space.scale > space.high, -1.0, 1.0) * space.scale
         slow, every = space.slow, list(range(len(space.terms)))
         if slow.any():
             columns[:, slow] = self._differences(space, every, point, np.diag(steps)[slow], residual)
@@ -186,6 +192,24 @@ class Fitter:
             quick = [k for k in every if not space.terms[k].effect.slow]
             origin = None if slow.any() else residual
             columns[:, ~slow] = self._differences(space, quick, point, np.diag(steps)[~slow], origin)
+        return columns
+
+    def _finely(self, space: Space, point: np.ndarray, residual: np.ndarray) -> np.ndarray:
+        """The same with steps that change the residual by STEP (rms), but none larger than the coordinate's scale."""
+        every = range(len(space.terms))
+        own = [(t, k) for t, e in zip(space.terms, space.parted(point), strict=True) for k in range(e.size)]
+        shares = np.array([self._shares.get(key, 1.0) for key in own])
+        columns, left = np.zeros((self.data.size, point.size)), np.ones(point.size, bool)
+        for _ in range(REFINED):
+            steps = np.where(point + shares * space.scale > space.high, -1.0, 1.0) * shares * space.scale
+            columns[:, left] = self._differences(space, every, point, np.diag(steps)[left], residual)
+            change = np.sqrt(np.mean(columns**2, axis=0)) * space.scale
+            wanted = np.minimum(1.0, STEP / np.maximum(change, 1e-300))
+            left = wanted < shares / COARSE
+            shares = wanted
+            if not left.any():
+                break
+        self._shares |= dict(zip(own, shares.tolist(), strict=True))
         return columns
 
     def _differences(

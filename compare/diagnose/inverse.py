@@ -7,6 +7,7 @@ spring turns a swing into a vibration.  What is found begins the fits of the mot
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -23,13 +24,14 @@ from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.fit import Bounds, Fitter
 from compare.diagnose.noise import rms
 from compare.diagnose.predict import Hypothesis, Impossible, Model, Term
-from compare.diagnose.prepare import acceleration_error, course
+from compare.diagnose.prepare import course, course_errors, encoder_noise
 from compare.diagnose.residuals import Data
 from compare.diagnose.search import Search
 from compare.diagnose.sensitivities import sensitivities
 
 NEAR = 1.2  # times the least gap of the acceleration: what is as simple and not worse than that begins a fit too
 MOST = 6
+FAR = 3.0  # times the median error of a run: beyond, as at its ends, the motion is hardly known
 
 
 @dataclass(frozen=True)
@@ -65,22 +67,38 @@ class Backward:
         return [self._under(hypothesis) for hypothesis in hypotheses]
 
     def _under(self, hypothesis: Hypothesis) -> list[dict[str, np.ndarray]] | None:
-        found = []
         try:
             each = {loads: self.assembly(run, hypothesis) for loads, run in {r.loads: r for r in self.runs}.items()}
             freedoms = {loads: Freedom.of(assembly) for loads, assembly in each.items()}
         except (Impossible, AssemblyError):
             return None
-        for run in self.runs:
-            seen = self.motions[run.name]
-            off = seen.alpha - freedoms[run.loads].acceleration(seen.theta, seen.omega)
-            readings = {DRIVE_TORQUE: self.inertia[run.name] * off}
-            if cells(run):
-                moved = kinematics(each[run.loads], seen.theta, seen.omega, seen.alpha)
-                signals = kinetostatics(moved).signals()
-                readings |= {signal: signals[signal] for signal in cells(run)}
-            found.append(readings)
+        return [self.readings(run, each[run.loads], freedoms[run.loads], self.motions[run.name]) for run in self.runs]
+
+    def readings(self, run: MeasuredRun, assembly: Assembly, freedom: Freedom, seen: Turning) -> dict[str, np.ndarray]:
+        """The readings (N,) of a run by signal in a motion."""
+        off = seen.alpha - freedom.acceleration(seen.theta, seen.omega)
+        found = {DRIVE_TORQUE: self.inertia[run.name] * off}
+        if cells(run):
+            signals = kinetostatics(kinematics(assembly, seen.theta, seen.omega, seen.alpha)).signals()
+            found |= {signal: signals[signal] for signal in cells(run)}
         return found
+
+    def errors(self, run: MeasuredRun, sigma: float) -> dict[str, np.ndarray]:
+        """How far (N,) each reading of the nominal linkage is off because the motion comes from an encoder of noise
+        sigma (rad), root mean square.
+        """
+        assembly, seen, speed = self.assembly(run, []), self.motions[run.name], self.model.rig.speed
+        freedom = Freedom.of(assembly)
+        origin, slopes = self.readings(run, assembly, freedom, seen), []
+        for order in range(3):
+            nudge = 1e-5 * speed**order
+            parts = [
+                part + (nudge if k == order else 0.0) for k, part in enumerate((seen.theta, seen.omega, seen.alpha))
+            ]
+            there = self.readings(run, assembly, freedom, Turning(*parts))
+            slopes.append({signal: (there[signal] - origin[signal]) / nudge for signal in origin})
+        encoder = self.model.rig.encoder
+        return {signal: course_errors(run, encoder, [slope[signal] for slope in slopes], sigma) for signal in origin}
 
 
 def cells(run: MeasuredRun) -> list[str]:
@@ -98,9 +116,9 @@ def beginnings(model: Model, bounds: Bounds, cost: Mapping[Term, float]) -> list
     nominal = backward([[]])[0]
     if nominal is None:
         return []
+    sigma = max(encoder_noise(run, encoder) for run in free)  # one encoder: where it rests, it shows no noise
     known = [
-        _balanced(run, model.measured, n, float(rms(backward.inertia[run.name])) * acceleration_error(run, encoder))
-        for run, n in zip(free, nominal, strict=True)
+        _as_read(run, model.measured, n, backward.errors(run, sigma)) for run, n in zip(free, nominal, strict=True)
     ]
     data = Data(
         replace(model.measured, runs=tuple(known)),
@@ -121,14 +139,21 @@ def beginnings(model: Model, bounds: Bounds, cost: Mapping[Term, float]) -> list
     return [Beginning(dict(zip(fit.terms, fit.x, strict=True)), starts) for fit in (*leaders, *simple[:MOST])]
 
 
-def _balanced(run: MeasuredRun, measured: Measured, nominal: Mapping[str, np.ndarray], sigma: float) -> MeasuredRun:
-    """A free run whose readings are that no torque is lacking, to ``sigma`` (N.m), and its load cells', as noisy as
-    they scatter about the nominal ones.
+def _as_read(
+    run: MeasuredRun, measured: Measured, nominal: Mapping[str, np.ndarray], errors: Mapping[str, np.ndarray]
+) -> MeasuredRun:
+    """A free run whose readings are that no torque is lacking, and what its load cells say, each as uncertain as the
+    motion's ``errors`` (N,) make it and a cell's own scatter; none where the motion is hardly known.
     """
     signal = measured.signals[DRIVE_TORQUE]
-    found = {DRIVE_TORQUE: Channel(signal, np.zeros(run.time.size), sigma, True, signal.unit)}
-    for name in cells(run):
-        channel = run.channels[name]
-        off = channel.values - nominal[name]
-        found[name] = replace(channel, noise=noise(run.time[np.isfinite(off)], off[np.isfinite(off)]))
+    read = {DRIVE_TORQUE: Channel(signal, np.zeros(run.time.size), 0.0, True, signal.unit)}
+    read |= {name: run.channels[name] for name in cells(run)}
+    unknown = ~np.isfinite(run.channels[f"{measured.mechanism.driven}_angle"].values)
+    found = {}
+    for name, channel in read.items():
+        typical = float(np.median(errors[name]))
+        values = np.where(unknown | (errors[name] > FAR * typical), np.nan, channel.values)
+        off = (values - nominal[name])[np.isfinite(values)]
+        own = noise(run.time[np.isfinite(values)], off) if name != DRIVE_TORQUE and off.size > 1 else 0.0
+        found[name] = replace(channel, values=values, noise=max(math.hypot(own, typical), 1e-300))
     return replace(run, channels=found)

@@ -16,6 +16,10 @@ STEPS = 30  # at most
 SETTLED = 0.01  # decrease of the sum of squares below which a fit has settled
 ROUGHLY = 1e-3  # of the sum's excess over one a number: below which it has settled well enough to be compared
 RELUCTANCE = 1e-6  # of a coordinate's curvature, added to it: nothing for what the data see
+LEAST_RELUCTANCE = 1e-12
+UNSEEN = 1e-5  # sigmas by which a step of a coordinate's own scale changes the data: below, it stays where it is
+PLAIN = 1e3  # sigmas by which a step of a coordinate's own scale is plain to see, however much it changes
+SHOWN = 4.0  # decrease of the sum of squares for which coordinates that the data hardly tell apart may go farther
 AS_FORETOLD = 0.9  # of the expected decrease: a Jacobian that foretold this much is used again
 FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e6
 Function = Callable[[np.ndarray], np.ndarray | None]
@@ -57,7 +61,7 @@ class Descent:
         residual = self.function(self.point)
         if residual is None:
             return None
-        self.residual, self.damping = residual, 0.0
+        self.residual, self.damping, self.reluctance = residual, 0.0, RELUCTANCE
         self._renew()
         for _ in range(steps if self.point.size else 0):
             if not self._step():
@@ -74,11 +78,14 @@ class Descent:
     def _step(self) -> bool:
         """One step, or a new Jacobian; whether there may be more to gain."""
         low, high = self.low - self.point, self.high - self.point
-        step = bounded_step(self.slopes, self.residual, low, high, self.damping, self.scale, self.group)
+        step = bounded_step(
+            self.slopes, self.residual, low, high, self.damping, self.scale, self.group, self.reluctance
+        )
         trial = self.point + step
         expected = self._squares - float(np.sum((self.residual + self.slopes @ (trial - self.point)) ** 2))
-        if expected < max(SETTLED, self.rough * (self._squares - self.residual.size)):
-            return self._renewed()
+        least = SETTLED if self.reluctance == RELUCTANCE else SHOWN
+        if expected < max(least, self.rough * (self._squares - self.residual.size)):
+            return self._renewed() or self._less_reluctant()
         new = self.function(trial)
         gained = -np.inf if new is None else self._squares - float(new @ new)
         if new is None or gained <= 0:
@@ -100,6 +107,13 @@ class Descent:
             self._renew()
         return stale
 
+    def _less_reluctant(self) -> bool:
+        """Let coordinates go farther that the data hardly tell apart; False where they may already."""
+        if self.reluctance <= LEAST_RELUCTANCE:
+            return False
+        self.reluctance, self.damping = self.reluctance / 1e3, 0.0
+        return True
+
     def _damped(self) -> bool:
         """Damp the next step more; False where that has been tried enough."""
         if self.damping > MOST_DAMPING:
@@ -116,14 +130,16 @@ def bounded_step(
     damping: float,
     scale: np.ndarray,
     group: np.ndarray,
+    reluctant: float = RELUCTANCE,
 ) -> np.ndarray:
     """Least-squares step (n,) within bounds: what would leave them stops there, and the others make up for it."""
     gradient = jacobian.T @ residual
     step = np.zeros(gradient.size)
-    free = ~(((low >= 0) & (gradient > 0)) | ((high <= 0) & (gradient < 0))) & (np.linalg.norm(jacobian, axis=0) > 0)
+    seen = scale * np.linalg.norm(jacobian, axis=0)
+    free = ~(((low >= 0) & (gradient > 0)) | ((high <= 0) & (gradient < 0))) & (seen > UNSEEN)
     while free.any():
         step[free] = -_solve(
-            jacobian[:, free], residual + jacobian[:, ~free] @ step[~free], damping, scale[free], group[free]
+            jacobian[:, free], residual + jacobian[:, ~free] @ step[~free], damping, scale[free], group[free], reluctant
         )
         beyond = free & ((step < low) | (step > high))
         if not beyond.any():
@@ -133,24 +149,24 @@ def bounded_step(
     return step
 
 
-def reluctance(seen: np.ndarray, group: np.ndarray) -> np.ndarray:
+def reluctance(seen: np.ndarray, group: np.ndarray, share: float = RELUCTANCE) -> np.ndarray:
     """What is added to the diagonal (n,) of normal equations with columns of unit length.
 
     ``seen`` (n,) are the sigmas by which a step of a coordinate's own scale changes the data.  Of coordinates of one
     ``group`` (n,) those that the data see less pay more for going far: they must not do what another does better.
     """
     best = np.zeros(int(group.max(initial=0)) + 1)
-    np.maximum.at(best, group, seen)
-    return RELUCTANCE * np.minimum((best[group] / np.maximum(seen, 1e-300)) ** 2, 1 / RELUCTANCE)
+    np.maximum.at(best, group, np.minimum(seen, PLAIN))
+    return share * np.minimum((best[group] / np.maximum(seen, 1e-300)) ** 2, 1 / RELUCTANCE)
 
 
 def _solve(
-    jacobian: np.ndarray, residual: np.ndarray, damping: float, scale: np.ndarray, group: np.ndarray
+    jacobian: np.ndarray, residual: np.ndarray, damping: float, scale: np.ndarray, group: np.ndarray, reluctant: float
 ) -> np.ndarray:
     """Least squares with columns scaled to unit length; what the data hardly see pays for going far (in its own
     scale).
     """
     norm = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian / norm
-    matrix = scaled.T @ scaled + np.diag(damping + reluctance(scale * norm, group))
+    matrix = scaled.T @ scaled + np.diag(damping + reluctance(scale * norm, group, reluctant))
     return np.asarray(np.linalg.solve(matrix, scaled.T @ residual) / norm)

@@ -12,10 +12,11 @@ import numpy as np
 from analytic.mechanism.signals import Signal
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.noise import correlation_time, rms
-from compare.diagnose.residuals import Data
+from compare.diagnose.residuals import Colour, Data
 
 WINDOWS = 36  # of a run or of a turn, over which residuals are averaged
 TURNS = 3  # of a run, from which on what comes back with the crank's angle is told by the angle
+FEW = 6  # windows of a turn, at least
 SURE = 4.5  # sigmas of a window's mean
 MOST = 60  # stretches listed
 
@@ -39,55 +40,84 @@ def locate(
     residual: np.ndarray,
     angles: Mapping[str, np.ndarray],
     spread: Mapping[tuple[str, str], float] | None = None,
+    colours: Mapping[str, Colour] | None = None,
 ) -> list[Stretch]:
     """Stretches where the residual (size,) is not noise, the surest first; ``angles`` are the runs' crank angles (N,)
     rad.  In runs of some turns first what every turn shows, then what else there is.
 
     ``spread`` (SI), by run and signal, is what the engines differ by: a stretch that is not larger is none.
+    ``colours`` are of the sensors whose noise is known not to be white.
     """
     found = []
     for part in data.parts:
         run = data.measured.runs[part.run]
-        r, sigma, theta = residual[part.place], data.sigma[part.place], angles[run.name][part.used]
+        r, theta = residual[part.place], angles[run.name][part.used]
         if r.size < 2:
             continue
-        unit, least = run.channels[part.signal].signal.unit, (spread or {}).get((run.name, part.signal), 0.0)
+        sigma, unit = float(data.sigma[part.place][0]), run.channels[part.signal].signal.unit
+        told = np.zeros(r.size)  # what is told of every turn
         bins = _turned(theta)
-        if bins:
-            for first, last, mean, sure in _stretches(r, bins):
+        rough = without_means(without_means(r, _in_time(r)), bins)
+        whiteness = correlation_time(rough) if rough.any() else 1.0
+        colour = (colours or {}).get(part.signal)
+        whiteness = max(whiteness, min(colour.alike, colour.total**2 * r.size / WINDOWS)) if colour else whiteness
+        stretches: list[tuple[np.ndarray, float, float, float, tuple[float, float] | None]] = []
+        for first, last, at, sure in _stretches(r, bins, whiteness):
+            if _of_every_turn(r, at, theta):
                 begin, end = (math.tau / len(bins) * k for k in (first, last + 1))
-                if abs(size := mean * float(sigma[0])) > least:
-                    found.append(Stretch(run.name, part.signal, begin, end, size, unit, sure, None))
-            r = _less_means(r, bins)
-        windows = np.array_split(np.arange(r.size), min(WINDOWS, r.size))
-        for first, last, mean, sure in _stretches(r, windows):
-            a, b = windows[first][0], windows[last][-1]
-            when = float(run.time[part.used[a]]), float(run.time[part.used[b]])
-            if abs(size := mean * float(sigma[0])) > least:
-                found.append(Stretch(run.name, part.signal, float(theta[a]), float(theta[b]), size, unit, sure, when))
+                stretches.append((at, begin, end, sure, None))
+                told[at] = r[at].mean()
+        for _, _, at, sure in _stretches(r, _in_time(r), whiteness):
+            mean = float(r[at].mean())
+            if abs(mean - told[at].mean()) > abs(mean) / 2:
+                time = run.time[part.used[at[[0, -1]]]]
+                stretches.append(
+                    (at, float(theta[at[0]]), float(theta[at[-1]]), sure, (float(time[0]), float(time[1])))
+                )
+        for at, begin, end, sure, when in stretches:
+            size = float(r[at].mean()) * sigma
+            if abs(size) > (spread or {}).get((run.name, part.signal), 0.0):
+                found.append(Stretch(run.name, part.signal, begin, end, size, unit, sure, when))
     return sorted(found, key=lambda s: -s.sigmas)[:MOST]
+
+
+def _in_time(r: np.ndarray) -> list[np.ndarray]:
+    """The samples of each window of a residual (N,), one after the other."""
+    return np.array_split(np.arange(r.size), min(WINDOWS, r.size))
 
 
 def _turned(theta: np.ndarray) -> list[np.ndarray]:
     """The samples in each stretch of the crank's angle, whichever turn they are in; none of a crank that makes few
-    turns, or turns back.
+    turns, turns back, or is read less than a few times a turn.
     """
     turns = float(theta[-1] - theta[0]) / math.tau
     if abs(turns) < TURNS or np.any(np.diff(theta) * turns < 0):
         return []
-    count = max(1, min(WINDOWS, int(theta.size / abs(turns))))
-    at = np.minimum((theta % math.tau / math.tau * count).astype(int), count - 1)
-    bins = [np.flatnonzero(at == k) for k in range(count)]
-    return bins if all(b.size for b in bins) else []
+    for count in range(min(WINDOWS, int(theta.size / abs(turns))), FEW - 1, -1):
+        at = np.minimum((theta % math.tau / math.tau * count).astype(int), count - 1)
+        bins = [np.flatnonzero(at == k) for k in range(count)]
+        if all(b.size for b in bins):
+            return bins
+    return []
 
 
-def _stretches(r: np.ndarray, windows: Sequence[np.ndarray]) -> Iterator[tuple[int, int, float, float]]:
-    """First and last window of each stretch of a residual (N,) that is not noise, its mean there, and its sigmas.
+def _of_every_turn(r: np.ndarray, at: np.ndarray, theta: np.ndarray) -> bool:
+    """Whether most turns show what samples ``at`` the same angles show on average, and not one of them alone."""
+    turn = np.floor((theta[at] - theta[at[0]]) / math.tau)
+    means = [float(r[at[turn == k]].mean()) for k in np.unique(turn)]
+    mean = float(r[at].mean())
+    return float(np.median(means)) * np.sign(mean) > abs(mean) / 2 and float(np.std(means)) < abs(mean)
+
+
+def _stretches(
+    r: np.ndarray, windows: Sequence[np.ndarray], whiteness: float
+) -> Iterator[tuple[int, int, np.ndarray, float]]:
+    """First and last window of each stretch of a residual (N,) that is not noise, its samples, and its sigmas.
 
     Windows that are not in the samples' order are those of a turn: they go around, and are counted on beyond the last.
     """
-    rough = _less_means(r, windows)
-    whiteness = correlation_time(rough) if rough.any() else 1.0
+    if not windows:
+        return
     z = np.array([r[w].mean() * math.sqrt(w.size / whiteness) for w in windows])
     sign, n = np.where(np.abs(z) > SURE, np.sign(z), 0), len(windows)
     around = not np.array_equal(np.concatenate(windows), np.arange(r.size))
@@ -96,12 +126,11 @@ def _stretches(r: np.ndarray, windows: Sequence[np.ndarray]) -> Iterator[tuple[i
         alike = list(group)
         if sign[alike[0] % n]:
             at = np.concatenate([windows[k % n] for k in alike])
-            mean = float(r[at].mean())
-            yield alike[0], alike[-1], mean, abs(mean) * math.sqrt(at.size / whiteness)
+            yield alike[0], alike[-1], at, abs(float(r[at].mean())) * math.sqrt(at.size / whiteness)
 
 
-def _less_means(r: np.ndarray, windows: Sequence[np.ndarray]) -> np.ndarray:
-    """A residual (N,) less its means over windows."""
+def without_means(r: np.ndarray, windows: Sequence[np.ndarray]) -> np.ndarray:
+    """A residual (N,) less its mean over each of some windows that have all of its samples."""
     out = r.copy()
     for w in windows:
         out[w] -= r[w].mean()

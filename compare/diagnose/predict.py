@@ -30,6 +30,7 @@ from compare.judge.signals import with_derived
 
 TABLES = 500  # linkages whose freedom is kept
 CACHED = 400  # runs whose signals are kept
+SLOW = 0.2  # of a run's mean rate, below which a crank says little of the time
 
 
 class StartOfRun(Effect):
@@ -131,13 +132,16 @@ class Model:
         """
         within = tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor)
         runs = [self.measured.runs[r] for r, _ in asked]
-        keys = [(r, age, motor_offset(run, hypothesis), within) for (r, age), run in zip(asked, runs, strict=True)]
+        keys = [
+            (r, age, motor_offset(run, hypothesis), jitter_of(run, hypothesis), within)
+            for (r, age), run in zip(asked, runs, strict=True)
+        ]
         found = {key: self._kept[key] for key in keys if key in self._kept}
         for loads in dict.fromkeys(run.loads for run in runs):
             new = [(key, run) for key, run in zip(keys, runs, strict=True) if run.loads == loads and key not in found]
             if new:
                 mechanism = self.altered(new[0][1], hypothesis)
-                motions = [(run, run.time - age, offset) for (_, age, offset, _), run in new]
+                motions = [(run, run.time - age, jitter, offset) for (_, age, offset, jitter, _), run in new]
                 found |= zip((key for key, _ in new), self._moved(mechanism, motions), strict=True)
         for key in keys:
             self._kept[key] = found[key]
@@ -150,13 +154,13 @@ class Model:
         """All signals of a driven run at times (N,) s of its command, before any sensor.  Raises Impossible or
         AssemblyError.
         """
-        return self._moved(self.altered(run, hypothesis), [(run, time, motor_offset(run, hypothesis))])[0]
+        return self._moved(self.altered(run, hypothesis), [(run, time, 0.0, motor_offset(run, hypothesis))])[0]
 
     def _moved(
-        self, mechanism: Mechanism, motions: Sequence[tuple[MeasuredRun, np.ndarray, float]]
+        self, mechanism: Mechanism, motions: Sequence[tuple[MeasuredRun, np.ndarray, float, float]]
     ) -> list[dict[str, np.ndarray]]:
-        """All signals of one mechanism in several runs, at times (N,) s, the motor behind its encoder by so much
-        (rad).
+        """All signals of one mechanism in several runs, at times (N,) s that jitter by so much (s), the motor behind
+        its encoder by so much (rad).
         """
         assembly = Assembly(mechanism)
         stiffness = mechanism.drive.stiffness if mechanism.drive else None  # whatever the file's own drive.speed
@@ -166,11 +170,13 @@ class Model:
 
         turns = stiffness is not None and turns_fully(assembly)
         seen, cranks = [], []
-        for run, time, offset in motions:
+        for run, told, jitter, offset in motions:
             motor = self.motor(run, mechanism)
+            time = told - run.time + read_at(run, self.rig.encoder, motor, jitter) if jitter else told
             shaft = self._course(run, time) if run.drive == "measured" else motor.at(time)
             crank = shaft if stiffness is None else motor.crank(time, stiffness, torque, turns)
-            seen.append(shaft.theta - offset)
+            # what the encoder reads is what says of the jitter: it is no reading beside it
+            seen.append((self._course(run, told) if jitter else shaft).theta - offset)
             cranks.append(Turning(crank.theta - offset, crank.omega, crank.alpha))
         if mechanism.clearances:  # which forces are too faint for a direction is asked of each run by itself
             found = [derived(assembly, crank) for crank in cranks]
@@ -182,7 +188,7 @@ class Model:
         """What a run that follows its encoder makes of the motor at times (N,) s; kept, as it takes longer than the
         linkage.
         """
-        key = (run.name, float(time[0]), float(time[-1]), time.size)
+        key = (run.name, time.tobytes())
         if key not in self._turned:
             if len(self._turned) > CACHED:
                 self._turned.clear()
@@ -283,6 +289,25 @@ def sensed(hypothesis: Hypothesis, run: MeasuredRun, seen: Readings) -> dict[str
 def motor_offset(run: MeasuredRun, hypothesis: Hypothesis) -> float:
     """How far (rad) the motor is behind the encoder that it follows; zero in a run that does not follow one."""
     return sum(t.effect.motor_lag(run.name, v) for t, v in hypothesis) if run.drive == "measured" else 0.0
+
+
+def jitter_of(run: MeasuredRun, hypothesis: Hypothesis) -> float:
+    """How far (s, rms) the time stamps of a run that follows its encoder are off."""
+    return sum(t.effect.jitter(run.name, v) for t, v in hypothesis) if run.drive == "measured" else 0.0
+
+
+def read_at(run: MeasuredRun, encoder: str, course: Motor | None, jitter: float) -> np.ndarray:
+    """When (N,) s, on the motor's clock, each line of a run was read whose time stamps jitter by so much (s, rms).
+
+    Of what the encoder's readings are off the smooth course through them, jitter explains the share that it has of
+    their square: the best linear estimate.  Where the crank hardly moves, they say nothing of the time.
+    """
+    if not jitter or course is None or encoder not in run.channels:
+        return run.time
+    seen = course.at(run.time)
+    off = np.nan_to_num(np.remainder(run.channels[encoder].values - seen.theta + np.pi, 2 * np.pi) - np.pi)
+    late = off * seen.omega / (seen.omega**2 + SLOW**2 * np.mean(seen.omega**2))
+    return run.time + min(1.0, jitter**2 / max(float(np.mean(late**2)), 1e-300)) * late
 
 
 def altered(mechanism: Mechanism, hypothesis: Hypothesis) -> Mechanism:

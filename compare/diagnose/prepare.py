@@ -80,11 +80,19 @@ def course(run: MeasuredRun, encoder: str) -> Motor:
     return Motor(course=_smoothed(run, encoder).course)
 
 
-def acceleration_error(run: MeasuredRun, encoder: str) -> float:
-    """Root mean square error (rad/s2) of the acceleration of a run's course, from its encoder's noise."""
-    smoother, channel = _smoothed(run, encoder), run.channels[encoder]
-    sigma = max(channel.noise if channel.noise_given else 0.0, smoother.sigma)
-    return smoother.error(smoother.answers(run.time)[2], sigma)
+def encoder_noise(run: MeasuredRun, encoder: str) -> float:
+    """Noise (rad) of the encoder that a course is drawn through: as stated, or what the course leaves, if more."""
+    channel = run.channels[encoder]
+    return max(channel.noise if channel.noise_given else 0.0, _smoothed(run, encoder).sigma)
+
+
+def course_errors(run: MeasuredRun, encoder: str, slopes: Sequence[np.ndarray], sigma: float) -> np.ndarray:
+    """Root mean square error (N,) of what answers with ``slopes`` (N,) to the angle, rate and acceleration of a run's
+    course, whose encoder has noise sigma (rad).
+    """
+    smoother = _smoothed(run, encoder)
+    answers = sum(diags_array(s) @ a for s, a in zip(slopes, smoother.answers(run.time), strict=True))
+    return smoother.uncertainty(csr_array(answers), sigma)
 
 
 def _smoothed(run: MeasuredRun, encoder: str) -> Smoother:
@@ -143,7 +151,7 @@ def shared(measured: Measured, floor: Mapping[tuple[str, str], float], model: Mo
 def _strained(measured: Measured, floor: Mapping[tuple[str, str], float], model: Model) -> np.ndarray:
     """The errors (size, k) that all sensors of a measurement of one run share."""
     (run,), encoder = measured.runs, model.rig.encoder
-    data, smoother, channel = Data(measured, floor, encoder), _smoothed(run, encoder), run.channels[encoder]
+    data, smoother = Data(measured, floor, encoder), _smoothed(run, encoder)
     origin = Model(measured, model.rig, model.mechanism, model.courses)([[]])[0]
     used = np.concatenate([part.used for part in data.parts])
     answers = csr_array((data.size, smoother.size))
@@ -154,7 +162,7 @@ def _strained(measured: Measured, floor: Mapping[tuple[str, str], float], model:
         if found is not None and origin is not None:
             slope = (data.residual(found) - data.residual(origin)) / nudge
             answers = answers + diags_array(slope) @ answer[used]
-    return smoother.errors(csr_array(answers), max(channel.noise if channel.noise_given else 0.0, smoother.sigma))
+    return smoother.errors(csr_array(answers), encoder_noise(run, encoder))
 
 
 @dataclass(frozen=True)
@@ -247,24 +255,24 @@ def _swiftest(run: MeasuredRun, signal: str) -> float:
 
 def on_one_turn(measured: Measured) -> Measured:
     """Free runs moved by whole turns to about the same angle, within half a turn of zero: an encoder does not know in
-    which turn it is, and a spring that a model lacks does.  Where the model has a spring, runs stay.
+    which turn it is, and a spring that a model lacks does.  Validation runs go to the turn of those that are fitted.
+    Where the model has a spring, runs stay.
     """
     encoder = f"{measured.mechanism.driven}_angle"
     if any(joint.stiffness for joint in measured.mechanism.joints):
         return measured
-    runs, about = [], 0.0
-    for run in measured.runs:
+    moved, about = {}, 0.0
+    for run in sorted(measured.runs, key=lambda run: run.role != "fit"):
         if run.drive == "free" and encoder in run.channels:
             channel = run.channels[encoder]
             middle = float(np.nanmedian(channel.values))
             turns = middle - float(turned_near(np.array(middle), about))
-            about = middle - turns
+            about = middle - turns if run.role == "fit" else about
             values = channel.values - turns
             start = turned_near(run.start[encoder], values[np.isfinite(values)][0])
-            moved = {**run.channels, encoder: replace(channel, values=values)}
-            run = replace(run, channels=moved, start={**run.start, encoder: float(start)})
-        runs.append(run)
-    return replace(measured, runs=tuple(runs))
+            channels = {**run.channels, encoder: replace(channel, values=values)}
+            moved[run.name] = replace(run, channels=channels, start={**run.start, encoder: float(start)})
+    return replace(measured, runs=tuple(moved.get(run.name, run) for run in measured.runs))
 
 
 def unturned(measured: Measured, model: Model, starts: Mapping[Term, np.ndarray]) -> Measured:

@@ -322,12 +322,12 @@ class Problem:
         if found is None or found.readings is None:
             return None
         simulated = self.data.residual(found.readings)
-        if rms(simulated) > FAR * rms(fit.residual):
-            clearance = any("contact" in fit.terms[i].effect.needs for i in fit.named())
+        pins = in_contact(fit)
+        if rms(simulated) > FAR * rms(fit.residual) or (pins and rms(simulated) > rms(self.base.residual)):
             self.notes.append(
                 f"With these effects {self.simulator} is {rms(simulated):.3g} times the noise off the data, the"
                 f" analytic model {rms(fit.residual):.3g}. The two move in different ways"
-                f"{', as they do when pins leave their bearings or bounce' if clearance else ''}: nothing was fitted"
+                f"{', as they do when pins leave their bearings or bounce' if pins else ''}: nothing was fitted"
                 f" to {self.simulator}."
             )
             return None
@@ -409,15 +409,18 @@ class Problem:
             self.base if explanation.named else fit
         )  # free runs without a gap are released from where all of the data say
         chosen = {"before": self.simulated(begin), "after": self.simulated(fit)}
-        readings = chosen["after"].readings
-        if explanation.verdict in ("explained", "ambiguous") and (
-            readings is None or rms(self.data.residual(readings)) > CLOSED
-        ):
-            explanation = replace(explanation, verdict="partly explained")
         gaps = [math.inf if (r := said.readings) is None else rms(self.data.residual(r)) for said in chosen.values()]
-        if explanation.named and readings is not None and gaps[1] > gaps[0]:
-            explanation, fit, chosen["after"] = self.withdrawn(explanation, *gaps), begin, chosen["before"]
-            hypothesis = fit.values(self.rig)
+        if explanation.named and math.isfinite(gaps[1]) and gaps[1] > gaps[0]:
+            if in_contact(fit):  # it is the contact that grows the gap, not what was named
+                bounced = f"its pins bounce or leave their bearings, and its gap would be {gaps[1]:.3g}"
+                chosen["after"] = replace(chosen["after"], readings=None, skipped=bounced)
+            else:
+                explanation, fit, chosen["after"] = self.withdrawn(explanation, *gaps), begin, chosen["before"]
+                hypothesis = fit.values(self.rig)
+        readings = chosen["after"].readings
+        closed = readings is not None and rms(self.data.residual(readings)) <= CLOSED
+        if explanation.verdict in ("explained", "ambiguous") and not closed:
+            explanation = replace(explanation, verdict="partly explained")
         if self.engines[1:]:
             self.options.progress(f"{explanation.verdict} by {self.simulator}, asking the others", 3, 4)
         known = begin.values(self.rig) == self.base.values(self.rig)
@@ -452,9 +455,8 @@ class Problem:
             if size > self.data.noise[run, signal]
         ]
         plain = self.data.coloured({})
-        return locate(
-            plain, plain.residual(self.analytic(begin)), angles, {key: size for key, (size, _) in between.items()}
-        )
+        sizes = {key: size for key, (size, _) in between.items()}
+        return locate(plain, plain.residual(self.analytic(begin)), angles, sizes, self.data.colours)
 
     def simulated(self, fit: Fit) -> Simulated:
         """Every run by the chosen engine under a fit's hypothesis; the last few are remembered."""
@@ -493,6 +495,11 @@ class Problem:
             assert found is not None
             return found.motion.theta
         return self.model.motor(run, self.mechanism).at(run.time).theta
+
+
+def in_contact(fit: Fit) -> bool:
+    """Whether a fit has an effect that engines simulate by contact."""
+    return any("contact" in fit.terms[i].effect.needs for i in fit.named())
 
 
 def _begun(model: Model, fitter: Fitter) -> Fit:

@@ -55,6 +55,11 @@ class Colour:
         return math.sqrt(self.size**2 + self.wander**2 + self.amplitude**2 / 2)
 
     @property
+    def alike(self) -> float:
+        """By how much more many neighbouring samples add up than white ones of the stated noise; hum cancels."""
+        return (self.size * (1 - self.forgets) / (1 - self.keeps)) ** 2
+
+    @property
     def wander(self) -> float:
         """Rms of what the samples before one foretell of it, over the noise."""
         return self.size * (self.keeps - self.forgets) / math.sqrt(1 - self.keeps**2) if self.keeps else 0.0

@@ -105,6 +105,7 @@ def as_document(problem: Problem, found: Verified, validation: Validation) -> Di
         mechanism=problem.measured.mechanism,
         explained=found.explained,
         steps=(),
+        notes=tuple(problem.notes),
         complete=problem.complete,
     )
     cut = "" if problem.complete else f" {BUDGET.format(problem.options.budget)}"
@@ -201,7 +202,7 @@ def _effect(problem: Problem, fit: Fit, n: Named, noise: dict[tuple[str, str], f
         ),  # from the first of its rivals
         small_errors=tuple(
             SmallError(name=t.effect.name, where=t.where, parameters={p: as_parameter(v) for p, v in values.items()})
-            for t, values in n.together
+            for t, values in n.small_errors
         ),
         kind=_kind(n.term),
         share=n.share,

@@ -57,6 +57,7 @@ class Search:
     nonlinear: bool = False  # sensitivities hold only near the fit they were taken about (free runs)
     surveyed: Fit | None = None
     screened: tuple[Fit, Mapping[Term, Sensitivity], Screen] | None = None
+    rivals: bool = False  # whether a fit that leaves no gap is looked beside too, for what explains it as well
     late: Callable[[], bool] = lambda: False  # whether the time for it is over: what is best so far is taken then
     tell: Callable[[int], None] = lambda sets: None  # after so many sets of effects
 
@@ -142,7 +143,8 @@ class Search:
         """The linear problem about a fit: its terms by their derivatives there, all others by their sensitivities; the
         last one is kept.
         """
-        if about is not self.surveyed and (self.nonlinear or self.strayed(about)):
+        closed = rms(about.residual) <= CLOSED and not self.rivals
+        if about is not self.surveyed and (self.nonlinear or (not closed and self.strayed(about))):
             found = sensitivities(self.fitter, about, list(self.cost))
             own = {about.terms[i]: about.jacobian[:, about.columns(i)] for i in about.named()}
             still = np.zeros(about.residual.size)
@@ -164,9 +166,7 @@ class Search:
         return screen
 
     def strayed(self, about: Fit) -> bool:
-        """Whether a fit leaves a gap, and is so far from where the sensitivities were taken that these mislead."""
-        if rms(about.residual) <= CLOSED:
-            return False
+        """Whether a fit is so far from where the sensitivities were taken that these mislead."""
         since = self.surveyed or self.base
         before = dict(zip(since.terms, since.x, strict=True))
         moved = since.residual.copy()

@@ -15,7 +15,7 @@ import numpy as np
 
 from compare.diagnose.effects.effect import Effect, Rig
 from compare.diagnose.fit import Fit, Fitter
-from compare.diagnose.least_squares import reluctance
+from compare.diagnose.least_squares import UNSEEN, reluctance
 from compare.diagnose.predict import Term
 
 BEAM = 24  # sets of each size to which a further term is added
@@ -88,11 +88,12 @@ class Screen:
         self.edges = np.cumsum([0, *(c.shape[1] for c in columns)])
         stacked = np.concatenate(columns, axis=1) if columns else np.zeros((residual.size, 0))
         self.norm = np.linalg.norm(stacked, axis=0)
-        self.norm[self.norm == 0] = 1.0
+        scales = np.concatenate([np.zeros(0), *(self.unit(found[t]) for t in self.terms)])
+        stacked[:, scales * self.norm <= UNSEEN] = 0.0  # rounding
+        self.norm[scales * self.norm <= UNSEEN] = 1.0
         stacked = stacked / self.norm
-        scales = [self.unit(found[t]) for t in self.terms]
         group = np.repeat(np.arange(len(self.terms)), np.diff(self.edges))
-        self.reluctance = reluctance(np.concatenate(scales) * self.norm, group) if scales else np.zeros(0)
+        self.reluctance = reluctance(scales * self.norm, group)
         left = residual - basis @ (basis.T @ residual)
         self.chi2 = float(left @ left)
         self.gram = stacked.T @ stacked

@@ -12,7 +12,18 @@ from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Mechanism
 from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.effects.effect import Rig
-from compare.diagnose.predict import Hypothesis, Term, ages, altered, heard, mixed, motor_offset, sensed
+from compare.diagnose.predict import (
+    Hypothesis,
+    Term,
+    ages,
+    altered,
+    heard,
+    jitter_of,
+    mixed,
+    motor_offset,
+    read_at,
+    sensed,
+)
 from compare.judge.signals import with_derived
 from sim_models.engine import (
     Engine,
@@ -67,13 +78,15 @@ def simulate(task: Task) -> tuple[dict[str, np.ndarray], str, Mapping[str, Setti
             task.mechanism if task.run.loads is None else task.mechanism.replace(loads=task.run.loads), task.hypothesis
         )
         echoes = heard(task.hypothesis, task.run)
-        times = np.unique(np.concatenate([task.run.time - age for age in ages(echoes)]))
+        lines = read_at(task.run, task.rig.encoder, task.course, jitter_of(task.run, task.hypothesis))
+        times = np.unique(np.concatenate([each - age for each in (lines, task.run.time) for age in ages(echoes)]))
         if task.run.drive == "free":
             trace, seen = _free(chosen, mechanism, task, times)
         else:
             trace, seen = _driven(chosen, mechanism, task, times)
-        at = {age: np.searchsorted(times, task.run.time - age) for age in ages(echoes)}
-        by_age = {age: {s: seen[s][rows] for s in echoes} for age, rows in at.items()}
+        # the encoder tells by its stamps, all others when their line was read
+        clock = {s: task.run.time if s == task.rig.encoder else lines for s in echoes}
+        by_age = {age: {s: seen[s][np.searchsorted(times, clock[s] - age)] for s in echoes} for age in ages(echoes)}
         readings = sensed(task.hypothesis, task.run, {s: mixed(each, by_age, s) for s, each in echoes.items()})
         return readings, trace.version, dict(trace.settings)
     except (SimulationError, SimulatorMissing, Unsupported, AssemblyError, ValueError) as error:

@@ -33,6 +33,7 @@ from compare.report.pages import escape_markdown as md
 from compare.results.diagnosis import Diagnosis, Effect, Place, Side
 from compare.results.sentences import (
     capital,
+    errors_in_words,
     in_units,
     off,
     off_by,
@@ -42,7 +43,6 @@ from compare.results.sentences import (
     sentence,
     small_errors,
     spoken,
-    together,
     validation_sentences,
 )
 
@@ -93,7 +93,7 @@ def _effect_lines(result: Diagnosis, group: Sequence[Place]) -> list[str]:
         odds = rival_odds(result, group, effect)
         tail = [f", {values}"] if values and not own else [f" (odds {odds})"] if i and odds else []
         out.append(f"{lead}: {said}" + "".join(tail))
-    small = together(result, group[0]) if isinstance(group[0], Effect) else ""
+    small = errors_in_words(result, group[0]) if isinstance(group[0], Effect) else ""
     out += [f"or small errors of the rig together: {small}"] if small else []
     if len(group) > 1:
         words, block = advice(group)
@@ -150,6 +150,8 @@ def diagnosis_md(result: Diagnosis) -> str:
             [md(f.run), md(spoken(result, f.signal)), md(f.kind), str(f.samples), md(f.text)] for f in result.faults
         ]
         out += ["## Data faults", "", *_table(["Run", "Signal", "Kind", "Samples", "What"], rows, (3,))]
+    if result.notes:
+        out += ["## Notes", "", *(f"- {md(note)}" for note in result.notes), ""]
     versions = ", ".join(f"{md(name)} {md(version)}" for name, version in result.versions.items())
     out += ["## Provenance", "", code_block(result.command, "sh"), "", f"Versions: {versions}", ""]
     rows = [[md(cell) for cell in row] for row in settings(result)]

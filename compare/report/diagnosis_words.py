@@ -117,13 +117,10 @@ class Bar:
 
 
 def waterfall(result: Diagnosis) -> list[Bar]:
-    """The gap before, what each named effect takes of it, sensors first, and what remains; nothing where no share is
-    known.
+    """The gap before, what each named effect takes of it, added as they are listed, and what remains; nothing where no
+    share is known.
     """
-    effects = sorted(
-        (effect for effect in result.effects if effect.share and effect.share > 0),
-        key=lambda effect: (effect.kind != "sensor", -(effect.share or 0.0)),
-    )
+    effects = [effect for effect in result.effects if effect.share and effect.share > 0]
     if not effects:
         return []
     bars, left = [Bar("before: the nominal model", "before", 100.0, 0.0)], 100.0

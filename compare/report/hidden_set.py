@@ -67,7 +67,8 @@ def _hidden(truth: Truth) -> Iterator[str]:
 def _said(scored: Scored) -> Iterator[str]:
     for effect in scored.named:
         ties = f" (or {', '.join(effect.ambiguous_with)})" if effect.ambiguous_with else ""
-        yield f"named: {effect.effect}{ties}"
+        small = f" (or together {', '.join(effect.small_errors)})" if effect.small_errors else ""
+        yield f"named: {effect.effect}{ties}{small}"
     for p in scored.parameters:
         yield f"    {p.parameter}: {p.found:.6g}, true {p.true:.6g}{'' if p.covered else ', outside the 95 % interval'}"
     if scored.false_rig:

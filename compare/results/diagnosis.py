@@ -304,6 +304,7 @@ class Diagnosis(Document):
     mechanism: Annotated[Mechanism, Field(description="The nominal linkage as in its TOML file.")]
     explained: Annotated[Mechanism, Field(description="The linkage with the named effects.")]
     steps: Annotated[tuple[Step, ...], Field(description="How the verdict was come to, in order.")]
+    notes: Annotated[tuple[str, ...], Field(description="What was assumed, and found of the noise, in sentences.")] = ()
     complete: Annotated[bool, Field(description="false: the budget ended the search, and this is the best so far.")] = (
         True
     )

@@ -141,6 +141,7 @@ class Said(Part):
 
     effect: Key
     ambiguous_with: tuple[Key, ...]
+    small_errors: Annotated[tuple[Key, ...], Field(description="That together do as well in its place.")] = ()
 
 
 class Value(Part):

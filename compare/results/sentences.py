@@ -96,10 +96,10 @@ def parameter(name: str, found: Parameter, like: Sequence[Parameter] = ()) -> Ro
     what, _, run = name.partition("@")
     unit, factor = _unit(what, (found, *like))
     half = 0.5 * abs(high - low) * factor if low is not None and high is not None else 0.0
-    decimals = 1 - math.floor(math.log10(half * (1 + 1e-9))) if half > 0 else None
+    decimals = min(1 - math.floor(math.log10(half * (1 + 1e-9))), 9) if half > 0 else None
 
     def say(v: float) -> str:
-        if decimals is None or not 0 <= decimals <= 6:
+        if decimals is None or decimals < 0:
             return number(v * factor, 4)
         return f"{v * factor + 0.0:.{decimals}f}".replace("-", MINUS)
 
@@ -123,7 +123,7 @@ def rows(parameters: Mapping[str, Parameter]) -> list[Row]:
     ]
 
 
-def together(result: Diagnosis, effect: Effect) -> str:
+def errors_in_words(result: Diagnosis, effect: Effect) -> str:
     """The small errors of the rig that together would do as well in place of an effect, with their values."""
     said = []
     for error in effect.small_errors:
@@ -136,7 +136,7 @@ def small_errors(result: Diagnosis, effect: Effect) -> str:
     """The same in a sentence; empty where there are none."""
     if not effect.small_errors:
         return ""
-    errors, instead = together(result, effect), phrase(result, effect.name, effect.where)
+    errors, instead = errors_in_words(result, effect), phrase(result, effect.name, effect.where)
     return f"Small errors of the rig together would explain these data as well as {instead}: {errors}."
 
 

@@ -22,6 +22,7 @@ from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured_file import Entry, read_file, tolerances
 from compare.diagnose.data.quality import FLOOR, gaps, noise, outliers, unwrapped
 from compare.diagnose.data.recording import LARGEST, Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun, shown
+from compare.diagnose.data.smooth import Smoother
 from compare.diagnose.data.table import ROWS, Column, Table, canonical, read_table
 from compare.diagnose.data.thin import frozen, held, missed, picked
 from compare.diagnose.data.units import listed
@@ -317,15 +318,28 @@ def _check_speed(where: str, file: str, time: np.ndarray, encoder: Channel, spee
 
 
 def _start(entry: Entry, mechanism: Mechanism, time: np.ndarray, channels: Mapping[str, Channel]) -> dict[str, float]:
-    """State at the first sample: as given; left out, the driven body's from its first readings, or assembled and at
-    rest without any.
+    """State at the first sample: as given; left out, the driven body's on smooth courses through its readings, the rate
+    from whichever sensor tells it better; or assembled and at rest without any.
     """
     angle, rate = f"{mechanism.driven}_angle", f"{mechanism.driven}_angular_velocity"
     found = {angle: mechanism.assembly[mechanism.driven], rate: 0.0}
     if angle in channels:
-        here = np.flatnonzero(np.isfinite(channels[angle].values))[:ROWS]
-        _, found[rate], found[angle] = map(float, np.polyfit(time[here] - time[0], channels[angle].values[here], 2))
+        found[angle], found[rate], unsure = _first(time, channels[angle], 1)
+        if rate in channels:
+            value, _, off = _first(time, channels[rate], 0)
+            found[rate] = value if off < unsure else found[rate]
     return found | dict(entry.start or {})
+
+
+def _first(time: np.ndarray, channel: Channel, order: int) -> tuple[float, float, float]:
+    """A channel's value and rate at the first sample, on a smooth course through its readings, and how far its
+    derivative of that order may be off.
+    """
+    known = np.isfinite(channel.values)
+    smoother = Smoother(time[known], channel.values[known])
+    unsure = smoother.uncertainty(smoother.answers(time[:1])[order], smoother.sigma)
+    value, rate = (float(smoother.course(time[:1], k)[0]) for k in (0, 1))
+    return value, rate, float(unsure[0])
 
 
 def _thinned(where: str, run: MeasuredRun, encoder: str, faults: list[Fault]) -> tuple[MeasuredRun, list[Fault]]:

@@ -44,7 +44,7 @@ RIDGE = 1e-9  # of a harmonic's own square: keeps those apart that the spline ca
 UNSEEN = 0.05  # sigmas of all numbers together
 MOST = 400  # directions of a course's errors
 POWERS = 3  # rounds of the search for those that matter most (Halko, Martinsson and Tropp, SIAM Rev. 53, 2011)
-REDRAWN = 8  # times
+REDRAWN = 16  # times
 TINY = 1e-300
 ROUNDING = 1e-13  # of the range of readings
 
@@ -312,15 +312,17 @@ class Smoother:
         lost = out(self.fit.missed(self.count)) / sigma
         return np.column_stack([basis @ turned[:, kept] * np.sqrt(square[kept]), lost])
 
-    def error(self, answers: csr_array, sigma: float) -> float:
-        """The same as one figure: root mean square over all numbers, from a few redraws of the readings' noise."""
+    def uncertainty(self, answers: csr_array, sigma: float) -> np.ndarray:
+        """Root mean square error (S,) of each of S numbers that answer to the course's coefficients (S, p): from a few
+        redraws of the readings' noise (sigma, rad), and what smoothing takes off.
+        """
         here = hstack([self.fit.basis.here, csr_array(self.fit.waves[:, : 2 * self.count])], format="csr")
         redrawn = sigma * np.random.default_rng(0).standard_normal((self.at.size, REDRAWN))
         noise, lost = (
             answers @ self.fit.solve(here.T @ readings, self.count)
             for readings in (redrawn, self.fit.missed(self.count)[:, None])
         )
-        return math.sqrt(float(np.mean(noise**2) + np.mean(lost**2)))
+        return np.sqrt(np.mean(noise**2, axis=1) + lost[:, 0] ** 2)
 
     def _evenly(self) -> BSpline | None:
         """The angle of a crank that turns fully, smoothed over a turn; None of any other."""

@@ -72,7 +72,9 @@ class Payload(Effect):
     def start(self, rig: Rig, where: str, coefficients: np.ndarray, variant: float = 0.0) -> np.ndarray:
         m, a, n = self.scales(rig, where)
         share = float(coefficients.sum())
-        if share <= 0:  # the data want less mass, which no payload is
+        if share <= 0:  # the data want less mass, which no payload is, or do not show mass by itself
+            share = abs(float(coefficients[1] - coefficients[2]))
+        if share <= 0:
             return np.array([0.0, 0.0, 0.0])
         return np.array([m * share, a * (coefficients[1] - coefficients[2]) / share, n * coefficients[3] / share])
 

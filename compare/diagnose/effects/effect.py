@@ -266,6 +266,10 @@ class Effect(ABC):
         """How far (rad) the motor is behind the encoder's readings, in a run that follows them."""
         return 0.0
 
+    def jitter(self, run: str, values: Values) -> float:
+        """Root mean square error (s) of the time stamps of a run that follows the encoder."""
+        return 0.0
+
     # ---------------------------------------------------------------- a random one
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:

@@ -30,7 +30,7 @@ import numpy as np
 from analytic.mechanism.signals import wrapped
 from compare.diagnose.effects.bodies import LinkLength, PivotPosition
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.results.diagnosis import Diagnosis
+from compare.results.diagnosis import Diagnosis, Effect, SmallError
 from compare.results.scoreboard import Gap, Hidden, Kind, Outcome, Said, Scored, Truth, Value
 
 Key = tuple[str, str]
@@ -45,6 +45,7 @@ BENCH: tuple[Kind, ...] = ("slightly-off", "coarse", "coloured", "per-run", "lar
 LATER = ("sensor_lag", "sensor_drift")  # of sensors, whether the vocabulary has them or not
 WITHIN = 0.05  # of its size: an effect of the rig beside faults of each run
 CLOSED = 1.1  # of the noise floor
+SAME = 3.0  # times the largest slight displacement of a pivot: another pivot's that may be the same
 
 
 def opened(seal: Path) -> Truth:
@@ -66,7 +67,11 @@ def score(diagnosis: Diagnosis, truth: Truth) -> Scored:
         update={
             **more,
             "named": tuple(
-                Said(effect="@".join(key), ambiguous_with=tuple(sorted("@".join(t) for t in ties)))
+                Said(
+                    effect="@".join(key),
+                    ambiguous_with=tuple(sorted("@".join(t) for t in ties)),
+                    small_errors=tuple(sorted("@".join(t) for t in together[key])),
+                )
                 for key, ties in found.items()
             ),
             "parameters": parameters(diagnosis, truth) if outcome == "exact" else (),
@@ -173,6 +178,7 @@ def _on_bench(
     """The outcome, and what else is scored."""
     said, simpler = _simpler(truth, found, true)
     right = true.union(*simpler.values(), {(f.name, f.where) for f in (*truth.slight, *truth.faults)})
+    right |= _off_against_others(truth, diagnosis)
     false = [
         key
         for key, ties in found.items()
@@ -193,13 +199,24 @@ def _on_bench(
 
 
 def _among(right: set[Key], key: Key) -> bool:
-    """Whether an effect is one of these; one of several signals (``drive_torque+reaction_A_x``) where it is at each; a
-    displaced ground pivot where any is: it is off against the others, and they against it.
-    """
+    """Whether an effect is one of these; one of several signals (``drive_torque+reaction_A_x``) where it is at each."""
     name, where = key
-    if name == PivotPosition.name:
-        return any(other == name for other, _ in right)
     return key in right or all((name, part) in right for part in where.split("+"))
+
+
+def _off_against_others(truth: Truth, diagnosis: Diagnosis) -> set[Key]:
+    """Ground pivots that are said to be displaced where others are slightly displaced, and by about as much: a pivot is
+    off against the others as they are against it.
+    """
+    pivot = PivotPosition.name
+    slight = [math.hypot(*f.parameters.values()) for f in truth.slight if f.name == pivot]
+    said: list[Effect | SmallError] = [*diagnosis.effects]
+    said += [error for effect in diagnosis.effects for error in effect.small_errors]
+    return {
+        (e.name, e.where)
+        for e in said
+        if e.name == pivot and math.hypot(*(p.value for p in e.parameters.values())) <= SAME * max(slight, default=0.0)
+    }
 
 
 def _worst_error(diagnosis: Diagnosis, truth: Truth) -> float | None:

@@ -21,6 +21,7 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.evidence.scoreboard.bench.rig import (
     DIAGNOSING,
     Bench,
+    Fault,
     UnevenPlan,
     draw_player,
     enlarged,
@@ -72,7 +73,8 @@ def draw(k: int, rng: np.random.Generator) -> Bench:
     jitter = rng.uniform(*JITTER)
     recordings = tuple(_recorded(rng, source, experiment, p, judged, counts, jitter) for p in experiment.plans)
     noise = {s: sigma for s, sigma in experiment.noise.items() if s != experiment.encoder}
-    return Bench.of(replace(experiment, noise=noise), (source, simulator), judged, recordings)
+    jitters = [Fault("stamp_jitter", experiment.encoder)]
+    return Bench.of(replace(experiment, noise=noise), (source, simulator), judged, recordings, faults=jitters)
 
 
 def effect_of(k: int) -> str:
