@@ -184,7 +184,7 @@ def partly_explained() -> dict[str, Any]:
     gap = result["gap"] | {"explained": 0.85, "by_signal": _by_signal(result["runs"][:-1])}
     return result | {
         "verdict": "partly explained",
-        "effects": [clearance, encoder],
+        "effects": [encoder, clearance],
         "attempts": attempts,
         "gap": gap,
     }

@@ -666,7 +666,7 @@ def test_a_power_of_ten_is_ascii_in_a_terminal(explained: dict[str, Any]) -> Non
 # ------------------------------------------------------------------ shares, attempts, validation runs
 
 
-def test_the_waterfall_takes_sensors_first_and_ends_with_what_remains(partly: dict[str, Any]) -> None:
+def test_the_waterfall_takes_effects_as_they_are_listed_and_ends_with_what_remains(partly: dict[str, Any]) -> None:
     bars = waterfall(as_document(partly))
     assert [bar.kind for bar in bars] == ["before", "sensor", "rig", "rest"]
     assert bars[1].label == f"each run has its own encoder zero, {MINUS}1.7 to +3.6 deg"
@@ -676,8 +676,8 @@ def test_the_waterfall_takes_sensors_first_and_ends_with_what_remains(partly: di
     html, text = diagnosis_html(as_document(partly)), diagnosis_md(as_document(partly))
     assert 'class="sensor" style="left: 40.00%; width: 60.00%"' in html
     assert "| Clearance in joint B | 25 % |" in text
-    unknown = changed(partly, "effects", 0, "share", value=None)
-    unknown = changed(unknown, "effects", 1, "share", value=0.0)
+    unknown = changed(partly, "effects", 1, "share", value=None)
+    unknown = changed(unknown, "effects", 0, "share", value=0.0)
     assert waterfall(as_document(unknown)) == []
     assert "What takes the gap away" not in diagnosis_html(as_document(unknown))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from compare.diagnose.effects.effect import Effect, Rig, Values
 from compare.diagnose.effects.sensors import EFFECTS
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.evidence.scoreboard.sizes import Planted
-from diagnosis_rigs import SENSORS, assert_recovered, diagnosed, experiment, four_bar, played, turn, wrong
+from diagnosis_rigs import SENSORS, assert_recovered, diagnosed, experiment, four_bar, named, played, turn, wrong
 
 RECOVERED = {  # effect -> where, values
     "gravity": ("linkage", {"x": 1.0, "y": -9.0}),
@@ -76,12 +76,39 @@ def hidden(name: str) -> Planted:
     return Planted(name, where, values)
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in VOCABULARY])
+PLAYED = [n for n in VOCABULARY if n != "stamp_jitter"]  # of which each line has its own; it has a test of its own
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in PLAYED])
 def test_a_hidden_effect_is_recovered(name: str) -> None:
     assert name in RECOVERED, f"{name} has no case: say where it is hidden and how large it is"
     rig = experiment(sensors=SENSORS | MORE_SENSORS.get(name, {}))
     data = played(rig, hidden(name), source=PLAYED_BY.get(name, "exudyn"))
     assert_recovered(diagnosed(data), hidden(name))
+
+
+@pytest.mark.parametrize("off", [0.0, 3e-3])
+def test_jitter_of_time_stamps_is_recovered(off: float) -> None:
+    """50 and 110 lines a second, stamped up to 3 ms early or late; or none, and the encoder is as noisy as that."""
+    rig, rng = experiment(turn("slow", 4.0, follows=True, samples=80), turn("fast", -9.0, follows=True, samples=80)), 5
+    late = [np.random.default_rng(rng + k).uniform(-off, off, p.time.size) for k, p in enumerate(rig.plans)]
+    noise = {**rig.noise, "crank_angle": 0.02 if not off else rig.noise["crank_angle"]}
+    true = replace(
+        rig,
+        noise=noise,
+        plans=tuple(replace(p, time=p.time + d) for p, d in zip(rig.plans, late, strict=True)),
+    )
+    seen = played(true)
+    stamped = replace(seen, runs=tuple(replace(run, time=p.time) for run, p in zip(seen.runs, rig.plans, strict=True)))
+    result = diagnosed(stamped)
+    if not off:
+        assert named(result) == []
+        return
+    assert named(result) == [("stamp_jitter", "crank_angle")]
+    assert result["verdict"] == "explained"
+    assert result["gap"]["before"] > 50
+    drawn = math.sqrt(float(np.mean(np.concatenate(late) ** 2)))
+    assert result["effects"][0]["parameters"]["jitter"]["value"] == pytest.approx(drawn, rel=0.05)
 
 
 # ---------------------------------------------------------------- the pure functions themselves
@@ -99,7 +126,7 @@ class Place:
         return f"{self.effect.name}@{self.where}:{self.variant:.3g}"
 
 
-RIG = experiment(turn("slow", 4.0), turn("fast-reverse", -12.0)).rig
+RIG = experiment(turn("slow", 4.0), turn("fast-reverse", -12.0), turn("followed", 4.0, follows=True)).rig
 SLIDER = four_bar("slider-crank", loads=())
 PLACES = [Place(e, w, v) for e in VOCABULARY.values() for w in e.places(RIG) for v in e.variants(RIG, w)]
 BY_THEMSELVES = [p for p in PLACES if p.effect.acts_by_itself(p.variant)]  # as a quarter turn does
@@ -107,9 +134,10 @@ TIME = np.linspace(0.0, 1.0, 50)
 
 
 def acts_in_time(effect: Effect, where: str, values: Values) -> list[bool]:
-    """Whether it delays, filters or lets creep any sensor in any run."""
+    """Whether it delays, filters or lets creep any sensor in any run, or makes its stamps jitter."""
     acts = effect.delay, effect.lag, effect.drift
-    return [any(act(run, s, where, values) for run in RIG.runs for s in RIG.signals) for act in acts]
+    of_sensors = [any(act(run, s, where, values) for run in RIG.runs for s in RIG.signals) for act in acts]
+    return [*of_sensors, any(effect.jitter(run, values) for run in RIG.runs)]
 
 
 def changed(mechanism: Mechanism, name: str, where: str) -> Mechanism:

@@ -713,9 +713,10 @@ def test_small_errors_that_are_truly_there_make_a_name_right_and_others_do_not()
 def test_a_ground_pivot_is_off_where_the_others_are() -> None:
     known = bench_truth(BIAS)
     assert score(on_bench(BIAS, ("pivot_position", "D")), known).outcome == "wrong"
-    pivot = TrueFault(name="pivot_position", where="E", parameters={})
-    with_pivot = known.model_copy(update={"slight": (*known.slight, pivot)})
-    assert score(on_bench(BIAS, ("pivot_position", "D")), with_pivot).outcome == "exact"
+    for size, outcome in ((1e-4, "wrong"), (0.5, "exact")):  # said are 1.02 m
+        pivot = TrueFault(name="pivot_position", where="E", parameters={"x": size, "y": 0.0})
+        with_pivot = known.model_copy(update={"slight": (*known.slight, pivot)})
+        assert score(on_bench(BIAS, ("pivot_position", "D")), with_pivot).outcome == outcome
 
 
 @pytest.mark.slow

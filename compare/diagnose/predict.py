@@ -18,6 +18,7 @@ from analytic.beyond_paper.freedom import Freedom, swing
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
+from analytic.mechanism.signals import wrapped
 from analytic.paper.clearance import displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.frame import ComplianceError
@@ -305,9 +306,9 @@ def read_at(run: MeasuredRun, encoder: str, course: Motor | None, jitter: float)
     if not jitter or course is None or encoder not in run.channels:
         return run.time
     seen = course.at(run.time)
-    off = np.nan_to_num(np.remainder(run.channels[encoder].values - seen.theta + np.pi, 2 * np.pi) - np.pi)
+    off = np.nan_to_num(wrapped(run.channels[encoder].values - seen.theta))
     late = off * seen.omega / (seen.omega**2 + SLOW**2 * np.mean(seen.omega**2))
-    return run.time + min(1.0, jitter**2 / max(float(np.mean(late**2)), 1e-300)) * late
+    return run.time + jitter**2 / max(float(np.mean(late**2)), 1e-300) * late
 
 
 def altered(mechanism: Mechanism, hypothesis: Hypothesis) -> Mechanism:
