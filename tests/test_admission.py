@@ -13,9 +13,11 @@ from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fit
 from compare.diagnose.predict import Term
+from compare.diagnose.problem import Options, Problem
 from compare.diagnose.residuals import Data
 from compare.diagnose.search import costs
 from compare.diagnose.sensitivities import candidates
+from compare.diagnose.workmanship import bundle, size_of
 from diagnosis_rigs import assert_recovered, diagnosed, experiment, named, played, turn, wrong
 
 PASSES = Trial(400.0, 30.0, 300.0, 0.8, 0.7, ("drive_torque",), closed=False)
@@ -144,3 +146,26 @@ def test_a_common_bias_is_one_value() -> None:
     found = diagnosed(played(rig, fault), only=("sensor_bias", "sensor_drift", "payload"))
     assert named(found) == [("sensor_bias", SIGNAL)]
     assert set(found["effects"][0]["parameters"]) == {"bias"}
+
+
+# ---------------------------------------------------------------- small errors of the rig together
+
+
+def test_small_errors_that_do_as_well_as_a_gain_are_told_with_their_values() -> None:
+    """Two links a tenth of a millimetre off read as a gain of the coupler's angle; a gain of 2 % does not."""
+    rig = experiment(sensors={"crank_angle": 4e-5, "coupler_angle": 6e-5, "drive_torque": 8e-3})
+    off = wrong("link_length", "coupler", length_error=8e-5), wrong("link_length", "follower", length_error=-6e-5)
+    friction = wrong("viscous_friction", "B", damping=0.05)
+    for truth, imitated in ((off, True), ((wrong("sensor_gain", "coupler_angle", gain_error=0.02),), False)):
+        problem = Problem.of(played(rig, friction, *truth), rig.nominal, Options("mujoco", others=False, workers=1))
+        wanted = [t for t in problem.terms if t.key not in problem.ruled_out]
+        search = problem.prepared(problem.data, costs(wanted, problem.rig, problem.data.size), wanted, free=False)
+        labels = ("sensor_gain@coupler_angle", "viscous_friction@B")
+        fit = search.with_terms(search.base, search.screen(search.base), [t for t in wanted if t.label in labels])
+        assert fit is not None
+        (gain,) = (t for t in fit.terms if t.effect.name == "sensor_gain")
+        terms, found = bundle(search, fit, np.ones(problem.data.size), gain, 16.0)
+        assert bool(terms) == imitated
+        if imitated:
+            assert all(0.01 <= size_of(search, found, t) <= 1 for t in terms)
+            assert found.chi2 < fit.chi2 + 16

@@ -181,6 +181,45 @@ def test_what_every_turn_shows_is_told_by_the_angle_and_the_rest_by_the_turn() -
     assert once.time == pytest.approx((when[0], when[-1]), abs=0.5)
 
 
+@pytest.mark.parametrize(
+    ("size", "turns", "found"),
+    [
+        ([0, 10, 0, 0], 4, [False]),  # a jolt in one turn of four
+        ([0, 0, 0, 0, 0, 6], 6, [False]),  # the last turn of six
+        ([0, 1, 2, 3, 4, 5], 6, [True]),  # a drift: throughout the run
+    ],
+)
+def test_what_one_turn_shows_is_said_of_no_other(size: list[float], turns: int, found: list[bool]) -> None:
+    rig = experiment(Plan("slow", 4.0, 0.0, np.linspace(0.0, turns * math.pi / 2, 300 * turns), None))
+    data = Data(
+        rig.measured(readings(rig)), {("slow", signal): noise for signal, noise in SENSORS.items()}, "crank_angle"
+    )
+    part = next(p for p in data.parts if p.signal == "follower_angle")
+    theta = rig.plans[0].command(rig.plans[0].time)
+    turn_of = np.minimum((theta - theta[0]) / (2 * math.pi), turns - 1e-9).astype(int)
+    where = (np.degrees(theta) % 360 < 60) | (len(size) > 4)
+    residual = np.random.default_rng(1).standard_normal(data.size)
+    residual[part.place] += np.array(size)[turn_of] * where
+    places = locate(data, residual, {"slow": theta})
+    assert [p.time is None for p in places] == found
+    assert all(p.size > 0 for p in places), "nothing is too low"
+
+
+def test_a_coordinate_that_these_data_do_not_show_stays_where_it_is() -> None:
+    """The slide's pivot along the slide; across it, it is the crank's pivot the other way, and both are named."""
+    sensors = {"crank_angle": 1e-4, "slider_x": 1e-4}
+    rig = experiment(
+        turn("slow", 4.0), turn("fast", -9.0), mechanism=four_bar("slider-crank", loads=()), sensors=sensors
+    )
+    seen = played(rig, wrong("pivot_position", "S", x=0.0, y=2e-3))
+    alone = one(diagnosed(seen, only=["pivot_position@S"]))["parameters"]
+    assert abs(alone["x"]["value"]) < 1e-9
+    assert alone["x"]["low"] is alone["x"]["high"] is None
+    assert alone["y"]["value"] == pytest.approx(2e-3, rel=0.03)
+    either = one(diagnosed(seen, only=["pivot_position"]))
+    assert {either["where"], *(tie["where"] for tie in either["ambiguous_with"])} == {"O", "S"}
+
+
 def test_data_that_are_thinned_for_the_search_are_said_to_be() -> None:
     rig = experiment(turn("slow", 4.0, samples=6000), turn("fast", 12.0, samples=6000))
     data = rig.measured([{s: np.zeros(6000) for s in SENSORS} for _ in rig.plans])

@@ -405,6 +405,36 @@ def test_small_errors_are_told_beside_the_effect_that_they_may_be(explained: dic
     assert any(step.startswith("Measure at the rig what clearance in joint B may") for step in next_steps(result))
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        (1.0, 2.0, "in every turn, at 57.3 to 115 deg"),
+        (5.5, 7.0, "in every turn, at 315 to 41.1 deg"),
+        (0.0, 2 * math.pi, "throughout the run"),
+    ],
+)
+def test_a_deviation_of_every_turn_is_told_by_its_angle(
+    explained: dict[str, Any], low: float, high: float, said: str
+) -> None:
+    result = as_document(explained)
+    place = result.located[0].model_copy(
+        update={
+            "every_turn": True,
+            "crank_angle_from": low,
+            "crank_angle_to": high,
+            "time_from": None,
+            "time_to": None,
+        }
+    )
+    assert span(result, place) == said
+    assert sentence(result, place).endswith(said)
+
+
+def test_what_was_found_of_the_noise_is_noted(explained: dict[str, Any]) -> None:
+    note = "The noise of the torque hums at 50 Hz, 40 mN.m in all."
+    assert note in diagnosis_md(as_document(explained | {"notes": [note]}))
+
+
 def test_what_to_do_next_follows_the_verdict(explained: dict[str, Any], ambiguous: dict[str, Any]) -> None:
     clean = explained | {"faults": []}
     assert next_steps(as_document(clean))[0].startswith(

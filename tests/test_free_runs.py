@@ -5,21 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import least_squares
 
 from analytic.beyond_paper.freedom import POINTS, Freedom, swing
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.signals import wrapped
+from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.inverse import beginnings
 from compare.diagnose.prepare import on_one_turn
 from compare.diagnose.problem import Options, Problem
 from compare.diagnose.search import costs
+from compare.evidence.scoreboard.bench.pendulum import Pendulum
+from compare.evidence.scoreboard.sizes import Planted
+from diagnosis_rigs import diagnosed
 
 PENDULUM = load("pendulum")
 MASS, ARM = PENDULUM.bodies[0].mass, 0.15
@@ -136,6 +142,95 @@ def test_read_backward_one_of_the_beginnings_is_near_with_the_whole_vocabulary()
     assert_one_near(begun(swings()))
 
 
+# ---------------------------------------------------------------- a heavy payload, with and without a load cell
+
+HEAVY = Planted("payload", "pendulum", {"mass": 1.5 * MASS, "along": 0.13, "normal": 0.02})
+CELL = {"reaction_O_x": 0.1, "reaction_O_y": 0.1}
+
+
+def laden(cell: bool = True, time: np.ndarray = TIME) -> Measured:
+    """Two swings with a payload of one and a half times the pendulum's mass, which the nominal model lacks."""
+    rng, runs, noise = np.random.default_rng(2), [], NOISE | (CELL if cell else {})
+    known, pendulum = Measured(PENDULUM, (), {}, (), "").signals, Pendulum.of(PENDULUM).with_things([HEAVY])
+    for k, start in enumerate(STARTS):
+        q, w = pendulum.swing(*start, time)
+        push = pendulum.push(q, w)
+        clean = dict(zip(NOISE | CELL, (q, w, push.real, push.imag), strict=True))
+        seen = {s: clean[s] + sigma * rng.standard_normal(time.size) for s, sigma in noise.items()}
+        channels = {s: Channel(known[s], seen[s], sigma, True, known[s].unit) for s, sigma in noise.items()}
+        first = {s: float(seen[s][0]) for s in NOISE}
+        runs.append(MeasuredRun(f"swing-{k}", time, channels, "free", None, None, first, None, False, "swing.csv"))
+    return Measured(PENDULUM, tuple(runs), {}, (), "rig")
+
+
+@pytest.mark.parametrize("missing", [0, 6])
+def test_read_backward_a_load_cell_tells_a_payload_whatever_the_encoder_misses(missing: int) -> None:
+    measured = laden()
+    measured.runs[0].channels["pendulum_angle"].values[:missing] = np.nan
+    found = begun(measured, "payload", "gravity", "com_offset")[0]
+    assert set(found) == {"payload"}
+    for parameter, value in HEAVY.values.items():
+        assert found["payload"][parameter] == pytest.approx(value, rel=0.02), parameter
+
+
+def test_a_run_in_which_the_encoder_rests_on_a_count_is_read_backward_too() -> None:
+    measured = swings()
+    run = measured.runs[0]
+    still = {s: replace(c, values=np.full(TIME.size, REST), noise_given=False) for s, c in run.channels.items()}
+    resting = replace(run, name="resting", channels={"pendulum_angle": still["pendulum_angle"]})
+    assert begun(replace(measured, runs=(*measured.runs, resting)), "joint_spring", "viscous_friction")
+
+
+def test_the_fit_of_a_long_swing_ends_in_its_minimum_and_knows_how_sure_it_is() -> None:
+    """A free motion answers to a hundredth of the mass by hundreds of sigmas, and not linearly."""
+    measured = laden(time=np.arange(700) / 120.0)
+    problem = Problem.of(measured, PENDULUM, Options("mujoco", only=["payload"], others=False, workers=1))
+    (payload,) = (t for t in problem.terms if t.effect.name == "payload")
+    x = payload.effect.natural(problem.rig, "pendulum", HEAVY.values)
+    start = dict(zip(problem.base.terms, problem.base.x, strict=True))
+    fit = problem.fitter.fit([*problem.base.terms, payload], start | {payload: x})
+    assert fit is not None
+    edges = np.cumsum([v.size for v in fit.x])[:-1]
+
+    def residual(point: np.ndarray) -> np.ndarray:
+        (found,) = problem.fitter.residuals(fit.terms, [np.split(point, edges)])
+        assert found is not None
+        return found
+
+    begin = np.concatenate(fit.x)
+    best = least_squares(residual, begin, x_scale=np.full(begin.size, 1e-4), xtol=1e-14, ftol=1e-14)
+    assert fit.chi2 < 2 * best.cost + 0.1
+    fine = least_squares(residual, best.x, x_scale=np.full(begin.size, 1e-6), jac="3-point", max_nfev=2).jac
+    sure = np.sqrt(np.diag(np.linalg.inv(fine.T @ fine)))
+    np.testing.assert_allclose(np.sqrt(np.diag(np.linalg.inv(fit.jacobian.T @ fit.jacobian))), sure, rtol=0.02)
+
+
+@pytest.mark.slow
+def test_what_a_swing_does_not_show_of_a_payload_is_not_known() -> None:
+    """Angle and rate alone show two of its three numbers; its fit begins in spite of that, and its mass stays open."""
+    result = diagnosed(laden(cell=False), only=["payload"])
+    (effect,) = result["effects"]
+    assert result["verdict"] == "explained"
+    assert effect["parameters"]["mass"]["low"] is None
+    assert effect["parameters"]["normal"]["low"] is not None or effect["parameters"]["along"]["low"] is None
+
+
+def test_a_start_that_is_not_given_is_read_from_the_sensor_that_tells_it_better(tmp_path: Path) -> None:
+    """An angle to 2 mrad, of which eight readings say little of the rate, and a rate to 5 mrad/s."""
+    rng, start = np.random.default_rng(5), (0.9, 0.7)
+    q, w = Pendulum.of(PENDULUM).swing(*start, TIME)
+    q, w = q + 2e-3 * rng.standard_normal(TIME.size), w + 5e-3 * rng.standard_normal(TIME.size)
+    rows = "\n".join(f"{t:.9g},{a:.9g},{b:.9g}" for t, a, b in zip(TIME, q, w, strict=True))
+    head = "time [s],pendulum_angle [rad],pendulum_angular_velocity [rad/s]"
+    (tmp_path / "swing.csv").write_text(f"{head}\n{rows}\n")
+    (tmp_path / "measured.toml").write_text(
+        'mechanism = "pendulum"\n[[run]]\nname = "swing"\nfile = "swing.csv"\ndrive = "free"\n'
+    )
+    (run,) = load_measured(tmp_path / "measured.toml").runs
+    assert run.start["pendulum_angle"] == pytest.approx(start[0], abs=4e-3)
+    assert run.start["pendulum_angular_velocity"] == pytest.approx(start[1], abs=1e-2)
+
+
 def test_runs_are_brought_to_one_turn_unless_the_model_has_a_spring() -> None:
     measured = swings((0, 3))
     moved = on_one_turn(measured)
@@ -147,3 +242,21 @@ def test_runs_are_brought_to_one_turn_unless_the_model_has_a_spring() -> None:
     sprung: Mechanism = PENDULUM.with_joint("O", stiffness=1.0)
     known = replace(measured, mechanism=sprung)
     assert on_one_turn(known) is known, "there its angle has a meaning"
+
+
+def test_a_validation_run_does_not_say_in_which_turn_the_fitted_ones_are() -> None:
+    one, other = swings((0, 1)).runs
+    kept = replace(one, name="kept", role="validation", channels=_turned(one, 2))
+    alone = on_one_turn(replace(swings(), runs=(one, other)))
+    among = on_one_turn(replace(swings(), runs=(one, kept, other)))
+    assert [run.name for run in among.runs] == ["swing-0", "kept", "swing-1"]
+    for before, after in zip(alone.runs, (among.runs[0], among.runs[2]), strict=True):
+        np.testing.assert_array_equal(before.channels["pendulum_angle"].values, after.channels["pendulum_angle"].values)
+    np.testing.assert_allclose(
+        among.runs[1].channels["pendulum_angle"].values, among.runs[0].channels["pendulum_angle"].values, atol=1e-12
+    )
+
+
+def _turned(run: MeasuredRun, turns: int) -> dict[str, Channel]:
+    angle = run.channels["pendulum_angle"]
+    return {**run.channels, "pendulum_angle": replace(angle, values=angle.values + 2 * math.pi * turns)}
