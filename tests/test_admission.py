@@ -11,12 +11,14 @@ import pytest
 from compare.diagnose.admission import HELD_OUT, Trial, foretold
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.diagnose.explain import Named
 from compare.diagnose.fit import Fit
 from compare.diagnose.predict import Term
 from compare.diagnose.problem import Options, Problem
 from compare.diagnose.residuals import Data
 from compare.diagnose.search import costs
 from compare.diagnose.sensitivities import candidates
+from compare.diagnose.statement import parted
 from compare.diagnose.workmanship import bundle, size_of
 from diagnosis_rigs import assert_recovered, diagnosed, experiment, named, played, turn, wrong
 
@@ -169,3 +171,16 @@ def test_small_errors_that_do_as_well_as_a_gain_are_told_with_their_values() -> 
         if imitated:
             assert all(0.01 <= size_of(search, found, t) <= 1 for t in terms)
             assert found.chi2 < fit.chi2 + 16
+
+
+@pytest.mark.parametrize(
+    ("shares", "slight"),
+    [([0.9, 0.004, 0.002], []), ([0.9, 0.05, 0.004, 0.02, 0.002], [2, 4]), ([0.005] * 5, [1, 2, 3, 4])],
+)
+def test_a_paragraph_tells_what_takes_part_in_the_gap_and_lists_the_rest(
+    shares: list[float], slight: list[int]
+) -> None:
+    found = [Named(Term(BIAS, str(k)), {}, 100.0, (2.0, 1.0), (2.0, 1.0), share=v) for k, v in enumerate(shares)]
+    told, rest = parted(found)
+    assert [int(n.term.where) for n in rest] == slight
+    assert sorted([*told, *rest], key=found.index) == found

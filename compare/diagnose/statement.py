@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.explain import Explanation, Interval, Named
 from compare.diagnose.predict import Term
@@ -11,12 +13,16 @@ from compare.results.sentences import (
     capital,
     enumerated,
     explained_to,
+    in_words,
     own_values,
     plainly,
     rows,
     small_errors,
     spoken,
 )
+
+MANY = 4  # effects in a paragraph
+SLIGHT = 0.01  # of the squared gap: with a smaller share, an effect among many is told without its values
 
 
 def named(result: Diagnosis, n: Named) -> str:
@@ -61,16 +67,32 @@ def statement(result: Diagnosis, e: Explanation, failure: str = "") -> str:
         disagree = f"Simulation and measurement disagree: they differ by {plainly(before)} times the noise."
         nothing = "No effect that is known here explains that; the best attempts are listed with what they failed."
         return " ".join(part for part in (disagree, explained_to(result, "before"), nothing) if part)
-    what = " ".join(named(result, n) for n in e.named)
+    told, slight = parted(e.named)
+    what = " ".join([*(named(result, n) for n in told), *([_slight(result, slight)] if slight else [])])
     if e.verdict == "explained":
         return f"{what} {measure}"
     if e.verdict == "ambiguous":
         ties = " ".join(
             f"These data would be explained as well if {tied(result, n)} (instead of {called(result, n.term.label)})."
-            for n in e.named
+            for n in told
             if n.ties
         )
-        small = " ".join(small_errors(result, effect) for effect in result.effects)
+        of = {n.term.key for n in told}
+        small = " ".join(small_errors(result, effect) for effect in result.effects if (effect.name, effect.where) in of)
         return " ".join(part for part in (what, ties, small.strip(), measure) if part)
     rest = failure or "Something remains that these effects do not explain."
     return " ".join(part for part in (what, measure, explained_to(result), rest) if part)
+
+
+def parted(found: Sequence[Named]) -> tuple[list[Named], list[Named]]:
+    """The effects that a paragraph tells with their values, and where there are many those that hardly take part in the
+    gap.
+    """
+    slight = [n for n in found[1:] if n.share < SLIGHT] if len(found) > MANY else []
+    return [n for n in found if n not in slight], slight
+
+
+def _slight(result: Diagnosis, slight: Sequence[Named]) -> str:
+    which = enumerated([called(result, n.term.label) for n in slight])
+    many = f"{in_words(len(slight))} smaller ones are" if len(slight) > 1 else "one smaller is"
+    return f"{capital(many)} listed too, with less than {100 * SLIGHT:.0f} % of the squared gap each: {which}."
