@@ -182,7 +182,7 @@ def verdict(fit: Fit, named: Sequence[Named], structured: bool) -> Verdict:
         return "no gap" if closed else "unexplained"
     if not closed:
         return "partly explained"
-    return "ambiguous" if any(n.ties or n.small_errors for n in named) else "explained"
+    return "ambiguous" if any(n.ties for n in named) else "explained"
 
 
 def has_structure(data: Data, residual: np.ndarray, slight: float = SLIGHT) -> bool:

@@ -69,9 +69,7 @@ def statement(result: Diagnosis, e: Explanation, failure: str = "") -> str:
         return " ".join(part for part in (disagree, explained_to(result, "before"), nothing) if part)
     told, slight = parted(e.named)
     what = " ".join([*(named(result, n) for n in told), *([_slight(result, slight)] if slight else [])])
-    if e.verdict == "explained":
-        return f"{what} {measure}"
-    if e.verdict == "ambiguous":
+    if e.verdict in ("explained", "ambiguous"):
         ties = " ".join(
             f"These data would be explained as well if {tied(result, n)} (instead of {called(result, n.term.label)})."
             for n in told
