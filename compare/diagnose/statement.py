@@ -76,8 +76,8 @@ def statement(result: Diagnosis, e: Explanation, failure: str = "") -> str:
             if n.ties
         )
         of = {n.term.key for n in told}
-        small = " ".join(small_errors(result, effect) for effect in result.effects if (effect.name, effect.where) in of)
-        return " ".join(part for part in (what, ties, small.strip(), measure) if part)
+        small = [small_errors(result, effect) for effect in result.effects if (effect.name, effect.where) in of]
+        return " ".join(part for part in (what, ties, *small, measure) if part)
     rest = failure or "Something remains that these effects do not explain."
     return " ".join(part for part in (what, measure, explained_to(result), rest) if part)
 
