@@ -55,30 +55,34 @@ def locate(
         if r.size < 2:
             continue
         sigma, unit = float(data.sigma[part.place][0]), run.channels[part.signal].signal.unit
-        told = np.zeros(r.size)  # what is told of every turn
-        bins = _turned(theta)
-        rough = without_means(without_means(r, _in_time(r)), bins)
-        whiteness = correlation_time(rough) if rough.any() else 1.0
-        colour = (colours or {}).get(part.signal)
-        whiteness = max(whiteness, min(colour.alike, colour.total**2 * r.size / WINDOWS)) if colour else whiteness
-        stretches: list[tuple[np.ndarray, float, float, float, tuple[float, float] | None]] = []
-        for first, last, at, sure in _stretches(r, bins, whiteness):
-            if _of_every_turn(r, at, theta):
-                begin, end = (math.tau / len(bins) * k for k in (first, last + 1))
-                stretches.append((at, begin, end, sure, None))
-                told[at] = r[at].mean()
-        for _, _, at, sure in _stretches(r, _in_time(r), whiteness):
-            mean = float(r[at].mean())
-            if abs(mean - told[at].mean()) > abs(mean) / 2:
-                time = run.time[part.used[at[[0, -1]]]]
-                stretches.append(
-                    (at, float(theta[at[0]]), float(theta[at[-1]]), sure, (float(time[0]), float(time[1])))
-                )
-        for at, begin, end, sure, when in stretches:
+        least = (spread or {}).get((run.name, part.signal), 0.0)
+        for at, begin, end, sure, when in _told(r, theta, run.time[part.used], (colours or {}).get(part.signal)):
             size = float(r[at].mean()) * sigma
-            if abs(size) > (spread or {}).get((run.name, part.signal), 0.0):
+            if abs(size) > least:
                 found.append(Stretch(run.name, part.signal, begin, end, size, unit, sure, when))
     return sorted(found, key=lambda s: -s.sigmas)[:MOST]
+
+
+def _told(
+    r: np.ndarray, theta: np.ndarray, time: np.ndarray, colour: Colour | None
+) -> Iterator[tuple[np.ndarray, float, float, float, tuple[float, float] | None]]:
+    """The samples of each stretch of a residual (N,) that is told, between which crank angles it is, its sigmas, and
+    when; None where it is there in every turn.
+    """
+    bins, windows = _turned(theta), _in_time(r)
+    rough = without_means(without_means(r, windows), bins)
+    whiteness = correlation_time(rough) if rough.any() else 1.0
+    whiteness = max(whiteness, min(colour.alike, colour.total**2 * r.size / WINDOWS)) if colour else whiteness
+    of_turns = np.zeros(r.size)
+    for first, last, at, sure in _stretches(r, bins, whiteness):
+        if _of_every_turn(r, at, theta):
+            of_turns[at] = r[at].mean()
+            yield at, math.tau / len(bins) * first, math.tau / len(bins) * (last + 1), sure, None
+    for _, _, at, sure in _stretches(r, windows, whiteness):
+        mean = float(r[at].mean())
+        if abs(mean - of_turns[at].mean()) > abs(mean) / 2:
+            a, b = at[0], at[-1]
+            yield at, float(theta[a]), float(theta[b]), sure, (float(time[a]), float(time[b]))
 
 
 def _in_time(r: np.ndarray) -> list[np.ndarray]:
