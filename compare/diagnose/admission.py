@@ -30,7 +30,8 @@ class Trial:
 
     ``gain`` is the weighted decrease of chi^2 that the effect brings, ``asked`` what it must bring at least, and
     ``foretold`` the decrease on data left out; ``share`` is that of the whole weighted excess, ``left`` that of what
-    there is of it without the effect; ``sensors`` are those of whose excess it removes half in runs enough.
+    there is of it without the effect; ``sensors`` are those of whose excess it removes half in runs enough; ``noise``,
+    that it only scatters and the gap is closed without it.
     """
 
     gain: float
@@ -40,6 +41,7 @@ class Trial:
     left: float
     sensors: tuple[str, ...]
     closed: bool
+    noise: bool = False
 
     @property
     def failed(self) -> str:
@@ -49,6 +51,8 @@ class Trial:
                 f"it is worth {_sigmas(self.gain)}, and chance alone among so many candidates gives"
                 f" {_sigmas(self.asked)}"
             )
+        if self.noise:
+            return "without it the gap is closed: it is no more than noise"
         if self.foretold < HELD_OUT:
             return (
                 f"it does not foretell data that it was not fitted to ({_sigmas(self.foretold)},"
@@ -88,6 +92,7 @@ def tried(search: Search, fit: Fit, less: Fit, i: int, weights: np.ndarray, told
         (less.chi2 - fit.chi2) / max(less.chi2 - less.residual.size, 1e-300),
         halved(data, less, fit, cells=not fit.terms[i].effect.sensor),
         rms(fit.residual) <= CLOSED,
+        fit.terms[i].effect.scatters and rms(less.residual) <= CLOSED,
     )
 
 

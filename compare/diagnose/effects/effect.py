@@ -150,6 +150,9 @@ class Effect(ABC):
     slow: ClassVar[bool] = (
         False  # takes the analytic model far longer than others, and changes their sensitivities little
     )
+    scatters: ClassVar[bool] = (
+        False  # all that it does is scatter: no more than noise where the gap is closed without it
+    )
     # how many of its scales careful work leaves as errors on every rig; 0 where it is no matter of workmanship
     workmanship: ClassVar[float] = 0.0
     hiding: ClassVar[Hiding] = Hiding()

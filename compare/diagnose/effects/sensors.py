@@ -299,6 +299,7 @@ class StampJitter(Effect):
     hiding = Hiding(drawn=False)
     parameters = (Parameter("jitter", "s", "time", 0.0),)
     sensor = True
+    scatters = True
 
     def places(self, rig: Rig) -> Sequence[str]:
         return [rig.encoder] if rig.following and rig.encoder in rig.signals else []
