@@ -10,6 +10,7 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from scipy.stats import chi2
@@ -74,6 +75,9 @@ class Attempt:
     failed: str
 
 
+Judged = tuple[list[Named], list[tuple[float, int, Attempt]]]
+
+
 @dataclass(frozen=True)
 class Explanation:
     """What the data say."""
@@ -129,7 +133,9 @@ def pruned(search: Search, fit: Fit) -> tuple[Fit, np.ndarray, list[Named], list
     fell: list[Attempt] = []
     while True:
         weights = sample_weights(search.fitter.data, fit.residual)
-        named, failing = admitted(search, fit, weights)
+        if search.judged is None or search.judged[0] is not fit:
+            search.judged = fit, admitted(search, fit, weights)
+        named, failing = cast(Judged, search.judged[1])
         if not failing:
             return fit, weights, named, fell
         _, weakest, attempt = min(failing, key=lambda f: f[0])
@@ -202,7 +208,7 @@ def has_structure(data: Data, residual: np.ndarray, slight: float = SLIGHT) -> b
 # ------------------------------------------------------------------ admission
 
 
-def admitted(search: Search, fit: Fit, weights: np.ndarray) -> tuple[list[Named], list[tuple[float, int, Attempt]]]:
+def admitted(search: Search, fit: Fit, weights: np.ndarray) -> Judged:
     """The effects of a fit with what each brings, and those that must not be named: how much each brings, and where it
     is in the fit.
     """

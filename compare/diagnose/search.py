@@ -57,6 +57,7 @@ class Search:
     nonlinear: bool = False  # sensitivities hold only near the fit they were taken about (free runs)
     surveyed: Fit | None = None
     screened: tuple[Fit, Mapping[Term, Sensitivity], Screen] | None = None
+    judged: tuple[Fit, object] | None = None  # the last fit whose effects were judged, and the judgement
     rivals: bool = False  # whether a fit that leaves no gap is looked beside too, for what explains it as well
     late: Callable[[], bool] = lambda: False  # whether the time for it is over: what is best so far is taken then
     tell: Callable[[int], None] = lambda sets: None  # after so many sets of effects
