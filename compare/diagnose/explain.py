@@ -278,7 +278,7 @@ def rivalled(search: Search, fit: Fit, weights: np.ndarray, named: Named) -> Nam
     taken = {t.key for t in others} | {named.term.key}
     behind = []
     for k, term in enumerate(screen.terms):
-        if term.key not in taken:
+        if term.key not in taken and not term.effect.scatters:  # what only scatters stands for nothing else
             behind.append((own - screen.gain(sorted([*base, k]))[0], term.label, k))
     margin = 2 * TIE / max(float(weights.min()), 1e-12) + 0.03 * named.chi2_gain / max(float(np.median(weights)), 1e-12)
     ties: dict[tuple[str, str], tuple[Term, Fit]] = {}

@@ -190,6 +190,7 @@ def _on_bench(
     more: dict[str, object] = {"named_all": everything, "false_rig": rig}
     more["worst_error"] = _worst_error(diagnosis, truth)
     if not true:
+        more["named_all"] = not false
         return "false alarm" if rig else "clear", more
     if not found:
         return "missed" if diagnosis.verdict == "no gap" else "abstained", more
@@ -250,7 +251,7 @@ def good_on_bench(r: Scored) -> bool:
     if r.outcome not in ("exact", "tie", "clear"):
         return False
     if r.kind == "coarse":
-        return bool(r.truth) or r.verdict == "no gap"
+        return bool(r.truth) or r.verdict == "no gap" or (r.verdict == "explained" and bool(r.named_all))
     if r.kind == "per-run" and r.truth:
         return r.worst_error is not None and r.worst_error <= WITHIN and closed(r)
     return closed(r) if r.kind in ("per-run", "large") and r.truth else True
