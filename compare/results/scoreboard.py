@@ -182,7 +182,11 @@ class Scored(Part):
     parameters: Annotated[tuple[Value, ...], Field(description="Where the effects were named exactly.")] = ()
     gap: Gap | None = None
     named_all: Annotated[
-        bool, Field(description="Sets of the bench: whether each effect to be named is named, or tied with what is.")
+        bool,
+        Field(
+            description="Sets of the bench: whether each effect to be named is named, or tied with what is; of an empty"
+            " one, whether nothing that is named is false."
+        ),
     ] = False
     false_rig: Annotated[
         tuple[Key, ...],
