@@ -16,7 +16,7 @@
 In sets of the bench what is slightly off and the faults of sensors that are truly there are never wrong when named, and
 never asked for, and what is named beside small errors that do as well together is right where these are truly there;
 ``exact`` and ``tie`` are about the effects to be named.  An empty set is ``clear`` where no effect of
-the rig is named that is not in it.
+the rig is named that is not in it; of a coarse one "no gap" is asked, or what is truly there of its logger.
 """
 
 from __future__ import annotations

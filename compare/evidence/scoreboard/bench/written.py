@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from analytic.kinematics.assembly import AssemblyError
+from analytic.mechanism.file import MechanismError
 from compare.evidence.scoreboard.bench import coarse, coloured, large, per_run, slightly_off
 from compare.evidence.scoreboard.bench.rig import Bench
 from compare.evidence.scoreboard.files import write_files
@@ -35,7 +36,7 @@ def make_bench(seed: int, kind: Kind, k: int, data: Path, seal: Path) -> Truth:
     for attempt in range(ATTEMPTS):
         try:
             made = FAMILIES[kind](k, np.random.default_rng([seed, attempt]))
-        except (Rejected, SimulationError, AssemblyError):
+        except (Rejected, SimulationError, AssemblyError, MechanismError):
             continue
         stated = made.noise if made.noise_stated else None
         write_files(output_folder(data), made.nominal, made.recordings, made.units, stated)
