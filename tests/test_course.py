@@ -183,12 +183,33 @@ def uneven(samples: int, degrees: float, share: float = 0.05) -> Motion:
     speed, slow = math.radians(degrees) * 50, 4.0 / time[-1]
     mean = speed * (time + 0.01 * np.sin(slow * time) / slow)
     rate, bend = speed * (1 + 0.01 * np.cos(slow * time)), -speed * 0.01 * slow * np.sin(slow * time)
-    theta, slope, curve = mean.copy(), np.ones(samples), np.zeros(samples)
-    for n, part, phase in ((1, share / 2, 0.3), (2, share, 1.1)):
-        theta += part / n * np.sin(n * mean + phase)
-        slope += part * np.cos(n * mean + phase)
-        curve -= part * n * np.sin(n * mean + phase)
-    return time, Turning(theta, rate * slope, bend * slope + rate**2 * curve)
+    wave, slope, curve = _ripple(mean, ((1, share / 2, 0.3), (2, share, 1.1)))
+    return time, Turning(mean + wave, rate * (1 + slope), bend * (1 + slope) + rate**2 * curve)
+
+
+def belted(samples: int, degrees: float, share: float = 0.07) -> Motion:
+    """A crank at 50 Hz behind a belt that creeps slowly, two hundredths forth and back; its motor varies by a share
+    three times in each of its own turns.
+    """
+    time = np.arange(samples) / 50
+    speed, slow = math.radians(degrees) * 50, 4.0 / time[-1]
+    wave, slope, curve = _ripple(speed * time, ((3, share, 0.3),))
+    creep, bend = speed * 0.02 * np.cos(slow * time), -speed * 0.02 * slow * np.sin(slow * time)
+    theta = speed * (time + 0.02 * np.sin(slow * time) / slow) + wave
+    return time, Turning(theta, speed * (1 + slope) + creep, speed**2 * curve + bend)
+
+
+def _ripple(turn: np.ndarray, parts: tuple[tuple[int, float, float], ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Waves (N,) over an angle, and their first and second derivative by it; of each the number in a turn, the share of
+    the speed, the phase.
+    """
+    n, share, phase = (np.array(column)[:, None] for column in zip(*parts, strict=True))
+    angle = n * turn + phase
+    return (
+        np.sum(share / n * np.sin(angle), axis=0),
+        np.sum(share * np.cos(angle), axis=0),
+        np.sum(-share * n * np.sin(angle), axis=0),
+    )
 
 
 # motion, noise (rad), counts a turn, jitter of the time stamps (of an interval), and how far the acceleration may be
@@ -202,6 +223,7 @@ KINDS = {
     "crank, 4096 counts": (uneven(250, 25.0), 0.0, 4096, 0.0, 4e-3, 5e-3),
     "crank, 1000 counts": (uneven(120, 12.0), 0.0, 1000, 0.0, 2e-2, 4e-2),
     "crank, jitter": (uneven(250, 22.0), 0.0, 1000, 0.01, 5e-2, 6e-2),
+    "belt, jitter": (belted(150, 23.0), 0.0, 1000, 0.02, 8e-2, 1e-1),
     "crank, sixty samples": (uneven(60, 20.0), 0.0, 2048, 0.01, 1e-1, 1e-1),
 }
 

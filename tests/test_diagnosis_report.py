@@ -327,6 +327,10 @@ def test_values_of_each_run_are_a_range_and_have_one_unit(explained: dict[str, A
     assert own.runs[0] == ("a", f"{MINUS}1.702 deg", f"{MINUS}1.730 to {MINUS}1.673 deg")
     assert [value.split()[-1] for _, value, _ in own.runs] == ["deg", "deg"]  # the first alone would be in mrad
     assert own_values(result, "joint_clearance", "B", {"radial_clearance": given["offset@a"]}) is None
+    jitter = {f"jitter@{run}": Parameter(value=s, unit="s", low=s, high=s) for run, s in (("a", 4e-4), ("b", 1.3e-3))}
+    own = own_values(result, "stamp_jitter", "crank_angle", jitter)
+    assert own is not None
+    assert own.sentence(2) == "each run has its own jitter of the time stamps, 0.4 to 1.3 ms"  # no sign where none has one
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ ZEROS = {  # what each run has of its own where an effect has a value for each; 
     "encoder_offset": "encoder zero",
     "sensor_bias": "zero of the sensor for {}",
     "sensor_drift": "drift of the sensor for {}",
+    "stamp_jitter": "jitter of the time stamps",
 }
 WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 TOML_STARTS = ("[", "#")
@@ -169,7 +170,8 @@ def own_values(result: Diagnosis, name: str, where: str, parameters: Mapping[str
         return None
     what = _base(next(iter(parameters)))
     unit, factor = _unit(what, tuple(found.values()))
-    ends = [plainly(factor * end(p.value for p in found.values()), 2, True) for end in (min, max)]
+    signed = any(p.value < 0 for p in found.values())
+    ends = [plainly(factor * end(p.value for p in found.values()), 2, signed) for end in (min, max)]
     called = ZEROS.get(name, name.replace("_", " ") + " of {}").format(
         spoken(result, where) if name in VOCABULARY and VOCABULARY[name].place == "signal" else where
     )

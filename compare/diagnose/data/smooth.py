@@ -1,8 +1,9 @@
 """The motion behind an encoder's readings: its angle, rate and acceleration at any time, and how far noise moves them.
 
 The course is a spline of seventh degree, of which the integral of the squared fifth derivative is charged (Eilers and
-Marx, Stat. Sci. 11, 1996), and, where a crank turns fully, harmonics of its angle: a motor that turns unevenly does so
-turn after turn, which a spline alone must find anew in each of them.  The charge fades towards the ends.  How stiff the
+Marx, Stat. Sci. 11, 1996), and, where a crank turns fully, harmonics: a motor that turns unevenly does so turn after
+turn, which a spline alone must find anew in each of them.  They are of the crank's own angle, or of one that turns
+evenly, whichever tells the readings better.  The charge fades towards the ends.  How stiff the
 spline is and how many harmonics there are is chosen by generalised cross-validation (Craven and Wahba, Numer. Math. 31,
 1979), each degree of freedom charged somewhat more than there (as Kim and Gu do, J. R. Stat. Soc. B 66, 2004).  Time
 is counted in median sample intervals, so that nothing depends on its unit, and a stiffer spline has its knots further
@@ -18,6 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+from scipy.optimize import minimize_scalar
 from scipy.sparse import csr_array, hstack
 
 from compare.diagnose.data.quality import quantum
@@ -35,6 +37,9 @@ TURNS = 2.0  # of a run, at least, before harmonics are
 STEADY = 0.3  # of its mean rate that a crank keeps, at least, before harmonics are
 SHORTEST = 2.9  # samples of a harmonic's period
 ROUNDS = 4  # at most, in which harmonics are of the angle that the last round found
+AGAIN = (0.5, 1.0, 2.0, 4.0, 8.0, 32.0)  # squares of reaches, over the best so far, that are tried with another angle
+ASTRAY = 1.0  # rad, that an even turning may be off over a run: what slow waves of the speed do to its mean
+EVEN = 0.01  # rad, to which it is found
 EASED = 5  # knots from an end over which the charge grows to its full size, as a spline that is charged there misses
 FIRM = 0.01  # of the way, from which it does
 STAIRS = 0.5  # of the rms of rounding: a course that misses its readings by less follows the stairs of the counts
@@ -258,10 +263,15 @@ class Smoother:
             if turn is None or not best.count:
                 break
             again = self._curve(best.fit.basis, best.fit.spline(best.count))
-            found = self._best(self._tried(best.reach * np.sqrt([0.5, 1.0, 2.0, 4.0, 8.0, 32.0]), again))
+            found = self._best(self._tried(best.reach * np.sqrt(AGAIN), again))
             if not found.score < best.score - SETTLED:
                 break
             turn, best = again, found
+        if turn is not None and best.count:
+            clock = self._clock(best)
+            found = self._best(self._tried(best.reach * np.sqrt(AGAIN), clock))
+            if found.score < best.score - SETTLED:
+                turn, best = clock, found
         self.fit, self.count = best.fit, best.count
         self.freedom = best.fit.freedom(best.count)
         self.reach = best.reach
@@ -337,6 +347,25 @@ class Smoother:
             waves = self._waves(turn)
         return turn
 
+    def _clock(self, best: Choice) -> BSpline:
+        """The angle of something that turns evenly, whatever the crank does, so that its harmonics tell these readings
+        best: unevenness may come from a motor behind a belt as from the crank's own load.
+        """
+        knots = best.fit.basis.knots
+        middle = _greville(knots)
+
+        def evenly(slope: float) -> BSpline:
+            return BSpline(knots, slope * middle, DEGREE)
+
+        def score(slope: float) -> float:
+            fit = Fit(best.fit.basis, best.reach, self._values, self._waves(evenly(slope)))
+            return min(choice.score for choice in self._choices(best.reach, fit))
+
+        reach = ASTRAY / float(self.at[-1])
+        around = (self._slope - reach, self._slope + reach)
+        found = minimize_scalar(score, bounds=around, method="bounded", options={"xatol": EVEN * reach})
+        return evenly(float(found.x))
+
     def _waves(self, turn: BSpline) -> np.ndarray:
         """(N, 2 h) all harmonics of an angle that these readings can tell."""
         most = int(2 * math.pi / abs(self._slope) / SHORTEST)
@@ -344,8 +373,7 @@ class Smoother:
 
     def _curve(self, basis: Basis, coefficients: np.ndarray) -> BSpline:
         """The spline of these coefficients and the line, over sample times."""
-        middle = np.lib.stride_tricks.sliding_window_view(basis.knots[1:-1], DEGREE).mean(axis=1)
-        return BSpline(basis.knots, coefficients + self._line(middle), DEGREE)
+        return BSpline(basis.knots, coefficients + self._line(_greville(basis.knots)), DEGREE)
 
     def _basis(self, reach: float) -> Basis:
         apart = max(reach / KNOTS, 1.0)
@@ -387,6 +415,11 @@ class Smoother:
             if left > LEFT:
                 score = n * math.log(float(off @ off) / n / left**2 + least**2 + TINY) + 2 * CHARGE * free
             yield Choice(reach, count, score, math.sqrt(float(off @ off) / n), float(np.max(np.abs(off))), fit)
+
+
+def _greville(knots: np.ndarray) -> np.ndarray:
+    """Coefficients (K,) with which B-splines on these knots add up to time itself."""
+    return np.lib.stride_tricks.sliding_window_view(knots[1:-1], DEGREE).mean(axis=1)
 
 
 def _alike(off: np.ndarray) -> float:

@@ -287,34 +287,39 @@ class ClockOffset(Effect):
         return Growth(lambda a: {"offset": a * draw.sign}, 0.1 / draw.speeds[where])
 
 
-class StampJitter(Effect):
+class StampJitter(EachRun):
     """Lines of a run that follows its encoder which are not read when their stamps say: what the encoder is off its
-    even course is then partly true motion.  The natural coordinate is the square of the jitter, in which it is linear.
+    even course is then partly true motion; one jitter, or one for each run, as loggers at several rates have.  The
+    natural coordinate is the square of the jitter, in which it is linear.
     """
 
     name = "stamp_jitter"
-    place = "signal"
     label = "jitter of the time stamps of the runs that follow {}"
     meaning = "the time stamps of the runs that follow {} jitter"
     hiding = Hiding(drawn=False)
     parameters = (Parameter("jitter", "s", "time", 0.0),)
-    sensor = True
     scatters = True
 
     def places(self, rig: Rig) -> Sequence[str]:
         return [rig.encoder] if rig.following and rig.encoder in rig.signals else []
 
-    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return ((rig.noise.get(where, 1e-4) / rig.speed) ** 2,)
+    def _runs(self, rig: Rig, where: str) -> Sequence[str]:
+        return rig.following
+
+    def _scale(self, rig: Rig, where: str) -> float:
+        return (rig.noise.get(where, 1e-4) / rig.speed) ** 2
+
+    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return np.zeros(len(self.scales(rig, where, variant)))
 
     def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
-        return {"jitter": math.sqrt(max(float(x[0]), 0.0))}
+        return super().values(rig, where, np.sqrt(np.maximum(x, 0.0)), variant)
 
     def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
         return super().natural(rig, where, values, variant) ** 2
 
     def jitter(self, run: str, values: Values) -> float:
-        return values["jitter"]
+        return self.value(run, values)
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         return Growth(lambda a: {"jitter": a / rig.speed}, 0.05)
