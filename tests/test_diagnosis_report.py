@@ -330,7 +330,8 @@ def test_values_of_each_run_are_a_range_and_have_one_unit(explained: dict[str, A
     jitter = {f"jitter@{run}": Parameter(value=s, unit="s", low=s, high=s) for run, s in (("a", 4e-4), ("b", 1.3e-3))}
     own = own_values(result, "stamp_jitter", "crank_angle", jitter)
     assert own is not None
-    assert own.sentence(2) == "each run has its own jitter of the time stamps, 0.4 to 1.3 ms"  # no sign where none has one
+    unsigned = "each run has its own jitter of the time stamps, 0.4 to 1.3 ms"  # no plus sign where none is negative
+    assert own.sentence(2) == unsigned
 
 
 @pytest.mark.parametrize(

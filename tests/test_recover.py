@@ -89,8 +89,8 @@ def test_a_hidden_effect_is_recovered(name: str) -> None:
 
 @pytest.mark.parametrize("off", [0.0, 3e-3])
 def test_jitter_of_time_stamps_is_recovered(off: float) -> None:
-    """50 and 110 lines a second, stamped up to 3 ms early or late, which is not as much in one run as in another; or none,
-    and the encoder is as noisy as that.
+    """50 and 110 lines a second, stamped up to 3 ms early or late, not as much in one run as in another; or stamped
+    exactly, and the encoder is as noisy as that.
     """
     rig, rng = experiment(turn("slow", 4.0, follows=True, samples=80), turn("fast", -9.0, follows=True, samples=80)), 5
     late = [np.random.default_rng(rng + k).uniform(-off, off, p.time.size) for k, p in enumerate(rig.plans)]
