@@ -252,7 +252,8 @@ def test_the_messages_about_mechanism_files_are_the_real_ones(
         (
             "forward.csv",
             ("follower_angle [deg]", "follower_angle [mm]"),
-            "'follower_angle', has unit 'mm' is of another dimension; an angle is given in rad, mrad, deg or rev",
+            "'follower_angle', has unit 'mm', which is of another dimension; an angle is given in rad, mrad, deg or"
+            " rev",
         ),
         (
             "forward.csv",

@@ -65,8 +65,8 @@ def would_separate(model: Model, noise: dict[tuple[str, str], float], one: Fit, 
         )
     if best[0] > USEFUL:
         return best[1]
-    sensors = "any further position, angle, reaction (x, y) or drive torque in a run like the first"
-    return f"none of the runs and sensors tried would: {'; '.join([*tried, sensors])}"
+    sensors = "a run like the first with any further sensor of a position, an angle, a reaction or the drive torque"
+    return f"none of what was tried would: {'; '.join([*tried, sensors])}"
 
 
 def _trials(rig: Rig, measured: Measured) -> Iterator[Trial]:

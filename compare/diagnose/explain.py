@@ -29,6 +29,7 @@ from compare.results.diagnosis import Verdict
 TIE = 16.0  # of chi^2: two explanations closer than four sigmas are not told apart
 RICHER = 0.01  # chance that a richer explanation does better by luck
 RIVALS = 10  # fitted in full for each named effect
+EVEN = 1.05  # odds no larger are even
 SWAPS = 7  # of a named effect for a rival that does better
 TRIED = 6  # further effects whose trial is told where something remains
 STRUCTURE = 1e-6  # chance of as much structure in noise alone
@@ -111,6 +112,7 @@ def explain(search: Search, fit: Fit) -> Explanation:
         if last or not better:
             break
         fit = min(better, key=lambda rival: float(weights @ rival.residual**2) + search.price(rival))
+    fit, weights, named = unblamed(search, fit, weights, named)
     named = shared_out(search, fit, sorted(widened(search, weights, named), key=lambda n: -n.chi2_gain))
     if not search.late():
         named = tuple(with_bundle(search, fit, weights, n) for n in named)
@@ -250,16 +252,19 @@ def intervals(search: Search, fit: Fit, i: int, weights: np.ndarray) -> dict[str
 
     best = reported(x)
     low, high = search.fitter.bounds(term)
-    if x.size == 1:
-        half = 1.96 * math.sqrt(max(float(covariance[0, 0]), 0.0))
-        ends = [reported(np.clip(x + side * half, low, high)) for side in (-1, 1)]
-        return {p: interval(p, v, [e[p] for e in ends], bool(blind[0])) for p, v in best.items()}
     scale = np.asarray(term.effect.scales(search.rig, term.where, term.variant), float)
     step = np.maximum(1e-4 * np.abs(x), 1e-3 * scale)
     slopes = [reported(x + s) for s in np.diag(step)]
     out = {}
     for p, v in best.items():
         slope = np.array([(m[p] - v) / h for m, h in zip(slopes, step, strict=True)])
+        alone = np.flatnonzero(slope)
+        if alone.size == 1:  # of one coordinate, which may be bent and have an end
+            nudge = np.zeros(x.size)
+            nudge[alone] = 1.96 * math.sqrt(max(float(covariance[alone[0], alone[0]]), 0.0))
+            ends = [reported(np.clip(x + side * nudge, low, high))[p] for side in (-1, 1)]
+            out[p] = interval(p, v, ends, bool(blind[alone[0]]))
+            continue
         half = 1.96 * math.sqrt(max(float(slope @ covariance @ slope), 0.0))
         out[p] = interval(p, v, [v - half, v + half], bool((blind & (slope != 0)).any()))
     return out
@@ -290,11 +295,70 @@ def rivalled(search: Search, fit: Fit, weights: np.ndarray, named: Named) -> Nam
             and ties_with(search, screen, weights, fit, i, rival, screen.terms[k])
         ):
             ties[screen.terms[k].key] = screen.terms[k], rival
-    odds = tuple(
-        math.exp(-0.5 * max(float(weights @ (rival.residual**2 - fit.residual**2)), -80.0))
-        for _, rival in ties.values()
-    )
+    odds = tuple(math.exp(-0.5 * max(worse_by(rival, fit, weights), -80.0)) for _, rival in ties.values())
     return replace(named, ties=tuple(ties.values()), odds=odds)
+
+
+def unblamed(
+    search: Search, fit: Fit, weights: np.ndarray, named: tuple[Named, ...]
+) -> tuple[Fit, np.ndarray, tuple[Named, ...]]:
+    """The fit, the weights of its samples and its effects; where a fault of a sensor fits better than what it is tied
+    with, the fault in its place: a rig is not blamed for what its sensors may have done.
+    """
+    instead: dict[Term, Term] = {}
+    for n in named:
+        likelier = [(likelihood(n, k, fit, weights), k) for k in range(len(n.odds)) if n.ties[k][0].effect.sensor]
+        if likelier and max(likelier)[0] > EVEN:
+            instead[n.term] = n.ties[max(likelier)[1]][0]
+    terms = list(dict.fromkeys(instead.get(n.term, n.term) for n in named))
+    found = search.with_terms(fit, search.screen(fit), terms) if instead else None
+    if found is None or worse_by(found, fit, weights) > fewer(found, fit) * a_parameter(weights):
+        return fit, weights, named
+    while True:
+        there = sample_weights(search.fitter.data, found.residual)
+        kept, failing = admitted(search, found, there)
+        idle = [f for f in failing if found.terms[f[1]] not in instead.values()]
+        if not idle:
+            break
+        terms.remove(found.terms[min(idle, key=lambda f: f[0])[1]])  # beside the faults it is not needed any more
+        less = search.with_terms(found, search.screen(found), terms)
+        if less is None:
+            return fit, weights, named
+        found = less
+    blamed = {new: old for old, new in instead.items()}
+    return found, there, tuple(beside_blamed(search, found, there, n, fit, blamed.get(n.term)) for n in kept)
+
+
+def likelihood(named: Named, k: int, fit: Fit, weights: np.ndarray) -> float:
+    """How likely a tie is beside an effect; of two faults of sensors the one with more values is charged for them."""
+    more = fewer(fit, named.ties[k][1]) if named.term.effect.sensor else 0
+    return named.odds[k] * math.exp(-0.5 * more * a_parameter(weights))
+
+
+def worse_by(one: Fit, other: Fit, weights: np.ndarray) -> float:
+    """By how much of weighted chi^2 one fit is worse than another."""
+    return float(weights @ (one.residual**2 - other.residual**2))
+
+
+def fewer(one: Fit, other: Fit) -> int:
+    """How many values fewer one fit has than another; 0 where it has more."""
+    return max(rank_of(other.jacobian) - rank_of(one.jacobian), 0)
+
+
+def beside_blamed(
+    search: Search, fit: Fit, weights: np.ndarray, named: Named, other: Fit, blamed: Term | None
+) -> Named:
+    """An effect with its rivals, the one that it replaces, of another fit, among them."""
+    found = rivalled(search, fit, weights, named)
+    if blamed is None or blamed.key in {t.key for t, _ in found.ties}:
+        return found
+    odds = math.exp(-0.5 * max(worse_by(other, fit, weights), -80.0))
+    return replace(found, ties=((blamed, other), *found.ties), odds=(odds, *found.odds))
+
+
+def a_parameter(weights: np.ndarray) -> float:
+    """Decrease of chi^2 that a further parameter must bring."""
+    return max(8.0, math.log(weights.size))
 
 
 def widened(search: Search, weights: np.ndarray, named: Sequence[Named]) -> list[Named]:
@@ -327,10 +391,10 @@ def ties_with(search: Search, screen: Screen, weights: np.ndarray, fit: Fit, i: 
     j = rival.terms.index(term)
     if rival.bound[rival.columns(j)].any() and not np.any(rival.x[j]):
         return False  # its value would be unphysical
-    worse = float(weights @ (rival.residual**2 - fit.residual**2))
+    worse = worse_by(rival, fit, weights)
     mine, theirs = fit.jacobian[:, fit.columns(i)], rival.jacobian[:, rival.columns(j)]
     more = max(rank_of(theirs) - rank_of(mine), 0)
-    share = max(8.0, math.log(weights.size))  # of chi^2, that a further parameter must bring
+    share = a_parameter(weights)
     if term.effect.name in fit.terms[i].effect.special_case_of:  # the rival is richer: it must be better
         return -worse > float(chi2.isf(RICHER, max(more, 1)))
     if fit.terms[i].effect.name in term.effect.special_case_of:  # this one is richer, and is the better one by more

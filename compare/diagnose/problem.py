@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.signals import wrapped
 from compare.diagnose import prepare
 from compare.diagnose.colour import colours
 from compare.diagnose.data.quality import suspicious_swaps, suspicious_units
@@ -23,7 +24,7 @@ from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.inverse import beginnings
 from compare.diagnose.locate import Stretch, locate, rms_difference, spread
 from compare.diagnose.noise import CLOSED, rms
-from compare.diagnose.predict import Model, Term, altered
+from compare.diagnose.predict import SLOW, Model, Term, altered
 from compare.diagnose.residuals import Data
 from compare.diagnose.search import Search, costs
 from compare.diagnose.sensitivities import candidates, sensitivities
@@ -35,6 +36,7 @@ EQUIVALENT = 0.1  # of the noise: an engine this near the analytic model is the 
 HORIZONS = (0.06, 0.12, 0.25, 0.5)  # shares of free runs that are explained one after the other
 SHOWS = 0.2  # of the noise (rms), from which on links that bend are seen
 FAR = 2.0  # times the gap of the analytic model: an engine with a larger one moves in another way altogether
+LATE = 1.5  # of its noise: an encoder that scatters more has lines that are not read when their stamps say
 OVERSTATED = 0.9  # of the noise: a smaller gap says that the noise is less than stated
 RECOLOURED = 2  # times that the colours of noise are estimated anew
 REMEMBERED = 3  # simulations of all runs that are kept beside the last
@@ -210,14 +212,15 @@ class Problem:
             raise SimulationError(
                 f"{self.simulator} cannot simulate the nominal mechanism in these runs: {chosen.skipped}"
             )
-        floor = dict(noise)
+        errors = self.line_errors()
+        floor = {key: math.hypot(each, errors.get(key, 0.0)) for key, each in noise.items()}
         for run, simulated, predicted in zip(
             self.measured.runs, chosen.readings, self.analytic(self.base), strict=True
         ):
             for name, channel in run.channels.items():
                 key, unit = (run.name, name), channel.signal.unit
                 difference = rms_difference(channel.signal, simulated[name], predicted[name])
-                floor[key] = math.hypot(noise[key], difference)
+                floor[key] = math.hypot(floor[key], difference)
                 if difference > 0.5 * noise[key]:
                     self.notes.append(
                         f"In run {run.name}, {name} differs between {self.simulator} and the analytic model by"
@@ -230,6 +233,30 @@ class Problem:
         )
         self.fitter = Fitter(self.model, self.data, self.rig, self.fitter.bounds)
         self.base = self.fitter.at(self.base.terms, dict(zip(self.base.terms, self.base.x, strict=True))) or self.base
+
+    def line_errors(self) -> dict[tuple[str, str], float]:
+        """By run and signal, what readings are off (rms, SI) where only the encoder says when their line was read: in
+        runs that follow it, and whose encoder scatters by more than its noise.
+        """
+        found = {}
+        for run, predicted in zip(self.measured.runs, self.analytic(self.base), strict=True):
+            encoder, course = run.channels.get(self.rig.encoder), self.model.courses.get(run.name)
+            if encoder is None or course is None or not encoder.noise_given:
+                continue
+            turning = course.at(run.time)
+            scatter = rms(np.nan_to_num(wrapped(encoder.values - turning.theta)))
+            turns = np.abs(turning.omega) > SLOW * np.abs(turning.omega).mean()
+            if scatter < LATE * encoder.noise or not turns.any():
+                continue
+            self.notes.append(
+                f"In run {run.name} the encoder is {amount(scatter, 'rad')} (rms) off an even course, and its noise is"
+                f" {amount(encoder.noise, 'rad')}: lines seem not to be read when their stamps say. The noise floor"
+                " takes in what the encoder's own noise then leaves open."
+            )
+            for name in run.channels:
+                slope = np.gradient(predicted[name], run.time)[turns] / turning.omega[turns]
+                found[run.name, name] = encoder.noise * rms(slope)
+        return found
 
     # ---------------------------------------------------------------- the explanation
 

@@ -23,6 +23,7 @@ AHEAD = np.arange(7)  # and on a course, which has none
 BEND = 0.05  # of the time in which a course's acceleration changes: no longer between two instants
 STRAIGHT = 1e-6  # of BESIDE: a turn by acceleration that is nothing but rounding
 AS_BEFORE = 1e-5  # of its largest rate: a course that repeats itself, but for the ends of its spline
+SHORTEST = 1e-3  # of the linkage's step
 SAMPLES = 100  # of a course that may repeat itself
 ROUNDING = 1e-9  # of a course's time
 ASIDE = 1e-7  # rad: how far reactions may move a motor's armature at constant speed, in minutes, before it is put back
@@ -126,6 +127,8 @@ class AlongCourse(Steering):
             x, v = x[1:], self.motor.angles(times[1:], 1)
             mean = np.diff(x) / h
             push, slope = (6 * mean - 4 * v[:-1] - 2 * v[1:]) / h, (6 * (v[:-1] + v[1:]) - 12 * mean) / h**2
+            if h < SHORTEST * link.setting.step:  # so short that the cubic would be rounding
+                push, slope = np.diff(v) / h, np.zeros(count)
         acceleration, jerk = d.act, d.ctrl[-1:]
         for now, change in zip(push.tolist(), slope.tolist(), strict=True):
             acceleration[0], jerk[0] = now, change

@@ -265,7 +265,8 @@ def _channel(
         fault(
             "noise",
             present.size,
-            f"has a noise of {estimate:.3g} (SI) by its own scatter, and {given:.3g} is given; the given one is used",
+            f"scatters by {estimate / column.factor:.3g} {column.unit} from line to line, and a noise of"
+            f" {given / column.factor:.3g} {column.unit} is given; the given one is used",
         )
     return Channel(column.signal, frozen(values), given or estimate, given is not None, column.unit), faults
 

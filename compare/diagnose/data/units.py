@@ -64,16 +64,16 @@ def factor(unit: str, kind: Dimension) -> float:
     if not unit:
         raise UnitError(f"no unit; {accepted}")
     if not _UNIT.fullmatch(unit):
-        raise UnitError(f"unit {shown(unit)} cannot be read; {accepted}")
+        raise UnitError(f"unit {shown(unit)}, which cannot be read; {accepted}")
     try:
         quantity = _in_base_units(re.sub(r"[.·⋅ ]|-(?!\d)", "*", unit))
     except (_pint().PintError, ValueError):  # such as of nan, which is a number
-        raise UnitError(f"unit {unit!r} is unknown; {accepted}") from None
+        raise UnitError(f"unit {unit!r}, which is unknown; {accepted}") from None
     wanted = _in_base_units(SI[kind].replace(".", "*"))
     if (
         quantity.units != wanted.units
     ):  # base units keep radians apart from plain numbers: neither % nor Hz passes for an angle or a speed
-        raise UnitError(f"unit {unit!r} is of another dimension; {accepted}")
+        raise UnitError(f"unit {unit!r}, which is of another dimension; {accepted}")
     return float(quantity.magnitude / wanted.magnitude)
 
 
