@@ -7,7 +7,7 @@ share of chi^2 is divided by its excess and by its correlation time, so that N s
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import cast
@@ -17,6 +17,7 @@ from scipy.stats import chi2
 
 from compare.diagnose import workmanship
 from compare.diagnose.admission import foretold, held_out, tried
+from compare.diagnose.effects.sensors import EachRun
 from compare.diagnose.fit import Fit, rank_of, without_columns
 from compare.diagnose.least_squares import UNSEEN
 from compare.diagnose.noise import CLOSED, rms, sample_weights
@@ -59,7 +60,7 @@ class Named:
     held_out: tuple[float, float]
     ties: tuple[tuple[Term, Fit], ...] = ()  # what explains the data as well in its place
     share: float = 0.0  # of the squared gap, before any effect: what it takes away when the effects are added in order
-    odds: tuple[float, ...] = ()  # of each tie against this effect, by likelihood
+    odds: tuple[float, ...] = ()  # of each tie against this effect, by their evidence
     small_errors: tuple[tuple[Term, dict[str, Interval]], ...] = ()  # that do as well
 
 
@@ -295,25 +296,20 @@ def rivalled(search: Search, fit: Fit, weights: np.ndarray, named: Named) -> Nam
             and ties_with(search, screen, weights, fit, i, rival, screen.terms[k])
         ):
             ties[screen.terms[k].key] = screen.terms[k], rival
-    odds = tuple(math.exp(-0.5 * max(worse_by(rival, fit, weights), -80.0)) for _, rival in ties.values())
+    odds = tuple(odds_of(search, rival, fit, weights) for _, rival in ties.values())
     return replace(named, ties=tuple(ties.values()), odds=odds)
 
 
 def unblamed(
     search: Search, fit: Fit, weights: np.ndarray, named: tuple[Named, ...]
 ) -> tuple[Fit, np.ndarray, tuple[Named, ...]]:
-    """The fit, the weights of its samples and its effects; where a fault of a sensor fits better than what it is tied
+    """The fit, the weights of its samples and its effects; where a fault of a sensor is likelier than what it is tied
     with, the fault in its place: a rig is not blamed for what its sensors may have done.
     """
-    instead: dict[Term, Term] = {}
-    for n in named:
-        likelier = [(likelihood(n, k, fit, weights), k) for k in range(len(n.odds)) if n.ties[k][0].effect.sensor]
-        if likelier and max(likelier)[0] > EVEN:
-            instead[n.term] = n.ties[max(likelier)[1]][0]
-    terms = list(dict.fromkeys(instead.get(n.term, n.term) for n in named))
-    found = search.with_terms(fit, search.screen(fit), terms) if instead else None
-    if found is None or worse_by(found, fit, weights) > fewer(found, fit) * a_parameter(weights):
+    found, instead = likelier(search, fit, weights, named)
+    if not instead:
         return fit, weights, named
+    terms = [found.terms[i] for i in found.named()]
     while True:
         there = sample_weights(search.fitter.data, found.residual)
         kept, failing = admitted(search, found, there)
@@ -325,35 +321,68 @@ def unblamed(
         if less is None:
             return fit, weights, named
         found = less
-    blamed = {new: old for old, new in instead.items()}
-    return found, there, tuple(beside_blamed(search, found, there, n, fit, blamed.get(n.term)) for n in kept)
+    return found, there, tuple(beside_blamed(search, found, there, n, fit, instead) for n in kept)
 
 
-def likelihood(named: Named, k: int, fit: Fit, weights: np.ndarray) -> float:
-    """How likely a tie is beside an effect; of two faults of sensors the one with more values is charged for them."""
-    more = fewer(fit, named.ties[k][1]) if named.term.effect.sensor else 0
-    return named.odds[k] * math.exp(-0.5 * more * a_parameter(weights))
+def likelier(search: Search, fit: Fit, weights: np.ndarray, named: Sequence[Named]) -> tuple[Fit, dict[Term, Term]]:
+    """The fit with faults of sensors in place of what they are tied with and likelier than, and which of which."""
+    suspects: dict[Term, list[Named]] = {}  # by fault of a sensor, what it is tied with
+    for n in named:
+        for (term, _), odds in zip(n.ties, n.odds, strict=False):
+            if term.effect.sensor and (odds > EVEN or not n.term.effect.sensor):
+                suspects.setdefault(term, []).append(n)
+    found, instead = fit, dict[Term, Term]()
+    for term, tied in sorted(suspects.items(), key=lambda item: -len(item[1])):
+        blamed = [n.term for n in tied if n.term in found.terms]
+        by_itself = max(
+            (odds for n in tied for (t, _), odds in zip(n.ties, n.odds, strict=False) if t == term), default=0
+        )
+        if not blamed or (len(blamed) == 1 and by_itself <= EVEN):
+            continue  # less likely than each by itself, in place of two at once it may be likelier
+        others = [found.terms[i] for i in found.named() if found.terms[i] not in blamed and found.terms[i] != term]
+        trial = search.with_terms(fit, search.screen(fit), [*others, term])
+        if trial is not None and odds_of(search, trial, found, weights) > EVEN:
+            found, instead = trial, instead | dict.fromkeys(blamed, term)
+    return found, instead
+
+
+def beside_blamed(
+    search: Search, fit: Fit, weights: np.ndarray, named: Named, other: Fit, instead: Mapping[Term, Term]
+) -> Named:
+    """An effect with its rivals, those that it is named ``instead`` of, in another fit, among them."""
+    found = rivalled(search, fit, weights, named)
+    known = {t.key for t, _ in found.ties}
+    blamed = [(old, other) for old, new in instead.items() if new == named.term and old.key not in known]
+    odds = [odds_of(search, other, fit, weights)] * len(blamed)
+    return replace(found, ties=(*blamed, *found.ties), odds=(*odds, *found.odds))
+
+
+def odds_of(search: Search, one: Fit, other: Fit, weights: np.ndarray) -> float:
+    """How likely one fit is beside another, by their evidence."""
+    return math.exp(min(evidence(search, one, weights) - evidence(search, other, weights), 40.0))
+
+
+def evidence(search: Search, fit: Fit, weights: np.ndarray) -> float:
+    """Logarithm of a fit's probability, but for a constant: what it leaves of weighted chi^2; how much of what its
+    values might have been the data rule out (Laplace); and that each effect is one of many of the rig's, or of the
+    sensors', that might have been.
+
+    A value might have been as large as it is, and those of a sensor in each run as large as they are in all (rms).
+    """
+    width = np.abs(np.concatenate([*fit.x, np.zeros(0)]))
+    for i, term in enumerate(fit.terms):
+        if isinstance(term.effect, EachRun) and term.variant == EachRun.each_run:
+            width[fit.columns(i)] = rms(fit.x[i])
+    scaled = fit.jacobian * width * np.sqrt(weights)[:, None]
+    ruled_out = np.linalg.slogdet(np.eye(width.size) + scaled.T @ scaled)[1] if width.size else 0.0
+    many = {kind: len({t.key for t in search.cost if t.effect.sensor == kind}) for kind in (True, False)}
+    one_of = sum(math.log(max(many[fit.terms[i].effect.sensor], 1)) for i in fit.named())
+    return float(-(weights @ fit.residual**2) - ruled_out) / 2 - one_of
 
 
 def worse_by(one: Fit, other: Fit, weights: np.ndarray) -> float:
     """By how much of weighted chi^2 one fit is worse than another."""
     return float(weights @ (one.residual**2 - other.residual**2))
-
-
-def fewer(one: Fit, other: Fit) -> int:
-    """How many values fewer one fit has than another; 0 where it has more."""
-    return max(rank_of(other.jacobian) - rank_of(one.jacobian), 0)
-
-
-def beside_blamed(
-    search: Search, fit: Fit, weights: np.ndarray, named: Named, other: Fit, blamed: Term | None
-) -> Named:
-    """An effect with its rivals, the one that it replaces, of another fit, among them."""
-    found = rivalled(search, fit, weights, named)
-    if blamed is None or blamed.key in {t.key for t, _ in found.ties}:
-        return found
-    odds = math.exp(-0.5 * max(worse_by(other, fit, weights), -80.0))
-    return replace(found, ties=((blamed, other), *found.ties), odds=(odds, *found.odds))
 
 
 def a_parameter(weights: np.ndarray) -> float:
