@@ -322,3 +322,12 @@ def test_a_course_needs_a_motor_that_can_follow_it() -> None:
         ENGINE.simulate(Request(CRANK_ROCKER, crank_angle=SWING, **request))
     with pytest.raises(Unsupported, match="outside the course"):
         follow(CRANK_ROCKER, (SECOND, SWING), SECOND + 0.1)
+
+
+def test_reports_a_billionth_of_a_second_apart_are_followed() -> None:
+    """The cubic between two such instants is rounding, and its slope was larger than MuJoCo takes for a control."""
+    mechanism, course = COURSES["ripple"]
+    time = np.sort(np.concatenate([TURN[10:-10:40], TURN[10:-10:40] + 1e-9]))
+    trace = ENGINE.simulate(Request(mechanism, time=time, course=course))
+    apart = np.abs(np.diff(trace.signals["drive_torque"].reshape(-1, 2), axis=1))
+    assert apart.max() < 1e-4 * np.abs(trace.signals["drive_torque"]).max()

@@ -10,6 +10,7 @@ import pytest
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Load, Mechanism
 from analytic.mechanism.file import load
+from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect, Rig, Values
 from compare.diagnose.effects.sensors import EFFECTS
 from compare.diagnose.effects.vocabulary import VOCABULARY
@@ -87,31 +88,42 @@ def test_a_hidden_effect_is_recovered(name: str) -> None:
     assert_recovered(diagnosed(data), hidden(name))
 
 
-@pytest.mark.parametrize("off", [0.0, 3e-3])
-def test_jitter_of_time_stamps_is_recovered(off: float) -> None:
-    """50 and 110 lines a second, stamped up to 3 ms early or late, not as much in one run as in another; or stamped
-    exactly, and the encoder is as noisy as that.
+def stamped(off: float, encoder: float) -> tuple[Measured, dict[str, float]]:
+    """Two runs of 50 and 110 lines a second whose stamps are up to ``off`` (s) early or late, of an encoder with that
+    noise (rad); with the jitter (s, rms) of each.
     """
     rig, rng = experiment(turn("slow", 4.0, follows=True, samples=80), turn("fast", -9.0, follows=True, samples=80)), 5
     late = [np.random.default_rng(rng + k).uniform(-off, off, p.time.size) for k, p in enumerate(rig.plans)]
-    noise = {**rig.noise, "crank_angle": 0.02 if not off else rig.noise["crank_angle"]}
-    true = replace(
-        rig,
-        noise=noise,
-        plans=tuple(replace(p, time=p.time + d) for p, d in zip(rig.plans, late, strict=True)),
-    )
-    seen = played(true)
-    stamped = replace(seen, runs=tuple(replace(run, time=p.time) for run, p in zip(seen.runs, rig.plans, strict=True)))
-    result = diagnosed(stamped)
-    if not off:
-        assert named(result) == []
-        return
+    plans = tuple(replace(p, time=p.time + d) for p, d in zip(rig.plans, late, strict=True))
+    seen = played(replace(rig, noise={**rig.noise, "crank_angle": encoder}, plans=plans))
+    runs = tuple(replace(run, time=p.time) for run, p in zip(seen.runs, rig.plans, strict=True))
+    drawn = {f"jitter@{p.name}": math.sqrt(float(np.mean(d**2))) for p, d in zip(rig.plans, late, strict=True)}
+    return replace(seen, runs=runs), drawn
+
+
+def test_jitter_of_time_stamps_is_recovered() -> None:
+    measured, drawn = stamped(3e-3, 5e-5)
+    result = diagnosed(measured)
     assert named(result) == [("stamp_jitter", "crank_angle")]
     assert result["verdict"] == "explained"
-    assert result["gap"]["before"] > 50
-    drawn = {f"jitter@{p.name}": math.sqrt(float(np.mean(d**2))) for p, d in zip(rig.plans, late, strict=True)}
+    assert result["gap"]["before"] > 40
     found = {name: p["value"] for name, p in result["effects"][0]["parameters"].items()}
     assert found == pytest.approx(drawn, rel=0.05)
+
+
+def test_a_noisy_encoder_is_no_jitter_of_time_stamps() -> None:
+    assert named(diagnosed(stamped(0.0, 0.02)[0])) == []
+
+
+def test_a_coarse_encoder_that_alone_says_when_lines_were_read_leaves_no_gap() -> None:
+    """2 mrad of the encoder are 1.4 mrad of the follower, and its own noise is 0.05 mrad."""
+    measured, drawn = stamped(3e-3, 2e-3)
+    result = diagnosed(measured)
+    assert named(result) == [("stamp_jitter", "crank_angle")]
+    assert result["verdict"] == "explained"
+    assert any("lines seem not to be read when their stamps say" in note for note in result["notes"])
+    jitter = result["effects"][0]["parameters"]["jitter"]["value"]  # one value does for both
+    assert jitter == pytest.approx(np.mean([*drawn.values()]), rel=0.1)
 
 
 # ---------------------------------------------------------------- the pure functions themselves
