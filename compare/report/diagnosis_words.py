@@ -23,6 +23,7 @@ from compare.results.sentences import (
 )
 
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
+LESS, FAINT = 0.2, 0.01  # odds below which a tie does nearly as well, or can only not be ruled out
 SHOWN = 0.001  # of the squared gap: a smaller share of everything is no bar
 # what a word means, for who does not know it; each stands where the word is first used
 GAP = (
@@ -100,7 +101,10 @@ def rival_odds(result: Diagnosis, group: Sequence[Place], place: Place) -> str:
 def rival_words(result: Diagnosis, group: Sequence[Place], place: Place) -> str:
     """How an effect that is only tied stands against the first of its group, with the odds where they are known."""
     found = rival_odds(result, group, place)
-    nearly = "nearly " * (isinstance(place, Rival) and place.odds is not None and place.odds < 0.2)
+    likely = place.odds if isinstance(place, Rival) else None
+    if likely is not None and likely < FAINT:
+        return f"Cannot be ruled out: odds {found}."
+    nearly = "nearly " * (likely is not None and likely < LESS)
     return f"Explains these data {nearly}as well{f': odds {found}' if found else ''}."
 
 
