@@ -70,7 +70,10 @@ class Rival(Place):
     """An effect that explains the data as well as a named one in its place."""
 
     odds: Annotated[
-        Amount, Field(description="How likely it is beside the named effect, by their evidence: 0.1 is 10 to 1 for the named one.")
+        Amount,
+        Field(
+            description="How likely it is beside the named effect, by their evidence: 0.1 is 10 to 1 for the named one."
+        ),
     ] = None
 
 
