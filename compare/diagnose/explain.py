@@ -17,13 +17,13 @@ from scipy.stats import chi2
 
 from compare.diagnose import workmanship
 from compare.diagnose.admission import foretold, held_out, tried
-from compare.diagnose.effects.sensors import EachRun
 from compare.diagnose.fit import Fit, rank_of, without_columns
 from compare.diagnose.least_squares import UNSEEN
 from compare.diagnose.noise import CLOSED, rms, sample_weights
+from compare.diagnose.odds import odds_of
 from compare.diagnose.predict import Term
 from compare.diagnose.residuals import Data
-from compare.diagnose.search import Search, without
+from compare.diagnose.search import Search, a_parameter, without
 from compare.diagnose.sensitivities import Screen
 from compare.results.diagnosis import Verdict
 
@@ -357,39 +357,6 @@ def beside_blamed(
     return replace(found, ties=(*blamed, *found.ties), odds=(*odds, *found.odds))
 
 
-def odds_of(search: Search, one: Fit, other: Fit, weights: np.ndarray) -> float:
-    """How likely one fit is beside another, by their evidence."""
-    return math.exp(min(evidence(search, one, weights) - evidence(search, other, weights), 40.0))
-
-
-def evidence(search: Search, fit: Fit, weights: np.ndarray) -> float:
-    """Logarithm of a fit's probability, but for a constant: what it leaves of weighted chi^2; how much of what its
-    values might have been the data rule out (Laplace); and that each effect is one of many of the rig's, or of the
-    sensors', that might have been.
-
-    A value might have been as large as it is, and those of a sensor in each run as large as they are in all (rms).
-    """
-    width = np.abs(np.concatenate([*fit.x, np.zeros(0)]))
-    for i, term in enumerate(fit.terms):
-        if isinstance(term.effect, EachRun) and term.variant == EachRun.each_run:
-            width[fit.columns(i)] = rms(fit.x[i])
-    scaled = fit.jacobian * width * np.sqrt(weights)[:, None]
-    ruled_out = np.linalg.slogdet(np.eye(width.size) + scaled.T @ scaled)[1] if width.size else 0.0
-    many = {kind: len({t.key for t in search.cost if t.effect.sensor == kind}) for kind in (True, False)}
-    one_of = sum(math.log(max(many[fit.terms[i].effect.sensor], 1)) for i in fit.named())
-    return float(-(weights @ fit.residual**2) - ruled_out) / 2 - one_of
-
-
-def worse_by(one: Fit, other: Fit, weights: np.ndarray) -> float:
-    """By how much of weighted chi^2 one fit is worse than another."""
-    return float(weights @ (one.residual**2 - other.residual**2))
-
-
-def a_parameter(weights: np.ndarray) -> float:
-    """Decrease of chi^2 that a further parameter must bring."""
-    return max(8.0, math.log(weights.size))
-
-
 def widened(search: Search, weights: np.ndarray, named: Sequence[Named]) -> list[Named]:
     """The effects with intervals that hold whichever of the tied explanations of the others is true."""
     out = []
@@ -420,10 +387,10 @@ def ties_with(search: Search, screen: Screen, weights: np.ndarray, fit: Fit, i: 
     j = rival.terms.index(term)
     if rival.bound[rival.columns(j)].any() and not np.any(rival.x[j]):
         return False  # its value would be unphysical
-    worse = worse_by(rival, fit, weights)
+    worse = float(weights @ (rival.residual**2 - fit.residual**2))
     mine, theirs = fit.jacobian[:, fit.columns(i)], rival.jacobian[:, rival.columns(j)]
     more = max(rank_of(theirs) - rank_of(mine), 0)
-    share = a_parameter(weights)
+    share = a_parameter(weights.size)
     if term.effect.name in fit.terms[i].effect.special_case_of:  # the rival is richer: it must be better
         return -worse > float(chi2.isf(RICHER, max(more, 1)))
     if fit.terms[i].effect.name in term.effect.special_case_of:  # this one is richer, and is the better one by more

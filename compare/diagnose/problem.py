@@ -204,8 +204,8 @@ class Problem:
         return explanation.fit.chi2 + self.search.price(explanation.fit)
 
     def raise_noise_floor(self, noise: Noise) -> None:
-        """Simulate the nominal mechanism and let the noise floor be no lower than what the engine and the analytic
-        model differ by.  Raises SimulationError where the engine cannot.
+        """Simulate the nominal mechanism and let the noise floor take in what the engine and the analytic model differ
+        by, and what the encoder leaves open of when lines were read.  Raises SimulationError where the engine cannot.
         """
         chosen = self.simulated(self.base)
         if chosen.readings is None:
@@ -249,9 +249,9 @@ class Problem:
             if scatter < LATE * encoder.noise or not turns.any():
                 continue
             self.notes.append(
-                f"In run {run.name} the encoder is {amount(scatter, 'rad')} (rms) off an even course, and its noise is"
-                f" {amount(encoder.noise, 'rad')}: lines seem not to be read when their stamps say. The noise floor"
-                " takes in what the encoder's own noise then leaves open."
+                f"In run {run.name} the encoder is {amount(scatter, 'rad')} (rms) off the smooth course through its"
+                f" readings, and its noise is {amount(encoder.noise, 'rad')}: lines seem not to be read when their"
+                " stamps say. The noise floor takes in what the encoder's own noise then leaves open."
             )
             for name in run.channels:
                 slope = np.gradient(predicted[name], run.time)[turns] / turning.omega[turns]

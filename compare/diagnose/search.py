@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from compare.diagnose.effects.effect import Rig
-from compare.diagnose.effects.sensors import EachRun
+from compare.diagnose.effects.sensors import in_each_run
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.noise import CLOSED, rms, sample_weights
 from compare.diagnose.predict import Term
@@ -30,18 +30,22 @@ STRAYED = 0.5  # of the noise (rms), by which a linear forecast may miss a fit
 LEADERS = 5  # of the best sets of a part of the data are tried on more of it
 
 
+def a_parameter(samples: int) -> float:
+    """Decrease of chi^2 of so many samples that a further parameter must bring."""
+    return max(8.0, math.log(max(samples, 2)))
+
+
 def costs(terms: Sequence[Term], rig: Rig, samples: int) -> dict[Term, float]:
     """Decrease of chi^2 that each term must bring: chance over the whole vocabulary, and a further parameter's share
     each; where each run has its own value, all are further ones, and dearer: they can stand for much.
     """
     places = len({t.key for t in terms}) or 1
-    further = max(8.0, math.log(max(samples, 2)))
+    further = a_parameter(samples)
     alternatives = {key: sum(t.key == key for t in terms) for key in {t.key for t in terms}}
     found = {}
     for t in terms:
         n = len(t.effect.scales(rig, t.where, t.variant))
-        each_run = isinstance(t.effect, EachRun) and t.variant == EachRun.each_run
-        more = n * (further + ANEW) if each_run else (n - 1) * further
+        more = n * (further + ANEW) if in_each_run(t.effect, t.variant) else (n - 1) * further
         found[t] = float(chi2.isf(CHANCE / (places * alternatives[t.key]), 1)) + more
     return found
 

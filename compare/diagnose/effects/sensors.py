@@ -53,6 +53,11 @@ class EachRun(Effect):
         return values.get(name, values.get(f"{name}@{run}", 0.0))
 
 
+def in_each_run(effect: Effect, variant: float) -> bool:
+    """Whether an effect has a value of its own for each run."""
+    return isinstance(effect, EachRun) and variant == EachRun.each_run
+
+
 class EncoderOffset(EachRun):
     """A constant error of the driven body's angle, the motor's encoder; one value, or one for each run.
 
