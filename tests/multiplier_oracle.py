@@ -264,8 +264,12 @@ class Oracle:
         slip = self._position(joint, q + 1j * TINY * rate).imag / TINY
         size = self.span if joint.prismatic else 1.0
         rubs = np.where(np.abs(slip) > 1e-9 * size, np.sign(slip * omega), 0.0)
-        law = -joint.stiffness * (self._position(joint, q) - joint.rest_angle) - joint.coulomb * rubs
-        return law - (joint.damping * slip * omega if moving else 0.0), slip / size
+        stretch, speed = self._position(joint, q) - joint.rest_angle, slip * omega if moving else 0.0 * slip
+        dry = np.full(slip.shape, joint.friction_torque or joint.friction * joint.prismatic)
+        if joint.stribeck_speed is not None:
+            dry = dry + (joint.static_torque - dry) * np.exp(-((speed / joint.stribeck_speed) ** 2))
+        law = -joint.stiffness * stretch - joint.cubic * stretch**3 - dry * rubs
+        return law - joint.damping * speed - joint.drag * speed * np.abs(speed), slip / size
 
     def _applied(
         self, q: np.ndarray, rate: np.ndarray, omega: float, moving: bool
@@ -280,9 +284,13 @@ class Oracle:
             arm = _turned(q[:, i, 2], np.array(self._arm(load.body, load.point)))[0]
             out[:, i, :2] += load.force
             out[:, i, 2] += arm[:, 0] * load.force[1] - arm[:, 1] * load.force[0] + load.torque / self.span
+        wave = m.drive.periodic_torque if m.drive else None
+        if wave is not None:
+            driven = self.names.index(m.driven)
+            out[:, driven, 2] += wave.amplitude * np.sin(wave.harmonic * q[:, driven, 2] + wave.phase) / self.span
         for joint in m.joints:
             law, slip = self._law(joint, q, rate, omega, moving)
-            if joint.coulomb:
+            if joint.friction_torque or joint.friction * joint.prismatic or joint.static_torque:
                 slips[joint.name] = slip
             first, second = (self.names.index(b) for b in joint.bodies)
             if not joint.prismatic:
@@ -316,7 +324,12 @@ class Oracle:
             )
             out = out - load.torque * q[:, i, 2]
         for joint in m.joints:
-            out = out + joint.stiffness * (self._position(joint, q) - joint.rest_angle) ** 2 / 2
+            stretch = self._position(joint, q) - joint.rest_angle
+            out = out + joint.stiffness * stretch**2 / 2 + joint.cubic * stretch**4 / 4
+        wave = m.drive.periodic_torque if m.drive else None
+        if wave is not None:
+            turn = wave.harmonic * q[:, self.names.index(m.driven), 2] + wave.phase
+            out = out + wave.amplitude / wave.harmonic * np.cos(turn)
         return out
 
 

@@ -65,6 +65,7 @@ class Ranges:
     clearance: tuple[float, float, float] = (-6.0, -3.0, -1.5)  # over the crank's length
     groups: tuple[int, int] = (0, 3)
     friction: bool = True
+    curved: bool = False  # drag, Stribeck's friction, springs that are not linear, a torque over the crank angle
 
 
 WIDE = Ranges()
@@ -286,6 +287,13 @@ class _Flesh:
             laws["damping"] = unit / size / self.speed * power(c, -2.0, 0.0, 1.0)
         if self.ranges.friction and _chance(c, 15):
             laws["friction_torque"] = unit * power(c, -2.0, 0.0, 1.0)
+        if self.ranges.curved and _chance(c, 30):
+            laws["cubic"] = _either(c, 1) * unit / size**3 * power(c, -2.0, -1.0, 0.0)
+        if self.ranges.curved and _chance(c, 30):
+            laws["drag"] = unit / (size * self.speed) ** 2 * power(c, -2.0, 0.0, 1.0)
+        if self.ranges.curved and _chance(c, 30):
+            laws["static_torque"] = laws.get("friction_torque", 0.0) + unit * power(c, -2.0, 0.0, 1.0)
+            laws["stribeck_speed"] = size * self.speed * power(c, -1.0, -0.3, 0.0)
         if not slides and _chance(c, 35):
             laws["clearance"] = self.length * power(c, *self.ranges.clearance)
         return joint | laws
@@ -303,7 +311,11 @@ class _Flesh:
         """At the crank, or at another pin on the ground, which makes other groups of the same joints."""
         on_ground = [j["name"] for j in self.skeleton.joints if j["type"] == "revolute" and "ground" in j["bodies"]]
         joint = on_ground[0] if not _chance(self.choice, 15) else self.skeleton.pick(on_ground)
-        return {"joint": joint, "speed": _either(self.choice, 1) * speed}
+        drive: dict[str, Any] = {"joint": joint, "speed": _either(self.choice, 1) * speed}
+        if self.ranges.curved and _chance(self.choice, 30):
+            torque = self.force * self.length * power(self.choice, -2.0, 0.0, 1.0)
+            drive["periodic_torque"] = {"amplitude": torque, "harmonic": 3, "phase": real(self.choice, -3.0, 0.0, 3.0)}
+        return drive
 
 
 def pair(z: complex) -> list[float]:

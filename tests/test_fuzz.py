@@ -25,7 +25,7 @@ from analytic.paper.clearance import displaced
 from analytic.paper.kinetostatics import kinetostatics
 from linkages import dyad_on_a_triad
 from multiplier_oracle import JUMP, TINY, WORST_CONDITION, LeftOut, Oracle, Solved
-from random_linkages import WIDE, linkages, seeded
+from random_linkages import WIDE, Ranges, linkages, seeded
 
 pytestmark = pytest.mark.filterwarnings("ignore::analytic.mechanism.MechanismWarning")
 
@@ -61,15 +61,18 @@ def test_the_oracle_finds_the_papers_numbers() -> None:
         )
 
 
+CURVED = replace(WIDE, curved=True)
+NO_LOSS = {"friction_torque": 0.0, "static_torque": None, "stribeck_speed": None, "damping": 0.0, "drag": 0.0}
+
+
+@pytest.mark.parametrize("ranges", [WIDE, CURVED], ids=["plain", "curved"])
 @pytest.mark.parametrize("seed", range(8))
-def test_the_oracles_drive_does_the_work_that_its_energies_gain(seed: int) -> None:
+def test_the_oracles_drive_does_the_work_that_its_energies_gain(seed: int, ranges: Ranges) -> None:
     """Torque against the derivative of kinetic and potential energy by the crank angle: no equilibrium of forces is in
     it.
     """
-    m = seeded(seed)
-    oracle = Oracle(
-        m.replace(joints=tuple(j.model_copy(update={"friction_torque": 0.0, "damping": 0.0}) for j in m.joints))
-    )
+    m = seeded(seed, ranges)
+    oracle = Oracle(m.replace(joints=tuple(j.model_copy(update=NO_LOSS) for j in m.joints)))
     nudged = np.array([oracle.start + 1j * TINY])
     poses = oracle.closed(oracle.home, nudged)
     gained = (oracle.kinetic(oracle.rates(poses, nudged)) + oracle.energy(poses)).imag / TINY
@@ -156,6 +159,12 @@ def test_what_random_linkages_have_found_stays_mended(seed: int) -> None:
 @QUICK
 @given(linkages())
 def test_random_linkages_move_and_push_as_multipliers_say(m: Mechanism) -> None:
+    event(assert_the_same_motion_and_forces(m))
+
+
+@QUICK
+@given(linkages(CURVED))
+def test_drag_stribeck_friction_and_springs_that_are_not_linear_push_as_multipliers_say(m: Mechanism) -> None:
     event(assert_the_same_motion_and_forces(m))
 
 

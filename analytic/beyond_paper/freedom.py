@@ -2,12 +2,13 @@
 
 The drive torque that a motion needs is
 
-    M(theta) alpha + M'(theta)/2 omega^2 + c(theta) omega + f(theta) sign(omega) + g(theta).
+    M alpha + M'/2 omega^2 + c omega + d omega |omega| + (f + sum of a exp(-(r omega)^2)) sign(omega) + g.
 
-Its five coefficients follow from kinetostatics at six states of each crank angle, once; springs that a turn of the
-crank winds up make g larger by h(theta) with each turn; a free motion is then a small
+M and g follow from kinetostatics, once; what opposes the motion (c, d, f, and an a and r of each joint with Stribeck's
+friction) by virtual work from the joints' rates; springs that a turn of the
+crank winds up make g larger by h with each turn; a free motion is then a small
 ordinary differential equation, which is integrated for all linkages of a batch at the same time.  At rest friction
-holds whatever is no larger than itself: |g| <= f.
+holds whatever is no larger than itself: |g| <= f + sum of a.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ POINTS = 720  # of a table over a revolution
 
 @dataclass(frozen=True)
 class Freedom:
-    """Coefficients over a revolution, (6, POINTS): M, M'/2, c, f, g at crank angles 2 pi i / POINTS, and h, by which g
-    grows with each turn.
+    """Coefficients over a revolution, (7 + 2 n, POINTS), at crank angles 2 pi i / POINTS: M, M'/2, c, f, g, then h, by
+    which g grows with each turn, d, and a and r of each of n joints with Stribeck's friction.
     """
 
     table: np.ndarray
@@ -43,9 +44,9 @@ class Freedom:
         theta = np.arange(POINTS) * 2 * math.pi / POINTS
         first = coefficients(assembly, theta)
         wound = np.zeros(POINTS)
-        if any(joint.stiffness for joint in assembly.mechanism.joints):
+        if any(joint.springy for joint in assembly.mechanism.joints):
             wound = coefficients(assembly, theta + 2 * math.pi)[4] - first[4]
-        return cls(np.vstack([first, wound]))
+        return cls(np.insert(first, 5, wound, axis=0))
 
     def inertia(self, theta: np.ndarray) -> np.ndarray:
         """M (kg.m^2) at crank angles (N,) rad."""
@@ -62,7 +63,9 @@ class Freedom:
 
 
 def padded(table: np.ndarray) -> np.ndarray:
-    """A table (6, POINTS) with one neighbour before the first and two after the last, wound up by the turn between."""
+    """A table (rows, POINTS) with one neighbour before the first and two after the last, wound up by the turn between
+    them.
+    """
     before, after = table[:, -1:].copy(), table[:, :2].copy()
     before[4] -= before[5]
     after[4] += after[5]
@@ -70,16 +73,34 @@ def padded(table: np.ndarray) -> np.ndarray:
 
 
 def coefficients(assembly: Assembly, theta: np.ndarray) -> np.ndarray:
-    """M, M'/2, c, f, g (5, N) at crank angles theta (N,) rad.  Raises AssemblyError where the linkage does not reach
-    them.
+    """M, M'/2, c, f, g, d and the joints' a and r (6 + 2 n, N) at crank angles theta (N,) rad.  Raises AssemblyError
+    where the linkage does not reach them.
     """
-    omega, alpha = np.array([0.0, 0.0, 1.0, -1.0, 2.0, -2.0]), np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    omega, alpha = np.array([0.0, 0.0, 1.0, -1.0]), np.array([0.0, 1.0, 0.0, 0.0])
     states = np.tile(theta, omega.size), np.repeat(omega, theta.size), np.repeat(alpha, theta.size)
-    g, pushed, ahead, astern, faster, reverse = kinetostatics(kinematics(assembly, *states)).drive_torque.reshape(
-        omega.size, -1
-    )
-    once, twice = (ahead - astern) / 2, (faster - reverse) / 2
-    return np.array([pushed - g, (ahead + astern) / 2 - g, twice - once, 2 * once - twice, g])
+    motion = kinematics(assembly, *states)
+    g, pushed, ahead, astern = kinetostatics(motion).drive_torque.reshape(omega.size, -1)
+    viscous, coulomb, drag = np.zeros((3, theta.size))
+    stribeck: list[np.ndarray] = []
+    for joint in assembly.mechanism.joints:
+        if not (joint.rubs or joint.damped):
+            continue
+        rate = np.abs(motion.slip(joint)[0].reshape(omega.size, -1)[2])  # by the crank's
+        viscous = viscous + joint.damping * rate**2
+        drag = drag + joint.drag * rate**3
+        coulomb = coulomb + joint.coulomb * rate
+        if joint.stribeck_speed is not None:
+            stribeck += [(joint.stiction - joint.coulomb) * rate, rate / joint.stribeck_speed]
+    return np.array([pushed - g, (ahead + astern) / 2 - g, viscous, coulomb, g, drag, *stribeck])
+
+
+def resistance(coefficients: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Torque (N.m) that dampers and drag need of a crank at rates omega (N,) rad/s, and the size of dry friction; of
+    :func:`coefficients` (6 + 2 n, N).
+    """
+    _, _, viscous, coulomb, _, drag, *stribeck = coefficients
+    falling = (a * np.exp(-((r * omega) ** 2)) for a, r in zip(stribeck[::2], stribeck[1::2], strict=True))
+    return (viscous + drag * np.abs(omega)) * omega, sum(falling, coulomb)
 
 
 def swing(
@@ -93,7 +114,8 @@ def swing(
     """
     from analytic.beyond_paper.swing_loop import integrate  # which takes a second to compile
 
-    tables = np.stack([padded(f.table) for f in freedoms])  # (P, 6, POINTS + 3)
+    rows = max(len(f.table) for f in freedoms)
+    tables = np.stack([padded(np.pad(f.table, ((0, rows - len(f.table)), (0, 0)))) for f in freedoms])
     start = np.ascontiguousarray(start, float)
     longest = min(1e-3, math.radians(1.0) / max(1.0, float(np.abs(start[:, 1]).max())))
     out = np.empty((3, len(freedoms), time.size))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from analytic.beyond_paper.freedom import coefficients
+from analytic.beyond_paper.freedom import coefficients, resistance
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.one_line import angles, one_line
@@ -45,12 +45,13 @@ def released(assembly: Assembly, time: np.ndarray, theta: float | None = None, o
 
     Raises AssemblyError where the motion meets a change point.
     """
-    rubs = any(joint.coulomb for joint in assembly.mechanism.joints)
+    rubs = any(joint.rubs for joint in assembly.mechanism.joints)
     angles, speeds, accelerations = np.empty((3, time.size))
     grip, held = np.ones(time.size), np.zeros(time.size, bool)
     angle, speed, now, k = assembly.start if theta is None else theta, omega, 0.0, 0
     while k < time.size:
-        *_, friction, rest = coefficients(assembly, np.array([angle]))[:, 0]
+        now_at = coefficients(assembly, np.array([angle]))
+        rest, friction = float(now_at[4, 0]), float(resistance(now_at, np.zeros(1))[1][0])
         direction = float(np.sign(speed) or -np.sign(rest)) if rubs else 0.0
         if rubs and speed == 0 and abs(rest) <= friction:
             angles[k:], speeds[k:], accelerations[k:] = angle, direction * BARELY, 0.0
@@ -98,5 +99,7 @@ def _acceleration(assembly: Assembly, angle: np.ndarray, speed: np.ndarray, dire
     """Acceleration (rad/s^2) of the free crank at angles (rad) and speeds (rad/s), (N,) each, friction against
     ``direction``.
     """
-    mass, half, damping, friction, rest = coefficients(assembly, angle)
-    return -(half * speed**2 + damping * speed + friction * direction + rest) / mass
+    found = coefficients(assembly, angle)
+    mass, half, _, _, rest = found[:5]
+    damped, dry = resistance(found, speed)
+    return np.asarray(-(half * speed**2 + damped + dry * direction + rest) / mass)

@@ -1,7 +1,7 @@
 """The integration loop of :func:`analytic.beyond_paper.freedom.swing`, compiled by numba at its first call.
 
-``table`` holds the coefficients of a linkage's freedom over a revolution, (6, points + 3): one neighbour before the
-first and two after the last.
+``table`` holds the coefficients of a linkage's freedom over a revolution, (7 + 2 n, points + 3): one neighbour before
+the first and two after the last.
 """
 
 from __future__ import annotations
@@ -36,22 +36,31 @@ def resting(table: np.ndarray, theta: float) -> float:
 
 
 @njit
+def friction(table: np.ndarray, theta: float, omega: float) -> float:
+    """Size (N.m) of the dry friction that a crank turns against."""
+    size = between(table, 3, theta)
+    for c in range(7, table.shape[0], 2):
+        size += between(table, c, theta) * math.exp(-((between(table, c + 1, theta) * omega) ** 2))
+    return size
+
+
+@njit
 def direction(table: np.ndarray, theta: float, omega: float) -> float:
     """Sign of the motion, or of the one to come; 0 where friction holds the crank."""
     if omega != 0:
         return math.copysign(1.0, omega)
-    friction, rest = between(table, 3, theta), resting(table, theta)
-    return 0.0 if abs(rest) <= friction else -math.copysign(1.0, rest)
+    rest = resting(table, theta)
+    return 0.0 if abs(rest) <= friction(table, theta, 0.0) else -math.copysign(1.0, rest)
 
 
 @njit
 def acceleration(table: np.ndarray, theta: float, omega: float, way: float) -> float:
     """Acceleration (rad/s^2) of the free crank, friction against ``way``."""
     m, half, damping = between(table, 0, theta), between(table, 1, theta), between(table, 2, theta)
-    friction, rest = between(table, 3, theta), resting(table, theta)
     if not m > 0:
         return np.nan  # no linkage has such an inertia
-    return -(half * omega**2 + damping * omega + friction * way + rest) / m
+    damped = (damping + between(table, 6, theta) * abs(omega)) * omega
+    return -(half * omega**2 + damped + friction(table, theta, omega) * way + resting(table, theta)) / m
 
 
 @njit

@@ -15,6 +15,7 @@ from analytic.mechanism.parts import (
     Ground,
     Joint,
     Load,
+    PeriodicTorque,
     Ripple,
 )
 
@@ -33,5 +34,6 @@ __all__ = [
     "Mechanism",
     "MechanismError",
     "MechanismWarning",
+    "PeriodicTorque",
     "Ripple",
 ]

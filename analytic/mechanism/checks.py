@@ -54,12 +54,24 @@ def check_joint(joint: Joint, parts: Parts) -> None:
         _check_prismatic(joint, where)
     elif joint.axis is not None or joint.angle:
         raise ValueError(f"{where}axis and angle belong to a prismatic joint; leave them out of a revolute one")
+    _check_stribeck(joint, where)
     for body in (parts[name] for name in joint.bodies):
         if isinstance(body, Body) and len(body.points) > 1 and 0 < body.length <= joint.clearance:
             raise ValueError(
                 f"{where}clearance = {joint.clearance} m is not smaller than body {body.name!r} ({body.length:g} m);"
                 " give the radial clearance in m"
             )
+
+
+def _check_stribeck(joint: Joint, where: str) -> None:
+    if (joint.static_torque is None) != (joint.stribeck_speed is None):
+        given, missing = ("static_torque", "stribeck_speed")[:: 1 if joint.stribeck_speed is None else -1]
+        raise ValueError(f"{where}{given} is given without {missing}; Stribeck's friction needs both, or neither")
+    if joint.static_torque is not None and joint.static_torque < joint.coulomb:
+        raise ValueError(
+            f"{where}static_torque = {joint.static_torque:g} is less than the friction of fast slip,"
+            f" {joint.coulomb:g}; it is the larger one"
+        )
 
 
 def _check_prismatic(joint: Joint, where: str) -> None:

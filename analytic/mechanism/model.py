@@ -35,6 +35,7 @@ from analytic.mechanism.parts import (
     Load,
     Name,
     Part,
+    PeriodicTorque,
     Vector,
     as_tuple,
     titled,
@@ -92,6 +93,11 @@ class Mechanism(Part):
     def angle_point(self, body: str) -> str:
         """Point at which the angle of a moving body is read, where it bends: its joint on the ground, else its com."""
         return next((j.name for j in self.joints if body in j.bodies and GROUND in j.bodies), "com")
+
+    @property
+    def periodic_torque(self) -> PeriodicTorque | None:
+        """What turns the driven body over its angle beside the motor; None where nothing does."""
+        return None if self.drive is None else self.drive.periodic_torque
 
     @property
     def drive_stiffness(self) -> float | None:

@@ -7,8 +7,9 @@ SI units and radians throughout.  Every object is frozen and checked when it is 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from analytic.mechanism.errors import MechanismError, describe
@@ -51,6 +52,7 @@ LARGEST = 1e40  # in any SI unit: beyond all linkages, and its powers that occur
 FARTHEST = 1e4  # rad, of an assembly angle: 1600 turns
 MASS_CENTRE = "centre of mass"  # name of that point of a body; "com" names its marker, which may lie elsewhere
 
+Amount = TypeVar("Amount", float, np.ndarray)  # one, or many (N,)
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Vector = Annotated[tuple[Number, Number], BeforeValidator(as_tuple)]
 Name = Annotated[str, BeforeValidator(_named)]
@@ -154,8 +156,12 @@ class Joint(Part):
     contact_damping: NotNegative | None = None  # N.s/m
     restitution: Annotated[float, Field(ge=0, le=1)] | None = None
     friction_torque: NotNegative = 0.0  # N.m (prismatic: N), constant Coulomb
+    static_torque: NotNegative | None = None  # N.m (prismatic: N), dry friction of the slowest slip (Stribeck)
+    stribeck_speed: Positive | None = None  # rad/s (prismatic: m/s), at which it has fallen most of the way
     damping: NotNegative = 0.0  # N.m.s/rad (prismatic: N.s/m)
+    drag: NotNegative = 0.0  # N.m.s^2/rad^2 (prismatic: N.s^2/m^2)
     stiffness: NotNegative = 0.0  # N.m/rad (prismatic: N/m)
+    cubic: Number = 0.0  # N.m/rad^3 (prismatic: N/m^3), of a spring that is not linear
     rest_angle: Number = 0.0  # rad (prismatic: m)
     elasticity: Elasticity | None = None
 
@@ -172,8 +178,50 @@ class Joint(Part):
 
     @property
     def coulomb(self) -> float:
-        """Constant Coulomb friction: N.m, or N for a prismatic joint."""
+        """Dry friction of fast slip, all that there is without Stribeck's: N.m, or N for a prismatic joint."""
         return self.friction_torque or (self.friction if self.prismatic else 0.0)
+
+    @property
+    def stiction(self) -> float:
+        """Dry friction at rest (N.m; prismatic: N): what holds the joint."""
+        return self.coulomb if self.static_torque is None else self.static_torque
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is dry friction."""
+        return self.stiction > 0
+
+    @property
+    def damped(self) -> bool:
+        """Whether something grows with the joint's speed."""
+        return bool(self.damping or self.drag)
+
+    @property
+    def springy(self) -> bool:
+        """Whether a spring acts."""
+        return bool(self.stiffness or self.cubic)
+
+    @property
+    def has_law(self) -> bool:
+        """Whether a torque (prismatic: a force) of the joint's own acts on its free motion."""
+        return self.rubs or self.damped or self.springy
+
+    def dry(self, rate: Amount) -> Amount:
+        """Size (N.m; prismatic: N) of dry friction at a rate (rad/s; m/s): Coulomb's, and above it what Stribeck's
+        curve, exp(-(rate/stribeck_speed)^2), has left of static friction.
+        """
+        if self.stribeck_speed is None:
+            return self.coulomb + 0 * rate
+        return self.coulomb + (self.stiction - self.coulomb) * np.exp(-((rate / self.stribeck_speed) ** 2))
+
+    def damper(self, rate: Amount) -> Amount:
+        """Torque (N.m; prismatic: force, N) of viscous friction and drag on the second body at a rate (rad/s; m/s)."""
+        return -(self.damping + self.drag * abs(rate)) * rate
+
+    def spring(self, position: Amount) -> Amount:
+        """Torque (N.m; prismatic: force, N) of the spring on the second body at an angle (rad; travel, m)."""
+        stretch = position - self.rest_angle
+        return -(self.stiffness + self.cubic * stretch**2) * stretch
 
 
 class Ripple(Part):
@@ -184,6 +232,20 @@ class Ripple(Part):
     phase: Number = 0.0  # rad
 
 
+class PeriodicTorque(Part):
+    """A torque on the driven body over its angle, amplitude (N.m) times sin(harmonic * angle + phase): a motor's
+    cogging, a tooth, a belt's joint.
+    """
+
+    amplitude: Number
+    harmonic: Annotated[int, Field(ge=1)]
+    phase: Number = 0.0  # rad
+
+    def at(self, angle: Amount) -> Amount:
+        """The torque (N.m) at the driven body's angle (rad)."""
+        return self.amplitude * np.sin(self.harmonic * angle + self.phase)
+
+
 class Drive(Part):
     """The motor: a constant speed (rad/s), ``"free"`` (released) or ``"measured"`` (follows data)."""
 
@@ -191,6 +253,7 @@ class Drive(Part):
     speed: Number | Literal["free", "measured"]
     ripple: Ripple | None = None
     stiffness: Positive | None = None  # N.m/rad between motor and crank; left out: rigid
+    periodic_torque: PeriodicTorque | None = None
 
 
 class Load(Part):

@@ -220,6 +220,9 @@ class _Structure:
                 add(body.name, MASS_CENTRE, force, -body.moment_of_inertia * m.angular_acceleration(body.name))
         for given in self.mechanism.loads:
             add(given.body, given.point, complex(*given.force), given.torque)
+        periodic = self.mechanism.periodic_torque
+        if periodic is not None:
+            add(self.mechanism.driven, MASS_CENTRE, 0.0, periodic.at(self.motion.theta))
         for joint in self.mechanism.joints:
             load += (
                 self.joint_torque(joint, inertia)[:, None] * self.slips[joint.name][:, self.kept.index(_free(joint))]

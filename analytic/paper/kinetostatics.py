@@ -143,8 +143,11 @@ def _torques(motion: Motion, inertia: bool, grip: np.ndarray | float) -> np.ndar
             torque[s.body_column(body.name)] -= body.moment_of_inertia * motion.angular_acceleration(body.name)
     for load in s.mechanism.loads:
         torque[s.body_column(load.body)] += load.torque
+    periodic = s.mechanism.periodic_torque
+    if periodic is not None:
+        torque[s.body_column(s.mechanism.driven)] += periodic.at(motion.theta)
     for joint in s.mechanism.joints:
-        if not joint.prismatic and (joint.coulomb or joint.damping or joint.stiffness):
+        if not joint.prismatic and joint.has_law:
             first, second = joint.bodies
             law = joint_law(
                 joint,
@@ -167,14 +170,15 @@ def joint_law(
     moving: bool,
     grip: np.ndarray | float = 1.0,
 ) -> np.ndarray:
-    """Torque (N.m; prismatic: force, N) of a joint's friction, damper and spring on its second body, (N,).
+    """Torque (N.m; prismatic: force, N) of a joint's dry friction, damper and spring on its second body, (N,).
 
     ``position`` (rad, m) and ``rate`` are the second body's on the first, ``crank`` (rad/s) is the crank's rate; at a
     dead centre, where the joint rests and the crank turns, there is no friction.
     """
-    damping = joint.damping if moving else 0.0
     slip = np.sign(rate) * (np.abs(rate) > DEAD_CENTRE * np.abs(crank))
-    return -joint.coulomb * grip * slip - damping * rate - joint.stiffness * (position - joint.rest_angle)
+    if not moving:
+        return joint.spring(position) - joint.stiction * grip * slip
+    return joint.spring(position) + joint.damper(rate) - joint.dry(rate) * grip * slip
 
 
 def friction_turns(motion: Motion, within: float = 0.0) -> dict[str, np.ndarray]:
@@ -183,7 +187,7 @@ def friction_turns(motion: Motion, within: float = 0.0) -> dict[str, np.ndarray]
     """
     found = {}
     for joint in motion.structure.mechanism.joints:
-        if joint.coulomb:
+        if joint.rubs:
             rate, bend = motion.slip(joint)
             crank = np.abs(motion.rates[0])
             found[joint.name] = np.abs(rate) * crank <= np.maximum(DEAD_CENTRE * crank**2, within * np.abs(bend))

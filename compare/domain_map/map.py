@@ -252,4 +252,6 @@ def _tally(simulator: str, mine: Sequence[Cell | Failed]) -> str:
 
 def _inertia_only(mechanism: Mechanism) -> bool:
     loaded = any(mechanism.gravity) or any(load.torque or any(load.force) for load in mechanism.loads)
-    return not loaded and not any(j.stiffness or j.damping or j.coulomb or j.friction for j in mechanism.joints)
+    return (
+        not loaded and not any(j.has_law or j.friction for j in mechanism.joints) and mechanism.periodic_torque is None
+    )

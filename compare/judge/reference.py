@@ -103,7 +103,7 @@ def released_reference(assembly: Assembly, time: np.ndarray) -> Reference:
     mechanism, reactions = assembly.mechanism, found.reactions
     ideal = {body.name: reactions.motion.angle(body.name) for body in mechanism.bodies}
     signals = with_derived(reactions.signals(), mechanism)
-    rubbing = [joint.name for joint in mechanism.joints if joint.coulomb]
+    rubbing = [joint.name for joint in mechanism.joints if joint.rubs]
     why = f"at rest, where nothing says how friction in {' and '.join(rubbing)} share what they hold"
     flags = {int(i): why for i in np.flatnonzero(found.held)} if len(rubbing) > 1 else {}
     flags |= {
