@@ -29,8 +29,8 @@ JointModel = Literal["ideal", "massless-link", "spring-damper", "contact"]
 Motion = Literal["driven", "static"]
 Start = Literal["steady", "centred"]
 Feature = Literal[
-    "prismatic", "coulomb_friction", "viscous_friction", "joint_spring", "contact_friction", "drive_compliance",
-    "course", "released",
+    "prismatic", "coulomb_friction", "stribeck_friction", "viscous_friction", "drag", "joint_spring",
+    "nonlinear_spring", "contact_friction", "drive_compliance", "periodic_torque", "course", "released",
 ]  # fmt: skip
 Pair = tuple[JointModel, Motion]
 SettingValue = str | bool | int | float | None | Mapping[str, float]
@@ -40,14 +40,20 @@ FEATURES: tuple[Feature, ...] = get_args(Feature)
 IN_WORDS: Mapping[Feature, str] = {
     "prismatic": "prismatic joints",
     "coulomb_friction": "Coulomb friction of joints",
+    "stribeck_friction": "Stribeck friction of joints",
     "viscous_friction": "dampers in joints",
+    "drag": "drag in joints",
     "joint_spring": "springs in joints",
+    "nonlinear_spring": "springs in joints that are not linear",
     "contact_friction": "friction in contact",
     "drive_compliance": "drives that yield",
+    "periodic_torque": "torques over the crank angle",
     "course": "courses of a motor",
     "released": "released linkages",
 }
-MOVING: frozenset[Feature] = frozenset({"viscous_friction", "course", "released"})  # only runs that move have them
+MOVING: frozenset[Feature] = frozenset(
+    {"viscous_friction", "drag", "course", "released"}
+)  # only runs that move have them
 TOUCHING: frozenset[Feature] = frozenset({"contact_friction"})  # only contact has it
 ENGINES: tuple[str, ...] = ("mujoco", "exudyn", "pybullet", "dart")  # built in
 GROUP = "linkage_crosscheck.engines"  # of the entry points by which other packages offer theirs
@@ -447,13 +453,18 @@ def needed(request: Request) -> dict[Feature, str]:
         asked: tuple[tuple[Feature, bool, str], ...] = (
             ("prismatic", joint.prismatic, f"the prismatic joint {joint.name!r}"),
             ("coulomb_friction", bool(joint.coulomb), f"friction_torque = {joint.coulomb:g} {at}"),
+            ("stribeck_friction", joint.static_torque is not None, f"static_torque = {joint.stiction:g} {at}"),
             ("viscous_friction", moving and bool(joint.damping), f"damping = {joint.damping:g} {at}"),
+            ("drag", moving and bool(joint.drag), f"drag = {joint.drag:g} {at}"),
             ("joint_spring", bool(joint.stiffness), f"stiffness = {joint.stiffness:g} {at}"),
+            ("nonlinear_spring", bool(joint.cubic), f"cubic = {joint.cubic:g} {at}"),
             ("contact_friction", rubs, f"friction = {joint.friction:g} {at}"),
         )
         found |= {feature: what for feature, has, what in asked if has and feature not in found}
     if m.drive_stiffness:
         found["drive_compliance"] = f"drive.stiffness = {m.drive_stiffness:g}"
+    if m.periodic_torque is not None:
+        found["periodic_torque"] = f"drive.periodic_torque.amplitude = {m.periodic_torque.amplitude:g}"
     if request.course is not None:
         found["course"] = "a course"
     elif request.released:

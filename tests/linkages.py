@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Mechanism, PeriodicTorque
 from analytic.mechanism.file import load, loads
 
 INVERTED_SLIDER = """
@@ -69,6 +69,18 @@ def inverted_slider() -> Mechanism:
     at once.
     """
     return loads(INVERTED_SLIDER)
+
+
+def curved_slider() -> Mechanism:
+    """The same with what is not linear: Stribeck's friction, drag, cubic springs, a torque over the crank angle."""
+    m = inverted_slider()
+    wave = PeriodicTorque(amplitude=0.05, harmonic=5, phase=0.3)
+    m = m.replace(drive=m.drive.model_copy(update={"periodic_torque": wave}))  # type: ignore[union-attr]
+    for joint in m.joints:
+        unit, rate = (1.0, 0.05) if joint.prismatic else (0.01, 1.0)
+        dry = {"static_torque": joint.coulomb + unit, "stribeck_speed": rate}
+        m = m.with_joint(joint.name, drag=0.1 * unit / rate**2, cubic=unit / rate**2, **dry)
+    return m
 
 
 def six_bar_driven_from_the_rocker() -> Mechanism:

@@ -59,9 +59,14 @@ def mechanism(model: JointModel, feature: Feature | None) -> Mechanism:
         return m.with_joint("B", friction=0.15, pin_radius=0.02)
     laws = {"coulomb_friction": {"friction_torque": 0.2}, "viscous_friction": {"damping": 0.05}}
     laws["joint_spring"] = {"stiffness": 3.0, "rest_angle": 0.2}
+    laws["nonlinear_spring"] = {"cubic": 3.0, "rest_angle": 0.2}
+    laws["stribeck_friction"] = {"friction_torque": 0.1, "static_torque": 0.3, "stribeck_speed": SPEED}
+    laws["drag"] = {"drag": 0.01}
     if feature in laws:
         return m.with_joint("A", **laws[feature])
     drive = m.drive.model_dump(exclude_unset=True)
+    if feature == "periodic_torque":
+        return m.replace(drive=drive | {"periodic_torque": {"amplitude": 0.2, "harmonic": 7, "phase": 0.4}})
     if feature == "drive_compliance":
         return m.replace(drive=drive | {"stiffness": COMPLIANCE})
     if feature == "released":

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analytic.kinematics.assembly import Assembly
-from analytic.mechanism import Mechanism
+from analytic.mechanism import Mechanism, PeriodicTorque
 from analytic.mechanism.file import load
 from compare.crosscheck import Job, crosscheck_job
 from compare.judge.discrepancy import load_tolerances
@@ -34,8 +34,12 @@ def loaded_slider_crank() -> Mechanism:
     )
 
 
+def driven(m: Mechanism, **fields: object) -> Mechanism:
+    return m.replace(drive=m.drive.model_copy(update=fields))  # type: ignore[union-attr]
+
+
 def turned(m: Mechanism) -> Mechanism:
-    return m.replace(drive=m.drive.model_copy(update={"speed": -m.drive.speed}))  # type: ignore[union-attr, operator]
+    return driven(m, speed=-m.speed)  # type: ignore[operator]
 
 
 TURN = np.radians(np.arange(10.0, 360.0, 50.0))
@@ -56,6 +60,21 @@ CASES = {
         PAPER,
     ),
     "joint spring": (load("paper").with_clearances({"B": 1e-3}).with_joint("A", stiffness=2.0, rest_angle=0.3), PAPER),
+    "Stribeck friction": (  # damped, as friction that falls with speed makes a loose pin swing up
+        load("paper")
+        .with_clearances({"B": 1e-3})
+        .with_joint("E", friction_torque=0.1, static_torque=0.3, stribeck_speed=5.0, damping=0.05),
+        PAPER,
+    ),
+    "drag": (load("paper").with_clearances({"B": 1e-3}).with_joint("E", drag=0.01), PAPER),
+    "spring that is not linear": (
+        load("paper").with_clearances({"B": 1e-3}).with_joint("A", stiffness=1.0, cubic=2.0, rest_angle=0.3),
+        PAPER,
+    ),
+    "periodic torque": (
+        driven(load("paper").with_clearances({"B": 1e-3}), periodic_torque=PeriodicTorque(amplitude=0.2, harmonic=7)),
+        PAPER,
+    ),
     "several clearances": (load("paper").with_clearances(PIVOTS), PAPER),
     "reverse rotation": (turned(load("paper").with_clearances({"B": 1e-3})), PAPER),
     "crank-rocker": (loaded_crank_rocker().with_clearances({"B": 2e-4}), TURN),
@@ -66,7 +85,10 @@ CASES = {
 # seconds: pins that yield are done where they take less; ideal joints and rods do the laws.  Each engine's own tests do
 # the linkages in motion.
 SOME = {"paper", "six-bar", "several clearances", "joint friction"}
-LAWS = {"gravity", "oblique load", "joint friction", "joint spring", "reverse rotation"}
+LAWS = {
+    "gravity", "oblique load", "joint friction", "Stribeck friction", "drag", "joint spring",
+    "spring that is not linear", "periodic torque", "reverse rotation",
+}  # fmt: skip
 YIELDING = {
     ("mujoco", "spring-damper"): {"paper, 0.1 mm", "joint friction", "reverse rotation", "crank-rocker"},
     ("mujoco", "contact"): {"paper, 0.1 mm", "joint friction", "reverse rotation", "crank-rocker"},

@@ -21,7 +21,7 @@ from analytic.mechanism.file import load
 from compare.cli.export import export
 from compare.results.export import Exported
 from document_faults import faults
-from linkages import inverted_slider
+from linkages import curved_slider, inverted_slider
 from sim_models.engine import ENGINES, JOINT_MODELS, Request, Trace, declared
 from sim_models.mujoco.engine import ENGINE
 
@@ -49,6 +49,7 @@ def driven_by(mechanism: Mechanism, **drive: float) -> Mechanism:
 
 
 PAPER = load("paper").with_clearances({"B": 1e-3})
+CURVED = curved_slider()
 SLIDER = inverted_slider().with_clearances({"A": 1e-4}).with_joint("A", friction=0.1)  # prismatic, and every joint law
 SHORT = np.radians([30.0, 40.0, 35.0])
 REQUESTS = {
@@ -59,6 +60,8 @@ REQUESTS = {
     },
     "every joint law, driven": Request(SLIDER, "contact", "driven", SHORT),
     "every joint law, static": Request(SLIDER, "contact", "static", SHORT),
+    "laws that are not linear, driven": Request(CURVED, "ideal", "driven", SHORT),
+    "laws that are not linear, static": Request(CURVED, "ideal", "static", SHORT),
     "two gaps, backwards": Request(
         driven_by(PAPER.with_clearances({"A": 1e-3, "B": 5e-4}), speed=-3.0), "contact", "driven", SHORT
     ),

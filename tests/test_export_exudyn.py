@@ -14,6 +14,7 @@ import pytest
 
 from analytic.mechanism import Drive, Mechanism
 from analytic.mechanism.file import load
+from linkages import curved_slider
 from sim_models.engine import JOINT_MODELS, Motion, Request, Unsupported
 from sim_models.exudyn.engine import ENGINE
 from test_export import PAPER, SHORT, SLIDER, bare, columns, command, driven_by, table
@@ -27,6 +28,7 @@ REPEATS = {"compliant drive": 1e-9, "compliant drive, backwards": 1e-9}
 FILES = {"model.json", "expected.csv", "run.py"}
 ROCKER = load("crank-rocker").with_clearances({"B": 2e-4})
 TURN = np.radians([0.0, 90.0, 45.0, 90.0])
+CURVED = curved_slider()
 REQUESTS = {
     **{
         f"paper, {model}, {motion}": Request(PAPER, model, motion, SHORT)
@@ -37,6 +39,8 @@ REQUESTS = {
     "slider-crank": Request(driven_by(load("slider-crank"), speed=100.0), "ideal", "driven", TURN),
     "every joint law, driven": Request(SLIDER, "contact", "driven", SHORT),
     "every joint law, static": Request(SLIDER.with_joint("A", friction=0.0), "contact", "static", SHORT),
+    "laws that are not linear, driven": Request(CURVED, "ideal", "driven", SHORT),
+    "laws that are not linear, static": Request(CURVED, "ideal", "static", SHORT),
     "linear contact": Request(PAPER.with_joint("B", contact_damping=300.0), "contact", "driven", SHORT),
     "two gaps, backwards": Request(
         driven_by(PAPER.with_clearances({"A": 1e-3, "B": 5e-4}), speed=-3.0), "contact", "driven", SHORT

@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load
 from compare.cli.export import export
-from linkages import inverted_slider
+from linkages import curved_slider, inverted_slider
 from sim_models.engine import Request, Trace, Unsupported
 from sim_models.pybullet.engine import ENGINE
 
@@ -72,6 +72,8 @@ REQUESTS = {
     "every joint law": request(LAWS),
     "every joint law, spring-damper": request(LAWS, "spring-damper"),
     "every joint law, static": request(LAWS, "ideal", "static"),
+    "laws that are not linear": request(curved_slider()),
+    "laws that are not linear, static": request(curved_slider(), "ideal", "static"),
     "a spring without friction, static": request(PAPER.with_joint("E", stiffness=2.0, damping=0.1), "ideal", "static"),
     "pendulum": Request(PENDULUM, time=np.array([0.3, 0.1, 0.2])),
     "pendulum, spring-damper": Request(PENDULUM, "spring-damper", time=np.array([0.03, 0.01])),

@@ -48,7 +48,15 @@ def everything() -> Mechanism:
     m = m.with_body(
         body.name, marker=(0.01, 0.02), section=(0.01, 0.02), inertia=1e-4, youngs_modulus=2e11, shear_modulus=8e10
     )
-    drive = Drive(joint=m.drive_joint.name, speed=7.0, stiffness=500.0, ripple={"amplitude": 0.01, "harmonic": 2})
+    for name, static in ((slide.name, 0.5), (pin.name, 0.2)):
+        m = m.with_joint(name, static_torque=static, stribeck_speed=0.7, drag=0.03, cubic=-0.9)
+    drive = Drive(
+        joint=m.drive_joint.name,
+        speed=7.0,
+        stiffness=500.0,
+        ripple={"amplitude": 0.01, "harmonic": 2},
+        periodic_torque={"amplitude": 0.3, "harmonic": 5},
+    )
     return m.replace(gravity=(1.0, -9.0), drive=drive, loads=(Load(body=body.name, force=(3.0, -4.0), torque=0.6),))
 
 

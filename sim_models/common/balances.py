@@ -96,7 +96,7 @@ def balance(seen: Seen, body: Body) -> tuple[Sum, Sum]:
                 hidden + kink * np.abs(arm),
             )
     if name == m.driven:
-        moment.add(seen.signal("drive_torque"))
+        moment.add(seen.driving())
     return force, moment
 
 
@@ -113,7 +113,7 @@ def power(seen: Seen) -> Sum:
     for load in m.loads:
         flow.add(dot(seen.velocity(load.body, seen.arm(load.body, load.point)), complex(*load.force)))
         flow.add(load.torque * seen.spin(load.body))
-    flow.add(seen.signal("drive_torque") * seen.spin(m.driven))
+    flow.add(seen.driving() * seen.spin(m.driven))
     for joint in m.joints:
         first, second = joint.bodies
         turning, (turn, hidden) = seen.spin(second) - seen.spin(first), seen.turning(joint)

@@ -184,9 +184,15 @@ class Seen:
             return self.signal(f"reaction_{joint.name}_moment"), np.zeros(self.count)
         first, second = joint.bodies
         rate = self.spin(second) - self.spin(first)
-        torque = -joint.stiffness * (self.angle(second) - self.angle(first) - joint.rest_angle) - joint.damping * rate
+        torque = joint.spring(self.angle(second) - self.angle(first)) + joint.damper(rate)
         known = np.abs(rate) > FADING * self.pace
-        return torque - np.where(known, joint.coulomb * np.sign(rate), 0.0), np.where(known, 0.0, joint.coulomb)
+        dry = joint.dry(rate) * np.sign(rate)
+        return torque - np.where(known, dry, 0.0), np.where(known, 0.0, joint.stiction)
+
+    def driving(self) -> np.ndarray:
+        """Torque (N,) N.m on the driven body, of the motor and of what else turns it over its angle."""
+        torque, periodic = self.signal("drive_torque"), self.m.periodic_torque
+        return torque if periodic is None else torque + periodic.at(self.angle(self.m.driven))
 
     @cached_property
     def pace(self) -> float:

@@ -55,12 +55,24 @@ BODY = {
     "shear_modulus": PRESSURE,
 }
 JOINT = {"clearance": LENGTH, "pin_radius": LENGTH, "contact_stiffness": STIFFNESS, "contact_damping": DAMPING}
-REVOLUTE = {"friction_torque": TORQUE, "damping": (2, 1, -1), "stiffness": TORQUE}
+REVOLUTE = {
+    "friction_torque": TORQUE,
+    "static_torque": TORQUE,
+    "stribeck_speed": RATE,
+    "damping": (2, 1, -1),
+    "drag": (2, 1, 0),
+    "stiffness": TORQUE,
+    "cubic": TORQUE,
+}
 PRISMATIC = {
     "friction": FORCE,
     "friction_torque": FORCE,
+    "static_torque": FORCE,
+    "stribeck_speed": SPEED,
     "damping": DAMPING,
+    "drag": (-1, 1, 0),
     "stiffness": STIFFNESS,
+    "cubic": (-2, 1, -2),
     "rest_angle": LENGTH,
 }
 SETTINGS = {
@@ -130,9 +142,11 @@ class Units:
 
         drive = m.drive
         if drive is not None:
-            drive = drive.model_copy(
-                update=fields(drive, {"stiffness": TORQUE} | ({"speed": RATE} if m.speed is not None else {}))
-            )
+            scaled = fields(drive, {"stiffness": TORQUE} | ({"speed": RATE} if m.speed is not None else {}))
+            if drive.periodic_torque is not None:
+                torque = self.from_si(drive.periodic_torque.amplitude, TORQUE)
+                scaled["periodic_torque"] = drive.periodic_torque.model_copy(update={"amplitude": torque})
+            drive = drive.model_copy(update=scaled)
         return m.replace(
             gravity=self.from_si(m.gravity, ACCELERATION),
             ground=m.ground.model_copy(update={"points": points(m.ground.points)}),

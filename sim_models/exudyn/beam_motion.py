@@ -81,8 +81,8 @@ class RigidMotion:
         rate = self._in_time(travel)[0]
         longest = max(body.length for body in self.m.bodies) if joint.prismatic else 1.0
         rate = np.where(np.abs(rate) < STANDSTILL * longest * np.abs(self._rate), 0.0, rate)
-        against = joint.coulomb * np.sign(rate) + (joint.damping * rate if moving else 0.0)
-        return -against - joint.stiffness * (travel[2] - joint.rest_angle)
+        slip = rate if moving else np.zeros_like(rate)
+        return joint.spring(travel[2]) + joint.damper(slip) - joint.dry(slip) * np.sign(rate)
 
     @cached_property
     def _linear(self) -> dict[str, np.ndarray]:

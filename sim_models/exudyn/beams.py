@@ -197,6 +197,9 @@ class _Beams:
     def _pushes(self, k: int) -> list[Push]:
         """Weights, loads, joint laws and inertia."""
         pushes: list[Push] = [(load.body, load.point, complex(*load.force), load.torque) for load in self.m.loads]
+        if self.m.periodic_torque is not None:
+            torque = float(self.m.periodic_torque.at(self.motion.angle(self.m.driven)[k]))
+            pushes.append((self.m.driven, MASS_CENTRE, 0j, torque))
         inertia = self.motion.inertia(k)
         for b in self.m.bodies:
             force, torque = b.mass * complex(*self.m.gravity), 0.0
@@ -246,7 +249,7 @@ def _crank(request: Request) -> tuple[np.ndarray, np.ndarray | float, np.ndarray
         raise Unsupported(f"{m.name}: beams move with their crank; a free drive has no angle to put it at")
     motor, theta = motor_of(request), np.asarray(request.crank_angle, float)
     if motor is None:
-        rubs = any(j.coulomb for j in m.joints)
+        rubs = any(j.rubs for j in m.joints)
         return theta, (m.speed or 1.0) if rubs else 0.0, 0.0, None
     time = report_times(request, motor)
     return theta if theta.size else motor.angles(time), motor.angles(time, 1), motor.angles(time, 2), time

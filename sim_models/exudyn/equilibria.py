@@ -132,11 +132,12 @@ class Equilibria:
             force[b.name] = b.mass * (complex(*self.m.gravity) - acceleration)
             torque[b.name] = -b.moment_of_inertia * turning
         slide = {}
-        rate = self._rates(theta, speed) if any(j.coulomb or (moving and j.damping) for j in self.m.joints) else {}
+        rate = self._rates(theta, speed) if any(j.rubs or (moving and j.damped) for j in self.m.joints) else {}
         for j in self.m.joints:
             law = 0.0
             if rate:
-                law = -j.coulomb * self._direction(j, rate[j.name]) - (j.damping * rate[j.name] if moving else 0.0)
+                slip = rate[j.name] if moving else 0.0
+                law = j.damper(slip) - j.dry(slip) * self._direction(j, rate[j.name])
             if j.prismatic:
                 slide[j.name] = law
             else:

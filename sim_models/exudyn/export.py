@@ -111,7 +111,7 @@ def _at_rest(run: ExudynRun) -> tuple[ExudynLinkage, dict[str, Any]]:
                 "remembered": np.array(link.mbs.systemData.GetDataCoordinates(initial)).tolist(),
                 "loads": list(link.body_loads().values()),
                 "slides": {
-                    j.name: link.item(f"law {j.name}")["force"] for j in run.m.joints if j.prismatic and _has_law(j)
+                    j.name: link.item(f"law {j.name}")["force"] for j in run.m.joints if j.prismatic and j.has_law
                 },
             }
         )
@@ -133,6 +133,7 @@ def _parts(link: ExudynLinkage) -> dict[str, Any]:
         ],
         "joints": {joint.name: _joint(link, joint) for joint in m.joints},
         "drive": _drive(link),
+        "periodic_torque": m.periodic_torque and {"body": m.driven, **m.periodic_torque.model_dump()},
     }
 
 
@@ -159,26 +160,25 @@ def _joint(link: ExudynLinkage, joint: Joint) -> dict[str, Any]:
         part["parameters"] = {name: np.asarray(every[name]).tolist() for name in PARAMETERS[how]}
         if how == "contact":
             part["remembered"] = link.mbs.GetNode(item["nodeNumber"])["initialCoordinates"].tolist()
-    if _has_law(joint):
+    if joint.has_law:
         moving = link.model.motion == "driven"  # at rest, friction and damping are loads
         law = {"stiffness": joint.stiffness, "offset": joint.rest_angle, "damping": joint.damping if moving else 0.0}
-        friction = joint.coulomb if moving else 0.0
-        if joint.prismatic:
-            part |= {
-                "law": law,
+        friction, falls = (joint.coulomb, joint.stribeck_speed) if moving else (0.0, None)
+        creep = link.model.creep * (link.model.size if joint.prismatic else 1.0)
+        part["law"] = law
+        curved = joint.cubic or falls or (moving and joint.drag)
+        if curved or (joint.prismatic and friction):
+            part["curved"] = {
+                "cubic": joint.cubic,
+                "drag": joint.drag if moving else 0.0,
                 "friction": friction,
-                "creep": link.model.creep * max(body.length for body in link.m.bodies),
+                "static": joint.stiction if falls else friction,
+                "stribeck_speed": falls or 0.0,
+                "creep": creep,
             }
-        else:
-            part["law"] = law | {
-                "dynamicFrictionForce": friction,
-                "frictionProportionalZone": link.model.creep if friction else 0.0,
-            }
+        elif not joint.prismatic:
+            part["law"] |= {"dynamicFrictionForce": friction, "frictionProportionalZone": creep if friction else 0.0}
     return part
-
-
-def _has_law(joint: Joint) -> bool:
-    return bool(joint.stiffness or joint.damping or joint.coulomb)
 
 
 def _closed_by(link: ExudynLinkage, joint: Joint) -> str:

@@ -194,7 +194,7 @@ class ExudynLinkage:
             value = raw[f"force {joint.name}"]
             if joint.prismatic:
                 along = np.exp(1j * angle[joint.bodies[0]]) if joint.bodies[0] != GROUND else 1.0
-                axial = -raw[f"law {joint.name}"][:, 0] if joint.name in self.model.slides else 0.0
+                axial = -sum(raw[law][:, 0] for law in (f"law {joint.name}", f"curved {joint.name}") if law in raw)
                 force[joint.name] = (axial + 1j * multiplier * value[:, 1]) * joint.direction * along
                 moment[joint.name] = -multiplier * raw[f"moment {joint.name}"][:, 2]
             elif joint.name not in self.model.clearance:

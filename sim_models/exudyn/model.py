@@ -73,6 +73,7 @@ class ExudynModel:
         for joint in mechanism.joints:
             self._add_joint(joint, start)
             self._add_joint_law(joint)
+        self._add_periodic_torque()
         self._add_drive(start, motor)
         self.mbs.Assemble()
 
@@ -235,16 +236,21 @@ class ExudynModel:
         """Friction, damping and spring of a joint; in statics friction and damping are loads (:meth:`load_bodies`)."""
         moving = self.motion == "driven"
         damping, friction = (joint.damping, joint.coulomb) if moving else (0.0, 0.0)
+        curved = joint.cubic or (moving and (joint.drag or joint.stribeck_speed))
         if joint.prismatic:
-            if joint.stiffness or joint.damping or joint.coulomb:
-                self._add_slide_law(joint, damping, friction)
+            if joint.has_law:
+                self._add_slide_law(joint, moving, bool(curved or friction))
+        elif curved:
+            kind = self.items.ObjectConnectorCoordinateSpringDamper
+            self._add_own_law(
+                joint, moving, self.creep, kind,
+                markerNumbers=[self._angle(body) for body in joint.bodies],
+                stiffness=joint.stiffness, offset=joint.rest_angle, damping=damping,
+            )  # fmt: skip
         elif joint.stiffness or damping or friction:
             self.mbs.AddObject(
                 self.items.ObjectConnectorCoordinateSpringDamperExt(
-                    markerNumbers=[
-                        self._fixed if body == GROUND else self._coordinate(self.nodes[body], 2)
-                        for body in joint.bodies
-                    ],
+                    markerNumbers=[self._angle(body) for body in joint.bodies],
                     stiffness=joint.stiffness,
                     offset=joint.rest_angle,
                     damping=damping,
@@ -253,36 +259,79 @@ class ExudynModel:
                 )
             )
 
-    def _add_slide_law(self, joint: Joint, damping: float, friction: float) -> None:
-        from exudyn.utilities import CreateSymbolicUserFunction
+    def _angle(self, body: str) -> Any:
+        """Marker of a body's angle."""
+        return self._fixed if body == GROUND else self._coordinate(self.nodes[body], 2)
 
-        symbolic, creep = self.exu.symbolic, self.creep * self.size
-        markers = [
-            self._marker(body, joint.name, cmath.phase(joint.direction) if k == 0 else 0.0)
-            for k, body in enumerate(joint.bodies)
-        ]
-        number = self.mbs.AddObject(
-            self.items.ObjectConnectorLinearSpringDamper(
-                markerNumbers=markers,
-                axisMarker0=[1.0, 0.0, 0.0],
-                stiffness=joint.stiffness,
-                offset=joint.rest_angle,
-                damping=damping,
-            )
-        )
-        if friction:
-
-            def law(mbs: Any, t: Any, item: Any, travel: Any, rate: Any, k: Any, d: Any, rest: Any) -> Any:
-                return k * (travel - rest) + d * rate + friction * symbolic.max(symbolic.min(rate / creep, 1.0), -1.0)
-
-            self.mbs.SetObjectParameter(number, "springForceUserFunction", law)
-            self.mbs.SetObjectParameter(
-                number,
-                "springForceUserFunction",
-                CreateSymbolicUserFunction(self.mbs, law, "springForceUserFunction", number),
-            )
+    def _add_slide_law(self, joint: Joint, moving: bool, curved: bool) -> None:
+        """Spring and damper along a slide, and by its side what is not linear: a connector with a function of its own
+        has no constant ``force``, which friction is at rest.
+        """
+        kind = self.items.ObjectConnectorLinearSpringDamper
+        ends = {
+            "markerNumbers": [
+                self._marker(body, joint.name, cmath.phase(joint.direction) if k == 0 else 0.0)
+                for k, body in enumerate(joint.bodies)
+            ],
+            "axisMarker0": [1.0, 0.0, 0.0],
+        }
+        linear = {"stiffness": joint.stiffness, "damping": joint.damping if moving else 0.0}
+        number = self.mbs.AddObject(kind(**ends, **linear, offset=joint.rest_angle))
         self.slides[joint.name] = number
         self._sense(f"law {joint.name}", self.items.SensorObject, "ForceLocal", objectNumber=number)
+        if curved:
+            number = self._add_own_law(joint, moving, self.creep * self.size, kind, **ends, offset=joint.rest_angle)
+            self._sense(f"curved {joint.name}", self.items.SensorObject, "ForceLocal", objectNumber=number)
+
+    def _add_own_law(self, joint: Joint, moving: bool, creep: float, kind: Any, **fields: object) -> Any:
+        """A connector with a joint's law that is not linear, in a function that Exudyn compiles.  Friction fades where
+        the joint is slower than ``creep`` (rad/s; prismatic: m/s).
+        """
+        from exudyn.utilities import CreateSymbolicUserFunction
+
+        symbolic, cubic = self.exu.symbolic, joint.cubic
+        drag, friction = (joint.drag, joint.coulomb) if moving else (0.0, 0.0)
+        excess, fades = (joint.stiction - joint.coulomb, joint.stribeck_speed) if moving else (0.0, None)
+        number = self.mbs.AddObject(kind(**fields))
+
+        def law(mbs: Any, t: Any, item: Any, travel: Any, rate: Any, k: Any, d: Any, rest: Any) -> Any:
+            stretch = travel - rest
+            force = k * stretch + d * rate
+            if cubic:
+                force = force + cubic * stretch * stretch * stretch
+            if drag:
+                force = force + drag * symbolic.abs(rate) * rate
+            if friction or fades:
+                dry = symbolic.Real(friction)
+                if fades:
+                    dry = dry + excess * symbolic.exp(-(rate / fades) * (rate / fades))
+                force = force + dry * symbolic.max(symbolic.min(rate / creep, 1.0), -1.0)
+            return force
+
+        self.mbs.SetObjectParameter(number, "springForceUserFunction", law)
+        compiled = CreateSymbolicUserFunction(self.mbs, law, "springForceUserFunction", number)
+        self.mbs.SetObjectParameter(number, "springForceUserFunction", compiled)
+        return number
+
+    def _add_periodic_torque(self) -> None:
+        """What turns the driven body over its angle, as a spring of a law of its own."""
+        from exudyn.utilities import CreateSymbolicUserFunction
+
+        periodic = self.m.periodic_torque
+        if periodic is None:
+            return
+        amplitude, harmonic, phase = periodic.amplitude, float(periodic.harmonic), periodic.phase
+
+        def law(mbs: Any, t: Any, item: Any, angle: Any, rate: Any, k: Any, d: Any, rest: Any) -> Any:
+            return -amplitude * self.exu.symbolic.sin(harmonic * angle + phase)
+
+        number = self.mbs.AddObject(
+            self.items.ObjectConnectorCoordinateSpringDamper(
+                markerNumbers=[self._fixed, self._angle(self.m.driven)], springForceUserFunction=law
+            )
+        )
+        compiled = CreateSymbolicUserFunction(self.mbs, law, "springForceUserFunction", number)
+        self.mbs.SetObjectParameter(number, "springForceUserFunction", compiled)
 
     def _add_drive(self, start: Mapping[str, Pose], motor: RunMotor | None) -> None:
         self.drive, self.compliant = None, False

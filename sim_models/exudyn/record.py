@@ -188,8 +188,12 @@ class Judge:
             at = locate(m, record.com, record.angle, load.body, load.point)
             energy -= np.real(at * np.conj(complex(*load.force))) + load.torque * record.angle[load.body]
         for j in m.joints:
-            if j.stiffness:
-                energy += j.stiffness / 2 * (travel(m, record, j) - j.rest_angle) ** 2
+            if j.springy:
+                stretch = travel(m, record, j) - j.rest_angle
+                energy += j.stiffness / 2 * stretch**2 + j.cubic / 4 * stretch**4
+        if m.periodic_torque is not None:
+            wave = m.periodic_torque
+            energy += wave.amplitude / wave.harmonic * np.cos(wave.harmonic * record.angle[m.driven] + wave.phase)
         for name, stiffness in self.stiffness.items():
             energy += stiffness / 2 * np.maximum(np.abs(record.gap[name]) - self.clearance[name], 0) ** 2
         drive = m.drive_stiffness

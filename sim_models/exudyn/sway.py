@@ -67,7 +67,7 @@ def sway(equilibria: Equilibria, motor: RunMotor, stiffness: float) -> Sway | No
     found.
     """
     time = period(motor)
-    if time is None or any(j.stiffness and _winds(equilibria, j.name) for j in equilibria.m.joints):
+    if time is None or any(j.springy and _winds(equilibria, j.name) for j in equilibria.m.joints):
         return None
     try:
         coefficients = _coefficients(

@@ -153,6 +153,9 @@ class LeapfrogWorld(ABC):
                 self.turn(load.body, load.torque)
         for joint in self.laws.joints:
             self._apply_law(joint)
+        periodic, crank = self.mechanism.periodic_torque, self.mechanism.driven
+        if periodic is not None:
+            self.turn(crank, periodic.at(self.angle(crank)))
         if self.request.joint_model == "spring-damper":
             for name, pin in self.pins.items():
                 self.pin_gaps[name], rate = self.gap(name)

@@ -24,7 +24,7 @@ class JointLaws:
 
     def __init__(self, m: Mechanism, static: bool, top_speed: float) -> None:
         self.mechanism, self.static = m, static
-        self.joints = [j for j in m.joints if j.coulomb or j.damping or j.stiffness]
+        self.joints = [j for j in m.joints if j.has_law]
         self.sliding: dict[str, float] = {}
         zone = SLIDING_ZONE * (top_speed or FREE_SPEED)
         crank = moving_body(m, m.driven)
@@ -32,15 +32,16 @@ class JointLaws:
 
     def effort(self, j: Joint, position: float, rate: float) -> float:
         """Torque (N.m; prismatic: force, N) on the joint's second body at its angle (rad; travel, m) and rate."""
-        slip = self.sliding.get(j.name, 0.0) if self.static else max(-1.0, min(1.0, rate / self.fades_below[j.name]))
-        damping = 0.0 if self.static else j.damping * rate
-        return -j.coulomb * slip - damping - j.stiffness * (position - j.rest_angle)
+        if self.static:
+            return j.spring(position) - j.stiction * self.sliding.get(j.name, 0.0)
+        slip = max(-1.0, min(1.0, rate / self.fades_below[j.name]))
+        return j.spring(position) + j.damper(rate) - j.dry(rate) * slip
 
     def set_sliding(self, assembly: Assembly, theta: float, direction: float) -> None:
         """Let friction at rest oppose the ideal motion at this crank angle (rad), the crank turning in a direction
         (1 or -1).
         """
-        if not any(j.coulomb for j in self.joints):
+        if not any(j.rubs for j in self.joints):
             return
         moving = poses(assembly, theta, direction) | {GROUND: AT_REST}
         for j in self.joints:

@@ -21,6 +21,7 @@ from sim_models.engine import Cause, Request, SimulationError
 from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
+from sim_models.mujoco.passive import felt
 from sim_models.mujoco.state import contact_rows, gap, joint_forces, signals, touch
 
 NUDGE = 1e-7  # rad or m, of difference quotients
@@ -51,13 +52,14 @@ def balance(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, sl
     mujoco.mj_fwdPosition(m, d)
     if touch(link, always=True):
         mujoco.mj_makeConstraint(m, d)
-    mujoco.mj_fwdVelocity(m, d)
+    with felt(link.passive):
+        mujoco.mj_fwdVelocity(m, d)
     mujoco.mj_fwdActuation(m, d)
     inertia = np.zeros(m.nv)
     mujoco.mj_mulM(m, d, inertia, a)
     load = inertia + d.qfrc_bias - d.qfrc_passive - d.qfrc_actuator
-    for name, form in link.friction_forms.items():
-        load += slip[name] * form
+    for joint, form in link.rubbing:
+        load += slip[joint.name] * joint.dry(abs(float(form @ v))) * form
     jacobian = d.efc_J.reshape(d.nefc, m.nv)
     push = jacobian.copy()
     rows = np.ones(d.nefc, bool)
@@ -164,7 +166,7 @@ class Equilibria:
 
     def slip(self, theta: float) -> dict[str, float]:
         """Sign of each joint's relative velocity, second body less first, as the drive turns the ideal linkage."""
-        if self.direction == 0 or not any(j.coulomb or j.friction for j in self.mechanism.joints):
+        if self.direction == 0 or not any(j.rubs or j.friction for j in self.mechanism.joints):
             return {j.name: 0.0 for j in self.mechanism.joints}
         link, h = self.ideal, math.copysign(1e-4, self.direction)
         back, ahead = (link.placed(poses(self.assembly, theta + side * h)) for side in (-1, 1))
@@ -173,7 +175,8 @@ class Equilibria:
 
     def signals(self, link: MujocoLinkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:
         """All signals of the equilibrium that was found last."""
-        friction = {j.name: -j.coulomb * slip[j.name] for j in self.mechanism.joints}
+        rates = {joint.name: float(form @ link.data.qvel) for joint, form in link.rubbing}
+        friction = {joint.name: -joint.dry(rates[joint.name]) * slip[joint.name] for joint, _ in link.rubbing}
         return signals(link, joint_forces(link, found.force), friction)
 
     def reactions(self, theta: float, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> dict[str, complex]:

@@ -109,6 +109,16 @@ def _meaning(link: MujocoLinkage) -> dict[str, Any]:
             }
             for j in link.mechanism.joints
         },
+        "curved_laws": {
+            f"law:{joint.name}": {
+                "form": form.tolist(),
+                "cubic": joint.cubic,
+                "drag": joint.drag,
+                "friction": [joint.coulomb, joint.stiction, joint.stribeck_speed] if joint.stribeck_speed else None,
+            }
+            for joint, form in (link.passive.joints.values() if link.passive else ())
+        },
+        "periodic_torque": _periodic(link),
         "contacts": {
             name: {
                 "clearance": link.radii[name][0],
@@ -120,6 +130,19 @@ def _meaning(link: MujocoLinkage) -> dict[str, Any]:
             }
             for name, con in link.touch.items()
         },
+    }
+
+
+def _periodic(link: MujocoLinkage) -> dict[str, Any] | None:
+    """A torque over the angle of the driven body: that angle is ``angle`` plus ``form`` times the coordinates."""
+    wave = link.mechanism.periodic_torque
+    if wave is None or link.passive is None:
+        return None
+    return {
+        **wave.model_dump(),
+        "body": link.mechanism.driven,
+        "angle": link.passive.angle,
+        "form": link.passive.form.tolist(),
     }
 
 
@@ -168,7 +191,7 @@ def _state(near: Equilibria, theta: float) -> dict[str, Any]:
         raise near.failed(
             Cause.NO_EQUILIBRIUM, "the equilibrium cannot be found a second time", theta, "use a smaller clearance"
         )
-    dry = -sum((slip[name] * form for name, form in link.friction_forms.items()), still)
+    dry = -sum((slip[joint.name] * joint.stiction * form for joint, form in link.rubbing), still)
     sliding = {name: -slip[name] * link.mechanism.joint(name).friction for name in link.touch}
     for name, row in contact_rows(link).items():
         if sliding[name]:
@@ -176,6 +199,6 @@ def _state(near: Equilibria, theta: float) -> dict[str, Any]:
     return {
         "qpos": found.q.tolist(),
         "dry_friction": dry.tolist(),
-        "joint_friction": {j.name: -j.coulomb * slip[j.name] for j in link.mechanism.joints if j.coulomb},
+        "joint_friction": {j.name: -j.stiction * slip[j.name] for j in link.mechanism.joints if j.rubs},
         "sliding": {name: share for name, share in sliding.items() if share},
     }

@@ -244,14 +244,14 @@ class Description:
         if not self.gives(j):
             return ""
         terms = "".join(f'<joint joint="{n}" coef="{c!r}"/>' for n, c in self.across(j).items() if c)
-        loss = f' frictionloss="{j.coulomb!r}"' if self.setting.friction else ""
+        loss = f' frictionloss="{j.stiction!r}"' if self.setting.friction else ""
         return f'<fixed name="law:{j.name}" stiffness="{j.stiffness!r}" damping="{j.damping!r}"{loss}>{terms}</fixed>'
 
     def gives(self, j: Joint) -> bool:
         """Whether a joint has friction, damping or a spring, and moves: slides may keep its bodies from turning against
         each other.
         """
-        return bool(j.coulomb or j.damping or j.stiffness) and any(self.across(j).values())
+        return j.has_law and any(self.across(j).values())
 
     def _load(self, i: int) -> str:
         load = self.mechanism.loads[i]

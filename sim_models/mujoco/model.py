@@ -18,6 +18,7 @@ from sim_models.common.tree import Branch
 from sim_models.engine import Unsupported
 from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.mjcf import RIGID, Description, Setting
+from sim_models.mujoco.passive import Passive
 
 SOFT = 1e-4  # impedance of a row that is a spring and damper: MuJoCo's smallest, so that its reference is the force
 LIGHT = 1e2  # 1/kg times the lighter link's mass: makes the virtual mass of such a row 1e-6 of that link's
@@ -65,6 +66,11 @@ class MujocoLinkage:
         self.data = mujoco.MjData(m)
         self._name_things()
         self._set_laws()
+        driven = mechanism.driven
+        curved = [j for j in mechanism.joints if j.name in self.laws and (j.cubic or j.drag or j.stribeck_speed)]
+        laws = {self.laws[j.name]: (j, self.between(j)) for j in curved}
+        passive = Passive(laws, mechanism.periodic_torque, self.fixed_angle[driven], self.form[driven])
+        self.passive = passive if laws or mechanism.periodic_torque else None
 
     def _name_things(self) -> None:
         m, joints = self.model, self.mechanism.joints
@@ -101,7 +107,7 @@ class MujocoLinkage:
             for n in self.contacts
             for j in [self.mechanism.joint(n)]
         }
-        self.friction_forms = {j.name: j.coulomb * self.between(j) for j in joints if j.coulomb}
+        self.rubbing = [(j, self.between(j)) for j in joints if j.rubs]  # each with the form of its coordinate
 
     def _part(self, b: Branch) -> Part:
         name = b.body.name

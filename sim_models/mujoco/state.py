@@ -12,7 +12,10 @@ from analytic.mechanism import GROUND
 from sim_models.common.rates import rate_columns
 from sim_models.engine import Cause, SimulationError
 from sim_models.mujoco.model import CONTACT_ROWS, ROW, MujocoLinkage
+from sim_models.mujoco.passive import felt
 
+SWAY = 1.0  # rad: how far a joint may go from where it starts, for the tangent of a spring that is not linear
+UNKNOWN_SPEED = 10.0  # rad/s, of a linkage that nothing drives, for the slope of its drag
 SINGULAR = 1e-9  # of the largest: a singular value of closing joints that says nothing
 Applied = tuple[complex, complex]  # force on a joint's second body (N), and the point where it acts (m)
 
@@ -44,7 +47,8 @@ def advance(link: MujocoLinkage, count: int) -> None:
     """Take steps."""
     m, d = link.model, link.data
     if not link.touch:
-        mujoco.mj_step(m, d, nstep=count)
+        with felt(link.passive):
+            mujoco.mj_step(m, d, nstep=count)
         return
     for _ in range(count):
         begin_step(link)
@@ -57,11 +61,14 @@ def begin_step(link: MujocoLinkage) -> None:
     MuJoCo's convex cone drives sliding surfaces apart at friction coefficient times slip; that is taken back here.
     """
     m, d = link.model, link.data
-    mujoco.mj_step1(m, d)
+    with felt(link.passive):
+        mujoco.mj_step1(m, d)
     if not touch(link):
         return
     mujoco.mj_makeConstraint(m, d)
     mujoco.mj_referenceConstraint(m, d)
+    if link.passive is not None:
+        link.passive.rub(d)
     for i, name in enumerate(link.touching):
         friction = link.mechanism.joint(name).friction
         if friction:
@@ -150,17 +157,10 @@ def law_torque(link: MujocoLinkage, name: str, friction: Mapping[str, float]) ->
     """Spring, damper and friction of a joint on its second body (N.m or N)."""
     j = link.mechanism.joint(name)
     if name not in link.laws:  # nothing, or a spring that slides keep from turning
-        return (
-            0.0
-            if j.prismatic
-            else -j.stiffness * (link.fixed_angle[j.bodies[1]] - link.fixed_angle[j.bodies[0]] - j.rest_angle)
-        )
+        return 0.0 if j.prismatic else j.spring(link.fixed_angle[j.bodies[1]] - link.fixed_angle[j.bodies[0]])
     m, d, t = link.model, link.data, link.laws[name]
-    return (
-        friction.get(name, 0.0)
-        - j.stiffness * (d.ten_length[t] - m.tendon_lengthspring[t, 0])
-        - j.damping * d.ten_velocity[t]
-    )
+    stretch = float(d.ten_length[t] - m.tendon_lengthspring[t, 0])
+    return friction.get(name, 0.0) + j.spring(stretch + j.rest_angle) + j.damper(float(d.ten_velocity[t]))
 
 
 def _cross(a: complex, b: complex) -> float:
@@ -194,6 +194,9 @@ def signals(
 
     for number, load in zip(link.load_sites, link.mechanism.loads, strict=True):
         act(load.body, complex(*load.force), load.torque + _cross(complex(*site[number]), complex(*load.force)))
+    periodic, crank = link.mechanism.periodic_torque, link.mechanism.driven
+    if periodic is not None:
+        act(crank, 0j, periodic.at(link.fixed_angle[crank] + float(link.form[crank] @ q)))
     for name, (force, at) in forces.items():
         first, second = link.mechanism.joint(name).bodies
         moment = _cross(at, force) + law_torque(link, name, friction)
@@ -262,7 +265,14 @@ def stiffest_law(link: MujocoLinkage, q: np.ndarray) -> float:
     d.qpos[:] = q
     mujoco.mj_fwdPosition(m, d)
     springs = [(link.mechanism.joint(n), link.between(link.mechanism.joint(n))) for n in link.laws]
-    laws = [(j.stiffness, j.damping, form) for j, form in springs]
+    speed = abs(link.mechanism.speed or UNKNOWN_SPEED)
+    laws = []
+    for j, form in springs:
+        stretch = float(form @ q - m.tendon_lengthspring[link.laws[j.name], 0])
+        stiffness = j.stiffness + 3 * abs(j.cubic) * (abs(stretch) + SWAY * (link.size if j.prismatic else 1.0)) ** 2
+        falling = (j.stiction - j.coulomb) / j.stribeck_speed if j.stribeck_speed else 0.0
+        damping = j.damping + 2 * j.drag * speed * (link.size if j.prismatic else 1.0) + falling
+        laws.append((stiffness, damping, form))
     if link.description.compliant:
         laws.append((link.description.stiffness, 0.0, link.form[link.mechanism.driven]))
     rates = [0.0]

@@ -56,7 +56,7 @@ class Revolution:
         except AssemblyError:
             return False
         first, last = (link.placed(poses(self.assembly, at)) for at in ends)
-        springs = [link.between(j) for j in link.mechanism.joints if j.stiffness]
+        springs = [link.between(j) for j in link.mechanism.joints if j.springy]
         return all(abs(float(form @ (last - first))) < 1.0 for form in springs)
 
     def state(self, lag: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

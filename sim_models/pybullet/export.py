@@ -162,6 +162,7 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
         "joints": {j.name: _joint(world, j) for j in m.joints},
         "constraints": _constraints(world),
         "laws": {j.name: _law(world, j) for j in world.laws.joints},
+        "periodic_torque": m.periodic_torque and m.periodic_torque.model_dump(),
         "markers": {
             name: _from_com(world, name, "com") if name in m.moving else [0.0, 0.0] for name in world.names.values()
         },
@@ -205,9 +206,13 @@ def _constraints(world: RecordedWorld) -> list[dict[str, Any]]:
 def _law(world: RecordedWorld, j: Joint) -> dict[str, float]:
     return {
         "friction": j.coulomb,
+        "static": j.stiction,
+        "stribeck_speed": j.stribeck_speed or 0.0,
         "fades_below": world.laws.fades_below[j.name],
         "damping": j.damping,
+        "drag": j.drag,
         "stiffness": j.stiffness,
+        "cubic": j.cubic,
         "rest": j.rest_angle,
     }
 

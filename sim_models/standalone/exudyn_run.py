@@ -67,6 +67,8 @@ class System:
         self.loads = [self.add_load(**load) for load in self.model["loads"]]  # first the weights, one for each body
         for name, joint in self.joints.items():
             self.add_slide(name, joint) if joint["closed_by"] == "slide" else self.add_pin(name, joint)
+        if self.model["periodic_torque"]:
+            self.add_wave(**self.model["periodic_torque"])
         self.motor = self.add_drive(**self.model["drive"]) if self.model["drive"] else None
         self.mbs.Assemble()
 
@@ -114,7 +116,12 @@ class System:
             angles = [
                 self.still if body == "ground" else self.coordinate(self.node[body], 2) for body in joint["bodies"]
             ]
-            self.mbs.AddObject(item.ObjectConnectorCoordinateSpringDamperExt(markerNumbers=angles, **joint["law"]))
+            curved = "curved" in joint
+            plain = item.ObjectConnectorCoordinateSpringDamperExt
+            kind = item.ObjectConnectorCoordinateSpringDamper if curved else plain
+            law = self.mbs.AddObject(kind(markerNumbers=angles, **joint["law"]))
+            if curved:
+                self.bend(law, **joint["curved"])
 
     def add_slide(self, name: str, joint: Mapping[str, Any]) -> None:
         """A prismatic joint, and the spring, damper and dry friction along it; friction fades below the creep speed."""
@@ -125,26 +132,57 @@ class System:
         self.sense(f"moment {name}", item.SensorObject, "TorqueLocal", objectNumber=slide)
         if "law" not in joint:
             return
-        ends, friction, creep = (
+        ends, kind = (
             [self.marker(first, name, along), self.marker(second, name)],
-            joint["friction"],
-            joint["creep"],
+            item.ObjectConnectorLinearSpringDamper,
         )
-        law = self.mbs.AddObject(
-            item.ObjectConnectorLinearSpringDamper(markerNumbers=ends, axisMarker0=[1.0, 0.0, 0.0], **joint["law"])
-        )
-        if friction:
+        self.law[name] = self.mbs.AddObject(kind(markerNumbers=ends, axisMarker0=[1.0, 0.0, 0.0], **joint["law"]))
+        self.sense(f"law {name}", item.SensorObject, "ForceLocal", objectNumber=self.law[name])
+        if "curved" in joint:
+            rest = joint["law"]["offset"]
+            law = self.mbs.AddObject(kind(markerNumbers=ends, axisMarker0=[1.0, 0.0, 0.0], offset=rest))
+            self.bend(law, **joint["curved"])
+            self.sense(f"curved {name}", item.SensorObject, "ForceLocal", objectNumber=law)
 
-            def push(mbs: Any, t: Any, number: Any, travel: Any, rate: Any, k: Any, d: Any, rest: Any) -> Any:
-                return (
-                    k * (travel - rest)
-                    + d * rate
-                    + friction * exu.symbolic.max(exu.symbolic.min(rate / creep, 1.0), -1.0)
-                )
+    def bend(
+        self,
+        number: Any,
+        cubic: float,
+        drag: float,
+        friction: float,
+        static: float,
+        stribeck_speed: float,
+        creep: float,
+    ) -> None:
+        """Add to a joint's spring and damper what is not linear, and its dry friction, which fades below the creep
+        speed; with a Stribeck speed it falls from static friction to that of fast slip.
+        """
 
-            self.set_force(law, push)
-        self.sense(f"law {name}", item.SensorObject, "ForceLocal", objectNumber=law)
-        self.law[name] = law
+        def law(mbs: Any, t: Any, number: Any, travel: Any, rate: Any, k: Any, d: Any, rest: Any) -> Any:
+            stretch = travel - rest
+            force = k * stretch + d * rate
+            if cubic:
+                force = force + cubic * stretch * stretch * stretch
+            if drag:
+                force = force + drag * exu.symbolic.abs(rate) * rate
+            if friction or stribeck_speed:
+                dry = exu.symbolic.Real(friction)
+                if stribeck_speed:
+                    slow = exu.symbolic.exp(-(rate / stribeck_speed) * (rate / stribeck_speed))
+                    dry = dry + (static - friction) * slow
+                force = force + dry * exu.symbolic.max(exu.symbolic.min(rate / creep, 1.0), -1.0)
+            return force
+
+        self.set_force(number, law)
+
+    def add_wave(self, body: str, amplitude: float, harmonic: int, phase: float) -> None:
+        """A torque over a body's angle, as a spring of a law of its own."""
+
+        def law(mbs: Any, t: Any, number: Any, angle: Any, rate: Any, k: Any, d: Any, rest: Any) -> Any:
+            return -amplitude * exu.symbolic.sin(float(harmonic) * angle + phase)
+
+        ends = [self.still, self.coordinate(self.node[body], 2)]
+        self.set_force(self.mbs.AddObject(item.ObjectConnectorCoordinateSpringDamper(markerNumbers=ends)), law)
 
     def set_force(self, number: Any, force: Any) -> None:
         """Give a connector a force of its own, compiled by Exudyn."""
@@ -273,7 +311,7 @@ class System:
             first, second = (centre[body] + complex(*self.points[body][name]) * turn[body] for body in joint["bodies"])
             value, how, gap = seen[f"force {name}"], joint["closed_by"], first - second
             if how == "slide":
-                axial = -seen[f"law {name}"][:, 0] if name in self.law else 0.0
+                axial = -sum(seen[law][:, 0] for law in (f"law {name}", f"curved {name}") if law in seen)
                 force = (axial + 1j * sign * value[:, 1]) * np.exp(1j * joint["direction"]) * turn[joint["bodies"][0]]
                 out[f"reaction_{name}_moment"] = -sign * seen[f"moment {name}"][:, 2]
             elif how == "massless link":  # its force is the tension

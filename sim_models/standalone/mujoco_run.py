@@ -46,6 +46,33 @@ class Simulation:
             getattr(self.model, field)[:] = values
         self.data = mujoco.MjData(self.model)
         self.motor, self.course = self.model.joint(self.start["motor"]).id, self.start["course"]
+        laws = {self.model.tendon(name).id: law for name, law in self.start["curved_laws"].items()}
+        self.curved, self.wave = laws, self.start["periodic_torque"]
+
+    def feel(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Springs and dampers that are not linear, dry friction that falls with speed, and a torque over an angle."""
+        dry = {}
+        for t, law in self.curved.items():
+            size, rate = self.bent(t)
+            data.qfrc_passive[:] += size * np.array(law["form"])
+            if law["friction"]:
+                fast, slow, speed = law["friction"]
+                dry[t] = fast + (slow - fast) * math.exp(-((rate / speed) ** 2))
+        if self.wave:
+            data.qfrc_passive[:] += self.wave_torque() * np.array(self.wave["form"])
+        for row in np.flatnonzero(data.efc_type == int(ROW.mjCNSTR_FRICTION_TENDON)):
+            data.efc_frictionloss[row] = dry.get(int(data.efc_id[row]), data.efc_frictionloss[row])
+
+    def bent(self, t: int) -> tuple[float, float]:
+        """What of a joint's law is not linear, and the joint's rate."""
+        law, rate = self.curved[t], float(self.data.ten_velocity[t])
+        stretch = float(self.data.ten_length[t] - self.model.tendon_lengthspring[t, 0])
+        return -law["cubic"] * stretch**3 - law["drag"] * abs(rate) * rate, rate
+
+    def wave_torque(self) -> float:
+        """The torque over the driven body's angle."""
+        angle = self.wave["angle"] + float(np.array(self.wave["form"]) @ self.data.qpos)
+        return self.wave["amplitude"] * math.sin(self.wave["harmonic"] * angle + self.wave["phase"])
 
     def pins(self, joint: str) -> list[complex]:
         """Centres of a joint's pin on its first and on its second body."""
@@ -133,7 +160,8 @@ class Simulation:
             return 0.0
         spring = self.model.tendon_stiffness[t] * (self.data.ten_length[t] - self.model.tendon_lengthspring[t, 0])
         return (
-            self.rows(ROW.mjCNSTR_FRICTION_TENDON, t).sum()
+            (self.bent(t)[0] if t in self.curved else 0.0)
+            + self.rows(ROW.mjCNSTR_FRICTION_TENDON, t).sum()
             - spring
             - self.model.tendon_damping[t] * self.data.ten_velocity[t]
         )
@@ -153,6 +181,8 @@ class Simulation:
         for i in range(model.nu - bool(self.course)):  # loads are actuators of constant force
             site, (fx, fy, *_, torque) = model.actuator_trnid[i, 0], model.actuator_gear[i]
             act(model.body(model.site_bodyid[site]).name, complex(fx, fy), complex(*data.site_xpos[site, :2]), torque)
+        if self.wave:
+            act(self.wave["body"], 0j, 0j, self.wave_torque())
         for joint, (force, at) in forces.items():
             first, second = self.joints[joint]["bodies"]
             torque = self.own_torque(joint) + friction.get(joint, 0.0)
@@ -294,7 +324,10 @@ def main() -> None:
     simulation = Simulation()
     with (HERE / "expected.csv").open(encoding="utf-8", newline="") as file:
         expected = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+    if simulation.curved or simulation.wave:  # in every evaluation of a step; no model can be compiled meanwhile
+        mujoco.set_mjcb_passive(simulation.feel)
     found = list(simulation.static() if simulation.start["motion"] == "static" else simulation.driven())
+    mujoco.set_mjcb_passive(None)
     if any(warning.number for warning in simulation.data.warning):
         sys.exit("MuJoCo warned: this run is not valid")
     with (HERE / "signals.csv").open("w", encoding="utf-8", newline="") as file:

@@ -23,7 +23,7 @@ import csv
 import json
 import math
 from cmath import exp
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -160,7 +160,11 @@ class World:
         self.look()
         self.force, self.moment = dict.fromkeys(self.places, 0j), dict.fromkeys(self.places, 0.0)
         self.forces: dict[str, complex] = {}  # of joints, on their second bodies
-        self.forces_of_laws = {joint: self.apply_law(joint, **law) for joint, law in self.start["laws"].items()}
+        self.forces_of_laws = {joint: self.apply_law(joint, law) for joint, law in self.start["laws"].items()}
+        wave, crank = self.start["periodic_torque"], self.motor["link"]
+        if wave:  # over the crank's angle
+            turn = wave["harmonic"] * self.places[crank].angle + wave["phase"]
+            self.push(crank, self.places[crank].com, 0j, wave["amplitude"] * math.sin(turn))
         for load in self.start["loads"]:
             self.push(load["link"], self.point(load["link"], load["point"])[0], complex(*load["force"]), load["torque"])
         for joint, gap in self.start["spring_dampers"].items():
@@ -174,9 +178,7 @@ class World:
         p.setTimeStep(h)
         p.stepSimulation()
 
-    def apply_law(
-        self, joint: str, friction: float, fades_below: float, damping: float, stiffness: float, rest: float
-    ) -> complex:
+    def apply_law(self, joint: str, law: Mapping[str, float]) -> complex:
         """Dry friction, damper and spring of a joint, on its second body: a force along a slide (returned), or a torque
         about a hinge.
         """
@@ -185,10 +187,16 @@ class World:
         along = complex(*slides) * exp(1j * a.angle) if slides else 0j
         travel = ((p2 - p1) * along.conjugate()).real if slides else b.angle - a.angle
         rate = ((v2 - v1 - 1j * a.spin * (p2 - p1)) * along.conjugate()).real if slides else b.spin - a.spin
-        slip = (
-            self.sliding.get(joint, 0.0) if self.static else max(-1.0, min(1.0, rate / fades_below))
-        )  # at rest, friction acts against the drive
-        size = -friction * slip - (0.0 if self.static else damping * rate) - stiffness * (travel - rest)
+        stretch = travel - law["rest"]
+        size = -law["stiffness"] * stretch - law["cubic"] * stretch**3
+        if self.static:  # friction acts against the drive
+            size -= law["static"] * self.sliding.get(joint, 0.0)
+        else:
+            fallen = math.exp(-((rate / law["stribeck_speed"]) ** 2)) if law["stribeck_speed"] else 0.0
+            dry = law["friction"] + (law["static"] - law["friction"]) * fallen
+            size -= (
+                dry * max(-1.0, min(1.0, rate / law["fades_below"])) + (law["damping"] + law["drag"] * abs(rate)) * rate
+            )
         self.push(second, p2, size * along, 0.0 if slides else size)
         self.push(first, p1 + travel * along, -size * along, 0.0 if slides else -size)
         return size * along

@@ -1,0 +1,60 @@
+"""Laws that MuJoCo's tendons have no words for, felt in every evaluation of a step, stages of Runge-Kutta included.
+
+MuJoCo has one passive callback for all models; ours is set while a linkage that needs it is evaluated.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from analytic.mechanism import Joint, PeriodicTorque
+
+ROW = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON)
+
+
+@dataclass(frozen=True)
+class Passive:
+    """What acts in a model: the laws of joints, by their tendon's number, each with the form (nv,) of its coordinate;
+    and a torque over the angle of the driven body, which is ``angle`` (rad) plus a ``form`` (nq,) of the coordinates.
+    """
+
+    joints: Mapping[int, tuple[Joint, np.ndarray]]
+    periodic: PeriodicTorque | None
+    angle: float
+    form: np.ndarray
+
+    def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Add to the passive forces, and give dry friction the size that it has at this rate."""
+        for t, (joint, form) in self.joints.items():
+            if joint.cubic or joint.drag:
+                rate, stretch = float(data.ten_velocity[t]), float(data.ten_length[t] - model.tendon_lengthspring[t, 0])
+                data.qfrc_passive[:] -= (joint.cubic * stretch**3 + joint.drag * abs(rate) * rate) * form
+        if self.periodic is not None:
+            data.qfrc_passive[:] += self.periodic.at(self.angle + float(self.form @ data.qpos)) * self.form
+        self.rub(data)
+
+    def rub(self, data: mujoco.MjData) -> None:
+        """Give the rows of dry friction the size that it has at this rate."""
+        falling = {t: j.dry(float(data.ten_velocity[t])) for t, (j, _) in self.joints.items() if j.stribeck_speed}
+        if falling:
+            for row in np.flatnonzero(data.efc_type == ROW).tolist():
+                data.efc_frictionloss[row] = falling.get(int(data.efc_id[row]), data.efc_frictionloss[row])
+
+
+@contextlib.contextmanager
+def felt(passive: Passive | None) -> Iterator[None]:
+    """Within, every evaluation of MuJoCo's feels it.  Not for longer: a model cannot be compiled meanwhile."""
+    if passive is None:
+        yield
+        return
+    before = mujoco.get_mjcb_passive()
+    mujoco.set_mjcb_passive(passive)
+    try:
+        yield
+    finally:
+        mujoco.set_mjcb_passive(before)
