@@ -74,6 +74,11 @@ class Backward:
             return None
         return [self.readings(run, each[run.loads], freedoms[run.loads], self.motions[run.name]) for run in self.runs]
 
+    def signals(self, run: MeasuredRun, hypothesis: Hypothesis) -> Mapping[str, np.ndarray]:
+        """All signals (N,) of a run in its motion, under a hypothesis.  Raises Impossible or AssemblyError."""
+        seen = self.motions[run.name]
+        return kinetostatics(kinematics(self.assembly(run, hypothesis), seen.theta, seen.omega, seen.alpha)).signals()
+
     def readings(self, run: MeasuredRun, assembly: Assembly, freedom: Freedom, seen: Turning) -> dict[str, np.ndarray]:
         """The readings (N,) of a run by signal in a motion."""
         off = seen.alpha - freedom.acceleration(seen.theta, seen.omega)
@@ -108,35 +113,39 @@ def cells(run: MeasuredRun) -> list[str]:
 
 def beginnings(model: Model, bounds: Bounds, cost: Mapping[Term, float]) -> list[Beginning]:
     """Where fits of free runs may begin, the likeliest first; none where a free run has no encoder."""
-    encoder, free = model.rig.encoder, [run for run in model.measured.runs if run.drive == "free"]
-    if any(encoder not in run.channels for run in free):
+    found = read_backward(model)
+    if found is None:
         return []
-    motions = {run.name: course(run, encoder).at(run.time) for run in free}
-    backward = Backward(model, motions)
-    nominal = backward([[]])[0]
-    if nominal is None:
-        return []
-    sigma = max(encoder_noise(run, encoder) for run in free)  # one encoder: where it rests, it shows no noise
-    known = [
-        _as_read(run, model.measured, n, backward.errors(run, sigma)) for run, n in zip(free, nominal, strict=True)
-    ]
-    data = Data(
-        replace(model.measured, runs=tuple(known)),
-        {(run.name, signal): channel.noise for run in known for signal, channel in run.channels.items()},
-        encoder,
-    )
+    backward, data = found
     fitter = Fitter(backward, data, model.rig, bounds)
     base = fitter.at((), {})
     if base is None:
         return []
     terms = [term for term in cost if not term.effect.sensor]
     search = Search(fitter, base, sensitivities(fitter, base, terms), {t: cost[t] for t in terms})
-    starts = {run: np.array([motion.theta[0], motion.omega[0]]) for run, motion in motions.items()}
+    starts = {run: np.array([motion.theta[0], motion.omega[0]]) for run, motion in backward.motions.items()}
     best = search.best()
     near = [fit for fit in fitter.done() if fit.terms and rms(fit.residual) < NEAR * rms(best.residual)]
     leaders = [fit for fit in search.leaders(best) if fit.terms]
     simple = [fit for fit in sorted(near, key=lambda fit: (search.price(fit), fit.chi2)) if fit not in leaders]
     return [Beginning(dict(zip(fit.terms, fit.x, strict=True)), starts) for fit in (*leaders, *simple[:MOST])]
+
+
+def read_backward(model: Model) -> tuple[Backward, Data] | None:
+    """The free runs of a model read backward, and what is read of them; None where one has no encoder."""
+    encoder, free = model.rig.encoder, [run for run in model.measured.runs if run.drive == "free"]
+    if not free or any(encoder not in run.channels for run in free):
+        return None
+    backward = Backward(model, {run.name: course(run, encoder).at(run.time) for run in free})
+    nominal = backward([[]])[0]
+    if nominal is None:
+        return None
+    sigma = max(encoder_noise(run, encoder) for run in free)  # one encoder: where it rests, it shows no noise
+    known = [
+        _as_read(run, model.measured, n, backward.errors(run, sigma)) for run, n in zip(free, nominal, strict=True)
+    ]
+    noise = {(run.name, signal): channel.noise for run in known for signal, channel in run.channels.items()}
+    return backward, Data(replace(model.measured, runs=tuple(known)), noise, encoder)
 
 
 def _as_read(

@@ -31,6 +31,7 @@ from compare.judge.signals import with_derived
 
 TABLES = 500  # linkages whose freedom is kept
 CACHED = 400  # runs whose signals are kept
+ANYWHERE = Turning(np.array([0.3, 1.7, 3.2, 4.9]), np.ones(4), np.zeros(4))  # readings by which motors are told apart
 SLOW = 0.2  # of a run's mean rate, below which a crank says little of the time
 
 
@@ -134,7 +135,7 @@ class Model:
         within = tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor)
         runs = [self.measured.runs[r] for r, _ in asked]
         keys = [
-            (r, age, motor_offset(run, hypothesis), jitter_of(run, hypothesis), within)
+            (r, age, misread(run, hypothesis), jitter_of(run, hypothesis), within)
             for (r, age), run in zip(asked, runs, strict=True)
         ]
         found = {key: self._kept[key] for key in keys if key in self._kept}
@@ -142,8 +143,8 @@ class Model:
             new = [(key, run) for key, run in zip(keys, runs, strict=True) if run.loads == loads and key not in found]
             if new:
                 mechanism = self.altered(new[0][1], hypothesis)
-                motions = [(run, run.time - age, jitter, offset) for (_, age, offset, jitter, _), run in new]
-                found |= zip((key for key, _ in new), self._moved(mechanism, motions), strict=True)
+                motions = [(run, run.time - age, jitter) for (_, age, _, jitter, _), run in new]
+                found |= zip((key for key, _ in new), self._moved(mechanism, motions, hypothesis), strict=True)
         for key in keys:
             self._kept[key] = found[key]
             self._kept.move_to_end(key)
@@ -155,13 +156,16 @@ class Model:
         """All signals of a driven run at times (N,) s of its command, before any sensor.  Raises Impossible or
         AssemblyError.
         """
-        return self._moved(self.altered(run, hypothesis), [(run, time, 0.0, motor_offset(run, hypothesis))])[0]
+        return self._moved(self.altered(run, hypothesis), [(run, time, 0.0)], hypothesis)[0]
 
     def _moved(
-        self, mechanism: Mechanism, motions: Sequence[tuple[MeasuredRun, np.ndarray, float, float]]
+        self,
+        mechanism: Mechanism,
+        motions: Sequence[tuple[MeasuredRun, np.ndarray, float]],
+        hypothesis: Hypothesis,
     ) -> list[dict[str, np.ndarray]]:
-        """All signals of one mechanism in several runs, at times (N,) s that jitter by so much (s), the motor behind
-        its encoder by so much (rad).
+        """All signals of one mechanism in several runs, at times (N,) s that jitter by so much (s), motor and encoder
+        apart, and the crank behind its motor, as a hypothesis says.
         """
         assembly = Assembly(mechanism)
         stiffness = mechanism.drive.stiffness if mechanism.drive else None  # whatever the file's own drive.speed
@@ -171,14 +175,18 @@ class Model:
 
         turns = stiffness is not None and turns_fully(assembly)
         seen, cranks = [], []
-        for run, told, jitter, offset in motions:
+        for run, told, jitter in motions:
             motor = self.motor(run, mechanism)
             time = told - run.time + read_at(run, self.rig.encoder, motor, jitter) if jitter else told
             shaft = self._course(run, time) if run.drive == "measured" else motor.at(time)
             crank = shaft if stiffness is None else motor.crank(time, stiffness, torque, turns)
             # what the encoder reads is what says of the jitter: it is no reading beside it
-            seen.append((self._course(run, told) if jitter else shaft).theta - offset)
-            cranks.append(Turning(crank.theta - offset, crank.omega, crank.alpha))
+            seen.append(turned_by(run, self._course(run, told) if jitter else shaft, hypothesis).theta)
+            turned = turned_by(run, crank, hypothesis)
+            for lag in (term.effect.behind(turned, values) for term, values in hypothesis):
+                if lag is not None:
+                    turned = Turning(turned.theta - lag.theta, turned.omega - lag.omega, turned.alpha - lag.alpha)
+            cranks.append(turned)
         if mechanism.clearances:  # which forces are too faint for a direction is asked of each run by itself
             found = [derived(assembly, crank) for crank in cranks]
         else:
@@ -287,9 +295,17 @@ def sensed(hypothesis: Hypothesis, run: MeasuredRun, seen: Readings) -> dict[str
     return dict(seen)
 
 
-def motor_offset(run: MeasuredRun, hypothesis: Hypothesis) -> float:
-    """How far (rad) the motor is behind the encoder that it follows; zero in a run that does not follow one."""
-    return sum(t.effect.motor_lag(run.name, v) for t, v in hypothesis) if run.drive == "measured" else 0.0
+def turned_by(run: MeasuredRun, read: Turning, hypothesis: Hypothesis) -> Turning:
+    """How a motor turns whose encoder reads this; of a run that follows none it is what was given."""
+    if run.drive == "measured":
+        for term, values in hypothesis:
+            read = term.effect.motor(run.name, read, values)
+    return read
+
+
+def misread(run: MeasuredRun, hypothesis: Hypothesis) -> bytes:
+    """What tells one motor from another that the same encoder's readings are followed by."""
+    return turned_by(run, ANYWHERE, hypothesis).theta.tobytes() if run.drive == "measured" else b""
 
 
 def jitter_of(run: MeasuredRun, hypothesis: Hypothesis) -> float:

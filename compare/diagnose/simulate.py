@@ -20,9 +20,9 @@ from compare.diagnose.predict import (
     heard,
     jitter_of,
     mixed,
-    motor_offset,
     read_at,
     sensed,
+    turned_by,
 )
 from compare.judge.signals import with_derived
 from sim_models.engine import (
@@ -101,7 +101,6 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
     """Trace and signals at times (N,) s of a run behind a motor."""
     run = task.run
     drive = mechanism.drive
-    offset = motor_offset(run, task.hypothesis)
     motor = task.course or Motor(run.speed or 0.0, run.angle or 0.0, drive)
     fields = (drive.model_dump(exclude_unset=True) if drive else {"joint": mechanism.drive_joint.name}) | {
         "ripple": None
@@ -110,14 +109,15 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
         mechanism = mechanism.replace(drive=fields | {"speed": "measured"})
         margin = 1e-6 * float(times[-1] - times[0])
         knots = np.linspace(times[0] - margin, times[-1] + margin, max(2 * times.size, round(1 / COURSE_STEP)))
-        request = Request(
-            mechanism, _joint_model(mechanism), "driven", time=times, course=(knots, motor.at(knots).theta - offset)
-        )
+        angles = turned_by(run, motor.at(knots), task.hypothesis).theta
+        request = Request(mechanism, _joint_model(mechanism), "driven", time=times, course=(knots, angles))
     else:
         mechanism = mechanism.replace(drive=fields | {"speed": float(run.speed or 0.0)})
         request = Request(mechanism, _joint_model(mechanism), "driven", crank_angle=motor.at(times).theta)
     trace = _run(chosen, request)
-    return trace, with_derived(trace.signals, mechanism) | {task.rig.encoder: motor.at(times).theta - offset}
+    return trace, with_derived(trace.signals, mechanism) | {
+        task.rig.encoder: turned_by(run, motor.at(times), task.hypothesis).theta
+    }
 
 
 def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -> tuple[Trace, dict[str, np.ndarray]]:
@@ -130,7 +130,7 @@ def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -
     u = assembly.coordinates(at)
     s = assembly.structure
     placed = {s.bodies[b]: float(u[i, 0] + s.held_at[b]) for i, c in enumerate(s.coordinates) for b in c.bodies if b}
-    drive = {"joint": mechanism.drive_joint.name, "speed": "free"}
+    drive = {"joint": mechanism.drive_joint.name, "speed": "free", "periodic_torque": mechanism.periodic_torque}
     mechanism = mechanism.replace(assembly=placed | {mechanism.driven: angle}, drive=drive)
     since = np.maximum(times - task.run.time[0], 0.0)
     distinct, back = np.unique(since, return_inverse=True)

@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from analytic.mechanism import Mechanism, Ripple
-from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Reciprocal, Rig, Values
+from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Reciprocal, Rig, Values, Wave
 
 HARMONICS = range(1, 13)
 
@@ -38,8 +36,8 @@ class DriveCompliance(Reciprocal):
         return Growth(lambda a: {"stiffness": rig.torque / a}, 0.02)
 
 
-class SpeedRipple(Effect):
-    """A motor that turns unevenly: command plus amplitude sin(harmonic command + phase).  Natural: a cos p, a sin p."""
+class SpeedRipple(Wave):
+    """A motor that turns unevenly: command plus amplitude sin(harmonic command + phase)."""
 
     name = "speed_ripple"
     place = "drive"
@@ -56,23 +54,11 @@ class SpeedRipple(Effect):
         uneven = rig.mechanism.drive is not None and rig.mechanism.drive.ripple is not None
         return ["drive"] if set(rig.driven) - set(rig.following) and not uneven else []
 
-    def measured_by(self, i: int) -> Parameter:
-        return self.parameters[0]
-
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
         return [float(h) for h in HARMONICS]
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-5, 1e-5)
-
-    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
-        return np.array([-math.inf, -math.inf])
-
-    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
-        return {"amplitude": math.hypot(x[0], x[1]), "harmonic": variant, "phase": math.atan2(x[1], x[0])}
-
-    def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
-        return values["amplitude"] * np.array([math.cos(values["phase"]), math.sin(values["phase"])])
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         ripple = Ripple(amplitude=values["amplitude"], harmonic=round(values["harmonic"]), phase=values["phase"])

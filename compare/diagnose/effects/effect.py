@@ -19,6 +19,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from analytic.beyond_paper.drive import Turning
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal, named
 from sim_models.engine import Engine
@@ -265,9 +266,18 @@ class Effect(ABC):
         """Rate (the signal's unit/s) at which its readings creep away from the run's first sample."""
         return 0.0
 
-    def motor_lag(self, run: str, values: Values) -> float:
-        """How far (rad) the motor is behind the encoder's readings, in a run that follows them."""
-        return 0.0
+    def motor(self, run: str, read: Turning, values: Values) -> Turning:
+        """How the motor turns whose encoder reads this, in a run that follows it."""
+        return read
+
+    @property
+    def misreads(self) -> bool:
+        """Whether it says so."""
+        return type(self).motor is not Effect.motor
+
+    def behind(self, motor: Turning, values: Values) -> Turning | None:
+        """How far (rad) the crank is behind a motor, with its rates, at the motor's angles; None where it is not."""
+        return None
 
     def jitter(self, run: str, values: Values) -> float:
         """Root mean square error (s) of the time stamps of a run that follows the encoder."""
@@ -294,3 +304,19 @@ class Reciprocal(Effect):
 
     def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
         return 1 / super().natural(rig, where, values, variant)
+
+
+class Wave(Effect):
+    """Effects that go with an angle, amplitude sin(harmonic angle + phase).  Natural: a cos p, a sin p."""
+
+    def measured_by(self, i: int) -> Parameter:
+        return self.parameters[0]
+
+    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return np.array([-math.inf, -math.inf])
+
+    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
+        return {"amplitude": math.hypot(x[0], x[1]), "harmonic": variant, "phase": math.atan2(x[1], x[0])}
+
+    def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
+        return values["amplitude"] * np.array([math.cos(values["phase"]), math.sin(values["phase"])])

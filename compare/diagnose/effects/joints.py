@@ -118,7 +118,7 @@ class JointSpring(Effect):
         return _unit(rig, where, super().unit(rig, where, parameter))
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return [j.name for j in rig.mechanism.joints if not j.stiffness]
+        return [j.name for j in rig.mechanism.joints if not j.springy]
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         if rig.mechanism.joint(where).prismatic:

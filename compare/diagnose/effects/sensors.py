@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from analytic.beyond_paper.drive import Turning
 from analytic.mechanism.signals import AXES, Signal
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Readings, Rig, Values
 
@@ -80,8 +82,8 @@ class EncoderOffset(EachRun):
         offset = self.value(run, values)
         return {**readings, where: readings[where] + offset} if offset and where in readings else readings
 
-    def motor_lag(self, run: str, values: Values) -> float:
-        return self.value(run, values)
+    def motor(self, run: str, read: Turning, values: Values) -> Turning:
+        return replace(read, theta=read.theta - self.value(run, values))
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         share = draw.rng.uniform(-1, 1, len(rig.driven))

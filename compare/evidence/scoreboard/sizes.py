@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from analytic.beyond_paper.drive import Motor
-from compare.diagnose.effects.effect import Draw, Effect, Growth, Rig, Values
+from compare.diagnose.effects.effect import Draw, Effect, Growth, Readings, Rig, Values
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.predict import Model, Term
@@ -87,8 +87,11 @@ class Sizer:
         """The analytic model of the experiment; a run that follows its encoder follows it with its offset."""
         courses = {}
         for plan in self.experiment.plans:
-            offset = sum(t.effect.motor_lag(plan.name, v) for t, v in truth)
-            courses[plan.name] = Motor(course=CubicSpline(plan.time, plan.command(plan.time) + offset))
+            readings: Readings = {self.rig.encoder: plan.command(plan.time)}
+            for term, values in truth:
+                if term.effect.misreads:
+                    readings = term.effect.on_readings(readings, plan.name, term.where, values)
+            courses[plan.name] = Motor(course=CubicSpline(plan.time, readings[self.rig.encoder]))
         return Model(self.experiment.measured(), self.rig, self.experiment.nominal, courses)
 
     def data(self, truth: Sequence[tuple[Term, Values]]) -> tuple[Model, Data]:
