@@ -190,8 +190,15 @@ class Data:
         white = self._white(self._told(difference / self.sigma))
         return white - self._shift if self._shift.size else white
 
+    def columns(self, changes: np.ndarray) -> np.ndarray:
+        """What columns (size, k) of readings over their noise do to the residual, but for the sign."""
+        return self._white(self._told(changes))
+
     def _white(self, residual: np.ndarray) -> np.ndarray:
-        return residual + self._basis @ (self._less * (self._basis.T @ residual)) if self._less.size else residual
+        if not self._less.size:
+            return residual
+        shared = (self._basis.T @ residual).T * self._less
+        return np.asarray(residual + self._basis @ shared.T)
 
 
 def turned(run: MeasuredRun, encoder: str) -> np.ndarray | None:

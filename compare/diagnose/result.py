@@ -32,6 +32,7 @@ from compare.results.diagnosis import (
     Engine,
     Kind,
     Located,
+    Proposed,
     Rival,
     SensorGap,
     Side,
@@ -68,7 +69,9 @@ SIDES: tuple[Side, ...] = ("before", "after")
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
 
 
-def as_document(problem: Problem, found: Verified, validation: Validation) -> Diagnosis:
+def as_document(
+    problem: Problem, found: Verified, validation: Validation, proposed: tuple[Proposed, ...] = ()
+) -> Diagnosis:
     """Everything found; the command that asked for it is not known here."""
     e = found.explanation
     before, after = _gap(problem, found.before[problem.simulator]), _gap(problem, found.after[problem.simulator])
@@ -99,6 +102,7 @@ def as_document(problem: Problem, found: Verified, validation: Validation) -> Di
         ),
         candidates=(),
         attempts=tuple(_attempt(a) for a in e.attempts),
+        proposed=proposed,
         inseparable=_inseparable(problem),
         engines=_engines(problem, found),
         runs=(*runs, *(_validation_run(validated) for validated in validation.runs)),

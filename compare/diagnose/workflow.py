@@ -14,11 +14,13 @@ from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
 from compare.diagnose.prepare import on_one_turn
-from compare.diagnose.problem import Options, Problem, Progress, silent
+from compare.diagnose.problem import Options, Problem, Progress, Verified, silent
+from compare.diagnose.propose.document import as_proposed
+from compare.diagnose.propose.proposal import proposal
 from compare.diagnose.result import as_document
 from compare.diagnose.validation import parted, validated
 from compare.faults import ArgumentError
-from compare.results.diagnosis import Diagnosis
+from compare.results.diagnosis import Diagnosis, Proposed
 
 
 @contextmanager
@@ -80,4 +82,13 @@ def diagnose(  # noqa: PLR0913 - what a person may ask, by name
             " with less."
         )
     found = problem.verified(explanation)
-    return as_document(problem, found, validated(problem, found, unfitted))
+    return as_document(problem, found, validated(problem, found, unfitted), proposed(problem, found))
+
+
+def proposed(problem: Problem, found: Verified) -> tuple[Proposed, ...]:
+    """A place and a law for what an explanation leaves; none where it leaves nothing, or the time is over."""
+    e = found.explanation
+    if e.verdict not in ("unexplained", "partly explained") or problem.options.late() or problem.search is None:
+        return ()
+    best = proposal(problem.model, problem.search.fitter, e.fit)
+    return () if best is None else (as_proposed(best),)

@@ -12,6 +12,7 @@ from markupsafe import Markup, escape
 from compare.quantities import DASH, MINUS
 from compare.report import diagnosis_figures as figures
 from compare.report import diagnosis_words as words
+from compare.report import proposed
 from compare.report.diagnosis_text import NOTHING_TRIED, SIGNS
 from compare.report.explained import changes, without_null
 from compare.report.pages import script_json
@@ -67,6 +68,16 @@ def diagnosis_html(result: Diagnosis) -> str:
         "validation": validation_sentences(result),
         "attempts": words.attempts(result),
         "nothing_tried": NOTHING_TRIED,
+        "proposed": [
+            (
+                p,
+                proposed.sentences(result, p),
+                proposed.numbers(p),
+                Markup(draw(proposed.figure(result, p, f"law-{i}"))),
+            )
+            for i, p in enumerate(result.proposed)
+        ],
+        "proposal": proposed,
         "unsettled": words.unsettled(result),
         "words": words,
         "steps": [step for step in result.steps if step.title != "Result"],

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 
 from compare.quantities import DASH, MINUS, SUPERSCRIPT, TIMES
+from compare.report import proposed
 from compare.report.diagnosis_words import (
     GAP,
     HELD_OUT,
@@ -76,6 +77,7 @@ def terminal_lines(result: Diagnosis) -> list[str]:
     out += [f"gap elsewhere: {'; '.join(others)}"] if others else []
     out += validation_sentences(result)
     out += _tried(result)
+    out += [f"proposed (not named): {' '.join(proposed.sentences(result, p))}" for p in result.proposed]
     places = worst_first(result)
     out += [f"where: {sentence(result, place)} ({plainly(place.sigmas)} sigma)" for place in places[:PLACES_SHOWN]]
     out += [f"where: {_others(len(places) - PLACES_SHOWN)}"] if len(places) > PLACES_SHOWN else []
@@ -143,7 +145,15 @@ def diagnosis_md(result: Diagnosis) -> str:
         for name, g in result.other_simulators.items()
     ]
     out += [f"- {md(said)}" for said in validation_sentences(result)]
-    out += ["", *_shares(result), *_effects(result), *_attempts(result), *_next(result), *_located(result)]
+    out += [
+        "",
+        *_shares(result),
+        *_effects(result),
+        *_attempts(result),
+        *_proposed(result),
+        *_next(result),
+        *_located(result),
+    ]
     out += [*_in_units(result), *_gaps(result)]
     if result.faults:
         rows = [
@@ -212,6 +222,17 @@ def _attempts(result: Diagnosis) -> list[str]:
     rows = [[str(i), *map(md, row)] for i, row in enumerate(tried, 1)]
     head = ["", "Effect", "Values", "Share of the squared gap", "Gap without → with", "Not named because"]
     return ["## The best attempts", "", *(_table(head, rows, (0, 3)) if rows else [NOTHING_TRIED, ""])]
+
+
+def _proposed(result: Diagnosis) -> list[str]:
+    if not result.proposed:
+        return []
+    out = [f"## {proposed.HEADING}", "", proposed.MEANING, ""]
+    for p in result.proposed:
+        rows = [[md(cell) for cell in row] for row in proposed.numbers(p)]
+        out += [md(" ".join(proposed.sentences(result, p))), ""]
+        out += _table(["Number", "Value", "95 % interval"], rows, (1, 2)) if rows else []
+    return out
 
 
 def _next(result: Diagnosis) -> list[str]:

@@ -20,6 +20,7 @@ Status = Literal["named", "tied", "not needed", "not physical", "invisible", "ex
 Side = Literal["before", "after"]
 Kind = Literal["rig", "sensor"]
 Role = Literal["fit", "validation"]
+Unknown = Literal["torque", "give", "length", "bend", "lag", "error"]
 SETTLED: tuple[Verdict, ...] = ("no gap", "explained")
 Size = Annotated[FiniteFloat, Field(ge=0)]
 Unit = Annotated[str, Field(min_length=1, description="SI; 1 for a number without a unit")]
@@ -125,6 +126,54 @@ class Attempt(Place):
     gap_before: Annotated[Amount, Field(description="Without it, beside the named effects.")]
     gap_after: Annotated[Amount, Field(description="With it, beside the named effects.")]
     failed: Annotated[Text, Field(description="The test that it failed, and by how much.")]
+
+
+class Curve(Part):
+    """What was recovered of an unknown over what its law is of (N samples), and the law there; SI."""
+
+    over: Annotated[str, Field(min_length=1, description="What it is shown over, in words.")]
+    unit: Unit
+    argument: Series
+    recovered: Annotated[Series, Field(description="Solved for at each sample.")]
+    sigma: Annotated[Series, Field(description="1 sigma of it.")]
+    law: Annotated[Series, Field(description="What the law says there.")]
+
+
+class SamePlace(Part):
+    """Another place whose unknown tells these data as well."""
+
+    place: Text
+    unknown: Unknown
+    law: Annotated[str | None, Field(description="In letters; null where no law of the dictionary tells it.")]
+
+
+class Proposed(Part):
+    """A place where one unknown would tell what is left, and the law that it looks like: not a name, and no part of the
+    verdict.
+    """
+
+    place: Annotated[Text, Field(description="The joint, body or signal; drive for a crank behind its encoder.")]
+    unknown: Annotated[
+        Unknown,
+        Field(
+            description="torque in a joint; give of its bearing along the reaction; length of a link; bend of a link"
+            " across its axis; lag of the crank behind its encoder; error of a sensor"
+        ),
+    ]
+    unit: Annotated[Unit, Field(description="Of the unknown.")]
+    law: Annotated[str | None, Field(description="In letters; null where no law of the dictionary tells it.")]
+    coefficients: Annotated[Mapping[str, Parameter], Field(description="By letter.")]
+    share: Annotated[
+        Number, Field(description="Of the squared gap beyond the noise: what it takes away on data left out.")
+    ]
+    says: Annotated[Text, Field(description="The proposal in a sentence.")]
+    curve: Curve
+    ties: Annotated[tuple[SamePlace, ...], Field(description="Places that do as well.")] = ()
+    would_separate: Annotated[str, Field(description="A sensor that would tell them apart, in words.")] = ""
+    replaces: Annotated[
+        tuple[str, ...],
+        Field(description="name@where of named effects that the law has in it: it stands in their place."),
+    ] = ()
 
 
 class SensorGap(Part):
@@ -295,6 +344,9 @@ class Diagnosis(Document):
     faults: Annotated[tuple[Fault, ...], Field(description="What is wrong with the data themselves.")]
     candidates: Annotated[tuple[Candidate, ...], Field(description="What was considered, and what became of it.")]
     attempts: Annotated[tuple[Attempt, ...], Field(description="What was tried and is not named, the best first.")] = ()
+    proposed: Annotated[
+        tuple[Proposed, ...], Field(description="What has a place and a law, but no name: never part of the verdict.")
+    ] = ()
     inseparable: Annotated[
         tuple[Pair, ...],
         Field(description="Pairs of candidates that look alike in these data, and how their changes correlate."),

@@ -1,0 +1,111 @@
+"""What a proposal is sought in: the data, what a model says of them beside what is named, and what the linkage does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from analytic.kinematics.assembly import AssemblyError
+from analytic.mechanism import GROUND
+from analytic.mechanism.signals import wrapped
+from compare.diagnose.data.recording import MeasuredRun
+from compare.diagnose.effects.effect import Rig
+from compare.diagnose.fit import Fit, Fitter, Predicts
+from compare.diagnose.inverse import read_backward
+from compare.diagnose.predict import Hypothesis, Impossible, Model
+from compare.diagnose.propose.laws import State
+from compare.diagnose.propose.places import Place, plain
+from compare.diagnose.residuals import Data
+
+Signals = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The data and a fit to them; ``model`` predicts what their sensors read, ``signals`` are all of every run.
+
+    ``residual`` (size,) is measured less predicted over the noise, ``whole`` the same with what samples share taken
+    off; ``free`` (size, f) is how that answers to what is named.
+    """
+
+    rig: Rig
+    model: Predicts
+    data: Data
+    hypothesis: Hypothesis
+    signals: Mapping[str, Signals]
+    moved: Callable[[MeasuredRun, Hypothesis], Signals]  # the same under any hypothesis
+    residual: np.ndarray = field(repr=False)
+    whole: np.ndarray = field(repr=False)
+    free: np.ndarray = field(repr=False)
+
+    @classmethod
+    def of(cls, model: Model, fitter: Fitter, fit: Fit) -> Scene | None:
+        """The scene of driven runs beside a fit, or of released ones read backward; None where there is none, or some
+        runs are driven and others not.
+        """
+        runs = fitter.data.measured.runs
+        released = [run.drive == "free" for run in runs]
+        try:
+            if not any(released):
+                return cls._seen(
+                    fitter.rig, model, fitter.data, fit, lambda run, wrong: model.signals(run, wrong, run.time)
+                )
+            found = read_backward(model) if all(released) else None
+            if found is None:
+                return None
+            backward, data = found
+            named = {fit.terms[i]: fit.x[i] for i in fit.named() if not fit.terms[i].effect.sensor}
+            there = Fitter(backward, data, fitter.rig, fitter.bounds).at(list(named), named)
+            if there is None:
+                return None
+            return cls._seen(fitter.rig, backward, data, there, backward.signals)
+        except (Impossible, AssemblyError):
+            return None
+
+    @classmethod
+    def _seen(
+        cls,
+        rig: Rig,
+        model: Predicts,
+        data: Data,
+        fit: Fit,
+        moved: Callable[[MeasuredRun, Hypothesis], Signals],
+    ) -> Scene | None:
+        hypothesis = fit.values(rig)
+        signals = {run.name: moved(run, hypothesis) for run in data.measured.runs}
+        readings = model([hypothesis])[0]
+        if readings is None:
+            return None
+        off = data.values - plain(data, readings) * data.sigma
+        off[data.turning] = wrapped(off[data.turning])
+        return cls(
+            rig, model, data, hypothesis, signals, moved, off / data.sigma, data.residual(readings), fit.jacobian
+        )
+
+    def spread(self, of: Callable[[Signals], np.ndarray]) -> np.ndarray:
+        """Something of every run's signals (N,) at all samples (size,)."""
+        by_run = [of(self.signals[run.name]) for run in self.data.measured.runs]
+        return np.concatenate([by_run[p.run][p.used] for p in self.data.parts])
+
+    def state(self, place: Place) -> State:
+        """What is known at every sample, at a place."""
+        m, runs = self.rig.mechanism, self.data.measured.runs
+        time = np.concatenate([runs[p.run].time[p.used] for p in self.data.parts])
+        found = State(self.spread(lambda s: s[f"{m.driven}_angle"]), time, self.spread(lambda s: s["drive_torque"]))
+        if place.unknown == "error":
+            return replace(found, reading=self.spread(lambda s: s[place.where]))
+        if place.unknown not in ("torque", "give"):
+            return found
+        joint = m.joint(place.where)
+        x, y = (f"reaction_{joint.name}_{axis}" for axis in "xy")
+        found = replace(found, force=self.spread(lambda s: np.hypot(s[x], s[y])))
+        if joint.prismatic:
+            return found
+        first, second = joint.bodies
+
+        def across(part: str) -> np.ndarray:
+            return self.spread(lambda s: s[f"{second}_{part}"] - (0.0 if first == GROUND else s[f"{first}_{part}"]))
+
+        return replace(found, angle=across("angle"), rate=across("angular_velocity"))

@@ -1,0 +1,70 @@
+"""A proposed place and law as a report shows it: what was recovered over what the law is of, and the law through it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from compare.quantities import fitting
+from compare.report.diagnosis_words import percent
+from compare.report.figures import Axis, Figure, Series
+from compare.results.diagnosis import Diagnosis, Proposed, SamePlace
+from compare.results.document import listed
+from compare.results.sentences import Row, capital, enumerated, parameter, spoken
+
+HEADING = "Proposed, not named"
+MEANING = (
+    "A place where one unknown number at each moment would tell what is left, and the law that it looks like. It is a"
+    " hint for the engineer: it has no name in the vocabulary, and it changes neither the verdict nor the gap."
+)
+UNKNOWNS = {
+    "torque": "torque in joint {}",
+    "give": "give of the bearing of joint {}, along its reaction",
+    "length": "change of the length of the {}",
+    "bend": "distance of the end of the {} from its axis",
+    "lag": "angle of the crank behind its encoder",
+    "error": "error of the sensor for {}",
+}
+
+
+def unknown(result: Diagnosis, p: Proposed | SamePlace) -> str:
+    """The unknown at its place as a noun."""
+    return UNKNOWNS[p.unknown].format(spoken(result, p.place) if p.unknown == "error" else p.place)
+
+
+def sentences(result: Diagnosis, p: Proposed) -> list[str]:
+    """What is proposed, how much it would take away, what does as well, and what would tell them apart."""
+    out = [p.says]
+    if p.share is not None:
+        out.append(f"It would take {percent(min(p.share, 1.0))} of what is left beyond the noise, on data left out.")
+    if p.ties:
+        nouns = [unknown(result, tie) for tie in p.ties]
+        others = enumerated([f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}" for noun in nouns])
+        out.append(f"These data would be told as well by {others}.")
+        out.append(
+            f"{capital(p.would_separate)}." if p.would_separate else "No sensor of this linkage would part them."
+        )
+    return out
+
+
+def numbers(p: Proposed) -> list[Row]:
+    """Letter, value and 95 % interval of each number of the law."""
+    return [parameter(letter, found) for letter, found in p.coefficients.items()]
+
+
+def figure(result: Diagnosis, p: Proposed, name: str) -> Figure:
+    """What was recovered, and the law through it."""
+    over, across = fitting(p.curve.unit, *np.abs(p.curve.argument).tolist())
+    unit, factor = fitting(p.unit, float(np.nanmax(np.abs(p.curve.recovered))))
+    if p.curve.unit == "rad":
+        over, across = "deg", math.degrees(1.0)
+    x = tuple(listed(across * p.curve.argument))
+    series = [Series("recovered", x, tuple(listed(factor * p.curve.recovered)), "contact", "marker")]
+    if p.law is not None:
+        series.append(Series("law", x, tuple(listed(factor * p.curve.law)), "analytic", "line"))
+    title = f"{capital(unknown(result, p))}, recovered at each sample"
+    summary = f"{p.says} Shown over the {p.curve.over}, {p.curve.argument.size} samples."
+    return Figure(
+        name, title, summary, Axis(p.curve.over, over), Axis(UNKNOWNS[p.unknown].split(" ")[0], unit), tuple(series)
+    )

@@ -1,0 +1,102 @@
+"""What has no name: the place where one unknown tells it, and the law that it looks like, of data by another engine."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analytic.mechanism import Mechanism, PeriodicTorque
+from compare.diagnose.problem import Options, Problem
+from compare.diagnose.propose.proposal import proposal
+from compare.diagnose.workflow import diagnose
+from compare.report.diagnosis_page import diagnosis_html
+from compare.report.diagnosis_text import diagnosis_md, terminal_lines
+from compare.results.diagnosis import Diagnosis
+from diagnosis_rigs import SENSORS, experiment, four_bar, played, turn
+
+CELLS = {"reaction_B_x": 0.02, "reaction_B_y": 0.02}
+RUNS = (turn("slow", 4.0), turn("fast-reverse", -12.0), turn("fast", 10.0))
+
+
+def unnamed(real: Mechanism, **options: Any) -> Diagnosis:
+    """The diagnosis of data in which the believed four-bar lacks what the real one has."""
+    played_by_exudyn = played(experiment(*RUNS, mechanism=real, sensors=SENSORS | CELLS))
+    return diagnose(replace(played_by_exudyn, mechanism=four_bar()), "mujoco", others=False, workers=1, **options)
+
+
+def with_wave(m: Mechanism, **wave: float) -> Mechanism:
+    assert m.drive is not None
+    return m.replace(drive=m.drive.model_copy(update={"periodic_torque": PeriodicTorque(**wave)}))
+
+
+REAL = {  # the real mechanism; where it is, the law, and the numbers in it that are known
+    "drag": (four_bar().with_joint("E", drag=0.02), "E", "a w |w|", {"a": -0.02}),
+    "Stribeck": (
+        four_bar().with_joint("E", friction_torque=0.05, static_torque=0.15, stribeck_speed=1.5),
+        "E",
+        "a sign w + b exp(-(w/c)^2) sign w",
+        {"a": -0.05, "b": -0.1, "c": 1.5},
+    ),
+    "stiffening spring": (
+        four_bar().with_joint("B", cubic=0.3, rest_angle=1.2),
+        "B",
+        "a (q - b)^3",
+        {"a": -0.3, "b": 1.2},
+    ),
+    "cogging": (
+        with_wave(four_bar(), amplitude=0.05, harmonic=14, phase=math.pi / 2),
+        "D",
+        "a cos 14 theta + b sin 14 theta",
+        {"a": 0.05, "b": 0.0},
+    ),
+}
+
+
+@pytest.mark.parametrize("what", REAL)
+def test_a_torque_without_a_name_is_proposed_at_its_joint_with_its_law(what: str) -> None:
+    real, joint, law, numbers = REAL[what]
+    found = unnamed(real)
+    (p,) = found.proposed
+    assert (p.unknown, p.place, p.law) == ("torque", joint, law), p.says
+    assert p.share > 0.9
+    for letter, value in numbers.items():
+        c = p.coefficients[letter]
+        assert c.low is not None
+        assert c.high is not None
+        assert abs(c.value - value) <= 2 * (c.high - c.low) / 1.96, (letter, c)
+        assert c.high - c.low < 0.1 * max(abs(n) for n in numbers.values())
+
+
+def test_a_proposal_is_no_name_and_no_part_of_the_verdict() -> None:
+    found = unnamed(REAL["Stribeck"][0])
+    assert found.proposed
+    assert found.verdict in ("partly explained", "unexplained")
+    assert not found.settled
+    assert "Stribeck" not in found.statement
+
+
+def test_the_page_and_the_texts_show_the_law_with_its_curve() -> None:
+    found = unnamed(REAL["Stribeck"][0])
+    (p,) = found.proposed
+    order = np.argsort(p.curve.argument)
+    assert np.all(np.diff(p.curve.argument[order]) >= 0)
+    assert np.mean(((p.curve.recovered - p.curve.law) / p.curve.sigma) ** 2) == pytest.approx(1.0, abs=0.5)
+    page, md, lines = diagnosis_html(found), diagnosis_md(found), terminal_lines(found)
+    for text in (page, md):
+        assert "Proposed, not named" in text
+        assert "Stribeck friction" in text
+    assert any(
+        line.startswith("proposed (not named): More than Coulomb friction in joint E: the torque there")
+        for line in lines
+    )
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_nothing_is_proposed_of_noise(seed: int) -> None:
+    measured = played(experiment(*RUNS, sensors=SENSORS | CELLS), seed=seed)
+    problem = Problem.of(measured, measured.mechanism, Options("mujoco", workers=1, others=False))
+    assert proposal(problem.model, problem.fitter, problem.base) is None
