@@ -9,28 +9,15 @@ import numpy as np
 from compare.quantities import fitting
 from compare.report.diagnosis_words import percent
 from compare.report.figures import Axis, Figure, Series
-from compare.results.diagnosis import Diagnosis, Proposed, SamePlace
+from compare.results.diagnosis import Diagnosis, Proposed
 from compare.results.document import listed
-from compare.results.sentences import Row, capital, enumerated, parameter, spoken
+from compare.results.sentences import UNKNOWNS, Row, capital, enumerated, parameter, unknown
 
 HEADING = "Proposed, not named"
 MEANING = (
     "A place where one unknown number at each moment would tell what is left, and the law that it looks like. It is a"
     " hint for the engineer: it has no name in the vocabulary, and it changes neither the verdict nor the gap."
 )
-UNKNOWNS = {
-    "torque": "torque in joint {}",
-    "give": "give of the bearing of joint {}, along its reaction",
-    "length": "change of the length of the {}",
-    "bend": "distance of the end of the {} from its axis",
-    "lag": "angle of the crank behind its encoder",
-    "error": "error of the sensor for {}",
-}
-
-
-def unknown(result: Diagnosis, p: Proposed | SamePlace) -> str:
-    """The unknown at its place as a noun."""
-    return UNKNOWNS[p.unknown].format(spoken(result, p.place) if p.unknown == "error" else p.place)
 
 
 def sentences(result: Diagnosis, p: Proposed) -> list[str]:

@@ -14,7 +14,7 @@ import numpy as np
 from analytic.mechanism.one_line import count
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import DASH, MINUS, Quantity, fitting, number, quantities, shown
-from compare.results.diagnosis import DiagnosedRun, Diagnosis, Effect, Located, Parameter
+from compare.results.diagnosis import DiagnosedRun, Diagnosis, Effect, Located, Parameter, Proposed, SamePlace
 
 TURN = math.tau
 PERCENT = {p.name for effect in VOCABULARY.values() for p in effect.parameters if p.percent}  # parameters read in %
@@ -28,6 +28,15 @@ ZEROS = {  # what each run has of its own where an effect has a value for each; 
 WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 TOML_STARTS = ("[", "#")
 Row = tuple[str, str, str]  # a parameter's name, its value and its 95 % interval
+
+UNKNOWNS = {
+    "torque": "torque in joint {}",
+    "give": "give of the bearing of joint {}, along its reaction",
+    "length": "change of the length of the {}",
+    "bend": "distance of the end of the {} from its axis",
+    "lag": "angle of the crank behind its encoder",
+    "error": "error of the sensor for {}",
+}
 
 
 def plainly(value: float | None, digits: int = 3, sign: bool = False) -> str:
@@ -72,6 +81,11 @@ def spoken(result: Diagnosis, signal: str) -> str:
         return enumerated([spoken(result, each) for each in signal.split("+")])
     found = quantity(result, signal)
     return f"{found.place[3:]} {found.name}" if found.place.startswith("of ") else found.label
+
+
+def unknown(result: Diagnosis, p: Proposed | SamePlace) -> str:
+    """A proposal's unknown at its place as a noun."""
+    return UNKNOWNS[p.unknown].format(spoken(result, p.place) if p.unknown == "error" else p.place)
 
 
 def phrase(result: Diagnosis, name: str, where: str) -> str:

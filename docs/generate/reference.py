@@ -262,6 +262,9 @@ MEANS = {
     ("Drive", "joint"): "a revolute joint on the ground",
     ("Drive", "speed"): 'rad/s, constant; or `"free"` (released at the assembly angles) or `"measured"` (follows data)',
     ("Drive", "ripple"): "unevenness of the motor, see below",
+    ("Drive", "periodic_torque"): "on the driven body over its angle, see below",
+    ("PeriodicTorque", "amplitude"): "N.m",
+    ("PeriodicTorque", "harmonic"): "how often in a turn",
     ("Ripple", "amplitude"): "rad",
     ("Ripple", "harmonic"): "how often in a turn",
     ("Load", "body"): "where it acts",
@@ -310,6 +313,7 @@ def mechanism_file() -> str:
         ("elasticity of a joint", parts.Elasticity),
         ("[drive]", parts.Drive),
         ("ripple of a drive", parts.Ripple),
+        ("periodic_torque of a drive", parts.PeriodicTorque),
         ("[[load]]", parts.Load),
     )
     out = []

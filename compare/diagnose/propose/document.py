@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from string import ascii_lowercase
 
@@ -38,6 +39,17 @@ PER = {  # as one writes it
     ("N.m", "s"): "N.m/s",
     ("m", "s"): "m/s",
     ("rad", "s"): "rad/s",
+}
+LETTERS: Mapping[str, str] = {  # of the dictionary's laws, by what a term has in it
+    r"\bw\b": "w is the angular velocity in joint {}",
+    r"\bq\b": "q is the angle in joint {}",
+    r"\|F\|": "|F| is the reaction at {}",
+    r"\bT\b": "T is the drive torque",
+    r"\btheta\b": "theta is the crank angle",
+    r"\by\b": "y is what the sensor for {} should read",
+    r"\bt\b": "t is the time",
+    r"\bgap\(": "gap(x, h) is zero as far as h to both sides of x = 0, and as long as x is beyond that",
+    r"\bbump\(": "bump(x, s) is exp(-(x/s)^2/2)",
 }
 SAID = {
     "torque": "a torque acts in joint {}",
@@ -168,10 +180,17 @@ def _sentence(p: Proposal, coefficients: Mapping[str, Parameter]) -> str:
     numbers = ", ".join(f"{name} = {amount(c.value, c.unit)}" for name, c in coefficients.items())
     names = enumerated(list(dict.fromkeys(one.law.name for one in p.law.laws)))
     most = "" if p.told > WHOLE else f" That tells {100 * p.told:.0f} % of it."
+    looks = f"looks like {names}: {law}, with {numbers}{_legend(p, law)}.{most}"
     if p.replaced:
-        what = f"More than {enumerated([t.effect.called(t.where) for t in p.replaced])}: the torque there"
-        return f"{what} looks like {names}: {law}, with {numbers}.{most}"
-    return f"{what}, and it looks like {names}: {law}, with {numbers}.{most}"
+        named = enumerated([t.effect.called(t.where) for t in p.replaced])
+        return f"More than {named}: the torque there {looks}"
+    return f"{what}, and it {looks}"
+
+
+def _legend(p: Proposal, law: str) -> str:
+    """``; w is the angular velocity in joint E``: what the letters of a law mean."""
+    meant = [means.format(p.place.where) for letter, means in LETTERS.items() if re.search(letter, law)]
+    return f"; {enumerated(meant)}" if meant else ""
 
 
 __all__ = ["as_proposed", "in_letters"]
