@@ -90,7 +90,7 @@ def test_the_page_and_the_texts_show_the_law_with_its_curve() -> None:
         assert "Proposed, not named" in text
         assert "Stribeck friction" in text
     assert any(
-        line.startswith("proposed (not named): More than Coulomb friction in joint E: the torque there")
+        line.startswith("proposed (not named): More than Coulomb friction in joint E: what acts there")
         for line in lines
     )
 

@@ -16,11 +16,13 @@ from compare.diagnose.effects.effect import Effect
 from compare.diagnose.prepare import on_one_turn
 from compare.diagnose.problem import Options, Problem, Progress, Verified, silent
 from compare.diagnose.propose.document import as_proposed
-from compare.diagnose.propose.proposal import proposal
+from compare.diagnose.propose.proposal import proposal, simpler
 from compare.diagnose.result import as_document
 from compare.diagnose.validation import parted, validated
 from compare.faults import ArgumentError
 from compare.results.diagnosis import Diagnosis, Proposed
+
+MANY = 4  # named effects that explain: one unknown at one place may be simpler
 
 
 @contextmanager
@@ -86,9 +88,14 @@ def diagnose(  # noqa: PLR0913 - what a person may ask, by name
 
 
 def proposed(problem: Problem, found: Verified) -> tuple[Proposed, ...]:
-    """A place and a law for what an explanation leaves; none where it leaves nothing, or the time is over."""
+    """A place and a law for what an explanation leaves, or in place of one of many effects; none where it is simple and
+    leaves nothing, or the time is over.
+    """
     e = found.explanation
-    if e.verdict not in ("unexplained", "partly explained") or problem.options.late() or problem.search is None:
+    if problem.options.late() or problem.search is None:
         return ()
-    best = proposal(problem.model, problem.search.fitter, e.fit)
+    if e.verdict in ("unexplained", "partly explained"):
+        best = proposal(problem.model, problem.search.fitter, e.fit)
+    else:
+        best = simpler(problem.model, problem.search.fitter, e.fit) if len(e.named) >= MANY else None
     return () if best is None else (as_proposed(best),)

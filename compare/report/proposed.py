@@ -24,7 +24,8 @@ def sentences(result: Diagnosis, p: Proposed) -> list[str]:
     """What is proposed, how much it would take away, what does as well, and what would tell them apart."""
     out = [p.says]
     if p.share is not None:
-        out.append(f"It would take {percent(min(p.share, 1.0))} of what is left beyond the noise, on data left out.")
+        of = "what is left" if result.verdict in ("unexplained", "partly explained") else "the whole gap"
+        out.append(f"It would take {percent(min(p.share, 1.0))} of {of} beyond the noise away, on data left out.")
     if p.ties:
         nouns = [unknown(result, tie) for tie in p.ties]
         others = enumerated([f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}" for noun in nouns])

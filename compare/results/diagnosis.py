@@ -164,7 +164,11 @@ class Proposed(Part):
     law: Annotated[str | None, Field(description="In letters; null where no law of the dictionary tells it.")]
     coefficients: Annotated[Mapping[str, Parameter], Field(description="By letter.")]
     share: Annotated[
-        Number, Field(description="Of the squared gap beyond the noise: what it takes away on data left out.")
+        Number,
+        Field(
+            description="Of the squared gap beyond the noise that what is named leaves: what it takes away, on data"
+            " left out. Of the whole gap, where the explanation leaves none."
+        ),
     ]
     says: Annotated[Text, Field(description="The proposal in a sentence.")]
     curve: Curve

@@ -10,6 +10,7 @@ import numpy as np
 
 from compare.diagnose.propose.laws import Argument, Candidate
 from compare.diagnose.propose.parting import would_separate
+from compare.diagnose.propose.places import RELATIVES
 from compare.diagnose.propose.proposal import Proposal
 from compare.diagnose.propose.regression import Told, solved
 from compare.quantities import amount
@@ -174,17 +175,17 @@ def _parts(p: Proposal) -> list[np.ndarray]:
 
 def _sentence(p: Proposal, coefficients: Mapping[str, Parameter]) -> str:
     """``A torque acts in joint E, and it looks like this: ...``."""
-    what, law = capital(SAID[p.place.unknown].format(p.place.where)), in_letters(p.law)
+    what, law = SAID[p.place.unknown].format(p.place.where), in_letters(p.law)
+    named = enumerated([t.effect.called(t.where) for t in p.replaced])
     if law is None:
-        return f"{what}; no law of the dictionary tells it."
+        return f"{f'In place of {named}: ' if named else ''}{what if named else capital(what)}; no known law tells it."
     numbers = ", ".join(f"{name} = {amount(c.value, c.unit)}" for name, c in coefficients.items())
     names = enumerated(list(dict.fromkeys(one.law.name for one in p.law.laws)))
     most = "" if p.told > WHOLE else f" That tells {100 * p.told:.0f} % of it."
     looks = f"looks like {names}: {law}, with {numbers}{_legend(p, law)}.{most}"
-    if p.replaced:
-        named = enumerated([t.effect.called(t.where) for t in p.replaced])
-        return f"More than {named}: the torque there {looks}"
-    return f"{what}, and it {looks}"
+    if named and all(t.where == p.place.where and t.effect.name in RELATIVES[p.place.unknown] for t in p.replaced):
+        return f"More than {named}: what acts there {looks}"
+    return f"In place of {named}: {what}, and it {looks}" if named else f"{capital(what)}, and it {looks}"
 
 
 def _legend(p: Proposal, law: str) -> str:

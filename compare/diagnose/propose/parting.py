@@ -22,8 +22,9 @@ def would_separate(one: Proposal, other: Proposal) -> str:
     for signal, values in scene.signals[run.name].items():
         if signal in run.channels or signal not in words or scene.rig.known[signal].kind == "clearance":
             continue
-        apart = first.get(signal, 0.0) - second.get(signal, 0.0)
-        size = float(np.sqrt(np.nanmean(np.square(apart)))) if np.ndim(apart) else 0.0
+        apart = np.atleast_1d(first.get(signal, 0.0) - second.get(signal, 0.0))
+        known = apart[np.isfinite(apart)]
+        size = float(np.sqrt(np.mean(known**2))) if known.size else 0.0
         share = size / max(float(np.ptp(values)), 1e-300)
         if share > best and np.ptp(values) > 0:
             best = share

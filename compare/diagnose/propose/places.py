@@ -88,10 +88,11 @@ EFFECTS: Mapping[Unknown, Effect] = {
     "bend": Bend(),
     "lag": Lag(),
 }
-FRICTION = frozenset({"coulomb_friction", "viscous_friction", "joint_spring"})
-RELATIVES: Mapping[Unknown, frozenset[str]] = dict.fromkeys(get_args(Unknown), frozenset[str]()) | {
-    "torque": FRICTION,
-}  # effects that are an unknown of this kind themselves
+RELATIVES: Mapping[Unknown, frozenset[str]] = {  # effects that are an unknown of this kind themselves
+    **dict.fromkeys(get_args(Unknown), frozenset[str]()),
+    "torque": frozenset({"coulomb_friction", "viscous_friction", "joint_spring"}),
+    "give": frozenset({"joint_clearance"}),
+}
 IN_WORDS: Mapping[Unknown, str] = {
     "torque": "a torque in joint {}",
     "give": "give in the bearing of joint {}, along its reaction",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -15,13 +16,15 @@ from compare.diagnose.propose.laws import candidates
 from compare.diagnose.propose.places import RELATIVES, Place, Recovered, places, recovered
 from compare.diagnose.propose.regression import MOST, Regression, Told
 from compare.diagnose.propose.scene import Scene
+from compare.results.diagnosis import Unknown
 
 LOOKED = 8  # places whose laws are sought
 TIE = 16.0  # of weighted chi^2: two places that are closer are not told apart
 LEAST = 0.1  # of what is left of the squared gap beyond the noise: a smaller share is not proposed
 FREELY = 2.0  # of chi^2, that each number costs of an unknown without a law (Akaike)
 NOISIER = 1.5  # times what an unknown leaves: laws that leave more do not say how noisy the data are
-WORSE = 0.1  # of chi^2, by which a whole law may leave more than what is named and the law beside it
+EQUAL = 2.0  # of weighted chi^2: two places that are closer are the same to these data
+USUAL: tuple[Unknown, ...] = ("torque", "lag", "length", "give", "error", "bend")  # the usual first
 NEARLY = 0.5  # of what the unknown tells: a law that tells less of it is not said
 
 
@@ -32,7 +35,7 @@ class Proposal:
     ``share`` is that of the squared gap beyond the noise which the law takes away on data left out, or without a law
     the unknown by itself; ``told`` is how much of the unknown's share the law has; ``cost`` is the weighted chi^2 that
     is left with what the numbers cost; ``weights`` (size,) are those of the samples; ``ties`` are places that do as
-    well; ``replaced`` are named effects that are in the law.
+    well; ``replaced`` are named effects in whose place it stands.
     """
 
     scene: Scene = field(repr=False)
@@ -52,34 +55,86 @@ class Proposal:
         """Whether a sensor is said to err with the motion: the linkage is likelier to do so."""
         return self.place.unknown == "error" and all(c.law.over not in ("reading", "time") for c in self.law.laws)
 
+    @property
+    def rank(self) -> int:
+        """How unusual such an unknown is, where nothing else tells two apart."""
+        return USUAL.index(self.place.unknown)
+
+    @property
+    def left(self) -> float:
+        """chi^2 that the law leaves, or without one the unknown by itself."""
+        return self.law.chi2 if self.law.laws else self.found.chi2
+
+    @property
+    def price(self) -> float:
+        """What its numbers cost, those of what is named beside it included."""
+        size, beside = self.regression.residual.size, self.regression.free.shape[1]
+        own = sum(len(c.terms) + len(c.shape) for c in self.law.laws) * math.log(size)
+        return (own or FREELY * (size - self.found.free)) + beside * math.log(size)
+
+    def share_of(self, beside: Proposal) -> float:
+        """Of what another's scene leaves without an unknown, beyond the noise, what this takes away."""
+        nothing = beside.regression.told(())
+        if not self.law.laws and self.told:
+            return 0.0  # neither a law nor an unknown of its own pays
+        if not self.law.laws:
+            return 1 - max(self.found.chi2 - self.found.free, 0.0) / max(nothing.chi2 - nothing.left.size, 1e-300)
+        before = beside.regression.held_out(nothing, self.weights)
+        after = self.regression.held_out(self.law, self.weights)
+        return (before - after) / max(before - float(self.weights.sum()), 1e-300)
+
 
 def proposal(model: Model, fitter: Fitter, fit: Fit) -> Proposal | None:
-    """The best place beside a fit, with its law and with the places that do as well; None where nothing is worth it."""
-    scene = Scene.of(model, fitter, fit)
-    if scene is None:
+    """The best place beside a fit, with its law and with the places that do as well; None where nothing is worth it.
+
+    What is named may be what the unknown made look like something else: so the place is sought beside all that is
+    named, beside none of it, beside the faults of sensors alone, and without what is named there and of its kind.
+    """
+    named = tuple(fit.terms[i] for i in fit.named())
+    beside = _beside(model, fitter, fit, ())
+    if beside is None:
         return None
-    found = _best(scene, list(places(scene)))
-    if found is None or found.share <= LEAST:
-        return None
-    rivals = [p for p in found.ties if not p.blames_a_sensor and p.place.unknown != "lag"]
-    if found.blames_a_sensor and rivals:
-        found = replace(rivals[0], ties=(replace(found, ties=()), *(p for p in found.ties if p is not rivals[0])))
-    return _whole(model, fitter, fit, found)
+    kin = RELATIVES[beside.place.unknown]
+    inside = tuple(t for t in named if t.where == beside.place.where and t.effect.name in kin)
+    rig = tuple(t for t in named if not t.effect.sensor)
+    found = [beside, *(_beside(model, fitter, fit, out) for out in dict.fromkeys([inside, rig, named]) if out)]
+    tried = [p for p in found if p is not None]
+    nearest = max(min(p.left for p in tried) / fitter.data.size, 1.0)
+    best = min(tried, key=lambda p: (p.price + p.left / nearest, -len(p.replaced)))
+    share = best.share_of(beside)
+    return replace(_likelier(best), share=share) if share > LEAST else None
 
 
-def _whole(model: Model, fitter: Fitter, fit: Fit, found: Proposal) -> Proposal:
-    """A proposal with the whole law of its place: what is named there of the same kind is part of it."""
-    inside = [t for t in fit.terms if t.where == found.place.where and t.effect.name in RELATIVES[found.place.unknown]]
-    if not inside or not found.law.laws:
+def simpler(model: Model, fitter: Fitter, fit: Fit) -> Proposal | None:
+    """A place and a law that do with fewer numbers what all that is named does together; None where there is none."""
+    named = tuple(fit.terms[i] for i in fit.named())
+    found = _beside(model, fitter, fit, named)
+    if found is None or not found.law.laws:
+        return None
+    worth = fit.chi2 + fit.jacobian.shape[1] * math.log(fitter.data.size)
+    return _likelier(found) if found.price + found.left < worth else None
+
+
+def _beside(model: Model, fitter: Fitter, fit: Fit, out: tuple[Term, ...]) -> Proposal | None:
+    """The best place beside a fit without some of what is named."""
+    rest = {t: x for t, x in zip(fit.terms, fit.x, strict=True) if t not in out}
+    kept = fitter.at(list(rest), rest) if out else fit
+    scene = None if kept is None else Scene.of(model, fitter, kept)
+    found = None if scene is None else _best(scene, list(places(scene)), MOST + (len(out) < MOST) * len(out))
+    return None if found is None else replace(found, replaced=out)
+
+
+def _likelier(found: Proposal) -> Proposal:
+    """The same with the likelier place first, where two do as well: rather the linkage than a sensor that errs with its
+    motion, rather a crank behind its encoder than one that is bent.
+    """
+    rivals = [p for p in found.ties if p.cost < found.cost + (TIE if found.blames_a_sensor else EQUAL)]
+    better = [p for p in rivals if p.rank < found.rank and not p.blames_a_sensor]
+    if not better:
         return found
-    rest = {t: x for t, x in zip(fit.terms, fit.x, strict=True) if t not in inside}
-    without = fitter.at(list(rest), rest)
-    scene = None if without is None else Scene.of(model, fitter, without)
-    same = [] if scene is None else [p for p in places(scene) if p.key == found.place.key]
-    whole = _best(scene, same, MOST + len(inside)) if scene is not None else None
-    if whole is None or whole.law.chi2 > found.law.chi2 * (1 + WORSE):
-        return found
-    return replace(whole, share=found.share, ties=found.ties, replaced=tuple(inside))
+    first = min(better, key=lambda p: p.rank)
+    rest = (replace(found, ties=()), *(p for p in found.ties if p is not first))
+    return replace(first, ties=rest, replaced=found.replaced)
 
 
 def _best(scene: Scene, where: Sequence[Place], most: int = MOST) -> Proposal | None:
