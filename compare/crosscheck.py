@@ -169,6 +169,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
             if angles is not None:
                 raise ArgumentError("angles", f"{m.name} swings freely and is compared over time; leave angles out")
             _with_ideal_joints(m, joint_model)
+        _with_stiff_rims(m)
         loose(m, joint_model)
         theta = np.zeros(0) if released else crank_angles(Assembly(m), angles)
     return Job(
@@ -208,9 +209,28 @@ def _with_ideal_joints(mechanism: Mechanism, joint_model: JointModel | None) -> 
             f"{mechanism.name} swings freely and is compared with ideal joints, as the analytic"
             " model has no clearance in a free motion; leave the joint model out, or give drive.speed in rad/s",
         )
+    for name, stiffness in mechanism.soft_bearings.items():
+        raise ArgumentError(
+            "mechanism",
+            f"{mechanism.name} swings freely, and there is no analytic model of that in soft bearings; leave out"
+            f" radial_stiffness = {stiffness:g} of joint {name}, or give drive.speed in rad/s",
+        )
     if mechanism.clearances:
         text = f"{mechanism.name} swings freely and is compared with ideal joints only: clearance in"
         warnings.warn(f"{text} {', '.join(mechanism.clearances)} is left out", stacklevel=4)
+
+
+def _with_stiff_rims(mechanism: Mechanism) -> None:
+    """Contact is judged by how little it gives.  Raises ArgumentError where the bearing of a joint with clearance is
+    soft.
+    """
+    for joint in mechanism.joints:
+        if joint.clearance and joint.radial_stiffness is not None:
+            raise ArgumentError(
+                "mechanism",
+                f"joint {joint.name} of {mechanism.name} has clearance = {joint.clearance:g} m and radial_stiffness ="
+                f" {joint.radial_stiffness:g} N/m; they are compared one at a time, leave one of them out",
+            )
 
 
 def _with_beams(

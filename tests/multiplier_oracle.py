@@ -12,7 +12,7 @@ precision leaves some 1e-10 of a force that depends on accelerations.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -218,9 +218,12 @@ class Oracle:
         applied, slips = self._applied(q, rate, omega, inertia)
         pushed = applied - (self.masses * second * self.span * omega**2 if inertia else 0.0)
         matrix = self.constraints(q, theta, gaps)[1]
-        on_bodies = np.linalg.solve(matrix.transpose(0, 2, 1), -pushed[:, 1:].reshape(n, -1)[..., None])[
-            ..., 0
-        ]  # N; moments over the span
+
+        def balanced(pushed: np.ndarray) -> np.ndarray:  # N; moments over the span
+            on = np.linalg.solve(matrix.transpose(0, 2, 1), -pushed[:, 1:].reshape(n, -1)[..., None])
+            return on[..., 0]
+
+        on_bodies = self._rubbed(pushed, balanced, slips, omega)
         forces, moments = {}, {}
         for k, j in enumerate(self.pins):  # the rows are first minus second
             forces[j.name] = -(on_bodies[:, 2 * k] + 1j * on_bodies[:, 2 * k + 1])
@@ -241,6 +244,34 @@ class Oracle:
         return Solved(
             theta, places, angles, turns, forces, moments, on_bodies[:, -1] * self.span, slips, float(largest)
         )
+
+    def _rubbed(
+        self,
+        pushed: np.ndarray,
+        balanced: Callable[[np.ndarray], np.ndarray],
+        slips: Mapping[str, np.ndarray],
+        omega: float,
+    ) -> np.ndarray:
+        """What balances these forces (N, bodies, 3) and the friction that reactions give, by repeating it with the last
+        one's.  Raises LeftOut where that does not settle.
+        """
+        last, joints = balanced(pushed), [(k, j) for k, j in enumerate(self.pins) if j.friction_radius]
+        for _ in range(400 if joints else 0):
+            rubbed = pushed.copy()
+            for k, joint in joints:
+                slip = slips[joint.name]
+                size = joint.friction_radius * np.hypot(last[:, 2 * k], last[:, 2 * k + 1]) / self.span
+                law = -size * np.where(np.abs(slip) > 1e-9, np.sign(slip * omega), 0.0)
+                first, second = (self.names.index(b) for b in joint.bodies)
+                rubbed[:, second, 2] += law
+                rubbed[:, first, 2] -= law
+            now = balanced(rubbed)
+            change, last = np.abs(now - last).max(), now
+            if not change > 1e-14 * np.abs(now).max():
+                return last
+        if joints:
+            raise LeftOut("friction that grows with reactions does not settle")
+        return last
 
     def _complex(self, z: np.ndarray) -> np.ndarray:
         return (z[..., 0] + 1j * z[..., 1]) * self.span
@@ -290,7 +321,12 @@ class Oracle:
             out[:, driven, 2] += wave.amplitude * np.sin(wave.harmonic * q[:, driven, 2] + wave.phase) / self.span
         for joint in m.joints:
             law, slip = self._law(joint, q, rate, omega, moving)
-            if joint.friction_torque or joint.friction * joint.prismatic or joint.static_torque:
+            if (
+                joint.friction_torque
+                or joint.friction * joint.prismatic
+                or joint.static_torque
+                or joint.friction_radius
+            ):
                 slips[joint.name] = slip
             first, second = (self.names.index(b) for b in joint.bodies)
             if not joint.prismatic:

@@ -65,6 +65,7 @@ class Ranges:
     clearance: tuple[float, float, float] = (-6.0, -3.0, -1.5)  # over the crank's length
     groups: tuple[int, int] = (0, 3)
     friction: bool = True
+    soft: bool = False  # bearings in place of clearance
     curved: bool = False  # drag, Stribeck's friction, springs that are not linear, a torque over the crank angle
 
 
@@ -294,8 +295,11 @@ class _Flesh:
         if self.ranges.curved and _chance(c, 30):
             laws["static_torque"] = laws.get("friction_torque", 0.0) + unit * power(c, -2.0, 0.0, 1.0)
             laws["stribeck_speed"] = size * self.speed * power(c, -1.0, -0.3, 0.0)
+        if self.ranges.curved and not slides and _chance(c, 30):
+            laws["friction_radius"] = self.length * power(c, -4.0, -2.0, -1.0)
         if not slides and _chance(c, 35):
-            laws["clearance"] = self.length * power(c, *self.ranges.clearance)
+            size = self.length * power(c, *self.ranges.clearance)
+            laws |= {"radial_stiffness": self.force / size} if self.ranges.soft else {"clearance": size}
         return joint | laws
 
     def load(self) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.one_line import count, one_line
 from analytic.paper.kinetostatics import kinetostatics
@@ -74,8 +74,14 @@ def padded(table: np.ndarray) -> np.ndarray:
 
 def coefficients(assembly: Assembly, theta: np.ndarray) -> np.ndarray:
     """M, M'/2, c, f, g, d and the joints' a and r (6 + 2 n, N) at crank angles theta (N,) rad.  Raises AssemblyError
-    where the linkage does not reach them.
+    where the linkage does not reach them, and for friction that grows with reactions: they hold the motion's square.
     """
+    for joint in assembly.mechanism.bearings:
+        raise AssemblyError(
+            f"{assembly.mechanism.name}: friction_radius of joint {joint.name!r} is {joint.friction_radius:g} m, and"
+            " the analytic model knows no released motion with friction that grows with reactions",
+            remedy="leave it out, or give the drive a speed",
+        )
     omega, alpha = np.array([0.0, 0.0, 1.0, -1.0]), np.array([0.0, 1.0, 0.0, 0.0])
     states = np.tile(theta, omega.size), np.repeat(omega, theta.size), np.repeat(alpha, theta.size)
     motion = kinematics(assembly, *states)

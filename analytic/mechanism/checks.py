@@ -79,6 +79,15 @@ def _check_prismatic(joint: Joint, where: str) -> None:
         raise ValueError(f"{where}axis is {joint.axis}; a prismatic joint needs a direction [x, y] that is not zero")
     if joint.clearance:
         raise ValueError(f"{where}clearance is {joint.clearance}; only a revolute joint has one, leave it out")
+    if joint.radial_stiffness is not None:
+        raise ValueError(
+            f"{where}radial_stiffness is {joint.radial_stiffness}; only a revolute joint has one, leave it out"
+        )
+    if joint.friction_radius:
+        raise ValueError(
+            f"{where}friction_radius is {joint.friction_radius:g}; only a revolute joint has a pin that its reaction"
+            " rubs, leave it out"
+        )
     if joint.friction and joint.friction_torque:
         raise ValueError(
             f"{where}friction and friction_torque are both given; for a prismatic joint both mean N, keep one"

@@ -115,6 +115,21 @@ class Mechanism(Part):
         return {j.name: j.clearance for j in self.joints if j.clearance > 0}
 
     @property
+    def soft_bearings(self) -> dict[str, float]:
+        """Radial stiffness (N/m) of each joint whose bearing is soft."""
+        return {j.name: j.radial_stiffness for j in self.joints if j.radial_stiffness is not None}
+
+    @property
+    def displaced(self) -> bool:
+        """Whether any pin leaves the centre of its bearing."""
+        return any(j.displaced for j in self.joints)
+
+    @property
+    def bearings(self) -> list[Joint]:
+        """The joints whose friction grows with their reaction."""
+        return [j for j in self.joints if j.friction_radius]
+
+    @property
     def bends(self) -> bool:
         """Whether any link has a modulus of elasticity."""
         return any(b.youngs_modulus is not None for b in self.bodies)
@@ -122,6 +137,11 @@ class Mechanism(Part):
     def rigid(self) -> Mechanism:
         """A checked copy with the moduli of its links left out."""
         return self.replace(bodies=tuple(_rigid(b) for b in self.bodies))
+
+    def ideal(self) -> Mechanism:
+        """A checked copy whose joints have neither clearance nor soft bearings."""
+        tight = {"clearance": 0.0, "radial_stiffness": None}
+        return self.replace(joints=tuple(j.model_copy(update=tight) if j.displaced else j for j in self.joints))
 
     def replace(self, **fields: object) -> Mechanism:
         """A checked copy with top-level fields replaced.  Raises MechanismError."""

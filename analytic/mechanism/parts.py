@@ -158,17 +158,24 @@ class Joint(Part):
     friction_torque: NotNegative = 0.0  # N.m (prismatic: N), constant Coulomb
     static_torque: NotNegative | None = None  # N.m (prismatic: N), dry friction of the slowest slip (Stribeck)
     stribeck_speed: Positive | None = None  # rad/s (prismatic: m/s), at which it has fallen most of the way
+    friction_radius: NotNegative = 0.0  # m, of a revolute joint's friction circle: coefficient times pin radius
     damping: NotNegative = 0.0  # N.m.s/rad (prismatic: N.s/m)
     drag: NotNegative = 0.0  # N.m.s^2/rad^2 (prismatic: N.s^2/m^2)
     stiffness: NotNegative = 0.0  # N.m/rad (prismatic: N/m)
     cubic: Number = 0.0  # N.m/rad^3 (prismatic: N/m^3), of a spring that is not linear
     rest_angle: Number = 0.0  # rad (prismatic: m)
     elasticity: Elasticity | None = None
+    radial_stiffness: Positive | None = None  # N/m, revolute: of a soft bearing; left out: rigid
 
     @property
     def prismatic(self) -> bool:
         """Whether the joint slides."""
         return self.type == "prismatic"
+
+    @property
+    def displaced(self) -> bool:
+        """Whether its pin leaves the centre of its bearing: by clearance, or as the bearing is soft."""
+        return self.clearance > 0 or self.radial_stiffness is not None
 
     @property
     def direction(self) -> complex:
@@ -189,7 +196,7 @@ class Joint(Part):
     @property
     def rubs(self) -> bool:
         """Whether there is dry friction."""
-        return self.stiction > 0
+        return self.stiction > 0 or self.friction_radius > 0
 
     @property
     def damped(self) -> bool:
@@ -213,6 +220,10 @@ class Joint(Part):
         if self.stribeck_speed is None:
             return self.coulomb + 0 * rate
         return self.coulomb + (self.stiction - self.coulomb) * np.exp(-((rate / self.stribeck_speed) ** 2))
+
+    def bearing(self, load: Amount) -> Amount:
+        """Size (N.m) of the dry friction that a reaction of this size (N) gives."""
+        return self.friction_radius * load
 
     def damper(self, rate: Amount) -> Amount:
         """Torque (N.m; prismatic: force, N) of viscous friction and drag on the second body at a rate (rad/s; m/s)."""

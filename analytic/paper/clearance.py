@@ -1,10 +1,13 @@
-"""What joint clearance does to a linkage: Eq. 8, and its self-consistent completion.
+"""What joint clearance and soft bearings do to a linkage: Eq. 8, and its self-consistent completion.
 
 A pin with radial clearance moves within its bearing along the reaction until the two touch.  Both answers put every
 such pin on the rim of its clearance circle and close the linkage again with those gaps:
 
 ``first_order``   the paper's: the rim in the direction of the *ideal* linkage's reaction (Eq. 8);
 ``equilibrium``   the rim in the direction of the reaction of the *displaced* linkage itself.
+
+A bearing of radial stiffness k lets its pin give by reaction over k beside: gap = (c / |F| + 1 / k) F.  It does so as
+fast as the reaction changes, for its own vibration is left out.
 
 Both presume contact at all times.  Where a reaction passes near zero it has no direction: such angles are flagged.
 "Near" is relative to the joint's largest reaction at the linkage's usual crank angles: whether an angle is flagged does
@@ -15,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
@@ -32,6 +36,8 @@ NO_DIRECTION = 0.01  # of a joint's peak reaction, below which it is flagged
 ROUNDING = 1e-12  # of the linkage's largest reaction: a smaller reaction is the rounding error of zero
 STENCIL = 2e-3  # rad of crank angle, to either neighbour of the two that give the gaps' rates
 UNSTEADY = 0.02  # rad by which a gap's own motion may turn it
+SWAYS = 0.05  # of a bearing's largest gap, by which the second term of that gap's own motion may change it
+STEADY = 3e-4  # of a gap, by which its own motion changes it: the next term of the series is the square of that
 SETTLED = 1e-12  # rad
 PASSES = 40
 NUDGE = 1e-4  # rad
@@ -41,10 +47,10 @@ SHORTER = 6  # times that a step of the search is halved at most
 
 @dataclass(frozen=True)
 class Displaced:
-    """A linkage displaced by its joints' clearance, at N crank angles.
+    """A linkage displaced by its joints' clearance and soft bearings, at N crank angles.
 
     ``reactions`` are the model's: the ideal linkage's for ``first_order``, the displaced one's for ``equilibrium``;
-    ``configuration`` is the displaced linkage, ``ideal`` the one without clearance.  ``flags`` maps the index of an
+    ``configuration`` is the displaced linkage, ``ideal`` the one without either.  ``flags`` maps the index of an
     angle at which the model has no answer to the reason; values there mean nothing.
     """
 
@@ -54,7 +60,7 @@ class Displaced:
     configuration: Reactions
     ideal: Reactions
     flags: Mapping[int, str]
-    faint: Mapping[str, float]  # N, of every revolute joint: a reaction no larger has no direction
+    faint: Mapping[str, float]  # N, of every revolute joint: a reaction no larger has no direction; with clearance only
 
     def __repr__(self) -> str:
         motion = self.ideal.motion
@@ -82,20 +88,22 @@ def displaced(
     model: Model = "equilibrium",
     inertia: bool = True,
     clearances: Mapping[str, float] | None = None,
+    stiffnesses: Mapping[str, float] | None = None,
 ) -> Displaced:
-    """The linkage with its clearances taken up along the reactions, at crank angles theta (N,) rad.
+    """The linkage with its clearances taken up along the reactions, and its soft bearings giving, at crank angles theta
+    (N,) rad.
 
     ``omega`` and ``alpha`` are the crank's angular velocity (rad/s) and acceleration (rad/s^2) there; the acceleration
     must change slowly.  Without ``inertia`` the equilibrium is static and omega only gives friction its direction.
-    ``clearances`` (m) replace the mechanism's own.  Raises AssemblyError where the ideal or the displaced linkage
-    cannot be assembled.
+    ``clearances`` (m) and ``stiffnesses`` (N/m, radial, of bearings) replace the mechanism's own.  Raises AssemblyError
+    where the ideal or the displaced linkage cannot be assembled.
     """
     drive = np.array(np.broadcast_arrays(np.atleast_1d(np.asarray(theta, float)), omega, alpha), float)
-    sizes = {
-        name: c for name, c in (assembly.mechanism.clearances if clearances is None else clearances).items() if c > 0
-    }
+    m = assembly.mechanism
+    sizes = {name: c for name, c in (m.clearances if clearances is None else clearances).items() if c > 0}
+    give = {name: 1 / k for name, k in (m.soft_bearings if stiffnesses is None else stiffnesses).items()}
     turning = bool(inertia and np.any(drive[1:]))
-    reach = STENCIL if turning and sizes else 0.0
+    reach = (2 * STENCIL if give else STENCIL) if turning and (sizes or give) else 0.0
     path = assembly.path(drive[0].min() - reach, drive[0].max() + reach)
 
     def solve(drive: np.ndarray, gaps: Mapping[str, Gap] | None = None) -> Reactions:
@@ -103,25 +111,28 @@ def displaced(
         return kinetostatics(kinematics(assembly, theta, omega, alpha, gaps, path), inertia)
 
     ideal = solve(drive)
-    if not sizes:
+    if not (sizes or give):
         return Displaced(model, {}, ideal, ideal, ideal, {}, {})
-    faint = faint_reactions(assembly, drive[1], drive[2], inertia)
+    faint = faint_reactions(assembly, drive[1], drive[2], inertia) if sizes else {}
     flags = _without_direction(ideal, sizes, faint)
-    pins = _Pins(sizes, solve, model)
-    toward = pins.directions(ideal)
+    pins = _Pins(sizes, give, max(b.length for b in m.bodies) or 1.0, solve, model)
+    toward = pins.told(ideal)
     rates = None
-    phi, learnt = pins.settled(drive, toward)
-    if turning:
-        rates = _rates(pins, drive, phi, toward, learnt)
-        steady, (phi, _) = phi, pins.settled(drive, phi, rates, learnt)
-        flags |= {i: why for i, why in _unsteady(sizes, phi - steady).items() if i not in flags}
-    gaps = pins.gaps(phi, rates)
+    x, learnt = pins.settled(drive, toward)
+    for order in range((2 if give else 1) * turning):
+        rates = _rates(pins, drive, x, toward, learnt, order)
+        steady, (x, _) = x, pins.settled(drive, x, rates, learnt)
+        off = _unsteady(pins, steady, x) if order == 0 else _swaying(pins, steady, x)
+        flags |= {i: why for i, why in off.items() if i not in flags}
+        if order == 0 and _sways(pins, steady, x).max(initial=0.0) < STEADY:
+            break
+    gaps = pins.gaps(x, rates)
     configuration = solve(drive, gaps)
     reactions = ideal if model == "first_order" else configuration
     if model == "equilibrium":
-        flags |= {i: why for i, why in _unsettled(configuration, gaps).items() if i not in flags}
+        flags |= {i: why for i, why in _unsettled(pins, configuration, x).items() if i not in flags}
         if not inertia:
-            flags |= {i: UNSTABLE for i in np.flatnonzero(pins.leave(drive, phi)).tolist() if i not in flags}
+            flags |= {i: UNSTABLE for i in np.flatnonzero(pins.leave(drive, x)).tolist() if i not in flags}
     return Displaced(model, {name: g.value for name, g in gaps.items()}, reactions, configuration, ideal, flags, faint)
 
 
@@ -140,57 +151,84 @@ def faint_reactions(assembly: Assembly, omega: np.ndarray, alpha: np.ndarray, in
 
 @dataclass(frozen=True)
 class _Pins:
-    """The K pins with clearance; ``solve`` gives the reactions for drive (3, N): crank angle, its rate and
-    acceleration.
+    """The pins that leave their bearings' centres; ``solve`` gives the reactions for drive (3, N): crank angle, its
+    rate and acceleration.
+
+    What is sought of them is x (N, K): the direction (rad) of each with clearance, how far each of those gives whose
+    bearing is soft, and then the gap's two components of each without clearance, both over ``length`` (m).
     """
 
-    sizes: Mapping[str, float]  # m
+    sizes: Mapping[str, float]  # m, radial clearance
+    give: Mapping[str, float]  # m/N, of soft bearings
+    length: float
     solve: Callable[[np.ndarray, Mapping[str, Gap] | None], Reactions]
     model: Model
 
-    def directions(self, found: Reactions) -> np.ndarray:
-        """Directions (N, K) rad of the reactions."""
-        return np.stack([np.angle(found.forces[name]) for name in self.sizes], axis=-1)
+    @cached_property
+    def both(self) -> list[str]:
+        """Those with clearance in a soft bearing."""
+        return [name for name in self.sizes if name in self.give]
 
-    def gaps(self, phi: np.ndarray, rates: np.ndarray | None = None) -> dict[str, Gap]:
-        """Gaps in the directions phi (N, K), with ``rates`` (2, N, K) complex: their first and second derivatives in
-        time.
-        """
-        moving = np.zeros((2, *phi.shape), complex) if rates is None else rates
-        return {
-            name: Gap(c * np.exp(1j * phi[:, k]), *moving[:, :, k]) for k, (name, c) in enumerate(self.sizes.items())
-        }
+    @cached_property
+    def tight(self) -> list[str]:
+        """Those without clearance."""
+        return [name for name in self.give if name not in self.sizes]
+
+    def told(self, found: Reactions) -> np.ndarray:
+        """x (N, K) by these reactions."""
+        forces, scaled = found.forces, {name: give / self.length for name, give in self.give.items()}
+        columns = [np.angle(forces[name]) for name in self.sizes]
+        columns += [np.abs(forces[name]) * scaled[name] for name in self.both]
+        for name in self.tight:
+            columns += [forces[name].real * scaled[name], forces[name].imag * scaled[name]]
+        return np.stack(columns, axis=-1)
+
+    def places(self, x: np.ndarray) -> dict[str, np.ndarray]:
+        """Gaps (N,) m, complex."""
+        n, out = len(self.sizes), dict[str, np.ndarray]()
+        for k, (name, c) in enumerate(self.sizes.items()):
+            far = c + self.length * x[:, n + self.both.index(name)] if name in self.give else c
+            out[name] = far * np.exp(1j * x[:, k])
+        for k, name in enumerate(self.tight):
+            at = n + len(self.both) + 2 * k
+            out[name] = self.length * (x[:, at] + 1j * x[:, at + 1])
+        return out
+
+    def gaps(self, x: np.ndarray, rates: np.ndarray | None = None) -> dict[str, Gap]:
+        """Gaps at x (N, K), with ``rates`` (2, N, pins) complex: their first and second derivatives in time."""
+        places = self.places(x)
+        moving = np.zeros((2, len(x), len(places)), complex) if rates is None else rates
+        return {name: Gap(gap, *moving[:, :, k]) for k, (name, gap) in enumerate(places.items())}
 
     def settled(
-        self, drive: np.ndarray, phi: np.ndarray, rates: np.ndarray | None = None, inverse: np.ndarray | None = None
+        self, drive: np.ndarray, x: np.ndarray, rates: np.ndarray | None = None, inverse: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Directions (N, K) that are the displaced linkage's own reactions', from phi near by; for ``first_order`` phi
-        itself.
+        """What x (N, K) is of the displaced linkage's own reactions, from x near by; for ``first_order`` x itself.
 
         Broyden's method at all angles at once, until each has settled.  ``inverse`` (N, K, K) is its estimate of the
-        inverse of minus the derivative of the miss by phi, which it returns improved; left out, it is the identity: a
+        inverse of minus the derivative of the miss by x, which it returns improved; left out, it is the identity: a
         pin that turns does not turn its reaction.
         """
-        phi, todo = phi.copy(), np.arange(len(phi))
-        inverse = np.tile(np.eye(phi.shape[1]), (len(phi), 1, 1)) if inverse is None else inverse.copy()
+        x, todo = x.copy(), np.arange(len(x))
+        inverse = np.tile(np.eye(x.shape[1]), (len(x), 1, 1)) if inverse is None else inverse.copy()
         if self.model == "first_order":
-            return phi, inverse
-        miss = self.miss(drive, phi, rates)
-        gain = np.ones(len(phi))  # by which the last step shrank the miss; the next one is expected to do as well
+            return x, inverse
+        miss = self.miss(drive, x, rates)
+        gain = np.ones(len(x))  # by which the last step shrank the miss; the next one is expected to do as well
         for _ in range(PASSES):
             step = np.einsum("nij,nj->ni", inverse[todo], miss)
             step *= np.minimum(
                 1.0, 0.5 / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300)
             )  # at most half a radian at a time
-            phi[todo] += step
+            x[todo] += step
             size = np.abs(miss).max(axis=1)
             far = (size >= SETTLED) & (size * gain >= 1e-3 * SETTLED)
             todo, step, before, size = todo[far], step[far], miss[far], size[far]
             if not todo.size:
                 break
-            phi[todo] -= step
-            miss, step = self.onward(drive[:, todo], phi[todo], step, None if rates is None else rates[:, todo])
-            phi[todo] += step
+            x[todo] -= step
+            miss, step = self.onward(drive[:, todo], x[todo], step, None if rates is None else rates[:, todo])
+            x[todo] += step
             gain = np.minimum(1.0, np.abs(miss).max(axis=1) / size)
             known = inverse[todo]
             seen = np.einsum("nij,nj->ni", known, miss - before)
@@ -199,47 +237,56 @@ class _Pins:
                 along, along, np.inf
             )  # no update where the miss has not changed
             inverse[todo] -= (step + seen)[..., None] * weight[:, None]
-        return phi, inverse
+        return x, inverse
 
     def onward(
-        self, drive: np.ndarray, phi: np.ndarray, step: np.ndarray, rates: np.ndarray | None
+        self, drive: np.ndarray, x: np.ndarray, step: np.ndarray, rates: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The miss (N, K) rad at phi + step, and the step; it is halved while the linkage does not close there."""
+        """The miss (N, K) rad at x + step, and the step; it is halved while the linkage does not close there."""
         for _ in range(SHORTER):
             try:
-                return self.miss(drive, phi + step, rates), step
+                return self.miss(drive, x + step, rates), step
             except AssemblyError:
                 step = step / 2
-        return self.miss(drive, phi + step, rates), step
+        return self.miss(drive, x + step, rates), step
 
-    def leave(self, drive: np.ndarray, phi: np.ndarray) -> np.ndarray:
-        """Whether (N,) pins that rest in the directions phi (N, K) would leave them: their energy is no minimum.
+    def leave(self, drive: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Whether (N,) pins that rest at x (N, K) would leave: their energy is no minimum.
 
-        The derivative of the energy by a direction is clearance times force times minus the miss.
+        The derivative of the energy by x is minus the miss times a weight: of a direction gap times force, of what a
+        bearing gives its stiffness (times the square of ``length``).
         """
-        sizes = np.array(list(self.sizes.values()))
-        forces = self.solve(drive, self.gaps(phi)).forces
-        root = np.sqrt(np.maximum(sizes * np.stack([np.abs(forces[name]) for name in self.sizes], axis=-1), 1e-300))
-        here, nudges = self.miss(drive, phi, None), NUDGE * np.eye(sizes.size)
-        slopes = np.stack([here - self.miss(drive, phi + nudge, None) for nudge in nudges], axis=-1) / NUDGE
+        forces, places = self.solve(drive, self.gaps(x)).forces, self.places(x)
+        weights = [np.abs(places[name]) * np.abs(forces[name]) for name in self.sizes]
+        for name in (*self.both, *(each for each in self.tight for _ in range(2))):
+            weights.append(np.full(len(x), self.length**2 / self.give[name]))
+        root = np.sqrt(np.maximum(np.stack(weights, axis=-1), 1e-300))
+        here, nudges = self.miss(drive, x, None), NUDGE * np.eye(x.shape[1])
+        slopes = np.stack([here - self.miss(drive, x + nudge, None) for nudge in nudges], axis=-1) / NUDGE
         bend = slopes * root[:, :, None] / root[:, None, :]
         return np.asarray(np.linalg.eigvalsh((bend + bend.transpose(0, 2, 1)) / 2)[:, 0] <= 0)
 
-    def miss(self, drive: np.ndarray, phi: np.ndarray, rates: np.ndarray | None) -> np.ndarray:
-        """Angles (N, K) rad from the pins' directions to their reactions'."""
-        forces = self.solve(drive, self.gaps(phi, rates)).forces
-        return np.stack(
-            [np.angle(forces[name] * np.exp(-1j * phi[:, k])) for k, name in enumerate(self.sizes)], axis=-1
-        )
+    def miss(self, drive: np.ndarray, x: np.ndarray, rates: np.ndarray | None) -> np.ndarray:
+        """From x (N, K) to what it is by the reactions there."""
+        forces, n = self.solve(drive, self.gaps(x, rates)).forces, len(self.sizes)
+        along = {name: forces[name] * np.exp(-1j * x[:, k]) for k, name in enumerate(self.sizes)}
+        columns = [np.angle(along[name]) for name in self.sizes]
+        columns += [along[name].real * self.give[name] / self.length - x[:, n + k] for k, name in enumerate(self.both)]
+        for k, name in enumerate(self.tight):
+            given, at = forces[name] * self.give[name] / self.length, n + len(self.both) + 2 * k
+            columns += [given.real - x[:, at], given.imag - x[:, at + 1]]
+        return np.stack(columns, axis=-1)
 
 
-def _rates(pins: _Pins, drive: np.ndarray, phi: np.ndarray, toward: np.ndarray, learnt: np.ndarray) -> np.ndarray:
-    """First and second derivatives in time (2, N, K) of the gaps in directions phi, where the ideal linkage's reactions
-    have the directions ``toward``.
+def _rates(
+    pins: _Pins, drive: np.ndarray, x: np.ndarray, toward: np.ndarray, learnt: np.ndarray, order: int = 0
+) -> np.ndarray:
+    """First and second derivatives in time (2, N, pins) of the gaps at x, where the ideal linkage's reactions are
+    ``toward``.
 
     They are differences between equilibria just before and after, in which the gaps do not move, at the same
     acceleration of the crank.  This is the first term of a series in (gap's inertia force / reaction); on the paper's
-    case the next is 1e-6 deg.
+    case the next is 1e-6 deg.  Of order 1 the gaps move there as those of order 0, at x too: the next term.
     """
     angle, speed, acceleration = drive
     pace = (np.abs(speed) + np.sqrt(speed**2 + 2 * np.abs(acceleration) * STENCIL)) / 2
@@ -248,13 +295,14 @@ def _rates(pins: _Pins, drive: np.ndarray, phi: np.ndarray, toward: np.ndarray, 
         np.array([angle + speed * t + acceleration * t**2 / 2, speed + acceleration * t, acceleration])
         for t in (-moment, moment)
     ]
-    beside = np.hstack(sides)
-    start = pins.directions(pins.solve(beside, None)) + np.tile(phi - toward, (2, 1))
-    c = np.array(list(pins.sizes.values()))
-    before, after = np.split(c * np.exp(1j * pins.settled(beside, start, inverse=np.tile(learnt, (2, 1, 1)))[0]), 2)
-    return np.array(
-        [(after - before) / (2 * moment[:, None]), (after - 2 * c * np.exp(1j * phi) + before) / moment[:, None] ** 2]
-    )
+    beside, learnt = np.hstack(sides), np.tile(learnt, (2, 1, 1))
+    there = pins.told(pins.solve(beside, None))
+    around, _ = pins.settled(beside, there + np.tile(x - toward, (2, 1)), inverse=learnt)
+    if order:
+        around, _ = pins.settled(beside, around, _rates(pins, beside, around, there, learnt, order - 1), learnt)
+    here, near = (np.stack(list(pins.places(at).values()), axis=-1) for at in (x, around))
+    before, after = np.split(near, 2)
+    return np.array([(after - before) / (2 * moment[:, None]), (after - 2 * here + before) / moment[:, None] ** 2])
 
 
 def _without_direction(ideal: Reactions, sizes: Mapping[str, float], faint: Mapping[str, float]) -> dict[int, str]:
@@ -267,10 +315,10 @@ def _without_direction(ideal: Reactions, sizes: Mapping[str, float], faint: Mapp
     return flags
 
 
-def _unsteady(sizes: Mapping[str, float], turned: np.ndarray) -> dict[int, str]:
-    """Angles at which a gap's own motion turns it too far, ``turned`` (N, K) rad, to be a small correction."""
+def _unsteady(pins: _Pins, steady: np.ndarray, moved: np.ndarray) -> dict[int, str]:
+    """Angles at which a gap's own motion turns it, from x (N, K) without to with it, too far for a small correction."""
     flags: dict[int, str] = {}
-    for name, turn in zip(sizes, np.abs(wrapped(turned)).T, strict=True):
+    for name, turn in zip(pins.sizes, np.abs(wrapped(moved - steady)).T, strict=False):
         for i in np.flatnonzero(~(turn < UNSTEADY)):
             flags.setdefault(
                 int(i),
@@ -279,12 +327,36 @@ def _unsteady(sizes: Mapping[str, float], turned: np.ndarray) -> dict[int, str]:
     return flags
 
 
-def _unsettled(found: Reactions, gaps: Mapping[str, Gap]) -> dict[int, str]:
+def _swaying(pins: _Pins, moved: np.ndarray, further: np.ndarray) -> dict[int, str]:
+    """Angles at which the second term of a gap's own motion in a soft bearing is not small, from x (N, K) with the
+    first to with both.
+    """
     flags: dict[int, str] = {}
-    for name, gap in gaps.items():
-        miss = np.abs(np.angle(found.forces[name] / gap.value))
+    for name, sway in zip(pins.give, _sways(pins, moved, further), strict=True):
+        for i in np.flatnonzero(~(sway < SWAYS)):
+            flags.setdefault(int(i), f"the bearing of {name} is so soft that the linkage sways in it")
+    return flags
+
+
+def _sways(pins: _Pins, moved: np.ndarray, further: np.ndarray) -> np.ndarray:
+    """By how much of its largest gap (soft bearings, N) each of them gives more at one x (N, K) than at another."""
+    before, after = pins.places(moved), pins.places(further)
+    return np.array([np.abs(after[name] - before[name]) / np.abs(before[name]).max() for name in pins.give])
+
+
+def _unsettled(pins: _Pins, found: Reactions, x: np.ndarray) -> dict[int, str]:
+    flags: dict[int, str] = {}
+    places = pins.places(x)
+    for name in pins.sizes:
+        miss = np.abs(np.angle(found.forces[name] / places[name]))
         for i in np.flatnonzero(~(miss < 1e-6)):
             flags.setdefault(int(i), f"no steady contact direction was found at {name}")
+    for name, give in pins.give.items():
+        gap, force = places[name], found.forces[name]
+        given = np.abs(gap * (1 - pins.sizes.get(name, 0.0) / np.abs(gap)) if name in pins.sizes else gap)
+        off = np.abs(given - give * np.abs(force)) / max(float(np.abs(gap).max()), 1e-300)
+        for i in np.flatnonzero(~(off < 1e-6)):
+            flags.setdefault(int(i), f"no steady place of the pin was found in the soft bearing of {name}")
     return flags
 
 

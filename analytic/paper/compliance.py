@@ -25,7 +25,7 @@ from analytic.kinematics.motion import Motion
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism
 from analytic.mechanism.one_line import angles, largest, one_line
 from analytic.paper.frame import Bar, ComplianceError, beam_stiffness, frame
-from analytic.paper.kinetostatics import joint_law
+from analytic.paper.kinetostatics import joint_law, kinetostatics, slip_sign
 
 BLOCK = 128  # crank angles solved at once: their matrices stay in the processor's cache
 DEPENDENT = 1e-10  # of the largest singular value: constraints below it say nothing new
@@ -91,9 +91,16 @@ def compliance(
     complex, ground frame) and ``torques`` (N.m) act on bodies' coms; values are (N,) or constant.  The superposition of
     Fig. 7c wants the motion without gaps; in a motion with gaps each pin keeps its place in its bearing.
 
+    Friction that grows with reactions grows with the rigid linkage's, which has no further forces.
     Raises ComplianceError for a flexible body without a section, or where the loads are not carried (a change point).
     """
     structure = _Structure(motion, beam)
+    if structure.mechanism.bearings and (forces or torques):
+        joint = structure.mechanism.bearings[0]
+        raise ComplianceError(
+            f"{structure.mechanism.name}: friction_radius of joint {joint.name!r} is {joint.friction_radius:g} m, and"
+            " further forces would change its friction; give them as loads of the mechanism"
+        )
     load = structure.loads(inertia, forces or {}, torques or {})
     n = motion.theta.size
     parts = [structure.solve(slice(i, i + BLOCK), load[i : i + BLOCK]) for i in range(0, n, BLOCK)]
@@ -116,6 +123,7 @@ class _Structure:
             self.size += len(self.kept) * len(f.nodes)
         self.bars = [bar for body in self.mechanism.bodies for bar in self.bars_of(body, beam)]
         self.slips = {joint.name: self.slip(joint) for joint in self.mechanism.joints}
+        self.reactions: Mapping[str, np.ndarray] = {}  # N, of the rigid linkage, where friction grows with them
 
     def bars_of(
         self, body: Body, beam: Callable[[Bar], np.ndarray]
@@ -223,6 +231,8 @@ class _Structure:
         periodic = self.mechanism.periodic_torque
         if periodic is not None:
             add(self.mechanism.driven, MASS_CENTRE, 0.0, periodic.at(self.motion.theta))
+        if self.mechanism.bearings:
+            self.reactions = kinetostatics(self.motion, inertia).forces
         for joint in self.mechanism.joints:
             load += (
                 self.joint_torque(joint, inertia)[:, None] * self.slips[joint.name][:, self.kept.index(_free(joint))]
@@ -235,13 +245,16 @@ class _Structure:
         if joint.prismatic:
             return joint_law(joint, *m.travel(joint.name), m.rates[0], moving=inertia)
         first, second = joint.bodies
-        return joint_law(
+        law = joint_law(
             joint,
             m.angle(second) - m.angle(first),
             m.angular_velocity(second) - m.angular_velocity(first),
             m.rates[0],
             moving=inertia,
         )
+        if joint.friction_radius:
+            law = law - joint.bearing(np.abs(self.reactions[joint.name])) * slip_sign(m, joint)
+        return law
 
     def solve(self, block: slice, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Displacements (N, n) and strain energy (N,) of a block of crank angles."""

@@ -12,12 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analytic.kinematics.closure import AssemblyError
 from analytic.kinematics.motion import BLOCK, Motion, blocks, solve_forces
 from analytic.kinematics.structure import Structure
 from analytic.mechanism import MASS_CENTRE, Joint
 from analytic.mechanism.one_line import angles, largest, one_line
 from analytic.mechanism.signals import Signal
 
+SETTLED = 1e-12  # of the largest reaction's friction: the last step that is worth taking
+PASSES = 60  # of Newton's method
 DEAD_CENTRE = 1e-12  # of the crank's rate: a smaller rate of a joint (rad/s; prismatic: m/s) is rounding error
 
 
@@ -67,8 +70,8 @@ def kinetostatics(motion: Motion, inertia: bool = True, grip: np.ndarray | None 
     """Reactions and drive torque for gravity, loads, joint springs, friction, dampers and, with ``inertia``, motion.
 
     Without ``inertia`` the linkage is in static equilibrium at each angle; the motion's velocities then only give
-    Coulomb friction its direction and dampers do nothing.  ``grip`` (N,) is the share of the friction that acts: 1
-    unless the linkage sticks.
+    dry friction its direction and dampers do nothing.  ``grip`` (N,) is the share of the friction that acts: 1
+    unless the linkage sticks.  Raises AssemblyError where friction that grows with reactions locks the linkage.
     """
     s, n = motion.structure, motion.theta.size
     order = [j.name for j in s.mechanism.joints]
@@ -98,6 +101,18 @@ def _balance(
         for j in s.mechanism.joints
         if j.prismatic
     }
+    if s.mechanism.bearings:
+        torque += _bearing_friction(motion, grip, work, torque, travel_force)
+    return _carried(motion, work, torque, travel_force)
+
+
+def _carried(
+    motion: Motion, work: np.ndarray, torque: np.ndarray, travel_force: Mapping[str, np.ndarray]
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
+    """What :func:`_balance` gives under the work of forces, torques on bodies and forces along slides; ``work`` is
+    written over.
+    """
+    s = motion.structure
     for group in reversed(s.groups):
         generalised = np.array([_generalised(motion, i, work, torque, travel_force) for i in group.coordinates])
         closing = solve_forces(motion.jacobians[group], generalised, s, group)
@@ -112,6 +127,60 @@ def _balance(
         moment = _turning_work(motion, tuple(carried), riding, work, torque)
         moments[name] = -moment if far_is_second else moment
     return forces, moments, -_generalised(motion, 0, work, torque, travel_force)
+
+
+def _bearing_friction(
+    motion: Motion,
+    grip: np.ndarray | float,
+    work: np.ndarray,
+    torque: np.ndarray,
+    travel_force: Mapping[str, np.ndarray],
+) -> np.ndarray:
+    """(bodies, N) torques (N.m) on each body of the friction that joints' reactions give, beside all else that acts.
+
+    Reactions answer linearly to torques: F_i = F0_i + sum of D_ij t_j.  Newton's method from t = 0 finds
+    t_i + r_i |F_i| = 0, r the friction circle's radius with the sign of the slip.  The solution that grows out of
+    r = 0 is the one with a positive determinant of its derivative; where there is none the linkage locks itself.
+    Raises AssemblyError there.
+    """
+    s, n, joints = motion.structure, motion.theta.size, motion.structure.mechanism.bearings
+    names = [j.name for j in joints]
+
+    def forces(work: np.ndarray, torque: np.ndarray, along: Mapping[str, np.ndarray]) -> np.ndarray:
+        found = _carried(motion, work.copy(), torque, along)[0]
+        return np.stack([found[name] for name in names], axis=-1)
+
+    units = np.zeros((len(names), *torque.shape))
+    for unit, joint in zip(units, joints, strict=True):
+        first, second = joint.bodies
+        unit[s.body_column(second)] += 1.0
+        unit[s.body_column(first)] -= 1.0
+    still = {name: np.zeros(n) for name in travel_force}
+    given = forces(work, torque, travel_force)
+    answers = np.stack([forces(np.zeros_like(work), unit, still) for unit in units], axis=-1)
+    radius = np.stack([j.friction_radius * grip * slip_sign(motion, j) for j in joints], axis=-1)
+    size = np.abs(radius * np.abs(given)).max(axis=1, initial=0.0)
+    friction = np.zeros((n, len(names)))
+    for _ in range(PASSES):
+        force = given + np.einsum("nij,nj->ni", answers, friction)
+        toward = force / np.maximum(np.abs(force), np.finfo(float).tiny)
+        slope = np.eye(len(names)) + radius[..., None] * (np.conj(toward)[..., None] * answers).real
+        miss = friction + radius * np.abs(force)
+        with np.errstate(all="ignore"):
+            growing = np.linalg.det(slope)
+            change = np.linalg.solve(np.where((growing > 0)[:, None, None], slope, np.eye(len(names))), miss[..., None])
+        friction = friction - change[..., 0]
+        settled = (np.abs(change[..., 0]).max(axis=1) <= SETTLED * size) & (growing > 0)
+        if settled.all():
+            return np.asarray(np.einsum("jbn,nj->bn", units, friction))
+        size = np.maximum(size, np.abs(radius * np.abs(force)).max(axis=1))
+    at = float(motion.theta[~settled][0])
+    raise AssemblyError(
+        f"{s.mechanism.name}: the friction that its reactions give locks the linkage at crank angle"
+        f" {np.degrees(at):.6g} deg",
+        at,
+        f"make friction_radius of joint {' or '.join(map(repr, names))} smaller, or keep clear of that angle",
+    )
 
 
 def _work_of_forces(motion: Motion, inertia: bool, work: np.ndarray) -> None:
@@ -175,10 +244,21 @@ def joint_law(
     ``position`` (rad, m) and ``rate`` are the second body's on the first, ``crank`` (rad/s) is the crank's rate; at a
     dead centre, where the joint rests and the crank turns, there is no friction.
     """
-    slip = np.sign(rate) * (np.abs(rate) > DEAD_CENTRE * np.abs(crank))
+    slip = _direction(rate, crank)
     if not moving:
         return joint.spring(position) - joint.stiction * grip * slip
     return joint.spring(position) + joint.damper(rate) - joint.dry(rate) * grip * slip
+
+
+def slip_sign(motion: Motion, joint: Joint) -> np.ndarray:
+    """The sign (N,) of the rate of a joint's second body on its first, against which friction acts; 0 at a dead centre
+    of the joint.
+    """
+    return _direction(motion.slip(joint)[0], motion.rates[0])
+
+
+def _direction(rate: np.ndarray, crank: np.ndarray) -> np.ndarray:
+    return np.asarray(np.sign(rate) * (np.abs(rate) > DEAD_CENTRE * np.abs(crank)))
 
 
 def friction_turns(motion: Motion, within: float = 0.0) -> dict[str, np.ndarray]:

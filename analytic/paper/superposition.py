@@ -221,7 +221,9 @@ def accuracy(
         unit_reactions=unit_reactions(assembly, theta, outputs, path),
         directions=np.array(
             [
-                _directions(moved.ideal.forces[pin], moved.faint[pin]) if pin in moved.gaps else np.zeros(theta.size)
+                _directions(moved.ideal.forces[pin], moved.faint[pin])
+                if pin in moved.faint and clearances.get(pin)
+                else np.zeros(theta.size)
                 for pin in pins
             ]
         ),
