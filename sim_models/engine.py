@@ -29,8 +29,9 @@ JointModel = Literal["ideal", "massless-link", "spring-damper", "contact"]
 Motion = Literal["driven", "static"]
 Start = Literal["steady", "centred"]
 Feature = Literal[
-    "prismatic", "coulomb_friction", "stribeck_friction", "viscous_friction", "drag", "joint_spring",
-    "nonlinear_spring", "contact_friction", "drive_compliance", "periodic_torque", "course", "released",
+    "prismatic", "coulomb_friction", "stribeck_friction", "load_friction", "viscous_friction", "drag",
+    "joint_spring", "nonlinear_spring", "contact_friction", "drive_compliance", "periodic_torque", "soft_bearing",
+    "course", "released",
 ]  # fmt: skip
 Pair = tuple[JointModel, Motion]
 SettingValue = str | bool | int | float | None | Mapping[str, float]
@@ -41,6 +42,7 @@ IN_WORDS: Mapping[Feature, str] = {
     "prismatic": "prismatic joints",
     "coulomb_friction": "Coulomb friction of joints",
     "stribeck_friction": "Stribeck friction of joints",
+    "load_friction": "friction of joints that grows with their reactions",
     "viscous_friction": "dampers in joints",
     "drag": "drag in joints",
     "joint_spring": "springs in joints",
@@ -48,6 +50,7 @@ IN_WORDS: Mapping[Feature, str] = {
     "contact_friction": "friction in contact",
     "drive_compliance": "drives that yield",
     "periodic_torque": "torques over the crank angle",
+    "soft_bearing": "soft bearings",
     "course": "courses of a motor",
     "released": "released linkages",
 }
@@ -180,6 +183,14 @@ class Request:
     def clearances(self) -> dict[str, float]:
         """Radial clearance (m) of each joint that has one in this run; none where joints are ideal."""
         return {} if self.joint_model == "ideal" else self.mechanism.clearances
+
+    @property
+    def bearings(self) -> dict[str, float]:
+        """Radial stiffness (N/m) of each soft bearing without clearance in this run: a spring between pin centres.
+
+        With clearance it is what the pin's contact is made of.
+        """
+        return {name: k for name, k in self.mechanism.soft_bearings.items() if name not in self.clearances}
 
     @property
     def released(self) -> bool:
@@ -449,16 +460,19 @@ def needed(request: Request) -> dict[Feature, str]:
     found: dict[Feature, str] = {}
     for joint in m.joints:
         at = f"of joint {joint.name!r}"
+        soft = joint.radial_stiffness
         rubs = touching and not joint.prismatic and bool(joint.clearance and joint.friction)
         asked: tuple[tuple[Feature, bool, str], ...] = (
             ("prismatic", joint.prismatic, f"the prismatic joint {joint.name!r}"),
             ("coulomb_friction", bool(joint.coulomb), f"friction_torque = {joint.coulomb:g} {at}"),
             ("stribeck_friction", joint.static_torque is not None, f"static_torque = {joint.stiction:g} {at}"),
+            ("load_friction", bool(joint.friction_radius), f"friction_radius = {joint.friction_radius:g} {at}"),
             ("viscous_friction", moving and bool(joint.damping), f"damping = {joint.damping:g} {at}"),
             ("drag", moving and bool(joint.drag), f"drag = {joint.drag:g} {at}"),
             ("joint_spring", bool(joint.stiffness), f"stiffness = {joint.stiffness:g} {at}"),
             ("nonlinear_spring", bool(joint.cubic), f"cubic = {joint.cubic:g} {at}"),
             ("contact_friction", rubs, f"friction = {joint.friction:g} {at}"),
+            ("soft_bearing", soft is not None, f"radial_stiffness = {soft or 0:g} {at}"),
         )
         found |= {feature: what for feature, has, what in asked if has and feature not in found}
     if m.drive_stiffness:

@@ -58,10 +58,12 @@ def mechanism(model: JointModel, feature: Feature | None) -> Mechanism:
     if feature == "contact_friction":
         return m.with_joint("B", friction=0.15, pin_radius=0.02)
     laws = {"coulomb_friction": {"friction_torque": 0.2}, "viscous_friction": {"damping": 0.05}}
+    laws["load_friction"] = {"friction_radius": 5e-3}
     laws["joint_spring"] = {"stiffness": 3.0, "rest_angle": 0.2}
     laws["nonlinear_spring"] = {"cubic": 3.0, "rest_angle": 0.2}
     laws["stribeck_friction"] = {"friction_torque": 0.1, "static_torque": 0.3, "stribeck_speed": SPEED}
     laws["drag"] = {"drag": 0.01}
+    laws["soft_bearing"] = {"radial_stiffness": 1e5}
     if feature in laws:
         return m.with_joint("A", **laws[feature])
     drive = m.drive.model_dump(exclude_unset=True)

@@ -51,6 +51,7 @@ def driven_by(mechanism: Mechanism, **drive: float) -> Mechanism:
 PAPER = load("paper").with_clearances({"B": 1e-3})
 CURVED = curved_slider()
 SLIDER = inverted_slider().with_clearances({"A": 1e-4}).with_joint("A", friction=0.1)  # prismatic, and every joint law
+SOFT = PAPER.with_clearances({}).with_joint("A", radial_stiffness=1e5).with_joint("E", radial_stiffness=3e5)
 SHORT = np.radians([30.0, 40.0, 35.0])
 REQUESTS = {
     **{
@@ -69,6 +70,9 @@ REQUESTS = {
     "impacts": Request(
         load("crank-rocker").with_clearances({"B": 2e-4}), "contact", "driven", SHORT, start="centred", lead_in=1.0
     ),
+    "soft bearings, driven": Request(SOFT, "ideal", "driven", SHORT),
+    "soft bearings beside a gap, driven": Request(SOFT.with_clearances({"B": 1e-3}), "contact", "driven", SHORT),
+    "soft bearings, static": Request(SOFT, "ideal", "static", SHORT),
     "released": Request(load("pendulum"), "ideal", time=np.array([0.3, 0.1, 0.5])),
     "released with a gap": Request(load("pendulum").with_clearances({"O": 5e-4}), "contact", time=np.array([0.1, 0.2])),
 }

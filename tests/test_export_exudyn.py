@@ -29,6 +29,7 @@ FILES = {"model.json", "expected.csv", "run.py"}
 ROCKER = load("crank-rocker").with_clearances({"B": 2e-4})
 TURN = np.radians([0.0, 90.0, 45.0, 90.0])
 CURVED = curved_slider()
+SOFT = PAPER.with_clearances({}).with_joint("A", radial_stiffness=1e5).with_joint("E", radial_stiffness=3e5)
 REQUESTS = {
     **{
         f"paper, {model}, {motion}": Request(PAPER, model, motion, SHORT)
@@ -49,6 +50,9 @@ REQUESTS = {
     "compliant drive, backwards": Request(driven_by(PAPER, stiffness=500.0, speed=-3.0), "ideal", "driven", SHORT),
     "compliant drive, static": Request(driven_by(PAPER, stiffness=500.0), "contact", "static", SHORT),
     "impacts": Request(ROCKER, "contact", "driven", SHORT, start="centred"),
+    "soft bearings, driven": Request(SOFT, "ideal", "driven", SHORT),
+    "soft bearings beside a gap, driven": Request(SOFT.with_clearances({"B": 1e-3}), "contact", "driven", SHORT),
+    "soft bearings, static": Request(SOFT, "ideal", "static", SHORT),
     "released": Request(load("pendulum"), "ideal", time=np.array([0.3, 0.1, 0.5])),
     "released with a gap": Request(
         load("pendulum").with_clearances({"O": 5e-4}), "contact", time=np.array([0.0, 0.1, 0.2])

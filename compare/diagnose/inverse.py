@@ -60,7 +60,7 @@ class Backward:
 
     def assembly(self, run: MeasuredRun, hypothesis: Hypothesis) -> Assembly:
         """A run's linkage under a hypothesis.  Raises Impossible or AssemblyError."""
-        return Assembly(self.model.altered(run, hypothesis).with_clearances({}))
+        return Assembly(self.model.altered(run, hypothesis).ideal())
 
     def __call__(self, hypotheses: Sequence[Hypothesis]) -> list[list[dict[str, np.ndarray]] | None]:
         """The readings of every run, (N,) by signal, for each hypothesis; None where it is impossible."""

@@ -171,7 +171,7 @@ class Model:
         stiffness = mechanism.drive.stiffness if mechanism.drive else None  # whatever the file's own drive.speed
 
         def torque(turning: Turning) -> np.ndarray:
-            return _balanced(assembly, turning, {}).drive_torque
+            return _balanced(assembly, turning).drive_torque
 
         turns = stiffness is not None and turns_fully(assembly)
         seen, cranks = [], []
@@ -187,7 +187,7 @@ class Model:
                 if lag is not None:
                     turned = Turning(turned.theta - lag.theta, turned.omega - lag.omega, turned.alpha - lag.alpha)
             cranks.append(turned)
-        if mechanism.clearances:  # which forces are too faint for a direction is asked of each run by itself
+        if mechanism.displaced:  # which forces are too faint for a direction is asked of each run by itself
             found = [derived(assembly, crank) for crank in cranks]
         else:
             found = _parted(derived(assembly, _joined(cranks)), [crank.theta.size for crank in cranks])
@@ -213,7 +213,7 @@ class Model:
     # ---------------------------------------------------------------- free runs
 
     def released(self, run: MeasuredRun, hypotheses: Sequence[Hypothesis]) -> list[Reactions | None]:
-        """The motion of a free run under each hypothesis, its joints without clearance; None where there is none."""
+        """The motion of a free run under each hypothesis, its joints ideal; None where there is none."""
         tables = self._tables
         if len(tables) > TABLES:
             tables.clear()
@@ -226,7 +226,7 @@ class Model:
             keys.append(key)
             if key not in tables:
                 try:
-                    assembly = Assembly(self.altered(run, hypothesis).with_clearances({}))
+                    assembly = Assembly(self.altered(run, hypothesis).ideal())
                     tables[key] = assembly, Freedom.of(assembly)
                 except (Impossible, AssemblyError):
                     tables[key] = None
@@ -337,11 +337,11 @@ def altered(mechanism: Mechanism, hypothesis: Hypothesis) -> Mechanism:
     return mechanism
 
 
-def _balanced(assembly: Assembly, turning: Turning, clearances: Mapping[str, float]) -> Reactions:
-    if clearances:
-        return displaced(
-            assembly, turning.theta, turning.omega, alpha=turning.alpha, clearances=clearances
-        ).configuration
+def _balanced(assembly: Assembly, turning: Turning) -> Reactions:
+    """What a drive that yields carries: of joints without clearance, soft bearings to first order."""
+    if assembly.mechanism.soft_bearings:
+        theta, omega, alpha = turning.theta, turning.omega, turning.alpha
+        return displaced(assembly, theta, omega, alpha=alpha, model="first_order", clearances={}).configuration
     return kinetostatics(kinematics(assembly, turning.theta, turning.omega, turning.alpha))
 
 
@@ -357,9 +357,11 @@ def _parted(signals: Mapping[str, np.ndarray], sizes: Sequence[int]) -> list[dic
 
 
 def derived(assembly: Assembly, crank: Turning) -> dict[str, np.ndarray]:
-    """Every signal with this motion of the crank: pins on their bearings' walls, links with a modulus bent."""
+    """Every signal with this motion of the crank: pins on their bearings' walls or in soft ones, links with
+    a modulus bent.
+    """
     mechanism = assembly.mechanism
-    if mechanism.clearances:
+    if mechanism.displaced:
         found = displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha)
         ideal, signals = found.ideal, found.signals()
     else:

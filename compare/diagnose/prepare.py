@@ -14,7 +14,8 @@ import numpy as np
 from scipy.sparse import csr_array, diags_array
 
 from analytic.beyond_paper.drive import Motor
-from analytic.kinematics.assembly import AssemblyError
+from analytic.beyond_paper.freedom import Freedom
+from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import turned_near
@@ -205,13 +206,15 @@ def nominal(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Moto
 def _explain_impossible(measured: Measured, mechanism: Mechanism, model: Model) -> None:
     """Raise what stops the nominal mechanism from making a run."""
     for run in measured.runs:
-        if run.drive != "free":
-            try:
+        try:
+            if run.drive == "free":
+                Freedom.of(Assembly(model.altered(run, []).with_clearances({})))
+            else:
                 model.signals(run, [], run.time)
-            except AssemblyError as error:
-                raise MeasuredError(
-                    f"{measured.source}: run {run.name!r} cannot be made by the nominal mechanism: {error}"
-                ) from None
+        except AssemblyError as error:
+            raise MeasuredError(
+                f"{measured.source}: run {run.name!r} cannot be made by the nominal mechanism: {error}"
+            ) from None
 
 
 def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor]) -> Rig:

@@ -183,9 +183,9 @@ class Problem:
             for run in self.measured.runs
             if run.from_rest
         ]
-        if self.mechanism.clearances or any("contact" in t.effect.needs for t in self.terms):
+        if self.mechanism.displaced or any(t.effect.needs & {"contact", "soft_bearing"} for t in self.terms):
             self.notes += [
-                f"In run {run.name}, which is free, joints are taken without clearance."
+                f"In run {run.name}, which is free, joints are taken without clearance and bearings as rigid."
                 for run in self.measured.runs
                 if run.drive == "free"
             ]

@@ -123,7 +123,7 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
 def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -> tuple[Trace, dict[str, np.ndarray]]:
     """Trace and signals of a released run; before its first sample, those of that sample."""
     assert task.start is not None
-    mechanism = mechanism.with_clearances({})
+    mechanism = mechanism.ideal()
     angle, rate = task.start
     at = np.array([angle])
     assembly = Assembly(mechanism)

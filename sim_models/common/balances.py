@@ -101,8 +101,8 @@ def balance(seen: Seen, body: Body) -> tuple[Sum, Sum]:
 
 
 def power(seen: Seen) -> Sum:
-    """Powers (W) of inertia, weight, loads, drive and joints.  Ideal pins give none; a clearance's and a slide's force
-    does, by its slip.
+    """Powers (W) of inertia, weight, loads, drive and joints.  Ideal pins give none; a clearance's, a soft bearing's
+    and a slide's force does, by its slip.
     """
     m, flow = seen.m, Sum.of(seen.count)
     for body in m.bodies:
@@ -118,7 +118,7 @@ def power(seen: Seen) -> Sum:
         first, second = joint.bodies
         turning, (turn, hidden) = seen.spin(second) - seen.spin(first), seen.turning(joint)
         flow.add(turn * turning, unknown=hidden * np.abs(turning))
-        if joint.prismatic or joint.name in seen.trace.clearance:
+        if joint.prismatic or joint.name in seen.trace.clearance or joint.name in seen.request.bearings:
             slip = seen.slip(joint)
             flow.add(dot(seen.reaction(joint), slip), unknown=seen.kink(joint) * np.abs(slip))
     return flow

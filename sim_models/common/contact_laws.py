@@ -19,6 +19,7 @@ SUITED = (
 )  # N/m, of force over length of the linkages that these suit; for others they are harder or softer in proportion
 STIFFEST = 1e30  # N/m, of those
 DAMPING_RATIO = 0.5  # of the lighter link on that stiffness, where the mechanism gives neither damping nor restitution
+BEARING_RATIO = 0.01  # the same of a soft bearing
 TOO_DEEP = 0.1  # of the shortest link at a joint: a pin that is deeper in its bearing is in none
 PIN_RADIUS = 0.01  # m, where the mechanism gives none; matters only with friction
 
@@ -36,16 +37,24 @@ class KelvinVoigt:
 
 
 def contact_parameters(mechanism: Mechanism, joint: Joint, motion: Motion) -> KelvinVoigt:
-    """What a joint's contact is made of: as the mechanism says, or this project's defaults.
+    """What a joint's contact is made of: as the mechanism says, or this project's defaults; a soft bearing's, of that.
 
     Damping comes from ``contact_damping``, else from ``restitution`` (delivered, for the lighter of the two links
     bouncing alone), else from DAMPING_RATIO.
     """
-    stiffness = joint.contact_stiffness or default_stiffness(mechanism, motion)
+    stiffness = joint.radial_stiffness or joint.contact_stiffness or default_stiffness(mechanism, motion)
     if joint.contact_damping is not None:
         return KelvinVoigt(stiffness, joint.contact_damping)
     ratio = DAMPING_RATIO if joint.restitution is None else damping_ratio(joint.restitution)
     return KelvinVoigt(stiffness, 2 * ratio * math.sqrt(stiffness * lighter_mass(mechanism, joint)))
+
+
+def bearing(mechanism: Mechanism, joint: Joint) -> KelvinVoigt:
+    """What stands between the pin centres of a soft bearing without clearance: its spring, and a damper that lets the
+    linkage's sway in it die away but takes next to no force from a steady motion.
+    """
+    stiffness = joint.radial_stiffness or math.inf
+    return KelvinVoigt(stiffness, 2 * BEARING_RATIO * math.sqrt(stiffness * lighter_mass(mechanism, joint)))
 
 
 def default_stiffness(mechanism: Mechanism, motion: Motion) -> float:

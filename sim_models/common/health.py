@@ -13,7 +13,7 @@ pins       ideal pins coincide, a slide's block is on its line                3e
 closure    no body would have to turn, the crank held, for that               3e-6    a radian; positions are judged to
                                                                                       1e-5
 turned     a slide keeps its angle                                            1e-15   a radian
-signal     a clearance's displacement is that of its pins                     3e-12   the clearance
+signal     a displacement is that of its pins                                 3e-12   the clearance
 crank      the crank is where its motor has it, or as far behind as it yields 4e-9    a radian
 speed      and as fast as a rigid one                                         2e-6    the motor's speed
 evenness   and even                                                           6e-9    its square
@@ -21,6 +21,7 @@ parting    closed joints stay closed: velocities                              1e
 jolt       and accelerations                                                  9e-3    the largest, or the largest
                                                                                       reaction over the mass
 rod        a massless link keeps its length                                   6e-3    the clearance
+give       a soft bearing gives by force over stiffness                       1e-6    its largest force
 bearing    a pin is in its bearing (whether too deep to see it, is a warning) 4e-3    the shorter of its bodies
 line       a pin is pushed along its displacement; not with contact friction  2e-5    its largest force
 loose      and not at all while it is free                                    0       the same
@@ -53,10 +54,11 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Joint
 from sim_models.common.balances import balances
-from sim_models.common.contact_laws import TOO_DEEP, shortest_link
-from sim_models.common.seen import REST, TINY, Miss, Seen, cross, dot
+from sim_models.common.contact_laws import TOO_DEEP, bearing, shortest_link
+from sim_models.common.seen import REST, ROUNDING, TINY, Miss, Seen, cross, dot
 from sim_models.engine import Cause, Request, SimulationError, Trace
 
+DAMPERS = 2.0  # a soft bearing's dampers at most, over what its force is off its spring's
 FREE = 0.1  # of the clearance, inside of the rim: a pin farther inside touches nothing in any engine
 # of a moving run's instants: where pins fly they touch and leave, and one such instant does not make the run wrong
 RARE = 5e-3
@@ -93,6 +95,7 @@ LIMITS = {
     "parting": Limit(1e-5, 1e-5, 1e-4),
     "jolt": Limit(1e-3, 1e-3, 2e-2),
     "rod": Limit(1e-3, 1e-2, 1e-2),
+    "give": Limit(1e-5, 3e-4, 3e-4),
     "bearing": Limit(TOO_DEEP, TOO_DEEP, TOO_DEEP),
     "line": Limit(1e-5, 3e-4, 3e-4),
     "loose": Limit(1e-5, 3e-4, 3e-4),
@@ -155,6 +158,9 @@ def pins(seen: Seen) -> Iterator[Miss]:
                 "m",
             )
             continue
+        if joint.name in seen.request.bearings:
+            yield from soft_bearing(seen, joint, gap)
+            continue
         what = f"the pins of joint {joint.name!r}"
         yield Miss("pins", f"{what} come apart", np.abs(gap), seen.size, "m")
         if seen.moves:
@@ -168,6 +174,20 @@ def pins(seen: Seen) -> Iterator[Miss]:
                 "m/s^2",
                 REST,
             )
+
+
+def soft_bearing(seen: Seen, joint: Joint, gap: np.ndarray) -> Iterator[Miss]:
+    """A pin that does not give in its soft bearing as its force has it, but for what dampers do to a moving one."""
+    force, stiffness = seen.reaction(joint), seen.request.bearings[joint.name]
+    off, peak = np.abs(force - stiffness * gap), float(np.abs(force).max(initial=0.0))
+    if seen.moves:
+        damping = bearing(seen.m, joint).damping
+        off = np.maximum(off - DAMPERS * damping * np.abs(seen.slip(joint)), 0.0)
+    what = f"the bearing of joint {joint.name!r} does not give as it is stiff"
+    yield Miss("give", what, off, peak, "N", seen.nothing)
+    what = f"the displacement of joint {joint.name!r} is not that of its pins"
+    told = np.abs(gap - seen.vector(f"clearance_{joint.name}"))
+    yield Miss("signal", what, told, float(np.abs(gap).max(initial=0.0)), "m", ROUNDING * seen.size)
 
 
 def slides(seen: Seen) -> Iterator[Miss]:
@@ -203,7 +223,8 @@ def closure(seen: Seen) -> Iterator[Miss]:
     At a poor transmission angle a small miss of a pin turns bodies far.
     """
     place = {b.name: 3 * k for k, b in enumerate(seen.m.bodies)}
-    found = [row for joint in seen.m.joints if joint.name not in seen.trace.clearance for row in _closing(seen, joint)]
+    loose = {*seen.trace.clearance, *seen.request.bearings}
+    found = [row for joint in seen.m.joints if joint.name not in loose for row in _closing(seen, joint)]
     if seen.held:
         found.append((0.0, {seen.m.driven: (0j, 1.0)}))
     if not found:

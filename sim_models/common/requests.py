@@ -11,6 +11,7 @@ def check_request(request: Request) -> None:
     """Raise Unsupported, saying what to give or to leave out, for a request that makes no run in any engine."""
     name, drive = request.mechanism.name, request.mechanism.drive
     _check_links(request)
+    _check_bearings(request)
     if request.course is not None:
         if request.motion == "static" or drive is None or drive.speed == "free":
             raise Unsupported(
@@ -30,6 +31,23 @@ def check_request(request: Request) -> None:
         )
     elif request.crank_angle.size == 0:
         raise Unsupported(f"{name}: there is no crank angle to report at; give request.crank_angle, at least one")
+
+
+def _check_bearings(request: Request) -> None:
+    """Raise Unsupported for soft bearings of a released linkage, or where there is a massless link."""
+    m = request.mechanism
+    both = [name for name in request.clearances if name in m.soft_bearings]
+    if request.released and m.soft_bearings:
+        name = next(iter(m.soft_bearings))
+        raise Unsupported(
+            f"{m.name}: a released linkage has no soft bearings, in which it would sway; leave out radial_stiffness ="
+            f" {m.soft_bearings[name]:g} of joint {name!r}"
+        )
+    if request.joint_model == "massless-link" and both:
+        raise Unsupported(
+            f"{m.name}: a massless link does not give; leave out radial_stiffness of joint {both[0]!r}, or use joint"
+            " model spring-damper or contact"
+        )
 
 
 def _check_course(request: Request) -> None:

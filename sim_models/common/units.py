@@ -56,9 +56,11 @@ BODY = {
 }
 JOINT = {"clearance": LENGTH, "pin_radius": LENGTH, "contact_stiffness": STIFFNESS, "contact_damping": DAMPING}
 REVOLUTE = {
+    "radial_stiffness": STIFFNESS,
     "friction_torque": TORQUE,
     "static_torque": TORQUE,
     "stribeck_speed": RATE,
+    "friction_radius": LENGTH,
     "damping": (2, 1, -1),
     "drag": (2, 1, 0),
     "stiffness": TORQUE,
@@ -232,7 +234,11 @@ def in_own_units(run: Callable[[Request], Trace], request: Request) -> Trace:
 def with_stiffness(request: Request) -> Request:
     """The request with a contact stiffness in every joint with clearance; ``assumed`` names those that had none."""
     m = request.mechanism
-    soft = [name for name in request.clearances if m.joint(name).contact_stiffness is None]
+    soft = [
+        name
+        for name in request.clearances
+        if m.joint(name).contact_stiffness is None and m.joint(name).radial_stiffness is None
+    ]
     if not soft:
         return request
     stiffness = default_stiffness(m, request.motion)

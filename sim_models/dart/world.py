@@ -63,7 +63,8 @@ class DartWorld(LeapfrogWorld):
         self.nodes: dict[str, Any] = {}
         self.roots: dict[str, Any] = {}  # DART joints by the body they carry
         self.branches, self.closing = spanning_tree(
-            self.mechanism, [j for j in self.mechanism.joints if j.name not in self.pins]
+            self.mechanism,
+            [j for j in self.mechanism.joints if j.name not in self.pins and j.name not in self.soft],
         )
         self.branch = {branch.child: branch for branch in self.branches}
         for branch in self.branches:

@@ -28,6 +28,7 @@ from sim_models.exudyn.settings import console_off
 
 RUNS: tuple[Pair, ...] = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
 BENDING: tuple[Pair, ...] = tuple((model, motion) for model in ("ideal", "contact") for motion in MOTIONS)
+HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction"}  # no law of a joint sees another's reaction
 # Friction of a pin on its rim falls to zero with its sliding speed: at rest there is none.
 AT_REST: frozenset[tuple[Feature, Pair]] = frozenset({("contact_friction", ("contact", "static"))})
 
@@ -38,9 +39,9 @@ class ExudynEngine(Engine):
     name = "exudyn"
     package = "exudyn"
     capabilities = Capabilities(
-        rigid=Scope.of(RUNS, but=AT_REST),
-        beams=Scope.of(BENDING, set(FEATURES) - {"contact_friction", "drive_compliance", "released"}),
-        export=Scope.of(RUNS, set(FEATURES) - {"course"}, but=AT_REST),
+        rigid=Scope.of(RUNS, HAS, but=AT_REST),
+        beams=Scope.of(BENDING, HAS - {"contact_friction", "drive_compliance", "soft_bearing", "released"}),
+        export=Scope.of(RUNS, HAS - {"course"}, but=AT_REST),
     )
 
     def simulate(self, request: Request) -> Trace:

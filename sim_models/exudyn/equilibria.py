@@ -49,6 +49,7 @@ class Equilibria:
         home = poses(assembly, assembly.start)
         self.ideal = ExudynLinkage(ExudynModel(m, "ideal", "static", home))
         self.clearance = request.clearances
+        self.displaced = (*self.clearance, *request.bearings)  # joints whose pins leave their bearings' centres
         self.rods = self.real = self.ideal
         if self.clearance:
             self.rods = ExudynLinkage(ExudynModel(m, "massless-link", "static", home))
@@ -110,6 +111,7 @@ class Equilibria:
                 what = f"nothing presses the pin of joint {name}, so its equilibrium is undetermined"
                 raise self._failure(Cause.UNPRESSED, what, theta)
             gaps[name] = pressed_to(clearance, abs(force) / linkage.model.stiffness(name), force)
+        gaps |= {name: complex(near.gap[name][0]) for name in self.request.bearings}
         return gaps
 
     def _solve(self, linkage: ExudynLinkage, theta: float, gaps: Mapping[str, complex], loads: Loads) -> Record:

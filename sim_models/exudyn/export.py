@@ -25,6 +25,7 @@ CONTACT = (
 )  # fmt: skip
 PARAMETERS = {  # what closes a joint: the numbers that make it, by Exudyn's names
     "pin": (),
+    "soft bearing": ("stiffness", "damping"),
     "massless link": ("distance",),
     "stiff rod": ("referenceLength", "stiffness"),
     "spring-damper": ("referenceLength", "stiffness", "damping"),
@@ -184,6 +185,8 @@ def _joint(link: ExudynLinkage, joint: Joint) -> dict[str, Any]:
 def _closed_by(link: ExudynLinkage, joint: Joint) -> str:
     if joint.prismatic:
         return "slide"
+    if joint.name in link.model.bearings:
+        return "soft bearing"
     if joint.name not in link.model.clearance:
         return "pin"
     if link.model.joint_model == "massless-link":

@@ -90,7 +90,9 @@ class ExudynLinkage:
         """Force (N) that a static solution may leave unbalanced: what rounding of a position leaves on a stiff
         spring.
         """
-        return 1e-9 + 1e-15 * max((self.model.stiffness(name) for name in self.model.clearance), default=0.0)
+        return 1e-9 + 1e-15 * max(
+            (self.model.stiffness(name) for name in (*self.model.clearance, *self.model.bearings)), default=0.0
+        )
 
     def solve_static(self) -> bool:
         """Static equilibrium from where the bodies were placed; False if Newton's method does not find one."""
@@ -197,9 +199,13 @@ class ExudynLinkage:
                 axial = -sum(raw[law][:, 0] for law in (f"law {joint.name}", f"curved {joint.name}") if law in raw)
                 force[joint.name] = (axial + 1j * multiplier * value[:, 1]) * joint.direction * along
                 moment[joint.name] = -multiplier * raw[f"moment {joint.name}"][:, 2]
-            elif joint.name not in self.model.clearance:
+            elif joint.name not in self.model.clearance and joint.name not in self.model.bearings:
                 force[joint.name] = multiplier * (value[:, 0] + 1j * value[:, 1])
-            elif self.model.joint_model == "massless-link" and self.model.motion == "driven":
+            elif (
+                joint.name in self.model.clearance
+                and self.model.joint_model == "massless-link"
+                and self.model.motion == "driven"
+            ):
                 force[joint.name] = (
                     value[:, 0] * gap[joint.name] / np.abs(gap[joint.name])
                 )  # the multiplier is the tension

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
-from sim_models.common.contact_laws import PIN_RADIUS, contact_parameters
+from sim_models.common.contact_laws import PIN_RADIUS, bearing, contact_parameters
 from sim_models.common.start import Pose
 from sim_models.engine import JointModel, Motion, Request
 from sim_models.exudyn.laws import CONTACT_CREEP, MINIMUM_IMPACT_SPEED, contact_restitution, hysteresis, joint_creep
@@ -31,8 +31,8 @@ class ExudynModel:
 
     ``start`` are the bodies' poses and rates; ``motor`` turns the crank, or one end of the spring of a compliant drive
     whose other end is the crank; without one the crank is held in statics, and free in motion.  Joints with clearance
-    get the joint model, all others are ideal; ``contact_for`` says whose contact parameters an equilibrium uses that a
-    driven run starts from.
+    get the joint model, all others are ideal, or springs where their bearings are soft; ``contact_for`` says whose
+    contact parameters an equilibrium uses that a driven run starts from.
     """
 
     def __init__(
@@ -54,6 +54,9 @@ class ExudynModel:
         self.clearance = Request(mechanism, joint_model).clearances
         self.laws = {
             name: contact_parameters(mechanism, mechanism.joint(name), contact_for or motion) for name in self.clearance
+        }
+        self.bearings = {
+            name: bearing(mechanism, mechanism.joint(name)) for name in Request(mechanism, joint_model).bearings
         }
         self.container = exudyn.SystemContainer()
         self.mbs = self.container.AddSystem()
@@ -83,7 +86,9 @@ class ExudynModel:
         return max(body.length for body in self.m.bodies)
 
     def stiffness(self, joint: str) -> float:
-        """Stiffness (N/m) of a joint with clearance once its gap is taken up."""
+        """Stiffness (N/m) of a joint with clearance once its gap is taken up, or of a soft bearing."""
+        if joint in self.bearings:
+            return self.bearings[joint].stiffness
         return ROD_STIFFNESS if self.joint_model == "massless-link" else self.laws[joint].stiffness
 
     # ---------------------------------------------------------------- building
@@ -151,7 +156,12 @@ class ExudynModel:
             self._sense(f"moment {joint.name}", self.items.SensorObject, "TorqueLocal", objectNumber=number)
             return
         markers = [self._marker(body, joint.name) for body in joint.bodies]
-        if joint.name not in self.clearance:
+        if joint.name in self.bearings:
+            law = self.bearings[joint.name]
+            stiffness, damping = [law.stiffness, law.stiffness, 0.0], [law.damping, law.damping, 0.0]
+            spring = self.items.ObjectConnectorCartesianSpringDamper
+            number = self.mbs.AddObject(spring(markerNumbers=markers, stiffness=stiffness, damping=damping))
+        elif joint.name not in self.clearance:
             number = self.mbs.AddObject(self.items.ObjectJointRevolute2D(markerNumbers=markers))
         elif self.joint_model == "contact":
             spin = [start[body].angular_velocity if body != GROUND else 0.0 for body in joint.bodies]

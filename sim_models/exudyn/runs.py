@@ -45,7 +45,9 @@ class ExudynRun:
         self.clearance = request.clearances
         compliant = self.clearance if request.joint_model in ("spring-damper", "contact") else {}
         self.contact = {name: contact_parameters(self.m, self.m.joint(name), request.motion) for name in compliant}
-        self.judge = Judge(self.m, self.clearance, {name: law.stiffness for name, law in self.contact.items()})
+        self.bearings = request.bearings
+        loose = {**self.clearance, **dict.fromkeys(self.bearings, 0.0)}
+        self.judge = Judge(self.m, loose, {name: law.stiffness for name, law in self.contact.items()} | self.bearings)
 
     def trace(self) -> Trace:
         with own_start("exudyn", self.request, self.assembly):
@@ -98,14 +100,14 @@ class ExudynRun:
         theta = float(motor.angle(0.0)) if motor else self.assembly.start
         start = poses(self.assembly, theta, float(motor.rate(0.0)) if motor else r.start_speed)
         stiffness = m.drive_stiffness if motor else None
-        if stiffness is not None or (self.clearance and r.start == "steady"):
+        if stiffness is not None or ((self.clearance or self.bearings) and r.start == "steady"):
             resting = r if r.start == "steady" else Request(m.with_clearances({}), motion="driven")
             equilibria = Equilibria(resting, self.assembly, 0.0, joint_creep(motor))
             if motor:
                 start, here = steady_start(equilibria, motor, stiffness)
             else:
                 here = equilibria.at(theta, inertia)
-                gaps = {name: complex(here.gap[name][0]) for name in self.clearance}
+                gaps = {name: complex(here.gap[name][0]) for name in equilibria.displaced}
                 start = poses(self.assembly, theta, r.start_speed, lambda _: gaps)
             pressing = {name: abs(force[0]) for name, force in here.force.items()}
         linkage = ExudynLinkage(ExudynModel(m, r.joint_model, "driven", start, motor=motor))
@@ -127,6 +129,9 @@ class ExudynRun:
             steps = [SWING_PER_STEP / max(rate, 1.0)]
         else:
             steps = [TURN_PER_STEP / max(motor.top_speed, 1.0), motor.longest_step]
+        for name, stiffness in self.bearings.items():
+            mass = lighter_mass(self.m, self.m.joint(name))
+            steps.append(2 * math.pi * math.sqrt(mass / stiffness) / STEPS_PER_PERIOD)
         for name, clearance in self.clearance.items():
             stiffness = (
                 linkage.model.stiffness(name)

@@ -61,7 +61,10 @@ def steady_start(equilibria: Equilibria, motor: RunMotor, stiffness: float | Non
     gaps: list[dict[str, complex]] = [{} for _ in time]
     for _ in range(PASSES):
         found = _passed(equilibria, crank, gaps, rate)
-        gaps = [{name: complex(record.gap[name][0]) for name in equilibria.clearance} for record in found]
+        gaps = [{name: complex(record.gap[name][0]) for name in equilibria.displaced} for record in found]
+    for name, law in equilibria.real.model.bearings.items():  # the damper of a soft bearing holds its share
+        held = law.damping / law.stiffness * (rate @ np.array([gap[name] for gap in gaps]))
+        gaps = [gap | {name: gap[name] - complex(share)} for gap, share in zip(gaps, held, strict=True)]
     return _moving(equilibria.assembly, crank, gaps, rate, here), found[here]
 
 

@@ -2,30 +2,34 @@
 
 Both engines step ``v += a h; x += v h``.  Read as a leapfrog (velocities half a step before positions) that is second
 order, and positions, forces and the mean of two velocities belong to the same instant; :class:`LeapfrogWorld` does the
-reading, and applies what neither engine has: loads, joint laws and spring-damper clearance.  Forces keep an error of
-first order in the step, because the engines reckon Coriolis forces with the velocities half a step before.
+reading, and applies what neither engine has: loads, joint laws, soft bearings and spring-damper clearance.  Forces keep
+an error of first order in the step, because the engines reckon Coriolis forces with the velocities half a step before.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint
-from sim_models.common.contact_laws import contact_parameters
+from sim_models.common.contact_laws import bearing, contact_parameters
 from sim_models.common.motor import motor_of
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
-from sim_models.engine import Request, SettingValue
+from sim_models.engine import Cause, Request, SettingValue, SimulationError
 from sim_models.leapfrog.courses import Grid
 from sim_models.leapfrog.laws import JointLaws
 from sim_models.leapfrog.parts import Pin
 from sim_models.leapfrog.rates import centre_rates
 
+HEEDED = 1e-7  # of the largest reaction that friction grows with: what it may still change by
+HEEDINGS = 100  # times that friction is found anew from the reactions that it changes
+T = TypeVar("T")
 WARM_UP = 4  # steps towards the first instant
 
 
@@ -54,6 +58,7 @@ class LeapfrogWorld(ABC):
             name: Pin(m.joint(name), clearance, contact_parameters(m, m.joint(name), request.motion))
             for name, clearance in request.clearances.items()
         }
+        self.soft = {name: Pin(m.joint(name), 0.0, bearing(m, m.joint(name))) for name in request.bearings}
         self.laws = JointLaws(m, self.static, self.motor.top_speed if self.motor else abs(self.speed))
         self.grid: Grid | None = None  # of a moving run
         self.trailing = 0.0  # s by which velocities trail positions
@@ -65,6 +70,8 @@ class LeapfrogWorld(ABC):
         self.motor_torque = 0.0  # N.m, of a drive that yields
         self.pin_forces: dict[str, complex] = {}
         self.pin_gaps: dict[str, complex] = {}  # m, of the driven pins as the last step began
+        self.loads = {j.name: 0.0 for j in m.bearings}  # N: reactions as last heeded, with which friction grows
+        self.heeding = False  # whether every step heeds its own
         self.slide_forces: dict[str, complex] = {}  # of the prismatic joints' laws, on their second bodies
 
     # ---------------------------------------------------------------- what an engine provides
@@ -123,6 +130,21 @@ class LeapfrogWorld(ABC):
     def close(self) -> None:  # noqa: B027
         """Give back what the engine holds."""
 
+    def settled(self, evaluate: Callable[[], T], forces: Callable[[T], Mapping[str, complex]]) -> T:
+        """What an evaluation gives once the friction in it is that of its own reactions (N).  Raises SimulationError
+        where that does not settle.
+        """
+        for _ in range(HEEDINGS):
+            found = evaluate()
+            if not self.loads or self.heed(forces(found)):
+                return found
+        raise SimulationError(
+            f"{self.engine}: {self.mechanism.name}: the friction that its reactions give does not settle: it is about"
+            " to lock the linkage",
+            Cause.NO_EQUILIBRIUM,
+            "use a smaller friction_radius",
+        )
+
     def before_observing(self) -> None:  # noqa: B027
         """Keep what reading the next step's reactions needs."""
 
@@ -146,6 +168,16 @@ class LeapfrogWorld(ABC):
 
     def step(self, h: float) -> None:
         """Apply loads, joint laws, clearance forces and the motor at the positions now, and advance by h (s)."""
+        self._load()
+        self._steer(h)
+        if self.heeding:
+            self.before_observing()
+        self.advance(h)
+        if self.heeding:
+            self.heed(self.reactions()[0])
+
+    def _load(self) -> None:
+        """Apply loads, joint laws and clearance forces at the positions now."""
         for load in self.mechanism.loads:
             if load.force != (0.0, 0.0):
                 self.push(load.body, self.points[load.body, load.point], complex(*load.force))
@@ -162,8 +194,16 @@ class LeapfrogWorld(ABC):
                 force = self.pin_forces[name] = pin.spring_damper(self.pin_gaps[name], rate)
                 if force:
                     self.pull(pin.joint, force)
-        self._steer(h)
-        self.advance(h)
+        for name, pin in self.soft.items():
+            force = self.pin_forces[name] = pin.spring(*self.gap(name))
+            self.pull(pin.joint, force)
+
+    def heed(self, forces: Mapping[str, complex]) -> bool:
+        """Take in the reactions (N) that the next steps' friction grows with; says whether they were known already."""
+        now = {name: abs(forces[name]) for name in self.loads}
+        change = max((abs(now[name] - load) for name, load in self.loads.items()), default=0.0)
+        self.loads.update(now)
+        return change <= HEEDED * max(now.values(), default=0.0)
 
     def _steer(self, h: float) -> None:
         """Give the crank the speed that takes it to its aim in the next step (s), or, where it lags a motor, the torque
@@ -188,7 +228,7 @@ class LeapfrogWorld(ABC):
         a, b = self._any_pose(first), self._any_pose(second)
         way, rate = travel(self.mechanism, j, a, b)
         if not j.prismatic:
-            torque = self.laws.effort(j, way, rate)
+            torque = self.laws.effort(j, way, rate, self.loads.get(j.name, 0.0))
             self.turn(second, torque)
             self.turn(first, -torque)
             return

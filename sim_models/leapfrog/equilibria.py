@@ -16,16 +16,18 @@ from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no
 from sim_models.common.motor import Motor
 from sim_models.common.start import Pose
 from sim_models.engine import Cause, SimulationError
-from sim_models.leapfrog.bodies import LeapfrogWorld
+from sim_models.leapfrog.bodies import HEEDINGS, LeapfrogWorld
 from sim_models.leapfrog.courses import NONE, STENCIL, Behind, Changes, Path, duration, moving, near
 from sim_models.leapfrog.probe import forces_at, gap_accelerations
 
 NO_LOAD = 1e-9  # of the largest reaction: one below it leaves its pin loose
+FAINT = 1e-3  # of the largest reaction: what a soft bearing is taken to give under at least, where steps are measured
 NO_FORCE = 1e-6  # N, the same where all vanish: the engines' rounding
 NUDGE = 1e-4  # rad; of a depth, ten times that: differences for Newton's Jacobian
 SETTLED = 1e-7  # of a Newton step's limit (0.3 rad, 0.7 of a depth): the last step that is worth taking
 CLOSE = 1e-4  # of the same: below it a step that is no longer halved is the engine's rounding
 SAMPLES = 24  # instants at which a run's largest reactions are looked for
+ALONGSIDE = 1e-6  # of the largest reaction: what friction may still move those that it grows with
 LAG_DEGREE = 6  # of the polynomial in time that a crank's lag is
 LAG_PERIODS = 6.0  # of the crank's own oscillation, in radians: half of the time that it is fitted over
 LAG_REACH = 0.3  # rad of crank angle in the same, at most
@@ -42,8 +44,9 @@ class Nowhere(Exception):
 class Equilibria:
     """Finds where the pins rest: the gaps at which none accelerates, by Newton's method on one step of the engine.
 
-    A gap is searched as direction and depth; a rigid contact has no depth.  The search starts from the reaction of the
-    same engine's ideal linkage, turned and scaled as the last answer was.  Both linkages are driven rigidly.
+    A gap is searched as direction and depth; a rigid contact has no depth, and a soft bearing's gap has two components.
+    The search starts from the reaction of the same engine's ideal linkage, turned and scaled as the last answer was.
+    Both linkages are driven rigidly.
     """
 
     world: LeapfrogWorld
@@ -57,7 +60,7 @@ class Equilibria:
         force presses a pin, or no equilibrium is found.
         """
         world = self.world
-        if not world.pins:
+        if not (world.pins or world.soft):
             return {}
         theta, spin_up = path.angle(time), path.acceleration(time)
         forces, _ = self.ideal_forces(path, time)
@@ -69,15 +72,23 @@ class Equilibria:
             raise self.failed(Cause.UNPRESSED, f"nothing presses the pin of joint {loose[0]!r}", theta)
         springs = {name: abs(forces[name]) for name in names if world.compliant}
         check_stiff_enough(world.engine, world.request, theta, springs)
-        begin = np.array([self._guess(name, forces[name]) for name in names])
+        begin = np.array([self._guess(name, forces[name]) for name in names]).reshape(-1, 2)
         n = len(names)
+        rims = n * (2 if world.compliant else 1)
+        largest = max(abs(f) for f in forces.values())
+        sizes = {  # m, about what each soft bearing gives
+            name: max(abs(forces[name]), FAINT * largest, NO_FORCE) / pin.contact.stiffness
+            for name, pin in world.soft.items()
+        }
+        given = [forces[name] / pin.contact.stiffness / sizes[name] for name, pin in world.soft.items()]
 
         def gaps_at(x: np.ndarray) -> dict[str, complex]:
-            depth = x[n:] if world.compliant else np.zeros(n)
-            return {
+            depth = x[n:rims] if world.compliant else np.zeros(n)
+            rim = {
                 name: (world.pins[name].clearance + d) * np.exp(1j * phi)
                 for name, phi, d in zip(names, x[:n], depth, strict=True)
             }
+            return rim | {name: size * complex(*x[rims + 2 * k :][:2]) for k, (name, size) in enumerate(sizes.items())}
 
         def miss(x: np.ndarray) -> np.ndarray:
             found = gap_accelerations(
@@ -86,13 +97,27 @@ class Equilibria:
             polar = [
                 (found[name] - bend.get(name, 0j)) * np.exp(-1j * phi) for name, phi in zip(names, x[:n], strict=True)
             ]
-            return np.array([p.imag for p in polar] + ([p.real for p in polar] if world.compliant else []))
+            off = [found[name] - bend.get(name, 0j) for name in sizes]
+            return np.array(
+                [p.imag for p in polar]
+                + ([p.real for p in polar] if world.compliant else [])
+                + [part for miss in off for part in (miss.real, miss.imag)]
+            )
 
         try:
-            x = self._newton(begin.T.ravel() if world.compliant else begin[:, 0], miss, n)
+            x = begin.T.ravel() if world.compliant else begin[:, 0]
+            x = np.append(x, [part for z in given for part in (z.real, z.imag)])
+            for _ in range(HEEDINGS):
+                x, known = self._newton(x, miss, n, rims), dict(world.loads)
+                if not known:
+                    break
+                forces_at(world, moving(world.assembly, path, time, near(gaps_at(x), time, rate, bend)), spin_up)
+                change = max(abs(world.loads[name] - load) for name, load in known.items())
+                if change <= ALONGSIDE * max(known.values()):
+                    break
         except (Nowhere, AssemblyError):
             self.last.clear()
-            what = f"no equilibrium of the pins at {', '.join(world.pins)} was found"
+            what = f"no equilibrium of the pins at {', '.join(world.pins | world.soft)} was found"
             remedy = "use a smaller clearance, leave the angle out, or run it driven with start 'centred'"
             raise why_no_equilibrium(world.engine, world.request, theta, springs) or self.failed(
                 Cause.NO_EQUILIBRIUM, what, theta, remedy
@@ -110,19 +135,20 @@ class Equilibria:
         turn, give = self.last.get(name, (1 + 0j, 1 / self.world.pins[name].contact.stiffness))
         return float(np.angle(turn * force)), give * abs(force)
 
-    def _newton(self, x: np.ndarray, miss: Callable[[np.ndarray], np.ndarray], angles: int) -> np.ndarray:
-        turns = np.arange(x.size) < angles
+    def _newton(self, x: np.ndarray, miss: Callable[[np.ndarray], np.ndarray], angles: int, rims: int) -> np.ndarray:
+        turns, soft = np.arange(x.size) < angles, np.arange(x.size) >= rims
         previous = np.inf
         for _ in range(60):
             error = miss(x)
-            nudge = np.where(turns, NUDGE, 10 * NUDGE * np.abs(x))
+            size = np.where(soft, 1.0, np.abs(x))
+            nudge = np.where(turns, NUDGE, 10 * NUDGE * size)
             jacobian = np.column_stack(
                 [(miss(x + nudge * unit) - error) / nudge[k] for k, unit in enumerate(np.eye(x.size))]
             )
             if not np.all(np.isfinite(jacobian)) or np.linalg.matrix_rank(jacobian) < x.size:
                 break
             change = -np.linalg.solve(jacobian, error)
-            relative = float((np.abs(change) / np.where(turns, 0.3, 0.7 * np.abs(x))).max())
+            relative = float((np.abs(change) / np.where(turns, 0.3, 0.7 * size)).max())
             x = x + change / max(1.0, relative)
             if relative < SETTLED or CLOSE > relative > previous / 2:
                 return x
@@ -176,7 +202,7 @@ class Equilibria:
             crank = Behind(motor, Polynomial.fit(times, lag, LAG_DEGREE))
             here = float(crank.lag(time))
             if abs(here - last) < LAG_ROUNDING + LAG_SETTLED * abs(here):
-                return self._with_gaps(crank, time, stiffness) if self.world.pins else crank
+                return self._with_gaps(crank, time, stiffness) if self.world.pins or self.world.soft else crank
             if not np.abs(lag).max() < LARGEST_LAG:
                 break
             last = here

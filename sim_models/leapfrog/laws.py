@@ -30,12 +30,14 @@ class JointLaws:
         crank = moving_body(m, m.driven)
         self.fades_below = {j.name: zone * (crank.length if j.prismatic else 1.0) for j in m.joints}
 
-    def effort(self, j: Joint, position: float, rate: float) -> float:
-        """Torque (N.m; prismatic: force, N) on the joint's second body at its angle (rad; travel, m) and rate."""
+    def effort(self, j: Joint, position: float, rate: float, load: float = 0.0) -> float:
+        """Torque (N.m; prismatic: force, N) on the joint's second body at its angle (rad; travel, m) and rate,
+        its reaction being ``load`` (N).
+        """
         if self.static:
-            return j.spring(position) - j.stiction * self.sliding.get(j.name, 0.0)
+            return j.spring(position) - (j.stiction + j.bearing(load)) * self.sliding.get(j.name, 0.0)
         slip = max(-1.0, min(1.0, rate / self.fades_below[j.name]))
-        return j.spring(position) + j.damper(rate) - j.dry(rate) * slip
+        return j.spring(position) + j.damper(rate) - (j.dry(rate) + j.bearing(load)) * slip
 
     def set_sliding(self, assembly: Assembly, theta: float, direction: float) -> None:
         """Let friction at rest oppose the ideal motion at this crank angle (rad), the crank turning in a direction

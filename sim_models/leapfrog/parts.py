@@ -21,11 +21,15 @@ def moving_body(m: Mechanism, name: str) -> Body:
 
 @dataclass(frozen=True)
 class Pin:
-    """A revolute joint with clearance (m) and what its contact is made of."""
+    """A revolute joint with clearance (m) and what its contact is made of; without clearance, its soft bearing."""
 
     joint: Joint
     clearance: float
     contact: KelvinVoigt
+
+    def spring(self, gap: complex, rate: complex) -> complex:
+        """Force (N) on the second body of a soft bearing: K gap + C rate (m, m/s)."""
+        return self.contact.stiffness * gap + self.contact.damping * rate
 
     def spring_damper(self, gap: complex, rate: complex) -> complex:
         """Force (N) on the second body: max(0, K d + C d') along the gap (m) outside the clearance."""
@@ -43,11 +47,22 @@ class Pin:
 def spanning_tree(m: Mechanism, joints: list[Joint]) -> tuple[list[Branch], list[Joint]]:
     """Branches from the ground outwards, made of these joints as far as they close no loop; and those left over.
 
-    Prismatic joints come first, then the drive's, then those on the ground.
+    Prismatic joints come first, then the drive's, then those on the ground.  Where the drive's is not among them, no
+    other may carry the driven body: it floats.
     """
-    preferred = sorted(joints, key=lambda j: (not j.prismatic, j is not m.drive_joint, GROUND not in j.bodies))
-    tree, rest = without_loops(m, preferred)
-    return grown(m, tree), rest
+    drive = m.drive_joint
+
+    def preferred(some: list[Joint]) -> list[Joint]:
+        return sorted(some, key=lambda j: (not j.prismatic, j is not drive, GROUND not in j.bodies))
+
+    tree, rest = without_loops(m, preferred(joints))
+    branches = grown(m, tree)
+    hangs_by = next(b.joint for b in branches if b.child == m.driven)
+    if hangs_by is not None and drive not in joints:
+        standing, left = without_loops(m, preferred([*joints, drive]))
+        if drive in standing:
+            return grown(m, [j for j in standing if j is not drive], m.driven), left
+    return branches, rest
 
 
 def coordinates(m: Mechanism, branch: Branch, bodies: Mapping[str, Pose]) -> tuple[list[float], list[float]]:

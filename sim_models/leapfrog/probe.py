@@ -19,19 +19,23 @@ def forces_at(world: LeapfrogWorld, bodies: Mapping[str, Pose], spin_up: float) 
     """Reactions (N) and drive torque (N.m) in these poses, with these velocities and the crank's acceleration
     (rad/s^2).
     """
-    world.approach(bodies, PROBE, spin_up)
-    world.before_observing()
-    world.step(PROBE)
-    forces, _, torque = world.reactions()
-    return forces, torque
+
+    def probed() -> tuple[dict[str, complex], float]:
+        world.approach(bodies, PROBE, spin_up)
+        world.before_observing()
+        world.step(PROBE)
+        forces, _, torque = world.reactions()
+        return forces, torque
+
+    return world.settled(probed, lambda found: found[0])
 
 
 def gap_accelerations(world: LeapfrogWorld, bodies: Mapping[str, Pose], spin_up: float) -> dict[str, complex]:
     """Acceleration (m/s^2) of every pin's gap from these poses, velocities and the crank's acceleration (rad/s^2)."""
     world.approach(bodies, PROBE, spin_up)
-    before = {name: world.gap(name)[1] for name in world.pins}
+    before = {name: world.gap(name)[1] for name in world.pins | world.soft}
     world.step(PROBE)
-    return {name: (world.gap(name)[1] - before[name]) / PROBE for name in world.pins}
+    return {name: (world.gap(name)[1] - before[name]) / PROBE for name in before}
 
 
 def pin_mass(world: LeapfrogWorld, joint: Joint, theta: float) -> float:

@@ -15,16 +15,17 @@ from sim_models.common.motor import ConstantSpeed, Course, Motor, report_times
 from sim_models.common.rates import part_rates
 from sim_models.common.silence import silence
 from sim_models.common.start import check_steps
-from sim_models.engine import Cause, Request, SimulationError, Trace, installed_version
+from sim_models.engine import Cause, Request, SimulationError, Trace, Unsupported, installed_version
 from sim_models.leapfrog.bodies import WARM_UP, LeapfrogWorld
 from sim_models.leapfrog.courses import Changes, Grid, Path, moving, near
 from sim_models.leapfrog.equilibria import Equilibria
-from sim_models.leapfrog.probe import PROBE, drive_inertia
+from sim_models.leapfrog.probe import PROBE, drive_inertia, forces_at
 from sim_models.leapfrog.steps import longest_step
 
 JOURNAL_SAMPLES = 4000  # at least, where a run has as many steps
 AT_REST = 1e-9  # rad, of a crank on a spring
 OFF_COURSE = 1e-7  # rad, what a rigidly driven crank may be off its course
+HEEDED_STEPS = 30  # before a report, in which friction settles where the motion does not depend on it
 HELD = 1e-3  # of the largest reaction: what one-sided pins and rods may differ by where both hold the same equilibrium
 
 
@@ -32,22 +33,35 @@ def run(make: Callable[[Request], LeapfrogWorld], request: Request, package: str
     """Run a request in worlds that ``make`` builds.  Raises SimulationError, Unsupported or AssemblyError."""
     with silence(), contextlib.ExitStack() as stack:
         world = stack.enter_context(contextlib.closing(make(request)))
-        ideal = (
-            stack.enter_context(contextlib.closing(make(replace(request, joint_model="ideal"))))
-            if world.pins
-            else world
-        )
+        ideal = stack.enter_context(contextlib.closing(make(_ideal(request)))) if world.pins or world.soft else world
         found, rods = Equilibria(world, ideal), None
         if world.one_sided:
             rods = Equilibria(
                 stack.enter_context(contextlib.closing(make(replace(request, joint_model="massless-link")))), ideal
             )
+        _check_rims(world)
         with own_start(world.engine, request, world.assembly):
             trace = _static(world, found, rods) if request.motion == "static" else _moving(world, found)
     return replace(trace, version=installed_version(package) or "unknown")
 
 
 # -------------------------------------------------------------------- runs
+
+
+def _check_rims(world: LeapfrogWorld) -> None:
+    """Raise Unsupported where a bearing with clearance is to be soft whose rim is rigid."""
+    soft = [name for name in world.pins if name in world.mechanism.soft_bearings]
+    if soft and world.request.joint_model == "contact":
+        raise Unsupported(
+            f"{world.engine}: {world.mechanism.name}: its contact is rigid; leave out radial_stiffness of joint"
+            f" {soft[0]!r}, or use joint model spring-damper"
+        )
+
+
+def _ideal(request: Request) -> Request:
+    """The same of the ideal linkage."""
+    m = request.mechanism
+    return replace(request, joint_model="ideal", mechanism=m.ideal() if m.soft_bearings else m)
 
 
 def _static(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None) -> Trace:
@@ -87,8 +101,12 @@ def _rest(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None, moto
 
 def _still(world: LeapfrogWorld, theta: float, gaps: Changes) -> dict[str, float]:
     """Signals with the crank at rest at an angle (rad), and the pins off centre by these gaps (m)."""
-    world.approach(moving(world.assembly, ConstantSpeed(theta), 0.0, near(gaps, 0.0)), PROBE)
-    return world.observe(PROBE)
+
+    def still() -> dict[str, float]:
+        world.approach(moving(world.assembly, ConstantSpeed(theta), 0.0, near(gaps, 0.0)), PROBE)
+        return world.observe(PROBE)
+
+    return world.settled(still, lambda row: _reactions(row, world.loads))
 
 
 def _one_sided(found: Equilibria, rods: Equilibria, theta: float) -> dict[str, float]:
@@ -165,6 +183,8 @@ def _start(world: LeapfrogWorld, found: Equilibria, plan: Plan, grid: Grid) -> N
         crank = found.lagging(plan.motor, begin, world.drive_stiffness, drive_inertia(world, plan.motor.angle(begin)))
     steady = world.request.start == "steady"
     bodies = found.steady(crank, begin) if steady else moving(world.assembly, crank, begin)
+    if world.loads:
+        forces_at(world, bodies, crank.acceleration(begin))  # which is what friction grows with there
     towards = begin + grid.step * np.arange(1.0 - WARM_UP, 1.0)
     world.start(
         bodies,
@@ -182,12 +202,14 @@ def _follow(world: LeapfrogWorld, plan: Plan, grid: Grid, tally: Tally) -> dict[
     wanted = set(grid.nodes.ravel().tolist())
     steers = world.drive_stiffness or not plan.motor.constant_speed
     ahead = 1 if world.held else 0
+    feels = bool(world.pins) or not world.held  # the motion itself depends on friction
     aims = (
         plan.motor.angles(grid.begin + grid.step * np.arange(ahead, grid.last + 1 + ahead)).tolist()
         if steers
         else [None] * (grid.last + 1)
     )
     for k, world.aim in enumerate(aims):
+        world.heeding = bool(world.loads) and (feels or not wanted.isdisjoint(range(k + 1, k + HEEDED_STEPS)))
         if k in wanted:
             seen[k] = world.observe(grid.step)
             _check_depth(world, seen[k][f"{world.mechanism.driven}_angle"])
@@ -220,7 +242,7 @@ class Tally:
 
 
 def _check_depth(world: LeapfrogWorld, theta: float) -> None:
-    for name, pin in world.pins.items():
+    for name, pin in (world.pins | world.soft).items():
         gap = abs(world.gap(name)[0])
         if not gap < pin.clearance + TOO_DEEP * shortest_link(world.mechanism, pin.joint):
             raise SimulationError(

@@ -35,4 +35,7 @@ def longest_step(world: LeapfrogWorld, theta: float, peaks: Mapping[str, float])
                 CONTACT_PHASE * math.sqrt(mass / pin.contact.stiffness),
                 CONTACT_DECAY * mass / max(pin.contact.damping, 1e-300),
             )
+    for pin in world.soft.values():
+        mass, law = pin_mass(world, pin.joint, theta), pin.contact
+        step = min(step, CONTACT_PHASE * math.sqrt(mass / law.stiffness), CONTACT_DECAY * mass / law.damping)
     return step

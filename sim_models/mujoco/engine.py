@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from sim_models.common.simulate import export, simulate
-from sim_models.engine import JOINT_MODELS, MOTIONS, Capabilities, Engine, Request, Scope, Trace
+from sim_models.engine import FEATURES, JOINT_MODELS, MOTIONS, Capabilities, Engine, Request, Scope, Trace
 
-EVERY = Scope.of((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
+RUNS = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
 
 
 class MujocoEngine(Engine):
@@ -22,7 +22,7 @@ class MujocoEngine(Engine):
 
     name = "mujoco"
     package = "mujoco"
-    capabilities = Capabilities(rigid=EVERY, export=EVERY)
+    capabilities = Capabilities(rigid=Scope.of(RUNS), export=Scope.of(RUNS, set(FEATURES) - {"load_friction"}))
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""

@@ -22,7 +22,7 @@ from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.passive import felt
-from sim_models.mujoco.state import contact_rows, gap, joint_forces, signals, touch
+from sim_models.mujoco.state import HEEDINGS, contact_rows, gap, heed, joint_forces, signals, touch, unheeded
 
 NUDGE = 1e-7  # rad or m, of difference quotients
 SETTLED = 1e-9  # rad, or m over the linkage's size: Newton's last step; the error left is its square
@@ -59,7 +59,8 @@ def balance(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, sl
     mujoco.mj_mulM(m, d, inertia, a)
     load = inertia + d.qfrc_bias - d.qfrc_passive - d.qfrc_actuator
     for joint, form in link.rubbing:
-        load += slip[joint.name] * joint.dry(abs(float(form @ v))) * form
+        dry = joint.dry(abs(float(form @ v))) + joint.bearing(link.loads.get(joint.name, 0.0))
+        load += slip[joint.name] * dry * form
     jacobian = d.efc_J.reshape(d.nefc, m.nv)
     push = jacobian.copy()
     rows = np.ones(d.nefc, bool)
@@ -175,14 +176,28 @@ class Equilibria:
 
     def signals(self, link: MujocoLinkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:
         """All signals of the equilibrium that was found last."""
-        rates = {joint.name: float(form @ link.data.qvel) for joint, form in link.rubbing}
-        friction = {joint.name: -joint.dry(rates[joint.name]) * slip[joint.name] for joint, _ in link.rubbing}
+        dry = {
+            joint.name: joint.dry(float(form @ link.data.qvel)) + joint.bearing(link.loads.get(joint.name, 0.0))
+            for joint, form in link.rubbing
+        }
+        friction = {name: -size * slip[name] for name, size in dry.items()}
         return signals(link, joint_forces(link, found.force), friction)
+
+    def rest(
+        self, link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]
+    ) -> Rest | None:
+        """The state without transients, with the friction that its reactions give."""
+        for _ in range(HEEDINGS):
+            found = rest(link, q, v, a, slip)
+            if found is None or not link.loads or heed(link, self.signals(link, found, slip)):
+                return found
+            q = found.q
+        raise unheeded(link)
 
     def reactions(self, theta: float, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> dict[str, complex]:
         """Reactions (N) of the ideal linkage at the joints with clearance, in this state of motion."""
         slip = self.slip(theta)
-        found = rest(self.ideal, q, v, a, slip)
+        found = self.rest(self.ideal, q, v, a, slip)
         if found is None:
             raise self.failed(Cause.NO_EQUILIBRIUM, "the ideal linkage is not in equilibrium", theta, "check its loads")
         return self.noted(self.signals(self.ideal, found, slip))
@@ -228,7 +243,7 @@ class Equilibria:
         forces = self.reactions(theta, self.place(self.ideal, theta), still, still)
         gaps = self.pressing(theta, forces)
         still = np.zeros(self.pressed.model.nv)
-        found = rest(self.pressed, self.place(self.pressed, theta, gaps), still, still, slip)
+        found = self.rest(self.pressed, self.place(self.pressed, theta, gaps), still, still, slip)
         if found is None:
             soft = why_no_equilibrium("mujoco", self.request, theta, self.on_springs(forces))
             raise soft or self.failed(Cause.NO_EQUILIBRIUM, "no equilibrium was found", theta)
@@ -261,7 +276,7 @@ class Equilibria:
 
     def settled(self, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]) -> np.ndarray | None:
         """Coordinates of the equilibrium in this motion, None if there is none with all pins pressed."""
-        found = rest(self.pressed, q, v, a, slip)
+        found = self.rest(self.pressed, q, v, a, slip)
         if found is None:
             return None
         forces = joint_forces(self.pressed, found.force)

@@ -61,6 +61,11 @@ def model_text(link: MujocoLinkage) -> str:
     root = ElementTree.fromstring(link.description.mjcf())
     for bar in root.iterfind("equality/tendon"):
         bar.set("polycoef", _numbers(m.eq_data[m.equality(bar.get("name")).id, :5]))
+    for pin in root.iterfind("equality/connect"):
+        if pin.get("name") in link.soft:
+            e = m.equality(pin.get("name")).id
+            pin.set("solref", _numbers(m.eq_solref[e]))
+            pin.set("solimp", _numbers(m.eq_solimp[e]))
     for cord in root.iterfind("tendon/spatial[@limited]"):
         t = m.tendon(cord.get("name")).id
         cord.set("solreflimit", _numbers(m.tendon_solref_lim[t]))
@@ -149,6 +154,8 @@ def _periodic(link: MujocoLinkage) -> dict[str, Any] | None:
 def _closed_by(link: MujocoLinkage, joint: Joint) -> str:
     if joint.name in link.contacts:
         return CLOSED_BY[link.setting.rows]
+    if joint.name in link.soft:
+        return "soft bearing"
     return "connect" if joint in link.description.closing else "tree"
 
 

@@ -45,6 +45,7 @@ def contact_laws(request: Request) -> dict[str, Contact]:
         stated = joint.contact_damping is not None or (
             joint.contact_stiffness is not None and name not in request.assumed
         )
+        stated = stated or joint.radial_stiffness is not None
         if request.joint_model == "contact" and request.motion == "driven" and not stated:
             ratio = DAMPING_RATIO if joint.restitution is None else damping_ratio(joint.restitution)
             hard = math.sqrt(lighter_mass(request.mechanism, joint) / law.stiffness), ratio

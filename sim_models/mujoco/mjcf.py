@@ -4,6 +4,7 @@ Bodies hang in a tree of ideal joints, every prismatic one among them; a body th
 two slides and a hinge to the world.  What the tree leaves open is closed by constraint rows:
 
     ideal joint             equality ``connect`` of two sites
+    soft bearing            the same, its reference in N/m and N.s/m
     massless-link           equality on the length of a spatial tendon between the two pin centres: it pulls and pushes
     spring-damper           upper limit of that tendon, its reference in N/m and N.s/m
     contact                 one circle inside another through ``mj_addContact``
@@ -79,7 +80,8 @@ class Description:
         self, mechanism: Mechanism, contacts: Collection[str], pose: Mapping[str, Pose], setting: Setting
     ) -> None:
         self.mechanism, self.closed_by, self.pose, self.setting = mechanism, tuple(contacts), pose, setting
-        self.branches, self.closing = spanning_tree(mechanism, set(contacts))
+        self.soft = tuple(j for j in mechanism.joints if j.radial_stiffness is not None and j.name not in contacts)
+        self.branches, self.closing = spanning_tree(mechanism, {*contacts, *(j.name for j in self.soft)})
         self.stiffness = (mechanism.drive_stiffness or 0.0) if setting.hold else 0.0
         self.compliant = self.stiffness > 0  # N.m/rad between motor and crank
         self.place = {GROUND: AT_REST, **pose}
@@ -105,7 +107,7 @@ class Description:
         integrator = "implicitfast" if self.setting.stepped else "RK4"
         closed = "".join(
             f'<connect name="{j.name}" site1="{j.name}:{j.bodies[1]}" site2="{j.name}:{j.bodies[0]}"/>'
-            for j in self.closing
+            for j in (*self.closing, *self.soft)
         )
         return f"""<mujoco model={quoteattr(m.name)}>
 <compiler angle="radian" inertiafromgeom="false"/>
@@ -244,7 +246,7 @@ class Description:
         if not self.gives(j):
             return ""
         terms = "".join(f'<joint joint="{n}" coef="{c!r}"/>' for n, c in self.across(j).items() if c)
-        loss = f' frictionloss="{j.stiction!r}"' if self.setting.friction else ""
+        loss = f' frictionloss="{j.stiction or float(j.rubs)!r}"' if self.setting.friction else ""
         return f'<fixed name="law:{j.name}" stiffness="{j.stiffness!r}" damping="{j.damping!r}"{loss}>{terms}</fixed>'
 
     def gives(self, j: Joint) -> bool:

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from analytic.mechanism import Body, Joint, Mechanism
-from sim_models.common.contact_laws import PIN_RADIUS
+from sim_models.common.contact_laws import PIN_RADIUS, KelvinVoigt, bearing
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
 from sim_models.engine import Unsupported
@@ -25,6 +25,11 @@ LIGHT = 1e2  # 1/kg times the lighter link's mass: makes the virtual mass of suc
 
 ROW = mujoco.mjtConstraint
 CONTACT_ROWS = (ROW.mjCNSTR_CONTACT_FRICTIONLESS, ROW.mjCNSTR_CONTACT_ELLIPTIC)
+
+
+def _curved(j: Joint) -> bool:
+    """Whether a joint has a law that a tendon has no words for."""
+    return bool(j.cubic or j.drag or j.stribeck_speed or j.friction_radius)
 
 
 @dataclass(frozen=True)
@@ -42,6 +47,12 @@ class Part:
     inertia: float  # kg.m^2
     fixed_angle: float  # rad
     form: np.ndarray  # angle less fixed_angle, over qpos
+
+
+def spring(law: Contact | KelvinVoigt, invweight: float) -> tuple[list[float], list[float]]:
+    """solref and solimp of a row whose force is K d + C d'; the factor cancels MuJoCo's scaling by impedance, mass."""
+    scale = (1 - SOFT) * invweight
+    return [-law.stiffness * scale, -law.damping * scale], [SOFT, SOFT, 1e-3, 0.5, 2]
 
 
 class MujocoLinkage:
@@ -67,9 +78,10 @@ class MujocoLinkage:
         self._name_things()
         self._set_laws()
         driven = mechanism.driven
-        curved = [j for j in mechanism.joints if j.name in self.laws and (j.cubic or j.drag or j.stribeck_speed)]
+        curved = [j for j in mechanism.joints if j.name in self.laws and _curved(j)]
         laws = {self.laws[j.name]: (j, self.between(j)) for j in curved}
-        passive = Passive(laws, mechanism.periodic_torque, self.fixed_angle[driven], self.form[driven])
+        self.loads = {j.name: 0.0 for j in mechanism.bearings}  # N: reactions as last heeded
+        passive = Passive(laws, self.loads, mechanism.periodic_torque, self.fixed_angle[driven], self.form[driven])
         self.passive = passive if laws or mechanism.periodic_torque else None
 
     def _name_things(self) -> None:
@@ -95,8 +107,10 @@ class MujocoLinkage:
 
         bars = self.contacts if self.setting.rows in ("massless-link", "spring") else ()
         self.row_id = {
-            name: m.equality(name).id for name in (*(j.name for j in self.description.closing), *bars)
+            name: m.equality(name).id
+            for name in (*(j.name for j in (*self.description.closing, *self.description.soft)), *bars)
         }  # of equalities
+        self.soft = {j.name: bearing(self.mechanism, j) for j in self.description.soft}
         self.load_sites = [m.site(f"load{i}").id for i in range(len(self.mechanism.loads))]
         self.outward = [self._part(b) for b in reversed(self.description.branches)]  # tips first
 
@@ -160,6 +174,10 @@ class MujocoLinkage:
                 m.tendon_invweight0[t] = self._lightness(name) * (LIGHT if self.setting.rows == "spring" else 1)
                 if self.setting.rows == "spring":
                     m.eq_solref[e], m.eq_solimp[e] = self._spring(name, m.tendon_invweight0[t])
+        for name, law in self.soft.items():
+            e, bodies = m.equality(name).id, m.site_bodyid[list(self.sites[name])]
+            invweight = max(float(m.body_invweight0[bodies, 0].sum()), mujoco.mjMINVAL)
+            m.eq_solref[e], m.eq_solimp[e] = spring(law, invweight)
         if self.setting.rows == "spring-damper":
             for name in self.contacts:
                 t = m.tendon(name).id
@@ -172,12 +190,7 @@ class MujocoLinkage:
         )
 
     def _spring(self, name: str, invweight: float) -> tuple[list[float], list[float]]:
-        """solref and solimp of a row whose force is K d + C d' (the factor cancels MuJoCo's scaling by impedance and
-        mass).
-        """
-        c = self.contacts[name]
-        scale = (1 - SOFT) * invweight
-        return [-c.stiffness * scale, -c.damping * scale], [SOFT, SOFT, 1e-3, 0.5, 2]
+        return spring(self.contacts[name], invweight)
 
     def _touch(self, name: str) -> Any:
         m, j, law = self.model, self.mechanism.joint(name), self.contacts[name]

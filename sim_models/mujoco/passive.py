@@ -19,17 +19,19 @@ ROW = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON)
 
 @dataclass(frozen=True)
 class Passive:
-    """What acts in a model: the laws of joints, by their tendon's number, each with the form (nv,) of its coordinate;
-    and a torque over the angle of the driven body, which is ``angle`` (rad) plus a ``form`` (nq,) of the coordinates.
+    """What acts in a model: the laws of joints, by their tendon's number, each with the form (nv,) of its coordinate,
+    and the ``loads`` (N) of those whose friction grows with their reaction; and a torque over the angle of the driven
+    body, which is ``angle`` (rad) plus a ``form`` (nq,) of the coordinates.
     """
 
     joints: Mapping[int, tuple[Joint, np.ndarray]]
+    loads: Mapping[str, float]
     periodic: PeriodicTorque | None
     angle: float
     form: np.ndarray
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Add to the passive forces, and give dry friction the size that it has at this rate."""
+        """Add to the passive forces, and give dry friction the size that it has at this rate and load."""
         for t, (joint, form) in self.joints.items():
             if joint.cubic or joint.drag:
                 rate, stretch = float(data.ten_velocity[t]), float(data.ten_length[t] - model.tendon_lengthspring[t, 0])
@@ -39,11 +41,15 @@ class Passive:
         self.rub(data)
 
     def rub(self, data: mujoco.MjData) -> None:
-        """Give the rows of dry friction the size that it has at this rate."""
-        falling = {t: j.dry(float(data.ten_velocity[t])) for t, (j, _) in self.joints.items() if j.stribeck_speed}
-        if falling:
+        """Give the rows of dry friction the size that it has at this rate and load."""
+        sizes = {
+            t: j.dry(float(data.ten_velocity[t])) + j.bearing(self.loads.get(j.name, 0.0))
+            for t, (j, _) in self.joints.items()
+            if j.stribeck_speed or j.friction_radius
+        }
+        if sizes:
             for row in np.flatnonzero(data.efc_type == ROW).tolist():
-                data.efc_frictionloss[row] = falling.get(int(data.efc_id[row]), data.efc_frictionloss[row])
+                data.efc_frictionloss[row] = sizes.get(int(data.efc_id[row]), data.efc_frictionloss[row])
 
 
 @contextlib.contextmanager

@@ -35,6 +35,7 @@ STATIC_STEP = 1.25e-5  # s; nothing steps in statics, but it makes the rigid row
 LARGEST_STEP = 4e-4  # s
 TURN_PER_STEP = {"ideal": 2e-3, "massless-link": 3e-4, "spring-damper": 6e-4, "contact": 6e-4}  # rad of the crank
 SAMPLES_AT_REST = 150  # of a static run's
+SOFT_PHASE = 0.4  # rad of a soft bearing's own vibration in a step
 BOUNCE = 0.4  # of a bounce's period/2 pi, for a step
 FINE_BOUNCE = 0.1  # where the mechanism asks for a restitution
 HALVINGS = 5  # of the step, before a run with rigid joints coming apart is given up
@@ -110,7 +111,8 @@ class MujocoRun:
             q, how = (q, "pressed where the ideal linkage's reaction points") if settled is None else (settled, how)
         v = (rate @ q)[here]
         v[near.pressed.motor] = steering.motor.rate(steering.motor.begin)
-        if near.pressed.description.compliant and not self.laws and steering.period is not None:
+        rigid = not (self.laws or near.pressed.soft)
+        if near.pressed.description.compliant and rigid and steering.period is not None:
             setting = Setting("ideal", step, follows=self.follows)
             link = MujocoLinkage(self.mechanism, {}, poses(self.assembly, angles[here]), setting)
             revolution = Revolution(link, self.assembly, steering, steering.period)
@@ -150,6 +152,9 @@ class MujocoRun:
                 limits.append(
                     (FINE_BOUNCE if asked else 2 * BOUNCE) / max(math.sqrt(law.stiffness * ease), law.damping * ease)
                 )
+        for name, spring in link.soft.items():
+            ease = mobility(link, q, name)
+            limits.append(SOFT_PHASE / max(math.sqrt(spring.stiffness * ease), spring.damping * ease))
         return self.request.step or min(*limits, 0.5 / max(stiffest_law(link, q), 1e-9))
 
     def driven(self, motor: Motor) -> Trace:

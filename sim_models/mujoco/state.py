@@ -16,6 +16,9 @@ from sim_models.mujoco.passive import felt
 
 SWAY = 1.0  # rad: how far a joint may go from where it starts, for the tangent of a spring that is not linear
 UNKNOWN_SPEED = 10.0  # rad/s, of a linkage that nothing drives, for the slope of its drag
+HEEDED = 1e-10  # of the largest reaction that friction grows with: what it may still change by
+GLANCES = 2  # the same before every step of a motion that depends on that friction
+HEEDINGS = 200  # times that friction is found anew from the reactions that it changes
 SINGULAR = 1e-9  # of the largest: a singular value of closing joints that says nothing
 Applied = tuple[complex, complex]  # force on a joint's second body (N), and the point where it acts (m)
 
@@ -46,13 +49,20 @@ def touch(link: MujocoLinkage, always: bool = False) -> bool:
 def advance(link: MujocoLinkage, count: int) -> None:
     """Take steps."""
     m, d = link.model, link.data
-    if not link.touch:
+    heeding = link.loads and (link.description.compliant or link.contacts or not link.setting.hold)
+    if not link.touch and not heeding:  # a rigidly driven ideal linkage moves as it does, whatever its friction
         with felt(link.passive):
             mujoco.mj_step(m, d, nstep=count)
         return
     for _ in range(count):
-        begin_step(link)
-        mujoco.mj_step2(m, d)
+        for _ in range(GLANCES if heeding else 0):
+            evaluate(link)
+        if link.touch:
+            begin_step(link)
+            mujoco.mj_step2(m, d)
+        else:
+            with felt(link.passive):
+                mujoco.mj_step(m, d)
 
 
 def begin_step(link: MujocoLinkage) -> None:
@@ -77,13 +87,40 @@ def begin_step(link: MujocoLinkage) -> None:
 
 
 def look(link: MujocoLinkage) -> None:
-    """Evaluate forces and accelerations at the present state, without a step."""
+    """Evaluate forces and accelerations at the present state, without a step; again, until friction that grows with
+    reactions is that of these.
+    """
+    if not any(evaluate(link) for _ in range(HEEDINGS)):
+        raise unheeded(link)
+
+
+def evaluate(link: MujocoLinkage) -> bool:
+    """Evaluate them once; says whether friction is that of the reactions."""
     m, d = link.model, link.data
     begin_step(link)
     mujoco.mj_fwdActuation(m, d)
     mujoco.mj_fwdAcceleration(m, d)
     mujoco.mj_fwdConstraint(m, d)
     mujoco.mj_rnePostConstraint(m, d)
+    return not link.loads or heed(link, signals(link, joint_forces(link, d.efc_force), friction_torques(link)))
+
+
+def heed(link: MujocoLinkage, seen: Mapping[str, float]) -> bool:
+    """Take in the reactions that friction grows with, from signals; says whether they were known already."""
+    now = {name: math.hypot(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"]) for name in link.loads}
+    change = max(abs(now[name] - load) for name, load in link.loads.items())
+    link.loads.update(now)
+    return change <= HEEDED * max(now.values())
+
+
+def unheeded(link: MujocoLinkage) -> SimulationError:
+    """What there is to say where those reactions do not settle."""
+    return SimulationError(
+        f"mujoco: {link.mechanism.name}: the friction that its reactions give does not settle: it is about to lock"
+        " the linkage",
+        Cause.NO_EQUILIBRIUM,
+        "use a smaller friction_radius",
+    )
 
 
 def first_rows(link: MujocoLinkage) -> dict[tuple[int, int], int]:
@@ -124,7 +161,7 @@ def joint_forces(link: MujocoLinkage, force: np.ndarray) -> dict[str, Applied]:
     """Force of each closing joint on its second body, from the constraint rows' forces (nefc,)."""
     m, rows = link.model, first_rows(link)
     applied: dict[str, Applied] = {}
-    for j in link.description.closing:
+    for j in (*link.description.closing, *link.description.soft):
         row = rows[int(ROW.mjCNSTR_EQUALITY), link.row_id[j.name]]
         applied[j.name] = complex(force[row], force[row + 1]), pin(link, j.name)
     touched = contact_rows(link)
@@ -201,7 +238,8 @@ def signals(
         first, second = link.mechanism.joint(name).bodies
         moment = _cross(at, force) + law_torque(link, name, friction)
         act(second, force, moment)
-        act(first, -force, -moment)
+        back = _cross(pin(link, name, second=False) - at, force) if name in link.soft else 0.0  # at its own pin
+        act(first, -force, -moment - back)
         out[f"reaction_{name}_x"], out[f"reaction_{name}_y"] = force.real, force.imag
     motion, carry, gravity = np.zeros(6), np.zeros((3, m.nv)), complex(*link.mechanism.gravity)
     for part in link.outward:
@@ -229,7 +267,7 @@ def signals(
         if name == link.driven:
             out["drive_torque"] = beyond
     for name in link.pins:
-        g = gap(link, name) if name in link.contacts else 0j
+        g = gap(link, name) if name in link.contacts or name in link.soft else 0j
         out[f"clearance_{name}_x"], out[f"clearance_{name}_y"] = g.real, g.imag
     return out
 
@@ -238,7 +276,8 @@ def on_track(link: MujocoLinkage) -> None:
     """Remove from the data's velocity what would tear rigid rows apart; the motor's speed stays."""
     m, d = link.model, link.data
     mujoco.mj_fwdPosition(m, d)
-    rigid = d.efc_type == int(ROW.mjCNSTR_EQUALITY)
+    soft = [link.row_id[name] for name in link.soft]
+    rigid = (d.efc_type == int(ROW.mjCNSTR_EQUALITY)) & ~np.isin(d.efc_id, soft)
     jacobian = d.efc_J.reshape(d.nefc, m.nv)[rigid]
     others = np.arange(m.nv) != link.motor
     if rigid.any():

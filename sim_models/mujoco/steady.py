@@ -16,7 +16,7 @@ from analytic.kinematics.assembly import Assembly, AssemblyError
 from sim_models.common.start import check_steps, poses, substeps
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import AlongCourse, AtConstantSpeed
-from sim_models.mujoco.state import on_track, stiffest_law
+from sim_models.mujoco.state import look, on_track, stiffest_law
 
 RETURNED = 5e-8  # rad: where it was, a revolution later
 NUDGE = 1e-5  # rad
@@ -83,6 +83,8 @@ class Revolution:
         mujoco.mj_resetData(m, d)
         d.qpos[:], d.qvel[:] = self.state(lag)
         on_track(self.link)
+        if self.link.loads:
+            look(self.link)
         m.opt.timestep = self.step
         self.steering.turn(self.link, self.steering.motor.begin, self.count)
         return self.lag(d.qpos, d.qvel)

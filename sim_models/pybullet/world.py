@@ -68,7 +68,7 @@ class BulletWorld(LeapfrogWorld):
         self.p.setPhysicsEngineParameter(**self.physics, physicsClientId=self.client)
         m = self.mechanism
         self.p.setGravity(*m.gravity, 0.0, physicsClientId=self.client)
-        ideal = [j for j in m.joints if j.name not in self.pins]
+        ideal = [j for j in m.joints if j.name not in self.pins and j.name not in self.soft]
         trunk = [j for j in ideal if j.prismatic or GROUND in j.bodies]
         self.branches, rest = spanning_tree(m, trunk)
         self.branch = {branch.child: branch for branch in self.branches}

@@ -8,6 +8,7 @@ SI units and rad.  reaction_<joint> is the force of the joint's first body on it
 centre of mass, and its points are measured from there, "com" too: it is where <body>_x and <body>_y are taken.
 What closes a joint:
     pin             an ideal joint (RevoluteJoint2D)
+    soft bearing    a spring and damper between the two pin centres (CartesianSpringDamper)
     slide           a prismatic joint, along the x axis of its two markers
     massless link   a constraint on the distance between the two pin centres, the clearance: it pulls and pushes, and on
                     velocity (index 2), as all constraints here, it keeps the distance of the start

@@ -8,6 +8,7 @@ expected.csv  what the cross-check got; this script writes its own to signals.cs
 SI units and rad.  A vector in the plane is complex, x + iy; reaction_<joint> is the force of the joint's first body on
 its second.  What closes a joint:
     connect         an ideal pin
+    soft bearing    the same, whose solref is the spring and damper between the two pin centres
     massless link   a bar between the two pin centres, as long as the clearance: it pulls and pushes
     spring-damper   a cord between them, as long as the clearance; beyond it stretches with K and C, and it never pushes
     contact         a journal in a bearing: one contact point where the circles touch, handed to MuJoCo's contact solver
@@ -81,6 +82,10 @@ class Simulation:
             for body in self.joints[joint]["bodies"]
         ]
 
+    def soft(self, joint: str) -> bool:
+        """Whether its bearing is soft: its two pins are apart."""
+        return bool(self.joints[joint]["closed_by"] == "soft bearing")
+
     def rows(self, kind: int, number: int) -> np.ndarray:
         """Forces in the solver's rows of one constraint."""
         return self.data.efc_force[(self.data.efc_type == kind) & (self.data.efc_id == number)]
@@ -139,7 +144,7 @@ class Simulation:
         for joint, how in self.joints.items():
             first, second = self.pins(joint)
             along = (first - second) / abs(first - second) if first != second else 0j
-            if how["closed_by"] == "connect":
+            if how["closed_by"] in ("connect", "soft bearing"):
                 forces[joint] = complex(*self.rows(ROW.mjCNSTR_EQUALITY, self.model.equality(joint).id)[:2]), second
             elif how["closed_by"] == "massless link":
                 forces[joint] = -along * self.rows(ROW.mjCNSTR_EQUALITY, self.model.equality(joint).id)[0], second
@@ -186,7 +191,7 @@ class Simulation:
         for joint, (force, at) in forces.items():
             first, second = self.joints[joint]["bodies"]
             torque = self.own_torque(joint) + friction.get(joint, 0.0)
-            act(first, -force, at, -torque)
+            act(first, -force, self.pins(joint)[0] if self.soft(joint) else at, -torque)
             act(second, force, at, torque)
             out[f"reaction_{joint}_x"], out[f"reaction_{joint}_y"] = force.real, force.imag
         for body, how in reversed(self.bodies.items()):
@@ -218,7 +223,7 @@ class Simulation:
         if self.course:
             out["crank_angle"] = out[f"{self.start['driven']}_angle"]
         for joint, how in self.joints.items():
-            gap = self.pins(joint)[0] - self.pins(joint)[1] if how["clearance"] else 0j
+            gap = self.pins(joint)[0] - self.pins(joint)[1] if how["clearance"] or self.soft(joint) else 0j
             out[f"clearance_{joint}_x"], out[f"clearance_{joint}_y"] = gap.real, gap.imag
         return out
 
