@@ -18,6 +18,7 @@ from compare.report.diagnosis_text import diagnosis_md, terminal_lines
 from compare.results.diagnosis import Diagnosis
 from diagnosis_rigs import SENSORS, experiment, four_bar, played, turn
 from marks import slow
+from sim_models.engine import ENGINES
 
 CELLS = {"reaction_B_x": 0.02, "reaction_B_y": 0.02}
 RUNS = (turn("slow", 4.0), turn("fast-reverse", -12.0), turn("fast", 10.0))
@@ -103,3 +104,37 @@ def test_nothing_is_proposed_of_noise(seed: int) -> None:
     measured = played(experiment(*RUNS, sensors=SENSORS | CELLS), seed=seed)
     problem = Problem.of(measured, measured.mechanism, Options("mujoco", workers=1, others=False))
     assert proposal(problem.model, problem.fitter, problem.base) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", REAL)
+def test_an_adopted_law_is_an_effect_that_every_engine_simulates_and_closes_the_gap(what: str) -> None:
+    _, joint, _, numbers = REAL[what]
+    measured = replace(
+        played(experiment(*RUNS, mechanism=REAL[what][0], sensors=SENSORS | CELLS)), mechanism=four_bar()
+    )
+    found = diagnose(measured, "mujoco", adopt=True, workers=1)
+    (effect,) = found.effects
+    assert (effect.name, effect.where, found.verdict) == ("proposed_torque", joint, "explained"), found.statement
+    for letter, value in numbers.items():
+        assert effect.parameters[letter].value == pytest.approx(value, rel=0.02, abs=0.02 * abs(numbers["a"]))
+    assert set(found.other_simulators) == {*ENGINES} - {"mujoco"}
+    for gap in (found.gap, *found.other_simulators.values()):
+        assert gap.after <= 1.1
+    assert [p.adopted for p in found.proposed] == [True]
+    assert "It is adopted" in diagnosis_html(found)
+
+
+@pytest.mark.slow
+def test_what_no_mechanism_can_say_is_not_adopted_and_the_report_says_why() -> None:
+    measured = played(experiment(*RUNS, sensors=SENSORS | CELLS))
+    runs = []
+    for run in measured.runs:
+        cell, turn = run.channels["drive_torque"], run.channels["crank_angle"].values
+        beside = np.mod(turn - 2.0 + np.pi, 2 * np.pi) - np.pi
+        tooth = replace(cell, values=cell.values + 0.1 * np.exp(-0.5 * (beside / 0.2) ** 2))
+        runs.append(replace(run, channels={**run.channels, "drive_torque": tooth}))
+    found = diagnose(replace(measured, runs=tuple(runs), mechanism=four_bar()), "mujoco", adopt=True, others=False)
+    assert found.proposed
+    assert any("cannot be adopted" in note for note in found.notes)
+    assert not any(p.adopted for p in found.proposed)

@@ -36,6 +36,9 @@ def diagnose(
     exclude: Annotated[
         list[str] | None, typer.Option(metavar="EFFECT[@WHERE]", help="Rule an effect out; may be repeated.")
     ] = None,
+    adopt: Annotated[
+        bool, typer.Option("--adopt", help="Put the law that is proposed into the model and diagnose again with it.")
+    ] = False,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -75,6 +78,7 @@ def diagnose(
                 simulator,
                 only=only or (),
                 exclude=exclude or (),
+                adopt=adopt,
                 others=others is Others.all,
                 workers=workers,
                 budget=budget,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from analytic.mechanism import MechanismWarning
@@ -15,12 +16,13 @@ from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
 from compare.diagnose.prepare import on_one_turn
 from compare.diagnose.problem import Options, Problem, Progress, Verified, silent
+from compare.diagnose.propose.adopted import Unadoptable, adopted
 from compare.diagnose.propose.document import as_proposed
-from compare.diagnose.propose.proposal import proposal, simpler
+from compare.diagnose.propose.proposal import Proposal, proposal, simpler
 from compare.diagnose.result import as_document
 from compare.diagnose.validation import parted, validated
 from compare.faults import ArgumentError
-from compare.results.diagnosis import Diagnosis, Proposed
+from compare.results.diagnosis import Diagnosis
 
 MANY = 4  # named effects that explain: one unknown at one place may be simpler
 
@@ -41,6 +43,7 @@ def diagnose(  # noqa: PLR0913 - what a person may ask, by name
     only: Names = (),
     exclude: Names = (),
     own: Sequence[Effect] = (),
+    adopt: bool = False,
     others: bool = True,
     workers: int | None = None,
     budget: float | None = None,
@@ -50,7 +53,8 @@ def diagnose(  # noqa: PLR0913 - what a person may ask, by name
 
     ``measured`` is a recording, or the path of a measured.toml (or of its folder); ``simulator`` the engine that
     simulates before and after.  ``only`` and ``exclude`` are ``effect`` or ``effect@where``; ``own`` are effects beside
-    the vocabulary.  With ``others`` every installed engine simulates the explanation too.  Simulations run in
+    the vocabulary.  With ``adopt`` what is proposed becomes an effect like any other, and the diagnosis is made again
+    with it.  With ``others`` every installed engine simulates the explanation too.  Simulations run in
     ``workers`` processes (two, or the cores that there are).  After ``budget`` seconds the search ends with the best so
     far, and the result says so.
 
@@ -70,6 +74,26 @@ def diagnose(  # noqa: PLR0913 - what a person may ask, by name
         None if budget is None else seconds(budget, "budget"),
     )
     data = measured if isinstance(measured, Measured) else load_measured(path(measured, "measured"))
+    if not flag(adopt, "adopt"):
+        return _diagnosed(data, options)[0]
+    first, best = _diagnosed(data, replace(options, others=False))
+    if best is None:
+        return _noted(_diagnosed(data, options)[0], "Nothing is proposed that could be adopted.")
+    try:
+        effect = adopted(best)
+    except Unadoptable as error:
+        return _noted(_diagnosed(data, options)[0], f"What is proposed cannot be adopted: {error}.")
+    again = _diagnosed(data, replace(options, own=(*options.own, effect)))[0]
+    kept = tuple(p.model_copy(update={"adopted": True}) for p in first.proposed)
+    return again.model_copy(update={"proposed": (*kept, *again.proposed)})
+
+
+def _noted(result: Diagnosis, note: str) -> Diagnosis:
+    return result.model_copy(update={"notes": (*result.notes, note)})
+
+
+def _diagnosed(data: Measured, options: Options) -> tuple[Diagnosis, Proposal | None]:
+    """A diagnosis, and what it proposes as an object."""
     data, unfitted = parted(on_one_turn(data))
     rigid = data.mechanism.rigid()
     problem = Problem.of(data, rigid, options)
@@ -84,18 +108,18 @@ def diagnose(  # noqa: PLR0913 - what a person may ask, by name
             " with less."
         )
     found = problem.verified(explanation)
-    return as_document(problem, found, validated(problem, found, unfitted), proposed(problem, found))
+    best = proposed(problem, found)
+    told = () if best is None else (as_proposed(best),)
+    return as_document(problem, found, validated(problem, found, unfitted), told), best
 
 
-def proposed(problem: Problem, found: Verified) -> tuple[Proposed, ...]:
+def proposed(problem: Problem, found: Verified) -> Proposal | None:
     """A place and a law for what an explanation leaves, or in place of one of many effects; none where it is simple and
     leaves nothing, or the time is over.
     """
     e = found.explanation
     if problem.options.late() or problem.search is None:
-        return ()
+        return None
     if e.verdict in ("unexplained", "partly explained"):
-        best = proposal(problem.model, problem.search.fitter, e.fit)
-    else:
-        best = simpler(problem.model, problem.search.fitter, e.fit) if len(e.named) >= MANY else None
-    return () if best is None else (as_proposed(best),)
+        return proposal(problem.model, problem.search.fitter, e.fit)
+    return simpler(problem.model, problem.search.fitter, e.fit) if len(e.named) >= MANY else None

@@ -77,7 +77,8 @@ def terminal_lines(result: Diagnosis) -> list[str]:
     out += [f"gap elsewhere: {'; '.join(others)}"] if others else []
     out += validation_sentences(result)
     out += _tried(result)
-    out += [f"proposed (not named): {' '.join(proposed.sentences(result, p))}" for p in result.proposed]
+    for p in result.proposed:
+        out.append(f"proposed ({'adopted' if p.adopted else 'not named'}): {' '.join(proposed.sentences(result, p))}")
     places = worst_first(result)
     out += [f"where: {sentence(result, place)} ({plainly(place.sigmas)} sigma)" for place in places[:PLACES_SHOWN]]
     out += [f"where: {_others(len(places) - PLACES_SHOWN)}"] if len(places) > PLACES_SHOWN else []

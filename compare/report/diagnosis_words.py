@@ -210,7 +210,7 @@ def next_steps(result: Diagnosis) -> list[str]:
             steps.append("Use explained.toml in place of the nominal mechanism.")
     if result.verdict in ("partly explained", "unexplained"):
         left = remaining(result)
-        steps += [f"Look first for what is proposed: {unknown(result, p)}." for p in result.proposed]
+        steps += [f"Look first for what is proposed: {unknown(result, p)}." for p in result.proposed if not p.adopted]
         steps += [f"Look for what this program does not know: {rest}." for rest in list(left.values())[:3]]
     return steps
 

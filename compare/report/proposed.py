@@ -21,8 +21,12 @@ MEANING = (
 
 
 def sentences(result: Diagnosis, p: Proposed) -> list[str]:
-    """What is proposed, how much it would take away, what does as well, and what would tell them apart."""
+    """What is proposed, how much it would take away, what does as well, and what would tell them apart; of what is
+    adopted, that it is.
+    """
     out = [p.says]
+    if p.adopted:
+        return [*out, "It is adopted: an effect like the others, with the gap that every engine leaves with it."]
     if p.share is not None:
         of = "what is left" if result.verdict in ("unexplained", "partly explained") else "the whole gap"
         out.append(f"It would take {percent(min(p.share, 1.0))} of {of} beyond the noise away, on data left out.")

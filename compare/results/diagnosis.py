@@ -174,6 +174,7 @@ class Proposed(Part):
     curve: Curve
     ties: Annotated[tuple[SamePlace, ...], Field(description="Places that do as well.")] = ()
     would_separate: Annotated[str, Field(description="A sensor that would tell them apart, in words.")] = ""
+    adopted: Annotated[bool, Field(description="Whether it was put into the model: then it is an effect.")] = False
     replaces: Annotated[
         tuple[str, ...],
         Field(description="name@where of named effects that the law has in it: it stands in their place."),

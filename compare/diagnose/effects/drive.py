@@ -30,7 +30,7 @@ class DriveCompliance(Reciprocal):
         return (1e-5 / rig.torque,)
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
-        return _with_drive(mechanism, stiffness=values["stiffness"])
+        return with_drive(mechanism, stiffness=values["stiffness"])
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         return Growth(lambda a: {"stiffness": rig.torque / a}, 0.02)
@@ -62,14 +62,15 @@ class SpeedRipple(Wave):
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         ripple = Ripple(amplitude=values["amplitude"], harmonic=round(values["harmonic"]), phase=values["phase"])
-        return _with_drive(mechanism, ripple=ripple)
+        return with_drive(mechanism, ripple=ripple)
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         harmonic, phase = float(draw.rng.integers(1, 7)), draw.turn - math.pi
         return Growth(lambda a: {"amplitude": a, "harmonic": harmonic, "phase": phase}, 0.02, harmonic)
 
 
-def _with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:
+def with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:
+    """The mechanism with fields of its drive, which follows data where it has none."""
     drive = (
         mechanism.drive.model_dump(exclude_unset=True)
         if mechanism.drive

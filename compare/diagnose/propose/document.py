@@ -98,24 +98,33 @@ def _product(factor: str, term: str) -> str:
 def _coefficients(p: Proposal) -> dict[str, Parameter]:
     """Value and 95 % interval of every number of the law, by letter, in the order of the letters."""
     root = np.sqrt(p.weights)[:, None]
-    columns, values, units = [p.regression.free], [], []
-    at = 0
+    columns, values, at = [p.regression.free], [], 0
     for one in p.law.laws:
         n = len(one.law.terms)
         own = p.law.coefficients[at : at + n]
         at += n
         columns += [p.regression.columns(one), _slopes(p, one, own)]
         values += [*own.tolist(), *one.shape]
-        units += [_per(p.place.unit, unit, p.place.unit) for unit in one.law.units[:n]]
-        units += [p.place.unit if unit == "y" else unit for unit in one.law.units[n:]]
     if not values:
         return {}
     _, covariance = solved(root * np.column_stack(columns), np.zeros(p.weights.size))
     half = 1.96 * np.sqrt(np.diag(covariance))[p.regression.free.shape[1] :]
     return {
         letter: Parameter(value=value, unit=unit, low=value - h, high=value + h)
-        for letter, value, unit, h in zip(ascii_lowercase, values, units, half.tolist(), strict=False)
+        for letter, value, unit, h in zip(ascii_lowercase, values, units(p), half.tolist(), strict=False)
     }
+
+
+def units(p: Proposal) -> list[str]:
+    """SI unit of every number of the law, in the order of the letters: of each part its coefficients, then its
+    shapes.
+    """
+    found: list[str] = []
+    for one in p.law.laws:
+        n = len(one.law.terms)
+        found += [_per(p.place.unit, unit, p.place.unit) for unit in one.law.units[:n]]
+        found += [p.place.unit if unit == "y" else unit for unit in one.law.units[n:]]
+    return found
 
 
 def _per(unit: str, of: str, reading: str) -> str:
