@@ -210,6 +210,7 @@ def at_rest_in_engines() -> Iterator[Any]:
             yield pytest.param(*row, id=f"{case}-{joint_model}-{simulator}", marks=[pytest.mark.slow] if long else [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("m", "joint_model", "simulator"), list(at_rest_in_engines()))
 def test_a_simulation_with_clearance_in_every_joint_agrees(m: Mechanism, joint_model: str, simulator: str) -> None:
     engine = declared(simulator)

@@ -22,6 +22,7 @@ from analytic.paper.compliance import compliance
 from analytic.paper.frame import ComplianceError
 from analytic.paper.kinetostatics import kinetostatics
 from commands import compare
+from marks import slow
 from multiplier_oracle import Oracle
 from sim_models.engine import Motion, Request, engine
 
@@ -136,7 +137,7 @@ OFF = {"driven": 2e-4, "static": 1e-6}  # of the largest: a step of DART's and P
 
 @pytest.mark.parametrize("name", ENGINES)
 @pytest.mark.parametrize("motion", ["driven", "static"])
-@pytest.mark.parametrize("joints", ["B", "DABE"])
+@pytest.mark.parametrize("joints", ["B", *slow("DABE")])
 def test_engines_rub_as_the_analytic_model(name: str, motion: Motion, joints: str) -> None:
     plain = load("crank-rocker").replace(gravity=(1.0, -9.81))
     m = rubbed(plain, dict.fromkeys(joints, 4e-3))

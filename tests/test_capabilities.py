@@ -119,10 +119,8 @@ EVERY: list[tuple[str, What, Pair, Feature | None]] = [
 ]
 DECLARED = [row for row in EVERY if has(scopes(declared(row[0]).capabilities)[row[1]], *row[2:])]
 REFUSED = [row for row in EVERY if row not in DECLARED]
-# Of the features of rigid links the short part of the suite has those with ideal joints and with one kind of clearance
-# joint; of an export, which runs what is run without it, and of beams those with ideal joints.
-BRIEFLY: dict[What, set[JointModel]] = {"rigid": {"ideal", "spring-damper"}, "beams": {"ideal"}, "export": {"ideal"}}
-LONG = [row for row in DECLARED if row[3] is not None and row[2][0] not in BRIEFLY[row[1]]]
+# Of the features the short part of the suite has those with ideal joints, and friction in contact.
+LONG = [row for row in DECLARED if row[3] not in (None, "contact_friction") and row[2][0] != "ideal"]
 SHORT = [row for row in DECLARED if row not in LONG]
 
 

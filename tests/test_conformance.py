@@ -81,9 +81,9 @@ CASES = {
     "slider-crank": (loaded_slider_crank().with_clearances({"B": 2e-4}), TURN),
     "six-bar": (load("six-bar").with_clearances({"B": 1e-4, "F": 1e-4}), TURN),
 }
-# At rest every case is quick with ideal joints and contact, and some with the other two.  In motion a case takes up to
-# seconds: pins that yield are done where they take less; ideal joints and rods do the laws.  Each engine's own tests do
-# the linkages in motion.
+# At rest every case is in the short part with ideal joints, and some with clearance.  In motion a case takes up to
+# seconds: pins that yield are done where they take less; ideal joints do the laws, rods some.  Each engine's own tests
+# do the linkages in motion.
 SOME = {"paper", "six-bar", "several clearances", "joint friction"}
 LAWS = {
     "gravity", "oblique load", "joint friction", "Stribeck friction", "drag", "joint spring",
@@ -99,8 +99,10 @@ YIELDING = {
 
 def quick(name: str, model: JointModel, motion: Motion, case: str) -> bool:
     if motion == "static":
-        return model in ("ideal", "contact") or case in SOME
-    return case in (LAWS if model in ("ideal", "massless-link") else YIELDING.get((name, model), ()))
+        return model == "ideal" or case in SOME
+    if model == "massless-link":
+        return case in {"joint friction", "reverse rotation"}
+    return case in (LAWS if model == "ideal" else YIELDING.get((name, model), ()))
 
 
 def marks(name: str, model: JointModel, motion: Motion, case: str) -> tuple[pytest.MarkDecorator, ...]:

@@ -255,6 +255,7 @@ def test_a_course_goes_on_beyond_its_ends_with_the_acceleration_that_it_has_ther
 SIGMAS = {"crank_angle": 1e-3, "follower_angle": 1e-4, "drive_torque": 1e-3}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("motion", "draws"),
     [

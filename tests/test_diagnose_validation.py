@@ -103,6 +103,7 @@ def test_a_free_validation_run_begins_at_its_given_start() -> None:
     assert kept["signals"]["pendulum_angle"]["gap_after"] == pytest.approx(1.0, abs=0.3)
 
 
+@pytest.mark.slow
 def test_a_free_validation_run_is_on_the_turn_of_the_fitted_ones() -> None:
     """A spring that the model lacks knows in which turn its joint is; the encoder of a validation run does not."""
     believed = load("pendulum")

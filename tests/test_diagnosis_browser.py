@@ -142,6 +142,7 @@ def test_the_data_open_as_a_table_of_every_sample(browser: Browser, page: Path, 
     assert [row[4] == "yes" for row in rows] == [held == 1 for held in explained["runs"][2]["held_out"]]
 
 
+@pytest.mark.slow
 def test_a_long_run_is_drawn_thin_with_its_peaks_and_tabulated_whole(browser: Browser, tmp_path: Path) -> None:
     result = swinging_diagnosis()
     run = result["runs"][0]

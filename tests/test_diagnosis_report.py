@@ -108,6 +108,7 @@ def faults(result: Any) -> list[str]:
     ]
 
 
+@pytest.mark.slow
 def test_every_sample_is_what_the_schema_says(
     small: dict[str, Any], swinging: dict[str, Any], partly: dict[str, Any]
 ) -> None:

@@ -75,6 +75,7 @@ def errors(trace: Trace, m: Mechanism, crank: tuple[np.ndarray, np.ndarray, np.n
     return worst
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("times", [*slow("at the knots"), "anywhere"])
 @pytest.mark.parametrize("name", COURSES)
 def test_a_course_has_the_angles_inertia_forces_and_torque_of_its_spline(name: str, times: str) -> None:

@@ -51,6 +51,7 @@ def swung(stiffness: float, rest: float, damper: float, start: Sequence[float], 
 # ---------------------------------------------------------------- the freedom
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stiffness", "start"),
     [

@@ -29,6 +29,7 @@ def test_zeros_of_a_torque_sensor_that_look_like_friction_are_named_first_where_
     assert ties["coulomb_friction", "D"] < 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_friction_at_the_crank_is_named_first_though_zeros_of_each_run_fit_as_well(seed: int) -> None:
     result = told(wrong("coulomb_friction", "D", friction_torque=0.012), seed=seed)
