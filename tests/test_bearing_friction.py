@@ -70,7 +70,7 @@ def test_the_drive_pays_what_the_bearings_take(name: str, sign: int) -> None:
     m = rubbed(plain, {j.name: 2e-3 for j in plain.joints if not j.prismatic})
     speed = sign * (plain.speed or 1.0)
     without, found = (kinetostatics(moved(each, speed=speed)) for each in (plain, m))
-    lost = sum(2e-3 * np.abs(found.forces[j.name]) * np.abs(found.motion.slip(j)[0]) for j in m.bearings)
+    lost = sum(2e-3 * np.abs(found.forces[j.name]) * np.abs(found.motion.slip(j)[0]) for j in m.load_rubbed)
     paid = (found.drive_torque - without.drive_torque) * speed
     np.testing.assert_allclose(paid, lost, atol=1e-12 * np.max(lost))
     assert np.max(lost) > 0.05 * np.abs(without.drive_torque * speed).max()

@@ -76,7 +76,7 @@ def coefficients(assembly: Assembly, theta: np.ndarray) -> np.ndarray:
     """M, M'/2, c, f, g, d and the joints' a and r (6 + 2 n, N) at crank angles theta (N,) rad.  Raises AssemblyError
     where the linkage does not reach them, and for friction that grows with reactions: they hold the motion's square.
     """
-    for joint in assembly.mechanism.bearings:
+    for joint in assembly.mechanism.load_rubbed:
         raise AssemblyError(
             f"{assembly.mechanism.name}: friction_radius of joint {joint.name!r} is {joint.friction_radius:g} m, and"
             " the analytic model knows no released motion with friction that grows with reactions",

@@ -125,7 +125,7 @@ class Mechanism(Part):
         return any(j.displaced for j in self.joints)
 
     @property
-    def bearings(self) -> list[Joint]:
+    def load_rubbed(self) -> list[Joint]:
         """The joints whose friction grows with their reaction."""
         return [j for j in self.joints if j.friction_radius]
 

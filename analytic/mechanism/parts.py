@@ -221,7 +221,7 @@ class Joint(Part):
             return self.coulomb + 0 * rate
         return self.coulomb + (self.stiction - self.coulomb) * np.exp(-((rate / self.stribeck_speed) ** 2))
 
-    def bearing(self, load: Amount) -> Amount:
+    def load_friction(self, load: Amount) -> Amount:
         """Size (N.m) of the dry friction that a reaction of this size (N) gives."""
         return self.friction_radius * load
 

@@ -95,8 +95,8 @@ def compliance(
     Raises ComplianceError for a flexible body without a section, or where the loads are not carried (a change point).
     """
     structure = _Structure(motion, beam)
-    if structure.mechanism.bearings and (forces or torques):
-        joint = structure.mechanism.bearings[0]
+    if structure.mechanism.load_rubbed and (forces or torques):
+        joint = structure.mechanism.load_rubbed[0]
         raise ComplianceError(
             f"{structure.mechanism.name}: friction_radius of joint {joint.name!r} is {joint.friction_radius:g} m, and"
             " further forces would change its friction; give them as loads of the mechanism"
@@ -231,7 +231,7 @@ class _Structure:
         periodic = self.mechanism.periodic_torque
         if periodic is not None:
             add(self.mechanism.driven, MASS_CENTRE, 0.0, periodic.at(self.motion.theta))
-        if self.mechanism.bearings:
+        if self.mechanism.load_rubbed:
             self.reactions = kinetostatics(self.motion, inertia).forces
         for joint in self.mechanism.joints:
             load += (
@@ -253,7 +253,7 @@ class _Structure:
             moving=inertia,
         )
         if joint.friction_radius:
-            law = law - joint.bearing(np.abs(self.reactions[joint.name])) * slip_sign(m, joint)
+            law = law - joint.load_friction(np.abs(self.reactions[joint.name])) * slip_sign(m, joint)
         return law
 
     def solve(self, block: slice, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

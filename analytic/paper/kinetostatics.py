@@ -101,7 +101,7 @@ def _balance(
         for j in s.mechanism.joints
         if j.prismatic
     }
-    if s.mechanism.bearings:
+    if s.mechanism.load_rubbed:
         torque += _bearing_friction(motion, grip, work, torque, travel_force)
     return _carried(motion, work, torque, travel_force)
 
@@ -143,7 +143,7 @@ def _bearing_friction(
     r = 0 is the one with a positive determinant of its derivative; where there is none the linkage locks itself.
     Raises AssemblyError there.
     """
-    s, n, joints = motion.structure, motion.theta.size, motion.structure.mechanism.bearings
+    s, n, joints = motion.structure, motion.theta.size, motion.structure.mechanism.load_rubbed
     names = [j.name for j in joints]
 
     def forces(work: np.ndarray, torque: np.ndarray, along: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -76,13 +76,13 @@ def diagnose(  # noqa: PLR0913 - what a person may ask, by name
     data = measured if isinstance(measured, Measured) else load_measured(path(measured, "measured"))
     if not flag(adopt, "adopt"):
         return _diagnosed(data, options)[0]
-    first, best = _diagnosed(data, replace(options, others=False))
+    first, best = _diagnosed(data, options)
     if best is None:
-        return _noted(_diagnosed(data, options)[0], "Nothing is proposed that could be adopted.")
+        return _noted(first, "Nothing is proposed that could be adopted.")
     try:
         effect = adopted(best)
     except Unadoptable as error:
-        return _noted(_diagnosed(data, options)[0], f"What is proposed cannot be adopted: {error}.")
+        return _noted(first, f"What is proposed cannot be adopted: {error}.")
     again = _diagnosed(data, replace(options, own=(*options.own, effect)))[0]
     kept = tuple(p.model_copy(update={"adopted": True}) for p in first.proposed)
     return again.model_copy(update={"proposed": (*kept, *again.proposed)})

@@ -140,17 +140,7 @@ class Curve(Part):
 
 
 class SamePlace(Part):
-    """Another place whose unknown tells these data as well."""
-
-    place: Text
-    unknown: Unknown
-    law: Annotated[str | None, Field(description="In letters; null where no law of the dictionary tells it.")]
-
-
-class Proposed(Part):
-    """A place where one unknown would tell what is left, and the law that it looks like: not a name, and no part of the
-    verdict.
-    """
+    """A place whose unknown tells what is left, and the law that it looks like."""
 
     place: Annotated[Text, Field(description="The joint, body or signal; drive for a crank behind its encoder.")]
     unknown: Annotated[
@@ -160,8 +150,15 @@ class Proposed(Part):
             " across its axis; lag of the crank behind its encoder; error of a sensor"
         ),
     ]
-    unit: Annotated[Unit, Field(description="Of the unknown.")]
     law: Annotated[str | None, Field(description="In letters; null where no law of the dictionary tells it.")]
+
+
+class Proposed(SamePlace):
+    """A place where one unknown would tell what is left, and the law that it looks like: not a name, and no part of the
+    verdict.
+    """
+
+    unit: Annotated[Unit, Field(description="Of the unknown.")]
     coefficients: Annotated[Mapping[str, Parameter], Field(description="By letter.")]
     share: Annotated[
         Number,

@@ -186,9 +186,9 @@ class Seen:
         rate = self.spin(second) - self.spin(first)
         torque = joint.spring(self.angle(second) - self.angle(first)) + joint.damper(rate)
         known = np.abs(rate) > FADING * self.pace
-        bearing = joint.bearing(np.abs(self.reaction(joint)))
-        dry = (joint.dry(rate) + bearing) * np.sign(rate)
-        return torque - np.where(known, dry, 0.0), np.where(known, 0.0, joint.stiction + bearing)
+        by_load = joint.load_friction(np.abs(self.reaction(joint)))
+        dry = (joint.dry(rate) + by_load) * np.sign(rate)
+        return torque - np.where(known, dry, 0.0), np.where(known, 0.0, joint.stiction + by_load)
 
     def driving(self) -> np.ndarray:
         """Torque (N,) N.m on the driven body, of the motor and of what else turns it over its angle."""

@@ -70,7 +70,7 @@ class LeapfrogWorld(ABC):
         self.motor_torque = 0.0  # N.m, of a drive that yields
         self.pin_forces: dict[str, complex] = {}
         self.pin_gaps: dict[str, complex] = {}  # m, of the driven pins as the last step began
-        self.loads = {j.name: 0.0 for j in m.bearings}  # N: reactions as last heeded, with which friction grows
+        self.loads = {j.name: 0.0 for j in m.load_rubbed}  # N: reactions as last heeded, with which friction grows
         self.heeding = False  # whether every step heeds its own
         self.slide_forces: dict[str, complex] = {}  # of the prismatic joints' laws, on their second bodies
 

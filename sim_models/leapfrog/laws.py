@@ -35,9 +35,9 @@ class JointLaws:
         its reaction being ``load`` (N).
         """
         if self.static:
-            return j.spring(position) - (j.stiction + j.bearing(load)) * self.sliding.get(j.name, 0.0)
+            return j.spring(position) - (j.stiction + j.load_friction(load)) * self.sliding.get(j.name, 0.0)
         slip = max(-1.0, min(1.0, rate / self.fades_below[j.name]))
-        return j.spring(position) + j.damper(rate) - (j.dry(rate) + j.bearing(load)) * slip
+        return j.spring(position) + j.damper(rate) - (j.dry(rate) + j.load_friction(load)) * slip
 
     def set_sliding(self, assembly: Assembly, theta: float, direction: float) -> None:
         """Let friction at rest oppose the ideal motion at this crank angle (rad), the crank turning in a direction

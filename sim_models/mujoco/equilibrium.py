@@ -59,7 +59,7 @@ def balance(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, sl
     mujoco.mj_mulM(m, d, inertia, a)
     load = inertia + d.qfrc_bias - d.qfrc_passive - d.qfrc_actuator
     for joint, form in link.rubbing:
-        dry = joint.dry(abs(float(form @ v))) + joint.bearing(link.loads.get(joint.name, 0.0))
+        dry = joint.dry(abs(float(form @ v))) + joint.load_friction(link.loads.get(joint.name, 0.0))
         load += slip[joint.name] * dry * form
     jacobian = d.efc_J.reshape(d.nefc, m.nv)
     push = jacobian.copy()
@@ -177,7 +177,7 @@ class Equilibria:
     def signals(self, link: MujocoLinkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:
         """All signals of the equilibrium that was found last."""
         dry = {
-            joint.name: joint.dry(float(form @ link.data.qvel)) + joint.bearing(link.loads.get(joint.name, 0.0))
+            joint.name: joint.dry(float(form @ link.data.qvel)) + joint.load_friction(link.loads.get(joint.name, 0.0))
             for joint, form in link.rubbing
         }
         friction = {name: -size * slip[name] for name, size in dry.items()}

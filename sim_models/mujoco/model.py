@@ -80,7 +80,7 @@ class MujocoLinkage:
         driven = mechanism.driven
         curved = [j for j in mechanism.joints if j.name in self.laws and _curved(j)]
         laws = {self.laws[j.name]: (j, self.between(j)) for j in curved}
-        self.loads = {j.name: 0.0 for j in mechanism.bearings}  # N: reactions as last heeded
+        self.loads = {j.name: 0.0 for j in mechanism.load_rubbed}  # N: reactions as last heeded
         passive = Passive(laws, self.loads, mechanism.periodic_torque, self.fixed_angle[driven], self.form[driven])
         self.passive = passive if laws or mechanism.periodic_torque else None
 

@@ -43,7 +43,7 @@ class Passive:
     def rub(self, data: mujoco.MjData) -> None:
         """Give the rows of dry friction the size that it has at this rate and load."""
         sizes = {
-            t: j.dry(float(data.ten_velocity[t])) + j.bearing(self.loads.get(j.name, 0.0))
+            t: j.dry(float(data.ten_velocity[t])) + j.load_friction(self.loads.get(j.name, 0.0))
             for t, (j, _) in self.joints.items()
             if j.stribeck_speed or j.friction_radius
         }

@@ -17,18 +17,11 @@ from compare.diagnose.effects.drive import with_drive
 from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
 from compare.diagnose.propose.document import in_letters, units
 from compare.diagnose.propose.laws import Candidate
-from compare.diagnose.propose.places import Bend
+from compare.diagnose.propose.places import EFFECTS, Bend
 from compare.diagnose.propose.proposal import Proposal
 from compare.results.diagnosis import Unknown
+from compare.results.sentences import UNKNOWNS
 
-KINDS: Mapping[Unknown, tuple[str, str]] = {  # of place, and as a noun
-    "torque": ("joint", "torque in joint {}"),
-    "give": ("joint", "give of joint {}"),
-    "length": ("body", "length of the {}"),
-    "bend": ("body", "bend of the {}"),
-    "lag": ("drive", "lag of the crank"),
-    "error": ("signal", "error of {}"),
-}
 SMALL = 0.01  # of a coefficient: a small amount of it
 Numbers = Sequence[float]  # of a law: its coefficients, then its shapes
 
@@ -48,7 +41,7 @@ def adopted(p: Proposal) -> Adopted:
             raise Unadoptable(f"no mechanism file can say {in_letters(p.law)} ({name}) of {p.place.words}")
     if unknown == "error" and where == p.scene.rig.encoder and p.scene.rig.following:
         raise Unadoptable("the runs follow the very encoder that is said to err")
-    kind, noun = KINDS[unknown]
+    noun, kind = UNKNOWNS[unknown], "signal" if unknown == "error" else EFFECTS[unknown].place
     said = {
         "name": f"proposed_{unknown}",
         "place": kind,
@@ -155,7 +148,7 @@ def _constant(m: Mechanism, where: str, n: Numbers) -> Mechanism:
 
 
 def _coulomb(m: Mechanism, where: str, n: Numbers) -> Mechanism:
-    return m.with_joint(where, friction_torque=m.joint(where).coulomb - n[0], friction=m.joint(where).friction)
+    return m.with_joint(where, friction_torque=m.joint(where).coulomb - n[0])
 
 
 def _viscous(m: Mechanism, where: str, n: Numbers) -> Mechanism:

@@ -16,6 +16,7 @@ from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.predict import Hypothesis, Term
 from compare.diagnose.residuals import Data
 from compare.results.diagnosis import Unknown
+from compare.results.sentences import UNKNOWNS
 
 if TYPE_CHECKING:
     from compare.diagnose.propose.scene import Scene
@@ -93,14 +94,6 @@ RELATIVES: Mapping[Unknown, frozenset[str]] = {  # effects that are an unknown o
     "torque": frozenset({"coulomb_friction", "viscous_friction", "joint_spring"}),
     "give": frozenset({"joint_clearance"}),
 }
-IN_WORDS: Mapping[Unknown, str] = {
-    "torque": "a torque in joint {}",
-    "give": "give in the bearing of joint {}, along its reaction",
-    "length": "a length of the {} that changes",
-    "bend": "an end of the {} that is beside its axis",
-    "lag": "a crank that is behind its encoder",
-    "error": "an error of the sensor for {}",
-}
 
 
 @dataclass(frozen=True)
@@ -122,7 +115,7 @@ class Place:
     @property
     def words(self) -> str:
         """The place as a noun."""
-        return IN_WORDS[self.unknown].format(self.where)
+        return UNKNOWNS[self.unknown].format(self.where)
 
 
 @dataclass(frozen=True)

@@ -44,9 +44,9 @@ class Proposal:
     law: Told
     regression: Regression = field(repr=False)
     weights: np.ndarray = field(repr=False)
-    share: float
     told: float
     cost: float
+    share: float = 0.0
     ties: tuple[Proposal, ...] = ()
     replaced: tuple[Term, ...] = ()
 
@@ -97,8 +97,9 @@ def proposal(model: Model, fitter: Fitter, fit: Fit) -> Proposal | None:
     kin = RELATIVES[beside.place.unknown]
     inside = tuple(t for t in named if t.where == beside.place.where and t.effect.name in kin)
     rig = tuple(t for t in named if not t.effect.sensor)
-    found = [beside, *(_beside(model, fitter, fit, out) for out in dict.fromkeys([inside, rig, named]) if out)]
-    tried = [p for p in found if p is not None]
+    found = [_beside(model, fitter, fit, out) for out in dict.fromkeys([rig, named]) if out and out != inside]
+    whole = _beside(model, fitter, fit, inside, MOST + len(inside)) if inside else None
+    tried = [p for p in (beside, whole, *found) if p is not None]
     nearest = max(min(p.left for p in tried) / fitter.data.size, 1.0)
     best = min(tried, key=lambda p: (p.price + p.left / nearest, -len(p.replaced)))
     share = best.share_of(beside)
@@ -115,12 +116,12 @@ def simpler(model: Model, fitter: Fitter, fit: Fit) -> Proposal | None:
     return _likelier(found) if found.price + found.left < worth else None
 
 
-def _beside(model: Model, fitter: Fitter, fit: Fit, out: tuple[Term, ...]) -> Proposal | None:
-    """The best place beside a fit without some of what is named."""
+def _beside(model: Model, fitter: Fitter, fit: Fit, out: tuple[Term, ...], most: int = MOST) -> Proposal | None:
+    """The best place beside a fit without some of what is named, told by so many laws at most."""
     rest = {t: x for t, x in zip(fit.terms, fit.x, strict=True) if t not in out}
     kept = fitter.at(list(rest), rest) if out else fit
     scene = None if kept is None else Scene.of(model, fitter, kept)
-    found = None if scene is None else _best(scene, list(places(scene)), MOST + (len(out) < MOST) * len(out))
+    found = None if scene is None else _best(scene, list(places(scene)), most)
     return None if found is None else replace(found, replaced=out)
 
 
@@ -137,7 +138,7 @@ def _likelier(found: Proposal) -> Proposal:
     return replace(first, ties=rest, replaced=found.replaced)
 
 
-def _best(scene: Scene, where: Sequence[Place], most: int = MOST) -> Proposal | None:
+def _best(scene: Scene, where: Sequence[Place], most: int) -> Proposal | None:
     """The best of some places, told by so many laws at most, with those that do as well; None where there is none."""
     data, masks = scene.data, tuple(folds(scene.data))
     seen = ((place, recovered(data, place, scene.residual)) for place in where)
@@ -166,16 +167,13 @@ def _judged(
     nearest: float,
 ) -> Proposal:
     """What a place is worth, with its law or with an unknown of its own at every sample, whichever costs less."""
-    nothing, size = regression.told(()), regression.residual.size
-    before = regression.held_out(nothing, weights)
-    by_law = (before - regression.held_out(law, weights)) / max(before - float(weights.sum()), 1e-300)
-    by_itself = 1 - max(found.chi2 - found.free, 0.0) / max(nothing.chi2 - size, 1e-300)
-    numbers = size - found.free
-    freely = found.chi2 / nearest + FREELY * numbers
-    cost = regression.cost(law, weights, 2)
+    numbers = regression.residual.size - found.free
+    freely, cost = found.chi2 / nearest + FREELY * numbers, regression.cost(law, weights, 2)
+    by_law = Proposal(scene, place, found, law, regression, weights, 1.0, cost)
+    by_law = replace(by_law, share=by_law.share_of(by_law))
     if freely >= cost or found.free < numbers:
-        return Proposal(scene, place, found, law, regression, weights, by_law, 1.0, cost)
-    told = by_law / max(by_itself, 1e-300)
-    if told < NEARLY:
-        return Proposal(scene, place, found, nothing, regression, weights, by_itself, 0.0, freely)
-    return Proposal(scene, place, found, law, regression, weights, by_law, told, freely)
+        return by_law
+    by_itself = replace(by_law, law=regression.told(()), told=0.0, cost=freely)
+    by_itself = replace(by_itself, share=by_itself.share_of(by_itself))
+    told = by_law.share / max(by_itself.share, 1e-300)
+    return by_itself if told < NEARLY else replace(by_law, told=told, cost=freely)
