@@ -11,12 +11,13 @@ from compare.report.diagnosis_words import percent
 from compare.report.figures import Axis, Figure, Series
 from compare.results.diagnosis import Diagnosis, Proposed
 from compare.results.document import listed
-from compare.results.sentences import UNKNOWNS, Row, capital, enumerated, parameter, unknown
+from compare.results.sentences import Row, capital, enumerated, parameter, unknown
 
 HEADING = "Proposed, not named"
 MEANING = (
-    "A place where one unknown number at each moment would tell what is left, and the law that it looks like. It is a"
-    " hint for the engineer: it has no name in the vocabulary, and it changes neither the verdict nor the gap."
+    "A place where one unknown number at each moment would tell what is left, and the law that it looks like. It is"
+    " solved for with the analytic model, all else as it is named. It is a hint for the engineer: it has no name in the"
+    " vocabulary, and it changes neither the verdict nor the gap."
 )
 
 
@@ -58,5 +59,5 @@ def figure(result: Diagnosis, p: Proposed, name: str) -> Figure:
     title = f"{capital(unknown(result, p))}, recovered at each sample"
     summary = f"{p.says} Shown over the {p.curve.over}, {p.curve.argument.size} samples."
     return Figure(
-        name, title, summary, Axis(p.curve.over, over), Axis(UNKNOWNS[p.unknown].split(" ")[0], unit), tuple(series)
+        name, title, summary, Axis(p.curve.over, over), Axis(unknown(result, p).split(" ")[0], unit), tuple(series)
     )

@@ -42,8 +42,8 @@ PER = {  # as one writes it
     ("rad", "s"): "rad/s",
 }
 LETTERS: Mapping[str, str] = {  # of the dictionary's laws, by what a term has in it
-    r"\bw\b": "w is the angular velocity in joint {}",
-    r"\bq\b": "q is the angle in joint {}",
+    r"\bw\b": "w is the angular velocity in joint {}, of the {second} less the {first}",
+    r"\bq\b": "q is the angle in joint {}, of the {second} less the {first}",
     r"\|F\|": "|F| is the reaction at {}",
     r"\bT\b": "T is the drive torque",
     r"\btheta\b": "theta is the crank angle",
@@ -53,7 +53,7 @@ LETTERS: Mapping[str, str] = {  # of the dictionary's laws, by what a term has i
     r"\bbump\(": "bump(x, s) is exp(-(x/s)^2/2)",
 }
 SAID = {
-    "torque": "a torque acts in joint {}",
+    "torque": "a torque acts in joint {} on the {second} (and back on the {first})",
     "give": "the bearing of joint {} gives along its reaction",
     "length": "the length of the {} changes",
     "bend": "the end of the {} lies beside its axis",
@@ -184,7 +184,9 @@ def _parts(p: Proposal) -> list[np.ndarray]:
 
 def _sentence(p: Proposal, coefficients: Mapping[str, Parameter]) -> str:
     """``A torque acts in joint E, and it looks like this: ...``."""
-    what, law = SAID[p.place.unknown].format(p.place.where), in_letters(p.law)
+    what, law = SAID[p.place.unknown].format(p.place.where, **_bodies(p)), in_letters(p.law)
+    if p.place.unit == "N":
+        what = what.replace("a torque acts in", "a force acts along")
     named = enumerated([t.effect.called(t.where) for t in p.replaced])
     if law is None:
         return f"{f'In place of {named}: ' if named else ''}{what if named else capital(what)}; no known law tells it."
@@ -197,9 +199,15 @@ def _sentence(p: Proposal, coefficients: Mapping[str, Parameter]) -> str:
     return f"In place of {named}: {what}, and it {looks}" if named else f"{capital(what)}, and it {looks}"
 
 
+def _bodies(p: Proposal) -> dict[str, str]:
+    """The two bodies of a joint: its torque acts on the ``second``, whose angle and rate count less the ``first``'s."""
+    joints = {j.name: j.bodies for j in p.scene.rig.mechanism.joints}
+    return dict(zip(("first", "second"), joints.get(p.place.where, ("", "")), strict=True))
+
+
 def _legend(p: Proposal, law: str) -> str:
     """``; w is the angular velocity in joint E``: what the letters of a law mean."""
-    meant = [means.format(p.place.where) for letter, means in LETTERS.items() if re.search(letter, law)]
+    meant = [means.format(p.place.where, **_bodies(p)) for letter, means in LETTERS.items() if re.search(letter, law)]
     return f"; {enumerated(meant)}" if meant else ""
 
 
