@@ -60,7 +60,7 @@ from marks import slow
 from sim_models.engine import Request, engine
 
 REPORTS = Path(__file__).parents[1] / "reports" / "scoreboard"
-DRAWN = [name for name, effect in VOCABULARY.items() if effect.hiding.drawn]
+DRAWN = [name for name, effect in VOCABULARY.items() if effect.hiding.sets == "effects"]
 SPEED, ANGLE = 6.0, 0.4
 SENSORS = {
     "crank_angle": 5e-5,

@@ -117,8 +117,9 @@ class Hiding:
     drawn on (None: any); ``commanded``, that no run follows its encoder; ``in_contact``, that the runs are slow enough
     for the pin of its joint to keep touching its bearing.  A set has at most one ``exclusive`` effect.
     ``makers`` are the engines that make data with it and how often each is drawn (None: any).  Links that bend
-    ``need_beams``, and beams know the effects that go ``with_beams``, and all those of sensors.  What is not ``drawn``
-    has sets of another kind.
+    ``need_beams``, and beams know the effects that go ``with_beams``, and all those of sensors.  ``sets`` is the kind
+    of set that hides it: ``effects``, or ``machines``, of real ones (those of ``effects`` may be beside it); None where
+    only the bench has it.
     """
 
     sensors: tuple[str, ...] = ()
@@ -129,7 +130,7 @@ class Hiding:
     makers: Mapping[str, float] | None = None
     need_beams: bool = False
     with_beams: bool = False
-    drawn: bool = True
+    sets: Literal["effects", "machines"] | None = "effects"
 
 
 class Effect(ABC):

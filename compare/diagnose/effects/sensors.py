@@ -135,7 +135,7 @@ class SensorDrift(OnSensor, EachRun):
     name = "sensor_drift"
     label = "a drift of the sensor for {}"
     meaning = "the sensor {} drifts"
-    hiding = Hiding(drawn=False)
+    hiding = Hiding(sets=None)
     parameters = (Parameter("drift", "of the signal per s", "drift"),)
 
     def places(self, rig: Rig) -> Sequence[str]:
@@ -206,7 +206,7 @@ class SensorLag(Effect):
     place = "signal"
     label = "a filter before the sensor for {}"
     meaning = "the sensor {} lags behind a filter"
-    hiding = Hiding(drawn=False)
+    hiding = Hiding(sets=None)
     parameters = (Parameter("time_constant", "s", "time", 0.0),)
     sensor = True
 
@@ -303,7 +303,7 @@ class StampJitter(EachRun):
     name = "stamp_jitter"
     label = "jitter of the time stamps of the runs that follow {}"
     meaning = "the time stamps of the runs that follow {} jitter"
-    hiding = Hiding(drawn=False)
+    hiding = Hiding(sets=None)
     parameters = (Parameter("jitter", "s", "time", 0.0),)
     scatters = True
 

@@ -107,7 +107,7 @@ def draw_source(rng: np.random.Generator, simulator: str, effects: Sequence[Effe
 
 
 def _with_effects(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
-    vocabulary = {name: effect for name, effect in VOCABULARY.items() if effect.hiding.drawn}
+    vocabulary = {name: effect for name, effect in VOCABULARY.items() if effect.hiding.sets == "effects"}
     effects = [list(vocabulary.values())[seed % len(vocabulary)]]
     count = 1 + int(rng.choice(3, p=COUNTS))
     while len(effects) < count:
