@@ -41,8 +41,16 @@ RECOVERED = {  # effect -> where, values
     "clock_offset": ("fast-reverse", {"offset": 1e-3}),
     "sensor_lag": ("drive_torque+reaction_E_x+reaction_E_y", {"time_constant": 5e-3}),
     "sensor_drift": ("reaction_E_x", {"drift": 0.08}),
+    "stribeck_friction": ("E", {"friction_torque": 0.05, "static_torque": 0.15, "stribeck_speed": 1.5}),
+    "load_friction": ("B", {"coefficient_radius": 1e-3}),
+    "drag": ("E", {"drag": 0.01}),
+    "joint_compliance": ("B", {"stiffness": 3e5}),
+    "nonlinear_spring": ("E", {"stiffness": 0.02, "cubic": 0.3, "rest_angle": 1.2}),
+    "periodic_torque": ("drive", {"amplitude": 0.05, "harmonic": 14.0, "phase": 0.7}),
+    "encoder_harmonic": ("crank_angle", {"amplitude": 1e-3, "harmonic": 2.0, "phase": 0.7}),
 }
 PLAYED_BY = {
+    "load_friction": "dart",
     "joint_clearance": "dart",
     "sensor_bias": "dart",
     "load_torque": "dart",
@@ -226,8 +234,9 @@ def assert_same_linkage(one: Mechanism, other: Mechanism) -> None:
             assert a.point(point) == pytest.approx(b.point(point))
         assert (1 / a.youngs_modulus if a.youngs_modulus else 0.0) < 1e-18
     for a, b in zip(one.joints, other.joints, strict=True):
-        for field in ("clearance", "friction_torque", "damping"):
+        for field in ("clearance", "friction_torque", "stiction", "friction_radius", "damping", "drag", "cubic"):
             assert getattr(a, field) == getattr(b, field)
+        assert (1 / a.radial_stiffness if a.radial_stiffness else 0.0) < 1e-12
         assert abs(a.stiffness - b.stiffness) < 1e-8 * RIG.torque
         assert abs(a.stiffness * a.rest_angle - b.stiffness * b.rest_angle) < 1e-8 * RIG.torque
     loads = [x for x in one.loads if any(x.force) or x.torque]
@@ -235,6 +244,7 @@ def assert_same_linkage(one: Mechanism, other: Mechanism) -> None:
     drive = one.drive
     assert drive is not None
     assert drive.ripple is None or drive.ripple.amplitude == 0
+    assert drive.periodic_torque is None or drive.periodic_torque.amplitude == 0
     assert drive.stiffness is None or drive.stiffness > 1e9
 
 

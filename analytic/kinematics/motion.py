@@ -96,6 +96,13 @@ class Motion:
         i = self._slide(joint)
         return self.coordinates[i], self.rates[i]
 
+    def relative(self, joint: Joint) -> np.ndarray:
+        """Angle of a joint's second body on its first (rad), or its travel (m)."""
+        if joint.prismatic:
+            return self.travel(joint.name)[0]
+        first, second = joint.bodies
+        return self.angle(second) - self.angle(first)
+
     def slip(self, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
         """Rate and acceleration of a joint's second body on its first: rad/s and rad/s^2, or m/s and m/s^2."""
         if joint.prismatic:

@@ -220,7 +220,7 @@ def _torques(motion: Motion, inertia: bool, grip: np.ndarray | float) -> np.ndar
             first, second = joint.bodies
             law = joint_law(
                 joint,
-                motion.angle(second) - motion.angle(first),
+                motion.relative(joint),
                 motion.angular_velocity(second) - motion.angular_velocity(first),
                 motion.rates[0],
                 inertia,

@@ -391,8 +391,10 @@ def ties_with(search: Search, screen: Screen, weights: np.ndarray, fit: Fit, i: 
     mine, theirs = fit.jacobian[:, fit.columns(i)], rival.jacobian[:, rival.columns(j)]
     more = max(rank_of(theirs) - rank_of(mine), 0)
     share = a_parameter(weights.size)
-    if term.effect.name in fit.terms[i].effect.special_case_of:  # the rival is richer: it must be better
-        return -worse > float(chi2.isf(RICHER, max(more, 1)))
+    if term.effect.name in fit.terms[i].effect.special_case_of:  # the rival is richer: it must be better,
+        shift = search.fitter.data.shift  # and not because of how the engine differs from the model
+        alone = float(weights @ ((rival.residual + shift) ** 2 - (fit.residual + shift) ** 2))
+        return -max(worse, alone) > float(chi2.isf(RICHER, max(more, 1)))
     if fit.terms[i].effect.name in term.effect.special_case_of:  # this one is richer, and is the better one by more
         return worse < TIE + share
     contained = left_of(mine @ fit.x[i], rival.jacobian, weights) < 1.0

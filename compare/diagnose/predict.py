@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +19,7 @@ from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import wrapped
-from analytic.paper.clearance import displaced
+from analytic.paper.clearance import Displaced, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.frame import ComplianceError
 from analytic.paper.kinetostatics import Reactions, kinetostatics
@@ -32,6 +32,7 @@ from compare.judge.signals import with_derived
 TABLES = 500  # linkages whose freedom is kept
 CACHED = 400  # runs whose signals are kept
 ANYWHERE = Turning(np.array([0.3, 1.7, 3.2, 4.9]), np.ones(4), np.zeros(4))  # readings by which motors are told apart
+STIFF = 1e-3  # of the shortest link: bearings that give less are told by their first order
 SLOW = 0.2  # of a run's mean rate, below which a crank says little of the time
 
 
@@ -362,7 +363,7 @@ def derived(assembly: Assembly, crank: Turning) -> dict[str, np.ndarray]:
     """
     mechanism = assembly.mechanism
     if mechanism.displaced:
-        found = displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha)
+        found = _displaced(assembly, crank)
         ideal, signals = found.ideal, found.signals()
     else:
         ideal = kinetostatics(kinematics(assembly, crank.theta, crank.omega, crank.alpha))
@@ -370,6 +371,18 @@ def derived(assembly: Assembly, crank: Turning) -> dict[str, np.ndarray]:
     if mechanism.bends:
         signals = superposed(signals, compliance(ideal.motion, inertia=True))
     return with_derived(signals, mechanism)
+
+
+def _displaced(assembly: Assembly, crank: Turning) -> Displaced:
+    """The linkage with its pins where they come to rest; soft bearings that hardly give, to first order with the
+    reactions of the linkage that they displace: what that leaves out is as small as the square of what they give.
+    """
+    if not assembly.mechanism.clearances:
+        found = displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha, model="first_order")
+        shortest = min(body.length for body in assembly.mechanism.bodies if body.length)
+        if max(float(np.abs(gap).max()) for gap in found.gaps.values()) < STIFF * shortest:
+            return replace(found, reactions=found.configuration)
+    return displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha)
 
 
 def _aged(moved: Reactions, wanted: Iterable[str], time: np.ndarray, delay: float) -> dict[str, np.ndarray]:

@@ -102,7 +102,7 @@ class Data:
         self.turning = np.concatenate([np.full(p.used.size, wraps[p.signal]) for p in self.parts])
         self.size = at
         self.shared = np.zeros((at, 0)) if shared is None else shared
-        self._shift = np.zeros(0)
+        self.shift = np.zeros(at)  # what an engine's differing from the model takes off the residual
         basis, spread, _ = np.linalg.svd(
             self._told(np.column_stack([self.shared, self._records()])), full_matrices=False
         )
@@ -177,7 +177,7 @@ class Data:
     def shifted(self, difference: np.ndarray) -> Data:
         """The same data less a difference (size,) in units of noise."""
         other = copy(self)
-        other._shift = difference if not self._shift.size else self._shift + difference
+        other.shift = self.shift + difference
         return other
 
     def residual(self, readings: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
@@ -187,8 +187,7 @@ class Data:
         predicted = np.concatenate([bridged(readings[p.run][p.signal])[p.used] for p in self.parts])
         difference = self.values - predicted
         difference[self.turning] = wrapped(difference[self.turning])
-        white = self._white(self._told(difference / self.sigma))
-        return white - self._shift if self._shift.size else white
+        return self._white(self._told(difference / self.sigma)) - self.shift
 
     def columns(self, changes: np.ndarray) -> np.ndarray:
         """What columns (size, k) of readings over their noise do to the residual, but for the sign."""

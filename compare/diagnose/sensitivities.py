@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -168,21 +169,27 @@ class Screen:
         across = self.gram[where]
         solved = np.linalg.solve(inside, np.column_stack([across, wanted[where]])) if where.size else across
         left = wanted - across.T @ solved[:, -1] if where.size else wanted
+        turned = [i for i in range(len(self.terms)) if i in self.offsets]
+        if any(i in self.offsets for i in chosen):
+            turned = list(range(len(self.terms)))
         out = np.empty(len(self.terms))
-        turned = any(i in self.offsets for i in chosen)
-        for i in range(len(self.terms)):
-            if i in self.offsets or turned:
-                out[i] = -math.inf if i in chosen else self.gain(sorted((*chosen, i)))[0]
-                continue
-            own = slice(int(self.edges[i]), int(self.edges[i + 1]))
-            matrix = self.gram[own, own] + np.diag(self.reluctance[own] + 1e-10)
+        for these, at in self.blocks:
+            matrix = self.gram[at[:, :, None], at[:, None, :]] + np.eye(at.shape[1]) * (
+                self.reluctance[at][:, :, None] + 1e-10
+            )
             if where.size:
-                matrix = matrix - across[:, own].T @ solved[:, own]
-            if matrix.size == 1:
-                out[i] = gain + float(left[own][0] ** 2 / matrix[0, 0])
-            else:
-                out[i] = gain + float(left[own] @ np.linalg.solve(matrix, left[own]))
+                matrix -= np.einsum("cki,ckj->kij", across[:, at], solved[:, :-1][:, at])
+            out[these] = gain + np.einsum("ki,ki->k", left[at], np.linalg.solve(matrix, left[at][:, :, None])[:, :, 0])
+        for i in turned:
+            out[i] = -math.inf if i in chosen else self.gain(sorted((*chosen, i)))[0]
         return out
+
+    @cached_property
+    def blocks(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Terms (k,) that have equally many columns, and where these (k, n) are among all."""
+        counts = np.diff(self.edges)
+        by_count = [np.flatnonzero(counts == n) for n in np.unique(counts)]
+        return [(these, self.edges[these][:, None] + np.arange(counts[these[0]])) for these in by_count]
 
     def columns(self, chosen: Sequence[int]) -> np.ndarray:
         """Where the columns of a set of terms are among all."""

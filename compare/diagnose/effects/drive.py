@@ -1,14 +1,15 @@
-"""Effects in the drive: a motor that is springy or turns unevenly."""
+"""Effects in the drive: a motor that is springy, turns unevenly or pulls unevenly."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
-from analytic.mechanism import Mechanism, Ripple
+from analytic.mechanism import Mechanism, PeriodicTorque, Ripple
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Reciprocal, Rig, Values, Wave
 
 HARMONICS = range(1, 13)
+OF_TORQUE = range(1, 25)  # poles and teeth are many
 
 
 class DriveCompliance(Reciprocal):
@@ -69,6 +70,39 @@ class SpeedRipple(Wave):
         return Growth(lambda a: {"amplitude": a, "harmonic": harmonic, "phase": phase}, 0.02, harmonic)
 
 
+class TorqueWave(Wave):
+    """A torque on the crank over its angle, amplitude sin(harmonic angle + phase): cogging, a tooth, a belt's joint."""
+
+    name = "periodic_torque"
+    place = "drive"
+    label = "a periodic torque on the crank"
+    meaning = "a torque on the crank goes with its angle"
+    needs = frozenset({"periodic_torque"})
+    hiding = Hiding(sets="machines")
+    parameters = (
+        Parameter("amplitude", "N.m", "torque", 0.0),
+        Parameter("harmonic", "1", "harmonic", discrete=True),
+        Parameter("phase", "rad", "phase", circular=True),
+    )
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return ["drive"] if rig.driven and rig.mechanism.periodic_torque is None else []
+
+    def variants(self, rig: Rig, where: str) -> Sequence[float]:
+        return [float(h) for h in OF_TORQUE]
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-3 * rig.torque, 1e-3 * rig.torque)
+
+    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
+        wave = PeriodicTorque(amplitude=values["amplitude"], harmonic=round(values["harmonic"]), phase=values["phase"])
+        return with_drive(mechanism, periodic_torque=wave)
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        harmonic, phase = float(draw.rng.choice(OF_TORQUE)), draw.turn - math.pi
+        return Growth(lambda a: {"amplitude": a * rig.torque, "harmonic": harmonic, "phase": phase}, 0.5, harmonic)
+
+
 def with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:
     """The mechanism with fields of its drive, which follows data where it has none."""
     drive = (
@@ -79,4 +113,4 @@ def with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:
     return mechanism.replace(drive=drive | fields)
 
 
-EFFECTS: tuple[Effect, ...] = (DriveCompliance(), SpeedRipple())
+EFFECTS: tuple[Effect, ...] = (DriveCompliance(), SpeedRipple(), TorqueWave())

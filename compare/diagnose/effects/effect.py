@@ -20,6 +20,9 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from analytic.beyond_paper.drive import Turning
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import kinematics
+from analytic.kinematics.reach import usual_angles
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal, named
 from sim_models.engine import Engine
@@ -27,6 +30,8 @@ from sim_models.engine import Engine
 Place = Literal["linkage", "body", "ground point", "joint", "drive", "signal", "run"]
 Values = Mapping[str, float]
 Readings = Mapping[str, np.ndarray]
+
+ROCKS = 6.0  # rad: a joint whose angle changes by more in a turn of the crank turns around
 
 
 @dataclass(frozen=True)
@@ -76,6 +81,23 @@ class Rig:
     def torque(self) -> float:
         """A torque (N.m) typical of the rig."""
         return self.force * self.length
+
+    @cached_property
+    def travels(self) -> Mapping[str, tuple[float, float]]:
+        """Least and largest angle (rad; of a prismatic joint travel, m) of each joint that rocks or slides, over a turn
+        of the crank as far as it can turn; none where the linkage cannot be moved.
+        """
+        m, found = self.mechanism, {}
+        try:
+            assembly = Assembly(m)
+            motion = kinematics(assembly, usual_angles(assembly))
+        except AssemblyError:
+            return {}
+        for joint in m.joints:
+            low, high = (float(limit(motion.relative(joint))) for limit in (np.min, np.max))
+            if 0 < high - low < ROCKS:
+                found[joint.name] = low, high
+        return found
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Effects in joints: play, friction and springs."""
+"""Effects in joints: play, friction, soft bearings and springs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,11 @@ from typing import ClassVar
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Rig, Values
+from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Reciprocal, Rig, Values
+
+SLIP_SPEEDS = (0.04, 0.12, 0.36)  # of the fastest run: Stribeck speeds that are tried at first, a factor of three apart
+FASTER = 3.0  # times the fastest run: a Stribeck speed above that is no more than Coulomb friction
+RESTS = (1 / 6, 1 / 2, 5 / 6)  # of a joint's travel: where a spring that is not linear is tried to rest at first
 
 
 class OnJoint(Effect):
@@ -56,7 +60,7 @@ class JointClearance(OnJoint):
     parameters = (Parameter("radial_clearance", "m", "clearance", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return [j.name for j in rig.mechanism.joints if not j.prismatic]
+        return _revolute(rig)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (2e-4 * rig.length,)
@@ -75,6 +79,7 @@ class CoulombFriction(OnJoint):
     needs = frozenset({"coulomb_friction"})
     field_name = "friction_torque"
     parameters = (Parameter("friction_torque", "N.m", "torque", 0.0),)
+    special_case_of = ("stribeck_friction",)
     workmanship = 20.0
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
@@ -83,6 +88,92 @@ class CoulombFriction(OnJoint):
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         torque = _torque(rig, where)
         return Growth(lambda a: {"friction_torque": a * torque}, 0.5)
+
+
+class StribeckFriction(Effect):
+    """Dry friction that is larger in slow slip.  Natural coordinates are what the model lacks of Coulomb friction, what
+    static friction is above it, and how far the Stribeck speed is from the variant's.
+    """
+
+    name = "stribeck_friction"
+    place = "joint"
+    label = "Stribeck friction in joint {}"
+    meaning = "joint {} has dry friction that grows as it slows down"
+    needs = frozenset({"coulomb_friction", "stribeck_friction"})
+    hiding = Hiding(sets="machines")
+    parameters = (
+        Parameter("friction_torque", "N.m", "torque", 0.0),
+        Parameter("static_torque", "N.m", "torque", 0.0),
+        Parameter("stribeck_speed", "rad/s", "speed", 0.0),
+    )
+
+    def unit(self, rig: Rig, where: str, parameter: str) -> str:
+        return _unit(rig, where, super().unit(rig, where, parameter))
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return [j.name for j in rig.mechanism.joints if j.static_torque is None]
+
+    def variants(self, rig: Rig, where: str) -> Sequence[float]:
+        return [share * _speed(rig, where) for share in SLIP_SPEEDS]
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        small = 1e-3 * _torque(rig, where)
+        return (small, small, 0.1 * variant)
+
+    def probes(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return super().probes(rig, where, variant)[:2]  # without friction the speed has no meaning
+
+    def blames(self, parameter: str) -> bool:
+        return parameter != "stribeck_speed"
+
+    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return np.array([-rig.mechanism.joint(where).coulomb, 0.0, -math.inf])
+
+    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
+        friction = rig.mechanism.joint(where).coulomb + float(x[0])
+        speed = np.clip(variant + x[2], 0.1 * variant, FASTER * _speed(rig, where))
+        return {"friction_torque": friction, "static_torque": friction + float(x[1]), "stribeck_speed": float(speed)}
+
+    def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
+        friction, static, speed = (values[p.name] for p in self.parameters)
+        return np.array([friction - rig.mechanism.joint(where).coulomb, static - friction, speed - variant])
+
+    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
+        return mechanism.with_joint(where, **values)
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        torque, excess = _torque(rig, where), draw.rng.uniform(1.0, 3.0)
+        speed = draw.rng.uniform(0.05, 0.4) * _speed(rig, where)
+        return Growth(
+            lambda a: {
+                "friction_torque": a * torque,
+                "static_torque": a * torque * (1 + excess),
+                "stribeck_speed": speed,
+            },
+            0.25,
+            SLIP_SPEEDS[1] * _speed(rig, where),
+        )
+
+
+class LoadFriction(OnJoint):
+    """Dry friction of a loaded bearing: friction coefficient times pin radius times the reaction's size."""
+
+    name = "load_friction"
+    label = "friction of the load in joint {}"
+    meaning = "joint {} has dry friction that grows with its reaction"
+    needs = frozenset({"load_friction"})
+    hiding = Hiding(sets="machines", makers={"mujoco": 1.0, "dart": 1.0, "pybullet": 0.25})
+    field_name = "friction_radius"
+    parameters = (Parameter("coefficient_radius", "m", "length", 0.0),)
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return _revolute(rig)
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-4 * rig.length,)
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        return Growth(lambda a: {"coefficient_radius": a * rig.length}, 0.05)
 
 
 class ViscousFriction(OnJoint):
@@ -104,6 +195,50 @@ class ViscousFriction(OnJoint):
         return Growth(lambda a: {"damping": a * damping}, 0.5)
 
 
+class Drag(OnJoint):
+    """A torque against the motion that grows with the square of its speed, as of a fan or of churned oil."""
+
+    name = "drag"
+    label = "drag in joint {}"
+    meaning = "a drag acts in joint {}"
+    needs = frozenset({"drag"})
+    hiding = Hiding(sets="machines")
+    field_name = "drag"
+    parameters = (Parameter("drag", "N.m.s2/rad2", "drag", 0.0),)
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-3 * _torque(rig, where) / _speed(rig, where) ** 2,)
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        drag = _torque(rig, where) / _speed(rig, where) ** 2
+        return Growth(lambda a: {"drag": a * drag}, 0.5)
+
+
+class JointCompliance(Reciprocal):
+    """A soft bearing: the pin gives along the reaction by its size over a stiffness."""
+
+    name = "joint_compliance"
+    place = "joint"
+    label = "a soft bearing in joint {}"
+    meaning = "the bearing of joint {} is soft"
+    needs = frozenset({"soft_bearing"})
+    hiding = Hiding(sets="machines", exclusive=True, makers={"exudyn": 1.0, "mujoco": 1.0, "dart": 0.5})
+    slow = True
+    parameters = (Parameter("stiffness", "N/m", "stiffness", 0.0),)
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return [j for j in _revolute(rig) if j not in rig.mechanism.soft_bearings]
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-6 * rig.length / rig.force,)
+
+    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
+        return mechanism.with_joint(where, radial_stiffness=values["stiffness"])
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        return Growth(lambda a: {"stiffness": rig.force / rig.length / a}, 0.01)
+
+
 class JointSpring(Effect):
     """A spring in a joint: torque -k (q - rest).  Natural coordinates are k and k rest, in which it is linear."""
 
@@ -112,6 +247,7 @@ class JointSpring(Effect):
     label = "a spring in joint {}"
     meaning = "a spring acts in joint {}"
     needs = frozenset({"joint_spring"})
+    special_case_of = ("nonlinear_spring",)
     parameters = (Parameter("stiffness", "N.m/rad", "stiffness", 0.0), Parameter("rest_angle", "rad", "angle"))
 
     def unit(self, rig: Rig, where: str, parameter: str) -> str:
@@ -159,15 +295,92 @@ class JointSpring(Effect):
         return float(angle.mean() + draw.rng.uniform(-1.0, 1.0))
 
 
+class NonlinearSpring(Effect):
+    """A spring that stiffens or softens: torque -k s - c s^3 of its stretch s.  Natural coordinates are k, c and how
+    far it rests from the variant's angle.
+    """
+
+    name = "nonlinear_spring"
+    place = "joint"
+    label = "a spring in joint {} that is not linear"
+    meaning = "a spring that is not linear acts in joint {}"
+    needs = frozenset({"joint_spring", "nonlinear_spring"})
+    hiding = Hiding(sets="machines")
+    parameters = (
+        Parameter("stiffness", "N.m/rad", "stiffness", 0.0),
+        Parameter("cubic", "N.m/rad3", "stiffness"),
+        Parameter("rest_angle", "rad", "angle"),
+    )
+
+    def unit(self, rig: Rig, where: str, parameter: str) -> str:
+        return _unit(rig, where, super().unit(rig, where, parameter))
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return [j.name for j in rig.mechanism.joints if not j.springy and j.name in rig.travels]
+
+    def variants(self, rig: Rig, where: str) -> Sequence[float]:
+        low, high = rig.travels[where]
+        return [low + share * (high - low) for share in RESTS]
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        low, high = rig.travels[where]
+        half, torque = (high - low) / 2, 1e-3 * _torque(rig, where)
+        return (torque / half, torque / half**3, 0.1 * half)
+
+    def probes(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return super().probes(rig, where, variant)[:2]  # without a spring its rest has no meaning
+
+    def blames(self, parameter: str) -> bool:
+        return parameter != "rest_angle"
+
+    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return np.array([0.0, -math.inf, -math.inf])
+
+    def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
+        return {"stiffness": float(x[0]), "cubic": float(x[1]), "rest_angle": variant + float(x[2])}
+
+    def natural(self, rig: Rig, where: str, values: Values, variant: float = 0.0) -> np.ndarray:
+        return super().natural(rig, where, values) - [0.0, 0.0, variant]
+
+    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
+        return mechanism.with_joint(where, **values)
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        low, high = rig.travels[where]
+        half, torque, share = (high - low) / 2, _torque(rig, where), draw.rng.uniform(0.0, 0.5)
+        rest = low + draw.rng.uniform(0.3, 0.7) * (high - low)
+        return Growth(
+            lambda a: {
+                "stiffness": a * share * torque / half,
+                "cubic": a * torque / half**3,
+                "rest_angle": rest,
+            },
+            0.5,
+            low + half,
+        )
+
+
 def _joints(rig: Rig) -> list[str]:
     return [j.name for j in rig.mechanism.joints]
+
+
+def _revolute(rig: Rig) -> list[str]:
+    return [j.name for j in rig.mechanism.joints if not j.prismatic]
 
 
 def _unit(rig: Rig, where: str, revolute: str) -> str:
     """The unit of a revolute joint's parameter in a joint: a prismatic one has forces and travels for torques and
     angles.
     """
-    prismatic = {"N.m": "N", "N.m.s/rad": "N.s/m", "N.m/rad": "N/m", "rad": "m"}
+    prismatic = {
+        "N.m": "N",
+        "N.m.s/rad": "N.s/m",
+        "N.m.s2/rad2": "N.s2/m2",
+        "N.m/rad": "N/m",
+        "N.m/rad3": "N/m3",
+        "rad": "m",
+        "rad/s": "m/s",
+    }
     return prismatic.get(revolute, revolute) if rig.mechanism.joint(where).prismatic else revolute
 
 
@@ -176,4 +389,19 @@ def _torque(rig: Rig, where: str) -> float:
     return rig.force if rig.mechanism.joint(where).prismatic else rig.torque
 
 
-EFFECTS: tuple[Effect, ...] = (JointClearance(), CoulombFriction(), ViscousFriction(), JointSpring())
+def _speed(rig: Rig, where: str) -> float:
+    """A speed (rad/s) typical of a joint of the rig, of a prismatic one in m/s."""
+    return rig.speed * (rig.length if rig.mechanism.joint(where).prismatic else 1.0)
+
+
+EFFECTS: tuple[Effect, ...] = (
+    JointClearance(),
+    CoulombFriction(),
+    ViscousFriction(),
+    JointSpring(),
+    StribeckFriction(),
+    LoadFriction(),
+    Drag(),
+    JointCompliance(),
+    NonlinearSpring(),
+)

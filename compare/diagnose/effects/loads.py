@@ -45,7 +45,7 @@ class LoadTorque(Effect):
     meaning = "an unknown torque acts on the {}"
     hiding = Hiding(with_beams=True)
     parameters = (Parameter("torque", "N.m", "torque"),)
-    special_case_of = ("joint_spring",)
+    special_case_of = ("joint_spring", "nonlinear_spring")
 
     def places(self, rig: Rig) -> Sequence[str]:
         return bodies(rig)

@@ -11,7 +11,10 @@ import numpy as np
 
 from analytic.beyond_paper.drive import Turning
 from analytic.mechanism.signals import AXES, Signal
-from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Readings, Rig, Values
+from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Readings, Rig, Values, Wave
+
+HARMONICS = range(1, 25)  # of an encoder's error over a turn
+NEWTON = 6  # steps
 
 
 class EachRun(Effect):
@@ -91,6 +94,57 @@ class EncoderOffset(EachRun):
             shares = {f"offset@{run}": float(k) for run, k in zip(rig.driven, share, strict=True)}
             return Growth(lambda a: {name: a * k for name, k in shares.items()}, 0.05, self.each_run)
         return Growth(lambda a: {"offset": a * draw.sign}, 0.05)
+
+
+class EncoderHarmonic(Wave):
+    """An encoder whose reading is off by amplitude sin(harmonic angle + phase): an eccentric disc, a bent shaft.
+
+    In a run that follows the encoder it moves the whole linkage.
+    """
+
+    name = "encoder_harmonic"
+    place = "signal"
+    label = "a periodic error of the encoder for {}"
+    meaning = "the encoder {} errs over its turn"
+    hiding = Hiding(sensors=("encoder",), sets="machines")
+    sensor = True
+    parameters = (
+        Parameter("amplitude", "rad", "angle", 0.0),
+        Parameter("harmonic", "1", "harmonic", discrete=True),
+        Parameter("phase", "rad", "phase", circular=True),
+    )
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return [rig.encoder] if rig.encoder in rig.signals else []
+
+    def variants(self, rig: Rig, where: str) -> Sequence[float]:
+        return [float(h) for h in HARMONICS]
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-5, 1e-5)
+
+    def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
+        if where not in readings or not values["amplitude"]:
+            return readings
+        amplitude, harmonic, phase = (values[p.name] for p in self.parameters)
+        return {**readings, where: readings[where] + amplitude * np.sin(harmonic * readings[where] + phase)}
+
+    def motor(self, run: str, read: Turning, values: Values) -> Turning:
+        """The angle that is read as this, by Newton's method, and its rates."""
+        amplitude, harmonic, phase = (values[p.name] for p in self.parameters)
+        theta = read.theta
+        for _ in range(NEWTON):
+            turned = harmonic * theta + phase
+            slope = 1 + amplitude * harmonic * np.cos(turned)
+            theta = theta - (theta + amplitude * np.sin(turned) - read.theta) / slope
+        turned = harmonic * theta + phase
+        slope, bend = 1 + amplitude * harmonic * np.cos(turned), -amplitude * harmonic**2 * np.sin(turned)
+        omega = read.omega / slope
+        return Turning(theta, omega, (read.alpha - bend * omega**2) / slope)
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        harmonic, phase = float(draw.rng.integers(1, 13)), draw.turn - math.pi
+        return Growth(lambda a: {"amplitude": a, "harmonic": harmonic, "phase": phase}, 0.02, harmonic)
 
 
 class OnSensor(Effect):
@@ -340,6 +394,7 @@ def _cell(joint: str) -> tuple[str, str]:
 
 EFFECTS: tuple[Effect, ...] = (
     EncoderOffset(),
+    EncoderHarmonic(),
     SensorBias(),
     SensorGain(),
     SensorDelay(),

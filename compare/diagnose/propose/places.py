@@ -91,8 +91,18 @@ EFFECTS: Mapping[Unknown, Effect] = {
 }
 RELATIVES: Mapping[Unknown, frozenset[str]] = {  # effects that are an unknown of this kind themselves
     **dict.fromkeys(get_args(Unknown), frozenset[str]()),
-    "torque": frozenset({"coulomb_friction", "viscous_friction", "joint_spring"}),
-    "give": frozenset({"joint_clearance"}),
+    "torque": frozenset(
+        {
+            "coulomb_friction",
+            "stribeck_friction",
+            "load_friction",
+            "viscous_friction",
+            "drag",
+            "joint_spring",
+            "nonlinear_spring",
+        }
+    ),
+    "give": frozenset({"joint_clearance", "joint_compliance"}),
 }
 
 
