@@ -35,7 +35,7 @@ from compare.evidence.scoreboard.bench.sensors import counted, drifting, filtere
 from compare.evidence.scoreboard.bench.sigmas import Ruler
 from compare.evidence.scoreboard.board import FULL, board, run_all, scored, seeds, thresholds, wilson
 from compare.evidence.scoreboard.hidden import COUNTS, DIAGNOSING, FIRST, Hidden, draw, kind_of
-from compare.evidence.scoreboard.outside import KINDS
+from compare.evidence.scoreboard.outside import OUTSIDE
 from compare.evidence.scoreboard.record import make, make_set, recorded
 from compare.evidence.scoreboard.rigs import Experiment, Plan, Rejected
 from compare.evidence.scoreboard.score import BENCH, failed, opened, score
@@ -230,7 +230,7 @@ def test_a_full_board_has_every_effect_kind_and_engine_often_enough() -> None:
     first = [DRAWN[s % len(DRAWN)] for s in effects]
     assert min(first.count(name) for name in DRAWN) >= 10
     assert all([DIAGNOSING[s % len(DIAGNOSING)] for s in effects].count(e) >= 20 for e in set(DIAGNOSING))
-    assert {KINDS[s % len(KINDS)] for s in chosen if kind_of(s) == "outside"} == set(KINDS)
+    assert {OUTSIDE[s % len(OUTSIDE)] for s in chosen if kind_of(s) == "outside"} == set(OUTSIDE)
     assert sum(COUNTS) == pytest.approx(1.0)
 
 
@@ -284,7 +284,7 @@ BIAS, GAIN, LENGTH = ("sensor_bias", "coupler_x"), ("sensor_gain", "coupler_x"),
 def truth(*keys: tuple[str, str], kind: Kind = "effects", reversed_load: bool = False) -> Truth:
     sizes = {"total": 30.0, "linear": 20.0, "distinct": 20.0, "rival": None}
     effects = [{"name": n, "where": w, "parameters": {"bias": 1.0}, **sizes} for n, w in keys]
-    bent = TrueOutsider(kind="bent link", where="coupler", size=1e-3, left=80.0)
+    bent = TrueOutsider(kind="bent link", where="coupler", unknown="bend", places=("coupler",), size=1e-3, left=80.0)
     return Truth(
         seed=1,
         attempt=0,
@@ -295,7 +295,7 @@ def truth(*keys: tuple[str, str], kind: Kind = "effects", reversed_load: bool = 
         effects=tuple(TrueEffect.model_validate(effect) for effect in effects),
         noise={"coupler_x": 1e-5},
         reversed_load=reversed_load,
-        outside=bent if kind == "outside" else None,
+        outside=bent if kind in ("outside", "unnamed") else None,
     )
 
 
@@ -425,7 +425,9 @@ def test_a_set_that_is_shown_is_as_its_schema_says_and_in_words_for_a_person(tmp
 @pytest.mark.parametrize(
     ("seed", "said"),
     [
-        *slow((FIRST["outside"] + 1, "hidden: stick-slip@E, outside the vocabulary: 0.0669131 N.m (80.8 sigma)")),
+        *slow(
+            (FIRST["outside"] + 1, "hidden: Stribeck friction@E, outside the vocabulary: 0.0669131 N.m (80.8 sigma)")
+        ),
         (FIRST["none"] + 12, "hidden: nothing"),
     ],
 )

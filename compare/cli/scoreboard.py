@@ -4,6 +4,7 @@ seen.
 
 from __future__ import annotations
 
+import math
 import tempfile
 from pathlib import Path
 from typing import Annotated
@@ -35,26 +36,39 @@ def update(
     alias: Annotated[
         int | None, typer.Option(min=0, help="Sets in which clearance and length may be aliases [8].")
     ] = None,
+    machines: Annotated[
+        int | None, typer.Option(min=0, help="Sets with effects of real machines [30 for each of them].")
+    ] = None,
+    unnamed: Annotated[int | None, typer.Option(min=0, help="Sets with something that never had a name [150].")] = None,
     slightly_off: Annotated[int | None, typer.Option(min=0, help="Sets with everything slightly off [60].")] = None,
     coarse: Annotated[int | None, typer.Option(min=0, help="Sets of coarse encoders and few samples [60].")] = None,
     coloured: Annotated[int | None, typer.Option(min=0, help="Sets with drift, hum and filters [60].")] = None,
     per_run: Annotated[int | None, typer.Option(min=0, help="Sets with faults of sensors in each run [60].")] = None,
     large: Annotated[int | None, typer.Option(min=0, help="Sets in which large effects are missing [60].")] = None,
+    minutes: Annotated[
+        float | None,
+        typer.Option(min=1.0, help="Stop after about so long; sets not reached keep their scores of other code."),
+    ] = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make, diagnose and score all sets; write README.md, scoreboard.json and a figure.  What was interrupted goes on
-    where it stopped.
+    """Make, diagnose and score all sets; write README.md, scoreboard.json and a figure.  What is stored of this very
+    code is not done again, and what was interrupted goes on where it stopped.
     """
     with complaints():
         from compare.evidence.scoreboard.check import update_scoreboard
 
         given = {"effects": effects, "none": none, "outside": outside, "alias": alias}
+        given |= {"machines": machines, "unnamed": unnamed}
         given |= {"slightly-off": slightly_off, "coarse": coarse, "coloured": coloured}
         given |= {"per-run": per_run, "large": large}
         with resumed(), progress_bar() as bar:
             board = update_scoreboard(
-                folder, given, workers=workers, progress=lambda done, total: bar("sets", done, total)
+                folder,
+                given,
+                minutes=minutes or math.inf,
+                workers=workers,
+                progress=lambda done, total: bar("sets", done, total),
             )
         show_document(board, json=json, quiet=quiet, place=folder)
 

@@ -60,6 +60,8 @@ def _hidden(truth: Truth) -> Iterator[str]:
     if other is not None:
         size = f"{other.size:.6g} {other.unit} ({other.left:.3g} sigma)"
         yield f"hidden: {other.kind}@{other.where}, outside the vocabulary: {size}"
+        if other.excluded:
+            yield f"diagnosed without {', '.join(other.excluded)}"
     elif not truth.effects:
         yield "hidden: nothing beside that" if truth.slight or truth.faults else "hidden: nothing"
 
@@ -71,6 +73,10 @@ def _said(scored: Scored) -> Iterator[str]:
         yield f"named: {effect.effect}{ties}{small}"
     for p in scored.parameters:
         yield f"    {p.parameter}: {p.found:.6g}, true {p.true:.6g}{'' if p.covered else ', outside the 95 % interval'}"
+    if scored.proposed:
+        yield f"proposed: {' or '.join(scored.proposed)}"
+    if scored.right_place is not None:
+        yield f"the right place is {'' if scored.right_place else 'not '}proposed"
     if scored.false_rig:
         yield f"not in the set: {', '.join(scored.false_rig)}"
     yield f"{'good' if scored.good else 'not good'}: {scored.outcome}; {scored.why or scored.verdict}"

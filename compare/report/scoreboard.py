@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from analytic.mechanism.one_line import count
-from compare.evidence.scoreboard.score import DISTINCT, closed
+from compare.evidence.scoreboard.hidden import MANY
+from compare.evidence.scoreboard.score import DISTINCT, NAMED, NAMELESS, closed
 from compare.report.figures import Axis, Figure, Series
 from compare.report.svg import draw
 from compare.results.scoreboard import Hidden, Scoreboard, Scored, Threshold, Value
@@ -36,6 +37,9 @@ def print_table(result: Scoreboard, console: Console) -> None:
     """Print how many sets there are, and the thresholds that they miss."""
     for row in result.missed:
         console.print(f"missed: {row.what}: {row.count} of {row.of}", soft_wrap=True, highlight=False, markup=False)
+    other = len(result.results) - sum(result.codes.get(result.code, {}).values()) if result.codes else 0
+    if other:
+        console.print(f"{count(other, 'set')} as other code left them", soft_wrap=True, highlight=False, markup=False)
     thresholds = f"{len(result.missed)} of {count(len(result.thresholds), 'threshold')} missed"
     console.print(f"{count(len(result.results), 'set')}, {thresholds}", soft_wrap=True, highlight=False, markup=False)
 
@@ -68,7 +72,7 @@ def plot(result: Scoreboard, figure: Plotted) -> None:
 def page(board: Scoreboard) -> str:
     """The report as Markdown."""
     results = [r for r in board.results if r.kind is not None]
-    effects = [r for r in results if r.kind == "effects"]
+    effects = [r for r in results if r.kind in NAMED]
     versions = ", ".join(f"{name} {version}" for name, version in board.versions.items())
     lines = [
         "# Scoreboard of the diagnosis",
@@ -93,6 +97,7 @@ def page(board: Scoreboard) -> str:
         ),
         "fitted to it, the other true effects free to move.",
         "",
+        *_made_by(board),
         *_asked(board.thresholds),
         *_outcomes("By kind of set", results, lambda r: [str(r.kind)]),
         *_outcomes(
@@ -105,7 +110,7 @@ def page(board: Scoreboard) -> str:
         *_outcomes("By linkage", effects, lambda r: [r.case]),
         *_outcomes("By diagnosing engine", effects, lambda r: [r.simulator]),
         *_outcomes("By engine that made the data", effects, lambda r: [r.source]),
-        *_outcomes("Outside the vocabulary", [r for r in results if r.kind == "outside"], lambda r: [str(r.outside)]),
+        *_nameless([r for r in results if r.kind in NAMELESS]),
         "",
         "![Each set with effects: sigmas of its faintest signature, and what the best rival leaves](sizes.svg)",
         *_bench(results),
@@ -114,6 +119,22 @@ def page(board: Scoreboard) -> str:
         *_failures(board.results),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _made_by(board: Scoreboard) -> Iterator[str]:
+    """How many sets are of which code, by kind, where not all are of the board's own."""
+    if set(board.codes) <= {board.code}:
+        return
+    same = sum(board.codes.get(board.code, {}).values())
+    yield f"**{same} of {count(len(board.results), 'set')} {'is' if same == 1 else 'are'} of this code; the others are"
+    yield "as other code left them**, by kind:"
+    kinds = list(dict.fromkeys(kind for counted in board.codes.values() for kind in counted))
+    yield from ("", f"| code | {' | '.join(kinds)} |", "|---|" + "--:|" * len(kinds))
+    for code in dict.fromkeys([board.code, *board.codes]):
+        counted = board.codes.get(code, {})
+        mark = " (this one)" if code == board.code else ""
+        yield f"| {code}{mark} | " + " | ".join(str(counted.get(kind) or "") for kind in kinds) + " |"
+    yield ""
 
 
 def _asked(rows: Sequence[Threshold]) -> Iterator[str]:
@@ -140,6 +161,25 @@ def _outcomes(title: str, results: Sequence[Scored], groups: Callable[[Scored], 
     yield from ("", f"## {title}", "", f"| | {' | '.join(columns)} |", "|---|" + "--:|" * len(columns))
     for group in sorted(found, key=_in_order):
         yield f"| {group} | " + " | ".join(str(found[group][c] or "") for c in columns) + " |"
+
+
+def _nameless(results: Sequence[Scored]) -> Iterator[str]:
+    """What the vocabulary has no word for: what was said, and whether its place was proposed."""
+    if not results:
+        return
+    columns = [o for o in ORDER if any(r.outcome == o for r in results)]
+    head = [*columns, "right place", f"with {MANY} sensors"]
+    yield from ("", "## What has no name", "")
+    yield "Of sets that were scored with it: how often the true place is proposed or does as well as what is, among all"
+    yield f"of them and where {MANY} sensors or more were read."
+    yield from ("", f"| | {' | '.join(head)} |", "|---|" + "--:|" * len(head))
+    for kind, thing in sorted({(str(r.kind), str(r.outside)) for r in results}):
+        sets = [r for r in results if (r.kind, r.outside) == (kind, thing)]
+        cells = [str(sum(r.outcome == c for r in sets) or "") for c in columns]
+        for least in (1, MANY):
+            placed = [bool(r.right_place) for r in sets if r.sensors >= least]
+            cells.append(f"{sum(placed)} of {len(placed)}" if placed else "")
+        yield f"| {kind}: {thing} | " + " | ".join(cells) + " |"
 
 
 FAMILIES: Mapping[str, str] = {
@@ -229,7 +269,7 @@ def _errors(effects: Sequence[Scored]) -> Iterator[str]:
 
 
 def _failures(results: Sequence[Scored]) -> Iterator[str]:
-    bad = [r for r in results if not r.good or (r.outcome == "tie" and r.distinguishable and r.kind == "effects")]
+    bad = [r for r in results if not r.good or (r.outcome == "tie" and r.distinguishable and r.kind in NAMED)]
     yield from ("", "## Sets that fall short", "")
     if not bad:
         yield "None."
@@ -246,7 +286,9 @@ def _failures(results: Sequence[Scored]) -> Iterator[str]:
             continue
         true = "; ".join(f"{e.effect} ({e.total:.0f}, {e.distinct:.1f})" for e in r.truth) or r.outside or ""
         named = "; ".join(n.effect + (f" ({', '.join(n.ambiguous_with)})" if n.ambiguous_with else "") for n in r.named)
-        yield f"| {r.seed} | {r.outcome} | {r.verdict} | {true} | {_cell(named or r.why)} |"
+        proposed = f"proposed: {', '.join(r.proposed)}" if r.proposed else ""
+        said = "; ".join(words for words in (named, proposed) if words)
+        yield f"| {r.seed} | {r.outcome} | {r.verdict} | {true} | {_cell(said or r.why)} |"
 
 
 def _cell(words: str) -> str:
@@ -274,7 +316,7 @@ def figure(results: Sequence[Scored]) -> Figure:
     """Every set with effects by the size of its least distinct one."""
     groups: dict[str, list[tuple[float, float]]] = {name: [] for name in MARKS}
     for r in results:
-        if r.kind == "effects":
+        if r.kind in NAMED:
             e = min(r.truth, key=lambda e: e.distinct)
             name: str = r.outcome if r.outcome in groups else "short of it"
             groups[name].append((min(e.total, 120.0), min(e.distinct, 120.0)))

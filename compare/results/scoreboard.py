@@ -10,13 +10,23 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, FiniteFloat
 
 from analytic.mechanism.one_line import count
-from compare.results.diagnosis import Key
+from compare.results.diagnosis import Key, Unknown
 from compare.results.document import Document, Number, Part, Row, Share
 from compare.results.evidence import Remade, Stored
 
 Kind = Literal[
-    "effects", "none", "outside", "alias", "slightly-off", "coarse", "coloured", "per-run", "large"
-]  # the last five are sets of the bench
+    "effects",
+    "none",
+    "outside",
+    "alias",
+    "machines",
+    "unnamed",
+    "slightly-off",
+    "coarse",
+    "coloured",
+    "per-run",
+    "large",
+]  # fmt: skip - the last five are sets of the bench
 Outcome = Literal[
     "exact", "tie", "clear", "abstained", "partly", "incomplete", "missed", "wrong", "false alarm", "failed"
 ]
@@ -63,9 +73,23 @@ class TrueFault(Part):
 class TrueOutsider(Part):
     """A fault outside the vocabulary that is hidden in a set: its place, its size, and the other numbers it has."""
 
-    kind: Literal["cracked tooth", "stick-slip", "nonlinear spring", "periodic torque", "bent link"]
+    kind: Literal[
+        "cracked tooth", "Stribeck friction", "nonlinear spring", "periodic torque", "bent link", "hysteretic spring",
+        "slipping belt", "growing link", "loose bolt", "stick-slip",
+    ]  # fmt: skip
     where: str
-    size: Annotated[FiniteFloat, Field(description="Peak: rad of a cracked tooth, m of a bent link, else N.m.")]
+    unknown: Annotated[Unknown, Field(description="What a proposal would call it.")]
+    places: Annotated[tuple[str, ...], Field(min_length=1, description="Where a proposal of it would be right.")]
+    excluded: Annotated[
+        tuple[str, ...], Field(description="Effects that say what it is, and that the diagnosis is to do without.")
+    ] = ()
+    size: Annotated[
+        FiniteFloat,
+        Field(
+            description="Largest: rad of a cracked tooth, m of a link; rad a second and N.m of a slipping belt; else"
+            " N.m, in slow and fast friction that of Coulomb."
+        ),
+    ]
     left: Annotated[Sigmas, Field(description="Of its signature, by the best single effect of the vocabulary.")]
     angle: Annotated[FiniteFloat, Field(description="Of a cracked tooth on the crank (rad).")] = 0.0
     width: Annotated[FiniteFloat, Field(description="Of a cracked tooth (rad).")] = 0.0
@@ -73,14 +97,23 @@ class TrueOutsider(Part):
     phase: Annotated[FiniteFloat, Field(description="Of a periodic torque (rad).")] = 0.0
     rest: Annotated[FiniteFloat, Field(description="Angle at which a nonlinear spring is at rest (rad).")] = 0.0
     travel: Annotated[FiniteFloat, Field(description="From there, at which its torque is ``size`` (rad).")] = 0.0
-    stribeck_rate: Annotated[FiniteFloat, Field(description="Below which stick-slip friction grows (rad/s).")] = 0.0
+    stribeck_rate: Annotated[FiniteFloat, Field(description="Below which friction grows (rad/s).")] = 0.0
     excess: Annotated[FiniteFloat, Field(description="By how much, as a share of ``size``.")] = 0.0
     sharp_rate: Annotated[FiniteFloat, Field(description="Over which it changes its sign (rad/s).")] = 0.0
+
+    give: Annotated[
+        FiniteFloat, Field(description="Over which a hysteretic spring is elastic, or friction sticks (rad).")
+    ] = 0.0
+    sharpness: Annotated[FiniteFloat, Field(description="Exponent with which a hysteretic spring yields.")] = 0.0
+    fatness: Annotated[FiniteFloat, Field(description="Of its loop; 0.5 where it unloads along a line.")] = 0.0
+    warming: Annotated[FiniteFloat, Field(description="Time constant with which a link grows in a run (s).")] = 0.0
 
     @property
     def unit(self) -> str:
         """SI unit of its size."""
-        return {"cracked tooth": "rad", "bent link": "m"}.get(self.kind, "N.m")
+        if self.kind in ("bent link", "growing link", "loose bolt"):
+            return "m"
+        return {"cracked tooth": "rad", "slipping belt": "rad/(N.m.s)"}.get(self.kind, "N.m")
 
 
 class Truth(Document):
@@ -200,6 +233,17 @@ class Scored(Part):
             " angle in rad; null where one of them is not named itself.",
         ),
     ] = None
+    proposed: Annotated[
+        tuple[Key, ...], Field(description="unknown@place of what is proposed, and of the places that do as well.")
+    ] = ()
+    right_place: Annotated[
+        bool | None,
+        Field(description="Whether what has no name is proposed where it is; null where there is no such thing."),
+    ] = None
+    sensors: Annotated[
+        int, Field(ge=0, description="Signals that were measured; 0 where that, and what is proposed, was not kept.")
+    ] = 0
+    code: Annotated[str, Field(description="Hash of the code that made it; empty for that of the board.")] = ""
     seconds: Annotated[float, Field(ge=0, description="That the diagnosis took, on whatever machine.")] = 0.0
     why: Annotated[str, Field(description="Of a set that failed.")] = ""
 
@@ -237,6 +281,9 @@ class Scoreboard(Stored):
             description="Hash over the code of the model, the engines' models, the diagnosis and this board.",
         ),
     ]
+    codes: Annotated[
+        Mapping[str, Mapping[Kind, int]], Field(description="By code that made them, how many sets of each kind.")
+    ] = Field(default_factory=dict)
     thresholds: tuple[Threshold, ...]
     by_simulator: Annotated[Mapping[str, tuple[Threshold, ...]], Field(description="By diagnosing engine.")]
     results: Annotated[tuple[Scored, ...], Field(min_length=1)]

@@ -9,28 +9,44 @@ import math
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TypedDict
 
 from analytic.mechanism import MechanismWarning
 from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.workflow import diagnose
-from compare.evidence.scoreboard.hidden import FIRST
+from compare.evidence.scoreboard.hidden import FIRST, MANY, hidden_in, kind_of
 from compare.evidence.scoreboard.record import make_set
-from compare.evidence.scoreboard.score import BENCH, CLOSED, closed, failed, opened, score
+from compare.evidence.scoreboard.score import BENCH, CLOSED, NAMED, NAMELESS, closed, failed, opened, score
 from compare.results.scoreboard import Kind, Scoreboard, Scored, Threshold
 from compare.sweep import sweep
 from sim_models.engine import ENGINES, SimulationError, Unsupported, declared, installed_version
 
 # sets of each kind
-FULL: dict[Kind, int] = {"effects": 220, "none": 300, "outside": 30, "alias": 8, **dict.fromkeys(BENCH, 60)}
+FULL: dict[Kind, int] = {
+    "effects": 220,
+    "none": 300,
+    "outside": 30,
+    "alias": 8,
+    "machines": 30 * len(hidden_in("machines")),
+    "unnamed": 150,
+    **dict.fromkeys(BENCH, 60),
+}
 NORMAL = 1.959964  # of a 95 % interval
 
 
 def seeds(counts: Mapping[Kind, int]) -> list[int]:
     """Seeds of so many sets of each kind."""
     return [FIRST[kind] + k for kind, count in counts.items() for k in range(count)]
+
+
+def in_turn(wanted: Iterable[int], known: Mapping[int, Scored]) -> list[int]:
+    """Seeds in the order of work: those without a score first, and of each kind as many as of the others, so that what
+    is done by a time is a fair sample.
+    """
+    return sorted(wanted, key=lambda seed: (seed in known, seed - FIRST[kind_of(seed)], seed))
 
 
 class Asked(TypedDict):
@@ -50,16 +66,19 @@ def examine(content: Asked) -> dict[str, object]:
 
 
 def scored(data: Path, seal: Path) -> Scored:
-    """Diagnose a recorded set without looking at its seal, then open it.  Raises DocumentError."""
-    simulator, began = opened(seal).simulator, time.perf_counter()
+    """Diagnose a recorded set, knowing of its seal who is to do so and which words not to use, and score it.  Raises
+    DocumentError.
+    """
+    truth, began = opened(seal), time.perf_counter()
+    exclude = () if truth.outside is None else truth.outside.excluded
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            result = diagnose(data, simulator, others=False, workers=1)
+            result = diagnose(data, truth.simulator, exclude=exclude, others=False, workers=1)
     except (MeasuredError, SimulationError, Unsupported) as error:
-        return failed(opened(seal), f"{type(error).__name__}: {error}")
+        return failed(truth, f"{type(error).__name__}: {error}")
     seconds = round(time.perf_counter() - began, 1)
-    return score(result, opened(seal)).model_copy(update={"seconds": seconds})
+    return score(result, truth).model_copy(update={"seconds": seconds})
 
 
 def run_all(
@@ -67,31 +86,55 @@ def run_all(
     folder: Path | None,
     workers: int,
     progress: Callable[[int, int | None], None] = lambda done, total: None,
+    minutes: float = math.inf,
 ) -> list[Scored]:
-    """The scores of these seeds, in order; what the folder holds of this very code is not done again."""
-    code = digest()
-    contents = [Asked(seed=seed, code=code) for seed in wanted]
+    """The scores of these seeds, in order; what the folder holds of this very code is not done again.  After some
+    ``minutes`` no more are begun, and those that were not are left out.
+    """
+    code, end = digest(), time.monotonic() + 60 * minutes
+
+    def asked() -> Iterator[Asked]:
+        for seed in wanted:
+            if time.monotonic() >= end:
+                return
+            yield Asked(seed=seed, code=code)
+
     found: dict[int, Scored] = {}
-    for end in sweep(examine, contents, folder, workers=workers, progress=progress):
-        seed = wanted[end.index]
-        found[seed] = (
-            Scored(seed=seed, outcome="failed", good=False, why=end.failure)
-            if end.failure
-            else Scored.model_validate(end.result)
+    for ended in sweep(examine, asked(), folder, workers=workers, progress=lambda n, _: progress(n, len(wanted))):
+        seed = wanted[ended.index]
+        scored = (
+            Scored(seed=seed, outcome="failed", good=False, why=ended.failure)
+            if ended.failure
+            else Scored.model_validate(ended.result)
         )
-    return [found[seed] for seed in wanted]
+        found[seed] = scored.model_copy(update={"code": code})
+    return [found[seed] for seed in wanted if seed in found]
 
 
 def board(results: Sequence[Scored]) -> Scoreboard:
     """The board of these results."""
-    diagnosing = [name for name in ENGINES if any(r.simulator == name for r in results)]
+    diagnosing, code = [name for name in ENGINES if any(r.simulator == name for r in results)], digest()
+    codes = {each: Counter(kind_of(r.seed) for r in results if (r.code or code) == each) for each in made_by(results)}
     return Scoreboard(
         versions={name: installed_version(declared(name).package) for name in ENGINES},
-        code=digest(),
+        code=code,
+        codes={each: {kind: counted[kind] for kind in FIRST if counted[kind]} for each, counted in codes.items()},
         thresholds=thresholds(results),
         by_simulator={name: thresholds(r for r in results if r.simulator == name) for name in diagnosing},
         results=tuple(results),
     )
+
+
+def made_by(results: Iterable[Scored]) -> list[str]:
+    """The codes that made these results, this very one first, then those that made most."""
+    code = digest()
+    counted = Counter(r.code or code for r in results)
+    return sorted(counted, key=lambda each: (each != code, -counted[each], each))
+
+
+def kept(stored: Scoreboard) -> dict[int, Scored]:
+    """The scores of a stored board by seed, each with the code that made it; without those that came to no end."""
+    return {r.seed: r.model_copy(update={"code": r.code or stored.code}) for r in stored.results if r.kind is not None}
 
 
 def digest() -> str:
@@ -114,14 +157,23 @@ def thresholds(results: Iterable[Scored]) -> tuple[Threshold, ...]:
     def of(kind: str) -> list[Scored]:
         return [r for r in results if r.kind == kind]
 
-    effects = of("effects")
+    effects, machines = of("effects"), of("machines")
     clear, blurred = ([r for r in effects if r.distinguishable is is_clear] for is_clear in (True, False))
-    intervals = [p.covered for r in effects for p in r.parameters]
-    explained = [r for r in effects if r.verdict == "explained"]
+    told, untold = ([r for r in machines if r.distinguishable is is_clear] for is_clear in (True, False))
+    intervals = [p.covered for r in results if r.kind in NAMED for p in r.parameters]
+    explained = [r for r in results if r.kind in NAMED and r.verdict == "explained"]
     rows = [
         _share("exact where every effect is distinguishable", _count(clear, "exact"), len(clear), 0.95),
         _share("exact or tie otherwise", _count(blurred, "exact", "tie"), len(blurred), 0.95),
         _share("wrong", _count(effects, "wrong"), len(effects), 0.0, 0.02),
+        _share(
+            "real machines: exact or tie where every effect is distinguishable",
+            _count(told, "exact", "tie"),
+            len(told),
+            0.90,
+        ),
+        _share("real machines: exact or tie otherwise", _count(untold, "exact", "tie"), len(untold), 0.90),
+        _share("real machines: wrong", _count(machines, "wrong"), len(machines), 0.0, 0.02),
         _share("false alarms without any effect", _count(of("none"), "false alarm"), len(of("none")), 0.0, 0.01),
         _share("95 % intervals that cover the truth", sum(intervals), len(intervals), 0.90, 0.99),
         _share(
@@ -136,11 +188,32 @@ def thresholds(results: Iterable[Scored]) -> tuple[Threshold, ...]:
             len(of("outside")),
             0.95,
         ),
+        *_of_the_nameless(results),
         _share("clearance or length: as the load allows", sum(r.good for r in of("alias")), len(of("alias")), 1.0),
         *_of_the_bench(results),
         _share("diagnosed at all", len(results) - _count(results, "failed"), len(results), 1.0),
     ]
     return tuple(row for row in rows if row is not None)
+
+
+def _of_the_nameless(results: Sequence[Scored]) -> list[Threshold | None]:
+    """What is asked of sets with something that has no name, and of what is proposed."""
+    nameless = [r for r in results if r.kind in NAMELESS]
+    unnamed = [r for r in results if r.kind == "unnamed"]
+    many = [r for r in nameless if r.sensors >= MANY]
+    empty = [r for r in results if r.kind == "none" and r.sensors]
+    wrongly = sum(r.verdict == "explained" for r in nameless)
+    return [
+        _share("no name: not explained away", _count(unnamed, "abstained", "partly"), len(unnamed), 0.95),
+        _share("no name: wrongly explained", wrongly, len(nameless), 0.0, 0.03),
+        _share(
+            "no name: the right place proposed, eight sensors or more",
+            sum(bool(r.right_place) for r in many),
+            len(many),
+            0.80,
+        ),
+        _share("proposals on effect-free sets", sum(bool(r.proposed) for r in empty), len(empty), 0.0, 0.01),
+    ]
 
 
 def _of_the_bench(results: Sequence[Scored]) -> list[Threshold | None]:
@@ -195,4 +268,4 @@ def _count(results: Iterable[Scored], *outcomes: str) -> int:
     return sum(r.outcome in outcomes for r in results)
 
 
-__all__ = ["FULL", "board", "digest", "examine", "run_all", "scored", "seeds", "thresholds"]
+__all__ = ["FULL", "board", "digest", "examine", "in_turn", "kept", "run_all", "scored", "seeds", "thresholds"]

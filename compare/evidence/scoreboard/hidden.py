@@ -5,7 +5,6 @@ One seed is one set.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -22,8 +21,18 @@ from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.predict import Term, derived
 from compare.diagnose.residuals import Data
 from compare.diagnose.sensitivities import candidates, sensitivities
-from compare.evidence.scoreboard.outside import KINDS, Course, Outside, draw_outside, resized
-from compare.evidence.scoreboard.rigs import CASES, Experiment, Plan, Rejected, draw_experiment, draw_log, ideal
+from compare.evidence.scoreboard.outside import OUTSIDE, UNNAMED, Course, Outside, draw_outside, resized
+from compare.evidence.scoreboard.rigs import (
+    CASES,
+    SENSORS,
+    Experiment,
+    Plan,
+    Rejected,
+    course_grid,
+    draw_experiment,
+    draw_log,
+    ideal,
+)
 from compare.evidence.scoreboard.sizes import LARGEST, SMALLEST, Drawn, Planted, Sizer, drawn, left, solve
 from compare.results.scoreboard import Kind
 
@@ -38,6 +47,8 @@ FIRST: dict[Kind, int] = {
     "coloured": 420_000,
     "per-run": 430_000,
     "large": 440_000,
+    "machines": 450_000,
+    "unnamed": 460_000,
 }
 # by seed
 DIAGNOSING = ("mujoco", "exudyn", "mujoco", "dart", "mujoco", "pybullet", "mujoco", "mujoco", "mujoco", "mujoco")
@@ -45,6 +56,7 @@ ELSE = "mujoco"  # diagnoses where the engine of the seed is the only one that c
 COUNTS = (0.6, 0.3, 0.1)  # of sets with one, two, three effects
 MAKERS = {"exudyn": 1.0, "mujoco": 1.0, "dart": 1.0, "pybullet": 0.25}  # engines that make data: the slower the rarer
 KEPT = 0.15  # of its peak: the reaction of a joint with clearance never falls below that
+MANY = 8  # sensors, with which the place of what has no name should be found
 UNDESCRIBED = (60.0, 160.0)  # sigmas that the best rival leaves of a thing outside the vocabulary
 TOGETHER = 4  # effects together leave GAP of it at least
 GAP = 0.6  # of the noise's mean square
@@ -74,9 +86,9 @@ def draw(seed: int, attempt: int) -> Hidden:
     """The set of a seed.  Raises Rejected where this attempt makes none; then the next one is tried."""
     rng = np.random.default_rng([seed, attempt])
     kind, simulator = kind_of(seed), DIAGNOSING[seed % len(DIAGNOSING)]
-    if kind == "effects":
+    if kind in ("effects", "machines"):
         return _with_effects(seed, simulator, rng)
-    if kind == "outside":
+    if kind in ("outside", "unnamed"):
         return _with_outside(seed, simulator, rng)
     if kind == "alias":
         return _with_alias(seed, simulator, rng)
@@ -106,9 +118,17 @@ def draw_source(rng: np.random.Generator, simulator: str, effects: Sequence[Effe
 # ---------------------------------------------------------------- effects of the vocabulary
 
 
+def hidden_in(kind: Kind) -> list[Effect]:
+    """The effects that sets of a kind go through, one after the other."""
+    return [effect for effect in VOCABULARY.values() if effect.hiding.sets == kind]
+
+
 def _with_effects(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
-    vocabulary = {name: effect for name, effect in VOCABULARY.items() if effect.hiding.sets == "effects"}
-    effects = [list(vocabulary.values())[seed % len(vocabulary)]]
+    """One effect of the kind of set, and beside it others; those of real machines only in their own sets."""
+    kind = kind_of(seed)
+    own = hidden_in(kind)
+    vocabulary = {effect.name: effect for effect in dict.fromkeys([*hidden_in("effects"), *own])}
+    effects = [own[(seed - FIRST[kind]) % len(own)]]
     count = 1 + int(rng.choice(3, p=COUNTS))
     while len(effects) < count:
         able = [name for name, effect in vocabulary.items() if _goes_with(effect, effects)]
@@ -123,11 +143,9 @@ def _with_effects(seed: int, simulator: str, rng: np.random.Generator) -> Hidden
     sizer = Sizer(experiment)
     truth: list[tuple[Term, Values]] = []
     for effect in effects:
-        one = _placed(effect, experiment, sizer.rig, rng, [t.key for t, _ in truth])
+        one = _placed(effect, experiment, sizer.rig, rng, [t for t, _ in truth])
         truth.append((one.term, sizer.grown(one, draw_log(rng, SMALLEST, LARGEST))))
-    return Hidden(
-        seed, "effects", experiment, draw_source(rng, simulator, effects), simulator, tuple(sizer.judged(truth))
-    )
+    return Hidden(seed, kind, experiment, draw_source(rng, simulator, effects), simulator, tuple(sizer.judged(truth)))
 
 
 def _goes_with(effect: Effect, effects: Sequence[Effect]) -> bool:
@@ -141,8 +159,12 @@ def _goes_with(effect: Effect, effects: Sequence[Effect]) -> bool:
 
 
 def _placed(
-    effect: Effect, experiment: Experiment, rig: Rig, rng: np.random.Generator, taken: Sequence[tuple[str, str]]
+    effect: Effect, experiment: Experiment, rig: Rig, rng: np.random.Generator, before: Sequence[Term]
 ) -> Drawn:
+    """An effect at one of its places; two of real machines are not at the same.  Raises Rejected."""
+    taken = {t.key for t in before}
+    if effect.hiding.sets == "machines":
+        taken |= {(effect.name, t.where) for t in before if t.effect.hiding.sets == "machines"}
     places = [w for w in effect.places(rig) if (effect.name, w) not in taken]
     if effect.hiding.in_contact:
         places = [w for w in places if _stays_in_contact(experiment, w)]
@@ -160,10 +182,16 @@ def _stays_in_contact(experiment: Experiment, joint: str) -> bool:
 
 
 def _with_outside(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
-    kind = KINDS[seed % len(KINDS)]
-    experiment = draw_experiment(
-        rng, ["crank-rocker", "six-bar"] if kind != "periodic torque" else list(CASES), ("torque", "cell"), False, False
-    )
+    """Something of which the best single effect leaves many sigmas; of what never had a name, in every second set with
+    eight sensors at least.
+    """
+    set_kind, k = kind_of(seed), seed - FIRST[kind_of(seed)]
+    things = OUTSIDE if set_kind == "outside" else UNNAMED
+    kind, turn = things[k % len(things)], k // len(things)
+    anywhere = set_kind == "unnamed" or kind == "periodic torque"
+    least = MANY if set_kind == "unnamed" and turn % 2 == 0 else SENSORS[0]
+    cases = list(CASES) if anywhere else ["crank-rocker", "six-bar"]
+    experiment = draw_experiment(rng, cases, ("torque", "cell"), False, False, least)
     outside = draw_outside(kind, experiment, rng)
     target, undescribed, gap = draw_log(rng, *UNDESCRIBED), 0.0, 0.0
     for _ in range(4):
@@ -177,7 +205,7 @@ def _with_outside(seed: int, simulator: str, rng: np.random.Generator) -> Hidden
         raise Rejected(f"{kind} at {outside.where} is nearly described by the vocabulary")
     return Hidden(
         seed,
-        "outside",
+        set_kind,
         experiment,
         draw_source(rng, simulator, ()),
         simulator,
@@ -203,7 +231,8 @@ def _undescribed(experiment: Experiment, outside: Outside) -> tuple[float, float
     residual = fitter.residuals([], [[]])[0]
     assert residual is not None
     base = Fit((), (), residual, np.zeros((residual.size, 0)), np.zeros(0, bool))
-    columns = [s.columns for s in sensitivities(fitter, base, candidates(sizer.rig, VOCABULARY)).values()]
+    known = {name: effect for name, effect in VOCABULARY.items() if name not in outside.excluded}
+    columns = [s.columns for s in sensitivities(fitter, base, candidates(sizer.rig, known)).values()]
     rest, after = residual, []
     for _ in range(TOGETHER):
         best = min(columns, key=lambda c: left(rest, c))
@@ -223,14 +252,6 @@ def analytic(mechanism: Mechanism, plan: Plan, time: np.ndarray, course: Course 
         spline = CubicSpline(grid, course(grid))
         turning = Turning(spline(time), spline(time, 1), spline(time, 2))
     return derived(Assembly(mechanism), turning)
-
-
-def course_grid(plan: Plan, time: np.ndarray) -> np.ndarray:
-    """Times (s) that are dense enough for a course: 720 a revolution, a little beyond both ends of the plan."""
-    period = 2 * math.pi / abs(plan.speed)
-    spare = 0.02 * period
-    count = math.ceil(720 * (np.ptp(time) + 2 * spare) / period) + 1
-    return np.linspace(time.min() - spare, time.max() + spare, count)
 
 
 # ---------------------------------------------------------------- clearance, which may look like a length

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from compare.evidence.scoreboard.hidden import course_grid
 from compare.evidence.scoreboard.outside import Course
-from compare.evidence.scoreboard.rigs import Plan, Rejected
+from compare.evidence.scoreboard.rigs import Plan, Rejected, course_grid
 from sim_models.engine import JointModel, Request, Trace, engine
 
 

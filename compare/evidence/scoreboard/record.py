@@ -24,7 +24,7 @@ from compare.evidence.scoreboard.bench.sensors import filtered, history
 from compare.evidence.scoreboard.bench.written import FAMILIES, make_bench
 from compare.evidence.scoreboard.files import Readings, Recording, write_files
 from compare.evidence.scoreboard.hidden import FIRST, Hidden, draw, kind_of
-from compare.evidence.scoreboard.outside import Course, Outside
+from compare.evidence.scoreboard.outside import Course
 from compare.evidence.scoreboard.play import run
 from compare.evidence.scoreboard.rigs import Plan, Rejected, command_fields
 from compare.evidence.scoreboard.sizes import Planted
@@ -180,14 +180,17 @@ def truth(hidden: Hidden, attempt: int) -> Truth:
         effects=tuple(e.sealed() for e in hidden.truth),
         noise=hidden.experiment.noise,
         reversed_load=hidden.reversed_load,
-        outside=None if hidden.outside is None else outsider(hidden.outside, hidden.undescribed),
+        outside=None if hidden.outside is None else outsider(hidden),
     )
 
 
-def outsider(fault: Outside, left: float) -> TrueOutsider:
-    """A fault outside the vocabulary, of whose signature the best single effect leaves so many sigmas."""
-    place = {"kind": fault.kind, "where": fault.where, "size": fault.size, "left": left}
-    return TrueOutsider.model_validate(place | fault.shape)
+def outsider(hidden: Hidden) -> TrueOutsider:
+    """The fault outside the vocabulary that is hidden in a set."""
+    fault = hidden.outside
+    assert fault is not None
+    place = {"kind": fault.kind, "where": fault.where, "size": fault.size, "left": hidden.undescribed}
+    found = {"unknown": fault.unknown, "places": fault.places(hidden.experiment.nominal), "excluded": fault.excluded}
+    return TrueOutsider.model_validate(place | found | fault.shape)
 
 
 if __name__ == "__main__":

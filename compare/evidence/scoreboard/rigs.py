@@ -52,6 +52,14 @@ class Plan:
         return self.angle + self.speed * time
 
 
+def course_grid(plan: Plan, time: np.ndarray) -> np.ndarray:
+    """Times (s) that are dense enough for a course: 720 a revolution, a little beyond both ends of the plan."""
+    period = 2 * math.pi / abs(plan.speed)
+    spare = 0.02 * period
+    count = math.ceil(720 * (np.ptp(time) + 2 * spare) / period) + 1
+    return np.linspace(time.min() - spare, time.max() + spare, count)
+
+
 def command_fields(plan: Plan) -> dict[str, object]:
     """How a run was driven, as measured.toml has it."""
     fields: dict[str, object] = (
@@ -124,10 +132,15 @@ def _forces(mechanism: Mechanism, plan: Plan) -> dict[str, np.ndarray]:
 
 
 def draw_experiment(
-    rng: np.random.Generator, cases: Sequence[str], wanted: Sequence[str], slow: bool, may_follow: bool
+    rng: np.random.Generator,
+    cases: Sequence[str],
+    wanted: Sequence[str],
+    slow: bool,
+    may_follow: bool,
+    least: int = SENSORS[0],
 ) -> Experiment:
-    """An experiment with one of the cases whose sensors include the ``wanted`` kinds; ``slow`` keeps it far from losing
-    contact.
+    """An experiment with one of the cases whose sensors, so many at ``least``, include the ``wanted`` kinds; ``slow``
+    keeps it far from losing contact.
 
     Raises Rejected where the linkage that was drawn does not turn.
     """
@@ -139,7 +152,7 @@ def draw_experiment(
     for plan in plans:
         for signal, values in ideal(nominal, plan).items():
             peaks[signal] = max(peaks.get(signal, 0.0), float(np.abs(values).max()))
-    signals = draw_sensors(rng, nominal, peaks, [*wanted, *(["encoder"] if plans[0].follows else [])])
+    signals = draw_sensors(rng, nominal, peaks, [*wanted, *(["encoder"] if plans[0].follows else [])], least)
     noise = {s.name: draw_noise(rng, s, peaks) for s in signals}
     for s in signals:  # the two axes of a load cell are of one kind
         if s.kind == "reaction" and s.component == "y":
@@ -210,9 +223,15 @@ def draw_plans(
 
 
 def draw_sensors(
-    rng: np.random.Generator, m: Mechanism, peaks: dict[str, float], wanted: Sequence[str]
+    rng: np.random.Generator,
+    m: Mechanism,
+    peaks: dict[str, float],
+    wanted: Sequence[str],
+    least: int = SENSORS[0],
 ) -> list[Signal]:
-    """Five to nine signals: most rigs have the encoder and the drive torque, all something of motion and of force."""
+    """Nine signals or fewer, so many at ``least``: most rigs have the encoder and the drive torque, all something of
+    motion and of force.
+    """
     encoder, torque = Signal.of("pose", m.driven, "angle"), Signal.of("drive", "", "torque")
     cells = [[Signal.of("reaction", j.name, axis) for axis in AXES] for j in m.joints if not j.prismatic]
     rates = [Signal.of("rate", b.name, "angular_velocity") for b in m.bodies if b.name != m.driven]
@@ -227,7 +246,7 @@ def draw_sensors(
         chosen |= dict.fromkeys(cells[int(rng.integers(len(cells)))])
     chosen[motion[int(rng.integers(len(angles)))] if angles else motion[0]] = None
     pool = [*motion, *motion, *rates, *(x for cell in cells for x in cell)]
-    target = int(rng.integers(SENSORS[0], SENSORS[1] + 1))
+    target = int(rng.integers(least, SENSORS[1] + 1))
     while len(chosen) < target:
         new = pool[int(rng.integers(len(pool)))]
         pair = [new.sibling(axis) for axis in AXES] if new.kind == "reaction" else [new]

@@ -9,7 +9,8 @@
 ``missed``       no gap was seen, though there was something
 ``wrong``        something is named that is neither true nor tied with it
 ``abstained``    nothing is named, and a gap reported (also the right answer to what is outside the vocabulary)
-``partly``       outside the vocabulary: something is named, and that it does not explain the data is said
+``partly``       outside the vocabulary: something is named, and that it does not explain the data is said (where it is
+                 said that it does, or may, the set is ``wrong``)
 ``clear``, ``false alarm``   effect-free: nothing is named; something is
 ``failed``       there was no diagnosis
 
@@ -17,6 +18,9 @@ In sets of the bench what is slightly off and the faults of sensors that are tru
 never asked for, and what is named beside small errors that do as well together is right where these are truly there;
 ``exact`` and ``tie`` are about the effects to be named.  An empty set is ``clear`` where no effect of
 the rig is named that is not in it; of a coarse one "no gap" is asked, or what is truly there of its logger.
+
+Of what has no name the *place* is scored too: it is right where the true unknown at its place is proposed, or is among
+the places that do as well.
 """
 
 from __future__ import annotations
@@ -30,7 +34,7 @@ import numpy as np
 from analytic.mechanism.signals import wrapped
 from compare.diagnose.effects.bodies import LinkLength, PivotPosition
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.results.diagnosis import Diagnosis, Effect, SmallError
+from compare.results.diagnosis import Diagnosis, Effect, SamePlace, SmallError
 from compare.results.scoreboard import Gap, Hidden, Kind, Outcome, Said, Scored, Truth, Value
 
 Key = tuple[str, str]
@@ -40,7 +44,11 @@ GOOD: dict[Kind, tuple[Outcome, ...]] = {
     "none": ("clear",),
     "outside": ("abstained", "partly"),
     "alias": ("exact", "tie"),
+    "machines": ("exact", "tie"),
+    "unnamed": ("abstained", "partly"),
 }
+NAMED: tuple[Kind, ...] = ("effects", "machines")  # sets of the vocabulary's effects
+NAMELESS: tuple[Kind, ...] = ("outside", "unnamed")  # sets of what it has no word for
 BENCH: tuple[Kind, ...] = ("slightly-off", "coarse", "coloured", "per-run", "large")
 LATER = ("sensor_lag", "sensor_drift")  # of sensors, whether the vocabulary has them or not
 WITHIN = 0.05  # of its size: an effect of the rig beside faults of each run
@@ -76,9 +84,24 @@ def score(diagnosis: Diagnosis, truth: Truth) -> Scored:
             ),
             "parameters": parameters(diagnosis, truth) if outcome == "exact" else (),
             "gap": Gap(before=gap.before, after=gap.after, noise_floor=gap.noise_floor),
+            "proposed": tuple(f"{p.unknown}@{p.place}" for p in proposals(diagnosis)),
+            "right_place": right_place(diagnosis, truth),
         }
     )
     return scored.model_copy(update={"good": good_on_bench(scored)}) if truth.kind in BENCH else scored
+
+
+def proposals(diagnosis: Diagnosis) -> tuple[SamePlace, ...]:
+    """What is proposed, each with the places that do as well."""
+    return tuple(place for p in diagnosis.proposed for place in (p, *p.ties))
+
+
+def right_place(diagnosis: Diagnosis, truth: Truth) -> bool | None:
+    """Whether what has no name is proposed where it is; None where there is no such thing."""
+    hidden = truth.outside
+    if hidden is None:
+        return None
+    return any(p.unknown == hidden.unknown and p.place in hidden.places for p in proposals(diagnosis))
 
 
 def _of(truth: Truth, outcome: Outcome, verdict: str) -> Scored:
@@ -101,6 +124,8 @@ def _of(truth: Truth, outcome: Outcome, verdict: str) -> Scored:
         named=(),
         parameters=(),
         gap=Gap(before=None, after=None, noise_floor=None),
+        right_place=None if truth.outside is None else False,
+        sensors=len(truth.noise),
     )
 
 
@@ -111,7 +136,7 @@ def judged(truth: Truth, diagnosis: Diagnosis, found: Mapping[Key, set[Key]], tr
         return "false alarm" if found else "clear"
     if not found:
         return "missed" if verdict == "no gap" else "abstained"
-    if kind == "outside":
+    if kind in NAMELESS:
         return "partly" if verdict == "partly explained" else "wrong"
     if kind == "alias":
         return _alias(truth, diagnosis, found, true)
