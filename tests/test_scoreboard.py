@@ -8,7 +8,10 @@ import io
 import json
 import math
 import re
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,24 +28,38 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fitter
 from compare.diagnose.predict import Term
 from compare.diagnose.problem import Options, Problem
+from compare.evidence.scoreboard import board as board_module
 from compare.evidence.scoreboard import check
 from compare.evidence.scoreboard.bench.coarse import EFFECTS, effect_of
 from compare.evidence.scoreboard.bench.large import draw as draw_large
 from compare.evidence.scoreboard.bench.nuisances import encoder_zeros, of_channels
 from compare.evidence.scoreboard.bench.pendulum import Pendulum
-from compare.evidence.scoreboard.bench.rig import is_empty, moved, slightly_off, uneven
+from compare.evidence.scoreboard.bench.rig import is_empty, slightly_off, uneven
+from compare.evidence.scoreboard.bench.rig import moved as moved_on_bench
 from compare.evidence.scoreboard.bench.sensors import counted, drifting, filtered, pink
 from compare.evidence.scoreboard.bench.sigmas import Ruler
-from compare.evidence.scoreboard.board import FULL, board, run_all, scored, seeds, thresholds, wilson
-from compare.evidence.scoreboard.hidden import COUNTS, DIAGNOSING, FIRST, Hidden, draw, kind_of
-from compare.evidence.scoreboard.outside import OUTSIDE
+from compare.evidence.scoreboard.board import FULL, board, in_turn, run_all, scored, seeds, thresholds, wilson
+from compare.evidence.scoreboard.hidden import (
+    COUNTS,
+    DIAGNOSING,
+    FIRST,
+    MANY,
+    Hidden,
+    analytic,
+    draw,
+    hidden_in,
+    kind_of,
+    placed,
+)
+from compare.evidence.scoreboard.memory import bouc_wen, bristle, remembered
+from compare.evidence.scoreboard.outside import EXCLUDED, OUTSIDE, UNNAMED, Outside, draw_outside, moved, pull
 from compare.evidence.scoreboard.record import make, make_set, recorded
-from compare.evidence.scoreboard.rigs import Experiment, Plan, Rejected
+from compare.evidence.scoreboard.rigs import Experiment, Plan, Rejected, ideal
 from compare.evidence.scoreboard.score import BENCH, failed, opened, score
 from compare.evidence.scoreboard.sizes import Planted, Sizer
 from compare.evidence.stored import read, status
 from compare.faults import Exit, OptionError
-from compare.results.diagnosis import Closing, Diagnosis, Effect, Parameter, SmallError
+from compare.results.diagnosis import Closing, Diagnosis, Effect, Parameter, Proposed, SamePlace, SmallError, Unknown
 from compare.results.document import DocumentError
 from compare.results.scoreboard import (
     HiddenSet,
@@ -50,6 +67,7 @@ from compare.results.scoreboard import (
     Recorder,
     Scoreboard,
     ScoreboardCheck,
+    Scored,
     TrueEffect,
     TrueFault,
     TrueOutsider,
@@ -231,6 +249,9 @@ def test_a_full_board_has_every_effect_kind_and_engine_often_enough() -> None:
     assert min(first.count(name) for name in DRAWN) >= 10
     assert all([DIAGNOSING[s % len(DIAGNOSING)] for s in effects].count(e) >= 20 for e in set(DIAGNOSING))
     assert {OUTSIDE[s % len(OUTSIDE)] for s in chosen if kind_of(s) == "outside"} == set(OUTSIDE)
+    assert FULL["machines"] == 30 * len(hidden_in("machines")) >= 210
+    unnamed = [UNNAMED[(s - FIRST["unnamed"]) % len(UNNAMED)] for s in chosen if kind_of(s) == "unnamed"]
+    assert all(unnamed.count(thing) == 30 for thing in UNNAMED)
     assert sum(COUNTS) == pytest.approx(1.0)
 
 
@@ -274,6 +295,158 @@ def test_an_offset_of_its_own_for_each_run_is_drawn_too() -> None:
             break
     assert 1 in kinds
     assert max(kinds) > 1
+
+
+@pytest.mark.parametrize("seed", slow(*(FIRST["machines"] + k for k in (2, 5, 6))))
+def test_sets_of_real_machines_have_one_of_their_effects_and_others_beside_it(seed: int) -> None:
+    found, own = drawn(seed), hidden_in("machines")
+    assert found.kind == "machines"
+    assert found.truth[0].name == own[seed - FIRST["machines"]].name
+    assert all(VOCABULARY[e.name].hiding.sets in ("effects", "machines") for e in found.truth)
+    assert found.source != found.simulator
+
+
+def test_two_effects_of_real_machines_are_never_at_one_place() -> None:
+    rig, rng = experiment(), np.random.default_rng(5)
+    one, other, usual = (VOCABULARY[name] for name in ("drag", "stribeck_friction", "coulomb_friction"))
+    before = [Term(one, j.name) for j in rig.nominal.joints if j.name != "B"]
+    assert {placed(other, rig, rig.rig, rng, before).term.where for _ in range(10)} == {"B"}
+    assert len({placed(usual, rig, rig.rig, rng, before).term.where for _ in range(30)}) > 1
+    with pytest.raises(Rejected, match="has no place"):
+        placed(other, rig, rig.rig, rng, [*before, Term(one, "B")])
+
+
+# ---------------------------------------------------------------- what has no name
+
+
+def outside(kind: str, seed: int = 1) -> Outside:
+    found = draw_outside(kind, experiment(), np.random.default_rng(seed))
+    return replace(found, size={"torque": 0.05, "lag": 1e-3, "length": 2e-4, "bend": 2e-4}[found.unknown])
+
+
+def test_hysteresis_dissipates_in_a_turn_what_its_closed_form_says() -> None:
+    """Sharpness 1, fatness 1/2: unloading is a line, loading an exponential."""
+    give, most, period = 0.2, 0.5, 2.0
+    time = np.linspace(0.0, 4 * period, 4 * 4000 + 1)
+    rate = most * 2 * math.pi / period * np.cos(2 * math.pi * time / period)
+    angle, state = most * np.sin(2 * math.pi * time / period), remembered(bouc_wen(give, 1.0, 0.5), time, rate)
+    last = time[::2] >= 3 * period - 1e-9
+    area = float(np.trapezoid(state[last], angle[::2][last]))
+    peak = 0.5
+    for _ in range(200):
+        peak = 1 - math.exp(-(2 * most / give - peak))
+    assert state[last].max() == pytest.approx(peak, rel=1e-5)
+    assert area == pytest.approx(2 * (2 * most - 2 * give * peak - give * peak**2 / 2), rel=1e-4)
+
+
+def test_friction_sticks_below_its_give_and_slips_along_the_curve_of_stribeck() -> None:
+    time = np.linspace(0.0, 1.0, 4001)
+    law = bristle(0.05, 0.1, 0.8)
+    for rate in (0.3, 0.05):
+        found = remembered(law, time, np.full(time.size, -rate))
+        assert found[1] == pytest.approx(-rate * (time[2] - time[0]) / 0.05, rel=0.01)
+        slipped = 1 - math.exp(-rate / 0.05 / (1 + 0.8 * math.exp(-((rate / 0.1) ** 2))))
+        assert found[-1] == pytest.approx(-slipped * (1 + 0.8 * math.exp(-((rate / 0.1) ** 2))), rel=1e-6)
+    swing = 1e-4 * 20 * np.cos(20 * time)  # of 0.1 mrad, a five hundredth of the give
+    assert np.allclose(remembered(law, time, swing), 1e-4 / 0.05 * np.sin(20 * time[::2]), rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("speed", [SPEED, -SPEED])
+def test_a_slipping_belt_lets_the_crank_fall_behind_for_good(speed: float) -> None:
+    plan = replace(experiment().plans[0], speed=speed)
+    fault, m = outside("slipping belt"), experiment().nominal
+    torque = ideal(m, plan)["drive_torque"]
+    lag = fault.lag(plan, plan.time, torque)(plan.time)
+    assert lag[0] == 0
+    assert np.all(np.diff(lag) * speed > 0)
+    assert lag[-1] == pytest.approx(math.copysign(1e-3, speed) * np.trapezoid(np.abs(torque), plan.time), rel=0.01)
+    crank = fault.signals(m, plan, plan.time, analytic)["crank_angle"]
+    assert np.allclose(plan.command(plan.time) - crank, lag, rtol=0, atol=2e-6)
+
+
+def test_a_link_grows_through_each_run_and_three_lengths_tell_all_between() -> None:
+    rig, fault = experiment(), replace(outside("growing link"), where="coupler", size=1e-3)
+    plan = rig.plans[0]
+    share = fault.grown(plan.time)
+    assert share[0] == 0
+    assert np.all(np.diff(share) > 0)
+    seen = fault.signals(rig.nominal, plan, plan.time, analytic)
+    still = ideal(rig.nominal, plan)
+    for k in (0, 40, 80, 120):
+        direct = ideal(moved(rig.nominal, "coupler", 1e-3 * share[k], 0.0), plan)
+        for s, sigma in SENSORS.items():
+            assert seen[s][k] == pytest.approx(direct[s][k], abs=0.05 * sigma + 1e-4 * abs(direct[s][k] - still[s][k]))
+    assert max(np.abs(seen[s] - still[s]).max() / sigma for s, sigma in SENSORS.items()) > 20
+
+
+def test_a_loose_bolt_makes_its_link_long_where_it_is_pulled_and_short_where_it_is_pushed() -> None:
+    rig, fault = experiment(), outside("loose bolt")
+    plan = rig.plans[0]
+    seen = fault.signals(rig.nominal, plan, plan.time, analytic)
+    pulled = pull(rig.nominal, fault.where, ideal(rig.nominal, plan)) > 0
+    assert 0.1 < pulled.mean() < 0.9
+    for sign, where in ((1, pulled), (-1, ~pulled)):
+        direct = ideal(moved(rig.nominal, fault.where, sign * fault.size, 0.0), plan)
+        assert all(np.array_equal(seen[s][where], direct[s][where]) for s in SENSORS)
+
+
+def test_a_rod_is_pulled_where_its_slider_is_pulled_away_from_the_crank() -> None:
+    m = load("slider-crank")
+    light = m.replace(gravity=(0.0, 0.0), loads=(), bodies=tuple(b.model_copy(update={"mass": 1e-6}) for b in m.bodies))
+    plan = Plan("slow", 0.01, 0.3, np.linspace(0.0, 600.0, 50), None)
+    rod = next(b.name for b in m.bodies if b.length > 0 and b.name != m.driven)
+    for force in (100.0, -100.0):
+        found = pull(m, rod, ideal(light.replace(loads=(Load(body="slider", force=(force, 0.0)),)), plan))
+        away = float(np.sign(ideal(m, plan)["slider_x"].mean())) * force
+        assert np.all(found * away > 0)
+        assert np.all(np.abs(found) >= 100.0 - 1e-3)
+
+
+@pytest.mark.parametrize(
+    "kind", ["stick-slip", *slow(*(kind for kind in (*OUTSIDE, *UNNAMED) if kind != "stick-slip"))]
+)
+def test_an_engine_plays_what_has_no_name_as_the_analytic_model_does(kind: str) -> None:
+    """Of the law's own share, as the two differ by more than that without it."""
+    rig, fault = experiment(), outside(kind)
+    plan = rig.plans[0]
+    played = recorded(Hidden(0, "unnamed", rig, "mujoco", "exudyn", outside=fault), plan)
+    still, told = recorded(hidden(), plan), fault.signals(rig.nominal, plan, plan.time, analytic)
+    nominal = ideal(rig.nominal, plan)
+    shown = 0.0
+    for s, sigma in SENSORS.items():
+        if s != rig.encoder:
+            size = float(np.abs(told[s] - nominal[s]).max())
+            assert np.abs((played[s] - still[s]) - (told[s] - nominal[s])).max() < 0.02 * size + 0.05 * sigma, s
+            shown = max(shown, size / sigma)
+    assert shown > 1
+
+
+def test_faults_are_drawn_where_a_proposal_would_put_them() -> None:
+    m = experiment().nominal
+    for kind in (*OUTSIDE, *UNNAMED):
+        fault = outside(kind)
+        known = (
+            {j.name for j in m.joints}
+            if fault.unknown == "torque"
+            else {"drive"}
+            if fault.unknown == "lag"
+            else set(m.moving)
+        )
+        assert set(fault.places(m)) <= known, kind
+    assert outside("stick-slip").where in ("B", "E")
+    assert Outside("periodic torque", "coupler", 1.0, {}).places(m) == ("A", "B")
+    assert Outside("bent link", "coupler", 1.0, {}).places(m) == ("coupler",)
+
+
+@pytest.mark.parametrize("seed", slow(*(FIRST["unnamed"] + k for k in range(5))))
+def test_what_never_had_a_name_is_large_and_much_of_it_is_measured(seed: int) -> None:
+    found = drawn(seed)
+    assert found.outside is not None
+    assert found.outside.kind == UNNAMED[seed - FIRST["unnamed"]]
+    assert found.outside.excluded == ()
+    assert 0.8 * 60 < found.undescribed < 1.2 * 160
+    assert len(found.experiment.noise) >= MANY
+    assert found.source != found.simulator
 
 
 # ---------------------------------------------------------------- scores
@@ -340,6 +513,10 @@ def said(
         (said((BIAS, [])), truth(kind="outside"), "wrong"),
         (said((BIAS, []), verdict="partly explained"), truth(kind="outside"), "partly"),
         (said(verdict="unexplained"), truth(kind="outside"), "abstained"),
+        (said((BIAS, []), verdict="partly explained"), truth(kind="unnamed"), "partly"),
+        (said((BIAS, []), verdict="ambiguous"), truth(kind="unnamed"), "wrong"),
+        (said(verdict="no gap"), truth(kind="unnamed"), "missed"),
+        (said((GAIN, [BIAS])), truth(BIAS, kind="machines"), "tie"),
         (said((BIAS, [LENGTH]), verdict="ambiguous"), truth(BIAS, kind="alias"), "tie"),
         (said((BIAS, [])), truth(BIAS, kind="alias"), "incomplete"),
         (said((BIAS, [LENGTH]), verdict="ambiguous"), truth(BIAS, kind="alias", reversed_load=True), "wrong"),
@@ -369,6 +546,79 @@ def test_thresholds_count_and_a_board_that_meets_them_says_so() -> None:
     assert not rows["wrong"].met
     rows = {r.what: r for r in thresholds([*good[:18], bad, bad])}
     assert not rows["exact where every effect is distinguishable"].met
+
+
+def proposing(found: Diagnosis, unknown: Unknown, place: str, *ties: tuple[Unknown, str]) -> Diagnosis:
+    rivals = tuple(SamePlace(place=p, unknown=u, law=None) for u, p in ties)
+    return found.model_copy(update={"proposed": (Proposed.model_construct(place=place, unknown=unknown, ties=rivals),)})
+
+
+def test_the_right_place_is_the_true_unknown_where_it_is_or_what_does_as_well() -> None:
+    nothing, bent = said(verdict="unexplained"), truth(kind="outside")
+    assert score(nothing, bent).right_place is False
+    assert score(nothing, bent).sensors == 1
+    assert score(nothing, truth(BIAS)).right_place is None
+    for found, right in (
+        (proposing(nothing, "bend", "coupler"), True),
+        (proposing(nothing, "bend", "follower"), False),
+        (proposing(nothing, "length", "coupler"), False),
+        (proposing(nothing, "length", "coupler", ("bend", "coupler")), True),
+    ):
+        assert score(found, bent).right_place is right
+    assert score(found, bent).proposed == ("length@coupler", "bend@coupler")
+    assert bent.outside is not None
+    shaken = bent.outside.model_copy(update={"unknown": "torque", "places": ("A", "B")})
+    assert score(proposing(nothing, "torque", "B"), bent.model_copy(update={"outside": shaken})).right_place
+    assert failed(bent, "no").right_place is False
+
+
+def test_rows_of_what_has_no_name_and_of_real_machines() -> None:
+    right = score(proposing(said(verdict="unexplained"), "bend", "coupler"), truth(kind="unnamed"))
+    many = right.model_copy(update={"sensors": MANY})
+    lost = many.model_copy(update={"right_place": False})
+    explained = score(said((BIAS, [])), truth(kind="outside"))
+    rows = {r.what: (r.count, r.of, r.met) for r in thresholds([right, many, many, many, lost, explained])}
+    assert rows["no name: the right place proposed, eight sensors or more"] == (3, 4, False)
+    assert rows["no name: not explained away"] == (5, 5, True)
+    assert rows["no name: wrongly explained"] == (1, 6, False)
+    named, tied, wrong = (
+        score(found, truth(BIAS, kind="machines"))
+        for found in (said((BIAS, [])), said((GAIN, [BIAS])), said((GAIN, [])))
+    )
+    rows = {r.what: (r.count, r.of, r.met) for r in thresholds([*[named] * 8, tied, wrong])}
+    assert rows["real machines: exact or tie where every effect is distinguishable"] == (9, 10, True)
+    assert rows["real machines: wrong"] == (1, 10, False)
+    assert "exact where every effect is distinguishable" not in rows
+    clear = score(said(verdict="no gap"), truth(kind="none"))
+    old = clear.model_copy(update={"sensors": 0})  # of a board that did not keep what was proposed
+    hasty = clear.model_copy(update={"proposed": ("bend@coupler",)})
+    rows = {r.what: (r.count, r.of, r.met) for r in thresholds([*[clear] * 99, hasty, old])}
+    assert rows["proposals on effect-free sets"] == (1, 100, True)
+    page = board([right, many, lost, named, wrong]).files()["README.md"]
+    assert "| unnamed: bent link | 3 | 2 of 3 | 1 of 2 |" in page
+    assert "## By effect\n\n| | exact | wrong |\n|---|--:|--:|\n| sensor_bias | 1 | 1 |" in page
+
+
+def test_a_word_that_says_what_is_hidden_is_kept_from_the_diagnosis(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    asked: dict[str, object] = {}
+
+    def diagnose(data: Path, simulator: str, **options: object) -> Diagnosis:
+        asked.update(options)
+        return said(verdict="unexplained")
+
+    monkeypatch.setattr(board_module, "diagnose", diagnose)
+    assert {name for names in EXCLUDED.values() for name in names} <= set(VOCABULARY)
+    bent = truth(kind="outside")
+    assert bent.outside is not None
+    kept = bent.outside.model_copy(update={"excluded": ("stribeck_friction",)})
+    (tmp_path / "truth.json").write_text(bent.model_copy(update={"outside": kept}).to_json(), encoding="utf-8")
+    assert scored(tmp_path, tmp_path).outcome == "abstained"
+    assert asked["exclude"] == ("stribeck_friction",)
+    text = io.StringIO()
+    opened(tmp_path).print_to(Console(file=text, width=110))
+    assert "diagnosed without stribeck_friction" in text.getvalue()
 
 
 @pytest.mark.parametrize("seed", slow(16, FIRST["outside"], FIRST["outside"] + 1, FIRST["alias"]))
@@ -480,6 +730,111 @@ def test_a_check_names_the_sets_that_are_worse_and_no_others(monkeypatch: pytest
         check.check_scoreboard(tmp_path)
 
 
+# ---------------------------------------------------------------- a board in parts
+
+
+class Bench:
+    """Sets that take a minute each, by a clock that only they move."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.done: list[int] = []
+        self.code = "first"
+        monkeypatch.setattr(board_module, "examine", self.examine)
+        monkeypatch.setattr(board_module, "time", SimpleNamespace(monotonic=lambda: 60.0 * len(self.done)))
+        for module in (board_module, check):
+            monkeypatch.setattr(module, "digest", lambda: self.code)
+
+    def examine(self, content: Mapping[str, object]) -> dict[str, object]:
+        seed = int(str(content["seed"]))
+        self.done.append(seed)
+        return Scored(seed=seed, kind=kind_of(seed), outcome="clear", good=True).model_dump(mode="json")
+
+
+ONLY = dict.fromkeys(FULL, 0)
+
+
+def test_a_board_in_parts_begins_with_what_is_new_and_says_which_code_made_what(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    bench, none, alias, unnamed = Bench(monkeypatch), FIRST["none"], FIRST["alias"], FIRST["unnamed"]
+    first = check.update_scoreboard(tmp_path, ONLY | {"none": 3, "alias": 2}, workers=1)
+    assert bench.done == [none, alias, none + 1, alias + 1, none + 2]
+    assert first.codes == {"first": {"none": 3, "alias": 2}}
+    assert "are of this code" not in first.files()["README.md"]
+    bench.done.clear()
+    assert check.update_scoreboard(tmp_path, ONLY | {"none": 3, "alias": 2}, workers=1) == first
+    assert bench.done == []
+    bench.code = "second"
+    wanted = ONLY | {"none": 3, "alias": 2, "unnamed": 4}
+    found = check.update_scoreboard(tmp_path, wanted, minutes=3, workers=1)
+    assert bench.done == [unnamed, unnamed + 1, unnamed + 2]
+    assert found.codes == {"second": {"unnamed": 3}, "first": {"none": 3, "alias": 2}}
+    page = found.files()["README.md"]
+    assert "**3 of 8 sets are of this code; the others are" in page
+    assert "| second (this one) |  |  | 3 |" in page
+    assert "| first | 3 | 2 |  |" in page
+    text = io.StringIO()
+    found.print_to(Console(file=text, width=110))
+    assert "5 sets as other code left them" in text.getvalue()
+    assert faults(Scoreboard, json.loads(found.to_json())) == []
+    bench.done.clear()
+    found = check.update_scoreboard(tmp_path, wanted, minutes=3, workers=1)
+    assert bench.done == [unnamed + 3, none, alias]
+    assert found.codes == {"second": {"none": 1, "alias": 1, "unnamed": 4}, "first": {"none": 2, "alias": 1}}
+    assert check.check_scoreboard(tmp_path, every=3, workers=1).notes == (
+        f"{tmp_path / 'scoreboard.json'}: 6 of 9 sets are of this very code",
+    )
+    with pytest.raises(OptionError, match="no set is asked for"):
+        check.update_scoreboard(tmp_path, ONLY)
+    with pytest.raises(OptionError, match="--minutes: -1 is no time"):
+        check.update_scoreboard(tmp_path, wanted, minutes=-1)
+
+
+def test_results_of_a_board_that_named_no_code_are_of_its_own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    bench = Bench(monkeypatch)
+    seed = FIRST["none"]
+    old = [Scored(seed=seed + k, kind="none", outcome="clear", good=True) for k in (0, 1)]
+    lost = Scored(seed=seed + 2, outcome="failed", good=False, why="out of memory")
+    bench.code = "ancient"
+    (tmp_path / "scoreboard.json").write_text(board([*old, lost]).to_json(), encoding="utf-8")
+    check.update_scoreboard(tmp_path, ONLY | {"none": 3}, workers=1)
+    assert bench.done == [seed + 2]  # what came to no end is tried again
+    bench.code = "new"
+    bench.done.clear()
+    found = check.update_scoreboard(tmp_path, ONLY | {"none": 3}, minutes=1, workers=1)
+    assert bench.done == [seed]
+    assert [r.code for r in found.results] == ["new", "ancient", "ancient"]
+
+
+def test_an_interrupted_update_goes_on_where_it_stopped(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    bench = Bench(monkeypatch)
+
+    def interrupt(done: int, total: int | None) -> None:
+        assert total == 4
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        check.update_scoreboard(tmp_path, ONLY | {"none": 4}, workers=1, progress=interrupt)
+    found = check.update_scoreboard(tmp_path, ONLY | {"none": 4}, workers=1)
+    assert sorted(bench.done) == [FIRST["none"] + k for k in range(4)]
+    assert found.codes == {"first": {"none": 4}}
+    assert not (tmp_path / "runs").exists()
+
+
+def test_any_part_of_a_board_is_a_fair_sample() -> None:
+    chosen = seeds(FULL)
+    known = {s: Scored(seed=s, outcome="clear", good=True) for s in chosen if kind_of(s) not in ("machines", "unnamed")}
+    order = in_turn(chosen, known)
+    new = sum(kind_of(s) in ("machines", "unnamed") for s in chosen)
+    assert not set(order[:new]) & set(known)
+    assert {kind: sum(kind_of(s) == kind for s in order[:100]) for kind in ("machines", "unnamed")} == {
+        "machines": 50,
+        "unnamed": 50,
+    }
+    assert {kind_of(s) for s in order[new : new + 9]} == set(FULL) - {"machines", "unnamed"}
+
+
 # ---------------------------------------------------------------- sets of the bench
 
 
@@ -552,8 +907,8 @@ def test_everything_is_slightly_off_and_friction_takes_a_small_share_of_the_powe
     assert len(lengths) == 3
     assert all(1e-4 <= size <= 3e-4 for size in lengths)
     (plan,) = rig.plans
-    true = moved("mujoco", rig, plan, [t for t in things if "friction" in t.name], plan.time)
-    nominal = moved("mujoco", rig, plan, [], plan.time)
+    true = moved_on_bench("mujoco", rig, plan, [t for t in things if "friction" in t.name], plan.time)
+    nominal = moved_on_bench("mujoco", rig, plan, [], plan.time)
     more = float(np.mean(true["drive_torque"] - nominal["drive_torque"]))
     assert 0.004 < more / float(np.sqrt(np.mean(nominal["drive_torque"] ** 2))) < 0.021
 

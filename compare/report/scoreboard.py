@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 from rich.console import Console
 
@@ -14,7 +14,7 @@ from compare.evidence.scoreboard.hidden import MANY
 from compare.evidence.scoreboard.score import DISTINCT, NAMED, NAMELESS, closed
 from compare.report.figures import Axis, Figure, Series
 from compare.report.svg import draw
-from compare.results.scoreboard import Hidden, Scoreboard, Scored, Threshold, Value
+from compare.results.scoreboard import Hidden, Kind, Scoreboard, Scored, Threshold, Value
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Plotted
@@ -128,7 +128,7 @@ def _made_by(board: Scoreboard) -> Iterator[str]:
     same = sum(board.codes.get(board.code, {}).values())
     yield f"**{same} of {count(len(board.results), 'set')} {'is' if same == 1 else 'are'} of this code; the others are"
     yield "as other code left them**, by kind:"
-    kinds = list(dict.fromkeys(kind for counted in board.codes.values() for kind in counted))
+    kinds: list[Kind] = [kind for kind in get_args(Kind) if any(kind in counted for counted in board.codes.values())]
     yield from ("", f"| code | {' | '.join(kinds)} |", "|---|" + "--:|" * len(kinds))
     for code in dict.fromkeys([board.code, *board.codes]):
         counted = board.codes.get(code, {})

@@ -143,7 +143,7 @@ def _with_effects(seed: int, simulator: str, rng: np.random.Generator) -> Hidden
     sizer = Sizer(experiment)
     truth: list[tuple[Term, Values]] = []
     for effect in effects:
-        one = _placed(effect, experiment, sizer.rig, rng, [t for t, _ in truth])
+        one = placed(effect, experiment, sizer.rig, rng, [t for t, _ in truth])
         truth.append((one.term, sizer.grown(one, draw_log(rng, SMALLEST, LARGEST))))
     return Hidden(seed, kind, experiment, draw_source(rng, simulator, effects), simulator, tuple(sizer.judged(truth)))
 
@@ -158,9 +158,7 @@ def _goes_with(effect: Effect, effects: Sequence[Effect]) -> bool:
     )
 
 
-def _placed(
-    effect: Effect, experiment: Experiment, rig: Rig, rng: np.random.Generator, before: Sequence[Term]
-) -> Drawn:
+def placed(effect: Effect, experiment: Experiment, rig: Rig, rng: np.random.Generator, before: Sequence[Term]) -> Drawn:
     """An effect at one of its places; two of real machines are not at the same.  Raises Rejected."""
     taken = {t.key for t in before}
     if effect.hiding.sets == "machines":

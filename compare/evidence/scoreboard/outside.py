@@ -269,8 +269,8 @@ def _in_a_joint(kind: str, experiment: Experiment, rng: np.random.Generator) -> 
     if kind == "nonlinear spring":
         return Outside(kind, where, 1e-3, {"rest": float(angle.mean()), "travel": travel})
     if kind == "hysteretic spring":
-        give = travel * rng.uniform(0.3, 0.7)
-        shape = {"give": give, "sharpness": rng.uniform(1.0, 2.0), "fatness": rng.uniform(0.5, 0.9)}
+        give = travel * rng.uniform(0.1, 0.4)
+        shape = {"give": give, "sharpness": rng.uniform(1.0, 4.0), "fatness": rng.uniform(0.5, 0.9)}
     elif kind == "stick-slip":
         give = travel * rng.uniform(0.05, 0.15)
         shape = {"give": give, "stribeck_rate": fast * rng.uniform(0.1, 0.3), "excess": rng.uniform(0.5, 1.5)}
