@@ -38,6 +38,7 @@ STENCIL = 2e-3  # rad of crank angle, to either neighbour of the two that give t
 UNSTEADY = 0.02  # rad by which a gap's own motion may turn it
 SWAYS = 0.05  # of a bearing's largest gap, by which the second term of that gap's own motion may change it
 STEADY = 3e-4  # of a gap, by which its own motion changes it: the next term of the series is the square of that
+TINY = 1e-300  # m: a gap no larger has no motion of its own
 SETTLED = 1e-12  # rad
 PASSES = 40
 NUDGE = 1e-4  # rad
@@ -341,7 +342,9 @@ def _swaying(pins: _Pins, moved: np.ndarray, further: np.ndarray) -> dict[int, s
 def _sways(pins: _Pins, moved: np.ndarray, further: np.ndarray) -> np.ndarray:
     """By how much of its largest gap (soft bearings, N) each of them gives more at one x (N, K) than at another."""
     before, after = pins.places(moved), pins.places(further)
-    return np.array([np.abs(after[name] - before[name]) / np.abs(before[name]).max() for name in pins.give])
+    return np.array(
+        [np.abs(after[name] - before[name]) / max(float(np.abs(before[name]).max()), TINY) for name in pins.give]
+    )
 
 
 def _unsettled(pins: _Pins, found: Reactions, x: np.ndarray) -> dict[int, str]:

@@ -93,6 +93,7 @@ class Model:
         self._tables: dict[object, tuple[Assembly, Freedom] | None] = {}
         self._turned: dict[object, Turning] = {}
         self._kept: OrderedDict[object, dict[str, np.ndarray]] = OrderedDict()
+        self._swung: OrderedDict[object, Reactions | None] = OrderedDict()
 
     def altered(self, run: MeasuredRun, hypothesis: Hypothesis) -> Mechanism:
         """The mechanism of a run with the effects of a hypothesis.  Raises Impossible."""
@@ -215,34 +216,42 @@ class Model:
 
     def released(self, run: MeasuredRun, hypotheses: Sequence[Hypothesis]) -> list[Reactions | None]:
         """The motion of a free run under each hypothesis, its joints ideal; None where there is none."""
-        tables = self._tables
-        if len(tables) > TABLES:
-            tables.clear()
-        keys = []
-        for hypothesis in hypotheses:
-            key = (
-                run.loads,
+        keys = [
+            (
+                run.name,
                 tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor),
+                self.start(run, hypothesis),
             )
-            keys.append(key)
-            if key not in tables:
-                try:
-                    assembly = Assembly(self.altered(run, hypothesis).ideal())
-                    tables[key] = assembly, Freedom.of(assembly)
-                except (Impossible, AssemblyError):
-                    tables[key] = None
-        able = [i for i, key in enumerate(keys) if tables[key] is not None]
-        moved: list[Reactions | None] = [None] * len(hypotheses)
-        if not able:
-            return moved
-        pairs = [tables[keys[i]] for i in able]
-        start = np.array([self.start(run, hypotheses[i]) for i in able])
-        motions = swing([p[1] for p in pairs if p], start, run.time - run.time[0])
-        for i, pair, theta, omega, alpha in zip(able, pairs, *motions, strict=True):
-            assert pair is not None
-            if np.all(np.isfinite(theta)):
-                moved[i] = kinetostatics(kinematics(pair[0], theta, omega, alpha))
-        return moved
+            for hypothesis in hypotheses
+        ]
+        new = {key: h for key, h in zip(keys, hypotheses, strict=True) if key not in self._swung}
+        found = {key: self._swung[key] for key in keys if key in self._swung}
+        pairs = {key: pair for key, h in new.items() if (pair := self._freedom(run, h, key[1])) is not None}
+        found |= dict.fromkeys(new)
+        if pairs:
+            start = np.array([key[2] for key in pairs])
+            motions = swing([freedom for _, freedom in pairs.values()], start, run.time - run.time[0])
+            for (key, (assembly, _)), theta, omega, alpha in zip(pairs.items(), *motions, strict=True):
+                if np.all(np.isfinite(theta)):
+                    found[key] = kinetostatics(kinematics(assembly, theta, omega, alpha))
+        for key in keys:
+            self._swung[key] = found[key]
+            self._swung.move_to_end(key)
+        while len(self._swung) > CACHED:
+            self._swung.popitem(last=False)
+        return [found[key] for key in keys]
+
+    def _freedom(self, run: MeasuredRun, hypothesis: Hypothesis, within: object) -> tuple[Assembly, Freedom] | None:
+        """The linkage of a free run and how it moves; None where it cannot be.  ``within`` tells its effects apart."""
+        if len(self._tables) > TABLES:
+            self._tables.clear()
+        if (key := (run.loads, within)) not in self._tables:
+            try:
+                assembly = Assembly(self.altered(run, hypothesis).ideal())
+                self._tables[key] = assembly, Freedom.of(assembly)
+            except (Impossible, AssemblyError):
+                self._tables[key] = None
+        return self._tables[key]
 
     def start(self, run: MeasuredRun, hypothesis: Hypothesis) -> tuple[float, float]:
         """Angle (rad) and rate (rad/s) of the driven body that a free run starts from, at its first sample."""

@@ -222,7 +222,7 @@ class JointCompliance(Reciprocal):
     label = "a soft bearing in joint {}"
     meaning = "the bearing of joint {} is soft"
     needs = frozenset({"soft_bearing"})
-    hiding = Hiding(sets="machines", exclusive=True, makers={"exudyn": 1.0, "mujoco": 1.0, "dart": 0.5})
+    hiding = Hiding(sets="machines", exclusive=True, makers={"exudyn": 1.0, "mujoco": 1.0})
     slow = True
     parameters = (Parameter("stiffness", "N/m", "stiffness", 0.0),)
 
