@@ -1,4 +1,5 @@
-"""How a motor turns its crank: at a commanded speed, unevenly, along a measured course, through a springy transmission.
+"""How a motor turns its crank: at a commanded speed, unevenly, along a measured course, through a springy transmission
+or one with backlash.
 
 A crank on a spring lags its motor by torque / stiffness, where the torque depends on how the crank itself moves.  The
 steady motion is the fixed point of that; it is found as a Fourier series where the crank turns fully, on knots in time
@@ -16,6 +17,7 @@ from typing import Protocol
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from analytic.beyond_paper.backlash import Slack
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Drive
 from analytic.mechanism.one_line import angles, one_line
@@ -67,17 +69,26 @@ class Motor:
         slope = 1 + a * h * np.cos(turn)
         return Turning(command + a * np.sin(turn), self.speed * slope, -(self.speed**2) * a * h**2 * np.sin(turn))
 
-    def crank(self, time: np.ndarray, stiffness: float | None, torque: Torque, turns: bool) -> Turning:
-        """The crank at times (N,) s, behind a transmission of that stiffness (N.m/rad); None is rigid.
+    def crank(
+        self, time: np.ndarray, stiffness: float | None, torque: Torque, turns: bool, half_gap: float = 0.0
+    ) -> Turning:
+        """The crank at times (N,) s, behind a transmission of that stiffness (N.m/rad; None is rigid) with backlash
+        (rad, either way).
 
         ``torque`` gives the drive torque (N.m) that a motion of the crank needs; ``turns`` says that the crank turns
         fully. Raises AssemblyError where no steady motion is found (a resonance).
         """
-        if stiffness is None:
-            return self.at(time)
-        if turns and self.course is None:
-            return self._periodic(time, stiffness, torque)
-        return self._stretch(time, stiffness, torque)
+        repeats = turns and self.course is None
+
+        def tight(time: np.ndarray) -> Turning:
+            if stiffness is None:
+                return self.at(time)
+            return self._periodic(time, stiffness, torque) if repeats else self._stretch(time, stiffness, torque)
+
+        if not half_gap:
+            return tight(time)
+        period = 2 * math.pi / abs(self.speed) if repeats else None
+        return Slack(tight, torque, half_gap, float(time.min()), float(time.max()), period).at(time)
 
     def _periodic(self, time: np.ndarray, stiffness: float, torque: Torque) -> Turning:
         """The lag that repeats every revolution: Newton's method on its values at points of one, with Fourier

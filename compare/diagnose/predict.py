@@ -173,13 +173,15 @@ class Model:
         def torque(turning: Turning) -> np.ndarray:
             return _balanced(assembly, turning).drive_torque
 
-        turns = stiffness is not None and turns_fully(assembly)
+        half_gap = mechanism.drive.half_gap if mechanism.drive else 0.0
+        tight = stiffness is None and not half_gap
+        turns = not tight and turns_fully(assembly)
         seen, cranks = [], []
         for run, told, jitter in motions:
             motor = self.motor(run, mechanism)
             time = told - run.time + read_at(run, self.rig.encoder, motor, jitter) if jitter else told
             shaft = self._course(run, time) if run.drive == "measured" else motor.at(time)
-            crank = shaft if stiffness is None else motor.crank(time, stiffness, torque, turns)
+            crank = shaft if tight else motor.crank(time, stiffness, torque, turns, half_gap)
             # what the encoder reads is what says of the jitter: it is no reading beside it
             seen.append(turned_by(run, self._course(run, told) if jitter else shaft, hypothesis).theta)
             turned = turned_by(run, crank, hypothesis)
