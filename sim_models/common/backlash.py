@@ -14,6 +14,7 @@ import numpy as np
 
 from analytic.mechanism import Mechanism
 
+SETTLED = math.pi  # rad that a motor turns in which its crank, put on a flank, has landed as it always does
 LANDING = 1 / 40  # of a flight: the time constant of a landing
 BRIEFEST = 2e-4  # rad of the motor's turn: shorter landings are seen by nobody
 CRITICAL = 1.2  # damping ratio of a landing

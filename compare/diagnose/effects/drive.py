@@ -1,14 +1,17 @@
-"""Effects in the drive: a motor that is springy or turns unevenly."""
+"""Effects in the drive: a motor that is springy, turns unevenly, or has backlash."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from analytic.mechanism import Mechanism, Ripple
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Reciprocal, Rig, Values, Wave
 
 HARMONICS = range(1, 13)
+PROBED = 5e-4  # rad, half of a gap
 
 
 class DriveCompliance(Reciprocal):
@@ -69,6 +72,36 @@ class SpeedRipple(Wave):
         return Growth(lambda a: {"amplitude": a, "harmonic": harmonic, "phase": phase}, 0.02, harmonic)
 
 
+class DriveBacklash(Effect):
+    """A gap between motor and crank: the crank lies half of it behind its motor, or ahead where it drives the motor,
+    and flies across where the torque changes its sign.
+    """
+
+    name = "drive_backlash"
+    place = "drive"
+    label = "backlash in the drive"
+    meaning = "the drive has backlash"
+    hiding = Hiding(exclusive=True, sets="machines", makers={"mujoco": 1.0, "dart": 0.3})
+    needs = frozenset({"backlash"})
+    slow = True
+    parameters = (Parameter("half_gap", "rad", "angle", 0.0),)
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return ["drive"] if rig.driven and not (rig.mechanism.drive and rig.mechanism.drive.half_gap) else []
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-5,)
+
+    def probes(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return np.array([[PROBED]])  # flights are the longer beside what the crank lags the smaller the gap is
+
+    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
+        return with_drive(mechanism, half_gap=values["half_gap"])
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        return Growth(lambda a: {"half_gap": a}, 0.02)
+
+
 def with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:
     """The mechanism with fields of its drive, which follows data where it has none."""
     drive = (
@@ -79,4 +112,4 @@ def with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:
     return mechanism.replace(drive=drive | fields)
 
 
-EFFECTS: tuple[Effect, ...] = (DriveCompliance(), SpeedRipple())
+EFFECTS: tuple[Effect, ...] = (DriveCompliance(), SpeedRipple(), DriveBacklash())
