@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 POINTS = 720  # of a revolution, at which the torque is taken
 MOST = 20_000  # of all
 CHUNK = 64  # steps of a flight whose coefficients are taken at once
+EARLY, LATE = 0.1, 0.5  # of a flight, before and after its end: a landing
 NUDGE = 1e-5  # rad; over the fastest rate, and its square, the same of rate and acceleration
 
 
@@ -126,6 +127,20 @@ class Slack:
             t, by_theta, by_omega, inertia = self.coefficients(now[here]).T
             a[here] = (t - by_theta * x[here] - by_omega * v[here]) / inertia
         return type(base)(base.theta - x, base.omega - v, base.alpha - a)
+
+    def landing(self, time: np.ndarray) -> np.ndarray:
+        """Whether the crank is about to land, or has just done so, at times (N,) s: then it depends on what its flanks
+        are made of how hard it is hit, and whether it bounces.
+        """
+        found = np.zeros(time.shape, bool)
+        rounds = (0.0,) if self.period is None else (-self.period, 0.0, self.period)
+        now = time if self.period is None else self.first + self.period + np.mod(time - self.first, self.period)
+        for flight in self.flights:
+            lasted = flight.end - flight.begin
+            for turn in rounds:
+                since = now - flight.end - turn
+                found |= (since > -EARLY * lasted) & (since < LATE * lasted)
+        return found
 
 
 def _coefficients(base: Turning, torque: Callable[[Turning], np.ndarray]) -> np.ndarray:

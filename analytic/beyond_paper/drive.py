@@ -69,26 +69,29 @@ class Motor:
         slope = 1 + a * h * np.cos(turn)
         return Turning(command + a * np.sin(turn), self.speed * slope, -(self.speed**2) * a * h**2 * np.sin(turn))
 
-    def crank(
-        self, time: np.ndarray, stiffness: float | None, torque: Torque, turns: bool, half_gap: float = 0.0
-    ) -> Turning:
-        """The crank at times (N,) s, behind a transmission of that stiffness (N.m/rad; None is rigid) with backlash
-        (rad, either way).
+    def crank(self, time: np.ndarray, stiffness: float | None, torque: Torque, turns: bool) -> Turning:
+        """The crank at times (N,) s, behind a transmission of that stiffness (N.m/rad); None is rigid.
 
         ``torque`` gives the drive torque (N.m) that a motion of the crank needs; ``turns`` says that the crank turns
         fully. Raises AssemblyError where no steady motion is found (a resonance).
         """
-        repeats = turns and self.course is None
+        if stiffness is None:
+            return self.at(time)
+        if turns and self.course is None:
+            return self._periodic(time, stiffness, torque)
+        return self._stretch(time, stiffness, torque)
 
-        def tight(time: np.ndarray) -> Turning:
-            if stiffness is None:
-                return self.at(time)
-            return self._periodic(time, stiffness, torque) if repeats else self._stretch(time, stiffness, torque)
-
-        if not half_gap:
-            return tight(time)
-        period = 2 * math.pi / abs(self.speed) if repeats else None
-        return Slack(tight, torque, half_gap, float(time.min()), float(time.max()), period).at(time)
+    def slack(self, time: np.ndarray, stiffness: float | None, torque: Torque, turns: bool, half_gap: float) -> Slack:
+        """The crank in a gap of its transmission (rad, half of it) over times (N,) s; else as :meth:`crank`."""
+        period = 2 * math.pi / abs(self.speed) if turns and self.course is None else None
+        return Slack(
+            lambda at: self.crank(at, stiffness, torque, turns),
+            torque,
+            half_gap,
+            float(time.min()),
+            float(time.max()),
+            period,
+        )
 
     def _periodic(self, time: np.ndarray, stiffness: float, torque: Torque) -> Turning:
         """The lag that repeats every revolution: Newton's method on its values at points of one, with Fourier

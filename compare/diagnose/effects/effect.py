@@ -24,6 +24,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal, named
 from sim_models.engine import Engine
 
+LANDING = "landing"  # beside the readings of a run: at which samples (N,) bool a crank lands in the gap of its drive
 Place = Literal["linkage", "body", "ground point", "joint", "drive", "signal", "run"]
 Values = Mapping[str, float]
 Readings = Mapping[str, np.ndarray]
