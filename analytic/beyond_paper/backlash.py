@@ -18,7 +18,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 if TYPE_CHECKING:
     from analytic.beyond_paper.drive import Turning
 
-POINTS = 720  # of a revolution, at which the torque is taken
+POINTS = 360  # of a revolution, at which the torque is taken
 MOST = 20_000  # of all
 CHUNK = 64  # steps of a flight whose coefficients are taken at once
 EARLY, LATE = 0.1, 0.5  # of a flight, before and after its end: a landing
@@ -147,11 +147,12 @@ def _coefficients(base: Turning, torque: Callable[[Turning], np.ndarray]) -> np.
     """The torque (N, 4) along a motion, and its derivatives by angle, rate and acceleration."""
     rate = float(np.abs(base.omega).max()) or 1.0
     sizes = NUDGE * np.array([1.0, rate, rate**2])
-    now = torque(base)
+    shifts = np.vstack([np.zeros(3), np.diag(sizes)])
     beside = [
-        torque(type(base)(base.theta + step[0], base.omega + step[1], base.alpha + step[2])) for step in np.diag(sizes)
+        np.add.outer(shift, x).ravel() for shift, x in zip(shifts.T, (base.theta, base.omega, base.alpha), strict=True)
     ]
-    return np.column_stack([now, *((there - now) / size for there, size in zip(beside, sizes, strict=True))])
+    now, *there = torque(type(base)(*beside)).reshape(4, -1)
+    return np.column_stack([now, *((each - now) / size for each, size in zip(there, sizes, strict=True))])
 
 
 def _step(x: float, v: float, h: float, *stages: list[float]) -> tuple[float, float]:

@@ -25,7 +25,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from analytic.mechanism import GROUND, Joint, Mechanism
-from sim_models.common.backlash import CRITICAL, HOLDS, Flanks
+from sim_models.common.backlash import HOLDS, Flanks
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import slide_travel
 from sim_models.common.tree import Branch
@@ -38,6 +38,7 @@ SMALLEST_INERTIA = 1e-14  # kg.m^2, for a point mass: MuJoCo accepts no less tha
 # contact's force
 SOLVED = 1e-24
 SETTLING = 8.0  # time constant of rigid rows, in steps: at 4 the stages of a step leave 17 times the error in forces
+LANDED = 1.2  # damping ratio of a crank that lands on a flank of its drive: no bounce
 STICKING = 4.0  # of friction's rows, which are the sharper the shorter it is
 
 
@@ -230,7 +231,7 @@ class Description:
         if (flanks := self.setting.flanks) is not None:
             law = f'limited="true" range="{-flanks.half_gap!r} {flanks.half_gap!r}"'
             if flanks.rigid:
-                law += f' solreflimit="{_numbers(flanks.holds / HOLDS, CRITICAL)}" solimplimit="{RIGID}"'
+                law += f' solreflimit="{_numbers(flanks.holds / HOLDS, LANDED)}" solimplimit="{RIGID}"'
         return f'<fixed name="drive:spring" {law}>{crank}</fixed>'
 
     def _links(self) -> str:
