@@ -83,15 +83,14 @@ class Motor:
 
     def slack(self, time: np.ndarray, stiffness: float | None, torque: Torque, turns: bool, half_gap: float) -> Slack:
         """The crank in a gap of its transmission (rad, half of it) over times (N,) s; else as :meth:`crank`."""
-        period = 2 * math.pi / abs(self.speed) if turns and self.course is None else None
+        repeats, first, last = turns and self.course is None, float(time.min()), float(time.max())
+        if repeats:
+            last = first + 2 * math.pi / abs(self.speed)
+        ends = self.at(np.array([first, last])).theta
         return Slack(
             lambda at: self.crank(at, stiffness, torque, turns),
-            torque,
-            half_gap,
-            float(time.min()),
-            float(time.max()),
-            period,
-        )
+            torque, half_gap, first, last, abs(float(ends[1] - ends[0])) / (2 * math.pi), repeats,
+        )  # fmt: skip
 
     def _periodic(self, time: np.ndarray, stiffness: float, torque: Torque) -> Turning:
         """The lag that repeats every revolution: Newton's method on its values at points of one, with Fourier

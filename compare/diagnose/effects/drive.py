@@ -90,7 +90,7 @@ class DriveBacklash(Effect):
         return ["drive"] if rig.driven and not (rig.mechanism.drive and rig.mechanism.drive.half_gap) else []
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
-        return (1e-5,)
+        return (1e-4,)  # in smaller steps what lands a sample sooner would drown what the crank lags
 
     def probes(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
         return np.array([[PROBED]])  # flights are the longer beside what the crank lags the smaller the gap is
