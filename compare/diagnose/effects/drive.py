@@ -84,6 +84,7 @@ class DriveBacklash(Effect):
     hiding = Hiding(exclusive=True, sets="machines", makers={"mujoco": 1.0, "dart": 0.3})
     needs = frozenset({"backlash"})
     slow = True
+    leaps = True
     parameters = (Parameter("half_gap", "rad", "angle", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:

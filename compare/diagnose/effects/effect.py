@@ -153,6 +153,7 @@ class Effect(ABC):
     slow: ClassVar[bool] = (
         False  # takes the analytic model far longer than others, and changes their sensitivities little
     )
+    leaps: ClassVar[bool] = False  # single samples leap as its values move: fits of it end where only leaps are left
     scatters: ClassVar[bool] = (
         False  # all that it does is scatter: no more than noise where the gap is closed without it
     )
