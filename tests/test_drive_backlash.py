@@ -41,7 +41,7 @@ def torque_of(mechanism: Mechanism, turning: Turning) -> np.ndarray:
 
 def slack(mechanism: Mechanism, time: np.ndarray, speed: float = SPEED) -> Slack:
     """The crank of a mechanism that turns fully, in its gap."""
-    return Motor(speed, START).slack(time, None, lambda t: torque_of(mechanism, t), True, GAP)
+    return Slack.behind(Motor(speed, START), time, None, lambda t: torque_of(mechanism, t), True, GAP)
 
 
 def driven(speed: float = SPEED, **drive: object) -> Mechanism:
@@ -55,7 +55,7 @@ def driven(speed: float = SPEED, **drive: object) -> Mechanism:
 
 def test_a_flight_ends_where_an_independent_equation_of_motion_ends_it() -> None:
     """A weight passes over the top: until then the motor lifts it, from there on it runs ahead."""
-    found = Motor(SPEED, START).slack(np.linspace(0.0, 1.0, 50), None, weight, True, GAP)
+    found = Slack.behind(Motor(SPEED, START), np.linspace(0.0, 1.0, 50), None, weight, True, GAP)
     flight = next(f for f in found.flights if f.side < 0)
 
     def free(time: float, state: np.ndarray) -> list[float]:
@@ -87,7 +87,7 @@ def test_on_a_flank_the_torque_points_to_it_and_a_smaller_gap_lets_the_crank_fly
     flank = np.abs(np.abs(behind) - GAP) < 1e-12
     assert 0.8 < np.mean(flank) < 1.0
     assert np.all(np.sign(torque_of(m, crank)[flank]) == np.sign(behind[flank]))
-    small = Motor(SPEED, START).slack(time, None, lambda t: torque_of(m, t), True, GAP / 8)
+    small = Slack.behind(Motor(SPEED, START), time, None, lambda t: torque_of(m, t), True, GAP / 8)
     lasted = [[f.end - f.begin for f in s.flights] for s in (found, small)]
     assert len(lasted[0]) == len(lasted[1])
     assert np.array(lasted[0]) / np.array(lasted[1]) == pytest.approx(2.0, rel=0.1)  # as its cube root
@@ -100,7 +100,7 @@ def test_stiffness_and_backlash_add_their_lags() -> None:
     def torque(t: Turning) -> np.ndarray:
         return torque_of(m, t)
 
-    both = motor.slack(time, stiffness, torque, True, GAP)
+    both = Slack.behind(motor, time, stiffness, torque, True, GAP)
     springy, crank = motor.crank(time, stiffness, torque, True), both.at(time)
     here = np.abs(np.abs(springy.theta - crank.theta) - GAP) < 1e-12
     assert np.mean(here) > 0.8
@@ -141,7 +141,7 @@ def test_on_a_course_too(name: str) -> None:
     from scipy.interpolate import CubicSpline
 
     course = CubicSpline(knots, START + SPEED * knots + 0.2 * np.sin(4 * knots))
-    found = Motor(course=course).slack(time, None, lambda t: torque_of(m, t), True, GAP)
+    found = Slack.behind(Motor(course=course), time, None, lambda t: torque_of(m, t), True, GAP)
     crank, told = found.at(time), ~found.landing(time)
     seen = engine(name).simulate(Request(m, time=time, course=(knots, course(knots)))).signals
     assert np.abs(seen[f"{m.driven}_angle"] - crank.theta)[told].max() < 5e-3 * GAP

@@ -10,18 +10,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-if TYPE_CHECKING:
-    from analytic.beyond_paper.drive import Turning
+from analytic.beyond_paper.drive import Motor, Torque, Turning
 
 Amount = TypeVar("Amount", float, np.ndarray)  # one, or many (N,)
 POINTS = 360  # of a revolution, at which the torque is taken
 MOST = 20_000  # of all
-CHUNK = 8  # steps of a flight whose coefficients are taken at once
+SHARE = 0.08  # of the time that a flight is likely to last, for a step
+TINY = 1e-300
+CHUNK = 16  # steps of a flight whose coefficients are taken at once
 LONGEST = 1000  # steps of a flight: the crank then hangs in its gap
 BISECTIONS = 40  # for the end of a flight
 EARLY, LATE = 0.1, 0.5  # of a flight, before and after its end: a landing
@@ -68,7 +69,7 @@ class Slack:
     def __init__(
         self,
         base: Callable[[np.ndarray], Turning],
-        torque: Callable[[Turning], np.ndarray],
+        torque: Torque,
         half_gap: float,
         first: float,
         last: float,
@@ -90,6 +91,21 @@ class Slack:
         self.side = 1.0 if self.loads[1.0][0] >= 0 else -1.0  # on which it begins
         self.flights = list(self._follow())
 
+    @classmethod
+    def behind(
+        cls, motor: Motor, time: np.ndarray, stiffness: float | None, torque: Torque, turns: bool, half_gap: float
+    ) -> Slack:
+        """The crank in half a gap (rad) behind a motor, over times (N,) s; else as :meth:`Motor.crank`."""
+        repeats, first, last = turns and motor.course is None, float(time.min()), float(time.max())
+        if repeats:
+            last = first + 2 * math.pi / abs(motor.speed)
+        begin, end = motor.at(np.array([first, last])).theta.tolist()
+
+        def base(at: np.ndarray) -> Turning:
+            return motor.crank(at, stiffness, torque, turns)
+
+        return cls(base, torque, half_gap, first, last, abs(end - begin) / (2 * math.pi), repeats)
+
     def _follow(self) -> Iterator[Flight]:
         """All flights in their order."""
         now, side, begin = float(self.grid[0]), self.side, float(self.grid[0])
@@ -107,7 +123,7 @@ class Slack:
 
     def _flight(self, begin: float, side: float) -> Flight:
         """The flight that begins on a flank at a time (s)."""
-        h, x, v = self.step, side * self.half_gap, 0.0
+        h, x, v = self._flight_step(begin), side * self.half_gap, 0.0
         path, c = [(x, v)], [[0.0]]
         for k in range(LONGEST):
             if k % CHUNK == 0:
@@ -119,10 +135,19 @@ class Slack:
                 break
         times, (behind, rates) = begin + h * np.arange(len(path)), np.array(path).T
         landed = math.copysign(1.0, x)
-        share = _crossing(h, landed * self.half_gap, *path[-2], x, v) if abs(x) >= self.half_gap else 1.0
+        back_at_once = landed == side and len(path) == 2
+        ends = abs(x) >= self.half_gap and not back_at_once
+        share = _crossing(h, landed * self.half_gap, *path[-2], x, v) if ends else 1.0
         rates[-1] = _hermite(share, h, *behind[-2:], *rates[-2:])[1]
         times[-1], behind[-1] = times[-2] + share * h, np.clip(x, -self.half_gap, self.half_gap)
         return Flight(times, behind, rates, landed)
+
+    def _flight_step(self, begin: float) -> float:
+        """A step (s) for a flight that begins at a time (s): a small share of what it is likely to last."""
+        here, ahead = self.coefficients([begin, begin + self.step])
+        slope, gap = abs(ahead[0] - here[0]) / self.step, self.half_gap * here[3]
+        lasts = min((12 * gap / max(slope, TINY)) ** (1 / 3), (4 * gap / max(abs(here[0]), TINY)) ** (1 / 2))
+        return min(self.step, SHARE * float(lasts))
 
     def _round(self, time: np.ndarray) -> np.ndarray:
         """Times (N,) s as those in the round that is followed."""
@@ -140,7 +165,7 @@ class Slack:
                 x[here], v[here] = flight.at(now[here])
                 t, by_theta, by_omega, inertia = self.coefficients(now[here]).T
                 a[here] = (t - by_theta * x[here] - by_omega * v[here]) / inertia
-        return type(base)(base.theta - x, base.omega - v, base.alpha - a)
+        return Turning(base.theta - x, base.omega - v, base.alpha - a)
 
     def landing(self, time: np.ndarray) -> np.ndarray:
         """Whether the crank is about to land, or has just done so, at times (N,) s: then it depends on what its flanks
@@ -156,7 +181,7 @@ class Slack:
         return found
 
 
-def _coefficients(base: Turning, torque: Callable[[Turning], np.ndarray]) -> np.ndarray:
+def _coefficients(base: Turning, torque: Torque) -> np.ndarray:
     """The torque (N, 4) along a motion, and its derivatives by angle, rate and acceleration."""
     rate = float(np.abs(base.omega).max()) or 1.0
     sizes = NUDGE * np.array([1.0, rate, rate**2])
@@ -164,7 +189,7 @@ def _coefficients(base: Turning, torque: Callable[[Turning], np.ndarray]) -> np.
     beside = [
         np.add.outer(shift, x).ravel() for shift, x in zip(shifts.T, (base.theta, base.omega, base.alpha), strict=True)
     ]
-    now, *there = torque(type(base)(*beside)).reshape(4, -1)
+    now, *there = torque(Turning(*beside)).reshape(4, -1)
     return np.column_stack([now, *((each - now) / size for each, size in zip(there, sizes, strict=True))])
 
 

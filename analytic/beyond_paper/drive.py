@@ -1,5 +1,4 @@
-"""How a motor turns its crank: at a commanded speed, unevenly, along a measured course, through a springy transmission
-or one with backlash.
+"""How a motor turns its crank: at a commanded speed, unevenly, along a measured course, through a springy transmission.
 
 A crank on a spring lags its motor by torque / stiffness, where the torque depends on how the crank itself moves.  The
 steady motion is the fixed point of that; it is found as a Fourier series where the crank turns fully, on knots in time
@@ -17,7 +16,6 @@ from typing import Protocol
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from analytic.beyond_paper.backlash import Slack
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Drive
 from analytic.mechanism.one_line import angles, one_line
@@ -80,17 +78,6 @@ class Motor:
         if turns and self.course is None:
             return self._periodic(time, stiffness, torque)
         return self._stretch(time, stiffness, torque)
-
-    def slack(self, time: np.ndarray, stiffness: float | None, torque: Torque, turns: bool, half_gap: float) -> Slack:
-        """The crank in a gap of its transmission (rad, half of it) over times (N,) s; else as :meth:`crank`."""
-        repeats, first, last = turns and self.course is None, float(time.min()), float(time.max())
-        if repeats:
-            last = first + 2 * math.pi / abs(self.speed)
-        ends = self.at(np.array([first, last])).theta
-        return Slack(
-            lambda at: self.crank(at, stiffness, torque, turns),
-            torque, half_gap, first, last, abs(float(ends[1] - ends[0])) / (2 * math.pi), repeats,
-        )  # fmt: skip
 
     def _periodic(self, time: np.ndarray, stiffness: float, torque: Torque) -> Turning:
         """The lag that repeats every revolution: Newton's method on its values at points of one, with Fourier

@@ -13,6 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from analytic.beyond_paper.backlash import Slack
 from analytic.beyond_paper.drive import Motor, Turning
 from analytic.beyond_paper.freedom import Freedom, swing
 from analytic.kinematics.assembly import Assembly, AssemblyError
@@ -191,7 +192,7 @@ class Model:
             shaft = self._course(run, time) if run.drive == "measured" else motor.at(time)
             crank = shaft
             if half_gap:
-                slack = motor.slack(time, stiffness, torque, turns, half_gap)
+                slack = Slack.behind(motor, time, stiffness, torque, turns, half_gap)
                 crank, landings[len(cranks)] = slack.at(time), slack.landing(time)
             elif stiffness is not None:
                 crank = motor.crank(time, stiffness, torque, turns)
