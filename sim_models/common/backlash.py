@@ -43,13 +43,15 @@ class Felt:
 class Flanks:
     """Half a gap (rad) with flanks of a stiffness (N.m/rad) and damping (N.m.s/rad).
 
-    A flank that ``holds`` is rigid in the long run: within about that time (s) it takes over the torque that its spring
-    carries, and gives no more.
+    ``quickest`` (s) is the shortest time in which they do anything to the linkage.  Flanks that have a time (s) in which
+    one ``holds`` are rigid in the long run: within about that time it takes over the torque that its spring carries,
+    and gives no more.
     """
 
     half_gap: float
     stiffness: float
     damping: float
+    quickest: float
     holds: float = math.inf
     side: float = 0.0  # of the flank that is touched, 1 where the motor drives the crank; 0 in the gap
     held: float = 0.0  # N.m
@@ -59,11 +61,11 @@ class Flanks:
         """The flanks of a mechanism's drive in a run."""
         gap, stated = mechanism.half_gap, mechanism.drive_stiffness
         least, most = float(felt.inertia.min()), float(felt.inertia.max())
-        if stated:
-            return cls(gap, stated, 2 * SPRINGY * math.sqrt(stated * least))
         landing = felt.landing(gap, top_speed)
-        stiffness = least / landing**2
-        return cls(gap, stiffness, 2 * CRITICAL * math.sqrt(stiffness * most), HOLDS * landing)
+        stiffness = stated or least / landing**2
+        damping = 2 * math.sqrt(stiffness) * (SPRINGY * math.sqrt(least) if stated else CRITICAL * math.sqrt(most))
+        quickest = min(math.sqrt(least / stiffness), 2 * least / damping)
+        return cls(gap, stiffness, damping, quickest, math.inf if stated else HOLDS * landing)
 
     @property
     def rigid(self) -> bool:
