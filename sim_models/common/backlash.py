@@ -43,9 +43,9 @@ class Felt:
 class Flanks:
     """Half a gap (rad) with flanks of a stiffness (N.m/rad) and damping (N.m.s/rad).
 
-    ``quickest`` (s) is the shortest time in which they do anything to the linkage.  Flanks that have a time (s) in which
-    one ``holds`` are rigid in the long run: within about that time it takes over the torque that its spring carries,
-    and gives no more.
+    ``quickest`` (s) is the shortest time in which they do anything to the linkage.  Flanks with a time (s) in which one
+    ``holds`` are rigid in the long run: within about that time it takes over the torque that its spring carries, and
+    gives no more.
     """
 
     half_gap: float
