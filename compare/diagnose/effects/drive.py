@@ -12,6 +12,7 @@ from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parame
 
 HARMONICS = range(1, 13)
 PROBED = 5e-4  # rad, half of a gap
+PLAY = 1e-4  # rad, half of a gap of a machine: of smaller ones flights are shorter than a sample
 
 
 class DriveCompliance(Reciprocal):
@@ -100,7 +101,7 @@ class DriveBacklash(Effect):
         return with_drive(mechanism, half_gap=values["half_gap"])
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
-        return Growth(lambda a: {"half_gap": a}, 0.02)
+        return Growth(lambda a: {"half_gap": max(a, PLAY) if a else 0.0}, 0.02)
 
 
 def with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:
