@@ -255,10 +255,11 @@ def crank_angles(assembly: Assembly, given: Numbers | None) -> np.ndarray:
 def rigidly_and_evenly_driven(mechanism: Mechanism) -> Mechanism:
     """The mechanism with a drive as cross-checks have it; warns of what its own has besides."""
     drive = mechanism.drive
-    for field, checks in (("stiffness", "are rigid"), ("ripple", "turn evenly")):
-        if drive is not None and getattr(drive, field) is not None:
+    fields = (("stiffness", "are rigid", None), ("ripple", "turn evenly", None), ("half_gap", "have no backlash", 0.0))
+    for field, checks, none in fields:
+        if drive is not None and getattr(drive, field) != none:
             warnings.warn(f"{mechanism.name}: cross-checks {checks}; drive.{field} is left out", stacklevel=3)
-            drive = drive.model_copy(update={field: None})
+            drive = drive.model_copy(update={field: none})
     return mechanism if drive is mechanism.drive else mechanism.replace(drive=drive)
 
 

@@ -30,8 +30,8 @@ Motion = Literal["driven", "static"]
 Start = Literal["steady", "centred"]
 Feature = Literal[
     "prismatic", "coulomb_friction", "stribeck_friction", "load_friction", "viscous_friction", "drag",
-    "joint_spring", "nonlinear_spring", "contact_friction", "drive_compliance", "periodic_torque", "soft_bearing",
-    "course", "released",
+    "joint_spring", "nonlinear_spring", "contact_friction", "drive_compliance", "backlash", "periodic_torque",
+    "soft_bearing", "course", "released",
 ]  # fmt: skip
 Pair = tuple[JointModel, Motion]
 SettingValue = str | bool | int | float | None | Mapping[str, float]
@@ -49,6 +49,7 @@ IN_WORDS: Mapping[Feature, str] = {
     "nonlinear_spring": "springs in joints that are not linear",
     "contact_friction": "friction in contact",
     "drive_compliance": "drives that yield",
+    "backlash": "drives with backlash",
     "periodic_torque": "torques over the crank angle",
     "soft_bearing": "soft bearings",
     "course": "courses of a motor",
@@ -477,6 +478,8 @@ def needed(request: Request) -> dict[Feature, str]:
         found |= {feature: what for feature, has, what in asked if has and feature not in found}
     if m.drive_stiffness:
         found["drive_compliance"] = f"drive.stiffness = {m.drive_stiffness:g}"
+    if m.half_gap:
+        found["backlash"] = f"drive.half_gap = {m.half_gap:g}"
     if m.periodic_torque is not None:
         found["periodic_torque"] = f"drive.periodic_torque.amplitude = {m.periodic_torque.amplitude:g}"
     if request.course is not None:

@@ -44,6 +44,7 @@ TIMES = np.array([0.012, 0.02, 0.025])  # s
 KNOTS = np.linspace(0.0, 0.03, 7)  # s
 COURSE = FIRST + 5.0 * KNOTS + 60.0 * KNOTS**2  # rad
 COMPLIANCE = 400.0  # N.m/rad
+HALF_GAP = 2e-3  # rad
 
 
 def loaded(case: str) -> Mechanism:
@@ -67,13 +68,14 @@ def mechanism(model: JointModel, feature: Feature | None) -> Mechanism:
     if feature in laws:
         return m.with_joint("A", **laws[feature])
     drive = m.drive.model_dump(exclude_unset=True)
-    if feature == "periodic_torque":
-        return m.replace(drive=drive | {"periodic_torque": {"amplitude": 0.2, "harmonic": 7, "phase": 0.4}})
-    if feature == "drive_compliance":
-        return m.replace(drive=drive | {"stiffness": COMPLIANCE})
-    if feature == "released":
-        return m.replace(drive=drive | {"speed": "free"})
-    return m.replace(drive=drive | {"speed": "measured"}) if feature == "course" else m
+    drives = {
+        "periodic_torque": {"periodic_torque": {"amplitude": 0.2, "harmonic": 7, "phase": 0.4}},
+        "drive_compliance": {"stiffness": COMPLIANCE},
+        "backlash": {"half_gap": HALF_GAP},
+        "released": {"speed": "free"},
+        "course": {"speed": "measured"},
+    }
+    return m.replace(drive=drive | drives[feature]) if feature in drives else m
 
 
 def request(pair: Pair, feature: Feature | None) -> Request:
@@ -157,6 +159,9 @@ def shows(feature: Feature, pair: Pair, seen: dict[str, np.ndarray], without: di
     if feature == "drive_compliance":
         lag = request(pair, feature).crank_angle - crank
         return bool(np.abs(lag).max() > 1e-4 and np.allclose(lag, seen["drive_torque"] / COMPLIANCE, atol=1e-6))
+    if feature == "backlash":
+        lag = request(pair, feature).crank_angle - crank
+        return bool(np.allclose(lag, HALF_GAP * np.sign(seen["drive_torque"]), atol=1e-5))
     changed = [name for name in without if name.startswith("reaction_") or name == "drive_torque"]
     return max(float(np.abs(seen[name] - without[name]).max()) for name in changed) > 1e-3
 
@@ -170,7 +175,7 @@ def test_what_is_declared_runs_and_shows(
     seen = answer(name, what, asked, tmp_path / "with")
     assert all(np.all(np.isfinite(values)) for values in seen.values())
     if feature is not None:
-        alters = feature not in ("prismatic", "course", "released", "drive_compliance")
+        alters = feature not in ("prismatic", "course", "released", "drive_compliance", "backlash")
         without = answer(name, what, request(pair, None), tmp_path / "without") if alters else {}
         assert shows(feature, pair, seen, without)
 

@@ -32,6 +32,7 @@ RECOVERED = {  # effect -> where, values
     "load_torque": ("follower", {"torque": 0.05}),
     "link_flexibility": ("linkage", {"youngs_modulus": 3e10}),
     "drive_compliance": ("drive", {"stiffness": 500.0}),
+    "drive_backlash": ("drive", {"half_gap": 2e-3}),
     "speed_ripple": ("drive", {"amplitude": 1e-3, "harmonic": 3.0, "phase": 0.7}),
     "encoder_offset": ("crank_angle", {"offset": 1e-3}),
     "sensor_bias": ("coupler_x", {"bias": 5e-5}),
@@ -54,9 +55,10 @@ PLAYED_BY = {
     "joint_clearance": "dart",
     "sensor_bias": "dart",
     "load_torque": "dart",
+    "drive_backlash": "dart",
 }  # the others by Exudyn; MuJoCo diagnoses
 # Two take more than ten times what the others take; the others, or their like, are recovered in test_diagnose too.
-SLOW = {"link_flexibility", "drive_compliance"} | {
+SLOW = {"link_flexibility", "drive_compliance", "drive_backlash"} | {
     "payload",
     "link_length",
     "joint_clearance",

@@ -105,6 +105,11 @@ class Mechanism(Part):
         return None if self.drive is None or self.drive.speed == "free" else self.drive.stiffness
 
     @property
+    def half_gap(self) -> float:
+        """Half the backlash (rad) between motor and crank; none without a motor."""
+        return 0.0 if self.drive is None or self.drive.speed == "free" else self.drive.half_gap
+
+    @property
     def speed(self) -> float | None:
         """The drive's constant speed (rad/s), or None if it has none."""
         return self.drive.speed if self.drive is not None and isinstance(self.drive.speed, float) else None

@@ -264,6 +264,7 @@ class Drive(Part):
     speed: Number | Literal["free", "measured"]
     ripple: Ripple | None = None
     stiffness: Positive | None = None  # N.m/rad between motor and crank; left out: rigid
+    half_gap: NotNegative = 0.0  # rad, backlash: the crank's play behind the motor, and as much ahead of it
     periodic_torque: PeriodicTorque | None = None
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from compare.diagnose.data.recording import MeasuredRun
+from compare.diagnose.effects.effect import LANDING
 from compare.diagnose.predict import Hypothesis, Model, Term
 from compare.diagnose.simulate import Simulated, Task, lacking, simulate
 from compare.sweep import spread
@@ -96,6 +97,11 @@ class Engines:
         readings = [o[0] for o in whole]
         if lacks:
             readings = self.completed(readings, hypothesis, lacking(name, [t for t, _ in hypothesis]))
+        drive = self.model.mechanism.drive
+        lands = (drive is not None and drive.half_gap > 0) or any("backlash" in t.effect.needs for t, _ in hypothesis)
+        said = self.model([hypothesis])[0] if lands else None
+        if said is not None:
+            readings = [r | {LANDING: w[LANDING]} if LANDING in w else r for r, w in zip(readings, said, strict=True)]
         return Simulated(name, whole[0][1], readings, settings=tuple(o[2] for o in whole), added=tuple(lacks))
 
     def completed(

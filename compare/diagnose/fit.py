@@ -10,13 +10,15 @@ from typing import Protocol
 import numpy as np
 
 from compare.diagnose.effects.effect import Rig
-from compare.diagnose.least_squares import ROUGHLY, STEPS, Descent
+from compare.diagnose.least_squares import ROUGHLY, SETTLED, STEPS, Descent
 from compare.diagnose.predict import Hypothesis, StartOfRun, Term
 from compare.diagnose.residuals import Data
 
 STEP = 0.01  # of the noise (rms), by which a difference step may change the readings of free motions
 COARSE = 10.0  # times as large a step as wanted is still good enough
 REFINED = 4  # times
+# of chi^2: what a step may gain by leaps of single samples, in fits to be compared and in the last one
+LEAP, LAST_LEAP = 1.0, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +170,8 @@ class Fitter:
         def jacobian(point: np.ndarray, here: np.ndarray) -> np.ndarray:
             return self.jacobian(space, point, here)
 
-        found = Descent(residual, jacobian, space.low, space.high, space.scale, space.group, rough).from_point(
+        settled = (LEAP if rough else LAST_LEAP) if any(t.effect.leaps for t in terms) else SETTLED
+        found = Descent(residual, jacobian, space.low, space.high, space.scale, space.group, rough, settled).from_point(
             joined(x), steps
         )
         if found is None:

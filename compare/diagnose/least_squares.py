@@ -54,6 +54,7 @@ class Descent:
     scale: np.ndarray
     group: np.ndarray
     rough: float = 0.0  # share of the excess below which a decrease does not matter
+    settled: float = SETTLED  # decrease below which nothing is left to gain
 
     def from_point(self, start: np.ndarray, steps: int = STEPS) -> Minimum | None:
         """The minimum that is reached from a start (n,), moved within the bounds; None where that is impossible."""
@@ -83,7 +84,7 @@ class Descent:
         )
         trial = self.point + step
         expected = self._squares - float(np.sum((self.residual + self.slopes @ (trial - self.point)) ** 2))
-        least = SETTLED if self.reluctance == RELUCTANCE else SHOWN
+        least = self.settled if self.reluctance == RELUCTANCE else SHOWN
         if expected < max(least, self.rough * (self._squares - self.residual.size)):
             return self._renewed() or self._less_reluctant()
         new = self.function(trial)

@@ -13,6 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from analytic.beyond_paper.backlash import Slack
 from analytic.beyond_paper.drive import Motor, Turning
 from analytic.beyond_paper.freedom import Freedom, swing
 from analytic.kinematics.assembly import Assembly, AssemblyError
@@ -25,7 +26,7 @@ from analytic.paper.frame import ComplianceError
 from analytic.paper.kinetostatics import Reactions, kinetostatics
 from analytic.paper.superposition import superposed
 from compare.diagnose.data.recording import Measured, MeasuredRun
-from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
+from compare.diagnose.effects.effect import LANDING, Effect, Parameter, Readings, Rig, Values
 from compare.judge.grid import turns_fully
 from compare.judge.signals import with_derived
 
@@ -100,7 +101,10 @@ class Model:
         return altered(self.mechanism if run.loads is None else self.mechanism.replace(loads=run.loads), hypothesis)
 
     def __call__(self, hypotheses: Sequence[Hypothesis]) -> list[list[dict[str, np.ndarray]] | None]:
-        """For each hypothesis the readings of every run, (N,) by signal; None where it is impossible."""
+        """For each hypothesis the readings of every run, (N,) by signal; None where it is impossible.
+
+        Beside them is LANDING: at which samples a crank lands in the gap of its drive, where it has one.
+        """
         moved = {run.name: self.released(run, hypotheses) for run in self.measured.runs if run.drive == "free"}
         return [self._under(h, {run: each[i] for run, each in moved.items()}) for i, h in enumerate(hypotheses)]
 
@@ -123,10 +127,14 @@ class Model:
                     return None
                 wanted = [signal for signal, each in heard_by[r].items() if any(a == age for _, a in each)]
                 seen[r, age] = _aged(motion, wanted, run.time, age)
-        return [
+        readings = [
             sensed(hypothesis, run, {s: mixed(each, {a: seen[r, a] for _, a in each}, s) for s, each in echoes.items()})
             for r, (run, echoes) in enumerate(zip(self.measured.runs, heard_by, strict=True))
         ]
+        for (r, _), signals in seen.items():
+            if LANDING in signals:
+                readings[r][LANDING] = readings[r].get(LANDING, False) | signals[LANDING]
+        return readings
 
     # ---------------------------------------------------------------- driven runs
 
@@ -175,13 +183,21 @@ class Model:
         def torque(turning: Turning) -> np.ndarray:
             return _balanced(assembly, turning).drive_torque
 
-        turns = stiffness is not None and turns_fully(assembly)
-        seen, cranks = [], []
+        half_gap = mechanism.drive.half_gap if mechanism.drive else 0.0
+        turns = bool(stiffness or half_gap) and turns_fully(assembly)
+        seen: list[np.ndarray] = []
+        cranks: list[Turning] = []
+        landings: dict[int, np.ndarray] = {}
         for run, told, jitter in motions:
             motor = self.motor(run, mechanism)
             time = told - run.time + read_at(run, self.rig.encoder, motor, jitter) if jitter else told
             shaft = self._course(run, time) if run.drive == "measured" else motor.at(time)
-            crank = shaft if stiffness is None else motor.crank(time, stiffness, torque, turns)
+            crank = shaft
+            if half_gap:
+                slack = Slack.behind(motor, time, stiffness, torque, turns, half_gap)
+                crank, landings[len(cranks)] = slack.at(time), slack.landing(time)
+            elif stiffness is not None:
+                crank = motor.crank(time, stiffness, torque, turns)
             # what the encoder reads is what says of the jitter: it is no reading beside it
             seen.append(turned_by(run, self._course(run, told) if jitter else shaft, hypothesis).theta)
             turned = turned_by(run, crank, hypothesis)
@@ -193,6 +209,8 @@ class Model:
             found = [derived(assembly, crank) for crank in cranks]
         else:
             found = _parted(derived(assembly, _joined(cranks)), [crank.theta.size for crank in cranks])
+        for k, landing in landings.items():
+            found[k][LANDING] = landing
         return [signals | {self.rig.encoder: angle} for signals, angle in zip(found, seen, strict=True)]
 
     def _course(self, run: MeasuredRun, time: np.ndarray) -> Turning:

@@ -10,11 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import lfilter
 
-from analytic.mechanism.signals import wrapped
+from analytic.mechanism.signals import Signal, wrapped
 from compare.diagnose.data.recording import Measured, MeasuredRun
+from compare.diagnose.effects.effect import LANDING
 
 FOLDS = 6
 SEGMENTS = 18  # of a run; every FOLDS-th one is held out together
+SPIKE = 3.5  # of the usual size (rms) of a sensor's residual: no sample in which a crank lands is off by more
 TURNS = 3  # of every run, from which on whole revolutions can be held out
 
 
@@ -100,6 +102,7 @@ class Data:
         self.turn = self._turns()
         wraps = {name: signal.wraps for name, signal in measured.signals.items()}
         self.turning = np.concatenate([np.full(p.used.size, wraps[p.signal]) for p in self.parts])
+        self.sudden = {name: _sudden(signal) for name, signal in measured.signals.items()}
         self.size = at
         self.shared = np.zeros((at, 0)) if shared is None else shared
         self.shift = np.zeros(at)  # what an engine's differing from the model takes off the residual
@@ -183,11 +186,19 @@ class Data:
     def residual(self, readings: Sequence[Mapping[str, np.ndarray]]) -> np.ndarray:
         """(measured - predicted) / noise, (size,); angles modulo a turn.  Where the model has no answer, straight lines
         between its answers are taken.
+
+        What a landing crank does to forces and rates nobody foretells: under a hypothesis that has one land, such a
+        sample is off by no more than SPIKE times what its sensor's others are off (rms) under the same.
         """
         predicted = np.concatenate([bridged(readings[p.run][p.signal])[p.used] for p in self.parts])
         difference = self.values - predicted
         difference[self.turning] = wrapped(difference[self.turning])
-        return self._white(self._told(difference / self.sigma)) - self.shift
+        left = difference / self.sigma
+        for part in self.parts:
+            landing = readings[part.run].get(LANDING)
+            if landing is not None and self.sudden[part.signal]:
+                left[part.place] = _spared(left[part.place], landing[part.used])
+        return self._white(self._told(left)) - self.shift
 
     def columns(self, changes: np.ndarray) -> np.ndarray:
         """What columns (size, k) of readings over their noise do to the residual, but for the sign."""
@@ -198,6 +209,18 @@ class Data:
             return residual
         shared = (self._basis.T @ residual).T * self._less
         return np.asarray(residual + self._basis @ shared.T)
+
+
+def _sudden(signal: Signal) -> bool:
+    """Whether an impact makes a signal jump."""
+    return signal.kind in ("reaction", "drive", "rate")
+
+
+def _spared(left: np.ndarray, landing: np.ndarray) -> np.ndarray:
+    """A sensor's residual (N,), no larger than usual times SPIKE where a crank lands (N,) bool."""
+    others = left[~landing]
+    most = SPIKE * max(1.0, math.sqrt(float(np.mean(others**2)))) if others.size else math.inf
+    return np.where(landing, np.clip(left, -most, most), left)
 
 
 def turned(run: MeasuredRun, encoder: str) -> np.ndarray | None:

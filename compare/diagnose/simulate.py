@@ -24,7 +24,9 @@ from compare.diagnose.predict import (
     sensed,
     turned_by,
 )
+from compare.judge.grid import turns_fully
 from compare.judge.signals import with_derived
+from sim_models.common.backlash import SETTLED
 from sim_models.engine import (
     Engine,
     JointModel,
@@ -113,7 +115,10 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
         request = Request(mechanism, _joint_model(mechanism), "driven", time=times, course=(knots, angles))
     else:
         mechanism = mechanism.replace(drive=fields | {"speed": float(run.speed or 0.0)})
-        request = Request(mechanism, _joint_model(mechanism), "driven", crank_angle=motor.at(times).theta)
+        lead_in = SETTLED if mechanism.half_gap and turns_fully(Assembly(mechanism)) else 0.0
+        request = Request(
+            mechanism, _joint_model(mechanism), "driven", crank_angle=motor.at(times).theta, lead_in=lead_in
+        )
     trace = _run(chosen, request)
     return trace, with_derived(trace.signals, mechanism) | {
         task.rig.encoder: turned_by(run, motor.at(times), task.hypothesis).theta

@@ -261,6 +261,7 @@ MEANS = {
     ("Elasticity", "rotation"): "N.m/rad about x and y",
     ("Drive", "joint"): "a revolute joint on the ground",
     ("Drive", "speed"): 'rad/s, constant; or `"free"` (released at the assembly angles) or `"measured"` (follows data)',
+    ("Drive", "half_gap"): "rad, backlash: the crank's play behind the motor, and as much ahead of it",
     ("Drive", "ripple"): "unevenness of the motor, see below",
     ("Drive", "periodic_torque"): "on the driven body over its angle, see below",
     ("PeriodicTorque", "amplitude"): "N.m",

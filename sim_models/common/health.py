@@ -60,6 +60,7 @@ from sim_models.engine import Cause, Request, SimulationError, Trace
 
 DAMPERS = 2.0  # a soft bearing's dampers at most, over what its force is off its spring's
 FREE = 0.1  # of the clearance, inside of the rim: a pin farther inside touches nothing in any engine
+LANDING, TOUCHED = 0.5, 1e-4  # of half a drive's gap, and rad, beyond it: a crank's depth in its flank as it lands
 # of a moving run's instants: where pins fly they touch and leave, and one such instant does not make the run wrong
 RARE = 5e-3
 # Of one equation of small displacements: its right side (N,), and by body how x and y (complex) and the angle enter it.
@@ -264,8 +265,9 @@ def crank(seen: Seen) -> Iterator[Miss]:
     stiffness = m.drive_stiffness
     behind = seen.signal("drive_torque") / stiffness if stiffness else 0.0
     off = np.abs(np.exp(1j * (seen.angle(name) + behind - motor)) - 1)
-    yield Miss("crank", f"the crank {name!r} is not where its motor has it", off, 1.0, "rad")
-    if not stiffness and not seen.still and m.speed:
+    free = (1 + LANDING) * m.half_gap + TOUCHED if m.half_gap else 0.0
+    yield Miss("crank", f"the crank {name!r} is not where its motor has it", np.maximum(off - free, 0.0), 1.0, "rad")
+    if not stiffness and not m.half_gap and not seen.still and m.speed:
         yield Miss(
             "speed",
             f"the crank {name!r} does not turn as its motor",

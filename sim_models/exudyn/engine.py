@@ -28,7 +28,8 @@ from sim_models.exudyn.settings import console_off
 
 RUNS: tuple[Pair, ...] = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
 BENDING: tuple[Pair, ...] = tuple((model, motion) for model in ("ideal", "contact") for motion in MOTIONS)
-HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction"}  # no law of a joint sees another's reaction
+# No law of a joint sees another's reaction; one-sided laws between a motor and its crank would be slow in Python.
+HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "backlash"}
 # Friction of a pin on its rim falls to zero with its sliding speed: at rest there is none.
 AT_REST: frozenset[tuple[Feature, Pair]] = frozenset({("contact_friction", ("contact", "static"))})
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint
+from sim_models.common.backlash import Flanks, side
 from sim_models.common.contact_laws import bearing, contact_parameters
 from sim_models.common.motor import motor_of
 from sim_models.common.start import AT_REST, Pose
@@ -47,7 +48,9 @@ class LeapfrogWorld(ABC):
         self.request = request
         self.static, self.motor = request.motion == "static", motor_of(request)
         self.speed = m.speed or 0.0  # rad/s; its sign is the direction of friction and of the angles at rest, too
-        self.drive_stiffness = m.drive_stiffness or 0.0
+        self.drive_stiffness = m.drive_stiffness or 0.0  # N.m/rad; of a moving drive with backlash, its flanks'
+        self.flanks: Flanks | None = None  # of a moving drive with backlash
+        self.was_behind: float | None = None  # rad, its crank when the last step began
         self.held = (
             self.static or self.motor is not None
         )  # the crank's motion is prescribed: of a drive that yields, until the run begins
@@ -214,8 +217,17 @@ class LeapfrogWorld(ABC):
         elif self.held:
             self.command = (self.aim - self.angle(self.mechanism.driven)) / h
         else:
-            self.motor_torque = self.drive_stiffness * (self.aim - self.angle(self.mechanism.driven))
+            behind = self.aim - self.angle(self.mechanism.driven)
+            self.motor_torque = self.drive_stiffness * behind
+            if self.flanks is not None:
+                rate = 0.0 if self.was_behind is None else (behind - self.was_behind) / h
+                self.motor_torque, self.was_behind = self.flanks.torque(behind, rate, h), behind
             self.turn(self.mechanism.driven, self.motor_torque)
+
+    def behind(self, torque: float) -> float:
+        """How far (rad) the crank is behind a motor that gives it a torque (N.m) without end."""
+        give = torque / self.drive_stiffness if self.drive_stiffness else 0.0
+        return give + (side(torque) * self.mechanism.half_gap if self.mechanism.half_gap else 0.0)
 
     def pull(self, joint: Joint, force: complex) -> None:
         """Apply a force (N) on a joint's second body at its pin, and the opposite on the first."""

@@ -7,7 +7,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
+from sim_models.common.backlash import Felt, Flanks
 from sim_models.common.contact_laws import TOO_DEEP, shortest_link
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
@@ -17,7 +19,7 @@ from sim_models.common.silence import silence
 from sim_models.common.start import check_steps
 from sim_models.engine import Cause, Request, SimulationError, Trace, Unsupported, installed_version
 from sim_models.leapfrog.bodies import WARM_UP, LeapfrogWorld
-from sim_models.leapfrog.courses import Changes, Grid, Path, moving, near
+from sim_models.leapfrog.courses import Behind, Changes, Grid, Path, moving, near
 from sim_models.leapfrog.equilibria import Equilibria
 from sim_models.leapfrog.probe import PROBE, drive_inertia, forces_at
 from sim_models.leapfrog.steps import longest_step
@@ -25,6 +27,7 @@ from sim_models.leapfrog.steps import longest_step
 JOURNAL_SAMPLES = 4000  # at least, where a run has as many steps
 AT_REST = 1e-9  # rad, of a crank on a spring
 OFF_COURSE = 1e-7  # rad, what a rigidly driven crank may be off its course
+FELT = 37  # instants of a run at which what a motor feels is asked for
 HEEDED_STEPS = 30  # before a report, in which friction settles where the motion does not depend on it
 HELD = 1e-3  # of the largest reaction: what one-sided pins and rods may differ by where both hold the same equilibrium
 
@@ -87,15 +90,14 @@ def _rest(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None, moto
             each.laws.set_sliding(each.assembly, theta, -1.0 if each.speed < 0 else 1.0)
         row = _one_sided(found, rods, theta) if rods else _still(world, theta, found.gaps(ConstantSpeed(theta), 0.0))
         _check_depth(world, theta)
-        lagging = motor - row["drive_torque"] / world.drive_stiffness if world.drive_stiffness else theta
+        lagging = motor - world.behind(row["drive_torque"])
         if abs(lagging - theta) < AT_REST:
             return row
         theta = lagging
     raise SimulationError(
-        f"{world.engine}: no rest of the crank on its drive.stiffness was found near crank angle"
-        f" {np.degrees(motor):.6g} deg",
+        f"{world.engine}: no rest of the crank on its drive was found near crank angle {np.degrees(motor):.6g} deg",
         Cause.NO_EQUILIBRIUM,
-        "give a stiffer drive, or smaller loads",
+        "give a stiffer drive, one with less backlash, or smaller loads",
     )
 
 
@@ -156,6 +158,10 @@ class Plan:
 def _moving(world: LeapfrogWorld, found: Equilibria) -> Trace:
     """Drive the crank, or release it, and observe on the way."""
     request, plan = world.request, Plan.of(world)
+    if world.mechanism.half_gap:
+        felt = _felt(world, found, plan)
+        world.flanks = Flanks.of(world.mechanism, felt, plan.motor.top_speed)
+        world.drive_stiffness = world.flanks.stiffness
     longest = request.step or longest_step(world, plan.motor.angle(plan.begin), found.peaks(plan.motor, plan.seen))
     check_steps(
         f"{world.engine} {request.joint_model} ({world.mechanism.name})", float(plan.times.max()) - plan.begin, longest
@@ -173,13 +179,24 @@ def _moving(world: LeapfrogWorld, found: Equilibria) -> Trace:
     return replace(trace, free_share=tally.free_share(), journal=tally.journal())
 
 
+def _felt(world: LeapfrogWorld, found: Equilibria, plan: Plan) -> Felt:
+    """What the motor feels of the ideal linkage in the run."""
+    times = np.linspace(plan.begin, float(plan.times.max()), FELT)
+    torques = [found.ideal_forces(plan.motor, t)[1] for t in times.tolist()]
+    inertias = [drive_inertia(world, angle) for angle in plan.motor.angles(times).tolist()]
+    return Felt(times, np.array(torques), np.array(inertias))
+
+
 def _start(world: LeapfrogWorld, found: Equilibria, plan: Plan, grid: Grid) -> None:
     """Bring the linkage to its first poses, a crank that will lag its motor with the speed and acceleration of its
     steady motion.
     """
     begin = grid.begin
     crank: Path = plan.motor
-    if world.drive_stiffness:
+    if world.flanks is not None:
+        _, torque = found.ideal_forces(plan.motor, begin)
+        crank = Behind(plan.motor, Polynomial([world.flanks.carry(torque)]))
+    elif world.drive_stiffness:
         crank = found.lagging(plan.motor, begin, world.drive_stiffness, drive_inertia(world, plan.motor.angle(begin)))
     steady = world.request.start == "steady"
     bodies = found.steady(crank, begin) if steady else moving(world.assembly, crank, begin)

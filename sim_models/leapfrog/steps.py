@@ -24,7 +24,9 @@ def longest_step(world: LeapfrogWorld, theta: float, peaks: Mapping[str, float])
     (N).
     """
     step = FREE_STEP if world.motor is None else duration(world.motor, STEP_ANGLE)
-    if world.drive_stiffness:
+    if world.flanks is not None:
+        step = min(step, DRIVE_PHASE * world.flanks.quickest)
+    elif world.drive_stiffness:
         step = min(step, DRIVE_PHASE * math.sqrt(drive_inertia(world, theta) / world.drive_stiffness))
     for name, pin in world.pins.items():
         mass = pin_mass(world, pin.joint, theta)

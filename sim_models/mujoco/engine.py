@@ -22,7 +22,9 @@ class MujocoEngine(Engine):
 
     name = "mujoco"
     package = "mujoco"
-    capabilities = Capabilities(rigid=Scope.of(RUNS), export=Scope.of(RUNS, set(FEATURES) - {"load_friction"}))
+    capabilities = Capabilities(
+        rigid=Scope.of(RUNS), export=Scope.of(RUNS, set(FEATURES) - {"load_friction", "backlash"})
+    )
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""

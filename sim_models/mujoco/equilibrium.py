@@ -23,6 +23,7 @@ from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.passive import felt
 from sim_models.mujoco.state import HEEDINGS, contact_rows, gap, heed, joint_forces, signals, touch, unheeded
+from sim_models.mujoco.steady import STENCIL, derivative
 
 NUDGE = 1e-7  # rad or m, of difference quotients
 SETTLED = 1e-9  # rad, or m over the linkage's size: Newton's last step; the error left is its square
@@ -193,6 +194,20 @@ class Equilibria:
                 return found
             q = found.q
         raise unheeded(link)
+
+    def felt(self, theta: float, rate: float, spin_up: float) -> tuple[float, float]:
+        """The torque (N.m) that a motor on a spring gives the ideal linkage in this motion (rad, rad/s, rad/s^2), and
+        the inertia (kg.m^2) that it feels; by virtual work.
+        """
+        link, angles = self.ideal, theta + STENCIL
+        q = np.array([link.placed(poses(self.assembly, at)) for at in angles])
+        slope = derivative(STENCIL)
+        turn, bend = (slope @ q)[2], (slope @ slope @ q)[2]
+        turn[link.motor] = bend[link.motor] = 0.0
+        here = balance(link, q[2], turn * rate, bend * rate**2 + turn * spin_up, self.slip(theta))
+        carried = np.zeros(turn.size)
+        mujoco.mj_mulM(link.model, link.data, carried, turn)
+        return float(turn @ here.load), float(turn @ carried)
 
     def reactions(self, theta: float, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> dict[str, complex]:
         """Reactions (N) of the ideal linkage at the joints with clearance, in this state of motion."""

@@ -25,6 +25,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from analytic.mechanism import GROUND, Joint, Mechanism
+from sim_models.common.backlash import HOLDS, Flanks
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import slide_travel
 from sim_models.common.tree import Branch
@@ -37,6 +38,7 @@ SMALLEST_INERTIA = 1e-14  # kg.m^2, for a point mass: MuJoCo accepts no less tha
 # contact's force
 SOLVED = 1e-24
 SETTLING = 8.0  # time constant of rigid rows, in steps: at 4 the stages of a step leave 17 times the error in forces
+LANDED = 1.2  # damping ratio of a crank that lands on a flank of its drive: no bounce
 STICKING = 4.0  # of friction's rows, which are the sharper the shorter it is
 
 
@@ -55,7 +57,8 @@ class Setting:
     ``rows`` says what closes the joints that are not ideal; with ``"spring"`` the spring-damper also pulls: a smooth
     stand-in, to find where the real one rests.  ``step`` (s) is the longest step, ``hold`` whether a motor sets the
     driven body's angle, ``follows`` whether along a course: the last actuator then gives it the acceleration (rad/s^2)
-    that is its activation.  ``friction`` is whether the joints' own laws have theirs.
+    that is its activation.  ``friction`` is whether the joints' own laws have theirs; ``flanks`` are those of a drive
+    with backlash, which else is a spring in both directions: the smooth stand-in for one flank.
     """
 
     rows: str
@@ -63,6 +66,7 @@ class Setting:
     hold: bool = True
     friction: bool = True
     follows: bool = False
+    flanks: Flanks | None = None
 
     @property
     def stepped(self) -> bool:
@@ -223,7 +227,12 @@ class Description:
         if not self.compliant:
             return ""
         crank = f'<joint joint="{self.mechanism.driven}" coef="1"/><joint joint="drive:motor" coef="-1"/>'
-        return f'<fixed name="drive:spring" stiffness="{self.stiffness!r}" springlength="0">{crank}</fixed>'
+        law = f'stiffness="{self.stiffness!r}" springlength="0"'
+        if (flanks := self.setting.flanks) is not None:
+            law = f'limited="true" range="{-flanks.half_gap!r} {flanks.half_gap!r}"'
+            if flanks.rigid:
+                law += f' solreflimit="{_numbers(flanks.holds / HOLDS, LANDED)}" solimplimit="{RIGID}"'
+        return f'<fixed name="drive:spring" {law}>{crank}</fixed>'
 
     def _links(self) -> str:
         if self.setting.rows == "contact":

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from analytic.mechanism import Body, Joint, Mechanism
+from sim_models.common.backlash import Flanks
 from sim_models.common.contact_laws import PIN_RADIUS, KelvinVoigt, bearing
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
@@ -49,7 +50,7 @@ class Part:
     form: np.ndarray  # angle less fixed_angle, over qpos
 
 
-def spring(law: Contact | KelvinVoigt, invweight: float) -> tuple[list[float], list[float]]:
+def spring(law: Contact | KelvinVoigt | Flanks, invweight: float) -> tuple[list[float], list[float]]:
     """solref and solimp of a row whose force is K d + C d'; the factor cancels MuJoCo's scaling by impedance, mass."""
     scale = (1 - SOFT) * invweight
     return [-law.stiffness * scale, -law.damping * scale], [SOFT, SOFT, 1e-3, 0.5, 2]
@@ -178,6 +179,10 @@ class MujocoLinkage:
             e, bodies = m.equality(name).id, m.site_bodyid[list(self.sites[name])]
             invweight = max(float(m.body_invweight0[bodies, 0].sum()), mujoco.mjMINVAL)
             m.eq_solref[e], m.eq_solimp[e] = spring(law, invweight)
+        flanks = self.setting.flanks
+        if flanks is not None and not flanks.rigid:
+            t = m.tendon("drive:spring").id
+            m.tendon_solref_lim[t], m.tendon_solimp_lim[t] = spring(flanks, float(m.tendon_invweight0[t]))
         if self.setting.rows == "spring-damper":
             for name in self.contacts:
                 t = m.tendon(name).id

@@ -10,9 +10,11 @@ import mujoco
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.mechanism import Mechanism
+from sim_models.common.backlash import HOLDS, Felt, Flanks, side
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
-from sim_models.common.motor import Motor, motor_of, report_times
+from sim_models.common.motor import ConstantSpeed, Motor, motor_of, report_times
 from sim_models.common.rates import part_rates
 from sim_models.common.start import poses
 from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace
@@ -38,6 +40,9 @@ SAMPLES_AT_REST = 150  # of a static run's
 SOFT_PHASE = 0.4  # rad of a soft bearing's own vibration in a step
 BOUNCE = 0.4  # of a bounce's period/2 pi, for a step
 FINE_BOUNCE = 0.1  # where the mechanism asks for a restitution
+FELT = 37  # instants of a run at which what a motor feels is asked for
+STILL = 1e-8  # rad, what the flanks of a drive with backlash give where its equilibria are sought
+LANDING = 0.2  # of the time constant of a crank's landing, for a step
 HALVINGS = 5  # of the step, before a run with rigid joints coming apart is given up
 
 
@@ -50,6 +55,8 @@ class MujocoRun:
     def __init__(self, request: Request) -> None:
         self.request, self.mechanism = request, request.mechanism
         self.motor = motor_of(request)
+        self.flanks: Flanks | None = None  # of a drive with backlash; mechanism and request then have a spring for one
+        self.shift = 0.0  # rad, by which the motor leads a crank with backlash where the run begins, beside the spring
         self.follows = self.motor is not None and not self.motor.constant_speed
         self.steering = Steering()
         self.assembly = Assembly(self.mechanism)
@@ -59,9 +66,27 @@ class MujocoRun:
     def trace(self) -> Trace:
         """Run the request."""
         with own_start("mujoco", self.request, self.assembly):
+            if self.mechanism.half_gap:
+                self.give_flanks()
             if self.request.motion == "static":
                 return self.static()
             return self.free() if self.motor is None else self.driven(self.motor)
+
+    def give_flanks(self) -> None:
+        """Make the flanks of a drive with backlash, and find the one that carries the crank at first."""
+        m, motor = self.mechanism, self.motor or ConstantSpeed(float(self.request.crank_angle[0]))
+        last = motor.begin + 1.0 if self.motor is None else float(report_times(self.request, motor).max())
+        times = np.linspace(motor.begin, last, FELT)
+        near = Equilibria(
+            replace(self.request, mechanism=_on_spring(m, 1.0), joint_model="ideal"),
+            self.assembly, {}, self.direction, motor.angle(motor.begin), STATIC_STEP,
+        )  # fmt: skip
+        felt = np.array([near.felt(*at) for at in zip(*(motor.angles(times, n) for n in range(3)), strict=True)])
+        self.flanks = Flanks.of(m, Felt(times, *felt.T), motor.top_speed or 1.0)
+        rigid = float(np.abs(felt[:, 0]).max()) / STILL
+        self.mechanism = _on_spring(m, max(rigid, 1.0) if self.flanks.rigid else self.flanks.stiffness)
+        self.request = replace(self.request, mechanism=self.mechanism)
+        self.shift = side(felt[0, 0]) * m.half_gap
 
     def near(self, theta: float, step: float = STATIC_STEP) -> Equilibria:
         """Equilibria near a crank angle, with rows as rigid as at this step."""
@@ -71,7 +96,7 @@ class MujocoRun:
         """Equilibrium at each crank angle, and between them for the journals' paths."""
         theta = self.request.crank_angle
         near = self.near(float(theta[0]))
-        found = {at: near.at_rest(at) for at in theta.tolist()}
+        found = {at: self.at_rest(near, at) for at in theta.tolist()}
         log = Log.of(self.laws)
         for at in _filled(theta).tolist() if self.laws else ():
             try:
@@ -85,13 +110,23 @@ class MujocoRun:
         columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
         return self.report(theta, None, columns, log, {"step": None, "start": "equilibrium"})
 
+    def at_rest(self, near: Equilibria, theta: float) -> dict[str, float]:
+        """Signals of the equilibrium with the motor at an angle (rad).  Raises SimulationError."""
+        if self.flanks is None:
+            return near.at_rest(theta)
+        for flank in (1.0, -1.0):
+            seen = near.at_rest(theta - flank * self.flanks.half_gap)
+            if side(seen["drive_torque"]) == flank:
+                return seen
+        raise near.failed(Cause.NO_EQUILIBRIUM, "the crank rests on neither flank of its drive", theta)
+
     def begin(
         self, steering: AtConstantSpeed | AlongCourse, step: float | None = None
     ) -> tuple[np.ndarray, np.ndarray, float, str]:
         """Coordinates, velocities, step (s; the longest that is in order, where none is given) and kind of a driven
         run's start.
         """
-        angles, here = steering.stencil.angles, steering.stencil.here
+        angles, here = steering.stencil.angles - self.shift, steering.stencil.here
         near = self.near(angles[here])
         rate = derivative(steering.stencil.instants)
         q = np.array([near.place(near.ideal, at) for at in angles])
@@ -111,6 +146,9 @@ class MujocoRun:
             q, how = (q, "pressed where the ideal linkage's reaction points") if settled is None else (settled, how)
         v = (rate @ q)[here]
         v[near.pressed.motor] = steering.motor.rate(steering.motor.begin)
+        if self.flanks is not None:
+            q[here, near.pressed.motor] += self.shift
+            return q[here], v, step, how
         rigid = not (self.laws or near.pressed.soft)
         if near.pressed.description.compliant and rigid and steering.period is not None:
             setting = Setting("ideal", step, follows=self.follows)
@@ -152,10 +190,12 @@ class MujocoRun:
                 limits.append(
                     (FINE_BOUNCE if asked else 2 * BOUNCE) / max(math.sqrt(law.stiffness * ease), law.damping * ease)
                 )
+        if self.flanks is not None and self.flanks.rigid:
+            limits.append(LANDING * self.flanks.holds / HOLDS)
         for name, spring in link.soft.items():
             ease = mobility(link, q, name)
             limits.append(SOFT_PHASE / max(math.sqrt(spring.stiffness * ease), spring.damping * ease))
-        return self.request.step or min(*limits, 0.5 / max(stiffest_law(link, q), 1e-9))
+        return self.request.step or min(*limits, 0.5 / max(stiffest_law(link, q, self.flanks), 1e-9))
 
     def driven(self, motor: Motor) -> Trace:
         """The motor turns, at constant speed or along its course.  Without crank angles in the request, those reported
@@ -214,7 +254,7 @@ class MujocoRun:
         request's.
         """
         for attempt in range(HALVINGS + 1):
-            setting = Setting(self.request.joint_model, step, hold=self.motor is not None, follows=self.follows)
+            setting = Setting(self.request.joint_model, step, self.motor is not None, True, self.follows, self.flanks)
             link = MujocoLinkage(self.mechanism, self.laws, poses(self.assembly, theta), setting)
             try:
                 signals, log, self.record = march(self.request, link, self.steering, state, marks, lead)
@@ -272,3 +312,9 @@ def _filled(theta: np.ndarray) -> np.ndarray:
         return theta
     between = np.linspace(theta[0], theta[-1], SAMPLES_AT_REST)
     return np.unique(np.concatenate([theta, between]))
+
+
+def _on_spring(mechanism: Mechanism, stiffness: float) -> Mechanism:
+    """The mechanism with a spring (N.m/rad) in place of its drive's backlash."""
+    assert mechanism.drive is not None
+    return mechanism.replace(drive=mechanism.drive.model_copy(update={"half_gap": 0.0, "stiffness": stiffness}))

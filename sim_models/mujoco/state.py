@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from analytic.mechanism import GROUND
+from sim_models.common.backlash import Flanks
 from sim_models.common.rates import rate_columns
 from sim_models.engine import Cause, SimulationError
 from sim_models.mujoco.model import CONTACT_ROWS, ROW, MujocoLinkage
@@ -298,8 +299,8 @@ def mobility(link: MujocoLinkage, q: np.ndarray, name: str) -> float:
     return float(np.linalg.eigvalsh(across @ eased.T).max())
 
 
-def stiffest_law(link: MujocoLinkage, q: np.ndarray) -> float:
-    """Highest rate (1/s) of a joint's spring or damper, or of the drive's spring."""
+def stiffest_law(link: MujocoLinkage, q: np.ndarray, flanks: Flanks | None = None) -> float:
+    """Highest rate (1/s) of a joint's spring or damper, or of the drive's spring unless it stands for rigid flanks."""
     m, d = link.model, link.data
     d.qpos[:] = q
     mujoco.mj_fwdPosition(m, d)
@@ -312,7 +313,7 @@ def stiffest_law(link: MujocoLinkage, q: np.ndarray) -> float:
         falling = (j.stiction - j.coulomb) / j.stribeck_speed if j.stribeck_speed else 0.0
         damping = j.damping + 2 * j.drag * speed * (link.size if j.prismatic else 1.0) + falling
         laws.append((stiffness, damping, form))
-    if link.description.compliant:
+    if link.description.compliant and not (flanks and flanks.rigid):
         laws.append((link.description.stiffness, 0.0, link.form[link.mechanism.driven]))
     rates = [0.0]
     for stiffness, damping, form in laws:

@@ -29,7 +29,7 @@ class BulletEngine(Engine):
     package = "pybullet"
     capabilities = Capabilities(
         rigid=Scope.of(RUNS, HAS, but=QUICKER),
-        export=Scope.of(RUNS, HAS - {"course", "drive_compliance", "soft_bearing", "load_friction"}),
+        export=Scope.of(RUNS, HAS - {"course", "drive_compliance", "backlash", "soft_bearing", "load_friction"}),
     )
 
     def simulate(self, request: Request) -> Trace:

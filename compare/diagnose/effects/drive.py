@@ -1,15 +1,19 @@
-"""Effects in the drive: a motor that is springy, turns unevenly or pulls unevenly."""
+"""Effects in the drive: a motor that is springy, turns or pulls unevenly, or has backlash."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from analytic.mechanism import Mechanism, PeriodicTorque, Ripple
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Reciprocal, Rig, Values, Wave
 
 HARMONICS = range(1, 13)
 OF_TORQUE = range(1, 25)  # poles and teeth are many
+PROBED = 5e-4  # rad, half of a gap
+PLAY = 1e-4  # rad, half of a gap of a machine: of smaller ones flights are shorter than a sample
 
 
 class DriveCompliance(Reciprocal):
@@ -103,6 +107,37 @@ class TorqueWave(Wave):
         return Growth(lambda a: {"amplitude": a * rig.torque, "harmonic": harmonic, "phase": phase}, 0.5, harmonic)
 
 
+class DriveBacklash(Effect):
+    """A gap between motor and crank: the crank lies half of it behind its motor, or ahead where it drives the motor,
+    and flies across where the torque changes its sign.
+    """
+
+    name = "drive_backlash"
+    place = "drive"
+    label = "backlash in the drive"
+    meaning = "the drive has backlash"
+    hiding = Hiding(exclusive=True, sets="machines", makers={"mujoco": 1.0, "dart": 0.3})
+    needs = frozenset({"backlash"})
+    slow = True
+    leaps = True
+    parameters = (Parameter("half_gap", "rad", "angle", 0.0),)
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return ["drive"] if rig.driven and not (rig.mechanism.drive and rig.mechanism.drive.half_gap) else []
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-4,)  # in smaller steps what lands a sample sooner would drown what the crank lags
+
+    def probes(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return np.array([[PROBED]])  # flights are the longer beside what the crank lags the smaller the gap is
+
+    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
+        return with_drive(mechanism, half_gap=values["half_gap"])
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        return Growth(lambda a: {"half_gap": max(a, PLAY) if a else 0.0}, 0.02)
+
+
 def with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:
     """The mechanism with fields of its drive, which follows data where it has none."""
     drive = (
@@ -113,4 +148,4 @@ def with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:
     return mechanism.replace(drive=drive | fields)
 
 
-EFFECTS: tuple[Effect, ...] = (DriveCompliance(), SpeedRipple(), TorqueWave())
+EFFECTS: tuple[Effect, ...] = (DriveCompliance(), SpeedRipple(), TorqueWave(), DriveBacklash())

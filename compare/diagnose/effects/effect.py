@@ -27,6 +27,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal, named
 from sim_models.engine import Engine
 
+LANDING = "landing"  # beside the readings of a run: at which samples (N,) bool a crank lands in the gap of its drive
 Place = Literal["linkage", "body", "ground point", "joint", "drive", "signal", "run"]
 Values = Mapping[str, float]
 Readings = Mapping[str, np.ndarray]
@@ -174,6 +175,7 @@ class Effect(ABC):
     slow: ClassVar[bool] = (
         False  # takes the analytic model far longer than others, and changes their sensitivities little
     )
+    leaps: ClassVar[bool] = False  # single samples leap as its values move: fits of it end where only leaps are left
     scatters: ClassVar[bool] = (
         False  # all that it does is scatter: no more than noise where the gap is closed without it
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from compare.diagnose.effects.effect import LANDING
 from compare.diagnose.predict import Term
 from compare.diagnose.propose.places import EFFECTS
 from compare.diagnose.propose.proposal import Proposal
@@ -46,4 +47,4 @@ def _changes(p: Proposal, name: str) -> dict[str, np.ndarray]:
     step = float(effect.scales(scene.rig, p.place.where)[0])
     term = Term(effect, p.place.where), {effect.parameters[0].name: step}
     there, here = scene.moved(run, [*scene.hypothesis, term]), scene.signals[name]
-    return {s: (there[s] - here[s]) / step * p.found.values[r] for s in here}
+    return {s: (there[s] - here[s]) / step * p.found.values[r] for s in here if s != LANDING}

@@ -7,6 +7,7 @@ import numpy as np
 from analytic.mechanism import Mechanism
 from compare.evidence.scoreboard.outside import Course
 from compare.evidence.scoreboard.rigs import Plan, Rejected, course_grid
+from sim_models.common.backlash import SETTLED
 from sim_models.engine import JointModel, Request, Trace, engine
 
 
@@ -20,7 +21,7 @@ def run(name: str, m: Mechanism, plan: Plan, time: np.ndarray, course: Course | 
     with_clearance: JointModel = "massless-link" if name == "exudyn" else "contact"
     joint_model: JointModel = with_clearance if m.clearances else "ideal"
     if course is None:
-        request = Request(m, joint_model, crank_angle=plan.command(time))
+        request = Request(m, joint_model, crank_angle=plan.command(time), lead_in=SETTLED if m.half_gap else 0.0)
     else:
         grid = course_grid(plan, time)
         request = Request(m, joint_model, time=time, course=(grid, course(grid)))
