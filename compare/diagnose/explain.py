@@ -31,6 +31,7 @@ TIE = 16.0  # of chi^2: two explanations closer than four sigmas are not told ap
 RICHER = 0.01  # chance that a richer explanation does better by luck
 RIVALS = 10  # fitted in full for each named effect
 EVEN = 1.05  # odds no larger are even
+NEAREST = 3  # fitted at least where the screen holds only near a fit
 SWAPS = 7  # of a named effect for a rival that does better
 TRIED = 6  # further effects whose trial is told where something remains
 STRUCTURE = 1e-6  # chance of as much structure in noise alone
@@ -282,13 +283,17 @@ def rivalled(search: Search, fit: Fit, weights: np.ndarray, named: Named) -> Nam
     base = [screen.terms.index(t) for t in others]
     own = screen.gain(sorted([*base, screen.terms.index(named.term)]))[0]
     taken = {t.key for t in others} | {named.term.key}
-    behind = []
+    behind: dict[object, tuple[float, str, int]] = {}  # the best of variants that have equally many values
     for k, term in enumerate(screen.terms):
         if term.key not in taken and not term.effect.scatters:  # what only scatters stands for nothing else
-            behind.append((own - screen.gain(sorted([*base, k]))[0], term.label, k))
+            less = own - screen.gain(sorted([*base, k]))[0]
+            alike = term.key, screen.edges[k + 1] - screen.edges[k]
+            behind[alike] = min(behind.get(alike, (math.inf, "", k)), (less, term.label, k))
     margin = 2 * TIE / max(float(weights.min()), 1e-12) + 0.03 * named.chi2_gain / max(float(np.median(weights)), 1e-12)
+    nearest = sorted(behind.values())
+    close = [b for b in nearest if b[0] < margin][:RIVALS]
     ties: dict[tuple[str, str], tuple[Term, Fit]] = {}
-    for _, _, k in sorted(b for b in behind if b[0] < margin)[:RIVALS]:
+    for _, _, k in close if len(close) > NEAREST or not search.nonlinear else nearest[:NEAREST]:
         rival = search.with_terms(fit, screen, [*others, screen.terms[k]])
         if (
             rival is not None
