@@ -69,13 +69,13 @@ def test_a_flight_ends_where_an_independent_equation_of_motion_ends_it() -> None
     upright = [math.pi / 2, SPEED]
     landed = solve_ivp(free, (lifts, lifts + 1.0), upright, events=ahead, rtol=1e-10, atol=1e-12, dense_output=True)
     assert flight.begin % (2 * math.pi / SPEED) == pytest.approx(lifts, abs=1e-6)
-    assert flight.end - flight.begin == pytest.approx(float(landed.t[-1]) - lifts, rel=2e-3)
+    assert flight.end - flight.begin == pytest.approx(float(landed.t[-1]) - lifts, rel=1e-4)
     time = np.linspace(lifts, float(landed.t[-1]), 40)[1:-1]
     theta, omega = landed.sol(time)
     crank = found.at(time)
-    assert np.abs(crank.theta - theta).max() < 3e-3 * GAP
-    assert np.abs(crank.omega - omega).max() < 5e-3 * np.abs(omega - SPEED).max()
-    assert np.abs(weight(crank)).max() < 5e-3 * MASS * GRAVITY * LENGTH  # nothing holds it
+    assert np.abs(crank.theta - theta).max() < 2e-4 * GAP
+    assert np.abs(crank.omega - omega).max() < 2e-4 * np.abs(omega - SPEED).max()
+    assert np.abs(weight(crank)).max() < 1e-4 * MASS * GRAVITY * LENGTH  # nothing holds it
 
 
 def test_on_a_flank_the_torque_points_to_it_and_a_smaller_gap_lets_the_crank_fly_shorter() -> None:
@@ -121,7 +121,7 @@ def test_an_engine_moves_as_the_analytic_model_but_for_landings(name: str) -> No
     torque = torque_of(m, crank)
     off = np.abs(seen["drive_torque"] - torque) / np.abs(torque).max()
     assert np.median(off) < 1e-5
-    assert off[told].max() < 3e-3
+    assert off[told].max() < (1e-5 if name == "mujoco" else 2e-3)
     assert np.abs(seen[f"{m.driven}_angle"] - crank.theta)[told].max() < 5e-3 * GAP
     assert np.sum(np.abs(theta - crank.theta) < 0.99 * GAP) >= 4  # some of them in flight
 

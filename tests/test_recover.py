@@ -32,7 +32,7 @@ RECOVERED = {  # effect -> where, values
     "load_torque": ("follower", {"torque": 0.05}),
     "link_flexibility": ("linkage", {"youngs_modulus": 3e10}),
     "drive_compliance": ("drive", {"stiffness": 500.0}),
-    "drive_backlash": ("drive", {"half_gap": 2e-3}),
+    "drive_backlash": ("drive", {"half_gap": 3e-3}),
     "speed_ripple": ("drive", {"amplitude": 1e-3, "harmonic": 3.0, "phase": 0.7}),
     "encoder_offset": ("crank_angle", {"offset": 1e-3}),
     "sensor_bias": ("coupler_x", {"bias": 5e-5}),

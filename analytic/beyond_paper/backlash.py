@@ -2,14 +2,16 @@
 
 The crank lies ``half_gap`` behind its motor while the motor drives it, and as far ahead while it drives the motor.
 Where the torque changes its sign nothing holds it: it moves freely until it has crossed the gap, or is back.  There it
-stays (a plastic impact).  The free motion is reckoned to first order in the gap, about the motion without it.
+stays (a plastic impact).  The free motion is reckoned about the motion without a gap, to first order in it, and mended
+by the torque that this motion would still need.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import islice
 from typing import TypeVar
 
 import numpy as np
@@ -20,9 +22,11 @@ from analytic.beyond_paper.drive import Motor, Torque, Turning
 Amount = TypeVar("Amount", float, np.ndarray)  # one, or many (N,)
 POINTS = 360  # of a revolution, at which the torque is taken
 MOST = 20_000  # of all
+FAINT = 1e-3  # rad, half of a gap for which first order is good enough
 SHARE = 0.08  # of the time that a flight is likely to last, for a step
 TINY = 1e-300
 CHUNK = 16  # steps of a flight whose coefficients are taken at once
+MOST_FLIGHTS = 50  # of a revolution: with more the crank hangs between its flanks
 LONGEST = 1000  # steps of a flight: the crank then hangs in its gap
 BISECTIONS = 40  # for the end of a flight
 EARLY, LATE = 0.1, 0.5  # of a flight, before and after its end: a landing
@@ -38,6 +42,7 @@ class Flight:
     times: np.ndarray
     behind: np.ndarray
     rates: np.ndarray
+    missed: np.ndarray  # N.m, at the same times: torque that first order leaves out
     side: float  # of the flank where it ends: 1 where the motor drives, -1 where it is driven
 
     @property
@@ -76,7 +81,7 @@ class Slack:
         turns: float,
         repeats: bool,
     ) -> None:
-        self.base, self.half_gap, self.repeats = base, half_gap, repeats
+        self.base, self.torque, self.half_gap, self.repeats = base, torque, half_gap, repeats
         count = min(MOST, math.ceil(POINTS * max(1.0, turns)))
         self.step = (last - first) / count
         self.grid = first + np.arange(count + 1) * self.step
@@ -89,7 +94,7 @@ class Slack:
         self.coefficients = CubicSpline(self.grid, values, bc_type="periodic" if repeats else "not-a-knot")
         self.loads = {side: side * values[:, 0] - values[:, 1] * half_gap for side in (1.0, -1.0)}
         self.side = 1.0 if self.loads[1.0][0] >= 0 else -1.0  # on which it begins
-        self.flights = list(self._follow())
+        self.flights = list(islice(self._follow(), math.ceil(MOST_FLIGHTS * max(1.0, turns))))
 
     @classmethod
     def behind(
@@ -117,17 +122,36 @@ class Slack:
             if not lifted.any():
                 return
             share = held[k - 1] / (held[k - 1] - held[k]) if k and held[k - 1] > 0 else 0.0
-            flight = self._flight(max(now, float(self.grid[max(k - 1, 0)]) + share * self.step), side)
+            begin_of_flight = max(now, float(self.grid[max(k - 1, 0)]) + share * self.step)
+            flight = self._flight(begin_of_flight, side)
+            if self.half_gap > FAINT:
+                flight = self._flight(begin_of_flight, side, self._mended(flight))
             yield flight
             now, side = flight.end, flight.side
 
-    def _flight(self, begin: float, side: float) -> Flight:
-        """The flight that begins on a flank at a time (s)."""
+    def _mended(self, flight: Flight) -> Flight:
+        """A flight with the torque (N.m) that its motion still needs."""
+        base, (x, v, a) = self.base(flight.times), self._behind(flight, flight.times)
+        return replace(flight, missed=self.torque(Turning(base.theta - x, base.omega - v, base.alpha - a)))
+
+    def _behind(self, flight: Flight, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """How far behind its motor (rad) the crank is in a flight at times (N,) s, with its first two rates."""
+        x, v = flight.at(time)
+        t, by_theta, by_omega, inertia = self.coefficients(time).T
+        t = t + np.interp(time, flight.times, flight.missed)
+        return x, v, (t - by_theta * x - by_omega * v) / inertia
+
+    def _flight(self, begin: float, side: float, known: Flight | None = None) -> Flight:
+        """The flight that begins on a flank at a time (s), with what a known one misses."""
         h, x, v = self._flight_step(begin), side * self.half_gap, 0.0
         path, c = [(x, v)], [[0.0]]
         for k in range(LONGEST):
             if k % CHUNK == 0:
-                c = self.coefficients(begin + h * (k + np.arange(2 * CHUNK + 1) / 2)).tolist()
+                now = begin + h * (k + np.arange(2 * CHUNK + 1) / 2)
+                values = self.coefficients(now)
+                if known is not None:
+                    values[:, 0] += np.interp(now, known.times, known.missed)
+                c = values.tolist()
             j = 2 * (k % CHUNK)
             x, v = _step(x, v, h, c[j], c[j + 1], c[j + 2])
             path.append((x, v))
@@ -140,7 +164,8 @@ class Slack:
         share = _crossing(h, landed * self.half_gap, *path[-2], x, v) if ends else 1.0
         rates[-1] = _hermite(share, h, *behind[-2:], *rates[-2:])[1]
         times[-1], behind[-1] = times[-2] + share * h, np.clip(x, -self.half_gap, self.half_gap)
-        return Flight(times, behind, rates, landed)
+        missed = np.zeros(times.size) if known is None else np.interp(times, known.times, known.missed)
+        return Flight(times, behind, rates, missed, landed)
 
     def _flight_step(self, begin: float) -> float:
         """A step (s) for a flight that begins at a time (s): a small share of what it is likely to last."""
@@ -162,9 +187,7 @@ class Slack:
             x[now >= flight.end] = flight.side * self.half_gap
             here = (now >= flight.begin) & (now < flight.end)
             if here.any():
-                x[here], v[here] = flight.at(now[here])
-                t, by_theta, by_omega, inertia = self.coefficients(now[here]).T
-                a[here] = (t - by_theta * x[here] - by_omega * v[here]) / inertia
+                x[here], v[here], a[here] = self._behind(flight, now[here])
         return Turning(base.theta - x, base.omega - v, base.alpha - a)
 
     def landing(self, time: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from analytic.mechanism import Mechanism
 
 SETTLED = math.pi  # rad that a motor turns in which its crank, put on a flank, has landed as it always does
 LANDING = 1 / 40  # of a flight: the time constant of a landing
-BRIEFEST = 5e-4  # rad of the motor's turn: shorter landings are seen by nobody
+BRIEFEST = 2.5e-4  # rad of the motor's turn: shorter landings are seen by nobody
 # Damping ratio of a landing, and landings in which a flank takes over what it carries: all decays alike
 CRITICAL, HOLDS = math.sqrt(3) / 2, 3 * math.sqrt(3)
 SPRINGY = 0.1  # the same where a drive.stiffness is stated

@@ -13,7 +13,7 @@ from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parame
 HARMONICS = range(1, 13)
 OF_TORQUE = range(1, 25)  # poles and teeth are many
 PROBED = 5e-4  # rad, half of a gap
-PLAY = 1e-4  # rad, half of a gap of a machine: of smaller ones flights are shorter than a sample
+PLAY = 2e-4  # rad, half of a gap of a machine: of smaller ones flights are shorter than a sample
 
 
 class DriveCompliance(Reciprocal):
