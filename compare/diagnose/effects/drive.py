@@ -135,7 +135,7 @@ class DriveBacklash(Effect):
         return with_drive(mechanism, half_gap=values["half_gap"])
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
-        return Growth(lambda a: {"half_gap": max(a, PLAY) if a else 0.0}, 0.02)
+        return Growth(lambda a: {"half_gap": a}, 0.02, least=PLAY)
 
 
 def with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:

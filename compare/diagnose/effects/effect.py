@@ -124,12 +124,13 @@ class Draw:
 @dataclass(frozen=True)
 class Growth:
     """Reported values as a function of one number: no effect at 0, a signature about linear in it, physical up to
-    ``most``.
+    ``most``; no machine has less than ``least``.
     """
 
     values: Callable[[float], Values]
     most: float
     variant: float = 0.0
+    least: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -127,7 +127,7 @@ class Sizer:
                 break
             if seen < 1e-9:
                 raise Rejected(f"{term.label} does not show")
-            amount = min(amount * target / seen, growth.most)
+            amount = min(max(amount * target / seen, growth.least), growth.most)
         if seen < SMALLEST * 0.9:
             raise Rejected(f"{term.label} hardly shows: {seen:.2g} sigma at most")
         return growth.values(amount)
