@@ -301,8 +301,22 @@ def rivalled(search: Search, fit: Fit, weights: np.ndarray, named: Named) -> Nam
             and ties_with(search, screen, weights, fit, i, rival, screen.terms[k])
         ):
             ties[screen.terms[k].key] = screen.terms[k], rival
-    odds = tuple(odds_of(search, rival, fit, weights) for _, rival in ties.values())
-    return replace(named, ties=tuple(ties.values()), odds=odds)
+    kept = without_unearned(search, weights, list(ties.values()))
+    return replace(named, ties=tuple(kept), odds=tuple(odds_of(search, rival, fit, weights) for _, rival in kept))
+
+
+def without_unearned(search: Search, weights: np.ndarray, ties: Sequence[tuple[Term, Fit]]) -> list[tuple[Term, Fit]]:
+    """Ties without those whose simpler form is one too and does as well."""
+
+    def unearned(rich: Term, fit: Fit) -> bool:
+        return any(
+            rich.where == simple.where
+            and rich.effect.extends(simple.effect)
+            and not outdoes(search, weights, fit, other, len(rich.effect.parameters) - len(simple.effect.parameters))
+            for simple, other in ties
+        )
+
+    return [(term, fit) for term, fit in ties if not unearned(term, fit)]
 
 
 def unblamed(
@@ -396,14 +410,21 @@ def ties_with(search: Search, screen: Screen, weights: np.ndarray, fit: Fit, i: 
     mine, theirs = fit.jacobian[:, fit.columns(i)], rival.jacobian[:, rival.columns(j)]
     more = max(rank_of(theirs) - rank_of(mine), 0)
     share = a_parameter(weights.size)
-    if term.effect.name in fit.terms[i].effect.special_case_of:  # the rival is richer: it must be better,
-        shift = search.fitter.data.shift  # and not because of how the engine differs from the model
-        alone = float(weights @ ((rival.residual + shift) ** 2 - (fit.residual + shift) ** 2))
-        return -max(worse, alone) > float(chi2.isf(RICHER, max(more, 1)))
+    if term.effect.name in fit.terms[i].effect.special_case_of:  # the rival is richer
+        return outdoes(search, weights, rival, fit, more)
     if fit.terms[i].effect.name in term.effect.special_case_of:  # this one is richer, and is the better one by more
         return worse < TIE + share
     contained = left_of(mine @ fit.x[i], rival.jacobian, weights) < 1.0
     return worse < TIE - (0.0 if contained else share * more)
+
+
+def outdoes(search: Search, weights: np.ndarray, rich: Fit, simple: Fit, more: int) -> bool:
+    """Whether a fit with so many more parameters earns them, and not because of how the engine differs from the
+    model.
+    """
+    shift = search.fitter.data.shift
+    better = (float(weights @ ((simple.residual + s) ** 2 - (rich.residual + s) ** 2)) for s in (0.0, shift))
+    return min(better) > float(chi2.isf(RICHER, max(more, 1)))
 
 
 def left_of(change: np.ndarray, columns: np.ndarray, weights: np.ndarray) -> float:

@@ -324,10 +324,15 @@ def sensed(hypothesis: Hypothesis, run: MeasuredRun, seen: Readings) -> dict[str
 
 
 def turned_by(run: MeasuredRun, read: Turning, hypothesis: Hypothesis) -> Turning:
-    """How a motor turns whose encoder reads this; of a run that follows none it is what was given."""
+    """How a motor turns whose encoder reads this; of a run that follows none it is what was given.  Raises Impossible
+    for an encoder that errs so much that it does not tell one angle from another.
+    """
     if run.drive == "measured":
         for term, values in hypothesis:
-            read = term.effect.motor(run.name, read, values)
+            try:
+                read = term.effect.motor(run.name, read, values)
+            except ValueError as error:
+                raise Impossible(f"{term.label}: {error}") from None
     return read
 
 

@@ -296,6 +296,11 @@ class Effect(ABC):
         """How the motor turns whose encoder reads this, in a run that follows it."""
         return read
 
+    def extends(self, simple: Effect) -> bool:
+        """Whether this is another effect with parameters more, which has to earn them: at nothing it is the other."""
+        own, others = ({p.name for p in each.parameters} for each in (self, simple))
+        return self.name in simple.special_case_of and others < own
+
     @property
     def misreads(self) -> bool:
         """Whether it says so."""

@@ -130,13 +130,16 @@ class EncoderHarmonic(Wave):
         return {**readings, where: readings[where] + amplitude * np.sin(harmonic * readings[where] + phase)}
 
     def motor(self, run: str, read: Turning, values: Values) -> Turning:
-        """The angle that is read as this, by Newton's method, and its rates."""
+        """The angle that is read as this, by Newton's method, and its rates.  Raises ValueError where several are."""
         amplitude, harmonic, phase = (values[p.name] for p in self.parameters)
+        if amplitude * harmonic >= 1:
+            raise ValueError(f"an error of {amplitude:.3g} rad, {harmonic:g} times a turn, reads several angles as one")
         theta = read.theta
         for _ in range(NEWTON):
             turned = harmonic * theta + phase
             slope = 1 + amplitude * harmonic * np.cos(turned)
             theta = theta - (theta + amplitude * np.sin(turned) - read.theta) / slope
+            theta = np.clip(theta, read.theta - amplitude, read.theta + amplitude)
         turned = harmonic * theta + phase
         slope, bend = 1 + amplitude * harmonic * np.cos(turned), -amplitude * harmonic**2 * np.sin(turned)
         omega = read.omega / slope

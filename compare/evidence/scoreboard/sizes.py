@@ -2,8 +2,8 @@
 best rival.
 
 A signature is the difference that an effect makes to all readings, each over its noise, by the analytic model.  What is
-left of it after the best single rival (any other effect, anywhere, physically possible) has been fitted to it, with the
-other true effects free to move, says whether anyone could name it: ``distinct``.
+left of it after the best single rival (any other effect, anywhere, physically possible, but for its own richer form)
+has been fitted to it, with the other true effects free to move, says whether anyone could name it: ``distinct``.
 """
 
 from __future__ import annotations
@@ -141,9 +141,10 @@ class Sizer:
         for i, (term, values) in enumerate(truth):
             others = [pair for k, pair in enumerate(truth) if k != i]
             base = self.without(fitter, others)
-            linear, rival, distinct = self.rivalled(
-                fitter, base, [t for t in terms if t.key not in [x.key for x, _ in truth]]
-            )
+            true = {t.key for t, _ in truth}
+            richer = {t.key for t in terms if t.where == term.where and t.effect.extends(term.effect)}
+            rivals = [t for t in terms if t.key not in true | richer]
+            linear, rival, distinct = self.rivalled(fitter, base, rivals)
             out.append(
                 Planted(
                     term.effect.name,
