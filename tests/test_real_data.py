@@ -31,12 +31,17 @@ def real(case: str) -> dict[str, Any]:
 
 
 def test_a_real_pendulum_lacks_viscous_friction() -> None:
+    """How it swings tells damping as a share of the inertia: where a payload may be there too, its own size is not
+    known.
+    """
     result = real("pendulum")
     assert result["verdict"] == "partly explained", result["statement"]
     first = result["effects"][0]
     assert (first["name"], first["where"]) == ("viscous_friction", "O")
-    assert first["parameters"]["damping"]["low"] > 0
-    assert result["gap"]["before"] > 50 * result["gap"]["after"]
+    damping = first["parameters"]["damping"]
+    assert damping["value"] > 0
+    assert damping["low"] is None or damping["low"] > 0
+    assert result["gap"]["before"] > 500 * result["gap"]["after"]
     assert result["gap"]["after"] > 1.1
 
 
