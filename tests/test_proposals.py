@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.problem import Options, Problem
 from compare.diagnose.propose.proposal import proposal
 from compare.diagnose.workflow import diagnose
+from compare.evidence.scoreboard.hidden import FIRST
+from compare.evidence.scoreboard.record import make_set
 from compare.report.diagnosis_page import diagnosis_html
 from compare.report.diagnosis_text import diagnosis_md, terminal_lines
 from compare.results.diagnosis import Diagnosis
@@ -99,6 +102,18 @@ def test_the_page_and_the_texts_show_the_law_with_its_curve() -> None:
         line.startswith("proposed (not named): More than Coulomb friction in joint E: what acts there")
         for line in lines
     )
+
+
+@pytest.mark.slow
+def test_the_law_goes_through_what_was_recovered_beside_what_is_named(tmp_path: Path) -> None:
+    """A spring with hysteresis is named as friction and a spring in part: beside the law these have other values."""
+    make_set(FIRST["unnamed"], tmp_path / "data", tmp_path / "seal")
+    found = diagnose(tmp_path / "data", "mujoco", others=False, workers=1)
+    (p,) = found.proposed
+    assert [e.where for e in found.effects] == ["E", "E"]
+    assert (p.unknown, p.place) == ("torque", "E")
+    assert np.median(np.abs(p.curve.recovered - p.curve.law) / p.curve.sigma) < 1
+    assert np.ptp(p.curve.law) > 20 * np.median(p.curve.sigma)
 
 
 @pytest.mark.parametrize("seed", [1, *slow(*range(2, 6))])

@@ -16,8 +16,8 @@ from compare.results.sentences import Row, capital, enumerated, parameter, unkno
 HEADING = "Proposed, not named"
 MEANING = (
     "A place where one unknown number at each moment would tell what is left, and the law that it looks like. It is"
-    " solved for with the analytic model, all else as it is named. It is a hint for the engineer: it has no name in the"
-    " vocabulary, and it changes neither the verdict nor the gap."
+    " solved for with the analytic model, beside what is named, whose values are fitted again with it. It is a hint for"
+    " the engineer: it has no name in the vocabulary, and it changes neither the verdict nor the gap."
 )
 
 

@@ -118,7 +118,8 @@ def parameter(name: str, found: Parameter, like: Sequence[Parameter] = ()) -> Ro
     def say(v: float) -> str:
         if decimals is None or decimals < 0:
             return number(v * factor, 4)
-        return f"{v * factor + 0.0:.{decimals}f}".replace("-", MINUS)
+        text = f"{v * factor:.{decimals}f}"
+        return text.replace("-", MINUS) if float(text) else "0"
 
     suffix = "" if unit == "1" else f" {unit}"
     interval = f"{say(low)} to {say(high)}{suffix}" if low is not None and high is not None else "not known"

@@ -10,7 +10,7 @@ import numpy as np
 
 from compare.diagnose.propose.laws import Argument, Candidate
 from compare.diagnose.propose.parting import would_separate
-from compare.diagnose.propose.places import RELATIVES
+from compare.diagnose.propose.places import RELATIVES, recovered
 from compare.diagnose.propose.proposal import Proposal
 from compare.diagnose.propose.regression import Told, solved
 from compare.quantities import amount
@@ -145,18 +145,24 @@ def _slopes(p: Proposal, one: Candidate, own: np.ndarray) -> np.ndarray:
 
 
 def _curve(p: Proposal) -> Curve:
-    """What was recovered at each sample of a run once, over what the law's largest term is of."""
+    """What was recovered at each sample of a run once, over what the law's largest term is of.
+
+    Beside a law what is named has other values than without one: what is shown is the law, and at each sample what of
+    the unknown it leaves.
+    """
     state, data = p.regression.state, p.regression.data
+    contributions = [(float(np.ptp(part)), one.law.over, part) for one, part in zip(p.law.laws, _parts(p), strict=True)]
+    said = sum((part for *_, part in contributions), np.zeros(state.theta.size))
+    found = recovered(data, p.place, p.law.left) if contributions else p.found
     rows = []
-    for r, (values, sigma) in enumerate(zip(p.found.values, p.found.sigma, strict=True)):
+    for r, (values, sigma) in enumerate(zip(found.values, found.sigma, strict=True)):
         parts = [part for part in data.parts if part.run == r]
         if not parts:
             continue
         longest = max(parts, key=lambda part: part.used.size)
         rows.append((np.arange(longest.place.start, longest.place.stop), values[longest.used], sigma[longest.used]))
-    samples, recovered, sigma = (np.concatenate(column) for column in zip(*rows, strict=True))
-    contributions = [(float(np.ptp(part)), one.law.over, part) for one, part in zip(p.law.laws, _parts(p), strict=True)]
-    law = sum((part for *_, part in contributions), np.zeros(state.theta.size))[samples]
+    samples, left, sigma = (np.concatenate(column) for column in zip(*rows, strict=True))
+    law = said[samples]
     over = max(contributions, key=lambda c: c[0])[1] if contributions else "theta"
     argument = getattr(state, over)[samples]
     order = np.argsort(argument, kind="stable")
@@ -166,7 +172,7 @@ def _curve(p: Proposal) -> Curve:
         over=label.format(p.place.where),
         unit=unit or p.place.unit,
         argument=argument[order],
-        recovered=recovered[order],
+        recovered=(law + left)[order],
         sigma=sigma[order],
         law=law[order],
     )
