@@ -95,7 +95,7 @@ class Search:
             best = begun if begun is not None and self.beats(begun, best) else best
         for _ in range(ROUNDS):
             before = best
-            best = self.climb(self.screen(best), best)
+            best = self.leapt(self.climb(self.screen(best), best))
             if set(best.terms) == set(before.terms) or self.late():
                 break
         return self.fitter.settled(best) if best is not self.base else best
@@ -125,6 +125,17 @@ class Search:
             behind = 0 if improved or len(level[0][1]) <= len(best.named()) else behind + 1
             if behind == 2 or self.late():
                 break
+        return best
+
+    def leapt(self, best: Fit) -> Fit:
+        """The best fit, or one by an effect that leaps, alone: a screen says little of what its impacts do."""
+        if best is self.base and rms(self.base.residual) <= CLOSED:
+            return best
+        screen = self.screen(best)
+        for k, term in enumerate(screen.terms):
+            if term.effect.leaps and term not in best.terms and not self.late():
+                fit = self.fitted(screen, [k])
+                best = fit if fit is not None and self.beats(fit, best) else best
         return best
 
     def fitted(self, screen: Screen, chosen: Sequence[int]) -> Fit | None:
