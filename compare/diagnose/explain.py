@@ -145,6 +145,8 @@ def pruned(search: Search, fit: Fit) -> tuple[Fit, np.ndarray, list[Named], list
         _, weakest, attempt = min(failing, key=lambda f: f[0])
         fell.append(attempt)
         fit = search.with_terms(fit, search.screen(fit), without(fit, weakest)) or search.base
+        if any(t.effect.leaps for t in fit.terms):
+            fit = search.fitter.settled(fit)
 
 
 def shared_out(search: Search, fit: Fit, named: Sequence[Named]) -> tuple[Named, ...]:

@@ -19,6 +19,7 @@ COARSE = 10.0  # times as large a step as wanted is still good enough
 REFINED = 4  # times
 # of chi^2: what a step may gain by leaps of single samples, in fits to be compared and in the last one
 LEAP, LAST_LEAP = 1.0, 0.05
+NEARBY = (0.94, 0.97, 0.98, 0.99, 1.01, 1.02, 1.03, 1.06)  # of a value that leaps, from where its descent ends again
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +156,13 @@ class Fitter:
 
     def settled(self, fit: Fit) -> Fit:
         """A fit taken to its very minimum; it replaces the one that was close enough to be compared."""
-        found = self._fit(fit.terms, fit.x, rough=0.0) or fit
+        starts = [list(fit.x)]
+        for k, term in enumerate(fit.terms):
+            if term.effect.leaps:  # leaps end a descent before its time
+                starts += [[x * share if i == k else x for i, x in enumerate(fit.x)] for share in NEARBY]
+        tried = self.residuals(fit.terms, starts) if len(starts) > 1 else [fit.residual]
+        sizes = [np.inf if r is None else float(r @ r) for r in tried]
+        found = self._fit(fit.terms, starts[int(np.argmin(sizes))], rough=0.0) or fit
         self._fits[fit.terms] = found
         return found
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from analytic.mechanism.one_line import count
 from compare.diagnose.data.recording import MeasuredRun
+from compare.diagnose.effects.effect import LANDING
 from compare.diagnose.experiment_design import would_separate
 from compare.diagnose.explain import Attempt, Explanation, Named
 from compare.diagnose.fit import Fit, without_columns
@@ -65,6 +66,10 @@ INSEPARABLE = 0.999  # cosine between two sensitivities
 LISTED = 40  # pairs
 PLACES = 3  # told in the story; the page lists all
 BUDGET = "The budget of {:g} s ended the search: this is the best so far, and what ties with it was not looked for."
+LANDED = (
+    "The crank lands in the gap of its drive at {}. How forces and rates jump there nobody foretells: there they count"
+    " for little in the gap, and not at all in how far each sensor is off."
+)
 SIDES: tuple[Side, ...] = ("before", "after")
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
 
@@ -81,6 +86,8 @@ def as_document(
         f"{problem.simulator} could not simulate that ({why}): the gap after is the analytic model's." if why else ""
     )
     runs = tuple(_run(problem, found, r, run) for r, run in enumerate(problem.measured.runs))
+    landings = _landings(problem, found)
+    landed = sum(int(np.sum(landing)) for landing in landings)
     result = Diagnosis(
         case=problem.mechanism.name,
         verdict=e.verdict,
@@ -90,7 +97,7 @@ def as_document(
         versions=_versions(found),
         located=tuple(_located(stretch) for stretch in found.stretches),
         effects=_effects(problem, e),
-        gap=_closing(problem, gap, runs),
+        gap=_closing(problem, gap, runs, landings),
         other_simulators={
             name: Elsewhere(before=_gap(problem, found.before[name]), after=_gap(problem, said))
             for name, said in found.after.items()
@@ -109,7 +116,7 @@ def as_document(
         mechanism=problem.measured.mechanism,
         explained=found.explained,
         steps=(),
-        notes=tuple(problem.notes),
+        notes=(*problem.notes, *([LANDED.format(count(landed, "sample"))] if landed else [])),
         complete=problem.complete,
     )
     cut = "" if problem.complete else f" {BUDGET.format(problem.options.budget)}"
@@ -137,8 +144,19 @@ def _gap(problem: Problem, said: Simulated) -> float | None:
     return None if said.readings is None else rms(problem.data.residual(said.readings))
 
 
-def _closing(problem: Problem, gap: tuple[float, float], runs: Sequence[DiagnosedRun]) -> Closing:
-    """The gap in noise, the share of its excess that is explained, and how far each sensor is off in its own unit."""
+def _landings(problem: Problem, found: Verified) -> list[np.ndarray]:
+    """At which samples of each run, (N,) bool, the crank lands in the gap of its drive, by what is named."""
+    after = found.after[problem.simulator].readings
+    still = [np.zeros(run.time.size, bool) for run in problem.measured.runs]
+    return still if after is None else [np.asarray(r.get(LANDING, s)) for r, s in zip(after, still, strict=True)]
+
+
+def _closing(
+    problem: Problem, gap: tuple[float, float], runs: Sequence[DiagnosedRun], landings: Sequence[np.ndarray]
+) -> Closing:
+    """The gap in noise, the share of its excess that is explained, and how far each sensor is off in its own unit, but
+    for what jumps where the crank lands.
+    """
     excess = gap[0] ** 2 - 1
     return Closing(
         before=gap[0],
@@ -146,20 +164,28 @@ def _closing(problem: Problem, gap: tuple[float, float], runs: Sequence[Diagnose
         noise_floor=1.0,
         explained=min((gap[0] ** 2 - gap[1] ** 2) / excess, 1.0) if excess > 0 else None,
         by_signal={
-            name: _by_signal([run.signals[name] for run in runs if name in run.signals], signal.wraps)
+            name: _by_signal(
+                [
+                    (run.signals[name], ~landing | (not problem.data.sudden[name]))
+                    for run, landing in zip(runs, landings, strict=True)
+                    if name in run.signals
+                ],
+                signal.wraps,
+            )
             for name, signal in problem.measured.signals.items()
             if any(name in run.signals for run in runs)
         },
     )
 
 
-def _by_signal(channels: Sequence[Channel], wraps: bool) -> SensorGap:
+def _by_signal(channels: Sequence[tuple[Channel, np.ndarray]], wraps: bool) -> SensorGap:
+    """How far a sensor is off at the samples (N,) bool of each record that count."""
     off: dict[Side, float | None] = {}
     for side in SIDES:
-        residual = np.concatenate([channel.residual(side, wraps) for channel in channels])
+        residual = np.concatenate([channel.residual(side, wraps)[counts] for channel, counts in channels])
         known = residual[np.isfinite(residual)]
         off[side] = rms(known) if known.size else None
-    return SensorGap(unit=channels[0].unit, before=off["before"], after=off["after"])
+    return SensorGap(unit=channels[0][0].unit, before=off["before"], after=off["after"])
 
 
 def _kind(term: Term) -> Kind:
