@@ -58,6 +58,9 @@ def _sentence(where: str, faults: list[Any], model: type[BaseModel]) -> str:
         return f"{where} is missing; add it"
     if fault["type"] == "value_error" and not fault["loc"]:
         return message
+    if fault["type"] == "model_type":
+        fields = ", ".join(_accepted(fault["loc"], model))
+        return f"{where} = {quoted(fault['input'])}: give a table with the fields {fields}"
     return f"{where} = {quoted(fault['input'])}: {message[0].lower()}{message[1:]}"
 
 

@@ -56,6 +56,8 @@ Amount = TypeVar("Amount", float, np.ndarray)  # one, or many (N,)
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Vector = Annotated[tuple[Number, Number], BeforeValidator(as_tuple)]
 Name = Annotated[str, BeforeValidator(_named)]
+MOST_WAVES = 1000  # in a turn, of a motor's unevenness or of a torque
+WIDEST = 0.5  # rad, half of a gap in a drive
 Positive = Annotated[float, Field(gt=0, le=LARGEST), AfterValidator(_divisible)]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 
@@ -239,7 +241,7 @@ class Ripple(Part):
     """Unevenness of a motor: its angle is the command plus amplitude (rad) times sin(harmonic * command + phase)."""
 
     amplitude: Number
-    harmonic: Annotated[int, Field(ge=1)]
+    harmonic: Annotated[int, Field(ge=1, le=MOST_WAVES)]
     phase: Number = 0.0  # rad
 
 
@@ -249,7 +251,7 @@ class PeriodicTorque(Part):
     """
 
     amplitude: Number
-    harmonic: Annotated[int, Field(ge=1)]
+    harmonic: Annotated[int, Field(ge=1, le=MOST_WAVES)]
     phase: Number = 0.0  # rad
 
     def at(self, angle: Amount) -> Amount:
@@ -264,7 +266,8 @@ class Drive(Part):
     speed: Number | Literal["free", "measured"]
     ripple: Ripple | None = None
     stiffness: Positive | None = None  # N.m/rad between motor and crank; left out: rigid
-    half_gap: NotNegative = 0.0  # rad, backlash: the crank's play behind the motor, and as much ahead of it
+    # rad, backlash: the crank's play behind the motor, and as much ahead of it
+    half_gap: Annotated[NotNegative, Field(le=WIDEST)] = 0.0
     periodic_torque: PeriodicTorque | None = None
 
 

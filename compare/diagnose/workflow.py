@@ -78,18 +78,21 @@ def diagnose(  # noqa: PLR0913 - what a person may ask, by name
         return _diagnosed(data, options)[0]
     first, best = _diagnosed(data, options)
     if best is None:
-        return _noted(first, "Nothing is proposed that could be adopted.")
+        return first.model_copy(update={"notes": (*first.notes, "Nothing is proposed that could be adopted.")})
     try:
         effect = adopted(best)
     except Unadoptable as error:
-        return _noted(first, f"What is proposed cannot be adopted: {error}.")
-    again = _diagnosed(data, replace(options, own=(*options.own, effect)))[0]
-    kept = tuple(p.model_copy(update={"adopted": True}) for p in first.proposed)
-    return again.model_copy(update={"proposed": (*kept, *again.proposed)})
+        return _marked(first, not_adopted=str(error))
+    only = (*options.only, effect.name) if options.only else ()
+    again = _diagnosed(data, replace(options, own=(*options.own, effect), only=only))[0]
+    if effect.name not in {e.name for e in again.effects}:
+        return _marked(first, not_adopted="as an effect among the others it does not pass their tests")
+    return again.model_copy(update={"proposed": (*_marked(first, adopted=True).proposed, *again.proposed)})
 
 
-def _noted(result: Diagnosis, note: str) -> Diagnosis:
-    return result.model_copy(update={"notes": (*result.notes, note)})
+def _marked(result: Diagnosis, **said: object) -> Diagnosis:
+    """A diagnosis that says of what it proposes whether it was adopted."""
+    return result.model_copy(update={"proposed": tuple(p.model_copy(update=said) for p in result.proposed)})
 
 
 def _diagnosed(data: Measured, options: Options) -> tuple[Diagnosis, Proposal | None]:

@@ -228,7 +228,8 @@ def _attempts(result: Diagnosis) -> list[str]:
 def _proposed(result: Diagnosis) -> list[str]:
     if not result.proposed:
         return []
-    out = [f"## {proposed.HEADING}", "", proposed.MEANING, ""]
+    heading, meaning = proposed.heading(result)
+    out = [f"## {heading}", "", meaning, ""]
     for p in result.proposed:
         rows = [[md(cell) for cell in row] for row in proposed.numbers(p)]
         out += [md(" ".join(proposed.sentences(result, p))), ""]

@@ -10,6 +10,7 @@ from compare.results.diagnosis import Attempt, DiagnosedRun, Diagnosis, Effect, 
 from compare.results.sentences import (
     OwnValues,
     Row,
+    called,
     enumerated,
     odds,
     off,
@@ -201,16 +202,25 @@ def next_steps(result: Diagnosis) -> list[str]:
             errors = enumerated([phrase(result, e.name, e.where) for e in effect.small_errors])
             instead = phrase(result, effect.name, effect.where)
             steps.append(f"Measure at the rig what {instead} may stand for: {errors}.")
+    open_ = [p for p in result.proposed if not p.adopted]
+    doubtful = {key for p in open_ for key in p.replaces}
+    adopted = {f"proposed_{p.unknown}" for p in result.proposed if p.adopted}
+    for p in open_:
+        instead = enumerated([called(result, key) for key in p.replaces])
+        steps.append(
+            f"Look first for what is proposed: {unknown(result, p)}{f', in place of {instead}' if instead else ''}."
+        )
+    steps += [f"Look at the rig for what was adopted: {unknown(result, p)}." for p in result.proposed if p.adopted]
     if result.verdict in ("explained", "partly explained"):
         steps += [
             f"Confirm {phrase(result, e.name, e.where)} at the rig: expect {_values(result, e)}."
             for e in result.effects
+            if f"{e.name}@{e.where}" not in doubtful and e.name not in adopted
         ]
-        if result.explained != result.mechanism:
+        if result.explained != result.mechanism and not doubtful:
             steps.append("Use explained.toml in place of the nominal mechanism.")
     if result.verdict in ("partly explained", "unexplained"):
         left = remaining(result)
-        steps += [f"Look first for what is proposed: {unknown(result, p)}." for p in result.proposed if not p.adopted]
         steps += [f"Look for what this program does not know: {rest}." for rest in list(left.values())[:3]]
     return steps
 

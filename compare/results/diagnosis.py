@@ -172,6 +172,7 @@ class Proposed(SamePlace):
     ties: Annotated[tuple[SamePlace, ...], Field(description="Places that do as well.")] = ()
     would_separate: Annotated[str, Field(description="A sensor that would tell them apart, in words.")] = ""
     adopted: Annotated[bool, Field(description="Whether it was put into the model: then it is an effect.")] = False
+    not_adopted: Annotated[str, Field(description="Why it is not in the model, where that was asked for.")] = ""
     replaces: Annotated[
         tuple[str, ...],
         Field(description="name@where of named effects that the law has in it: it stands in their place."),

@@ -85,7 +85,7 @@ def spoken(result: Diagnosis, signal: str) -> str:
 
 def unknown(result: Diagnosis, p: Proposed | SamePlace) -> str:
     """A proposal's unknown at its place as a noun."""
-    if isinstance(p, Proposed) and p.unit == "N":
+    if p.unknown == "torque" and isinstance(p, Proposed) and p.unit == "N":
         return f"force along joint {p.place}"
     return UNKNOWNS[p.unknown].format(spoken(result, p.place) if p.unknown == "error" else p.place)
 

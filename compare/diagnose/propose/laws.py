@@ -179,7 +179,7 @@ LAWS: tuple[Law, ...] = (
         "theta",
         _bump,
         lambda s: [np.arange(-np.pi, np.pi, 0.15).tolist(), [0.08, 0.15, 0.3]],
-        frozenset({"lag", "length", "error"}),
+        frozenset({"torque", "lag", "length", "error"}),
         lambda s: [0.05, 0.03],
     ),
     *(_waves(k) for k in HARMONICS),
