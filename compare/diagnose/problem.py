@@ -30,6 +30,7 @@ from compare.diagnose.search import Search, costs
 from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.diagnose.simulate import Simulated
 from compare.quantities import amount
+from compare.results.sentences import NOISE
 from sim_models.engine import SimulationError, SimulatorMissing, engine, engine_names
 
 EQUIVALENT = 0.1  # of the noise: an engine this near the analytic model is the same
@@ -321,12 +322,14 @@ class Problem:
             parts = ["wanders slowly"] if colour.keeps else []
             parts += [f"hums at {frequency:g} Hz" for frequency in colour.hum]
             unit = self.measured.signals[signal].unit
-            noise = max(self.data.noise[run.name, signal] for run in self.measured.runs if signal in run.channels)
-            size = amount(noise * colour.total, unit)
+            runs = [run for run in self.measured.runs if signal in run.channels]
+            noise = max(self.data.noise[run.name, signal] for run in runs)
+            given = all(run.channels[signal].noise_given for run in runs)
+            size, of = amount(noise * colour.total, unit), "what is stated" if given else "that of one sample"
             self.notes.append(
-                f"The noise of {signal} {' and '.join(parts) or 'is larger than stated'}, {size} (rms) in all. It does"
-                " not come back with the crank's angle: it is taken as noise of that kind, not as a fault of the rig,"
-                " and the gap counts what is new in each of its samples."
+                f"{NOISE} {signal} {' and '.join(parts) or 'is larger than stated'}, {size} (rms) in all,"
+                f" {colour.total:.2g} times {of}. It does not come back with the crank's angle: it is taken as noise of"
+                " that kind, not as a fault of the rig, and the gap counts what is new in each of its samples."
             )
 
     def quiet(self) -> Explanation:

@@ -33,6 +33,7 @@ from compare.report.pages import code_block
 from compare.report.pages import escape_markdown as md
 from compare.results.diagnosis import Diagnosis, Effect, Place, Side
 from compare.results.sentences import (
+    NOISE,
     capital,
     errors_in_words,
     in_units,
@@ -82,6 +83,7 @@ def terminal_lines(result: Diagnosis) -> list[str]:
     places = worst_first(result)
     out += [f"where: {sentence(result, place)} ({plainly(place.sigmas)} sigma)" for place in places[:PLACES_SHOWN]]
     out += [f"where: {_others(len(places) - PLACES_SHOWN)}"] if len(places) > PLACES_SHOWN else []
+    out += [f"noise: {_line(note)}" for note in result.notes if note.startswith(NOISE)]
     out += [f"data: run {fault.run}, {spoken(result, fault.signal)}: {_line(fault.text)}" for fault in result.faults]
     return [in_ascii(line) for line in out]
 

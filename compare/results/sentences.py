@@ -19,6 +19,7 @@ from compare.results.diagnosis import DiagnosedRun, Diagnosis, Effect, Located, 
 TURN = math.tau
 PERCENT = {p.name for effect in VOCABULARY.values() for p in effect.parameters if p.percent}  # parameters read in %
 MOST_OF_RUN = 0.7  # of its time: a stretch that is there throughout
+NOISE = "The noise of"  # begins a note of noise that is not white, which a terminal shows too
 ZEROS = {  # what each run has of its own where an effect has a value for each; {} is the sensor
     "encoder_offset": "encoder zero",
     "sensor_bias": "zero of the sensor for {}",
