@@ -70,6 +70,21 @@ def edited(old: str, new: str) -> str:
         (edited('joint = "D"', 'joint = "A"'), ["drive.joint", "ground"]),
         (edited("speed = 1.5707963267948966", 'speed = "fast"'), ["drive.speed", "'fast'"]),
         (edited("speed = 1.5707963267948966", "speed = 0.0"), ["drive.speed = 0"]),
+        (
+            edited("speed = 1.5707963267948966", "speed = 1.5707963267948966\nperiodic_torque = 0.1"),
+            ["drive.periodic_torque = 0.1: give a table with the fields amplitude, harmonic, phase"],
+        ),
+        (
+            edited(
+                "speed = 1.5707963267948966",
+                "speed = 1.5707963267948966\nripple = { amplitude = 1e-3, harmonic = 2000 }",
+            ),
+            ["drive.ripple.harmonic = 2000", "less than or equal to 1000"],
+        ),
+        (
+            edited("speed = 1.5707963267948966", "speed = 1.5707963267948966\nhalf_gap = 4.0"),
+            ["drive.half_gap = 4.0", "less than or equal to 0.5"],
+        ),
         (edited("clearance = 0.01", "clearance = 0.2"), ["joint 'B'", "clearance = 0.2", "'follower'", "not smaller"]),
         (edited("clearance = 0.01", "clearance = -0.01"), ["joint[B].clearance", "-0.01"]),
         (edited('body = "coupler"', 'body = "ground"'), ["load.body", "'ground'"]),

@@ -19,7 +19,8 @@ from compare.evidence.scoreboard.hidden import FIRST
 from compare.evidence.scoreboard.record import make_set
 from compare.report.diagnosis_page import diagnosis_html
 from compare.report.diagnosis_text import diagnosis_md, terminal_lines
-from compare.results.diagnosis import Diagnosis
+from compare.report.proposed import figure
+from compare.results.diagnosis import Diagnosis, Proposed
 from diagnosis_rigs import SENSORS, experiment, four_bar, played, turn
 from marks import slow
 from sim_models.engine import ENGINES
@@ -104,6 +105,31 @@ def test_the_page_and_the_texts_show_the_law_with_its_curve() -> None:
     )
 
 
+def over(argument: np.ndarray, law: np.ndarray, what: str) -> Proposed:
+    """A proposal that is shown over something else."""
+    (p,) = unnamed("Stribeck").proposed
+    values = {"argument": argument, "recovered": law, "law": law, "sigma": np.ones(law.size)}
+    return p.model_copy(update={"curve": p.curve.model_copy(update={"over": what, "unit": "rad", **values})})
+
+
+def test_a_law_over_the_crank_angle_is_drawn_over_one_turn() -> None:
+    turns = np.linspace(-6 * np.pi, 6 * np.pi, 400)
+    drawn = figure(unnamed("Stribeck"), over(turns, np.sin(3 * turns), "crank angle"), "law")
+    recovered, law = drawn.series
+    assert 0 <= min(recovered.x) < max(recovered.x) < 360
+    assert law.mark == "line"
+    np.testing.assert_allclose(law.y, np.sin(np.radians(3 * np.array(law.x))), atol=1e-6)
+
+
+def test_a_law_of_two_things_is_drawn_as_points_and_no_line_crosses_where_there_is_no_sample() -> None:
+    angle = np.concatenate([np.linspace(-2, -1, 200), np.linspace(1, 2, 200)])
+    found = unnamed("Stribeck")
+    _, twofold = figure(found, over(angle, np.sign(angle) * np.tile([1.0, 2.0], 200), "angle in joint E"), "law").series
+    assert twofold.mark == "marker"
+    _, simple = figure(found, over(angle, np.sign(angle), "angle in joint E"), "law").series
+    assert (simple.mark, simple.y.count(None)) == ("line", 1)
+
+
 @pytest.mark.slow
 def test_the_law_goes_through_what_was_recovered_beside_what_is_named(tmp_path: Path) -> None:
     """A spring with hysteresis is named as friction and a spring in part: beside the law these have other values."""
@@ -143,6 +169,16 @@ def test_an_adopted_law_is_an_effect_that_every_engine_simulates_and_closes_the_
 
 
 @pytest.mark.slow
+def test_an_adopted_law_is_considered_whatever_else_is() -> None:
+    measured = replace(
+        played(experiment(*RUNS, mechanism=REAL["drag"][0], sensors=SENSORS | CELLS)), mechanism=four_bar()
+    )
+    found = diagnose(measured, "mujoco", adopt=True, workers=1, others=False, only=["gravity"])
+    assert ([e.name for e in found.effects], found.verdict) == (["proposed_torque"], "explained"), found.statement
+    assert "Proposed, and adopted" in diagnosis_html(found)
+
+
+@pytest.mark.slow
 def test_what_no_mechanism_can_say_is_not_adopted_and_the_report_says_why() -> None:
     measured = played(experiment(*RUNS, sensors=SENSORS | CELLS))
     runs = []
@@ -153,5 +189,6 @@ def test_what_no_mechanism_can_say_is_not_adopted_and_the_report_says_why() -> N
         runs.append(replace(run, channels={**run.channels, "drive_torque": tooth}))
     found = diagnose(replace(measured, runs=tuple(runs), mechanism=four_bar()), "mujoco", adopt=True, others=False)
     assert found.proposed
-    assert any("cannot be adopted" in note for note in found.notes)
+    assert all("no mechanism file can say" in p.not_adopted for p in found.proposed)
+    assert any("It cannot be adopted: no mechanism file can say" in line for line in terminal_lines(found))
     assert not any(p.adopted for p in found.proposed)
