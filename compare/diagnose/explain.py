@@ -110,7 +110,9 @@ def explain(search: Search, fit: Fit) -> Explanation:
         fit, weights, found, fell = pruned(search, fit)
         attempts += fell
         named = tuple(n if search.late() else rivalled(search, fit, weights, n) for n in found)
-        better = [rival for n in named for _, rival in n.ties if search.beats(rival, fit)]
+        tied = [rival for n in named for _, rival in n.ties]
+        merged = [one for rival in tied if (one := merged_in(search, rival)) is not None]
+        better = [rival for rival in (*tied, *merged) if search.beats(rival, fit)]
         if last or not better:
             break
         fit = min(better, key=lambda rival: float(weights @ rival.residual**2) + search.price(rival))
@@ -147,6 +149,13 @@ def pruned(search: Search, fit: Fit) -> tuple[Fit, np.ndarray, list[Named], list
         fit = search.with_terms(fit, search.screen(fit), without(fit, weakest)) or search.base
         if any(t.effect.leaps for t in fit.terms):
             fit = search.fitter.settled(fit)
+
+
+def merged_in(search: Search, rival: Fit) -> Fit | None:
+    """A fit without those of its effects that a richer one at the same place has in it; None where there is none."""
+    terms = [rival.terms[i] for i in rival.named()]
+    rest = [t for t in terms if not any(t.where == u.where and u.effect.extends(t.effect) for u in terms)]
+    return search.with_terms(rival, search.screen(rival), rest) if len(rest) < len(terms) else None
 
 
 def shared_out(search: Search, fit: Fit, named: Sequence[Named]) -> tuple[Named, ...]:

@@ -68,9 +68,19 @@ class Proposal:
     @property
     def price(self) -> float:
         """What its numbers cost, those of what is named beside it included."""
+        return self._numbers(len(self.law.laws) > 0)
+
+    def dear(self, nearest: float) -> float:
+        """What is left, over the chi^2 a sample that the nearest leaves, and what its numbers cost: by its law, or with
+        an unknown of its own at every sample, whichever is less.
+        """
+        freely = self.found.chi2 / nearest + self._numbers(False)
+        return min(freely, self.law.chi2 / nearest + self._numbers(True)) if self.law.laws else freely
+
+    def _numbers(self, by_law: bool) -> float:
         size, beside = self.regression.residual.size, self.regression.free.shape[1]
         own = sum(len(c.terms) + len(c.shape) for c in self.law.laws) * math.log(size)
-        return (own or FREELY * (size - self.found.free)) + beside * math.log(size)
+        return (own if by_law else FREELY * (size - self.found.free)) + beside * math.log(size)
 
     def share_of(self, beside: Proposal) -> float:
         """Of what another's scene leaves without an unknown, beyond the noise, what this takes away."""
@@ -100,8 +110,8 @@ def proposal(model: Model, fitter: Fitter, fit: Fit) -> Proposal | None:
     found = [_beside(model, fitter, fit, out) for out in dict.fromkeys([rig, named]) if out and out != inside]
     whole = _beside(model, fitter, fit, inside, MOST + len(inside)) if inside else None
     tried = [p for p in (beside, whole, *found) if p is not None]
-    nearest = max(min(p.left for p in tried) / fitter.data.size, 1.0)
-    best = min(tried, key=lambda p: (p.price + p.left / nearest, -len(p.replaced)))
+    nearest = max(min(min(p.left, p.found.chi2) for p in tried) / fitter.data.size, 1.0)
+    best = min(tried, key=lambda p: (p.dear(nearest), -len(p.replaced)))
     share = best.share_of(beside)
     return replace(_likelier(best), share=share) if share > LEAST else None
 
