@@ -154,7 +154,7 @@ def pruned(search: Search, fit: Fit) -> tuple[Fit, np.ndarray, list[Named], list
 def merged_in(search: Search, rival: Fit) -> Fit | None:
     """A fit without those of its effects that a richer one at the same place has in it; None where there is none."""
     terms = [rival.terms[i] for i in rival.named()]
-    rest = [t for t in terms if not any(t.where == u.where and u.effect.extends(t.effect) for u in terms)]
+    rest = [t for t in terms if not any(u.extends(t) for u in terms)]
     return search.with_terms(rival, search.screen(rival), rest) if len(rest) < len(terms) else None
 
 
@@ -321,8 +321,7 @@ def without_unearned(search: Search, weights: np.ndarray, ties: Sequence[tuple[T
 
     def unearned(rich: Term, fit: Fit) -> bool:
         return any(
-            rich.where == simple.where
-            and rich.effect.extends(simple.effect)
+            rich.extends(simple)
             and not outdoes(search, weights, fit, other, len(rich.effect.parameters) - len(simple.effect.parameters))
             for simple, other in ties
         )

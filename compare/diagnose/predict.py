@@ -72,6 +72,10 @@ class Term:
         """name@place, as on the command line."""
         return f"{self.effect.name}@{self.where}"
 
+    def extends(self, simple: Term) -> bool:
+        """Whether this is a richer form of another at the same place."""
+        return self.where == simple.where and self.effect.extends(simple.effect)
+
 
 Hypothesis = Sequence[tuple[Term, Values]]
 Signals = Mapping[str, np.ndarray]

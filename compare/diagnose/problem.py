@@ -323,12 +323,13 @@ class Problem:
             parts += [f"hums at {frequency:g} Hz" for frequency in colour.hum]
             unit = self.measured.signals[signal].unit
             runs = [run for run in self.measured.runs if signal in run.channels]
-            noise = max(self.data.noise[run.name, signal] for run in runs)
+            size = colour.total * max(self.data.noise[run.name, signal] for run in runs)
+            stated = max(run.channels[signal].noise for run in runs)
             given = all(run.channels[signal].noise_given for run in runs)
-            size, of = amount(noise * colour.total, unit), "what is stated" if given else "that of one sample"
+            ratio, of = (size / stated, "what is stated") if given else (colour.total, "its scatter")
             self.notes.append(
-                f"{NOISE} {signal} {' and '.join(parts) or 'is larger than stated'}, {size} (rms) in all,"
-                f" {colour.total:.2g} times {of}. It does not come back with the crank's angle: it is taken as noise of"
+                f"{NOISE} {signal} {' and '.join(parts) or 'is larger than stated'}, {amount(size, unit)} (rms) in"
+                f" all, {ratio:.2g} times {of}. It does not come back with the crank's angle: it is taken as noise of"
                 " that kind, not as a fault of the rig, and the gap counts what is new in each of its samples."
             )
 

@@ -202,10 +202,10 @@ def next_steps(result: Diagnosis) -> list[str]:
             errors = enumerated([phrase(result, e.name, e.where) for e in effect.small_errors])
             instead = phrase(result, effect.name, effect.where)
             steps.append(f"Measure at the rig what {instead} may stand for: {errors}.")
-    open_ = [p for p in result.proposed if not p.adopted]
-    doubtful = {key for p in open_ for key in p.replaces}
-    adopted = {f"proposed_{p.unknown}" for p in result.proposed if p.adopted}
-    for p in open_:
+    left_open = [p for p in result.proposed if not p.adopted]
+    doubtful = {key for p in left_open for key in p.replaces}
+    adopted = {f"{p.effect}@{p.place}" for p in result.proposed if p.adopted}
+    for p in left_open:
         instead = enumerated([called(result, key) for key in p.replaces])
         steps.append(
             f"Look first for what is proposed: {unknown(result, p)}{f', in place of {instead}' if instead else ''}."
@@ -215,7 +215,7 @@ def next_steps(result: Diagnosis) -> list[str]:
         steps += [
             f"Confirm {phrase(result, e.name, e.where)} at the rig: expect {_values(result, e)}."
             for e in result.effects
-            if f"{e.name}@{e.where}" not in doubtful and e.name not in adopted
+            if f"{e.name}@{e.where}" not in doubtful | adopted
         ]
         if result.explained != result.mechanism and not doubtful:
             steps.append("Use explained.toml in place of the nominal mechanism.")

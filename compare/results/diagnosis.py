@@ -153,6 +153,11 @@ class SamePlace(Part):
     law: Annotated[str | None, Field(description="In letters; null where no law of the dictionary tells it.")]
 
 
+def adopted_name(unknown: str) -> str:
+    """Name of an effect that was proposed: ``proposed_torque``."""
+    return f"proposed_{unknown}"
+
+
 class Proposed(SamePlace):
     """A place where one unknown would tell what is left, and the law that it looks like: not a name, and no part of the
     verdict.
@@ -177,6 +182,11 @@ class Proposed(SamePlace):
         tuple[str, ...],
         Field(description="name@where of named effects that the law has in it: it stands in their place."),
     ] = ()
+
+    @property
+    def effect(self) -> str:
+        """What it is called among the effects where it is adopted."""
+        return adopted_name(self.unknown)
 
 
 class SensorGap(Part):

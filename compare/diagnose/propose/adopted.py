@@ -19,7 +19,7 @@ from compare.diagnose.propose.document import in_letters, units
 from compare.diagnose.propose.laws import Candidate
 from compare.diagnose.propose.places import EFFECTS, Bend
 from compare.diagnose.propose.proposal import Proposal
-from compare.results.diagnosis import Unknown
+from compare.results.diagnosis import Unknown, adopted_name
 from compare.results.sentences import UNKNOWNS
 
 SMALL = 0.01  # of a coefficient: a small amount of it
@@ -43,7 +43,7 @@ def adopted(p: Proposal) -> Adopted:
         raise Unadoptable("the runs follow the very encoder that is said to err")
     noun, kind = UNKNOWNS[unknown], "signal" if unknown == "error" else EFFECTS[unknown].place
     said = {
-        "name": f"proposed_{unknown}",
+        "name": adopted_name(unknown),
         "place": kind,
         "label": f"the proposed {noun}",
         "meaning": f"the proposed {noun} is there",

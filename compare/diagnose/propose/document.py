@@ -148,7 +148,7 @@ def _curve(p: Proposal) -> Curve:
     """What was recovered at each sample of a run once, over what the law's largest term is of.
 
     Beside a law what is named has other values than without one: what is shown is the law, and at each sample what of
-    the unknown it leaves.
+    the unknown it leaves; where noise has a colour, what of that is new in the sample.
     """
     state, data = p.regression.state, p.regression.data
     contributions = [(float(np.ptp(part)), one.law.over, part) for one, part in zip(p.law.laws, _parts(p), strict=True)]
@@ -201,7 +201,8 @@ def _sentence(p: Proposal, coefficients: Mapping[str, Parameter]) -> str:
     most = "" if p.told > WHOLE else f" That tells {100 * p.told:.0f} % of it."
     looks = f"looks like {names}: {law}, with {numbers}{_legend(p, law)}.{most}"
     if named and all(t.where == p.place.where and t.effect.name in RELATIVES[p.place.unknown] for t in p.replaced):
-        return f"More than {named}: what acts there {looks}"
+        on = " on the {second} (and back on the {first})".format(**_bodies(p)) if p.place.unknown == "torque" else ""
+        return f"More than {named}: what acts there{on} {looks}"
     return f"In place of {named}: {what}, and it {looks}" if named else f"{capital(what)}, and it {looks}"
 
 

@@ -136,14 +136,12 @@ class Sizer:
         """The true effects with their sizes.  Raises Rejected where one hides behind the others."""
         model, data = self.data(truth)
         fitter = Fitter(model, data, self.rig, self.bounds)
-        terms = candidates(self.rig, VOCABULARY)
+        terms, true = candidates(self.rig, VOCABULARY), {t.key for t, _ in truth}
         out = []
         for i, (term, values) in enumerate(truth):
             others = [pair for k, pair in enumerate(truth) if k != i]
             base = self.without(fitter, others)
-            true = {t.key for t, _ in truth}
-            richer = {t.key for t in terms if t.where == term.where and t.effect.extends(term.effect)}
-            rivals = [t for t in terms if t.key not in true | richer]
+            rivals = [t for t in terms if t.key not in true and not t.extends(term)]
             linear, rival, distinct = self.rivalled(fitter, base, rivals)
             out.append(
                 Planted(
