@@ -83,6 +83,16 @@ def test_noise_is_found_beside_what_repeats_with_the_crank_and_without_it() -> N
     assert alone["drive_torque"].total == pytest.approx(math.sqrt(1 + WANDER**2), rel=0.25)
 
 
+@pytest.mark.parametrize("warming", [math.inf, 0.3], ids=["evenly", "ever less"])
+def test_what_repeats_with_the_crank_and_grows_is_not_called_noise(warming: float) -> None:
+    """A belt that slips, and a link that warms up: the same fault, larger and larger."""
+    data, rng = data_of(rig()), np.random.default_rng(1)
+    elapsed = TIME / TIME[-1]
+    grown = elapsed if math.isinf(warming) else -np.expm1(-elapsed / warming)
+    parts = [6 * grown * (1 + np.cos(SPEED * TIME + 0.4) + np.sin(2 * SPEED * TIME))] * 2
+    assert colours(data, with_part(data, rng, {"drive_torque": parts})) == {}
+
+
 def test_a_line_between_the_crank_s_harmonics_is_not_called_noise() -> None:
     data, rng = data_of(rig()), np.random.default_rng(1)
     beat = [2 * np.sin(4.5 * SPEED * TIME + phase) for phase in (0.4, 2.0)]

@@ -17,6 +17,7 @@ from compare.diagnose.propose.proposal import proposal
 from compare.diagnose.workflow import diagnose
 from compare.evidence.scoreboard.hidden import FIRST
 from compare.evidence.scoreboard.record import make_set
+from compare.evidence.scoreboard.score import opened
 from compare.report.diagnosis_page import diagnosis_html
 from compare.report.diagnosis_text import diagnosis_md, terminal_lines
 from compare.report.proposed import figure
@@ -140,6 +141,31 @@ def test_the_law_goes_through_what_was_recovered_beside_what_is_named(tmp_path: 
     assert (p.unknown, p.place) == ("torque", "E")
     assert np.median(np.abs(p.curve.recovered - p.curve.law) / p.curve.sigma) < 1
     assert np.ptp(p.curve.law) > 20 * np.median(p.curve.sigma)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("seed", "unknown", "law"),
+    [
+        (FIRST["unnamed"] + 8, "length", "a sign P"),
+        (FIRST["unnamed"] + 31, "lag", "a S"),
+        (FIRST["unnamed"] + 42, "length", "a t"),
+    ],
+    ids=["loose bolt", "slipping belt", "growing link"],
+)
+def test_play_in_a_link_slip_of_a_belt_and_a_link_that_grows_are_proposed(
+    seed: int, unknown: str, law: str, tmp_path: Path
+) -> None:
+    make_set(seed, tmp_path / "data", tmp_path / "seal")
+    truth = opened(tmp_path / "seal").outside
+    assert truth is not None
+    found = diagnose(tmp_path / "data", "mujoco", others=False, workers=1)
+    (p,) = found.proposed
+    assert (p.unknown, p.place, p.law) == (unknown, truth.where, law), p.says
+    assert found.verdict in ("partly explained", "unexplained"), found.statement
+    if law != "a t":  # the true one slows down as it warms
+        size = p.coefficients["a"]
+        assert abs(size.value) == pytest.approx(abs(truth.size), rel=0.05)
 
 
 @pytest.mark.parametrize("seed", [1, *slow(*range(2, 6))])

@@ -1,9 +1,10 @@
 """The colour of a sensor's noise: what wanders slowly, or hums with the mains, and does not come back with the crank.
 
 Of what a fit leaves, a linkage's own faults repeat with the crank's angle; that is taken out first.  What stays is
-noise if a white and a slowly wandering part (an autoregressive one of first order), beside hum, describe all of it, and
-if no two sensors share it.  Then each sample counts for what it says beyond those before it (generalised least
-squares); otherwise it is left as it is, a disagreement.
+noise if a white and a slowly wandering part (an autoregressive one of first order), beside hum, describe all of it, if
+no two sensors share it, and if it is not rather a repeating part that grows (a link that warms up, a belt that slips).
+Then each sample counts for what it says beyond those before it (generalised least squares); otherwise it is left as it
+is, a disagreement.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from compare.diagnose.residuals import Colour, Data, Part, turned
 
 TURNS = 1.5  # of every run, from which on what repeats with the crank can be told from what does not
 HARMONICS = 10
+GROWING = 3  # harmonics of a repeating part that grows
 FEWEST = 60  # samples of a record
 MAINS = (50.0, 60.0)  # Hz
 HUM = 30.0  # of chi^2, that a mains frequency must bring
@@ -36,7 +38,8 @@ class _Record:
     part: Part
     left: np.ndarray
     time: np.ndarray
-    freedom: int  # that the repeating part took
+    angle: np.ndarray  # of the crank, rad
+    repeating: np.ndarray  # (N, k) columns of what repeats with it
 
 
 def colours(data: Data, residual: np.ndarray) -> dict[str, Colour]:
@@ -62,19 +65,26 @@ def _unrepeated(data: Data, part: Part, residual: np.ndarray) -> _Record | None:
     if np.ptp(angle) < TURNS * 2 * np.pi:
         return None
     most = min(HARMONICS, part.used.size // 20)
-    columns = [np.ones(angle.size)]
-    for h in range(1, most + 1):
-        columns += [np.cos(h * angle), np.sin(h * angle)]
-    matrix = np.column_stack(columns)
-    left = residual - matrix @ np.linalg.lstsq(matrix, residual, rcond=None)[0]
-    return _Record(part, left, run.time[part.used], matrix.shape[1])
+    repeating = np.column_stack([np.ones(angle.size), _waves(angle, most)])
+    return _Record(part, _beside(repeating, residual), run.time[part.used], angle, repeating)
+
+
+def _waves(angle: np.ndarray, most: int) -> np.ndarray:
+    """Cosines and sines (N, 2 most) of the first harmonics of an angle (N,) rad."""
+    turns = np.outer(angle, np.arange(1, most + 1))
+    return np.column_stack([np.cos(turns), np.sin(turns)])
+
+
+def _beside(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """What columns (N, k) leave of values (N,)."""
+    return np.asarray(values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0])
 
 
 def _colour(records: Sequence[_Record]) -> Colour | None:
     """The colour of one sensor's noise; None where it is white, or not noise alone."""
     hum = tuple(f for f in MAINS if sum(_power(r, f) / _white(r) for r in records) > HUM * len(records))
     rest = [_without(r, hum) for r in records]
-    samples = sum(r.left.size - r.freedom - 2 * len(hum) for r in records)
+    samples = sum(r.left.size - r.repeating.shape[1] - 2 * len(hum) for r in records)
     plain = sum(float(left @ left) for left in rest)
     tried = [
         (sum(_squares(left, keeps, keeps * share) for left in rest), keeps, keeps * share)
@@ -89,6 +99,8 @@ def _colour(records: Sequence[_Record]) -> Colour | None:
         return None
     size = max(1.0, math.sqrt(least / samples))
     if any(_line(Colour(keeps, forgets, 1.0).innovations(left)) for left in rest):
+        return None
+    if keeps and _grows(records, keeps, forgets, hum):
         return None
     amplitude = max((math.sqrt(2 * _power(r, f) / r.left.size) for r in records for f in hum), default=0.0)
     return Colour(keeps, forgets, size, hum, amplitude)
@@ -127,6 +139,27 @@ def _line(left: np.ndarray) -> bool:
     """Whether white noise would hardly have as sharp a line."""
     power = np.abs(np.fft.rfft(left - left.mean())[1:-1]) ** 2
     return bool(power.size and power.max() / power.mean() > math.log(power.size / LINE))
+
+
+def _grows(records: Sequence[_Record], keeps: float, forgets: float, hum: Sequence[float]) -> bool:
+    """Whether a repeating part that grows with time, evenly or ever less, and white noise tell more of what is left
+    than a colour does, by Schwarz's criterion.
+    """
+    samples = sum(r.left.size for r in records)
+    for degree in (1, 2):
+        wandering = growing = 0.0
+        for r in records:
+            elapsed = ((r.time - r.time.mean()) / np.ptp(r.time))[:, None]
+            waves = _waves(r.angle, GROWING)
+            powers = [elapsed**k for k in range(1, degree + 1)]
+            steady = np.column_stack([r.repeating, *powers, *(_sine(r.time, f) for f in hum)])
+            wandering += _squares(_beside(steady, r.left), keeps, forgets)
+            grown = _beside(np.column_stack([steady, *(power * waves for power in powers)]), r.left)
+            growing += float(grown @ grown)
+        numbers = 2 * GROWING * degree * len(records)
+        if samples * math.log(wandering / growing) > numbers * math.log(samples):
+            return True
+    return False
 
 
 def _alike(signal: str, found: Mapping[str, Colour], records: Mapping[str, Sequence[_Record]]) -> bool:

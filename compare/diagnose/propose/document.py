@@ -27,6 +27,8 @@ OVER: Mapping[Argument, tuple[str, str]] = {
     "angle": ("angle in joint {}", "rad"),
     "rate": ("angular velocity in joint {}", "rad/s"),
     "force": ("reaction at {}", "N"),
+    "pull": ("pull in the {}", "N"),
+    "carried": ("size of the drive torque, summed over the run", "N.m.s"),
     "reading": ("what the sensor for {} should read", ""),
 }
 PER = {  # as one writes it
@@ -45,6 +47,8 @@ LETTERS: Mapping[str, str] = {  # of the dictionary's laws, by what a term has i
     r"\bw\b": "w is the angular velocity in joint {}, of the {second} less the {first}",
     r"\bq\b": "q is the angle in joint {}, of the {second} less the {first}",
     r"\|F\|": "|F| is the reaction at {}",
+    r"\bP\b": "P is the pull in the {}",
+    r"\bS\b": "S is the size of the drive torque summed over the run, in the sense of its turning",
     r"\bT\b": "T is the drive torque",
     r"\btheta\b": "theta is the crank angle",
     r"\by\b": "y is what the sensor for {} should read",

@@ -21,7 +21,9 @@ HARMONICS = range(1, 41)
 @dataclass(frozen=True)
 class State:
     """What is known (size,) at every sample: crank angle ``theta`` (rad), time (s), drive torque; where the place is a
-    joint, its angle (prismatic: travel), rate, and the size of its reaction; for a sensor, what it should read.
+    joint, its angle (prismatic: travel), rate, and the size of its reaction; of a link with two pins, the ``pull`` (N)
+    in it; of the drive, ``carried`` (N.m.s), the size of its torque summed over the run, in the sense of its turning;
+    for a sensor, what it should read.
     """
 
     theta: np.ndarray
@@ -30,11 +32,13 @@ class State:
     angle: np.ndarray | None = None
     rate: np.ndarray | None = None
     force: np.ndarray | None = None
+    pull: np.ndarray | None = None
+    carried: np.ndarray | None = None
     reading: np.ndarray | None = None
 
 
 Shape = tuple[float, ...]
-Argument = Literal["theta", "time", "torque", "angle", "rate", "force", "reading"]
+Argument = Literal["theta", "time", "torque", "angle", "rate", "force", "pull", "carried", "reading"]
 Columns = Callable[[State, Shape], np.ndarray]
 
 
@@ -169,6 +173,9 @@ LAWS: tuple[Law, ...] = (
         lambda s, _: _one(np.sign(s.torque)),
         places=frozenset({"lag", "length"}),
     ),
+    Law("play", ("sign P",), ("1",), "pull", lambda s, _: _one(np.sign(_known(s.pull))), places=frozenset({"length"})),
+    Law("load of the link", ("P",), ("N",), "pull", lambda s, _: _one(_known(s.pull)), places=frozenset({"length"})),
+    Law("slip", ("S",), ("N.m.s",), "carried", lambda s, _: _one(_known(s.carried)), places=frozenset({"lag"})),
     Law("drive torque", ("T",), ("N.m",), "torque", lambda s, _: _one(s.torque), places=frozenset({"lag"})),
     Law("gain", ("y",), ("y",), "reading", lambda s, _: _one(_known(s.reading)), places=frozenset({"error"})),
     Law("time", ("t",), ("s",), "time", lambda s, _: _one(s.time)),

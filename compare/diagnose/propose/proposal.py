@@ -111,9 +111,11 @@ def proposal(model: Model, fitter: Fitter, fit: Fit) -> Proposal | None:
     whole = _beside(model, fitter, fit, inside, MOST + len(inside)) if inside else None
     tried = [p for p in (beside, whole, *found) if p is not None]
     nearest = max(min(min(p.left, p.found.chi2) for p in tried) / fitter.data.size, 1.0)
-    best = min(tried, key=lambda p: (p.dear(nearest), -len(p.replaced)))
-    share = best.share_of(beside)
-    return replace(_likelier(best), share=share) if share > LEAST else None
+    for best in sorted(tried, key=lambda p: (p.dear(nearest), -len(p.replaced))):
+        share = best.share_of(beside)  # little, where a law that tells a part stands in place of what tells more
+        if share > LEAST:
+            return replace(_likelier(best), share=share)
+    return None
 
 
 def simpler(model: Model, fitter: Fitter, fit: Fit) -> Proposal | None:

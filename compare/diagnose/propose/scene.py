@@ -6,9 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from analytic.kinematics.assembly import AssemblyError
-from analytic.mechanism import GROUND
+from analytic.mechanism import GROUND, Body
 from analytic.mechanism.signals import wrapped
 from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.effects.effect import Rig
@@ -96,6 +97,10 @@ class Scene:
         found = State(self.spread(lambda s: s[f"{m.driven}_angle"]), time, self.spread(lambda s: s["drive_torque"]))
         if place.unknown == "error":
             return replace(found, reading=self.spread(lambda s: s[place.where]))
+        if place.unknown == "lag":
+            return replace(found, carried=self._carried())
+        if place.unknown == "length":
+            return replace(found, pull=self._pull(m.moving.get(place.where)))
         if place.unknown not in ("torque", "give"):
             return found
         joint = m.joint(place.where)
@@ -109,3 +114,33 @@ class Scene:
             return self.spread(lambda s: s[f"{second}_{part}"] - (0.0 if first == GROUND else s[f"{first}_{part}"]))
 
         return replace(found, angle=across("angle"), rate=across("angular_velocity"))
+
+    def _carried(self) -> np.ndarray:
+        """The size of the drive torque, summed over each run in the sense of the crank's turning, N.m.s (size,)."""
+        data, driven = self.data, self.rig.mechanism.driven
+        by_run = []
+        for run in data.measured.runs:
+            signals = self.signals[run.name]
+            sense = np.sign(np.mean(signals[f"{driven}_angular_velocity"]))
+            by_run.append(sense * cumulative_trapezoid(np.abs(signals["drive_torque"]), run.time, initial=0.0))
+        return np.concatenate([by_run[p.run][p.used] for p in data.parts])
+
+    def _pull(self, body: Body | None) -> np.ndarray | None:
+        """The pull in a link of two pins: the mean of the forces at its ends, along it and apart, N (size,); None of
+        another.
+        """
+        m = self.rig.mechanism
+        if body is None or len(body.points) != 2 or any(m.joint(j).prismatic for j in body.points):
+            return None
+        (first, start), (last, end) = ((j, complex(*at)) for j, at in body.points.items())
+        axis = (end - start) / abs(end - start)
+
+        def along(signals: Signals) -> np.ndarray:
+            apart = np.zeros(len(signals["drive_torque"]))
+            for joint, sense in ((first, -0.5), (last, 0.5)):
+                force = signals[f"reaction_{joint}_x"] + 1j * signals[f"reaction_{joint}_y"]
+                on = 1.0 if m.joint(joint).bodies[1] == body.name else -1.0
+                apart += sense * on * (force * np.conj(axis * np.exp(1j * signals[f"{body.name}_angle"]))).real
+            return apart
+
+        return self.spread(along)
