@@ -129,6 +129,7 @@ def test_a_value_per_run_costs_more_than_a_common_one_and_more_than_a_parameter(
         assert each > common + RUNS * math.log(2000)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "values"),
     [
@@ -153,6 +154,7 @@ def test_a_common_bias_is_one_value() -> None:
 # ---------------------------------------------------------------- small errors of the rig together
 
 
+@pytest.mark.slow
 def test_small_errors_that_do_as_well_as_a_gain_are_told_with_their_values() -> None:
     """Two links a tenth of a millimetre off read as a gain of the coupler's angle; a gain of 2 % does not."""
     rig = experiment(sensors={"crank_angle": 4e-5, "coupler_angle": 6e-5, "drive_torque": 8e-3})

@@ -107,6 +107,7 @@ def test_an_engine_that_lacks_something_is_left_out_and_the_others_go_on() -> No
         crosscheck_job(Job(rubbing, ("exudyn",), load_tolerances(), "static", PAPER[:2], joint_model="contact"))
 
 
+@pytest.mark.slow
 def test_nobody_stands_apart_where_nothing_was_planted() -> None:
     result = crosscheck_job(Job(load("crank-rocker"), INSTALLED, load_tolerances(), "driven", TURN))
     assert result.verdict == "agrees"

@@ -104,6 +104,7 @@ def test_two_hundredths_of_a_degree_are_status_1_and_reported_with_size_sign_and
         assert float(found[2]) == pytest.approx(by, abs=1.5e-4)  # now minus baseline
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_another_version_of_the_engine_is_said(written: str, tmp_path: Path) -> None:
     planted(re.sub(r'version = ".*"', 'version = "3.0.1"', written), tmp_path)
@@ -112,6 +113,7 @@ def test_another_version_of_the_engine_is_said(written: str, tmp_path: Path) -> 
     assert "(the baseline was made with 3.0.1): nothing moved" in done.stdout
 
 
+@pytest.mark.slow
 def test_the_json_and_the_junit_file_name_what_moved_and_what_has_no_answer(written: str, tmp_path: Path) -> None:
     path = planted(with_angle_moved(written, 0.02), tmp_path)
     (path.parent / "pendulum-mujoco.toml").write_text("no baseline", encoding="utf-8")

@@ -136,7 +136,7 @@ OFF = {"driven": 2e-4, "static": 1e-6}  # of the largest: a step of DART's and P
 
 
 @pytest.mark.parametrize("name", ENGINES)
-@pytest.mark.parametrize("motion", ["driven", "static"])
+@pytest.mark.parametrize("motion", [*slow("driven"), "static"])
 @pytest.mark.parametrize("joints", ["B", *slow("DABE")])
 def test_engines_rub_as_the_analytic_model(name: str, motion: Motion, joints: str) -> None:
     plain = load("crank-rocker").replace(gravity=(1.0, -9.81))
@@ -149,6 +149,7 @@ def test_engines_rub_as_the_analytic_model(name: str, motion: Motion, joints: st
     np.testing.assert_allclose(found, expected, atol=OFF[motion] * largest, rtol=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENGINES)
 def test_a_released_pendulum_rubs_as_its_equation_of_motion_says(name: str) -> None:
     """The reaction is that of the motion, and the motion that of the reaction's friction: each is the other's."""

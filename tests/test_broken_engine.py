@@ -63,6 +63,7 @@ def test_the_engine_that_is_named_is_missing_in_one_sentence(what: str, tmp_path
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_all_goes_on_without_it_and_says_so(tmp_path: Path) -> None:
     break_engine(tmp_path, "exudyn", NO_LIBRARY)
     command = ["--simulator", "all", "--joint", "ideal", "--angles", "20:60:20", "--out", "out", "--json"]
@@ -84,6 +85,7 @@ def test_no_engine_that_works_is_said_once(tmp_path: Path) -> None:
     assert "no simulator" in done.stderr
 
 
+@pytest.mark.slow
 def test_the_list_of_simulators_says_that_it_is_broken(tmp_path: Path) -> None:
     break_engine(tmp_path, "exudyn", NO_LIBRARY)
     done = compare(tmp_path, "simulators")

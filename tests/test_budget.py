@@ -28,6 +28,7 @@ def test_a_budget_ends_the_search_with_the_best_so_far() -> None:
     assert spent < 8.0, "preparing, one step of the search, and a simulation before and after; all of it takes longer"
 
 
+@pytest.mark.slow
 def test_a_search_that_ends_by_itself_is_complete() -> None:
     found = diagnosed(played(experiment(), PAYLOAD), only=("payload", "gravity"), budget=600)
     assert found["complete"] is True

@@ -121,8 +121,13 @@ EVERY: list[tuple[str, What, Pair, Feature | None]] = [
 ]
 DECLARED = [row for row in EVERY if has(scopes(declared(row[0]).capabilities)[row[1]], *row[2:])]
 REFUSED = [row for row in EVERY if row not in DECLARED]
-# Of the features the short part of the suite has those with ideal joints, and friction in contact.
-LONG = [row for row in DECLARED if row[3] not in (None, "contact_friction") and row[2][0] != "ideal"]
+# Of the features the short part of the suite has those with ideal joints, and friction in contact; none is exported.
+LONG = [
+    row
+    for row in DECLARED
+    if (row[3] not in (None, "contact_friction") and row[2][0] != "ideal")
+    or (row[3] is not None and row[1] == "export")
+]
 SHORT = [row for row in DECLARED if row not in LONG]
 
 

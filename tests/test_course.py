@@ -24,6 +24,7 @@ from compare.diagnose.predict import Model, derived
 from compare.diagnose.residuals import Data
 from compare.evidence.scoreboard.rigs import Plan
 from diagnosis_rigs import diagnosed, experiment, readings, wrong
+from marks import slow
 from measured_files import RunTable, write_measured
 
 COUNTS = (None, 200, 2000)  # per revolution
@@ -56,9 +57,9 @@ def rms(values: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize(
-    "rate", [0.05, 50.0, 5e3, 5e7]
+    "rate", [0.05, *slow(50.0, 5e3), 5e7]
 )  # samples per unit of time: ms and Hz, s and Hz, fast, h and Hz
-@pytest.mark.parametrize("degrees", [0.02, 0.5, 6.0, 12.0, 22.0])
+@pytest.mark.parametrize("degrees", [0.02, 0.5, 6.0, *slow(12.0, 22.0)])
 def test_a_course_keeps_to_its_encoder_within_noise_and_counts(rate: float, degrees: float) -> None:
     k, angle = turning(400, degrees)
     time = 1000.0 + k / rate
@@ -74,6 +75,7 @@ def test_a_course_keeps_to_its_encoder_within_noise_and_counts(rate: float, degr
             assert prepare.strayed(run, "crank_angle", course) is None, (counts, noise)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("degrees", "counts"), [(22.0, None), (22.0, 200), (6.0, 2000), (0.1, 200)])
 def test_twenty_thousand_samples_do_not_flatten_it(degrees: float, counts: int | None) -> None:
     k, angle = turning(20_000, degrees)

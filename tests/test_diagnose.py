@@ -99,6 +99,7 @@ def two_effects() -> dict[str, Any]:
     return shared.document("two effects", lambda: diagnosed(played(experiment(), VISCOUS, LONGER)))
 
 
+@pytest.mark.slow
 def test_two_effects_at_once() -> None:
     assert_recovered(two_effects(), VISCOUS, LONGER)
 
@@ -160,6 +161,7 @@ def test_what_the_engines_differ_by_is_not_listed_as_a_deviation() -> None:
         assert len(locate(data, residual, angles, {("slow", "follower_angle"): between})) == listed
 
 
+@pytest.mark.slow
 def test_what_every_turn_shows_is_told_by_the_angle_and_the_rest_by_the_turn() -> None:
     """Ten turns the other way round: a noise off around zero in each of them, and a jolt in the fourth."""
     rig = experiment(Plan("slow", -4.0, 0.3, np.linspace(0.0, 5 * math.pi, 3600), None))
@@ -181,6 +183,7 @@ def test_what_every_turn_shows_is_told_by_the_angle_and_the_rest_by_the_turn() -
     assert once.time == pytest.approx((when[0], when[-1]), abs=0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "turns", "found"),
     [
@@ -205,6 +208,7 @@ def test_what_one_turn_shows_is_said_of_no_other(size: list[float], turns: int, 
     assert all(p.size > 0 for p in places), "nothing is too low"
 
 
+@pytest.mark.slow
 def test_a_coordinate_that_these_data_do_not_show_stays_where_it_is() -> None:
     """The slide's pivot along the slide; across it, it is the crank's pivot the other way, and both are named."""
     sensors = {"crank_angle": 1e-4, "slider_x": 1e-4}
@@ -374,6 +378,7 @@ def test_unknown_names_are_refused_with_what_was_meant(
         diagnosed(longer_follower, **{option: (given,)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "tolerance", [{"length": 1e-6}, *slow({"link_length.length_error": 1e-6}, {"length_error": 0.0})]
 )
@@ -406,12 +411,14 @@ def test_a_load_cell_mounted_turned(rotation: float) -> None:
     )
 
 
+@pytest.mark.slow
 def test_one_clock_offset_of_many_sensors_is_named_once() -> None:
     sensors = SENSORS | {"coupler_y": 1e-5, "coupler_angle": 5e-5, "reaction_D_x": 0.02, "reaction_D_y": 0.02}
     late = wrong("clock_offset", "slow", offset=2e-3)
     assert_recovered(diagnosed(played(experiment(sensors=sensors), late)), late)
 
 
+@pytest.mark.slow
 def test_an_encoder_that_is_off_by_another_amount_in_each_run() -> None:
     values = {"offset@slow": 1e-3, "offset@fast-reverse": -7e-4}
     truth = Planted("encoder_offset", "crank_angle", values)
@@ -442,6 +449,7 @@ def following(*effects: Planted) -> Measured:
     return played(experiment(turn("slow", 4.0, follows=True), turn("fast-reverse", -12.0, follows=True)), *effects)
 
 
+@pytest.mark.slow
 def test_a_run_that_follows_its_noisy_encoder() -> None:
     assert_recovered(diagnosed(following(VISCOUS)), VISCOUS)
 
@@ -530,6 +538,7 @@ class Tether(Effect):
         return mechanism.replace(loads=(*mechanism.loads, Load(body=where, point="B", force=(values["pull"], 0.0))))
 
 
+@pytest.mark.slow
 def test_an_effect_of_ones_own_on_a_sensor_is_found() -> None:
     rig, tooth = experiment(), WornTooth()
     seen = [
@@ -586,6 +595,7 @@ def test_an_engine_that_cannot_simulate_the_explanation_does_not_confirm_it() ->
     assert result["engines"][0]["after"] is None
 
 
+@pytest.mark.slow
 def test_what_the_chosen_engine_lacks_is_said_to_be_the_analytic_models() -> None:
     result = told(
         diagnose(
@@ -619,6 +629,7 @@ def test_the_explained_mechanism_has_no_gap_left() -> None:
     assert again["gap"]["after"] == pytest.approx(found.gap.after, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plans", [(PART,), *slow(((),))], ids=["part of a turn", "two turns"])
 def test_the_gap_shrinks_in_the_other_engines_too(plans: tuple[Plan, ...]) -> None:
     rig = experiment(*plans)

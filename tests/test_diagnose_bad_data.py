@@ -16,6 +16,7 @@ from commands import compare, without
 from compare.evidence.scoreboard.hidden import Hidden
 from compare.evidence.scoreboard.record import write_data
 from diagnosis_rigs import experiment, readings
+from marks import slow
 
 RIG = experiment()
 RUN = "slow.csv"
@@ -230,7 +231,12 @@ def with_a_spike(table: Table) -> None:
 @pytest.mark.mujoco
 @pytest.mark.parametrize(
     ("change", "kinds"),
-    [(constant, ["constant"]), (with_nans, []), (with_holes, []), (with_a_gap, ["gap"]), (with_a_spike, ["outliers"])],
+    [
+        *slow((constant, ["constant"]), (with_nans, [])),
+        (with_holes, []),
+        (with_a_gap, ["gap"]),
+        (with_a_spike, ["outliers"]),
+    ],
     ids=lambda value: value.__name__ if callable(value) else "",
 )
 def test_what_can_be_mended_is_mended_and_said(

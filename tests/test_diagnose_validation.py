@@ -68,6 +68,7 @@ def test_a_validation_run_changes_nothing_but_what_is_shown() -> None:
     assert said.startswith("Validation run kept, which nothing was fitted to, differs by")
 
 
+@pytest.mark.slow
 def test_values_of_other_runs_do_not_apply_to_a_validation_run() -> None:
     offsets = wrong("encoder_offset", "crank_angle", **{"offset@slow": 0.02, "offset@fast-reverse": -0.01})
     plans = [replace(plan, follows=True) for plan in RUNS]

@@ -257,6 +257,7 @@ def test_what_turns_back_or_is_no_angle_is_too_high_or_too_low(explained: dict[s
     )
 
 
+@pytest.mark.slow
 def test_places_are_told_within_a_turn_with_the_turn_and_the_time(
     explained: dict[str, Any], swinging: dict[str, Any]
 ) -> None:
@@ -718,6 +719,7 @@ def test_the_waterfall_takes_effects_as_they_are_listed_and_ends_with_what_remai
     assert "What takes the gap away" not in diagnosis_html(as_document(unknown))
 
 
+@pytest.mark.slow
 def test_the_best_attempts_are_ranked_with_what_they_failed(partly: dict[str, Any], explained: dict[str, Any]) -> None:
     first, second = attempts(as_document(partly))
     assert first[:4] == ("a spring in joint E", "stiffness 0.20 N·m/rad", "4 %", "3.2 → 2.9")

@@ -62,6 +62,8 @@ DEAR = {
     "how-to/baseline.md",
     "how-to/validity.md",
     "how-to/flexible.md",
+    "how-to/export.md",
+    "how-to/tolerances.md",
 }
 OWN_TEST = {"how-to/effect.md"}  # its data have to be made first
 PAGES = sorted(

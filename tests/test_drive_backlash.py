@@ -83,7 +83,6 @@ def test_on_a_flank_the_torque_points_to_it_and_a_smaller_gap_lets_the_crank_fly
     found = slack(m, time)
     crank = found.at(time)
     behind = START + SPEED * time - crank.theta
-    flank = np.abs(behind) == pytest.approx(GAP, abs=1e-12)
     flank = np.abs(np.abs(behind) - GAP) < 1e-12
     assert 0.8 < np.mean(flank) < 1.0
     assert np.all(np.sign(torque_of(m, crank)[flank]) == np.sign(behind[flank]))
@@ -205,6 +204,7 @@ def test_a_compliant_drive_is_no_backlash() -> None:
 CLEAN = experiment(turn("slow", 4.0), turn("middle", 7.0), turn("fast-reverse", -12.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, *slow(2, 3, 4, 5)])
 def test_on_a_rig_without_a_fault_none_is_named_and_few_are_tried(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[Slack] = []

@@ -92,6 +92,13 @@ def test_a_drawn_effect_grows_from_nothing_and_stays_physical(case: str, effect:
     assert 0 < sizes[0] < 1e-2 * sizes[-1]
 
 
+def test_a_joint_has_one_spring() -> None:
+    """A linear one would take the place of stiffness and rest, and leave the other's cubic term about that rest."""
+    bent = four_bar().with_joint("B", stiffness=0.1, cubic=0.3, rest_angle=1.0)
+    with pytest.raises(ValueError, match="B has a spring already"):
+        VOCABULARY["joint_spring"].on_mechanism(bent, "B", {"stiffness": 1e-12, "rest_angle": 2e11})
+
+
 def test_the_commands_agree_on_what_each_engine_simulates() -> None:
     runner = CliRunner()
     listed = json.loads(runner.invoke(app, ["effects", "--json"]).stdout)["effects"]

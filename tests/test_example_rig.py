@@ -28,6 +28,7 @@ def table(path: Path) -> tuple[list[str], np.ndarray]:
     return header, np.array(rows, float)
 
 
+@pytest.mark.slow
 def test_making_the_files_again_gives_the_same_but_for_a_last_digit(script: dict[str, Any], tmp_path: Path) -> None:
     script["make"](tmp_path)
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(FILES)

@@ -228,6 +228,7 @@ def test_released_pendulum_hangs_a_clearance_lower(joint_model: JointModel) -> N
 # ---------------------------------------------------------------- contact
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint_model", ["spring-damper", "contact"])
 def test_one_revolution_at_600_rpm_follows_the_differential_equation(joint_model: JointModel) -> None:
     m = fast_crank_rocker(2e-4, 300.0)

@@ -100,6 +100,7 @@ def test_one_engines_soft_start_leaves_the_other_runs_their_verdicts() -> None:
     assert all("contact too soft for this load" in f.why for f in found.failures)
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_the_command_writes_the_other_runs_and_leaves_with_status_3(tmp_path: Path) -> None:
     (tmp_path / "soft.toml").write_text(dumps(soft(100.0, clearance=3e-3)), encoding="utf-8")

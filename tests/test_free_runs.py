@@ -78,6 +78,7 @@ def test_the_swings_of_the_springs_do_reach_another_turn() -> None:
     assert np.ptp(swung(0.05, REST, 1e-3, (-0.5, 15.0), time)[0]) > 2 * math.pi
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("inertia", [0.0, -1e-3])
 def test_a_linkage_without_positive_inertia_has_no_motion(inertia: float) -> None:
@@ -182,6 +183,7 @@ def test_a_run_in_which_the_encoder_rests_on_a_count_is_read_backward_too() -> N
     assert begun(replace(measured, runs=(*measured.runs, resting)), "joint_spring", "viscous_friction")
 
 
+@pytest.mark.slow
 def test_the_fit_of_a_long_swing_ends_in_its_minimum_and_knows_how_sure_it_is() -> None:
     """A free motion answers to a hundredth of the mass by hundreds of sigmas, and not linearly."""
     measured = laden(time=np.arange(700) / 120.0)

@@ -173,6 +173,7 @@ def test_random_linkages_move_and_push_as_multipliers_say(m: Mechanism) -> None:
     event(assert_the_same_motion_and_forces(m))
 
 
+@pytest.mark.slow
 @QUICK
 @given(linkages(CURVED))
 def test_drag_friction_and_springs_that_are_not_linear_push_as_multipliers_say(m: Mechanism) -> None:
@@ -304,6 +305,7 @@ def test_an_equilibrium_that_is_no_minimum_of_energy_is_flagged() -> None:
     assert assert_the_equilibrium_is_a_minimum_of_energy(m) == "a minimum"
 
 
+@pytest.mark.slow
 @settings(QUICK, max_examples=25)
 @given(linkages(replace(WIDE, groups=(1, 2))))
 def test_random_clearances_are_taken_up_to_a_minimum_of_energy(m: Mechanism) -> None:
@@ -350,12 +352,14 @@ def assert_soft_bearings_rest_where_energy_does_not_change(m: Mechanism) -> str:
     return "at rest"
 
 
+@pytest.mark.slow
 @settings(QUICK, max_examples=25)
 @given(linkages(SOFT))
 def test_random_soft_bearings_give_until_their_springs_hold_the_energy(m: Mechanism) -> None:
     event(assert_soft_bearings_rest_where_energy_does_not_change(m))
 
 
+@pytest.mark.slow
 def test_most_random_soft_bearings_are_compared() -> None:
     became = Counter(assert_soft_bearings_rest_where_energy_does_not_change(seeded(k, SOFT)) for k in range(30))
     assert became["at rest"] >= 10, became

@@ -296,6 +296,7 @@ def test_contact_is_lost_where_the_pin_is_off_the_wall() -> None:
     assert free_share(gaps[:0], 1e-3) == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_a_pin_seen_far_beyond_its_rim_is_warned_of_whatever_its_settings_say() -> None:
     """A hard contact has no stiffness in its settings: the path that was seen says how deep its pin went."""

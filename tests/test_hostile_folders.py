@@ -214,6 +214,7 @@ def test_two_cross_checks_into_one_folder_leave_one_of_them_whole(tmp_path: Path
     assert {name for name in contents(tmp_path) if name.startswith("out/")} == set().union(*(whole[n] for n in wrote))
 
 
+@pytest.mark.slow
 def test_a_second_map_in_the_same_folder_is_refused_and_the_first_is_whole(tmp_path: Path) -> None:
     ends = both(tmp_path, COMMANDS["validity"], COMMANDS["validity"])
     statuses = sorted(status for status, _ in ends)

@@ -78,7 +78,7 @@ def assert_agrees(trace: Trace, truth: dict[str, np.ndarray], relative: float, a
         pytest.param(-EVEN, id="in reverse", marks=pytest.mark.slow),
         pytest.param(EVEN + 2e-3 * np.sin(6 * EVEN), id="ripple"),
         pytest.param(EVEN - np.sin(EVEN), id="from rest", marks=pytest.mark.slow),
-        pytest.param(0.5 * np.sin(EVEN), id="oscillation"),
+        pytest.param(0.5 * np.sin(EVEN), id="oscillation", marks=pytest.mark.slow),
     ],
 )
 def test_a_course_gives_the_forces_of_its_own_acceleration(leapfrog: Engine, angles: np.ndarray) -> None:
@@ -209,7 +209,7 @@ def test_a_crank_on_a_spring_moves_by_its_equation_of_motion(leapfrog: Engine) -
     np.testing.assert_allclose(trace.signals["drive_torque"], stiffness * (motor(time) - crank), rtol=0, atol=1e-10)
 
 
-@pytest.mark.parametrize("stiffness", [2000.0, pytest.param(1e5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("stiffness", slow(2000.0, 1e5))
 def test_a_crank_on_a_spring_starts_in_steady_motion(leapfrog: Engine, stiffness: float) -> None:
     """What it does in a revolution it does in the next: it has no oscillation of its own."""
     angles = np.concatenate([np.linspace(0.0, 0.5, 51), 2 * np.pi + np.linspace(0.0, 0.5, 51)])
@@ -256,7 +256,7 @@ def test_a_motor_near_resonance_is_refused(leapfrog: Engine) -> None:
 # ---------------------------------------------------------------- markers
 
 
-@pytest.mark.parametrize("motion", ["driven", "static"])
+@pytest.mark.parametrize("motion", [*slow("driven"), "static"])
 def test_signals_and_loads_are_at_the_marker_and_mass_is_not(leapfrog: Engine, motion: str) -> None:
     m = ROCKER.replace(gravity=GRAVITY, loads=(Load(body="coupler", point="com", force=(30.0, 20.0)),))
     for body, com, marker in (

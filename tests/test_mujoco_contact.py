@@ -11,6 +11,7 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load, loads
 from engine_checks import many_impacts_against_the_ode
+from marks import slow
 from sim_models.common.contact_laws import restitution
 from sim_models.engine import JointModel, Motion, Request
 from sim_models.mujoco.engine import ENGINE
@@ -136,7 +137,7 @@ def test_stiffness_and_damping_in_si_units_bounce_as_their_law_says() -> None:
 
 @pytest.mark.parametrize("friction", [0.1, 0.3])
 @pytest.mark.parametrize("motion", ["static", "driven"])
-@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("direction", [1, *slow(-1)])
 def test_friction_turns_the_displacement_and_moves_the_force_to_the_friction_circle(
     friction: float, motion: Motion, direction: int
 ) -> None:

@@ -116,7 +116,7 @@ def test_a_course_is_followed_with_the_forces_of_its_acceleration(name: str) -> 
         np.testing.assert_allclose(trace.signals[f"{body}_x"], truth[f"{body}_x"], atol=1e-8)
 
 
-@pytest.mark.parametrize("model", JOINT_MODELS)
+@pytest.mark.parametrize("model", ["ideal", *slow(*CLEARANCE_MODELS)])
 def test_a_course_of_constant_speed_is_the_same_as_the_speed(model: JointModel) -> None:
     theta = np.radians(np.arange(20.0, 161.0, 5.0))
     mechanism = load("paper").with_clearances({"B": 1e-3})
@@ -155,7 +155,7 @@ def on_the_rim(
 
 
 @pytest.mark.parametrize("model", CLEARANCE_MODELS)
-@pytest.mark.parametrize("case", ["paper", "loaded-crank-rocker"])
+@pytest.mark.parametrize("case", [*slow("paper"), "loaded-crank-rocker"])
 def test_loose_pins_begin_pressed_and_stay_so(case: str, model: JointModel) -> None:
     mechanism, start = PAPER, 1.2
     if case != "paper":
@@ -174,7 +174,7 @@ def test_loose_pins_begin_pressed_and_stay_so(case: str, model: JointModel) -> N
     assert error(trace.signals, right, "clearance") < 1e-3
 
 
-@pytest.mark.parametrize("model", ["spring-damper", "contact"])
+@pytest.mark.parametrize("model", ["spring-damper", *slow("contact")])
 def test_reports_may_be_unevenly_spaced(model: JointModel) -> None:
     mechanism = load("paper").with_clearances({"B": 1e-3})
     even = np.radians(np.arange(20.0, 161.0, 10.0))

@@ -58,6 +58,7 @@ def test_statics_of_the_paper_case(joint_model: JointModel, degrees: float, perc
         np.testing.assert_allclose(np.abs(vector(trace, "clearance_B")), clearance, rtol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint_model", REAL)
 def test_clearance_in_several_joints_at_once_the_drive_joint_among_them(joint_model: JointModel) -> None:
     m = load("six-bar").with_clearances(SEVERAL)

@@ -297,6 +297,7 @@ def test_a_table_is_written_where_a_path_says(tmp_path: Path) -> None:
     one_sentence(caught.value, "nowhere")
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 @pytest.mark.exudyn
 def test_the_command_takes_engines_with_commas_between_them(tmp_path: Path) -> None:

@@ -119,6 +119,7 @@ def stamped(off: float, encoder: float) -> tuple[Measured, dict[str, float]]:
     return replace(seen, runs=runs), drawn
 
 
+@pytest.mark.slow
 def test_jitter_of_time_stamps_is_recovered() -> None:
     measured, drawn = stamped(3e-3, 5e-5)
     result = diagnosed(measured)
@@ -129,10 +130,12 @@ def test_jitter_of_time_stamps_is_recovered() -> None:
     assert found == pytest.approx(drawn, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_noisy_encoder_is_no_jitter_of_time_stamps() -> None:
     assert named(diagnosed(stamped(0.0, 0.02)[0])) == []
 
 
+@pytest.mark.slow
 def test_a_coarse_encoder_that_alone_says_when_lines_were_read_leaves_no_gap() -> None:
     """2 mrad of the encoder are 1.4 mrad of the follower, and its own noise is 0.05 mrad."""
     measured, drawn = stamped(3e-3, 2e-3)

@@ -89,6 +89,7 @@ def test_what_gravity_cannot_move_stays_and_is_held() -> None:
     np.testing.assert_allclose(found.reactions.drive_torque, 0, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_a_four_bar_that_several_joints_hold_has_no_answer_from_there_on() -> None:
     m = load("crank-rocker").replace(gravity=(0.0, -9.81), drive=None)
     for joint in ("D", "E"):

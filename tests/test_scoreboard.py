@@ -225,6 +225,7 @@ def test_one_seed_is_one_set(tmp_path: Path) -> None:
     assert all((tmp_path / "a" / f).read_bytes() == (tmp_path / "b" / f).read_bytes() for f in files)
 
 
+@pytest.mark.slow
 def test_what_is_written_can_be_read_and_does_not_tell_the_truth(tmp_path: Path) -> None:
     made = make(16, tmp_path / "data", tmp_path / "seal")
     truth = opened(tmp_path / "seal")
@@ -275,6 +276,7 @@ def test_effects_are_as_large_as_asked_and_another_engine_diagnoses(seed: int) -
         assert e.distinct <= e.total + 1e-6
 
 
+@pytest.mark.slow
 def test_clearance_is_an_alias_of_length_until_the_load_reverses() -> None:
     same, other = drawn(FIRST["alias"]), drawn(FIRST["alias"] + 1)
     for found, lengths in ((same, True), (other, False)):
@@ -287,6 +289,7 @@ def test_clearance_is_an_alias_of_length_until_the_load_reverses() -> None:
         assert math.sqrt(fit.chi2) < 3 if lengths else math.sqrt(fit.chi2) > 10
 
 
+@pytest.mark.slow
 def test_an_offset_of_its_own_for_each_run_is_drawn_too() -> None:
     kinds: set[int] = set()
     for seed in (99, 162, *range(15, 15 + 21 * 8, 21)):  # two of them are enough unless sets are drawn otherwise
@@ -968,6 +971,7 @@ def test_every_release_of_a_large_set_turns_on_its_own_spring() -> None:
     assert abs(abs(made.dominant[0].values["rest_angle"]) - math.pi) < math.radians(8)
 
 
+@pytest.mark.slow
 def test_what_a_tare_can_do_is_not_told_from_it_and_a_zero_of_the_encoder_is_its_own() -> None:
     ruler = Ruler(experiment())
     torque = Planted("load_torque", "crank", {"torque": 2e-3})

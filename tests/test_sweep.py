@@ -187,6 +187,7 @@ for outcome in sweep(sweep_work.logged, runs, Path(folder), workers=int(workers)
 """
 
 
+@pytest.mark.slow
 @POSIX
 @pytest.mark.parametrize("workers", [*slow(1), 2])
 def test_a_killed_sweep_goes_on_where_it_stopped(workers: int, tmp_path: Path) -> None:

@@ -305,6 +305,7 @@ def test_the_command_writes_a_map_that_meets_its_schema(tmp_path: Path) -> None:
     assert done.stderr == ""
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 @pytest.mark.parametrize(
     ("case", "rpm", "joint"),
@@ -442,6 +443,7 @@ def test_a_cluster_that_is_not_there_is_bad_input(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_a_mechanism_file_is_mapped_like_a_shipped_case(tmp_path: Path) -> None:
     """A crank-rocker that does work: its pin is pressed one way, so the model holds where the unloaded one's

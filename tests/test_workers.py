@@ -112,6 +112,7 @@ def words(command: Command) -> str:
     return "\n".join(line for line in lines if line and not line.startswith(("left out: ", "compare: stopped")))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["killed", *slow("terminated", "interrupted")])
 def test_workers_in_the_middle_of_a_long_call_end_with_their_parent(how: str, tmp_path: Path) -> None:
     """They hold the interpreter's lock for a minute, as an engine does: no thread of theirs could look around."""

@@ -275,6 +275,8 @@ class JointSpring(Effect):
         return np.array([values["stiffness"], values["stiffness"] * values["rest_angle"]])
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
+        if mechanism.joint(where).cubic:
+            raise ValueError(f"joint {where} has a spring already, which is not linear")
         return mechanism.with_joint(where, stiffness=values["stiffness"], rest_angle=values["rest_angle"])
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
