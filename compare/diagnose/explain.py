@@ -109,6 +109,10 @@ def explain(search: Search, fit: Fit) -> Explanation:
     for last in (*(False,) * SWAPS, True):
         fit, weights, found, fell = pruned(search, fit)
         attempts += fell
+        plain = None if last or search.late() else plainer(search, fit, weights)
+        if plain is not None:
+            fit = plain
+            continue
         named = tuple(n if search.late() else rivalled(search, fit, weights, n) for n in found)
         tied = [rival for n in named for _, rival in n.ties]
         merged = [one for rival in tied if (one := merged_in(search, rival)) is not None]
@@ -156,6 +160,22 @@ def merged_in(search: Search, rival: Fit) -> Fit | None:
     terms = [rival.terms[i] for i in rival.named()]
     rest = [t for t in terms if not any(u.extends(t) for u in terms)]
     return search.with_terms(rival, search.screen(rival), rest) if len(rest) < len(terms) else None
+
+
+def plainer(search: Search, fit: Fit, weights: np.ndarray) -> Fit | None:
+    """A fit with the simple form of one of its effects that does not earn its further parameters; None where all do."""
+    for i in fit.named():
+        rich = fit.terms[i]
+        values = rich.effect.values(search.rig, rich.where, fit.x[i], rich.variant)
+        for simple in filter(rich.extends, search.cost):
+            known = {p.name: values[p.name] for p in simple.effect.parameters}
+            start = {t: x for t, x in zip(fit.terms, fit.x, strict=True) if t != rich}
+            start[simple] = simple.effect.natural(search.rig, simple.where, known, simple.variant)
+            plain = search.fitter.fit(list(start), start)
+            more = len(rich.effect.parameters) - len(simple.effect.parameters)
+            if plain is not None and not outdoes(search, weights, fit, plain, more):
+                return plain
+    return None
 
 
 def shared_out(search: Search, fit: Fit, named: Sequence[Named]) -> tuple[Named, ...]:
