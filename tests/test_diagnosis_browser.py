@@ -18,7 +18,10 @@ from sample_diagnosis import as_document, partly_explained, sample_diagnosis, sw
 from test_diagnosis_report import NASTY, hostile
 from test_report_browser import CHROMIUM, Browser, browser, no_errors
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium"),
+]
 FIXTURES = (browser, no_errors)  # theirs and ours: a browser for the module, and a console that every test leaves clean
 CELLS = ".map tr[data-strip] td.cells svg"
 
@@ -53,7 +56,6 @@ def box(browser: Browser, selector: str) -> tuple[float, float, float, float]:
     return left, top, width, height
 
 
-@pytest.mark.slow
 def test_three_runs_of_ten_signals_are_a_small_page_that_asks_for_nothing_else(browser: Browser, page: Path) -> None:
     browser.open(page)
     assert page.stat().st_size < 3e6  # opens in half a second
@@ -143,7 +145,6 @@ def test_the_data_open_as_a_table_of_every_sample(browser: Browser, page: Path, 
     assert [row[4] == "yes" for row in rows] == [held == 1 for held in explained["runs"][2]["held_out"]]
 
 
-@pytest.mark.slow
 def test_a_long_run_is_drawn_thin_with_its_peaks_and_tabulated_whole(browser: Browser, tmp_path: Path) -> None:
     result = swinging_diagnosis()
     run = result["runs"][0]
@@ -162,7 +163,6 @@ def test_a_long_run_is_drawn_thin_with_its_peaks_and_tabulated_whole(browser: Br
     assert browser.run("data.panels[0].before.length") == count
 
 
-@pytest.mark.slow
 def test_the_separating_run_can_be_copied(browser: Browser, tied: Path) -> None:
     browser.open(tied)
     assert browser.run("document.querySelectorAll('header .card').length") == 2
@@ -186,7 +186,6 @@ def test_no_screen_makes_the_page_scroll_sideways(
     assert dark == (scheme == "dark")
 
 
-@pytest.mark.slow
 def test_everything_has_a_name_and_every_name_is_its_own(browser: Browser, tied: Path) -> None:
     browser.open(tied)
     browser.run("document.querySelectorAll('details').forEach(d => d.open = true)")
@@ -258,7 +257,6 @@ def test_hostile_names_are_shown_and_not_run(browser: Browser, tmp_path: Path) -
     assert NASTY in browser.run("document.body.innerText")
 
 
-@pytest.mark.slow
 def test_a_partly_explained_page_shows_shares_attempts_and_values_over_each_other(
     browser: Browser, tmp_path: Path
 ) -> None:

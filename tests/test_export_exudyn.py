@@ -19,7 +19,7 @@ from sim_models.engine import JOINT_MODELS, Motion, Request, Unsupported
 from sim_models.exudyn.engine import ENGINE
 from test_export import PAPER, SHORT, SLIDER, bare, columns, command, driven_by, table
 
-pytestmark = pytest.mark.exudyn
+pytestmark = [pytest.mark.exudyn, pytest.mark.slow]  # test_export is in the short part
 
 TOLERANCE = 1e-12  # of the largest value of a signal's kind
 # A shaft free to swing is stepped without damping: a last digit of its speed, over the step, is an acceleration.

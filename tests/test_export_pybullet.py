@@ -24,7 +24,7 @@ from linkages import curved_slider, inverted_slider
 from sim_models.engine import Request, Trace, Unsupported
 from sim_models.pybullet.engine import ENGINE
 
-pytestmark = pytest.mark.pybullet
+pytestmark = [pytest.mark.pybullet, pytest.mark.slow]  # test_export is in the short part
 
 # Of the largest value of a signal's kind.  A spring of 1e7 N/m makes forces of positions, and Bullet's pins undo all
 # drift in each step, which makes forces of m/h^2 times it: both magnify rounding, where the script finds a pin by other

@@ -33,7 +33,10 @@ ON_DESCRIPTORS_3_AND_4 = (
     " sys.argv[3:])"
 )
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium"),
+]
 
 
 class Browser:
@@ -321,7 +324,6 @@ def explored(browser: Browser, result: dict[str, Any], folder: Path) -> list[tup
     return found
 
 
-@pytest.mark.slow
 def test_whole_turns_between_the_two_sides_change_neither_the_values_nor_the_drawing(
     browser: Browser, tmp_path: Path
 ) -> None:
@@ -484,7 +486,6 @@ def test_hostile_names_are_shown_and_not_run(browser: Browser, tmp_path: Path) -
     assert nasty in browser.run("document.body.innerText")
 
 
-@pytest.mark.slow
 def test_several_engines_with_two_clearances_and_a_full_turn(browser: Browser, tmp_path: Path) -> None:
     write_report(sample_result("crank-rocker", {"B": 2e-4, "E": 1e-4}, ("mujoco", "exudyn")), tmp_path)
     browser.open(tmp_path / "report.html")

@@ -8,6 +8,7 @@ from compare.diagnose.explain import explain
 from compare.diagnose.problem import Options, Problem
 from compare.evidence.scoreboard.sizes import Planted
 from diagnosis_rigs import Result, diagnosed, experiment, named, played, turn, wrong
+from marks import slow
 
 RUNS = (turn("slow", 4.0), turn("fast", 9.0), turn("reverse", -6.0))
 NOISE = {"crank_angle": 5e-5, "follower_angle": 5e-5, "drive_torque": 5e-3}
@@ -24,7 +25,7 @@ def first_and_ties(result: Result) -> tuple[tuple[str, str], dict[tuple[str, str
     return (effect["name"], effect["where"]), {(t["name"], t["where"]): t["odds"] for t in effect["ambiguous_with"]}
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, *slow(2)])
 def test_zeros_of_a_torque_sensor_that_look_like_friction_are_named_first_where_they_are_likelier(seed: int) -> None:
     first, ties = first_and_ties(told(wrong("sensor_bias", "drive_torque", **LIKE_FRICTION), seed=seed))
     assert first == ("sensor_bias", "drive_torque")
@@ -42,12 +43,17 @@ def test_friction_at_the_crank_is_named_first_though_zeros_of_each_run_fit_as_we
 @pytest.mark.parametrize(
     ("hidden", "rich", "beyond"),
     [
-        (wrong("coulomb_friction", "E", friction_torque=0.05), "stribeck_friction",
-         {"static_torque": 0.05, "stribeck_speed": 0.5}),
         (wrong("joint_spring", "B", stiffness=0.3, rest_angle=1.0), "nonlinear_spring", {"cubic": 0.01}),
+        *slow(
+            (
+                wrong("coulomb_friction", "E", friction_torque=0.05),
+                "stribeck_friction",
+                {"static_torque": 0.05, "stribeck_speed": 0.5},
+            )
+        ),
     ],
-    ids=["friction", "spring"],
-)  # fmt: skip
+    ids=["spring", "friction"],
+)
 def test_a_richer_form_that_a_search_ended_with_and_that_brings_nothing_is_its_simple_one(
     hidden: Planted, rich: str, beyond: dict[str, float]
 ) -> None:
