@@ -344,7 +344,7 @@ def statuses(result: dict[str, Any], name: str, where: str) -> str:
     return str(next(c["status"] for c in result["candidates"] if (c["name"], c["where"]) == (name, where)))
 
 
-@pytest.mark.parametrize("exclude", [*slow("link_length"), "link_length@follower"])
+@pytest.mark.parametrize("exclude", slow("link_length", "link_length@follower"))
 def test_what_is_excluded_is_not_named(longer_follower: Measured, exclude: str) -> None:
     result = diagnosed(longer_follower, exclude=(exclude,))
     assert ("link_length", "follower") not in named(result)

@@ -40,6 +40,7 @@ from compare.results.sentences import (
     span,
     wrapped,
 )
+from marks import slow
 from sample_diagnosis import (
     CLEARANCE,
     as_document,
@@ -797,7 +798,7 @@ def test_measured_and_simulated_are_over_each_other_in_the_unit_that_is_read(exp
 # ------------------------------------------------------------------ the document and its other files
 
 
-@pytest.mark.parametrize("make", [sample_diagnosis, swinging_diagnosis, no_gap, partly_explained])
+@pytest.mark.parametrize("make", [sample_diagnosis, *slow(swinging_diagnosis), no_gap, partly_explained])
 def test_a_diagnosis_is_read_and_written_as_it_was(make: Any) -> None:
     content = json.loads(to_json(make()))
     document = Diagnosis.model_validate(content)

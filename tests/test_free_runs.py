@@ -130,6 +130,7 @@ def assert_one_near(beginnings: list[dict[str, dict[str, float]]]) -> None:
     assert found["viscous_friction"]["damping"] == pytest.approx(DAMPER, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turns", [(0, 0), (0, 1), (1, 0), (-1, 1)])
 def test_a_stiff_spring_and_a_damper_begin_near_what_they_are(turns: tuple[int, int]) -> None:
     """Whichever turn each run's encoder counts from."""

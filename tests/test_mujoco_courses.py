@@ -291,7 +291,7 @@ def test_a_marker_is_not_the_centre_of_mass(model: JointModel, motion: Motion) -
     np.testing.assert_allclose(at_marker["coupler_y"], at_point["coupler_y"] + turned.imag, atol=1e-12)
 
 
-@pytest.mark.parametrize("model", [*slow("ideal"), "contact"])
+@pytest.mark.parametrize("model", slow("ideal", "contact"))
 def test_an_exported_course_runs_in_mujoco_alone(model: JointModel, tmp_path: Path) -> None:
     mechanism = CRANK_ROCKER.replace(loads=(Load(body="follower", force=(40.0, 0.0)),)).with_body(
         "follower", marker=(0.07, 0.01)
