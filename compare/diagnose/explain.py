@@ -18,6 +18,7 @@ from scipy.stats import chi2
 from compare.diagnose import workmanship
 from compare.diagnose.admission import foretold, held_out, tried
 from compare.diagnose.fit import Fit, rank_of, without_columns
+from compare.diagnose.leaps import plausible
 from compare.diagnose.least_squares import UNSEEN
 from compare.diagnose.noise import CLOSED, rms, sample_weights
 from compare.diagnose.odds import odds_of
@@ -264,7 +265,9 @@ def admitted(search: Search, fit: Fit, weights: np.ndarray) -> Judged:
 
 
 def intervals(search: Search, fit: Fit, i: int, weights: np.ndarray) -> dict[str, Interval]:
-    """95 % intervals of a term's reported parameters, from the curvature of chi^2 in natural coordinates."""
+    """95 % intervals of a term's reported parameters, from the curvature of chi^2 in natural coordinates, and from its
+    staircase where samples leap.
+    """
     term, x, at = fit.terms[i], fit.x[i], fit.columns(i)
     sizes = np.concatenate([np.asarray(t.effect.scales(search.rig, t.where, t.variant), float) for t in fit.terms])
     scaled = fit.jacobian * np.sqrt(weights)[:, None] * (sizes * np.linalg.norm(fit.jacobian, axis=0) > UNSEEN)
@@ -300,6 +303,9 @@ def intervals(search: Search, fit: Fit, i: int, weights: np.ndarray) -> dict[str
             continue
         half = 1.96 * math.sqrt(max(float(slope @ covariance @ slope), 0.0))
         out[p] = interval(p, v, [v - half, v + half], bool((blind & (slope != 0)).any()))
+    if term.effect.leaps:
+        less, more = (reported(x * share) for share in plausible(search.fitter, fit, i, weights))
+        out = {p: replace(o, low=min(o.low, less[p]), high=max(o.high, more[p])) for p, o in out.items()}
     return out
 
 

@@ -19,7 +19,8 @@ COARSE = 10.0  # times as large a step as wanted is still good enough
 REFINED = 4  # times
 # of chi^2: what a step may gain by leaps of single samples, in fits to be compared and in the last one
 LEAP, LAST_LEAP = 1.0, 0.05
-NEARBY = (0.94, 0.97, 0.98, 0.99, 1.01, 1.02, 1.03, 1.06)  # of a value that leaps, from where its descent ends again
+# of a value that leaps, from where its descent ends again
+NEARBY = (0.6, 0.7, 0.75, 0.8, 0.88, 0.94, 0.97, 0.98, 0.99, 1.01, 1.02, 1.03, 1.06, 1.13, 1.25, 1.4, 1.6)
 
 
 @dataclass(frozen=True, eq=False)
