@@ -22,6 +22,7 @@ from compare.diagnose.residuals import SPIKE, Data
 from compare.evidence.scoreboard.board import scored
 from compare.evidence.scoreboard.hidden import FIRST
 from compare.evidence.scoreboard.record import make_set
+from compare.results.scoreboard import Value
 from diagnosis_rigs import START, assert_recovered, diagnosed, experiment, four_bar, named, played, turn, wrong
 from marks import slow
 from sim_models.common.backlash import SETTLED
@@ -200,16 +201,24 @@ def test_backlash_beside_friction_is_recovered() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("seed", "off"), [(6, 0.02), (126, 0.6)])
-def test_a_gap_is_as_sure_as_its_staircase_of_chi_squared_says(seed: int, off: float, tmp_path: Path) -> None:
-    """A gap of 0.2 mrad was once read as 0.267 +- 0.007 beside a far better value, and is read as 0.31 where single
-    landings change chi^2 by as much as gaps from 0.19 to 0.35 do.
-    """
-    make_set(FIRST["machines"] + seed, tmp_path / "data", tmp_path / "seal")
-    (half_gap,) = scored(tmp_path / "data", tmp_path / "seal").parameters
+def test_a_gap_beside_a_far_better_value_of_it_is_found_again(tmp_path: Path) -> None:
+    """0.2 mrad was once read as 0.267 +- 0.007."""
+    half_gap = _half_gap(6, tmp_path)
     assert half_gap.covered
     assert half_gap.error is not None
-    assert abs(half_gap.error) < off
+    assert abs(half_gap.error) < 0.02
+
+
+@pytest.mark.slow
+def test_a_gap_is_as_sure_as_its_staircase_of_chi_squared_says(tmp_path: Path) -> None:
+    """0.2 mrad, where single landings change chi^2 by as much as gaps from 0.19 to 0.35 do."""
+    assert _half_gap(126, tmp_path).covered
+
+
+def _half_gap(seed: int, folder: Path) -> Value:
+    make_set(FIRST["machines"] + seed, folder / "data", folder / "seal")
+    (half_gap,) = scored(folder / "data", folder / "seal").parameters
+    return half_gap
 
 
 @pytest.mark.slow
