@@ -367,6 +367,21 @@ def test_only_effects_that_do_not_explain_leave_it_unexplained(longer_follower: 
 
 
 @pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"only": ("drag",), "exclude": ("gravity", "drag")}, "'drag' is both among only and excluded"),
+        ({"exclude": ("drag,gravity",)}, "give each by itself"),
+    ],
+    ids=["on both lists", "two in one"],
+)
+def test_lists_of_effects_that_say_nothing_are_refused(
+    longer_follower: Measured, options: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(MeasuredError, match=said):
+        diagnosed(longer_follower, **options)
+
+
+@pytest.mark.parametrize(
     ("given", "meant"),
     [("gravty", "gravity"), ("link_length@folower", "link_length@follower"), ("clearance@B", "joint_clearance@B")],
 )

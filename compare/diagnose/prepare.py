@@ -313,15 +313,17 @@ def considered(
 
 
 def ruled_out(terms: Sequence[Term], only: Sequence[str], exclude: Sequence[str]) -> dict[tuple[str, str], str]:
-    """Terms that the engineer rules out.  Raises MeasuredError for names that are none."""
+    """Terms that the engineer rules out.  Raises MeasuredError for names that are none, or on both lists."""
     known = {label for t in terms for label in (t.label, t.effect.name)} | set(VOCABULARY)
     for given in (*only, *exclude):
         if given not in known:
             close = difflib.get_close_matches(given, known, n=1)
+            remedy = "give each by itself" if "," in given else f"did you mean {close[0]!r}" if close else ""
             raise MeasuredError(
-                f"{given!r} is not an effect of these data{f'; did you mean {close[0]!r}' if close else ''}; see:"
-                " compare effects"
+                f"{given!r} is not an effect of these data{f'; {remedy}' if remedy else ''}; see: compare effects"
             )
+    if both := [given for given in only if given in exclude]:
+        raise MeasuredError(f"{both[0]!r} is both among only and excluded; leave it out of one")
     out = {}
     for t in terms:
         if {t.label, t.effect.name} & set(exclude):

@@ -13,7 +13,7 @@ from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parame
 HARMONICS = range(1, 13)
 OF_TORQUE = range(1, 25)  # poles and teeth are many
 PROBED = 5e-4  # rad, half of a gap
-PLAY = 2e-4  # rad, half of a gap of a machine: of smaller ones flights are shorter than a sample
+PLAY = 2e-4  # rad, half of a machine's least gap: of smaller ones flights are shorter than a sample
 
 
 class DriveCompliance(Reciprocal):
@@ -135,7 +135,7 @@ class DriveBacklash(Effect):
         return with_drive(mechanism, half_gap=values["half_gap"])
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
-        return Growth(lambda a: {"half_gap": a}, 0.02, least=PLAY)
+        return Growth(lambda a: {"half_gap": a}, 0.02, least=PLAY * 10 ** draw.rng.random())
 
 
 def with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:
