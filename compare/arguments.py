@@ -28,7 +28,16 @@ from compare.faults import ArgumentError, DegreesWarning
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import FARTHEST, chosen_angles
 from compare.judge.tolerances import Tolerances
-from sim_models.engine import JointModel, SimulatorMissing, engine, engine_names, offers
+from sim_models.engine import (
+    MAPPED,
+    SEPARATOR,
+    JointModel,
+    SimulatorMissing,
+    engine,
+    engine_names,
+    offers,
+    scheme_of,
+)
 
 Linkage = Mechanism | str | Path
 """A mechanism, the name of a shipped case, or the path of a mechanism file."""
@@ -200,9 +209,33 @@ def engines(given: Simulators) -> tuple[tuple[str, ...], list[str]]:
     return tuple(found), left_out
 
 
+def with_map(given: Simulators, columns: object) -> Simulators:
+    """The simulators, those that are somebody's model file with this map of its columns.  Raises ArgumentError."""
+    if columns is None:
+        return given
+    found = tuple(
+        name if scheme_of(name)[0] not in MAPPED or SEPARATOR in name else f"{name}{SEPARATOR}{path(columns, 'map')}"
+        for name in _engine_names(given)
+    )
+    if found == _engine_names(given):
+        accepted = " or ".join(f"{each}:FILE" for each in MAPPED)
+        raise ArgumentError("map", f"{columns} belongs to no simulator; give one that takes a map, {accepted}")
+    return found
+
+
 def every_one(given: Simulators) -> bool:
     """Whether every engine that is installed is meant.  Raises ArgumentError."""
     return _engine_names(given) == ("all",)
+
+
+def modelling(name: str) -> str:
+    """The name of an engine that models what it is given.  Raises ArgumentError for somebody's model, which stays as
+    it is.
+    """
+    if scheme_of(name)[0]:
+        why = f"{name}: is one model as it is, and here each run has its own; give one of {', '.join(engine_names())}"
+        raise ArgumentError("simulator", why)
+    return name
 
 
 def one_engine(given: object) -> str:
@@ -214,7 +247,7 @@ def one_engine(given: object) -> str:
 
 def _engine_names(given: object) -> tuple[str, ...]:
     """The names of engines, each once; ``all`` stands alone.  Raises ArgumentError."""
-    parts = [part.strip() for text in names(given, "simulators") for part in text.split(",")]
+    parts = [part for text in names(given, "simulators") for part in _parted(text)]
     found = tuple(dict.fromkeys(_as_called(part) for part in parts))
     if not all(found) or not found or ("all" in found and len(found) > 1):
         accepted = f"give one or several of {', '.join(engine_names())}, or all by itself"
@@ -222,8 +255,23 @@ def _engine_names(given: object) -> tuple[str, ...]:
     return found
 
 
+def _parted(text: str) -> Iterator[str]:
+    """The names of a list separated by commas; the path of a file that exists keeps those that it has."""
+    left = text.split(",")
+    while left:
+        count = 1
+        if scheme_of(left[0].strip())[0]:
+            whole = range(len(left), 1, -1)
+            count = next((k for k in whole if os.path.exists(scheme_of(",".join(left[:k]).strip())[1])), 1)
+        yield ",".join(left[:count]).strip()
+        left = left[count:]
+
+
 def _as_called(name: str) -> str:
-    """The name of an engine that is this one but for capitals; any other name as it is."""
+    """The name of an engine that is this one but for capitals; any other name as it is, a path above all."""
+    scheme, path = scheme_of(name)
+    if scheme:
+        return f"{scheme}:{path}"
     known = {each.casefold(): each for each in (*engine_names(), "all")}
     return known.get(name.casefold(), name)
 

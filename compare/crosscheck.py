@@ -9,13 +9,15 @@ from __future__ import annotations
 import platform
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
+from analytic.mechanism.signals import Signal
 from analytic.paper.clearance import MODELS, Model
 from analytic.paper.printed import printed_figures
 from compare.arguments import (
@@ -36,6 +38,7 @@ from compare.arguments import (
     one_of,
     processes,
     rigidly_and_evenly_driven,
+    with_map,
 )
 from compare.faults import ArgumentError
 from compare.judge.assumptions import failing_assumption
@@ -54,14 +57,16 @@ from compare.judge.discrepancy import (
 from compare.judge.flexible import Beams, softened
 from compare.judge.grid import FREE_TIME, turns_fully
 from compare.judge.reference import Reference, reference, released_reference, with_flexible_links
-from compare.judge.signals import with_derived, with_rotations
+from compare.judge.signals import compared, recorded, with_derived, with_rotations
 from compare.judge.tolerances import Tolerances
+from compare.recorded.motion import SURE
 from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict
 from compare.results.crosscheck import Discrepancy as Judgement
 from compare.runs import Resolve, simulate_all
 from sim_models.engine import (
     JOINT_MODELS,
     MOTIONS,
+    SEPARATOR,
     JointModel,
     Motion,
     Request,
@@ -79,6 +84,7 @@ Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], R
 class Job:
     """What to cross-check.  ``theta`` (N,) rad are the crank angles; a released linkage has ``time`` (N,) s instead.
 
+    ``beside`` are signals that are judged too, as a file of results has them.
     ``as_it_is`` takes every run as it comes, where others are looked at more closely (:mod:`compare.judge.closer`).
     With ``flexible`` bodies that have a modulus of elasticity bend, in static motion; else all are rigid.
     """
@@ -96,6 +102,7 @@ class Job:
     workers: int = 1
     flexible: bool = False
     as_it_is: bool = False
+    beside: tuple[str, ...] = ()
 
 
 def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
@@ -109,6 +116,7 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
     analytic: Model = "equilibrium",
     flexible: bool = False,
     tolerances: ToleranceFile | None = None,
+    map: str | FilePath | None = None,
     workers: int | None = None,
     progress: Progress = lambda what, done, total: None,
 ) -> CrossCheck:
@@ -117,8 +125,8 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
     ``clearance`` (m by joint) replaces the case's own; ``angles`` (N,) are crank angles in rad, by default those of the
     case.  Without a ``joint_model`` every one that an engine has is run, ideal first.  ``tolerances`` are a file's laid
     over the shipped ones, or :class:`~compare.judge.tolerances.Tolerances`.  With ``flexible`` bodies that have a
-    modulus of elasticity bend, in static motion.  With several engines the runs are spread over ``workers`` processes,
-    one a core by default.
+    modulus of elasticity bend, in static motion.  ``map`` is the map of a simulator that is somebody's model file, such
+    as ``fmu:linkage.fmu``.  With several engines the runs are spread over ``workers`` processes, one a core by default.
 
     Raises MechanismError, ArgumentError, ToleranceError, AssemblyError, Unsupported or SimulatorMissing; a simulation
     that fails is among the result's ``failures``.
@@ -133,6 +141,7 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
         analytic=analytic,
         flexible=flexible,
         tolerances=tolerances,
+        map=map,
         workers=workers,
     )
     return crosscheck_job(job, progress)
@@ -149,6 +158,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
     analytic: Model = "equilibrium",
     flexible: bool = False,
     tolerances: ToleranceFile | None = None,
+    map: str | FilePath | None = None,
     workers: int | None = None,
 ) -> Job:
     """The job that a question comes to.  Warns, and raises, as :func:`crosscheck` does; nothing is simulated yet."""
@@ -157,6 +167,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
     flexible, read = flag(flexible, "flexible"), laid_over(tolerances)
     with noted() as warned:
         given = linkage(mechanism, clearance)
+        simulators = with_map(simulators, map)
         names, left_out = engines(simulators)
         spread_over = processes(workers, cores() if len(names) > 1 else 1)
         if flexible:
@@ -279,14 +290,39 @@ def crosscheck_job(
     assembly = Assembly(job.mechanism)
     tasks = [(name, request) for name in job.simulators for request in _requests(job, assembly, name, resolve)]
     if not tasks:
-        raise Unsupported(
-            f"{', '.join(job.simulators)}: nothing to run; {job.joint_model} joints need clearance, and an engine that"
-            f" has them in {job.motion} motion"
-        )
+        what = f"{job.joint_model or 'ideal'} joints in {job.motion} motion"
+        does = "; ".join(f"{name.partition(SEPARATOR)[0]} has {_pairs(name, resolve)}" for name in job.simulators)
+        raise Unsupported(f"nothing to run with {what}: {does}; use another joint, motion or simulator")
     sides = {
         ideal: _side(job, assembly, ideal, measure)
         for ideal in {request.joint_model == "ideal" for _, request in tasks}
     }
+    ran = run_all(job, tasks, lambda trace: sides[trace.joint_model == "ideal"], resolve, progress)
+    if len(ran.left_out) == len(tasks) or (ran.left_out and len(job.simulators) == 1):
+        raise Unsupported(ran.left_out[0])
+    return concluded(job, ran)
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What came of the simulations of a job: runs that were judged, those that failed, and why others are left out."""
+
+    judged: tuple[Judged, ...] = ()
+    failures: tuple[Failure, ...] = ()
+    left_out: tuple[str, ...] = ()
+
+    def __add__(self, other: Ran) -> Ran:
+        return Ran(self.judged + other.judged, self.failures + other.failures, self.left_out + other.left_out)
+
+
+def run_all(
+    job: Job,
+    tasks: Sequence[tuple[str, Request]],
+    side: Callable[[Trace], Reference],
+    resolve: Resolve,
+    progress: Progress,
+) -> Ran:
+    """Simulate the tasks, each an engine's name and what it is asked, and judge each run by its analytic ``side``."""
     outcomes: dict[int, Trace | Failure] = {}
     progress(" ".join(job.simulators), 0, len(tasks))
     for i, outcome in simulate_all(tasks, job.workers, resolve):
@@ -295,34 +331,38 @@ def crosscheck_job(
     traces = [outcomes[i] for i in range(len(tasks))]
     failed = [f for f in traces if isinstance(f, Failure) and not f.unsupported]
     left_out = [f.why for f in traces if isinstance(f, Failure) and f.unsupported]
-    if len(left_out) == len(tasks) or (left_out and len(job.simulators) == 1):
-        raise Unsupported(left_out[0])
-
-    def judge(t: Trace) -> Judged:
-        return Judged(t, *_run(job, sides[t.joint_model == "ideal"], t))
 
     def simulate_again(requests: Mapping[int, Request]) -> dict[int, Trace | Failure]:
         order = list(requests)
         found = simulate_all([(tasks[i][0], requests[i]) for i in order], job.workers, resolve)
         return {order[k]: outcome for k, outcome in found}
 
-    first = {i: judge(t) for i, t in enumerate(traces) if isinstance(t, Trace)}
+    first = {i: judged(job, side(t), t) for i, t in enumerate(traces) if isinstance(t, Trace)}
     again = dict(enumerate(request for _, request in tasks))
     settled: Mapping[int, Judged | Failure] = (
-        first if job.flexible or job.as_it_is else settle(first, again, simulate_again, judge)
+        first
+        if job.flexible or job.as_it_is
+        else settle(first, again, simulate_again, lambda t: judged(job, side(t), t))
     )
     failed += [one for one in settled.values() if isinstance(one, Failure)]
-    judged = [(one.run, one.rules) for one in settled.values() if isinstance(one, Judged)]
-    runs, failures = tuple(run for run, _ in judged), tuple(failed)
+    return Ran(tuple(one for one in settled.values() if isinstance(one, Judged)), tuple(failed), tuple(left_out))
+
+
+def concluded(job: Job, ran: Ran, alike: Callable[[Run], bool] = lambda run: True) -> CrossCheck:
+    """The result of a job.  Which engine stands apart is asked of those of its runs that are ``alike``: that have the
+    same samples.
+    """
+    judged = [(one.run, one.rules) for one in ran.judged]
+    runs = tuple(run for run, _ in judged)
     result = CrossCheck(
         case=job.mechanism.name,
-        verdict=_verdict(runs, failures),
+        verdict=_verdict(runs, ran.failures),
         command=job.command,
         versions=_versions(runs),
         mechanism=job.mechanism,
-        warnings=(*job.warnings, *(f"left out: {why}" for why in left_out), *_too_soft(runs)),
+        warnings=(*job.warnings, *(f"left out: {why}" for why in ran.left_out), *_too_soft(runs), *_their_own(runs)),
         runs=tuple(_explained(job, run) for run in runs),
-        failures=failures,
+        failures=ran.failures,
     )
     printed = tuple(
         Printed(
@@ -337,11 +377,22 @@ def crosscheck_job(
     )
     if printed:
         result = result.model_copy(update={"printed": printed})
-    if len({run.simulator.name for run in runs}) == 1 or not runs:
+    together = [(run, rules) for run, rules in judged if alike(run)]
+    if len({run.simulator.name for run, _ in together}) < 2:
         return result
-    found = attribute(judged, job.mechanism)
+    found = attribute(together)
     several = {"spread": found.spread, "odd_one_out": found.odd_one_out, "words": found.words}
     return result.model_copy(update=several)
+
+
+def judged(job: Job, side: Reference, trace: Trace) -> Judged:
+    """A trace held to its analytic side."""
+    return Judged(trace, *_run(job, side, trace))
+
+
+def _pairs(name: str, resolve: Resolve) -> str:
+    """What an engine runs, in words."""
+    return ", ".join(sorted(f"{model} {motion}" for model, motion in resolve(name).capabilities.runs))
 
 
 def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) -> list[Request]:
@@ -372,6 +423,9 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
     simulated = with_derived(trace.signals, job.mechanism)
     if trace.clearance:
         simulated = with_rotations(simulated, side.ideal_angles)
+    if trace.recorded:
+        silent = {name: np.full(trace.crank_angle.shape, np.nan) for name in side.signals if name not in simulated}
+        simulated |= silent
     for values in simulated.values():
         values[list(side.flags)] = np.nan
     theta = trace.crank_angle if job.time is not None else job.theta
@@ -413,7 +467,7 @@ def _verdict(runs: Sequence[Run], failures: Sequence[Failure]) -> Verdict:
 
 def _explained(job: Job, run: Run) -> Run:
     """A run that disagrees with the assumption that fails in it, where one is known to."""
-    if run.verdict != "disagrees" or not run.clearance or job.as_it_is:
+    if run.verdict != "disagrees" or not run.clearance or job.as_it_is or run.simulator.recorded:
         return run
     because = failing_assumption(run, job.mechanism, job.tolerances)
     return run.model_copy(update={"because": because}) if because else run
@@ -423,8 +477,26 @@ def _rules(job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.n
     """What each compared signal of a run may differ by."""
     clearances, m = dict(trace.clearance), job.mechanism
     give, scales = contact_give(trace.settings, clearances, simulated), Scales.of(side.signals, m, side.peaks)
-    rules = run_rules(job.tolerances, m, trace.motion, trace.joint_model, clearances, scales, give)
+    wanted = None
+    if trace.recorded:
+        wanted = recorded(m, clearances, (s for s, values in simulated.items() if np.any(np.isfinite(values))))
+    elif any(signal.name not in simulated for signal in compared(m, clearances)):
+        wanted = _given(m, clearances, simulated)
+    elif job.beside:
+        wanted = recorded(m, clearances, (*(s.name for s in compared(m, clearances)), *job.beside))
+    rules = run_rules(job.tolerances, m, trace.motion, trace.joint_model, clearances, scales, give, wanted)
+    if side.unsure:
+        rules = {s: replace(rule, unsure=SURE * side.unsure.get(s, 0.0)) for s, rule in rules.items()}
     return softened(rules, side, clearances, job.mechanism) if job.flexible else rules
+
+
+def _given(
+    mechanism: Mechanism, clearances: Mapping[str, float], simulated: Mapping[str, np.ndarray]
+) -> tuple[Signal, ...]:
+    """The signals of every run that somebody's model gives; of a reaction the one component that it gives alone."""
+    found = [signal for signal in compared(mechanism, clearances) if signal.name in simulated]
+    alone = [signal for signal in recorded(mechanism, clearances, simulated) if signal.kind == "reaction"]
+    return tuple(dict.fromkeys([*found, *alone]))
 
 
 def _discrepancies(
@@ -434,7 +506,10 @@ def _discrepancies(
         job.tolerances, job.mechanism.name, trace.simulator, trace.joint_model, trace.motion, job.model
     )
     theta = job.theta if job.time is None else None
-    judged = (judge(rule, simulated, side.signals, theta, known.get(name)) for name, rule in rules.items())
+    analytic = dict(side.signals)
+    if trace.recorded:  # a cell that is empty says nothing
+        analytic = {s: np.where(np.isnan(simulated.get(s, 0.0)), np.nan, values) for s, values in analytic.items()}
+    judged = (judge(rule, simulated, analytic, theta, known.get(name)) for name, rule in rules.items())
     return [one for one in judged if one is not None]
 
 
@@ -451,6 +526,24 @@ def _too_soft(runs: Sequence[Run]) -> Iterator[str]:
                     f" {1e3 * depth:.2g} mm beyond its rim, {depth / clearance:.1f} times its clearance: too soft to"
                     f" see this clearance; {stiff_enough(run, joint)}"
                 )
+
+
+def _their_own(runs: Sequence[Run]) -> Iterator[str]:
+    """A warning for each run of somebody's MuJoCo model that disagrees: its own solver and step may be the cause."""
+    for run in runs:
+        step, opened = run.settings.get("time_step"), run.settings.get("loops_open_by")
+        if run.verdict != "disagrees" or not isinstance(opened, float):
+            continue
+        how, ways = "", "a smaller solref"
+        if isinstance(step, float):
+            how, ways = (
+                f"in steps of {step:g} s with {run.settings['integrator']}, ",
+                "a tenth of its timestep and solref",
+            )
+        yield (
+            f"{run.title}: it runs as its file says, {how}and its loops open by up to {1e3 * opened:.2g} mm; before a"
+            f" mass or a length is blamed, try {ways} in the file"
+        )
 
 
 def _public(d: Discrepancy, theta: np.ndarray) -> Judgement:

@@ -12,6 +12,7 @@ from typing import Any
 import typer
 
 from analytic.errors import Error
+from compare.recorded.errors import said
 
 LONGEST = 1000  # characters of a sentence; what is longer repeats somebody's file
 
@@ -126,8 +127,10 @@ def printable(text: str) -> str:
 
 
 def stop(error: object, status: Exit) -> typer.Exit:
-    """Say why on standard error, in one line; raise what this returns."""
-    text = printable(str(error))
-    middle = " ... " if len(text) > LONGEST else ""  # the file and the remedy are at the ends
-    typer.echo(f"compare: {text[: LONGEST // 2] + middle + text[-LONGEST // 2 :] if middle else text}", err=True)
+    """Say why on standard error, in one line, or one for each fault of a file; raise what this returns."""
+    faults = getattr(error, "faults", ())
+    for fault in said(faults) if len(faults) > 1 else [str(error)]:
+        text = printable(fault)
+        middle = " ... " if len(text) > LONGEST else ""  # the file and the remedy are at the ends
+        typer.echo(f"compare: {text[: LONGEST // 2] + middle + text[-LONGEST // 2 :] if middle else text}", err=True)
     return typer.Exit(status)

@@ -39,7 +39,8 @@ def output_folder(path: Path, option: str = "--out") -> Path:
             pass
     except OSError as error:
         raise OutputError(
-            f"{option} {path}: cannot write there ({error.strerror}); choose another folder with {option}"
+            f"{option} {path}: cannot write there ({error.strerror}); choose another folder"
+            + f" with {option}" * option.startswith("--")
         ) from None
     return path
 

@@ -22,7 +22,7 @@ from compare.results.kinds import read_as
 from compare.results.provenance import Analytic, Equation, Provenance, Sample, Simulated
 from compare.results.residuals import Residual, Residuals, SignalResiduals
 from compare.results.sentences import quantity
-from sim_models.engine import ENGINES, offers
+from sim_models.engine import ENGINES, SCHEMES, offers, scheme_of
 
 KINETOSTATICS = "analytic/paper/kinetostatics.py"
 CLEARANCE = "analytic/paper/clearance.py"
@@ -290,6 +290,9 @@ def _engine_module(run: Run) -> str | None:
     """
     if run.simulator.name in ENGINES:
         return f"sim_models/{run.simulator.name}/{'beams' if _bends(run) else 'engine'}.py"
+    scheme, _ = scheme_of(run.simulator.name)
+    if scheme:
+        return f"{SCHEMES[scheme].replace('.', '/')}.py"
     point = offers().points.get(run.simulator.name)
     return None if point is None else point.module
 

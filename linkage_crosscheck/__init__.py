@@ -35,12 +35,17 @@ if TYPE_CHECKING:
     from compare.accuracy import accuracy
     from compare.analyse import analyse, simulate
     from compare.catalogue import cases, effects, simulators
+    from compare.check import check
     from compare.crosscheck import crosscheck
+    from compare.diagnose.begin import begin
     from compare.diagnose.data.measured import load_measured as read_measured
+    from compare.diagnose.preview import preview
     from compare.diagnose.workflow import diagnose
     from compare.domain_map.validity import validity
     from compare.evidence.baseline.check import check_baselines
     from compare.export import export
+    from compare.history import runs
+    from compare.imported import import_mjcf
     from compare.show import show
 
 _WHERE = {
@@ -52,14 +57,19 @@ _WHERE = {
     "Mechanism": "analytic.mechanism",
     "accuracy": "compare.accuracy",
     "analyse": "compare.analyse",
+    "begin": "compare.diagnose.begin",
     "cases": "compare.catalogue",
+    "check": "compare.check",
     "check_baselines": "compare.evidence.baseline.check",
     "crosscheck": "compare.crosscheck",
     "diagnose": "compare.diagnose.workflow",
     "effects": "compare.catalogue",
     "export": "compare.export",
+    "import_mjcf": "compare.imported",
     "load": "analytic.mechanism.file",
+    "preview": "compare.diagnose.preview",
     "read_measured": "compare.diagnose.data.measured:load_measured",
+    "runs": "compare.history",
     "show": "compare.show",
     "simulate": "compare.analyse",
     "simulators": "compare.catalogue",
@@ -75,14 +85,19 @@ __all__ = [
     "Mechanism",
     "accuracy",
     "analyse",
+    "begin",
     "cases",
+    "check",
     "check_baselines",
     "crosscheck",
     "diagnose",
     "effects",
     "export",
+    "import_mjcf",
     "load",
+    "preview",
     "read_measured",
+    "runs",
     "show",
     "simulate",
     "simulators",

@@ -1,9 +1,9 @@
 """The seam: what a multibody engine is asked, what it must answer, and which engines there are.
 
 An engine is one object that satisfies :class:`Engine`: built in, ``ENGINE`` in the module ``engine`` of a folder
-``sim_models/<name>``, or anybody's, by an entry point of the group ``linkage_crosscheck.engines`` (see
-docs/example-engine).  It imports its package only inside methods, so that looking up what is supported costs nothing
-and needs nothing.
+``sim_models/<name>``; anybody's, by an entry point of the group ``linkage_crosscheck.engines`` (see
+docs/example-engine); or made of somebody's model file, by a name such as ``fmu:linkage.fmu``.  It imports its package
+only inside methods, so that looking up what is supported costs nothing and needs nothing.
 """
 
 from __future__ import annotations
@@ -60,6 +60,13 @@ MOVING: frozenset[Feature] = frozenset(
 )  # only runs that move have them
 TOUCHING: frozenset[Feature] = frozenset({"contact_friction"})  # only contact has it
 ENGINES: tuple[str, ...] = ("mujoco", "exudyn", "pybullet", "dart")  # built in
+# Engines that are somebody's own model: ``mjcf:linkage.xml`` is opened by the module behind the scheme, which has the
+# PACKAGE that it needs and ``opened(what)``, an Engine of that whole name.
+SCHEMES: Mapping[str, str] = {"mjcf": "sim_models.mjcf.engine", "fmu": "sim_models.fmu.engine"}
+MAPPED: tuple[str, ...] = ("fmu",)  # schemes whose files want a map
+SEPARATOR = "::"  # in such a name, between the model file and its map
+ENDINGS: Mapping[str, str] = {"mjcf": ".xml", "fmu": ".fmu"}  # of their files
+EXTRAS: Mapping[str, str] = {"fmpy": "fmu"}  # that install a package, where it is not of its name
 GROUP = "linkage_crosscheck.engines"  # of the entry points by which other packages offer theirs
 
 
@@ -222,7 +229,7 @@ class Trace:
     the joint's first body on its second) and, for a prismatic joint, ``reaction_<joint>_moment`` (N.m, on the second
     body at its point), ``drive_torque`` (N.m, motor on crank), ``clearance_<joint>_x``/``_y`` (m, first pin centre
     minus second).  All belong to the same instant, and so do ``rates``, which every moving body has in a run of an
-    engine's own; recorded data have none.
+    engine's own.  A ``recorded`` trace is what a file holds: signals may be missing in it, and samples NaN.
 
     ``journal`` maps each joint with clearance to its densely sampled path (M, 2) in m; ``free_share`` to the share of
     time (driven) or of angles (static) that its pin spent off the wall, by its distance
@@ -242,6 +249,7 @@ class Trace:
     free_share: Mapping[str, float] = field(default_factory=dict)
     settings: Mapping[str, SettingValue] = field(default_factory=dict)
     rates: Mapping[str, Rates] = field(default_factory=dict)
+    recorded: bool = False
 
     def __post_init__(self) -> None:
         for name, values in self.signals.items():
@@ -251,7 +259,7 @@ class Trace:
                     f" {count(self.crank_angle.size, 'crank angle')}",
                     Cause.FAULTY,
                 )
-            if not np.all(np.isfinite(values)):
+            if not self.recorded and not np.all(np.isfinite(values)):
                 k = int(np.argmin(np.isfinite(values)))
                 raise SimulationError(
                     f"{self.simulator} {self.joint_model} {self.motion}: {name} is {values[k]} at crank angle "
@@ -378,16 +386,29 @@ def engine_names() -> tuple[str, ...]:
     return (*ENGINES, *sorted(offers().points))
 
 
-def declared(name: str) -> Engine:
-    """The engine of that name as it declares itself, its package installed or not.
+def scheme_of(name: str) -> tuple[str, str]:
+    """The scheme and the path of a name such as ``mjcf:linkage.xml``; two empty texts of any other name."""
+    scheme, colon, path = name.partition(":")
+    return (scheme.casefold(), path) if colon and scheme.casefold() in SCHEMES else ("", "")
 
-    Raises Unsupported for an unknown name, SimulatorMissing for an entry point that leads to no engine.
+
+def declared(name: str) -> Engine:
+    """The engine of that name as it declares itself, its package installed or not (but for somebody's own model).
+
+    Raises Unsupported for an unknown name, SimulatorMissing for an entry point that leads to no engine, and what a
+    scheme's ``opened`` raises.
     """
     if name in ENGINES:
         return cast(Engine, importlib.import_module(f"sim_models.{name}.engine").ENGINE)
+    scheme, path = scheme_of(name)
+    if scheme:
+        return cast(Engine, importlib.import_module(SCHEMES[scheme]).opened(path))
     point = offers().points.get(name)
     if point is None:
-        raise Unsupported(f"simulator {name!r} is unknown; the simulators are {', '.join(engine_names())}")
+        meant = next(
+            (f"did you mean '{each}:{name}'; " for each, ending in ENDINGS.items() if name.endswith(ending)), ""
+        )
+        raise Unsupported(f"simulator {name!r} is unknown; {meant}the simulators are {', '.join(engine_names())}")
     left_out = f"simulator {name!r} is left out: its entry point {point.value}"
     try:
         with silence(), uninterrupted():
@@ -415,20 +436,31 @@ def _is_engine(name: str, found: object) -> bool:
 def engine(name: str) -> Engine:
     """The engine of that name, its package imported.
 
-    Raises Unsupported for an unknown name, SimulatorMissing if it is not installed or cannot be imported.
+    Raises Unsupported for an unknown name, SimulatorMissing if it is not installed or cannot be imported, and what a
+    scheme's ``opened`` raises.
     """
+    scheme, _ = scheme_of(name)
+    if scheme:
+        _check_installed(scheme, str(importlib.import_module(SCHEMES[scheme]).PACKAGE))
+        return declared(name)
     found = declared(name)
-    extra = f"linkage-crosscheck[{name}]" if name in ENGINES else found.package
-    if importlib.util.find_spec(found.package) is None:
-        clone = f" (in a clone: pip install '.[{name}]')" if name in ENGINES else ""
+    _check_installed(name, found.package)
+    return found
+
+
+def _check_installed(name: str, package: str) -> None:
+    """Raise SimulatorMissing if an engine's package is not installed or cannot be imported."""
+    own = name if name in ENGINES else EXTRAS.get(package, package) if name in SCHEMES else ""
+    extra = f"linkage-crosscheck[{own}]" if own else package
+    if importlib.util.find_spec(package) is None:
+        clone = f" (in a clone: pip install '.[{own}]')" if own else ""
         raise SimulatorMissing(f"simulator {name!r} is not installed; run: pip install '{extra}'{clone}")
-    fault = broken(found.package)
+    fault = broken(package)
     if fault:
         raise SimulatorMissing(
             f"simulator {name!r} is installed but cannot be imported ({fault}); mend that, or install it anew: "
             f"pip install --force-reinstall '{extra}'"
         )
-    return found
 
 
 @functools.cache

@@ -79,6 +79,7 @@ def test_a_file_that_says_something_else_does_not_meet_the_schema(tmp_path: Path
         assert not Draft202012Validator(SCHEMA).is_valid(wrong)
 
 
+@pytest.mark.slow
 def test_20_000_samples_meet_the_formula_to_2_percent(tmp_path: Path) -> None:
     found = numbers("--clearance", ALL["paper"], "--clearance-tolerance", "D=5e-5,B=1e-4", cwd=tmp_path)
     assert found["samples"] == 20_000

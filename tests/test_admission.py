@@ -143,6 +143,7 @@ def test_faults_of_a_sensor_with_a_value_for_each_run_are_recovered(name: str, v
     assert_recovered(diagnosed(played(rig, fault), only=("sensor_bias", "sensor_drift", "payload")), fault)
 
 
+@pytest.mark.slow
 def test_a_common_bias_is_one_value() -> None:
     rig = experiment(turn("slow", 4.0), turn("middle", 8.0), turn("fast", -12.0))
     fault = wrong("sensor_bias", SIGNAL, bias=0.005)

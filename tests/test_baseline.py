@@ -147,6 +147,7 @@ def test_the_json_and_the_junit_file_name_what_moved_and_what_has_no_answer(writ
             assert counts == ["1", "0", "1"]
 
 
+@pytest.mark.slow
 def test_quiet_prints_nothing(written: str, tmp_path: Path) -> None:
     planted(written, tmp_path)
     done = compare("check", "--case", "paper", "--simulator", "mujoco", "--quiet", cwd=tmp_path)

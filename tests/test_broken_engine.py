@@ -118,7 +118,7 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize("what", ["baseline of it", "export", "flexible", *slow("baseline", "validity", "diagnose")])
+@pytest.mark.parametrize("what", ["baseline of it", *slow("export", "flexible", "baseline", "validity", "diagnose")])
 def test_every_command_says_so_without_a_traceback(what: str, tmp_path: Path) -> None:
     arguments, said, status = COMMANDS[what]
     break_engine(tmp_path, "exudyn", NO_LIBRARY)

@@ -17,6 +17,7 @@ EXAMPLE = Path(__file__).parents[1] / "docs" / "example-rig"
 PAYLOAD = wrong("payload", "coupler", mass=0.03, along=0.02, normal=0.015)
 
 
+@pytest.mark.slow
 def test_a_budget_ends_the_search_with_the_best_so_far() -> None:
     began = time.monotonic()
     found = told(lc.diagnose(EXAMPLE, budget=0.5, others=False, workers=1))
@@ -55,6 +56,7 @@ def overstated(measured: Measured, times: float) -> Measured:
     return replace(measured, runs=tuple(runs))
 
 
+@pytest.mark.slow
 def test_noise_that_is_stated_too_large_names_nothing_and_is_told() -> None:
     gain = wrong("sensor_gain", "drive_torque", gain_error=0.003)
     measured = played(experiment(), gain)

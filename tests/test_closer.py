@@ -102,6 +102,7 @@ def test_a_contact_of_our_own_stiffness_is_made_harder_and_the_mechanisms_is_not
     assert finer(stated, trace) is None
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_a_contact_that_hides_its_clearance_has_failed_if_it_is_the_mechanisms_and_is_made_harder_if_ours() -> None:
     """50 N on 1e5 N/m: half a millimetre and more, where the clearance is a hundredth of one."""

@@ -84,7 +84,7 @@ CASES = {
 # At rest every case is in the short part with ideal joints, and some with clearance.  In motion a case takes up to
 # seconds: of ideal joints MuJoCo does every law and each other engine a few, of pins that yield those that take less.
 # Each engine's own tests do the linkages in motion.
-SOME = {"paper", "six-bar", "several clearances", "joint friction"}
+SOME = {"paper", "joint friction"}
 LAWS = {
     "gravity", "oblique load", "joint friction", "Stribeck friction", "drag", "joint spring",
     "spring that is not linear", "periodic torque", "reverse rotation",
@@ -137,6 +137,7 @@ def test_an_engine_agrees_with_the_analytic_model(name: str, model: JointModel, 
     assert not differ, "; ".join(differ)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENGINES)
 @pytest.mark.parametrize("model", ["ideal", "contact"])
 def test_a_crank_at_rest_is_behind_its_motor_by_torque_over_stiffness(name: str, model: JointModel) -> None:

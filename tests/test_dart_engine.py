@@ -125,6 +125,7 @@ def test_angles_are_passed_in_the_drives_direction_and_answered_in_the_order_of_
     assert size < 0.2
 
 
+@pytest.mark.slow
 def test_one_fast_revolution_follows_the_exact_motion() -> None:
     error, trace = one_revolution_against_the_ode(ENGINE)
     assert error < 4e-5

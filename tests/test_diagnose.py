@@ -320,6 +320,7 @@ def test_payload_and_com_offset_of_a_crank_at_constant_speed_are_aliases(truth: 
     assert "none of what was tried" in effect["would_separate"]
 
 
+@pytest.mark.slow
 def test_friction_and_damping_at_one_speed_are_aliases_and_another_speed_would_tell() -> None:
     result = diagnosed(played(experiment(turn("only", 6.0)), wrong("viscous_friction", "D", damping=2e-3)))
     assert result["verdict"] == "ambiguous"
@@ -469,6 +470,7 @@ def test_a_run_that_follows_its_noisy_encoder() -> None:
     assert_recovered(diagnosed(following(VISCOUS)), VISCOUS)
 
 
+@pytest.mark.slow
 def test_a_run_that_follows_its_noisy_encoder_and_nothing_missing() -> None:
     result = diagnosed(following())
     assert (result["verdict"], result["effects"]) == ("no gap", [])
@@ -600,6 +602,7 @@ OPEN = wrong("joint_clearance", "B", radial_clearance=3e-4)
 PART = Plan("part", 6.0, 0.4, np.linspace(0.0, 0.4, 60), None)  # of a turn: PyBullet takes seconds for a whole one
 
 
+@pytest.mark.slow
 def test_an_engine_that_cannot_simulate_the_explanation_does_not_confirm_it() -> None:
     data = played(experiment(PART), OPEN, source="mujoco")
     result = told(diagnose(data, "pybullet", own=(WornBush(),), only=("worn_bush",), others=False, workers=1))
@@ -634,6 +637,7 @@ def test_the_same_answer_bit_for_bit_when_run_again() -> None:
     assert again == two_effects()
 
 
+@pytest.mark.slow
 def test_the_explained_mechanism_has_no_gap_left() -> None:
     rig = experiment()
     seen = readings(rig, VISCOUS, LONGER)

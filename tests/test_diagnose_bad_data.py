@@ -232,9 +232,7 @@ def with_a_spike(table: Table) -> None:
 @pytest.mark.parametrize(
     ("change", "kinds"),
     [
-        *slow((constant, ["constant"]), (with_nans, [])),
-        (with_holes, []),
-        (with_a_gap, ["gap"]),
+        *slow((constant, ["constant"]), (with_nans, []), (with_holes, []), (with_a_gap, ["gap"])),
         (with_a_spike, ["outliers"]),
     ],
     ids=lambda value: value.__name__ if callable(value) else "",

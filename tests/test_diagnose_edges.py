@@ -211,6 +211,7 @@ def test_a_tolerance_of_nothing_rules_an_effect_out_and_the_report_says_so(
     assert named(result) == [("link_length", "follower")]
 
 
+@pytest.mark.slow
 def test_a_load_cell_is_not_mounted_farther_round_than_the_tolerance() -> None:
     data = played(experiment(turn("slow", 4.0)), wrong("sensor_frame", "E", rotation=math.pi / 2))
     assert named(diagnosed(data, only=("sensor_frame",))) == [("sensor_frame", "E")]

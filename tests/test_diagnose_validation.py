@@ -37,6 +37,7 @@ def gaps(run: dict[str, Any], side: str) -> dict[str, float]:
     return {name: channel[f"gap_{side}"] for name, channel in run["signals"].items()}
 
 
+@pytest.mark.slow
 def test_a_validation_run_changes_nothing_but_what_is_shown() -> None:
     whole = played(experiment(*RUNS), LONGER)
     without = diagnosed(replace(whole, runs=whole.runs[:2]))

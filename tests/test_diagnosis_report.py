@@ -505,6 +505,7 @@ def test_a_colour_says_size_and_sign() -> None:
     assert len(LEVELS) == 4
 
 
+@pytest.mark.slow
 def test_a_free_run_is_shown_over_time_and_a_column_without_samples_stays_empty(swinging: dict[str, Any]) -> None:
     (found,) = maps(as_document(swinging))
     assert (found.axis.label, found.axis.unit) == ("time", "s")
@@ -541,6 +542,7 @@ def test_an_angle_that_is_simulated_a_turn_further_has_the_same_residual_and_map
         np.testing.assert_allclose(np.array(a, float), np.array(b, float), rtol=1e-2)
 
 
+@pytest.mark.slow
 def test_a_drawing_keeps_the_peaks_of_a_long_run_and_few_of_its_samples(swinging: dict[str, Any]) -> None:
     result = copy.deepcopy(swinging)
     run = result["runs"][0]

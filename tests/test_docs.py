@@ -12,6 +12,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
@@ -21,6 +22,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from analytic.mechanism.columns import Layout
 from analytic.mechanism.file import load
 from compare.cli.app import app
 from compare.diagnose.data.measured import load_measured
@@ -56,6 +58,8 @@ def blocks(page: Path) -> list[Block]:
 
 # Pages whose blocks take long, or that ask every engine, are run with the slow tests.
 DEAR = {
+    "how-to/fmu.md",
+    "how-to/pytest.md",
     "tutorial/paper.md",
     "tutorial/six-bar.md",
     "tutorial/rig.md",
@@ -195,7 +199,8 @@ def test_the_ci_example_s_step_says_what_it_found_and_keeps_the_report(tmp_path:
 def test_the_files_of_measured_data_can_be_read(tmp_path: Path) -> None:
     found = blocks(DOCS / "reference" / "measured-data.md")
     (data,) = (block.text for block in found if block.kind == "text")
-    (measured,) = (block.text for block in found if block.kind == "toml")
+    layout, measured = (block.text for block in found if block.kind == "toml")
+    assert set(Layout.model_validate(tomllib.loads(layout)).columns) == {"phi_deg", "enc", "temp"}
     header, *shown = data.splitlines()
     assert [row.count(",") for row in shown] == [header.count(",")] * 2
     (tmp_path / "measured.toml").write_text(measured, encoding="utf-8")
@@ -268,6 +273,17 @@ def test_the_messages_about_mechanism_files_are_the_real_ones(
             ("drive_speed = 6.0 ", "drive_speed = 57.3 "),
             "drive_speed = 57.3 rad/s, but crank_angle in forward.csv turns at 6 rad/s, 0.1047 times as fast;"
             " drive_speed looks like rpm; give rad/s",
+        ),
+        (
+            "forward.csv",
+            ("follower_angle [deg]", "folower_angle [deg]"),
+            "forward.csv: line 1: column 4, 'folower_angle', is not a signal of 'example-rig'; did you mean"
+            " 'follower_angle'; if it is something else, say [columns] 'folower_angle [deg]' = \"ignore\"",
+        ),
+        (
+            "measured.toml",
+            ('mechanism = "nominal.toml"\n', 'mechanism = "nominal.toml"\ncolumns.phi = "ignore"\n'),
+            "measured.toml: columns.'phi' is no heading of a data file; the headings are",
         ),
     ],
 )

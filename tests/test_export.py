@@ -128,6 +128,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return folders
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REQUESTS)
 def test_bare_engine_gives_the_same_numbers(name: str, exported: dict[str, Path]) -> None:
     found, truth = table(exported[name] / "signals.csv"), columns(ENGINE.simulate(REQUESTS[name]))
@@ -156,6 +157,7 @@ def test_mjcf_holds_all_but_the_virtual_mass_of_soft_rows(name: str, exported: d
     assert set(start["after_compiling"]) <= {"tendon_invweight0"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "file", "right", "wrong"),
     [

@@ -367,6 +367,7 @@ def loaded(case: str) -> Mechanism:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["crank-rocker", "six-bar"])
 @pytest.mark.parametrize("joints", ["DB", "AB", "DA", "DABE"])
 def test_stiff_beams_with_several_gaps_are_where_rigid_links_are(case: str, joints: str) -> None:

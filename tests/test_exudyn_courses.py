@@ -90,6 +90,7 @@ def test_a_course_has_the_angles_inertia_forces_and_torque_of_its_spline(name: s
     assert max(worst["reaction"], worst["drive_torque"]) < 2e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint_model", ["massless-link", *slow(*(m for m in REAL if m != "massless-link"))])
 def test_pins_pressed_into_small_gaps_follow_a_course_as_an_ideal_linkage_does(joint_model: JointModel) -> None:
     """The rest is what a gap of 1e-5 m of links of 0.05 m and more does; a start off the motion would sway at ten times
@@ -253,6 +254,7 @@ def test_an_oscillating_crank_behind_a_spring_does_not_sway(m: Mechanism, middle
     assert max(worst["reaction"], worst["drive_torque"]) < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint_model", ["ideal", "massless-link"])
 def test_requested_angles_are_the_motors_where_the_crank_cannot_turn_fully(joint_model: JointModel) -> None:
     m = sprung(load("paper").with_clearances({"B": 1e-5}), 500.0, -(load("paper").speed or 0.0))

@@ -61,6 +61,7 @@ def test_a_contact_that_opens_beyond_a_link_is_too_soft_in_every_engine(name: st
     assert str(pickle.loads(pickle.dumps(caught.value))) == said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mujoco", "exudyn", "dart"])
 def test_the_stiffness_that_is_named_does(name: str) -> None:
     with pytest.raises(TooSoft) as caught:

@@ -166,6 +166,7 @@ def laden(cell: bool = True, time: np.ndarray = TIME) -> Measured:
     return Measured(PENDULUM, tuple(runs), {}, (), "rig")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("missing", [0, 6])
 def test_read_backward_a_load_cell_tells_a_payload_whatever_the_encoder_misses(missing: int) -> None:
     measured = laden()
@@ -176,6 +177,7 @@ def test_read_backward_a_load_cell_tells_a_payload_whatever_the_encoder_misses(m
         assert found["payload"][parameter] == pytest.approx(value, rel=0.02), parameter
 
 
+@pytest.mark.slow
 def test_a_run_in_which_the_encoder_rests_on_a_count_is_read_backward_too() -> None:
     measured = swings()
     run = measured.runs[0]

@@ -167,6 +167,7 @@ def test_what_random_linkages_have_found_stays_mended(seed: int) -> None:
     assert assert_the_same_motion_and_forces(seeded(seed)) == "compared"
 
 
+@pytest.mark.slow
 @QUICK
 @given(linkages())
 def test_random_linkages_move_and_push_as_multipliers_say(m: Mechanism) -> None:

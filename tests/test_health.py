@@ -64,6 +64,7 @@ def over(request: Request, trace: Trace, kept: float = 1.0) -> dict[str, float]:
 QUICKEST = ("mujoco", "crank-rocker")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "case"), [QUICKEST, *slow(*(row for row in product(ENGINES, shipped_cases()) if row != QUICKEST))]
 )

@@ -146,6 +146,7 @@ def test_a_disk_that_fills_up_leaves_the_earlier_result_as_it_was(room: int, tmp
     assert contents(tmp_path)["out/result.json"] != before["out/result.json"]
 
 
+@pytest.mark.slow
 @posix
 def test_a_real_full_file_system_is_said_and_left_without_litter(tmp_path: Path) -> None:
     out = tmp_path / "out"

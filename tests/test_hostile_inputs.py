@@ -157,7 +157,7 @@ MECHANISM_FIELDS = dict(fields_of_numbers()) | {
         with_field(("body", 1, "points", "B"), [0.4]), "body[coupler].points.B[1] is missing"
     ),
     "a point of three numbers": mine(
-        with_field(("body", 1, "points", "B"), [0.4, 0.0, 0.0]), "body[coupler].points.B = (0.4, 0.0, 0.0)", "at most 2"
+        with_field(("body", 1, "points", "B"), [0.4, 0.0, 0.0]), "body[coupler].points.B = (0.4, 0.0, 0.0)", "2 values, not 3"
     ),
     "points as a list": mine(with_field(("body", 1, "points"), [[0.0, 0.0]]), "body[coupler].points = [[0.0, 0.0]]"),
     "a number as a name": mine(with_field(("name",), 7), "name = 7", "string"),
@@ -217,7 +217,7 @@ MECHANISM_PARTS = {
         with_field(("body", 1, "name"), "a" * 100_000), "aaa", "at most 100 characters"
     ),
     "a joint with three bodies": mine(
-        with_field(("joint", 2, "bodies"), ["crank", "coupler", "follower"]), "joint[B].bodies", "at most 2"
+        with_field(("joint", 2, "bodies"), ["crank", "coupler", "follower"]), "joint[B].bodies", "2 values, not 3"
     ),
     "a joint with one body": mine(with_field(("joint", 2, "bodies"), ["crank"]), "joint[B].bodies[1] is missing"),
     "a joint of a body with itself": mine(

@@ -117,6 +117,7 @@ def test_joint_laws_and_slides_on_a_course(leapfrog: Engine) -> None:
     assert_agrees(leapfrog.simulate(Request(m, course=course, time=time)), expected(m, course, time), 5e-4)
 
 
+@pytest.mark.slow
 def test_reports_at_any_time_in_any_order(leapfrog: Engine) -> None:
     course = (TURN, EVEN + 2e-3 * np.sin(6 * EVEN))
     time = np.random.default_rng(3).uniform(0.07, 0.2, 30)
@@ -147,6 +148,7 @@ def test_unequal_angles_and_times_change_no_force(leapfrog: Engine) -> None:
 # ---------------------------------------------------------------- clearance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "joint_model"), MODELS)
 @pytest.mark.parametrize(
     "shape", [lambda t: 3 * t**2, lambda t: 0.3 * np.cos(2 * np.pi * t)], ids=["from rest", "from its end"]
@@ -197,6 +199,7 @@ def crank_on_spring(
     return np.asarray(solve_ivp(rates, (time[0], time[-1]), start, t_eval=time, rtol=1e-9, atol=1e-12).y[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("leapfrog", ["dart", *slow("pybullet")], indirect=True)
 def test_a_crank_on_a_spring_moves_by_its_equation_of_motion(leapfrog: Engine) -> None:
     time, stiffness = TURN[:16], 2000.0

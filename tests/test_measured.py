@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,15 +15,18 @@ from scipy.integrate import solve_ivp
 
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
+from analytic.mechanism.columns import PLAIN
 from analytic.mechanism.file import dumps, load
+from analytic.mechanism.units import ACCEPTED, SI, UnitError, factor, readable
 from analytic.paper.kinetostatics import kinetostatics
 from compare.diagnose.data import measured, quality
 from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
-from compare.diagnose.data.table import _cell_by_cell, read_table
-from compare.diagnose.data.units import ACCEPTED, SI, UnitError, factor, readable
 from compare.judge.signals import with_derived
+from compare.recorded.headings import Names, read_headings
+from compare.recorded.table import read_table
+from compare.recorded.text import _Reader, coding, header
 from measured_files import RunTable, csv_text, write_measured
 
 CRANK_ROCKER = load("crank-rocker")
@@ -196,7 +200,12 @@ def test_fast_and_careful_reading_agree(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "x.csv"
     path.write_text(text)
     found = read_table(path, CRANK_ROCKER)
-    slow, lines = _cell_by_cell("x.csv", text.splitlines(True)[1:], 2, ",", ["time", *names])
+    top = header(path, coding(path), names_of := Names(CRANK_ROCKER, PLAIN))
+    headings = read_headings(top.cells, {}, names_of, "line 1", True)
+    assert headings.time is not None
+    reader = _Reader("x.csv", top, [headings.time, *headings.columns])
+    slow, lines = reader._cell_by_cell(text.splitlines(True)[1:], 2)
+    assert not reader.faults
     np.testing.assert_array_equal(np.column_stack([found.time, *found.values.values()]), slow)
     np.testing.assert_array_equal(slow[:, 1:], data)
     assert lines.tolist() == list(range(2, n + 2))
@@ -283,6 +292,18 @@ def test_noise_is_never_zero_nor_less_than_the_rounding() -> None:
         assert step / math.sqrt(12) <= quality.noise(time, step * np.round(smooth / step)) * 1.0001 < 1.3 * step
     assert quality.noise(time, np.zeros(500)) > 0
     assert quality.noise(time, np.full(500, np.nan)) > 0
+
+
+@pytest.mark.parametrize("speed", [0.3, 3.0, 10.0, 33.3, 100.0, 400.0])
+@pytest.mark.parametrize("counted", [np.floor, np.round])
+def test_counts_of_a_crank_that_turns_evenly_are_its_noise(speed: float, counted: Any) -> None:
+    """Its samples are many counts apart, and the rounding of one goes on in the next: differences would see none."""
+    count = 2 * np.pi / 4096
+    time = np.arange(0.0, 1.5, 0.004)
+    angle = np.unwrap(counted(speed * time / count) % 4096 * count)
+    assert quality.quantum(angle) == pytest.approx(count, rel=1e-6)
+    assert quality.noise(time, angle) == pytest.approx(count / np.sqrt(12), rel=0.4)
+    assert quality.quantum(speed * time) == 0
 
 
 def test_steps_of_a_converter_are_found_and_of_noise_not() -> None:
@@ -512,6 +533,7 @@ def test_right_columns_raise_no_suspicion(tmp_path: Path) -> None:
     assert quality.suspicious_units(run, exact) == []
 
 
+@pytest.mark.slow
 def test_a_long_run_is_thinned_and_its_noise_kept(tmp_path: Path) -> None:
     samples = 3 * measured.SAMPLES
     rng = np.random.default_rng(10)

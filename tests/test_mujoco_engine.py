@@ -155,6 +155,7 @@ def test_clearance_at_any_joint_and_at_several(model: JointModel, motion: Motion
     assert all(len(path) >= 100 for path in trace.journal.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", CLEARANCE_MODELS)
 def test_clearance_in_a_slider_crank_and_a_six_bar_at_rest(model: JointModel) -> None:
     slider_crank = load("slider-crank").replace(gravity=(0.0, -9.81), loads=(Load(body="slider", force=(-40.0, 3.0)),))

@@ -41,6 +41,7 @@ REAL: tuple[JointModel, ...] = ("spring-damper", *RIGID)
 # ---------------------------------------------------------------- statics
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clearance", [*slow(1e-2), 1e-3, *slow(1e-4)])
 @pytest.mark.parametrize(
     ("joint_model", "degrees", "percent"),
@@ -70,6 +71,7 @@ def test_clearance_in_several_joints_at_once_the_drive_joint_among_them(joint_mo
     assert set(trace.journal) == set(SEVERAL)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("step", "count"), [(75.0, 5), *slow((15.0, 24))])
 def test_four_struts_in_a_chain_are_where_the_rods_are_at_every_angle(step: float, count: int) -> None:
     """Bullet's sequential solver lets such struts grow at some of these angles, and balances other forces there."""
@@ -139,6 +141,7 @@ def test_angles_are_passed_in_the_drives_direction_and_answered_in_the_order_of_
     assert size < 0.2
 
 
+@pytest.mark.slow
 def test_one_fast_revolution_follows_the_exact_motion() -> None:
     error, trace = one_revolution_against_the_ode(ENGINE)
     assert error < 4e-5

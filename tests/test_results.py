@@ -38,8 +38,9 @@ RESULTS: dict[str, Callable[[], Document]] = {
     "cases": lc.cases,
     "simulators": lc.simulators,
     "effects": lc.effects,
+    "runs": lambda: lc.runs(REPORTS),
 }
-LISTS = ("provenance", "baselines", "cases", "simulators", "effects")
+LISTS = ("provenance", "baselines", "cases", "simulators", "effects", "runs")
 
 
 @pytest.fixture(scope="module", params=RESULTS)

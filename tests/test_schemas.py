@@ -72,9 +72,12 @@ JSON_OF = {  # what a command prints with --json
     "compare baseline check": "baselines.json",
     "compare baseline update": "baselines.json",
     "compare cases": "cases.json",
+    "compare check": "result.json",
     "compare diagnose": "diagnosis.json",
     "compare effects": "effects.json",
     "compare export": "export.json",
+    "compare import": "import.json",
+    "compare list": "runs.json",
     "compare scoreboard check": "scoreboard-check.json",
     "compare scoreboard show": "scoreboard-set.json",
     "compare scoreboard update": "scoreboard.json",
@@ -85,7 +88,8 @@ JSON_OF = {  # what a command prints with --json
     "compare validation update": "validation.json",
     "compare validity": "validity.json",
 }
-OF_A_DIAGNOSIS = {"diagnosis.json", "residuals.json"}  # what compare show prints of it, without a signal and with one
+# what compare show prints of it, without a signal and with one, and what compare diagnose --check prints
+OF_A_DIAGNOSIS = {"diagnosis.json", "residuals.json", "data.json"}
 
 
 def commands(name: str, command: Any) -> Iterator[tuple[str, Any]]:

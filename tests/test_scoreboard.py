@@ -203,6 +203,7 @@ def test_a_signature_is_its_distance_in_sigmas_and_grows_to_what_is_asked() -> N
     assert sizer.total(truth, 0) == pytest.approx(3.0 * math.sqrt(121))
 
 
+@pytest.mark.slow
 def test_an_exact_alias_is_not_distinguishable_and_an_own_signature_is() -> None:
     sizer = Sizer(experiment())
     aliased = sizer.judged([(Term(VOCABULARY["load_torque"], "crank"), {"torque": 2e-3})])[0]
@@ -216,6 +217,7 @@ def test_an_exact_alias_is_not_distinguishable_and_an_own_signature_is() -> None
 # ---------------------------------------------------------------- drawing
 
 
+@pytest.mark.slow
 def test_one_seed_is_one_set(tmp_path: Path) -> None:
     for name in ("a", "b"):
         make(FIRST["none"] + 12, tmp_path / name, tmp_path / f"{name}-seal")
@@ -265,6 +267,7 @@ def drawn(seed: int) -> Hidden:
     raise AssertionError(f"seed {seed} makes no set")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [16, 25, 38, *slow(2, 9, 14)])
 def test_effects_are_as_large_as_asked_and_another_engine_diagnoses(seed: int) -> None:
     found = drawn(seed)
@@ -841,6 +844,7 @@ def test_any_part_of_a_board_is_a_fair_sample() -> None:
 # ---------------------------------------------------------------- sets of the bench
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["large", *slow("slightly-off", "coarse", "coloured", "per-run")])
 def test_one_seed_of_the_bench_is_one_set_and_one_in_six_is_empty(kind: Kind, tmp_path: Path) -> None:
     seed = FIRST[kind] + 5
@@ -941,6 +945,7 @@ def test_encoders_count_and_drift_remembers() -> None:
     assert decades[1] / decades[2] == pytest.approx(10, rel=0.4)
 
 
+@pytest.mark.slow
 def test_the_pendulum_of_the_bench_swings_as_an_engine_swings_it() -> None:
     """Spring, damper and a payload off its line, by hand and by the mechanism that the vocabulary makes of them."""
     m = load("pendulum")

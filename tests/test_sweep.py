@@ -49,6 +49,7 @@ def results(outcomes: Iterator[Outcome]) -> str:
 # ---------------------------------------------------------------- the same numbers
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [2, *slow(3)])
 def test_the_numbers_are_the_same_whatever_the_number_of_workers(workers: int) -> None:
     assert results(sweep(sweep_work.solve, MATRICES, workers=workers)) == results(sweep(sweep_work.solve, MATRICES))
@@ -153,6 +154,7 @@ class Alive:
         self.count -= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_memory_holds_only_the_runs_under_way(workers: int, tmp_path: Path) -> None:
     runs, ends = Alive(), Alive()

@@ -25,6 +25,7 @@ def first_and_ties(result: Result) -> tuple[tuple[str, str], dict[tuple[str, str
     return (effect["name"], effect["where"]), {(t["name"], t["where"]): t["odds"] for t in effect["ambiguous_with"]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, *slow(2)])
 def test_zeros_of_a_torque_sensor_that_look_like_friction_are_named_first_where_they_are_likelier(seed: int) -> None:
     first, ties = first_and_ties(told(wrong("sensor_bias", "drive_torque", **LIKE_FRICTION), seed=seed))
@@ -40,6 +41,7 @@ def test_friction_at_the_crank_is_named_first_though_zeros_of_each_run_fit_as_we
     assert all(t["odds"] < 1 for e in result["effects"] for t in e["ambiguous_with"] if t["name"] == "sensor_bias")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hidden", "rich", "beyond"),
     [

@@ -134,6 +134,7 @@ def test_the_units_of_a_course_are_those_of_its_pace() -> None:
     assert Units.of(replace(fast, course=(time, 20 * time))) == SI
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENGINES)
 def test_a_crank_rocker_of_a_twentieth_agrees(name: str) -> None:
     """2.5 mm of crank at 60 rad/s: inertias of 3e-12 kg.m2, which an engine once raised to 1e-10."""
@@ -150,6 +151,7 @@ def test_a_crank_rocker_of_a_twentieth_agrees(name: str) -> None:
     assert result.verdict == "agrees"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1e-9, *slow(1e-3, 1e3)])
 @pytest.mark.parametrize("name", ENGINES)
 def test_masses_of_nine_decades_agree_or_are_refused(name: str, ratio: float) -> None:

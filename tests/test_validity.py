@@ -279,6 +279,7 @@ def test_shares_are_never_rounded_to_none_or_all() -> None:
 # ---------------------------------------------------------------- the command
 
 
+@pytest.mark.slow
 @pytest.mark.mujoco
 def test_the_command_writes_a_map_that_meets_its_schema(tmp_path: Path) -> None:
     done = validity(

@@ -125,6 +125,7 @@ def test_workers_in_the_middle_of_a_long_call_end_with_their_parent(how: str, tm
     assert "resource_tracker" not in words(command)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pause", [*slow(0.0, 0.1), 0.3])
 def test_workers_that_are_only_starting_end_with_their_parent(pause: float, tmp_path: Path) -> None:
     command = Command(["-c", BUSY], tmp_path)

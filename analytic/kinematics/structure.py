@@ -203,8 +203,8 @@ class _Builder:
         if loose:
             raise StructureError(
                 f"{self.m.name}: the drive at {self.m.drive_joint.name!r} does not determine"
-                f" {_names(self.bodies, loose)} (mobility {self.mobility()}, one drive needs 1); check the joints'"
-                " bodies"
+                f" {_names(self.bodies, loose)} (mobility {self.mobility()}, one drive needs 1); hold"
+                " or join what is free, or check the joints' bodies"
             )
         return needs
 

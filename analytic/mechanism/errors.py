@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import reprlib
 from collections.abc import Mapping
 from typing import Any
@@ -13,6 +14,7 @@ from analytic.errors import Error
 
 FAULTS = 5  # of a file that a message names
 LONGEST = 100  # characters of a name or a value that a message quotes
+KIND = re.compile(r"[A-Z][A-Za-z]+|literal\[.*\]")  # a model's name, or the words that a field may be
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = LONGEST
 
@@ -26,6 +28,8 @@ def describe(error: ValidationError, fields: Mapping[str, object], model: type[B
     told: dict[tuple[int | str, ...], list[Any]] = {}
     for fault in error.errors():
         told.setdefault(_place(fault["loc"], fields), []).append(fault)
+    within = {place[:k] for place in told for k in range(len(place))}
+    told = {place: faults for place, faults in told.items() if place not in within}  # a field says more than its table
     found = [_sentence(_where(place, fields), faults, model) for place, faults in list(told.items())[:FAULTS]]
     more = len(told) - FAULTS
     return [*found, f"and {more} fault{'s' * (more > 1)} more"] if more > 0 else found
@@ -69,20 +73,30 @@ def _asked(fault: Any) -> str:
     if fault["type"] in limits:
         key, words = limits[fault["type"]]
         return f"Input should be {words} than or equal to {fault['ctx'][key]:g}"
+    if fault["type"] in ("dict_type", "mapping_type", "model_type"):
+        return "Input should be a table"
+    if fault["type"] == "too_long" and fault["ctx"].get("field_type") == "Tuple":
+        return f"Input should be {fault['ctx']['max_length']} values, not {fault['ctx']['actual_length']}"
+    if fault["type"] == "string_pattern_mismatch":
+        return "Input should be a name, without @ and unprintable characters"
     return str(fault["msg"].removeprefix("Value error, "))
 
 
 def _place(location: tuple[int | str, ...], fields: Mapping[str, object]) -> tuple[int | str, ...]:
     """A fault's location without the steps that only name which of several kinds of value pydantic tried."""
     here: Any = fields
-    for k, step in enumerate(location):
+    place: list[int | str] = []
+    for step in location:
         if isinstance(step, str) and not isinstance(here, Mapping):
-            return location[:k]
+            break
         try:
             here = here[step]
         except (KeyError, IndexError, TypeError):
+            if KIND.fullmatch(str(step)):
+                continue
             here = {}
-    return location
+        place.append(step)
+    return tuple(place)
 
 
 def _where(location: tuple[int | str, ...], fields: Mapping[str, object]) -> str:

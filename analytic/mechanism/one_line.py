@@ -8,6 +8,7 @@ import numpy as np
 
 LONGEST = 200  # characters
 LISTED = 3  # joints that are listed with their clearances
+SHOWN = 80  # characters of what a file has, in a message
 
 
 def one_line(result: object, *parts: str) -> str:
@@ -46,3 +47,8 @@ def largest(values: np.ndarray, unit: str) -> str:
     """``up to 73.2 N``: the largest size in an array; empty where it has no number."""
     known = np.abs(values[np.isfinite(values)])
     return f"up to {known.max():.3g} {unit}" if known.size else ""
+
+
+def shown(text: str) -> str:
+    """What a file has, quoted for a message: one printable line, not longer than can be read."""
+    return repr(text if len(text) <= SHOWN else f"{text[:SHOWN]}...")

@@ -14,10 +14,12 @@ import typer
 from compare.cli.accuracy import accuracy
 from compare.cli.analyse import analyse, simulate
 from compare.cli.baseline import baseline
+from compare.cli.check import check
 from compare.cli.diagnose import diagnose
 from compare.cli.export import export
 from compare.cli.folders import Overwrite, result_folder
-from compare.cli.listing import cases, effects, simulators
+from compare.cli.imported import import_
+from compare.cli.listing import cases, effects, runs, simulators
 from compare.cli.options import JointChoice, Json, ModelChoice, MotionChoice, Quiet, load_case, place
 from compare.cli.pipe import reader_may_go
 from compare.cli.progress import progress_bar
@@ -59,7 +61,8 @@ def compare(
         str | None,
         typer.Option(
             metavar="NAME,...",
-            help="Engines to compare with, or all that are installed (see: compare simulators).",
+            help="Engines to compare with, or all that are installed (see: compare simulators); mjcf:FILE and fmu:FILE"
+            " are your own models.",
         ),
     ] = None,
     case: Annotated[str, typer.Option(help="Shipped case (see: compare cases) or a mechanism file.")] = "paper",
@@ -80,6 +83,9 @@ def compare(
         bool, typer.Option("--flexible", help="Let bodies with youngs_modulus bend; with --motion static.")
     ] = False,
     tolerance: Annotated[Path | None, typer.Option(help="Tolerance file laid over the shipped one.")] = None,
+    map: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Map of fmu:FILE [FILE's name with .map.toml].")
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -129,6 +135,7 @@ def compare(
             analytic=analytic.value,
             flexible=flexible,
             tolerances=tolerances,
+            map=map,
         )
         beside = ("junit.xml", "signals.csv")
         with made_folder(result_folder(context, mechanism.name, "result.json", out, overwrite, beside)) as folder:
@@ -146,9 +153,12 @@ def compare(
 app.command()(accuracy)
 app.command()(analyse)
 app.command()(cases)
+app.command()(check)
 app.command()(diagnose)
 app.command()(effects)
 app.command()(export)
+app.command("import")(import_)
+app.command(name="list")(runs)
 app.command()(simulate)
 app.command()(simulators)
 app.command()(validity)

@@ -10,7 +10,7 @@ import typer
 from compare.cli.options import Json, Quiet, place, said
 from compare.cli.progress import progress_bar
 from compare.cli.publish import show
-from compare.faults import complaints, printable
+from compare.faults import OptionError, complaints, printable
 from compare.files import output_folder, write_atomically
 
 if TYPE_CHECKING:
@@ -24,6 +24,11 @@ Case = Annotated[str | None, typer.Option(help="Shipped case or a mechanism file
 Simulator = Annotated[str | None, typer.Option(help="Engine; left out (or all), every one that is installed.")]
 Folder = Annotated[Path, typer.Option("--baselines", parser=place, metavar="DIR", help="Folder of the baseline files.")]
 Junit = Annotated[Path | None, typer.Option("--junit", parser=place, metavar="FILE", help="Write a JUnit file too.")]
+ResultFiles = Annotated[
+    list[Path] | None,
+    typer.Option("--results", metavar="FILE", help="Another program's results of the case in place of an engine's."),
+]
+Map = Annotated[Path | None, typer.Option("--map", metavar="FILE", help="What the columns of --results are.")]
 WHERE = Path("reports") / "baselines"
 
 
@@ -32,6 +37,8 @@ def check(
     case: Case = None,
     simulator: Simulator = None,
     folder: Folder = WHERE,
+    results: ResultFiles = None,
+    map_: Map = None,
     junit: Junit = None,
     json: Json = False,
     quiet: Quiet = False,
@@ -47,7 +54,9 @@ def check(
         if junit is not None:
             output_folder(junit.parent, "--junit")
         with progress_bar() as progress:
-            found = check_baselines(case, simulator or "all", folder, progress=progress)
+            found = check_baselines(
+                case, simulator or "all", folder, results=_recorded(results, case), map=map_, progress=progress
+            )
         if junit is not None:
             from compare.report.baselines import junit as junit_of
 
@@ -60,6 +69,8 @@ def update(
     case: Case = None,
     simulator: Simulator = None,
     folder: Folder = WHERE,
+    results: ResultFiles = None,
+    map_: Map = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -72,8 +83,16 @@ def update(
         from compare.evidence.baseline.check import update_baselines
 
         with progress_bar() as progress:
-            found = update_baselines(case, simulator or "all", folder, progress=progress)
+            found = update_baselines(
+                case, simulator or "all", folder, results=_recorded(results, case), map=map_, progress=progress
+            )
     _end(found, json, quiet)
+
+
+def _recorded(results: list[Path] | None, case: str | None) -> list[Path] | None:
+    if results and case is None:
+        raise OptionError("--results: they are of one case; name it with --case")
+    return results or None
 
 
 def _end(found: Baselines, json: bool, quiet: bool) -> None:

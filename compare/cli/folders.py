@@ -24,7 +24,7 @@ ASIDE = {
     "dask",
     "version",
 }  # where and how an answer is given, and not which
-STEM = {"case", "measured"}  # whose mechanism a name begins with
+STEM = {"case", "measured", "results"}  # whose mechanism a name begins with
 BARE = {"simulator", "clearance"}  # options whose value says in a name what it is
 LONGEST = 150  # characters of a name; file systems take 255 bytes
 REMEDY = "choose another folder with --out, or add --overwrite"
@@ -83,6 +83,7 @@ def _named(context: typer.Context, stem: str) -> str:
 
 def _part(option: str, value: Any) -> str:
     """An option that is not at its default, as a part of a name: ``static``, ``B=2e-4``, ``flexible``, ``seed=7``."""
+    option = option.rstrip("_")  # of a word that Python has taken
     if value is True:
         return option
     if isinstance(value, Enum) or option in BARE:

@@ -1,6 +1,13 @@
-"""``compare cases``, ``compare simulators`` and ``compare effects``: what there is, and what it supports."""
+"""``compare cases``, ``compare simulators`` and ``compare effects``: what there is, and what it supports; ``compare
+list``: what was found before.
+"""
 
 from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from compare.cli.options import Json, Quiet
 from compare.cli.publish import show
@@ -29,3 +36,20 @@ def effects(json: Json = False, quiet: Quiet = False) -> None:
         from compare.catalogue import effects as listed
 
         show(listed(), json=json, quiet=quiet)
+
+
+def runs(
+    context: typer.Context,
+    folder: Annotated[Path | None, typer.Argument(help="Where reports are [reports].")] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """List earlier results, newest first: cross-checks, diagnoses, accuracy and validity, with the command of each.
+
+    Exit status: 0 listed, 2 there is no such folder.
+    """
+    with complaints(context):
+        from compare.history import WHERE
+        from compare.history import runs as listed
+
+        show(listed(WHERE if folder is None else folder), json=json, quiet=quiet)

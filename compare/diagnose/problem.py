@@ -156,7 +156,7 @@ class Problem:
         workers = options.workers or min(2, os.cpu_count() or 1)
         problem = cls(
             measured, rig, mechanism, model, data, fitter, terms, ruled_out, options, engines, skipped,
-            _begun(model, fitter), Engines(model, options.simulator, workers),
+            begun(model, fitter), Engines(model, options.simulator, workers),
         )  # fmt: skip
         problem.refuse_slips()
         problem.note_limits()
@@ -533,7 +533,7 @@ def in_contact(fit: Fit) -> bool:
     return any("contact" in fit.terms[i].effect.needs for i in fit.named())
 
 
-def _begun(model: Model, fitter: Fitter) -> Fit:
+def begun(model: Model, fitter: Fitter) -> Fit:
     """The nominal mechanism as a fit of the starts of free runs, first to their first part.  Raises MeasuredError where
     it cannot make the runs.
     """

@@ -26,6 +26,7 @@ from compare.diagnose.predict import (
 )
 from compare.judge.grid import turns_fully
 from compare.judge.signals import with_derived
+from compare.recorded.motion import released_from
 from sim_models.common.backlash import SETTLED
 from sim_models.engine import (
     Engine,
@@ -128,15 +129,8 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
 def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -> tuple[Trace, dict[str, np.ndarray]]:
     """Trace and signals of a released run; before its first sample, those of that sample."""
     assert task.start is not None
-    mechanism = mechanism.ideal()
     angle, rate = task.start
-    at = np.array([angle])
-    assembly = Assembly(mechanism)
-    u = assembly.coordinates(at)
-    s = assembly.structure
-    placed = {s.bodies[b]: float(u[i, 0] + s.held_at[b]) for i, c in enumerate(s.coordinates) for b in c.bodies if b}
-    drive = {"joint": mechanism.drive_joint.name, "speed": "free", "periodic_torque": mechanism.periodic_torque}
-    mechanism = mechanism.replace(assembly=placed | {mechanism.driven: angle}, drive=drive)
+    mechanism = released_from(mechanism.ideal(), angle)
     since = np.maximum(times - task.run.time[0], 0.0)
     distinct, back = np.unique(since, return_inverse=True)
     request = Request(mechanism, _joint_model(mechanism), "driven", time=distinct, start_speed=rate)

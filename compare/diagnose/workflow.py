@@ -10,7 +10,7 @@ from pathlib import Path
 
 from analytic.mechanism import MechanismWarning
 from analytic.mechanism.errors import quoted
-from compare.arguments import Names, flag, names, one_engine, path, seconds, whole
+from compare.arguments import Names, flag, modelling, names, one_engine, path, seconds, whole
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured
 from compare.diagnose.effects.effect import Effect
@@ -64,7 +64,7 @@ def diagnose(  # noqa: PLR0913 - what a person may ask, by name
     if not isinstance(own, Sequence) or not all(isinstance(each, Effect) for each in own):
         raise ArgumentError("own", f"{quoted(own)} cannot be used; give a list of effects")
     options = Options(
-        one_engine(simulator),
+        modelling(one_engine(simulator)),
         names(only, "only"),
         names(exclude, "exclude"),
         own,

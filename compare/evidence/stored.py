@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TypeVar
 
-from compare.arguments import Simulators, engines
+from compare.arguments import Simulators, engines, modelling
 from compare.faults import Exit, OptionError
 from compare.files import output_folder, write_together
 from compare.results.document import Document, DocumentError
@@ -61,10 +61,10 @@ def other_versions(stored: Mapping[str, str | None], found: Mapping[str, str | N
 def asked(simulators: Simulators) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The engines that are meant, and of all those that are not installed, a sentence each.
 
-    Raises Unsupported for an unknown name, SimulatorMissing where none is installed.
+    Raises Unsupported for an unknown name, SimulatorMissing where none is installed, ArgumentError for a model file.
     """
     names, left_out = engines(simulators)
-    return names, tuple(left_out)
+    return tuple(modelling(name) for name in names), tuple(left_out)
 
 
 def status(found: Remade, simulators: Simulators = "all") -> Exit:

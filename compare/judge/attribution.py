@@ -12,10 +12,8 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal
 from compare.judge.discrepancy import Rule, difference
-from compare.judge.signals import compared
 from compare.results.crosscheck import Run
 from compare.results.crosscheck import Spread as Widest
 
@@ -92,7 +90,7 @@ def odd_one_out(found: Sequence[Apart]) -> str | None:
     return counts[0][1] if counts and counts[0][0] >= 3 * counts[1][0] else None
 
 
-def attribute(judged: Sequence[tuple[Run, Mapping[str, Rule]]], mechanism: Mechanism) -> Attribution:
+def attribute(judged: Sequence[tuple[Run, Mapping[str, Rule]]]) -> Attribution:
     """What only several engines can say: how far they are spread, and which party stands apart.
 
     ``judged`` are the result's runs with the rules by which each was held to the analytic side; engines are compared
@@ -105,10 +103,12 @@ def attribute(judged: Sequence[tuple[Run, Mapping[str, Rule]]], mechanism: Mecha
         group = [run for run in runs if run.joint_model == joint_model]
         rules = [rule for run, rule in judged if run.joint_model == joint_model]
         theta, analytic = group[0].crank_angle, group[0].analytic
-        for signal in compared(mechanism, group[0].clearance):
-            name = signal.name
-            tolerance = np.max([rule[name].tolerance(analytic) for rule in rules], axis=0)
-            engines = {run.simulator.name: run.simulated[name] for run in group}
+        for name in dict.fromkeys(name for rule in rules for name in rule):
+            having = [rule[name] for rule in rules if name in rule]
+            signal, tolerance = having[0].signal, np.max([rule.tolerance(analytic) for rule in having], axis=0)
+            engines = {
+                run.simulator.name: run.simulated[name] for run, rule in zip(group, rules, strict=True) if name in rule
+            }
             wide = spread(signal, engines, tolerance)
             if wide is None:
                 continue

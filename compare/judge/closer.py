@@ -113,7 +113,8 @@ def beyond_rim(run: Run) -> dict[str, float]:
     """
     found = {}
     for joint, clearance in run.clearance.items():
-        path = [np.hypot(*(run.simulated[Signal("clearance", joint, axis).name] for axis in AXES))]
+        sides = [Signal("clearance", joint, axis).name for axis in AXES]
+        path = [np.hypot(*(run.simulated[side] for side in sides))]
         path += [np.hypot(seen.x, seen.y) for name, seen in run.journal.items() if name == joint]
         found[joint] = float(np.nanmax(np.concatenate(path), initial=0.0)) - clearance
     return found

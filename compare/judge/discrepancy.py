@@ -167,6 +167,7 @@ class Rule:
     clearance: float = 0.0  # m, the scale of a displacement
     window: float = 0.0
     rest: float = 0.0
+    unsure: np.ndarray | float = 0.0  # (N,) on top: how exactly the motion that both sides are held to is known
 
     @classmethod
     def read(
@@ -210,20 +211,26 @@ class Rule:
             force = self.signal.sibling("magnitude").name
             size, peak = analytic[force], self._largest(force, analytic[force])
             meaningful = size > np.maximum(self.floor * peak, self._no_force)
-            return np.where(meaningful, self.absolute * peak / np.where(meaningful, size, 1.0), np.nan)
-        return np.maximum(max(self.absolute, self._noise), self.relative * self._peak(analytic[self.signal.name]))
+            return np.where(meaningful, self.absolute * peak / np.where(meaningful, size, 1.0) + self.unsure, np.nan)
+        of = self.signal.name
+        if self.signal.kind == "reaction" and self.kind == "magnitude":  # a component by the size of the whole
+            of = self.signal.sibling("magnitude").name
+        return np.maximum(max(self.absolute, self._noise), self.relative * self._peak(analytic[of])) + self.unsure
 
     def allowed(self, analytic: Mapping[str, np.ndarray], theta: np.ndarray | None) -> tuple[np.ndarray, Tube]:
         """What each sample (N,) may differ by, and the window's tube at crank angles theta (N,) rad."""
         return self.tolerance(analytic), Tube.around(analytic[self.signal.name], theta, self.window)
 
     def _peak(self, values: np.ndarray) -> np.ndarray:
-        """What ``relative`` refers to (N,): a signal's peak; for a displacement the clearance, and for a rotation at
-        least the clearance over the longest body.
+        """What ``relative`` refers to (N,): a signal's peak; for a displacement the clearance, for a rotation at least
+        the clearance over the longest body, and for a place that body's length, or what the rule has as clearance.
         """
         if self.kind == "displacement":
             return np.full(values.shape, self.clearance)
-        peak = self._largest(self.signal.name, values)
+        if self.kind == "place":
+            return np.full(values.shape, self.clearance or self.scales.length)
+        whole = self.kind == "magnitude"
+        peak = self._largest(self.signal.sibling("magnitude").name if whole else self.signal.name, values)
         return np.maximum(peak, self.clearance / self.scales.length) if self.kind == "rotation" else peak
 
     def _largest(self, signal: str, values: np.ndarray) -> np.ndarray:
@@ -255,23 +262,28 @@ def run_rules(
     clearances: Mapping[str, float],
     scales: Scales,
     give: float,
+    judged: Iterable[Signal] | None = None,
 ) -> dict[str, Rule]:
-    """The rule of every signal, by name, on which a run with these clearances (m) is judged.
+    """The rule of every signal, by name, on which a run with these clearances (m) is judged; ``judged`` are others.
 
     ``give`` (m) is how far the contact yields (:func:`contact_give`).  Raises ToleranceError.
     """
     smallest = min(clearances.values(), default=0.0)
     return {
         signal.name: Rule.read(
-            tolerances, motion, joint_model, signal, scales, give, clearances.get(_joint(signal), smallest)
+            tolerances, motion, joint_model, signal, scales, give, _loose(signal, clearances, smallest)
         )
-        for signal in compared(mechanism, clearances)
+        for signal in (compared(mechanism, clearances) if judged is None else judged)
     }
 
 
-def _joint(signal: Signal) -> str:
-    """The joint in which a signal is displaced; "" for another signal."""
-    return signal.place if signal.kind == "clearance" else ""
+def _loose(signal: Signal, clearances: Mapping[str, float], smallest: float) -> float:
+    """The clearance (m) that scales a signal: of the joint in which it is displaced, the smallest for a rotation; none
+    for a place.
+    """
+    if signal.kind == "pose":
+        return 0.0
+    return clearances.get(signal.place if signal.kind == "clearance" else "", smallest)
 
 
 def contact_stiffness(settings: Mapping[str, SettingValue]) -> float:
@@ -284,7 +296,8 @@ def contact_give(
     settings: Mapping[str, SettingValue], clearances: Iterable[str], simulated: Mapping[str, np.ndarray]
 ) -> float:
     """How far (m) the contact of a run yields under the peak force in the joints with clearance; 0 where rigid."""
-    forces = (simulated[Signal("reaction", joint, "magnitude").name] for joint in clearances)
+    sizes = (Signal("reaction", joint, "magnitude").name for joint in clearances)
+    forces = (simulated[name] for name in sizes if name in simulated)
     peak = max((float(np.nanmax(force, initial=0.0)) for force in forces), default=0.0)
     return peak / contact_stiffness(settings)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from analytic.beyond_paper.drive import Turning
 from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
@@ -33,6 +34,7 @@ class Reference:
     ``order_difference`` says for each compared signal how far the paper's first order is from the equilibrium;
     ``elastic`` (m) is the largest elastic displacement of any point, 0 with rigid links.  ``peaks`` are the signals'
     largest sizes at the linkage's usual crank angles; a signal without one is judged by its peak in the run.
+    ``unsure`` (N,) is how far a signal may be off because the motion that it follows is known no better (rms).
     """
 
     signals: Mapping[str, np.ndarray]
@@ -41,6 +43,7 @@ class Reference:
     flags: Mapping[int, str]
     elastic: float = 0.0
     peaks: Mapping[str, float] = field(default_factory=dict)
+    unsure: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         samples = count(max((values.size for values in self.signals.values()), default=0), "sample")
@@ -49,17 +52,79 @@ class Reference:
 
 
 def reference(
-    assembly: Assembly, theta: np.ndarray, motion: Motion, model: Model, clearances: Mapping[str, float]
+    assembly: Assembly,
+    theta: np.ndarray,
+    motion: Motion,
+    model: Model,
+    clearances: Mapping[str, float],
+    error: float = 0.0,
 ) -> Reference:
-    """The analytic model at crank angles theta (N,) rad with these clearances (m; none for ideal joints)."""
-    mechanism = assembly.mechanism
-    speed = mechanism.speed or 1.0  # without a speed only statics is left, where its sign is all that matters
+    """The analytic model at crank angles theta (N,) rad, known to ``error`` (rad, rms), with these clearances (m; none
+    for ideal joints).
+    """
+    speed = assembly.mechanism.speed or 1.0  # without a speed only statics is left, where its sign is all that matters
+    moving = Turning(theta, np.full(theta.shape, speed), np.zeros(theta.shape))
+    inertia = motion == "driven"
+    found = _side(assembly, moving, inertia, model, clearances)
+    if error:
+        moved = {"theta": np.full(theta.shape, error)}
+        found = replace(found, unsure=_unsure(found, assembly, moving, moved, inertia, model, clearances))
+    usual = usual_angles(assembly)
+    if np.array_equal(usual, theta):
+        return found
+    found = replace(found, peaks={})
+    with suppress(AssemblyError):  # the displaced linkage does not reach all of them
+        at = displaced(assembly, usual, speed, model=model, inertia=motion == "driven", clearances=clearances)
+        found = replace(found, peaks=largest(with_derived(at.signals(), assembly.mechanism)))
+    return found
 
-    def at(angles: np.ndarray, model: Model) -> Displaced:
-        return displaced(assembly, angles, speed, model=model, inertia=motion == "driven", clearances=clearances)
+
+def followed_reference(
+    assembly: Assembly, moving: Turning, errors: Turning, model: Model, clearances: Mapping[str, float]
+) -> Reference:
+    """The analytic model along a motion of the crank with these clearances (m), and how far its signals are unsure
+    where the motion is known to these ``errors`` (rms).
+    """
+    side = _side(assembly, moving, True, model, clearances)
+    moved = {part: getattr(errors, part) for part in ("theta", "omega", "alpha")}
+    return replace(side, unsure=_unsure(side, assembly, moving, moved, True, model, clearances))
+
+
+def _unsure(
+    side: Reference,
+    assembly: Assembly,
+    moving: Turning,
+    errors: Mapping[str, np.ndarray],
+    inertia: bool,
+    model: Model,
+    clearances: Mapping[str, float],
+) -> dict[str, np.ndarray]:
+    """How far each signal (N,) changes with parts of the motion that are off by these errors (N,)."""
+    squares: dict[str, np.ndarray] = {}
+    known = named(assembly.mechanism.bodies, assembly.mechanism.joints)
+    for part, error in errors.items():
+        other = replace(moving, **{part: getattr(moving, part) + error})
+        changed = displaced(
+            assembly, other.theta, other.omega, alpha=other.alpha, model=model, inertia=inertia, clearances=clearances
+        )
+        for name, values in with_derived(changed.signals(), assembly.mechanism).items():
+            squares[name] = squares.get(name, 0.0) + known[name].apart(values, side.signals[name]) ** 2
+    return {name: np.nan_to_num(np.sqrt(total)) for name, total in squares.items()}
+
+
+def _side(
+    assembly: Assembly, moving: Turning, inertia: bool, model: Model, clearances: Mapping[str, float]
+) -> Reference:
+    """The analytic model along a motion of the crank, flagged where friction has no direction."""
+    mechanism, theta = assembly.mechanism, moving.theta
+
+    def at(model: Model) -> Displaced:
+        return displaced(
+            assembly, theta, moving.omega, alpha=moving.alpha, model=model, inertia=inertia, clearances=clearances
+        )
 
     models: tuple[Model, ...] = ("equilibrium", "first_order") if clearances else (model,)
-    sides = {each: at(theta, each) for each in models}
+    sides = {each: at(each) for each in models}
     found = sides[model]
     signals = {each: with_derived(side.signals(), mechanism) for each, side in sides.items()}
     order: dict[str, OrderDifference] = {}
@@ -69,15 +134,8 @@ def reference(
             unit, where = UNITS[kind_of(signal)], float(theta[most.at])
             order[signal.name] = OrderDifference(unit=unit, max=most.max, rms=most.rms, at_crank_angle=where)
     ideal = {body.name: found.ideal.motion.angle(body.name) for body in mechanism.bodies}
-    turning = friction_turns(found.ideal.motion, REVERSAL if motion == "driven" else 0.0)
-    usual = usual_angles(assembly)
-    peaks = {}
-    if np.array_equal(usual, theta):
-        peaks = largest(signals[model])
-    else:
-        with suppress(AssemblyError):  # the displaced linkage does not reach all of them
-            peaks = largest(with_derived(at(usual, model).signals(), mechanism))
-    side = Reference(signals[model], ideal, order, found.flags, peaks=peaks)
+    turning = friction_turns(found.ideal.motion, REVERSAL if inertia else 0.0)
+    side = Reference(signals[model], ideal, order, found.flags, peaks=largest(signals[model]))
     return _without({i: why for i, why in _reversals(turning).items() if i not in found.flags}, side)
 
 
@@ -97,9 +155,29 @@ def with_flexible_links(side: Reference, assembly: Assembly, theta: np.ndarray) 
     )
 
 
-def released_reference(assembly: Assembly, time: np.ndarray) -> Reference:
-    """The analytic motion of a linkage released at rest, at times (N,) s."""
-    found = released(assembly, time)
+def released_reference(
+    assembly: Assembly,
+    time: np.ndarray,
+    start: tuple[float | None, float] = (None, 0.0),
+    errors: tuple[float, float] = (0.0, 0.0),
+) -> Reference:
+    """The analytic motion of a linkage at times (N,) s after its release at an angle (rad; None is the assembly's) and
+    rate (rad/s), which are known to ``errors``.
+    """
+    side = _released(assembly, time, *start)
+    angle = assembly.start if start[0] is None else start[0]
+    known = named(assembly.mechanism.bodies, assembly.mechanism.joints)
+    squares: dict[str, np.ndarray] = {}
+    for other in ((angle + errors[0], start[1]), (angle, start[1] + errors[1])):
+        if other != (angle, start[1]):
+            changed = _released(assembly, time, *other).signals
+            for name, values in changed.items():
+                squares[name] = squares.get(name, 0.0) + known[name].apart(values, side.signals[name]) ** 2
+    return replace(side, unsure={name: np.nan_to_num(np.sqrt(total)) for name, total in squares.items()})
+
+
+def _released(assembly: Assembly, time: np.ndarray, angle: float | None, rate: float) -> Reference:
+    found = released(assembly, time, angle, rate)
     mechanism, reactions = assembly.mechanism, found.reactions
     ideal = {body.name: reactions.motion.angle(body.name) for body in mechanism.bodies}
     signals = with_derived(reactions.signals(), mechanism)

@@ -8,11 +8,11 @@ from typing import Literal
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.signals import Component, Signal, continued
+from analytic.mechanism.signals import AXES, Component, Signal, continued
 from analytic.mechanism.signals import Kind as Quantity
 
-Unit = Literal["rad", "N", "m", "N.m"]
-Kind = Literal["angle", "magnitude", "displacement", "rotation", "torque", "position"]
+Unit = Literal["rad", "N", "m", "N.m", "rad/s"]
+Kind = Literal["angle", "magnitude", "displacement", "rotation", "torque", "position", "place", "velocity"]
 UNITS: dict[Kind, Unit] = {
     "angle": "rad",
     "magnitude": "N",
@@ -20,17 +20,22 @@ UNITS: dict[Kind, Unit] = {
     "rotation": "rad",
     "torque": "N.m",
     "position": "rad",
+    "place": "m",
+    "velocity": "rad/s",
 }
 _KINDS: dict[tuple[Quantity, Component], Kind] = {
     ("reaction", "angle"): "angle",
     ("reaction", "magnitude"): "magnitude",
+    ("reaction", "x"): "magnitude",
+    ("reaction", "y"): "magnitude",
     ("reaction", "moment"): "torque",
     ("clearance", "x"): "displacement",
     ("clearance", "y"): "displacement",
     ("rotation", "angle"): "rotation",
     ("pose", "angle"): "position",
-    ("pose", "x"): "displacement",
-    ("pose", "y"): "displacement",
+    ("pose", "x"): "place",
+    ("pose", "y"): "place",
+    ("rate", "angular_velocity"): "velocity",
     ("drive", "torque"): "torque",
 }
 DRIVE_TORQUE = Signal("drive", "", "torque")
@@ -47,11 +52,14 @@ NOTHING = 1e-12  # of a reaction's peak: no force, and no direction
 def with_derived(signals: Mapping[str, np.ndarray], mechanism: Mechanism) -> dict[str, np.ndarray]:
     """Signals (N,) with each reaction's direction (rad, continued along the run) and size (N) added.
 
-    Where there is no force, as where a pin flies, there is no direction: NaN.
+    Where there is no force, as where a pin flies, there is no direction: NaN.  A reaction that has not both components
+    is left as it is.
     """
     out = {name: np.array(values, float) for name, values in signals.items()}
     for joint in mechanism.joints:
         x = Signal.of("reaction", joint.name, "x")
+        if x.name not in out or x.sibling("y").name not in out:
+            continue
         force = out[x.name] + 1j * out[x.sibling("y").name]
         size = np.abs(force)
         acts = size > NOTHING * np.nanmax(size, initial=0.0)
@@ -64,6 +72,8 @@ def with_rotations(signals: Mapping[str, np.ndarray], ideal_angles: Mapping[str,
     """Signals (N,) with each body's rotation by clearance: its angle minus the ideal linkage's (rad)."""
     out = dict(signals)
     for body, ideal in ideal_angles.items():
+        if Signal.of("pose", body, "angle").name not in out:
+            continue
         out[Signal.of("rotation", body, "angle").name] = signals[Signal.of("pose", body, "angle").name] - ideal
     return out
 
@@ -91,3 +101,25 @@ def _compared(mechanism: Mechanism, displaced: set[str]) -> Iterator[Signal]:
         elif body.name != mechanism.driven:
             yield Signal("rotation", body.name, "angle")
     yield DRIVE_TORQUE
+
+
+def recorded(mechanism: Mechanism, clearances: Iterable[str], given: Iterable[str]) -> tuple[Signal, ...]:
+    """The signals on which a file of results is judged that has these: those of every run, and what else it gives.
+
+    A reaction's components are judged where the file has one of them alone; the angle of a body with a motor is not,
+    because the analytic side follows it.
+    """
+    names = set(given)
+    released = mechanism.drive is None or mechanism.drive.speed == "free"
+    if not released:
+        names -= {f"{mechanism.driven}_{part}" for part in ("angle", "angular_velocity")}
+    found = [signal for signal in compared(mechanism, clearances) if signal.name in names]
+    for joint in mechanism.joints:
+        sides = [Signal("reaction", joint.name, axis) for axis in AXES]
+        here = [side for side in sides if side.name in names]
+        found += here if len(here) == 1 else []
+    for body in mechanism.bodies:
+        found += [Signal("pose", body.name, axis) for axis in AXES if f"{body.name}_{axis}" in names]
+        rate = Signal("rate", body.name, "angular_velocity")
+        found += [rate] if rate.name in names else []
+    return tuple(dict.fromkeys(found))

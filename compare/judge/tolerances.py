@@ -19,7 +19,7 @@ from analytic.mechanism.file import describe
 from analytic.mechanism.reading import ReadingError, read_toml
 from analytic.paper.clearance import Model
 from compare.judge.signals import Kind, compared
-from sim_models.engine import ENGINES, JointModel, Motion
+from sim_models.engine import ENGINES, JointModel, Motion, scheme_of
 
 NotNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, lt=1)]
@@ -62,6 +62,8 @@ class _Lines(_Part):
     rotation: Line | None = None
     torque: Line | None = None
     position: Line | None = None
+    place: Line | None = None
+    velocity: Line | None = None
 
 
 class _Models(_Part):
@@ -155,7 +157,7 @@ def _read(path: Path, name: str) -> _File:
         raise ToleranceError(f"{name}: {'; '.join(describe(error, fields, _File))}") from None
     for i, known in enumerate(checked.known):
         for simulator in known.simulator:
-            if simulator not in ENGINES:
+            if simulator not in ENGINES and not scheme_of(simulator)[0]:
                 raise ToleranceError(
                     f"{name}: known[{i}].simulator = {simulator!r}: there is no such simulator; they are"
                     f" {', '.join(ENGINES)}"

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from analytic.mechanism.one_line import count
 from compare.results.catalogue import Cases, Effects, Simulators
-from sim_models.engine import JOINT_MODELS
+from sim_models.engine import JOINT_MODELS, SCHEMES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -75,6 +75,11 @@ def _print_simulators(result: Simulators, console: Console) -> None:
             fault = f"{engine.name} is installed but cannot be imported: {engine.fault}"
             console.print(fault, soft_wrap=True, markup=False, highlight=False)
     console.print(f"effects: {', '.join(known)}; see compare effects", soft_wrap=True, highlight=False)
+    console.print(
+        f"somebody's own model is one too: {', '.join(f'{each}:FILE' for each in SCHEMES)}",
+        markup=False,
+        highlight=False,
+    )
     console.print(
         "install one with: pip install 'linkage-crosscheck[NAME]' (in a clone: pip install '.[NAME]')",
         markup=False,

@@ -81,8 +81,9 @@ def terminal_lines(result: Diagnosis) -> list[str]:
     for p in result.proposed:
         out.append(f"proposed ({'adopted' if p.adopted else 'not named'}): {' '.join(proposed.sentences(result, p))}")
     places = worst_first(result)
-    out += [f"where: {sentence(result, place)} ({plainly(place.sigmas)} sigma)" for place in places[:PLACES_SHOWN]]
-    out += [f"where: {_others(len(places) - PLACES_SHOWN)}"] if len(places) > PLACES_SHOWN else []
+    lead = "where, before" if settled else "where"  # it is the nominal model that is off there
+    out += [f"{lead}: {sentence(result, place)} ({plainly(place.sigmas)} sigma)" for place in places[:PLACES_SHOWN]]
+    out += [f"{lead}: {_others(len(places) - PLACES_SHOWN)}"] if len(places) > PLACES_SHOWN else []
     out += [f"noise: {_line(note)}" for note in result.notes if note.startswith(NOISE)]
     out += [f"data: run {fault.run}, {spoken(result, fault.signal)}: {_line(fault.text)}" for fault in result.faults]
     return [in_ascii(line) for line in out]

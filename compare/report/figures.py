@@ -82,6 +82,8 @@ def figures(result: CrossCheck, summary: Summary) -> list[Figure]:
         for joint in summary.joints
         if any(_path(run, joint) for run in result.runs)
     ]
+    if all(run.simulator.recorded for run in result.runs):  # a figure of what no file has would be of one side
+        found = [figure for figure in found if any(series.mark == "marker" for series in figure.series)]
     found += [differences(result, summary, quantity) for quantity in summary.keys(False, result.mechanism)]
     return [figure for figure in found if any(series.name for series in figure.series)]
 
@@ -124,7 +126,7 @@ def reaction_directions(result: CrossCheck, summary: Summary, joint: str) -> Fig
         if quantity.signal in run.analytic:
             name, role, mark = _analytic(run, summary)
             lines.setdefault(name, Series(name, over, direction(run.analytic[quantity.signal]), role, mark))
-        if quantity.signal in run.simulated:
+        if _shows(run, quantity.signal):
             marks.append(
                 Series(**_simulated(result, run), x=over, y=marked(run.simulated[quantity.signal]), mark="marker")
             )
@@ -147,7 +149,7 @@ def both_sides(result: CrossCheck, summary: Summary, signal: str) -> Figure:
             name, role, mark = _analytic(run, summary)
             values = scaled(run.analytic[signal], quantity.factor)
             lines.setdefault(name, Series(name, over, values, role, mark))
-        if signal in run.simulated:
+        if _shows(run, signal):
             values = scaled(run.simulated[signal], quantity.factor)
             marks.append(Series(**_simulated(result, run), x=over, y=values, mark="marker"))
     spans = [f"{s.name} {_span(s.y, quantity)}" for s in [*lines.values(), *marks]]
@@ -155,6 +157,11 @@ def both_sides(result: CrossCheck, summary: Summary, signal: str) -> Figure:
     return Figure(
         signal, quantity.title, text, Axis(axis, unit), Axis(quantity.name, quantity.unit), (*lines.values(), *marks)
     )
+
+
+def _shows(run: Run, signal: str) -> bool:
+    """Whether a run has a signal: a file of results need not have any."""
+    return signal in run.simulated and not (run.simulator.recorded and np.all(np.isnan(run.simulated[signal])))
 
 
 def _analytic(run: Run, summary: Summary) -> tuple[str, str, Literal["line", "dashed"]]:

@@ -11,11 +11,12 @@ from importlib import resources
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from analytic.mechanism import Mechanism
 from compare.quantities import number, setting
 from compare.report.figures import Figure
 from compare.report.linkage import explorer
 from compare.report.summary import MODELS, REAL, WORDS, ShownRun, Summary, frame_and_signs, released
-from compare.results.crosscheck import CrossCheck
+from compare.results.crosscheck import CrossCheck, Run
 from compare.results.document import as_written
 
 SIGNS = {"agrees": "✓", "disagrees": "✗", "known": "≈", "unjudged": "?", "failed": "✗"}
@@ -41,7 +42,7 @@ def render(
         "signs": SIGNS,
         "engines": _once(f"{run.simulator} {run.version}" for run in runs),
         "joint_models": _once(run.joint_model for run in runs),
-        "motions": _once("swings freely" if released(run, result.mechanism) else run.motion for run in result.runs),
+        "motions": _once(_motion(run, result.mechanism) for run in result.runs),
         "models": (
             [MODELS.get(name, name) for name in _once(run.analytic_model for run in runs if run.clearance != "none")]
             or ["ideal linkage"]
@@ -126,6 +127,14 @@ def _shown_first(run: ShownRun) -> tuple[bool, int]:
 def _worst_first(runs: Iterable[ShownRun]) -> list[ShownRun]:
     """Runs that disagree before those that agree, otherwise in their order."""
     return sorted(runs, key=lambda run: run.verdict == "agrees")
+
+
+def _motion(run: Run, mechanism: Mechanism) -> str:
+    """How a run moved, in words."""
+    if not released(run, mechanism):
+        return run.motion
+    followed = mechanism.drive is not None and mechanism.drive.speed == "measured"
+    return "follows a recorded course" if followed else "swings freely"
 
 
 def _once(values: Iterable[str]) -> list[str]:

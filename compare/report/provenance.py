@@ -98,7 +98,8 @@ def _explained(result: Provenance, run: Sample) -> Iterator[str]:
         yield INDENT + equation.words + (f"; {equation.module}" if equation.module else "")
     yield from _components(run.analytic, result.unit)
     yield f"  simulated     {_both(run.simulated.value, result.unit)}"
-    yield f"{INDENT}{run.simulated.module or 'an engine that is not installed here'}; {_settings(run)}"
+    absent = "recorded" if run.simulator.recorded else "an engine that is not installed here"
+    yield f"{INDENT}{run.simulated.module or absent}; {_settings(run)}"
     yield from _components(run.simulated, result.unit)
     if run.difference is not None:
         yield f"  difference    {_both(run.difference, result.unit, '+')}, simulated minus analytic{_less(result, run)}"

@@ -134,13 +134,20 @@ class Summary:
     why: str  # which assumption of the analytic model fails, and where; empty where none is known to
 
     def keys(self, all_joints: bool, mechanism: Mechanism) -> list[Quantity]:
-        """The signals of a short table: the paper's own, for these joints or for all, and whatever disagrees."""
+        """The signals of a short table: the paper's own, for these joints or for all, what a file of results has, and
+        whatever disagrees.
+        """
         joints = [j.name for j in mechanism.joints] if all_joints else list(self.joints)
         present = {row.quantity.signal for run in self.runs for row in run.rows}
-        wrong = {row.quantity.signal for run in self.runs for row in run.rows if row.verdict == "disagrees"}
+        more = {
+            row.quantity.signal
+            for run in self.runs
+            for row in run.rows
+            if row.verdict == "disagrees" or run.version == results.RECORDED
+        }
         loose = any(run.clearance != "none" for run in self.runs)
         chosen = [s for s in key_signals(mechanism, joints, loose) if s in present]
-        return [self.signals[s] for s in [*chosen, *(s for s in self.signals if s in wrong and s not in chosen)]]
+        return [self.signals[s] for s in [*chosen, *(s for s in self.signals if s in more and s not in chosen)]]
 
 
 def summarise(result: CrossCheck) -> Summary:
@@ -189,7 +196,9 @@ def _why(runs: Sequence[ShownRun]) -> str:
 
 
 def released(run: results.Run, mechanism: Mechanism) -> bool:
-    """Whether a run swings freely, so that it is compared over time: its crank angle may come back to where it was."""
+    """Whether a run swings freely, or follows a course, so that it is compared over time: its crank angle may come back
+    to where it was.
+    """
     return run.time is not None and mechanism.speed is None
 
 
@@ -336,7 +345,9 @@ def _sentences(runs: tuple[ShownRun, ...], failures: int, say: Callable[..., str
         yield f"{_share(exceeding, rows, runs)} {'exceeds its' if len(exceeding) == 1 else 'exceed their'} tolerance."
     elif agreeing and not wrong:
         compared = len({run.index for run, _ in rows})
-        yield f"All {len(agreeing)} judged comparisons of {count(compared, 'run')} are within tolerance."
+        all_of = f"All {len(agreeing)} judged comparisons" if len(agreeing) > 1 else "The one judged comparison"
+        verb = "are" if len(agreeing) > 1 else "is"
+        yield f"{all_of} of {count(compared, 'run')} {verb} within tolerance."
     if known:
         yield f"{known} of {count(len(rows), 'comparison')} {'differs' if known == 1 else 'differ'} as known."
     if exceeding:

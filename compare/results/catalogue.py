@@ -10,7 +10,9 @@ from compare.results.document import Document, Part, Row
 from sim_models.engine import JointModel, Motion
 
 
-class _List(Document):
+class Listing(Document):
+    """A list of things, each with a row."""
+
     presentation: ClassVar[str] = "catalogue"
     opens: ClassVar[str] = ""
 
@@ -33,7 +35,7 @@ class Case(Part):
     speed: Annotated[float | None, Field(description="Speed of the drive (rad/s); null where there is none.")]
 
 
-class Cases(_List):
+class Cases(Listing):
     """The mechanisms that ship with the package."""
 
     file: ClassVar[str] = "cases.json"
@@ -78,7 +80,7 @@ class Engine(Part):
         return f"Engine({self.name} {self.version or self.status})"
 
 
-class Simulators(_List):
+class Simulators(Listing):
     """The engines, installed or not."""
 
     file: ClassVar[str] = "simulators.json"
@@ -120,7 +122,7 @@ class Effect(Part):
     simulators: Annotated[tuple[str, ...], Field(description="Engines that simulate it.")]
 
 
-class Effects(_List):
+class Effects(Listing):
     """The vocabulary of effects."""
 
     file: ClassVar[str] = "effects.json"

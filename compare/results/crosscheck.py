@@ -16,7 +16,7 @@ from compare.results.document import Document, Grid, Mechanism, Number, Part, Ro
 from sim_models.engine import Cause, JointModel, Motion, SettingValue
 
 Verdict = Literal["agrees", "disagrees", "unjudged"]
-Unit = Literal["rad", "N", "m", "N.m"]
+Unit = Literal["rad", "N", "m", "N.m", "rad/s"]
 Signals = Annotated[
     Mapping[str, Series], Field(min_length=1, description="Every signal by name, a value for each crank angle.")
 ]
@@ -24,14 +24,20 @@ MetresByJoint = Annotated[
     Mapping[str, Annotated[float, Field(gt=0)]],
     Field(description="Radial clearance (m) by joint; empty in ideal runs."),
 ]
+RECORDED = "recorded"
 Index = Annotated[str, Field(pattern="^(0|[1-9][0-9]*)$")]
 
 
 class Simulator(Part):
-    """Which engine made a run."""
+    """Which engine made a run; the version of what was read from a file is ``recorded``."""
 
     name: str
     version: str
+
+    @property
+    def recorded(self) -> bool:
+        """Whether the run was read from a file."""
+        return self.version == RECORDED
 
 
 class Discrepancy(Part):

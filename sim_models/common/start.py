@@ -66,13 +66,14 @@ def substeps(interval: float, longest: float) -> tuple[int, float]:
     return count, interval / count
 
 
-def check_steps(who: str, time: float, longest: float, most: int = MOST_STEPS) -> None:
+def check_steps(who: str, time: float, longest: float, most: int = MOST_STEPS, remedy: str = "") -> None:
     """Raise SimulationError if a run of a time (s) in steps no longer than ``longest`` (s) would take too many.
-    ``who`` runs what.
+    ``who`` runs what; ``remedy`` is what helps, if it is not what usually does.
     """
     count = time / longest
     if not count <= most:
         raise SimulationError(
             f"{who}: {time:.3g} s would take {count:.2g} steps of {longest:.2g} s, and {most:g} are the most",
             Cause.TOO_MANY_STEPS,
+            remedy,
         )

@@ -30,7 +30,7 @@ class MujocoEngine(Engine):
         """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""
         from sim_models.mujoco.runs import MujocoRun
 
-        with _no_log_file():
+        with no_log_file():
             return simulate(self, request, lambda r: MujocoRun(r).trace())
 
     def export(self, request: Request, folder: Path) -> list[Path]:
@@ -39,7 +39,7 @@ class MujocoEngine(Engine):
         """
         from sim_models.mujoco.export import write
 
-        with _no_log_file():
+        with no_log_file():
             return export(self, request, folder, write)
 
 
@@ -47,7 +47,7 @@ ENGINE = MujocoEngine()
 
 
 @contextmanager
-def _no_log_file() -> Iterator[None]:
+def no_log_file() -> Iterator[None]:
     """MuJoCo would write its warnings to a file; it also counts them, and every run checks the count."""
     import mujoco
 

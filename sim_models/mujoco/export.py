@@ -5,6 +5,7 @@ expected.csv.
 from __future__ import annotations
 
 import importlib.resources
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -41,7 +42,7 @@ def write(request: Request, folder: Path) -> list[Path]:
         **start,
     }
     files = {
-        "model.xml": text,
+        "model.xml": _started(text, start),
         "start.json": lines(start),
         "expected.csv": expected(trace),
         "run.py": (
@@ -72,6 +73,17 @@ def model_text(link: MujocoLinkage) -> str:
         cord.set("solimplimit", _numbers(m.tendon_solimp_lim[t]))
     for form in root.iterfind("tendon/fixed"):
         form.set("springlength", _numbers(m.tendon_lengthspring[m.tendon(form.get("name")).id]))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _started(text: str, start: Mapping[str, Any]) -> str:
+    """The model with the state in which a run begins as its keyframe, which also says how fast the motor turns."""
+    if "qpos" not in start:
+        return text
+    root = ElementTree.fromstring(text)
+    state = {name: _numbers(np.array(start[name])) for name in ("time", "qpos", "qvel")}
+    ElementTree.SubElement(ElementTree.SubElement(root, "keyframe"), "key", {"name": "start", **state})
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 

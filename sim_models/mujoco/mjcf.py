@@ -197,10 +197,10 @@ class Description:
         return f'{text}<joint name="{name}" type="hinge" axis="0 0 1" pos="{_xy(pin)}" ref="{at[name]!r}"{motor}/>'
 
     def _places(self, name: str) -> str:
-        """Sites at a body's pins and load points, and a geom at each pin that touches."""
+        """Sites at a body's points and where it is loaded, and a geom at each pin that touches."""
         body = self.mechanism.body(name)
         pins = [j for j in self.mechanism.joints if name in j.bodies]
-        text = "".join(f'<site name="{j.name}:{name}" pos="{_xy(body.point(j.name))}"/>' for j in pins)
+        text = "".join(f'<site name="{point}:{name}" pos="{_xy(body.point(point))}"/>' for point in body.points)
         loads = {i: _xy(body.point(load.point)) for i, load in enumerate(self.mechanism.loads) if load.body == name}
         text += "".join(f'<site name="load{i}" pos="{at}"/>' for i, at in loads.items())
         text += (

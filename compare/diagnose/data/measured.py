@@ -16,16 +16,21 @@ from pathlib import Path
 import numpy as np
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.columns import Layout
 from analytic.mechanism.file import MechanismError, load, shipped_cases
+from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import wrapped
+from analytic.mechanism.units import listed
 from compare.diagnose.data.clipping import clipped
 from compare.diagnose.data.measured_file import Entry, read_file, tolerances
 from compare.diagnose.data.quality import FLOOR, gaps, noise, outliers, unwrapped
-from compare.diagnose.data.recording import LARGEST, Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun, shown
+from compare.diagnose.data.recording import Channel, Drive, Fault, Measured, MeasuredError, MeasuredRun
 from compare.diagnose.data.smooth import Smoother
-from compare.diagnose.data.table import ROWS, Column, Table, canonical, read_table
 from compare.diagnose.data.thin import frozen, held, missed, picked
-from compare.diagnose.data.units import listed
+from compare.recorded.errors import DataError
+from compare.recorded.headings import TIME, Column, canonical
+from compare.recorded.table import LARGEST, Table, read_table, unused
+from compare.recorded.text import ROWS
 
 ASTRAY = math.radians(20.0)  # an encoder that far from its command throughout is no offset but a wrong drive_angle
 MULTIPLE = 2.0  # of the command, or its inverse: an encoder that turns beyond is not of this run
@@ -62,10 +67,40 @@ def load_measured(path: str | Path) -> Measured:
             " out of at least one"
         )
     tolerance = tolerances(path.name, file.tolerance)
-    read = [_run(path, entry, mechanism) for entry in file.runs]
+    tables = _Tables(path.parent, mechanism, file)
+    read: list[tuple[MeasuredRun, list[Fault]]] = []
+    wrong: list[str] = []
+    for entry in file.runs:
+        try:
+            read.append(_run(path, entry, mechanism, tables))
+        except DataError as error:
+            wrong += error.faults
+    wrong += tables.unused(path.name) if not wrong else []
+    if wrong:
+        raise MeasuredError(*dict.fromkeys(wrong))
     return Measured(
         mechanism, tuple(run for run, _ in read), tolerance, tuple(f for _, faults in read for f in faults), str(path)
     )
+
+
+class _Tables:
+    """The data files of a measured.toml, each read once, and the entries of [columns] that they have."""
+
+    def __init__(self, folder: Path, mechanism: Mechanism, layout: Layout) -> None:
+        self._folder, self._mechanism, self._layout = folder, mechanism, layout
+        self._read: dict[str, Table] = {}
+
+    def __call__(self, file: str) -> Table:
+        """The table of a file.  Raises DataError."""
+        if file not in self._read:
+            self._read[file] = read_table(self._folder / file, self._mechanism, self._layout)
+        return self._read[file]
+
+    def unused(self, name: str) -> list[str]:
+        """A fault for each entry of [columns] that no file has."""
+        used = {entry for table in self._read.values() for entry in table.used}
+        headings = list(dict.fromkeys(heading for table in self._read.values() for heading in table.headings))
+        return [unused(f"{name}: ", entry, headings) for entry in self._layout.columns if entry not in used]
 
 
 def _mechanism(path: Path, name: str) -> Mechanism:
@@ -80,7 +115,7 @@ def _mechanism(path: Path, name: str) -> Mechanism:
         raise MeasuredError(f"{path.name}: mechanism = {name!r}: {error}") from None
 
 
-def _run(path: Path, entry: Entry, mechanism: Mechanism) -> tuple[MeasuredRun, list[Fault]]:
+def _run(path: Path, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tuple[MeasuredRun, list[Fault]]:
     """A run and what was wrong with it."""
     where = f"{path.name}: run {entry.name!r}"
     meant = {
@@ -91,7 +126,7 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism) -> tuple[MeasuredRun, l
     entry = entry.model_copy(update=meant)
     drive, speed, angle = _command(where, entry, mechanism)
     _check_fields(where, entry, mechanism, drive)
-    table = read_table(path.parent / entry.file, mechanism)
+    table = tables(entry.file)
     for signal in entry.noise:
         if signal not in table.values:
             raise MeasuredError(
@@ -103,7 +138,8 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism) -> tuple[MeasuredRun, l
             f"{where}: drive is measured, but {entry.file} has no column {encoder!r}; add the encoder or give"
             " drive_speed"
         )
-    faults = _gap_fault(entry.name, table.time)
+    faults = [Fault(entry.name, TIME.name, "columns", 0, note) for note in table.notes]
+    faults += _gap_fault(entry.name, table.time)
     if drive == "measured":
         table, absent = _held(entry.name, table, encoder)
         faults += absent

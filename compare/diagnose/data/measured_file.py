@@ -10,11 +10,13 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from analytic.mechanism import Load
+from analytic.mechanism.columns import Layout
 from analytic.mechanism.file import describe
 from analytic.mechanism.reading import ReadingError, read_toml
-from compare.diagnose.data.recording import LARGEST, MeasuredError
-from compare.diagnose.data.units import listed
+from analytic.mechanism.units import listed
+from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.recorded.table import LARGEST
 
 LINE = 500  # characters of a message
 DIGITS = "has a whole number of too many digits, which cannot be read; write it as a decimal"
@@ -66,8 +68,8 @@ class Entry(_Part):
     role: Literal["fit", "validation"] = "fit"
 
 
-class MeasuredFile(_Part):
-    """measured.toml as written."""
+class MeasuredFile(Layout):
+    """measured.toml as written; how its data files are written is said at the top."""
 
     mechanism: Name
     tolerance: Mapping[str, NotNegative | Mapping[str, NotNegative]] = Field(default_factory=dict)

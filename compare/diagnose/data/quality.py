@@ -14,8 +14,8 @@ from itertools import combinations
 import numpy as np
 
 from analytic.mechanism.signals import turned_near
+from analytic.mechanism.units import dimension
 from compare.diagnose.data.recording import Fault, MeasuredRun
-from compare.diagnose.data.units import dimension
 
 ORDERS = (3, 4, 6, 8, 10)  # of differences, tried for the noise
 FLOOR = 1e-7  # of a channel's range: what a noise-free signal is taken to be good for
@@ -23,37 +23,40 @@ FLOOR = 1e-7  # of a channel's range: what a noise-free signal is taken to be go
 # from another
 SHARES = 12
 EXACT = 1e-6  # relative, by which the steps of a converter may miss being multiples of the smallest
+MOST = 5000.0  # steps, from one sample of a ramp to the next, that are still told
 SPIKE = 8.0  # sigmas of an outlier
 JUDGED = 12  # samples, at least, among which a spike is told
 CLIMBS = 4  # stairs, at least, by which their height is known
 GAP = 5.0  # median intervals
 TELLING = 5.0  # how much better another column's prediction must fit, and by how many sigmas the own one must fail
 ESTIMATED_FROM = 50_000  # samples that noise is estimated from
+REVERSED = "of the other sign"
 # Slopes of a channel on its prediction that are conversions, and what the reader may have done.
 CONVERSIONS: dict[str, dict[str, float]] = {
     "angle": {
         "in degrees": 180 / math.pi,
         "converted from degrees twice": math.pi / 180,
         "in turns": 0.5 / math.pi,
-        "of the other sign": -1.0,
+        REVERSED: -1.0,
     },
     "length": {
         "in millimetres": 1e3,
         "divided by 1000 twice": 1e-3,
         "in inches": 1 / 0.0254,
-        "of the other sign": -1.0,
+        REVERSED: -1.0,
     },
     "force": {
         "in millinewtons": 1e3,
         "in kilonewtons": 1e-3,
         "in kilogram-force": 1 / 9.80665,
         "in pound-force": 1 / 4.4482216,
+        REVERSED: -1.0,
     },
     "torque": {
         "in newton millimetres": 1e3,
         "in kilonewton metres": 1e-3,
         "in pound-force inches": 1 / 0.1129848,
-        "of the other sign": -1.0,
+        REVERSED: -1.0,
     },
     "angular velocity": {
         "in degrees per second": 180 / math.pi,
@@ -61,7 +64,7 @@ CONVERSIONS: dict[str, dict[str, float]] = {
         "in revolutions per minute": 30 / math.pi,
         "converted from rpm twice": math.pi / 30,
         "in revolutions per second": 0.5 / math.pi,
-        "of the other sign": -1.0,
+        REVERSED: -1.0,
     },
 }
 
@@ -128,9 +131,24 @@ def quantum(values: np.ndarray) -> float:
         if np.mean(np.abs(multiples - np.round(multiples)) < EXACT * multiples) > 0.9:
             step = float(gaps.min()) / share
             break
-    if gaps.max() < 1.5 * step and np.unique(present).size == present.size:
-        return 0.0  # an even ramp, such as an encoder's at constant speed: its steps are its speed's
-    return max(step, _stair(present, step))
+    ramp = gaps.max() < 1.5 * step and np.unique(present).size == present.size
+    if ramp or step == 0:  # an encoder's gaps at constant speed are its speed's, of which its counts are a share
+        step = _shared(gaps, 1e-12 * float(np.max(np.abs(levels))))
+    return step if ramp else max(step, _stair(present, step))
+
+
+def _shared(gaps: np.ndarray, exact: float) -> float:
+    """The step that all gaps (N,) are multiples of within ``exact``, as those of 26 and of 27 counts are of one; 0 if
+    they are all the same, or multiples of none that is worth its name.
+    """
+    step = least = float(gaps.min())
+    for size in gaps.tolist():
+        rest = abs(size - step * round(size / step))
+        while rest > 10 * exact:  # Euclid's
+            step, rest = rest, abs(step - rest * round(step / rest))
+        if step < least / MOST:
+            return 0.0
+    return step if step < least / 1.5 else 0.0
 
 
 def _stair(present: np.ndarray, step: float) -> float:
@@ -248,18 +266,28 @@ def suspicious_units(run: MeasuredRun, predicted: Mapping[str, np.ndarray]) -> l
         )
         if here.size < 3:
             continue
-        measured, model = channel.values[here], predicted[signal][here]
-        if np.std(model) == 0 or np.std(measured) == 0 or abs(np.corrcoef(model, measured)[0, 1]) < 0.99:
-            continue
-        slope = float(np.polyfit(model, measured, 1)[0])
-        for what, factor in CONVERSIONS.get(dimension(channel.signal), {}).items():
-            if abs(slope / factor - 1) < 0.03:
-                text = (
-                    f"{signal} of run {run.name!r} is {slope:.4g} times its prediction: it looks {what}, but {run.file}"
-                    f" says {channel.unit}"
-                )
-                faults.append(Fault(run.name, signal, "unit", here.size, text))
+        kind = dimension(channel.signal)
+        found = looks(kind, predicted[signal][here], channel.values[here])
+        if found is not None and (kind, found[1]) != ("force", REVERSED):
+            slope, what = found
+            text = (
+                f"{signal} of run {run.name!r} is {slope:.4g} times its prediction: it looks {what}, but {run.file}"
+                f" says {channel.unit}"
+            )
+            faults.append(Fault(run.name, signal, "unit", here.size, text))
     return faults
+
+
+def looks(kind: str, model: np.ndarray, measured: np.ndarray) -> tuple[float, str] | None:
+    """By what measured values (N,) are the model's (N,), and what they look, if that is a conversion of this kind of
+    quantity.
+    """
+    if np.std(model) == 0 or np.std(measured) == 0 or abs(np.corrcoef(model, measured)[0, 1]) < 0.99:
+        return None
+    slope = float(np.polyfit(model, measured, 1)[0])
+    return next(
+        ((slope, what) for what, factor in CONVERSIONS.get(kind, {}).items() if abs(slope / factor - 1) < 0.03), None
+    )
 
 
 def _misfit(run: MeasuredRun, signal: str, prediction: np.ndarray) -> float:

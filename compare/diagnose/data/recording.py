@@ -13,27 +13,20 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from analytic.errors import Error
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
+from compare.recorded.errors import DataError
 
 if TYPE_CHECKING:
     import pandas
 
-LARGEST = 1e30  # SI, of any number that is read; nothing on a bench is as large, and its square is still a number
-SHOWN = 80  # characters of what a file has, in a message
 Drive = Literal["speed", "measured", "free"]
 Role = Literal["fit", "validation"]
 
 
-class MeasuredError(Error, ValueError):
-    """Measured data cannot be used; the message is one sentence with file, line or field, value and remedy."""
-
-
-def shown(text: str) -> str:
-    """What a file has, quoted for a message: one printable line, not longer than can be read."""
-    return repr(text if len(text) <= SHOWN else f"{text[:SHOWN]}...")
+class MeasuredError(DataError):
+    """Measured data cannot be used; each fault is one sentence with file, line or field, value and remedy."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +34,8 @@ class Fault:
     """Something wrong with the data of a run that was handled; ``samples`` are affected and ``text`` says it in a
     sentence.
 
-    ``kind`` is clipped, outliers, constant, absent, noise, wrapped, course (one signal), gap, thinned (the run,
-    ``signal`` is ``time``), swapped or unit.
+    ``kind`` is clipped, outliers, constant, absent, noise, wrapped, course (one signal), gap, thinned, columns (the
+    run, ``signal`` is ``time``), swapped or unit.
     """
 
     run: str

@@ -14,13 +14,17 @@ from analytic.mechanism.file import shipped_cases
 from analytic.mechanism.one_line import count
 from compare.arguments import Linkage, Simulators, linkage
 from compare.arguments import path as checked_path
+from compare.check import Results, layout_of, result_files
 from compare.evidence.baseline.file import Baseline, BaselineError, StoredRun, owned, read, write
 from compare.evidence.baseline.moved import fits, moved
-from compare.evidence.baseline.runs import simulated
+from compare.evidence.baseline.runs import of_results, simulated
 from compare.evidence.stored import asked
-from compare.faults import Exit, OptionError
+from compare.faults import ArgumentError, Exit, OptionError
 from compare.files import OutputError, file_name, output_folder, write_atomically
+from compare.recorded.errors import DataError
+from compare.recorded.table import read_table
 from compare.results.baselines import Baselines, Entry, Moved, Status
+from compare.results.crosscheck import RECORDED
 from compare.runs import Resolve
 from sim_models.engine import SimulationError, SimulatorMissing, Unsupported, engine
 
@@ -28,7 +32,8 @@ WHERE = Path("reports") / "baselines"
 Cases = Linkage | Sequence[Linkage]
 """One linkage or several: mechanisms, names of shipped cases, or mechanism files."""
 Progress = Callable[[str, int, int | None], None]
-Work = Callable[[Mechanism, str, Path, Resolve, str], Entry]
+Made = Callable[[Mechanism, str, Resolve], tuple[str, list[StoredRun]]]
+Work = Callable[[Mechanism, str, Path, Resolve, str, Made], Entry]
 GRAVITY: dict[Status, Exit] = {
     "moved": Exit.DISAGREES,
     "unusable": Exit.BAD_INPUT,
@@ -41,16 +46,22 @@ def check_baselines(
     simulators: Simulators = "all",
     folder: str | Path = WHERE,
     *,
+    results: Results | None = None,
+    map: str | Path | None = None,
     progress: Progress = lambda what, done, total: None,
 ) -> Baselines:
     """Run every case in every engine, and find all reaction forces that are not where the baseline has them.
 
     ``cases`` are all shipped ones by default, ``folder`` is where the baseline files are.  A baseline that is missing
-    or damaged, and an engine that fails, is an entry with its reason, whatever becomes of the others.
+    or damaged, and an engine that fails, is an entry with its reason, whatever becomes of the others.  ``results`` are
+    files of another program's results of one case, in place of engines; ``map`` says what their columns are.
 
     Raises MechanismError for a case, Unsupported for an unknown engine, SimulatorMissing where none is installed.
     """
-    return _each(check_one, cases, simulators, checked_path(folder, "folder"), progress)
+    where = checked_path(folder, "folder")
+    if results is not None:
+        return _recorded(check_one, cases, results, map, where)
+    return _each(check_one, cases, simulators, where, progress)
 
 
 def update_baselines(
@@ -58,12 +69,16 @@ def update_baselines(
     simulators: Simulators = "all",
     folder: str | Path = WHERE,
     *,
+    results: Results | None = None,
+    map: str | Path | None = None,
     progress: Progress = lambda what, done, total: None,
 ) -> Baselines:
     """Write the baseline of every case in every engine; numbers that have not moved, and files without any that have,
     stay as they are.  Raises OutputError, and what :func:`check_baselines` does.
     """
     output_folder(Path(folder), "--baselines")
+    if results is not None:
+        return _recorded(update_one, cases, results, map, Path(folder))
     return _each(update_one, cases, simulators, Path(folder), progress)
 
 
@@ -84,6 +99,25 @@ def _each(work: Work, cases: Cases | None, simulators: Simulators, folder: Path,
         for name in names:
             entries.append(_safely(work, mechanism, name, folder, typed))
             progress("baselines", len(entries), len(mechanisms) * len(names))
+    return _baselines(folder, entries, left_out)
+
+
+def _recorded(work: Work, cases: Cases | None, results: Results, map: str | Path | None, folder: Path) -> Baselines:
+    """The baselines of results that another program has recorded of one case."""
+    if cases is None or not isinstance(cases, Mechanism | str | Path):
+        raise ArgumentError("cases", "results are of one case; give it")
+    mechanism = linkage(cases)
+    files, layout = result_files(results), layout_of(map)
+
+    def made(m: Mechanism, simulator: str, resolve: Resolve) -> tuple[str, list[StoredRun]]:
+        return RECORDED, [of_results(m, read_table(files[simulator], m, layout, timed=False))]
+
+    typed = cases.name if isinstance(cases, Mechanism) else str(cases)
+    return _baselines(folder, [_safely(work, mechanism, name, folder, typed, made) for name in files], [])
+
+
+def _baselines(folder: Path, entries: Sequence[Entry], left_out: Sequence[str]) -> Baselines:
+    """What was found, with what differs in sentences."""
     differences = [f"{e.case}, {e.simulator}: {m.sentence}" for e in entries if e.status == "moved" for m in e.moved]
     faults = [e.why for e in entries if e.status in ("unusable", "failed")]
     notes = [
@@ -102,14 +136,16 @@ def _each(work: Work, cases: Cases | None, simulators: Simulators, folder: Path,
     )
 
 
-def _safely(work: Work, mechanism: Mechanism, simulator: str, folder: Path, typed: str) -> Entry:
+def _safely(
+    work: Work, mechanism: Mechanism, simulator: str, folder: Path, typed: str, made: Made = simulated
+) -> Entry:
     """The entry of a pair; with the reason in place of an answer where there is a foreseen fault."""
     try:
-        return work(mechanism, simulator, folder, engine, typed)
+        return work(mechanism, simulator, folder, engine, typed, made)
     except (SimulatorMissing, SimulationError) as error:
         failed: Status = "failed"
         why = str(error)
-    except (OptionError, OutputError, Unsupported, AssemblyError, StructureError) as error:
+    except (OptionError, OutputError, Unsupported, AssemblyError, StructureError, DataError) as error:
         failed, why = "unusable", str(error)
     path = file_of(folder, mechanism.name, simulator)
     return Entry(case=mechanism.name, simulator=simulator, file=str(path), status=failed, why=why)
@@ -117,7 +153,7 @@ def _safely(work: Work, mechanism: Mechanism, simulator: str, folder: Path, type
 
 def file_of(folder: Path, case: str, simulator: str) -> Path:
     """Where the baseline of a case in an engine is kept."""
-    return folder / f"{file_name(case)}-{simulator}.toml"
+    return folder / f"{file_name(case)}-{file_name(simulator)}.toml"
 
 
 def command(verb: str, typed: str, simulator: str, folder: Path) -> str:
@@ -127,17 +163,36 @@ def command(verb: str, typed: str, simulator: str, folder: Path) -> str:
 
 
 def check_one(
-    mechanism: Mechanism, simulator: str, folder: Path, resolve: Resolve = engine, typed: str | None = None
+    mechanism: Mechanism,
+    simulator: str,
+    folder: Path,
+    resolve: Resolve = engine,
+    typed: str | None = None,
+    made: Made = simulated,
 ) -> Entry:
     """What moved in one baseline.  ``resolve`` is where the engine comes from, ``typed`` what names the case on a
-    command line.
+    command line, ``made`` what makes the runs again.
 
     Raises BaselineError, SimulationError, SimulatorMissing, Unsupported.
     """
     path = file_of(folder, mechanism.name, simulator)
     again = command("update", typed or mechanism.name, simulator, folder)
+    return check_file(path, mechanism, simulator, again, resolve, made)
+
+
+def check_file(
+    path: Path,
+    mechanism: Mechanism,
+    simulator: str,
+    again: str,
+    resolve: Resolve = engine,
+    made: Made = simulated,
+) -> Entry:
+    """What moved in the baseline of a file; ``again`` is the command that writes it anew.  Raises what
+    :func:`check_one` does.
+    """
     stored = read(path, mechanism.name, simulator, again)
-    version, fresh = simulated(mechanism, simulator, resolve)
+    version, fresh = made(mechanism, simulator, resolve)
     misfit = fits(stored.runs, fresh)
     if misfit:
         raise BaselineError(f"{path}: {misfit}; if that is meant, write it anew with: {again}")
@@ -146,29 +201,49 @@ def check_one(
 
 
 def update_one(
-    mechanism: Mechanism, simulator: str, folder: Path, resolve: Resolve = engine, typed: str | None = None
+    mechanism: Mechanism,
+    simulator: str,
+    folder: Path,
+    resolve: Resolve = engine,
+    typed: str | None = None,
+    made: Made = simulated,
 ) -> Entry:
     """Write one baseline if anything in it changed.  Raises what check_one does, but a damaged file of the case is
     replaced.
     """
     path = file_of(folder, mechanism.name, simulator)
+    checks = command("check", typed or mechanism.name, simulator, folder)
+    return update_file(path, mechanism, simulator, checks, resolve, made)
+
+
+def update_file(
+    path: Path,
+    mechanism: Mechanism,
+    simulator: str,
+    checks: str,
+    resolve: Resolve = engine,
+    made: Made = simulated,
+) -> Entry:
+    """Write the baseline of a file if anything in it changed; ``checks`` is the command that checks it.  Raises what
+    :func:`update_one` does.
+    """
     owned(path, mechanism.name, simulator)
-    version, fresh = simulated(mechanism, simulator, resolve)
-    made = Baseline(mechanism.name, simulator, version, tuple(fresh))
+    version, fresh = made(mechanism, simulator, resolve)
+    new = Baseline(mechanism.name, simulator, version, tuple(fresh))
     found: tuple[Moved, ...] = ()
-    old, why = made, "written"
+    old, why = new, "written"
     try:
         stored = read(path, mechanism.name, simulator, "")
     except BaselineError:
         pass
     else:
-        old, why, made = stored, "rewritten: other runs than before", replace(made, tolerance=stored.tolerance)
+        old, why, new = stored, "rewritten: other runs than before", replace(new, tolerance=stored.tolerance)
         if not fits(stored.runs, fresh):
             found = _moved(stored, fresh)
-            made = replace(made, runs=tuple(_kept(stored, fresh, found)))
+            new = replace(new, runs=tuple(_kept(stored, fresh, found)))
             why = "" if not found and version == stored.version else "rewritten"
     if why:
-        write_atomically(path, write(made, command("check", typed or mechanism.name, simulator, folder)))
+        write_atomically(path, write(new, checks))
     return _entry(path, old, version, found, "written" if why else "unchanged", why)
 
 

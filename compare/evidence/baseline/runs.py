@@ -18,6 +18,8 @@ from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load, shipped_cases
 from compare.evidence.baseline.file import NO_DIRECTION, StoredRun
 from compare.judge.grid import FREE_TIME, default_angles
+from compare.recorded.errors import DataError
+from compare.recorded.table import Table
 from compare.results.crosscheck import Failure
 from compare.runs import Resolve, simulate
 from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported
@@ -148,6 +150,36 @@ def _table(setup: Setup, trace: Trace) -> StoredRun:
         columns[f"reaction_{joint}_angle [deg]"] = np.where(known, np.degrees(np.angle(force)), np.nan)
         columns[f"reaction_{joint}_magnitude [N]"] = size
     return StoredRun(setup.name, setup.added, tuple(columns), np.column_stack(list(columns.values())))
+
+
+def of_results(mechanism: Mechanism, table: Table) -> StoredRun:
+    """The reactions that a file of results has, as a run: a row for each of at most ROWS of its samples.
+
+    Raises DataError where it has none.
+    """
+    encoder = table.values.get(f"{mechanism.driven}_angle")
+    size = next(iter(table.values.values())).size
+    every = slice(None, None, -(-size // ROWS))
+    if table.time.size:
+        columns = {"time [s]": table.time[every]}
+    elif encoder is not None:
+        columns = {"crank_angle [deg]": np.degrees(encoder[every])}
+    else:
+        raise DataError(f"the results of {mechanism.name} have neither time nor the crank's angle; add one")
+    for joint in (joint.name for joint in mechanism.joints):
+        sides = [table.values.get(f"reaction_{joint}_{axis}") for axis in ("x", "y")]
+        if sides[0] is None or sides[1] is None:
+            continue
+        force = (sides[0] + 1j * sides[1])[every]
+        known = np.abs(force) > NO_DIRECTION * np.nanmax(np.abs(force))
+        columns[f"reaction_{joint}_angle [deg]"] = np.where(known, np.degrees(np.angle(force)), np.nan)
+        columns[f"reaction_{joint}_magnitude [N]"] = np.abs(force)
+    if len(columns) == 1 or not all(np.all(np.isfinite(v)) for n, v in columns.items() if not n.endswith("[deg]")):
+        raise DataError(
+            f"the results of {mechanism.name} have no reaction in every row with both components, reaction_<joint>_x"
+            " and _y; add them"
+        )
+    return StoredRun("recorded", {}, tuple(columns), np.column_stack(list(columns.values())))
 
 
 def _averages(setup: Setup, trace: Trace) -> StoredRun:

@@ -140,7 +140,8 @@ def kept(stored: Scoreboard) -> dict[int, Scored]:
 def digest() -> str:
     """Of all code that a score depends on, so that a resumed board is never made of two versions."""
     root = Path(__file__).parents[3]
-    parts = [root / "analytic", root / "sim_models", root / "compare" / "diagnose", Path(__file__).parent]
+    compare = root / "compare"
+    parts = [root / "analytic", root / "sim_models", compare / "recorded", compare / "diagnose", Path(__file__).parent]
     hashed = hashlib.sha256()
     for path in sorted(p for part in parts for p in part.rglob("*") if p.suffix in (".py", ".toml")):
         hashed.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())

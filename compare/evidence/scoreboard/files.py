@@ -11,7 +11,7 @@ import numpy as np
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps
 from analytic.mechanism.signals import Signal, named
-from compare.diagnose.data.units import dimension, factor
+from analytic.mechanism.units import dimension, factor
 from compare.files import write_atomically
 
 Readings = dict[str, np.ndarray]

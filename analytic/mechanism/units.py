@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from analytic.errors import Error
 from analytic.mechanism import Mechanism
+from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal, Unit, named
-from compare.diagnose.data.recording import shown
 
 if TYPE_CHECKING:
     import pint

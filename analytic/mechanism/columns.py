@@ -1,0 +1,98 @@
+"""What the columns of somebody's file mean: which signal each is, in which unit and with which sign; and how the file
+is written.
+
+It is what ``[columns]``, ``skip_rows``, ``separator`` and ``decimal`` say in measured.toml and in a map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from analytic.errors import Error
+from analytic.mechanism.errors import describe
+from analytic.mechanism.reading import ReadingError, read_toml
+
+SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " ", "bar": "|"}
+Separator = Literal[",", ";", "\t", " ", "|", "comma", "semicolon", "tab", "space", "bar"]
+Finite = Annotated[float, Field(gt=-1e30, lt=1e30)]
+
+
+class MapError(Error, ValueError):
+    """A map of columns cannot be used; the message says why: file, field, value, remedy."""
+
+
+class Part(BaseModel):
+    """A table of a map: nothing but its fields, of their own kinds."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Conversion(Part):
+    """How somebody's numbers are a quantity: ``sign * scale * number + offset`` in ``unit``."""
+
+    unit: Annotated[str, Field(max_length=100)] | None = None
+    scale: Finite = 1.0
+    offset: Finite = 0.0
+    sign: Literal[1, -1] = 1
+
+    @field_validator("scale")
+    @classmethod
+    def _not_nothing(cls, scale: float) -> float:
+        if scale == 0:
+            raise ValueError("a scale of 0 leaves nothing of it; give the size of one step, or leave it out")
+        return scale
+
+    def of(self, number: np.ndarray) -> np.ndarray:
+        """Numbers (N,) in ``unit``."""
+        return np.asarray(self.sign * self.scale * number + self.offset)
+
+    def read(self, value: np.ndarray) -> np.ndarray:
+        """The numbers (N,) of values in ``unit``."""
+        return np.asarray((value - self.offset) / (self.sign * self.scale))
+
+
+class Meaning(Conversion):
+    """What one column is: the ``signal`` (or ``time``).  Without a unit that of the heading holds."""
+
+    signal: Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class Layout(Part):
+    """How files are written: columns by their heading, lines before the header, separator and decimal mark.
+
+    What is left out is found in the file.
+    """
+
+    columns: Annotated[Mapping[str, Meaning | Literal["ignore"]], Field(default_factory=dict)]
+    skip_rows: Annotated[int, Field(ge=0, le=10_000)] | None = None
+    separator: Separator | None = None
+    decimal: Literal[".", ","] | None = None
+
+    @property
+    def delimiter(self) -> str | None:
+        """The separator as a character; None if it is to be found."""
+        return None if self.separator is None else SEPARATORS.get(self.separator, self.separator)
+
+
+PLAIN = Layout.model_validate({})
+M = TypeVar("M", bound=BaseModel)
+
+
+def read_map(path: Path, model: type[M]) -> M:
+    """A map file as this model of its fields.  Raises MapError."""
+    fields: dict[str, object] = {}
+    try:
+        fields = read_toml(path)
+        return model.model_validate(fields)
+    except ValidationError as error:
+        raise MapError(f"{path}: {'; '.join(describe(error, fields, model))}") from None
+    except ReadingError as error:
+        raise MapError(
+            f'{path}: {error}; give a TOML file with [columns], such as "phi_deg" = {{ signal = "crank_angle",'
+            ' unit = "deg" }'
+        ) from None

@@ -1,0 +1,150 @@
+"""Earlier results in a folder, found quickly: of a file only its beginning and its end are read where they do."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import stat
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import cast
+
+from analytic.mechanism.reading import ReadingError, read_json
+from compare.arguments import path as checked_path
+from compare.faults import OptionError, printable
+from compare.results.history import EarlierRun, Kind, Runs
+
+WHERE = Path("reports")
+KINDS: Mapping[str, Kind] = {
+    "result.json": "cross-check",
+    "diagnosis.json": "diagnosis",
+    "accuracy.json": "accuracy",
+    "validity.json": "validity",
+    "data.json": "data",
+}
+JUDGED = ("cross-check", "diagnosis")  # kinds that have a verdict
+DEEPEST = 4  # folders below the one that is asked for
+HEAD = 2**16  # bytes in which case, verdict and command are looked for
+WHOLE = 2**22  # bytes of a file that is read whole where its head has not got them all
+_BLANK = re.compile(r"[ \t\r\n]*")
+_DECODER = json.JSONDecoder()
+
+
+def runs(folder: str | Path = WHERE) -> Runs:
+    """Earlier results in a folder and those below it, newest first: case, command, verdict and date of each.
+
+    A file that has the name of a result and is none is told in ``unreadable``.  Raises OptionError where there is no
+    such folder.
+    """
+    place = checked_path(folder, "folder")
+    if not place.is_dir():
+        raise OptionError(f"{place}: there is no such folder; give one that holds reports, such as {WHERE}")
+    found, unreadable = [], []
+    for path in _results(place, DEEPEST):
+        try:
+            found.append(_run(path))
+        except ReadingError as error:
+            unreadable.append(printable(f"{path}: {error}"))
+    found.sort(key=lambda run: run.file)
+    found.sort(key=lambda run: run.date, reverse=True)
+    return Runs(folder=str(place), runs=tuple(found), unreadable=tuple(sorted(unreadable)))
+
+
+def _results(folder: Path, depth: int) -> Iterator[Path]:
+    """Files with the name of a result; folders that cannot be read, hidden ones and links to folders are passed by."""
+    try:
+        with os.scandir(folder) as entries:
+            inner = []
+            for entry in entries:
+                if entry.name in KINDS:
+                    yield Path(entry.path)
+                elif depth and not entry.name.startswith(".") and entry.is_dir(follow_symlinks=False):
+                    inner.append(Path(entry.path))
+    except OSError:
+        return
+    for each in inner:
+        yield from _results(each, depth - 1)
+
+
+def _run(path: Path) -> EarlierRun:
+    """What a result says of itself.  Raises ReadingError."""
+    kind = KINDS[path.name]
+    wanted = {"schema", "case", "command", *(["verdict"] if kind in JUDGED else [])}
+    fields, written = _read(path, wanted)
+    if fields.get("schema") != 1:
+        raise ReadingError(f"is not a result of compare: schema is {_said(fields, 'schema')}, and not 1")
+    for name in sorted(wanted & {"case", "verdict"}):
+        if not isinstance(fields.get(name), str):
+            raise ReadingError(f"is not a result of compare: {name} is {_said(fields, name)}, and no text")
+    command = fields.get("command")
+    return EarlierRun(
+        file=str(path),
+        kind=kind,
+        case=printable(cast(str, fields["case"])),
+        verdict=printable(cast(str, fields["verdict"])) if kind in JUDGED else None,
+        command=printable(command) if isinstance(command, str) else "",
+        date=_date(fields.get("date"), written),
+    )
+
+
+def _said(fields: Mapping[str, object], name: str) -> str:
+    return repr(fields[name])[:60] if name in fields else "missing"
+
+
+def _read(path: Path, wanted: set[str]) -> tuple[Mapping[str, object], float]:
+    """The fields of a file as far as they are needed, and when it was written (s since 1970).  Raises ReadingError."""
+    try:
+        about = os.stat(path)
+        if about.st_size <= HEAD or not stat.S_ISREG(about.st_mode):
+            return read_json(path), about.st_mtime
+        with open(path, "rb") as file:
+            head = file.read(HEAD)
+            file.seek(about.st_size - 64)
+            tail = file.read(64)
+    except OSError as error:
+        raise ReadingError(f"cannot be read: {error.strerror}") from None
+    fields = _fields(head.decode("utf-8-sig", errors="replace"))
+    if about.st_size <= WHOLE and not wanted <= set(fields):
+        return read_json(path), about.st_mtime
+    if not tail.rstrip().endswith(b"}"):
+        raise ReadingError("is cut off: it does not end with a brace")
+    return fields, about.st_mtime
+
+
+def _fields(text: str) -> dict[str, object]:
+    """The first fields of a JSON object whose end may be missing."""
+    found: dict[str, object] = {}
+    at = _blank(text, 0)
+    if text[at : at + 1] != "{":
+        return found
+    try:
+        while text[at : at + 1] in ("{", ","):
+            name, at = _DECODER.raw_decode(text, _blank(text, at + 1))
+            value, at = _DECODER.raw_decode(text, _blank(text, _blank(text, at) + 1))
+            at = _blank(text, at)
+            if at == len(text):
+                break  # a number may go on
+            found[name] = value
+    except (ValueError, RecursionError, TypeError):
+        pass
+    return found
+
+
+def _blank(text: str, at: int) -> int:
+    """Where the next character that is no blank is."""
+    return cast(re.Match[str], _BLANK.match(text, at)).end()
+
+
+def _date(given: object, written: float) -> str:
+    """ISO 8601 in UTC: the date that a file says, or when it was written."""
+    found = datetime.fromtimestamp(written, UTC)
+    if isinstance(given, str):
+        try:
+            found = datetime.fromisoformat(given)
+        except ValueError:
+            pass
+        else:
+            found = found.replace(tzinfo=UTC) if found.tzinfo is None else found.astimezone(UTC)
+    return found.isoformat(timespec="seconds")

@@ -1,0 +1,26 @@
+"""A mechanism from a model file that exists already."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from compare.arguments import path
+from compare.results.imported import Imported
+from sim_models.engine import SimulatorMissing, broken
+
+
+def import_mjcf(file: str | Path) -> Imported:
+    """Read an MJCF file (MuJoCo's) as a planar linkage: its mechanism, and in notes what of the file is left out, taken
+    on or assumed.
+
+    Raises MjcfError with file, place, value and remedy, ArgumentError, or SimulatorMissing where MuJoCo, which reads
+    the file, is not installed.
+    """
+    source = path(file, "file")
+    fault = broken("mujoco")
+    if fault:
+        raise SimulatorMissing(f"MuJoCo, which reads MJCF, cannot be imported ({fault}); run: pip install mujoco")
+    from sim_models.mjcf.imported import imported
+
+    found = imported(source)
+    return Imported(case=found.mechanism.name, source=str(source), mechanism=found.mechanism, notes=found.notes)

@@ -1,0 +1,1 @@
+"""Files that somebody else wrote: what a logger recorded, or another program computed."""

@@ -1,0 +1,119 @@
+"""Tables that are no text: Parquet and Feather (pyarrow), and MAT files of version 5 (scipy)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analytic.mechanism.one_line import shown
+from compare.recorded.errors import DataError
+from compare.recorded.text import CELLS, too_long
+
+Columns = Mapping[str, np.ndarray | str]
+"""Numbers (N,) by heading, or why a column has none."""
+
+
+def reader(path: Path) -> Callable[[Path], Columns] | None:
+    """What reads a file of that name; None for text."""
+    return {".parquet": _parquet, ".feather": _feather, ".arrow": _feather, ".mat": _mat}.get(path.suffix.lower())
+
+
+def _parquet(path: Path) -> Columns:
+    pyarrow = _pyarrow(path)
+    try:
+        with pyarrow.parquet.ParquetFile(path) as file:
+            _check_size(path, file.metadata.num_rows, file.metadata.num_columns)
+            return _arrow(file.read())
+    except (pyarrow.ArrowException, OSError, ValueError) as error:
+        raise _unreadable(path, "Parquet", error) from None
+
+
+def _feather(path: Path) -> Columns:
+    pyarrow = _pyarrow(path)
+    try:
+        table = pyarrow.feather.read_table(path, memory_map=True)
+        _check_size(path, table.num_rows, table.num_columns)
+        return _arrow(table)
+    except (pyarrow.ArrowException, OSError, ValueError) as error:
+        raise _unreadable(path, "Feather", error) from None
+
+
+def _pyarrow(path: Path) -> Any:
+    try:
+        import pyarrow
+        import pyarrow.feather
+        import pyarrow.parquet
+    except ImportError:
+        raise DataError(
+            f"{path.name}: is read by pyarrow, which is not installed; run: pip install 'linkage-crosscheck[parquet]',"
+            " or save it as CSV"
+        ) from None
+    return pyarrow
+
+
+def _arrow(table: Any) -> Columns:
+    """Columns of an Arrow table; moments in time are seconds after the first."""
+    import pyarrow.types as kinds
+
+    found: dict[str, np.ndarray | str] = {}
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        if kinds.is_timestamp(column.type) or kinds.is_duration(column.type):
+            ticks = column.to_numpy().astype(
+                f"{'datetime64' if kinds.is_timestamp(column.type) else 'timedelta64'}[ns]"
+            )
+            seconds = (ticks - ticks[0]) / np.timedelta64(1, "s") if ticks.size else np.zeros(0)
+            found[f"{name} [s]"] = np.asarray(seconds, float)
+        elif kinds.is_integer(column.type) or kinds.is_floating(column.type) or kinds.is_decimal(column.type):
+            found[name] = column.cast("float64").to_numpy()
+        else:
+            found[name] = f"holds {column.type} and no numbers"
+    return found
+
+
+def _mat(path: Path) -> Columns:
+    from scipy.io import loadmat, whosmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        shapes = {name: shape for name, shape, _ in whosmat(path)}
+        _check_size(path, max((int(np.prod(shape)) for shape in shapes.values()), default=0), max(1, len(shapes)))
+        read = loadmat(path, squeeze_me=True, struct_as_record=False)
+    except NotImplementedError:
+        raise DataError(f"{path.name}: is a MAT file of version 7.3; save it with '-v7', or as CSV") from None
+    except (MatReadError, OSError, ValueError, TypeError, KeyError, IndexError, EOFError) as error:
+        raise _unreadable(path, "MAT (version 5)", error) from None
+    found: dict[str, np.ndarray | str] = {}
+    for name, value in _vectors({name: value for name, value in read.items() if not name.startswith("__")}):
+        real = isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "iuf"
+        found[name] = value.astype(float) if real else "is no vector of real numbers"
+    lengths = {values.size for values in found.values() if isinstance(values, np.ndarray)}
+    if len(lengths) > 1:
+        sizes = ", ".join(f"{name} {values.size}" for name, values in found.items() if isinstance(values, np.ndarray))
+        raise DataError(
+            f"{path.name}: its vectors have several lengths ({sizes[:300]}); keep those of one run in a file"
+        )
+    return found
+
+
+def _vectors(fields: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """What a MAT file holds by name; of a struct its fields."""
+    found: list[tuple[str, Any]] = []
+    for name, value in fields.items():
+        inside = getattr(value, "_fieldnames", None)
+        found += [(field, getattr(value, field)) for field in inside] if inside else [(name, value)]
+    return found
+
+
+def _check_size(path: Path, rows: int, columns: int) -> None:
+    if rows * columns > CELLS:
+        raise too_long(path.name, rows, columns)
+
+
+def _unreadable(path: Path, kind: str, error: Exception) -> DataError:
+    why = " ".join(str(error).split())[:200]
+    return DataError(
+        f"{path.name}: cannot be read as a {kind} file ({shown(why)[1:-1]}); write it anew, or save it as CSV"
+    )

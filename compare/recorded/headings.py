@@ -1,0 +1,286 @@
+"""The headings of a file's columns: which signal each is, in which unit, and what is made of those that are none.
+
+A heading is ``signal [unit]``, ``signal (unit)`` or ``signal_unit``, in capitals or not, or whatever a map says it is.
+What is no signal is ignored and said, unless it is so near to a signal's name that it may be one that is misspelt.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic.mechanism import Mechanism
+from analytic.mechanism.columns import Layout, Meaning
+from analytic.mechanism.one_line import shown
+from analytic.mechanism.signals import Signal
+from analytic.mechanism.units import UnitError, dimension, factor, listed, readable
+
+TIME = Signal("time", "", "time")
+CLOCK = ("time", "t")  # what a column of time is called
+# and in other words, of which none is enough
+CLOCKS = (*CLOCK, "zeit", "timestamp", "stamp", "clock", "uhrzeit", "zeitstempel", "temps", "tempo", "tiempo")
+AMBIGUOUS = "T"  # time if it has a unit of time, else as likely a temperature
+NEAR = 0.8  # of a signal's name: what is as near may be meant
+WORD = 3  # letters of a word that tells a signal from another
+SUFFIXES = {  # of headings such as time_ms and phi_deg
+    "s": "s", "sec": "s", "ms": "ms", "us": "us", "min": "min", "h": "h", "rad": "rad", "mrad": "mrad", "deg": "deg",
+    "rev": "rev", "rpm": "rpm", "m": "m", "mm": "mm", "um": "um", "n": "N", "kn": "kN", "nm": "N.m", "nmm": "N.mm",
+}  # fmt: skip
+BRACKETED = re.compile(r"([^\[\]()]*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*")
+BRACKETS = re.compile(r"\[[^\[\]]*\]|\([^()]*\)")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column: its signal, the unit as written and its factor to SI; ``place`` is its index in the file, ``meaning``
+    what a map makes of its readings.
+    """
+
+    signal: Signal
+    unit: str
+    factor: float
+    place: int = 0
+    meaning: Meaning | None = None
+
+    @property
+    def title(self) -> str:
+        """How messages call it."""
+        return f"{self.signal.name} [{self.unit}]"
+
+    @property
+    def step(self) -> float:
+        """How much of the signal (SI) is one of what the file has."""
+        return self.factor * (abs(self.meaning.scale) if self.meaning else 1.0)
+
+    def si(self, readings: np.ndarray) -> np.ndarray:
+        """Readings (N,) in SI."""
+        return (self.meaning.of(readings) if self.meaning else readings) * self.factor
+
+    def readings(self, si: np.ndarray) -> np.ndarray:
+        """What a file has where a signal (N,) is this in SI."""
+        return self.meaning.read(si / self.factor) if self.meaning else si / self.factor
+
+
+@dataclass(frozen=True)
+class Headings:
+    """What the columns of a file are; ``time`` is None where there is none.  ``used`` are entries of the map."""
+
+    time: Column | None
+    columns: tuple[Column, ...]
+    notes: tuple[str, ...]
+    faults: tuple[str, ...]
+    cells: tuple[str, ...]
+    used: frozenset[str]
+
+
+class Names:
+    """The signals that a file of a mechanism may have, by whatever it may call them."""
+
+    def __init__(self, mechanism: Mechanism, layout: Layout) -> None:
+        self.mechanism, self.layout = mechanism, layout
+        self.known = {TIME.name: TIME, **readable(mechanism)}
+        self._folded: dict[str, Signal | None] = {}
+        for name, signal in self.known.items():
+            key = fold(name)
+            self._folded[key] = None if key in self._folded else signal  # two that differ in capitals are themselves
+        self._folded |= dict.fromkeys((key for key in CLOCK if key not in self._folded), TIME)
+
+    def signal(self, name: str) -> Signal | None:
+        """The signal of that name, as it may be written; None if there is none."""
+        meant = canonical(name.strip(), self.mechanism)
+        if meant in self.known:
+            return self.known[meant]
+        folded = canonical(fold(name), self.mechanism)
+        return self._folded.get(fold(folded))
+
+    def mapped(self, cell: str) -> str | None:
+        """The entry of the map that a heading is, as written or but for its unit; None if there is none."""
+        keys = (cell, cell.strip(), BRACKETS.sub("", cell).strip())
+        return next((key for key in keys if key in self.layout.columns), None)
+
+    def parted(self, cell: str) -> tuple[Signal | None, str, str | None]:
+        """The signal of a heading, its name and its unit; None for what there is not."""
+        found = BRACKETED.fullmatch(cell)
+        if found:
+            unit = found[2] if found[2] is not None else found[3]
+            signal, unit = self.signal(found[1]), (unit or "").strip()
+            return (None if found[1] == AMBIGUOUS and not _of_time(unit) else signal), found[1], unit
+        name = cell.strip()
+        plain, _, suffix = name.replace(" ", "_").rpartition("_")
+        own = self.signal(name) if name != AMBIGUOUS else None
+        if own is None and suffix.lower() in SUFFIXES and (signal := self.signal(plain)):
+            return signal, plain, SUFFIXES[suffix.lower()]
+        return own, name, None
+
+    def recognised(self, cell: str) -> bool:
+        """Whether a heading is a signal's, or in the map."""
+        return self.mapped(cell) is not None or self.parted(cell)[0] is not None
+
+    def nearest(self, name: str) -> str | None:
+        """The signal that a name which is none was probably meant to be; None if it is near to none."""
+        called = fold(name)
+        meant = {fold(known): known for known in self.known}
+        meant |= {each: canonical(each, self.mechanism) for each in ("crank_angle", "crank_angular_velocity")}
+        close = difflib.get_close_matches(called, list(meant), n=1, cutoff=NEAR)
+        if close:
+            return meant[close[0]] if meant[close[0]] in self.known else None
+        words = {word for word in called.split("_") if len(word) >= WORD}
+        return next((known for key, known in meant.items() if words and words <= set(key.split("_"))), None)
+
+
+def _of_time(unit: str) -> bool:
+    try:
+        factor(unit, "time")
+    except UnitError:
+        return False
+    return True
+
+
+def fold(name: str) -> str:
+    """A name without capitals, spaces and hyphens."""
+    return re.sub(r"[\s\-/.:]+", "_", name.strip()).lower()
+
+
+def unit_of(heading: str) -> str:
+    """The unit in a heading's brackets."""
+    found = BRACKETED.fullmatch(heading)
+    return ((found[2] or found[3] or "") if found else "").strip()
+
+
+def told_unit(heading: str, kind: str) -> str:
+    """The unit in a heading's brackets or at its end, if it is of this kind."""
+    suffix = re.search(r"[_\s]([A-Za-z]+)$", heading.strip())
+    unit = unit_of(heading) or (SUFFIXES.get(suffix[1].lower(), "") if suffix else "")
+    try:
+        factor(unit, kind)  # type: ignore[arg-type]
+    except UnitError:
+        return ""
+    return unit
+
+
+def clocklike(heading: str) -> bool:
+    """Whether a column is called like time."""
+    bare = BRACKETED.fullmatch(heading)
+    words = re.split(r"[_\W\d]+", fold(bare[1] if bare else heading))
+    return any(word in CLOCKS for word in words)
+
+
+def canonical(signal: str, mechanism: Mechanism) -> str:
+    """``crank_angle`` stands for the driven body's angle, ``crank_angular_velocity`` for its rate, unless another body
+    is called crank.
+    """
+    if "crank" in mechanism.moving:
+        return signal
+    parts = ("angle", "angular_velocity")
+    return {f"crank_{part}": f"{mechanism.driven}_{part}" for part in parts}.get(signal, signal)
+
+
+def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Names, where: str, timed: bool) -> Headings:
+    """What the columns with these headings are; ``units`` are those of a row of units, by column, and ``where`` is the
+    header's line.  With ``timed`` a file without time is at fault.
+    """
+    columns: list[Column] = []
+    notes: list[str] = []
+    faults: list[str] = []
+    used: set[str] = set()
+    ignored: list[str] = []
+    for place, cell in enumerate(cells):
+        at = f"{where}: column {place + 1}"
+        entry = names.mapped(cell)
+        if entry is not None:
+            used.add(entry)
+            meaning = names.layout.columns[entry]
+            found = None if isinstance(meaning, str) else _mapped(at, place, cell, units, names, entry, meaning)
+        else:
+            found = _named(at, place, cell, units, names)
+            if found is None:
+                ignored.append(cell)
+        if isinstance(found, Column):
+            columns.append(found)
+        elif found is not None:
+            faults.append(found)
+    if ignored:
+        notes.append(f"{_listed(ignored)} {'is' if len(ignored) == 1 else 'are'} no signal of the linkage, and ignored")
+    faults += _twice(where, columns)
+    time = next((c for c in columns if c.signal == TIME), None)
+    others = tuple(c for c in columns if c.signal != TIME)
+    if timed and time is None and not faults:
+        faults.append(f"{where}: has no column of time among {_listed(cells)}; add 'time [s]', or say which it is")
+    if not others and not faults:
+        rest = [cell for cell in cells if time is None or cell != cells[time.place]]
+        what = f"none of {_listed(rest)} is a signal of {names.mechanism.name!r}" if rest else "has no column but time"
+        faults.append(
+            f"{where}: {what}; is it the header? if so, say in [columns] which they are, such as {_examples(names)}"
+        )
+    return Headings(time, others, tuple(notes), tuple(faults), tuple(cells), frozenset(used))
+
+
+def _mapped(
+    at: str, place: int, cell: str, units: Mapping[int, str], names: Names, entry: str, meaning: Meaning
+) -> Column | str:
+    """A column that the map has, or what is wrong with it."""
+    signal = names.signal(meaning.signal)
+    if signal is None:
+        near = names.nearest(meaning.signal)
+        remedy = f"did you mean {near!r}" if near else f"the signals are {listed(names.known)}"
+        return (
+            f"{at}, {shown(cell)}: columns.{shown(entry)[1:-1]}.signal = {shown(meaning.signal)} is not a signal of"
+            f" {names.mechanism.name!r}; {remedy}"
+        )
+    unit = meaning.unit if meaning.unit is not None else names.parted(cell)[2] or units.get(place, "")
+    return _column(at, place, signal, unit, meaning)
+
+
+def _named(at: str, place: int, cell: str, units: Mapping[int, str], names: Names) -> Column | str | None:
+    """A column by its own heading, what is wrong with it, or None if it is none of the linkage's."""
+    if not cell.strip() or (BRACKETED.fullmatch(cell) is None and re.search(r"[\[\]]", cell)):
+        return f"{at} is {shown(cell)}; write 'signal [unit]', such as 'crank_angle [deg]'"
+    signal, name, unit = names.parted(cell)
+    if signal is not None:
+        return _column(at, place, signal, unit if unit is not None else units.get(place, ""), None)
+    near = names.nearest(name) if name else None
+    if near is None:
+        return None
+    return (
+        f"{at}, {shown(name)}, is not a signal of {names.mechanism.name!r}; did you mean {near!r}; if it is something"
+        f' else, say [columns] {shown(cell)} = "ignore"'
+    )
+
+
+def _column(at: str, place: int, signal: Signal, unit: str, meaning: Meaning | None) -> Column | str:
+    if "," in unit:
+        return (
+            f"{at}: unit {shown(unit)} has a comma: it looks as if the file has decimal commas; save it with decimal"
+            f" points, in units too ({shown(unit.replace(',', '.'))})"
+        )
+    try:
+        return Column(signal, unit, factor(unit, dimension(signal)), place, meaning)
+    except UnitError as error:
+        return f"{at}, {signal.name!r}, has {error}"
+
+
+def _examples(names: Names) -> str:
+    """A few signals that a file may have."""
+    kinds = ("pose", "reaction")
+    found = [next((name for name, signal in names.known.items() if signal.kind == kind), "") for kind in kinds]
+    return ", ".join(name for name in (*found, "drive_torque") if name in names.known)
+
+
+def _twice(where: str, columns: Sequence[Column]) -> list[str]:
+    places: dict[str, list[str]] = {}
+    for column in columns:
+        places.setdefault(column.signal.name, []).append(str(column.place + 1))
+    return [
+        f"{where}: {name!r} is there {len(at)} times, in columns {', '.join(at)}; give each signal one column"
+        for name, at in places.items()
+        if len(at) > 1
+    ]
+
+
+def _listed(cells: Sequence[str], most: int = 6) -> str:
+    more = f" and {len(cells) - most} more" if len(cells) > most else ""
+    return ", ".join(shown(cell.strip()) for cell in cells[:most]) + more

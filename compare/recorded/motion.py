@@ -1,0 +1,116 @@
+"""How a linkage moves in a file of results: at which crank angles, along which course, or from where it was let go."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from analytic.beyond_paper.drive import Motor, Turning
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism import Mechanism
+from analytic.mechanism.signals import Signal
+from compare.diagnose.data.smooth import Smoother
+from sim_models.engine import JointModel, Request
+
+STRAIGHT = 1e-6  # rad: a crank that is off an even turning by no more turns evenly
+COARSEST = 0.02  # rad, half of the step of an encoder: angles farther apart are chosen, not rounded
+SPEED = 1e-5  # relative: so near is a speed the drive's own
+FINER = 4  # knots of a course that an engine follows, to a sample
+KNOTS = 500  # at least
+MARGIN = 1e-6  # of a course's length, beyond its ends
+LEAST = 5  # angles by which a course is known
+SURE = 4.0  # rms errors of a motion that is known no better, by which a signal may be off
+NEIGHBOURS = 7  # samples around one, whose errors may be its own
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A motion of the crank over time: at each sample as it was recorded, how exactly it is known (rms), and its course
+    in between.
+    """
+
+    time: np.ndarray
+    moving: Turning
+    errors: Turning
+    course: Motor
+
+    def smooth(self) -> Followed:
+        """The same motion as an engine follows it: at each sample on its course."""
+        return replace(self, moving=self.course.at(self.time))
+
+    def request(self, mechanism: Mechanism, joint_model: JointModel) -> Request:
+        """The same motion, asked of an engine."""
+        margin = MARGIN * float(self.time[-1] - self.time[0])
+        count = max(FINER * self.time.size, KNOTS)
+        knots = np.linspace(self.time[0] - margin, self.time[-1] + margin, count)
+        return Request(mechanism, joint_model, time=self.time, course=(knots, self.course.at(knots).theta))
+
+
+@dataclass(frozen=True)
+class Start:
+    """A state (rad, rad/s) from which a linkage is let go, and how exactly it is known."""
+
+    angle: float
+    rate: float
+    errors: tuple[float, float] = (0.0, 0.0)
+
+
+def encoder_of(mechanism: Mechanism) -> str:
+    """The signal that says where the crank is."""
+    return Signal.of("pose", mechanism.driven, "angle").name
+
+
+def followed(time: np.ndarray, angle: np.ndarray, rounded: np.ndarray) -> Followed:
+    """The motion through a crank's angles (N,) rad at times (N,) s: the angles themselves, rate and acceleration of a
+    smooth course through them, and how far what they are ``rounded`` to (N,) and how far apart they are leave these
+    open.
+
+    The latter is what a course through every second of them makes of it.  No course knows of what is faster than its
+    samples.
+    """
+    smoother = Smoother(time, angle)
+    course, half = smoother.course, np.unique(np.append(np.arange(0, time.size, 2), time.size - 1))
+    coarser = Smoother(time[half], angle[half]).course if half.size >= LEAST else course
+    errors = []
+    for order, answers in enumerate(smoother.answers(time)):
+        noise = smoother.uncertainty(answers, smoother.sigma)
+        apart = np.abs(coarser(time, order) - course(time, order))
+        errors.append(maximum_filter1d(noise, NEIGHBOURS) + maximum_filter1d(apart, NEIGHBOURS) / SURE)
+    errors[0] = np.minimum(rounded, COARSEST) / SURE
+    motor = Motor(course=course)
+    return Followed(time, replace(motor.at(time), theta=angle), Turning(*errors), motor)
+
+
+def evenly(
+    time: np.ndarray, angle: np.ndarray, speed: float, rounded: np.ndarray, late: np.ndarray
+) -> tuple[np.ndarray, float] | None:
+    """Angles (N,) rad at times (N,) s of a crank that turns evenly at this speed (rad/s), and how exactly they are
+    known (rad, rms); None if it does not turn evenly.
+
+    They are ``rounded`` by so much (N,) rad, and their times by ``late`` (N,) s: whichever says less leaves it to the
+    other.
+    """
+    since = time - time[0]
+    slope, zero = np.polyfit(since, angle, 1)
+    line = zero + slope * since
+    off = float(np.abs(angle - line).max())
+    known = float(rounded.max()), abs(slope) * float(late.max())
+    if off > STRAIGHT + 2 * min(sum(known), COARSEST):
+        return None
+    if abs(slope - speed) * float(since[-1]) > SPEED * abs(speed) * float(since[-1]) + 2 * off:
+        return None
+    if off <= STRAIGHT:
+        return angle, 0.0
+    return (angle, min(known[0], off) / SURE) if known[0] <= known[1] else (line, off / SURE)
+
+
+def released_from(mechanism: Mechanism, angle: float) -> Mechanism:
+    """The linkage let go at this angle (rad) of its driven body: assembled there, with no motor."""
+    assembly = Assembly(mechanism)
+    u = assembly.coordinates(np.array([angle]))
+    s = assembly.structure
+    placed = {s.bodies[b]: float(u[i, 0] + s.held_at[b]) for i, c in enumerate(s.coordinates) for b in c.bodies if b}
+    drive = {"joint": mechanism.drive_joint.name, "speed": "free", "periodic_torque": mechanism.periodic_torque}
+    return mechanism.replace(assembly=placed | {mechanism.driven: angle}, drive=drive)

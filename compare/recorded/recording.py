@@ -1,0 +1,113 @@
+"""A table of results as a recording of a linkage: how it moves in it, and which rows are looked at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism import Mechanism
+from analytic.mechanism.one_line import count
+from analytic.mechanism.signals import turned_near
+from compare.faults import ArgumentError
+from compare.recorded.errors import DataError
+from compare.recorded.motion import LEAST, SURE, Followed, Start, encoder_of, evenly, followed
+from compare.recorded.rounding import rounding
+from compare.recorded.table import Table
+from sim_models.engine import JointModel, Motion
+
+Kind = Literal["angles", "course", "released"]
+
+SAMPLES = 20_000  # of a file that are kept: more would tell little, and make a page that no browser opens
+TURN = 2 * np.pi + 1e-3  # rad: angles that span no more may be wrapped into one turn
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A file of results: who wrote it, its table, and how the linkage moves in it."""
+
+    name: str
+    file: str
+    table: Table
+    kind: Kind
+    theta: np.ndarray
+    moved: Followed | Start | None = None
+    error: float = 0.0  # rad, rms, of angles of a crank that turns evenly
+
+    @property
+    def time(self) -> np.ndarray | None:
+        """Its samples' times (N,) s; None where they belong to crank angles."""
+        return self.table.time if self.table.time.size else None
+
+
+def recording(
+    name: str, file: str, table: Table, mechanism: Mechanism, motion: Motion, joint_model: JointModel
+) -> Recording:
+    """A table with the motion of the linkage in it.  Raises DataError or ArgumentError."""
+    encoder, where = encoder_of(mechanism), Path(file).name
+    table = _kept(table, encoder)
+    angle = table.values.get(encoder)
+    released = mechanism.drive is None or mechanism.drive.speed == "free"
+    if not set(table.values) - {encoder}:
+        raise DataError(f"{where}: has no signal beside {encoder!r}; add what is to be compared, such as drive_torque")
+    if motion == "driven" and released:
+        if joint_model != "ideal":
+            raise ArgumentError(
+                "joint_model",
+                f"{mechanism.name} swings freely and is compared with ideal joints, as the analytic model has no"
+                ' clearance in a free motion; give `clearance` 0, or drive.speed = "measured" in the mechanism file',
+            )
+        start = _start(table, mechanism)
+        return Recording(name, file, table, "released", np.zeros(table.time.size), start)
+    if angle is None:
+        return _at_its_speed(name, file, table, mechanism, motion)
+    if np.any(np.isnan(angle)):
+        raise DataError(f"{where}: {encoder!r} has empty cells; give the crank's angle in every row, or leave rows out")
+    angle = np.unwrap(angle) if np.ptp(angle) <= TURN else angle
+    if motion == "static" or not table.time.size:
+        return Recording(name, file, table, "angles", angle)
+    if table.time.size < LEAST:
+        raise DataError(f"{where}: has {count(table.time.size, 'row')}; a course is known from {LEAST} on")
+    rounded, late = table.rounding(encoder), rounding(table.time)
+    if mechanism.speed is not None and (turned := evenly(table.time, angle, mechanism.speed, rounded, late)):
+        return Recording(name, file, table, "angles", turned[0], error=turned[1])
+    found = followed(table.time, angle, rounded + np.abs(np.gradient(angle, table.time)) * late)
+    return Recording(name, file, table, "course", found.moving.theta, found)
+
+
+def _at_its_speed(name: str, file: str, table: Table, mechanism: Mechanism, motion: Motion) -> Recording:
+    """A file without the crank's angle: it turns at the drive's speed from where it is assembled."""
+    if mechanism.speed is None or motion == "static" or not table.time.size:
+        heading = "crank_angle [deg]"
+        raise DataError(
+            f"{Path(file).name}: has no column {encoder_of(mechanism)!r}, and nothing else says where the crank is; add"
+            f" {heading!r}, or say in a map which column it is"
+        )
+    return Recording(name, file, table, "angles", mechanism.assembly[mechanism.driven] + mechanism.speed * table.time)
+
+
+def _start(table: Table, mechanism: Mechanism) -> Start:
+    """The state that a released linkage begins in: as recorded, else at rest where it is assembled."""
+    angles, rates = (table.values.get(f"{mechanism.driven}_{part}") for part in ("angle", "angular_velocity"))
+    assembled = Assembly(mechanism).start
+    angle = assembled if angles is None or np.isnan(angles[0]) else float(turned_near(float(angles[0]), assembled))
+    rate = 0.0 if rates is None or np.isnan(rates[0]) else float(rates[0])
+    rounded = [float(table.rounding(f"{mechanism.driven}_{part}")[0]) for part in ("angle", "angular_velocity")]
+    return Start(angle, rate, (rounded[0] / SURE, rounded[1] / SURE))
+
+
+def _kept(table: Table, encoder: str) -> Table:
+    """A table with no more rows than can be looked at: every second, third ..."""
+    rows = next(iter(table.values.values())).size
+    every = -(-rows // SAMPLES)
+    if every == 1:
+        return table
+    note = f"of {rows} rows one in {every} is compared"
+    values = {name: each[::every] for name, each in table.values.items()}
+    return replace(table, time=table.time[::every], values=values, notes=(*table.notes, note))
+
+
+__all__ = ["Kind", "Recording", "recording"]

@@ -1,0 +1,42 @@
+"""How far a column's numbers may be off because the file gives them with so many digits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from compare.diagnose.data.quality import quantum
+
+FEWEST, MOST = 2, 9  # significant digits that are looked for
+LEAST = 16  # numbers, by which they are told
+EXACT = 1e-9  # of the last digit
+
+
+def rounding(readings: np.ndarray) -> np.ndarray:
+    """By how much each reading (N,) may be off: half of the step that all are multiples of, or half of its own last
+    digit where all have so many significant digits (``%.4g``, ``%.5E``); 0 where neither shows.
+    """
+    return np.maximum(quantum(readings), _last_digit(readings)) / 2
+
+
+def _last_digit(readings: np.ndarray) -> np.ndarray:
+    """(N,) one of the last digit of numbers with so many significant ones; 0 if there is no such number of digits, or
+    if decimals explain them as well.
+    """
+    nothing = np.zeros(readings.shape)
+    told = np.isfinite(readings) & (readings != 0)
+    sizes = np.abs(readings[told])
+    if sizes.size < LEAST:
+        return nothing
+    decade = np.floor(np.log10(sizes) + 1e-12)
+    for digits in range(FEWEST, MOST + 1):
+        last = 10.0 ** (decade - digits + 1)
+        if np.all(np.abs(sizes / last - np.round(sizes / last)) < EXACT * sizes / last + 1e-6):
+            break
+    else:
+        return nothing
+    coarse, small = last.max(), sizes[last < last.max()]
+    finer = np.abs(small / coarse - np.round(small / coarse)) > 1e-6
+    if small.size < LEAST / 2 or np.mean(finer) < 0.5:
+        return nothing
+    nothing[told] = last
+    return nothing

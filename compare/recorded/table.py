@@ -1,0 +1,175 @@
+"""A data file as a table: which signal each column is, numbers in SI, and every fault with its line and column."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from analytic.mechanism import Mechanism
+from analytic.mechanism.columns import PLAIN, Layout
+from analytic.mechanism.one_line import count, shown
+from compare.recorded.errors import DataError
+from compare.recorded.formats import Columns, reader
+from compare.recorded.headings import TIME, Column, Headings, Names, read_headings
+from compare.recorded.rounding import rounding
+from compare.recorded.text import ROWS, coding, header, rows
+
+LARGEST = 1e30  # SI, of any number that is read; nothing on a bench is as large, and its square is still a number
+SHORTEST = 1e-12  # s, between two rows
+
+
+@dataclass(frozen=True)
+class Table:
+    """``time`` (N,) s, strictly increasing, empty where there is none; ``values`` (N,) by signal in SI, NaN in an empty
+    cell.  ``notes`` say what was made of the file, ``headings`` are all that it has, and ``used`` the entries of the
+    map among them.
+    """
+
+    columns: tuple[Column, ...]  # time apart
+    time: np.ndarray
+    values: dict[str, np.ndarray]
+    notes: tuple[str, ...] = ()
+    headings: tuple[str, ...] = ()
+    used: frozenset[str] = frozenset()
+
+    def rounding(self, signal: str) -> np.ndarray:
+        """By how much a signal (N,) may be off as its numbers are rounded, in SI; 0 for one that is not there."""
+        if signal not in self.values:
+            return np.zeros(next(iter(self.values.values())).shape)
+        column = next(c for c in self.columns if c.signal.name == signal)
+        return column.step * rounding(column.readings(self.values[signal]))
+
+
+@dataclass(frozen=True)
+class _Read:
+    """Readings (rows, columns), NaN where there are none, the place of each row as messages call it, and faults."""
+
+    numbers: np.ndarray
+    lines: np.ndarray
+    faults: tuple[str, ...]
+    row: str = "line"
+
+
+def read_table(path: Path, mechanism: Mechanism, layout: Layout = PLAIN, *, timed: bool = True) -> Table:
+    """Read a data file of this mechanism.  With ``timed`` a file without time is refused.  Raises DataError with every
+    fault that was found.
+    """
+    try:
+        if not path.is_file():
+            what = "is a folder; give the path of a file in it" if path.is_dir() else "no such file; give its path"
+            raise DataError(f"{path}: {what}")
+        names = Names(mechanism, layout)
+        binary = reader(path)
+        return _of_columns(path, binary(path), names, timed) if binary else _of_text(path, names, timed)
+    except (UnicodeError, OSError) as error:
+        why = error.strerror if isinstance(error, OSError) else "its characters cannot be decoded"
+        raise DataError(
+            f"{path}: cannot be read ({why}); check the path, its permissions and that it is text"
+        ) from None
+
+
+def _of_text(path: Path, names: Names, timed: bool) -> Table:
+    import csv
+
+    try:
+        coded = coding(path)
+        top = header(path, coded, names)
+        found = read_headings(top.cells, top.units, names, f"{path.name}: line {top.line}", timed)
+        wanted = [found.time, *found.columns] if found.time else list(found.columns)
+        read = rows(path, coded, top, wanted) if wanted else None
+    except csv.Error as error:
+        raise DataError(f"{path.name}: is not a CSV file ({error}); give rows of numbers separated by commas") from None
+    if read is None:
+        raise DataError(*found.faults)
+    notes = [note for note in (coded.note, *top.notes) if note]
+    return _table(path, found, notes, _Read(read.numbers, read.lines, read.faults), timed)
+
+
+def _of_columns(path: Path, columns: Columns, names: Names, timed: bool) -> Table:
+    """The table of a file that is read by columns."""
+    found = read_headings(list(columns), {}, names, path.name, timed)
+    wanted = [found.time, *found.columns] if found.time else list(found.columns)
+    cells = list(columns.values())
+    faults, numbers = [], []
+    for column in wanted:
+        values = cells[column.place]
+        if isinstance(values, str):
+            faults.append(f"{path.name}: column {column.place + 1}, {column.signal.name!r}, {values}; give numbers")
+        elif np.any(np.isinf(values)):
+            row = int(np.argmax(np.isinf(values))) + 1
+            faults.append(f"{path.name}: row {row}, column {column.title!r}: {values[row - 1]} is not a finite number")
+        else:
+            numbers.append(values)
+    if found.faults or faults:
+        raise DataError(*found.faults, *faults)
+    if found.time is not None and np.any(np.isnan(numbers[0])):
+        row = int(np.argmax(np.isnan(numbers[0]))) + 1
+        raise DataError(f"{path.name}: row {row} has no time; give every row its time or delete the row")
+    size = numbers[0].size
+    return _table(path, found, [], _Read(np.column_stack(numbers), np.arange(1, size + 1), (), "row"), timed)
+
+
+def _table(path: Path, found: Headings, notes: Sequence[str], read: _Read, timed: bool) -> Table:
+    """What was read as a table.  Raises DataError."""
+    wanted = [found.time, *found.columns] if found.time else list(found.columns)
+    faults = [*found.faults, *read.faults]
+    fewest = ROWS if timed or found.time else 1
+    if len(read.numbers) < fewest and not read.faults:
+        faults.append(f"{path.name}: has {count(len(read.numbers), 'row')} of numbers; at least {fewest} are needed")
+    with np.errstate(over="ignore"):
+        values = {c.signal.name: c.si(read.numbers[:, k]) for k, c in enumerate(wanted)}
+    faults += _out_of_range(path.name, read, wanted, values)
+    time = values.pop(TIME.name, np.zeros(0))
+    if found.time is not None and not faults:
+        faults += _disorder(path.name, read, time, found.time)
+    if faults:
+        raise DataError(*faults)
+    said = [f"{path.name}: {note}" for note in found.notes]
+    return Table(found.columns, time, values, (*notes, *said), found.cells, found.used)
+
+
+def unused(where: str, entry: str, headings: Sequence[str]) -> str:
+    """What is wrong with an entry of [columns] that no file has."""
+    close = difflib.get_close_matches(entry, headings, n=1)
+    remedy = f"did you mean {shown(close[0])}" if close else f"the headings are {', '.join(map(shown, headings[:12]))}"
+    return f"{where}columns.{shown(entry)} is no heading of a data file; {remedy}"
+
+
+def _out_of_range(name: str, read: _Read, columns: Sequence[Column], values: Mapping[str, np.ndarray]) -> list[str]:
+    """Readings that nothing on a bench has, the first of each column."""
+    faults = []
+    for k, column in enumerate(columns):
+        wrong = np.flatnonzero(np.abs(values[column.signal.name]) > LARGEST)
+        if wrong.size:
+            at = f"{name}: {read.row} {read.lines[wrong[0]]}, column {column.title!r}"
+            faults.append(
+                f"{at}: {read.numbers[wrong[0], k]:g} is no reading; leave the cell empty where there is none"
+            )
+    return faults
+
+
+def _disorder(name: str, read: _Read, time: np.ndarray, column: Column) -> list[str]:
+    """What is wrong with the order of time: where it runs back, stays, or hardly moves, the first of them."""
+    stamps, steps = read.numbers[:, 0], np.diff(time)
+    wrong = np.flatnonzero(steps < SHORTEST)
+    if not wrong.size:
+        return []
+    k = int(wrong[0])
+    at = f"{name}: {read.row} {read.lines[k + 1]}"
+    more = f" (and {wrong.size - 1} more such rows)" if wrong.size > 1 else ""
+    before, after = f"{stamps[k]:.10g} {column.unit}", f"{stamps[k + 1]:.10g} {column.unit}"
+    if steps[k] > 0:
+        return [f"{at}: {steps[k]:.3g} s after the row before{more}; check the unit of time"]
+    if steps[k] == 0:
+        return [f"{at} has the time of the row before, {after}{more}; delete the repeated row or give it its own time"]
+    return [
+        f"{at}: time runs back from {before} to {after}{more}; put the rows in order of time, one run in a"
+        " file, and let a clock run on that starts again"
+    ]
+
+
+__all__ = ["LARGEST", "Table", "read_table", "unused"]

@@ -1,0 +1,78 @@
+"""An FMU as an engine: ``fmu:linkage.fmu``, with its map beside it or as ``fmu:linkage.fmu::map.toml``.
+
+It has whatever joints, friction and springs its makers gave it; none of the mechanism reaches it but what the map says.
+Its signals are those of the map, which need not be all that a linkage has.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from sim_models.common.motor import motor_of, report_times
+from sim_models.common.requests import check_request
+from sim_models.engine import (
+    FEATURES,
+    SEPARATOR,
+    Capabilities,
+    Engine,
+    Feature,
+    Request,
+    Scope,
+    SettingValue,
+    Trace,
+    check_supported,
+)
+from sim_models.fmu.description import Fmu, FmuError, described
+from sim_models.fmu.mapping import Map, beside, mapped
+from sim_models.fmu.run import run
+from sim_models.fmu.schedule import scheduled
+
+PACKAGE = "fmpy"
+# A drive that yields has two angles, and a released linkage none that is told.
+LACKS: frozenset[Feature] = frozenset({"drive_compliance", "backlash", "released"})
+
+
+class FmuEngine(Engine):
+    """One FMU with its map."""
+
+    package = PACKAGE
+    capabilities = Capabilities(rigid=Scope.of([("ideal", "driven")], [f for f in FEATURES if f not in LACKS]))
+
+    def __init__(self, name: str, fmu: Fmu, columns: Map) -> None:
+        self.name, self.fmu, self.columns = name, fmu, columns
+
+    def simulate(self, request: Request) -> Trace:
+        """Run one request.  Raises SimulationError, Unsupported (FmuError for the FMU and its map)."""
+        check_supported(self, request)
+        check_request(request)
+        signals, motor = self.columns.signals(request.mechanism), motor_of(request)
+        assert motor is not None  # only what is driven is supported
+        times = report_times(request, motor)
+        plan = scheduled(self.columns, motor, times, request.step)
+        found = run(self.columns, plan, [link.variable for link in signals.values()])
+        at = plan.place(times)
+        settings: dict[str, SettingValue] = {"step": plan.step, "fmi": self.fmu.fmi, "map": str(self.columns.path)}
+        return Trace(
+            simulator=f"fmu:{self.fmu.path}",
+            version=self.fmu.made_by or "unknown",
+            joint_model="ideal",
+            motion="driven",
+            crank_angle=np.array(motor.angles(times) if request.time is not None else request.crank_angle, float),
+            time=times,
+            signals={name: link.si(found[at, k]) for k, (name, link) in enumerate(signals.items())},
+            settings=settings,
+        )
+
+
+def opened(rest: str) -> FmuEngine:
+    """The engine of ``fmu:<rest>``: the path of an FMU, and after ``::`` that of its map.
+
+    Raises FmuError, or MapError for the map's file.
+    """
+    path, _, columns = rest.partition(SEPARATOR)
+    if not path:
+        raise FmuError("fmu: names no file; give fmu:FILE, such as fmu:linkage.fmu")
+    fmu = described(Path(path))
+    return FmuEngine(f"fmu:{rest}", fmu, mapped(fmu, Path(columns) if columns else beside(fmu.path)))

@@ -1,0 +1,263 @@
+"""The map of an FMU: which of its variables drive the linkage, and which are its signals.
+
+    step = 1e-4                                 # s; left out: that of the FMU's default experiment
+    [inputs]
+    angle = "phi"                               # or { variable = "phi", unit = "deg", sign = -1, offset = 90 }
+    speed = "omega"
+    [columns]
+    "R_B_x" = { signal = "reaction_B_x", unit = "N", sign = -1 }
+    [parameters]
+    "rod.m" = 0.21
+
+For an input as for a column, ``sign * scale * number + offset`` in ``unit`` is the quantity here.  Without a unit that
+of the FMU holds, and SI where it has none.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from analytic.mechanism import Mechanism
+from analytic.mechanism.columns import Conversion, Meaning, Part, read_map
+from analytic.mechanism.one_line import shown
+from analytic.mechanism.signals import named
+from analytic.mechanism.units import DIMENSIONS, SI, Dimension, UnitError, factor
+from sim_models.fmu.description import NUMBERS, Fmu, FmuError, Variable
+
+InputName = Literal["angle", "speed", "acceleration", "start_angle"]
+Value = bool | int | float | str
+DIMENSION: dict[InputName, Dimension | None] = {
+    "angle": "angle",
+    "speed": "angular velocity",
+    "acceleration": None,  # no sensor reads one
+    "start_angle": "angle",
+}
+ACCELERATIONS = {"rad/s2": 1.0, "rad/s^2": 1.0, "deg/s2": math.radians(1.0), "deg/s^2": math.radians(1.0)}
+LISTED = 30  # variables that a message lists
+
+
+class Driven(Conversion):
+    """A variable that the drive gives its value, and how its numbers are the quantity."""
+
+    variable: Annotated[str, Field(min_length=1)]
+
+
+def _named(given: Any) -> Any:
+    return {"variable": given} if isinstance(given, str) else given
+
+
+Input = Annotated[Driven, BeforeValidator(_named)]
+
+
+class Inputs(Part):
+    """The variables that say how the crank moves, as the driven body's angle and its rates."""
+
+    angle: Input | None = None
+    speed: Input | None = None
+    acceleration: Input | None = None
+    start_angle: Input | None = None
+
+
+class MapFile(Part):
+    """A map as it stands in its file.  ``step`` (s) is between communication points at most, ``lead_in`` (rad) how far
+    the crank turns before its first angle.
+    """
+
+    inputs: Inputs
+    columns: Annotated[Mapping[str, Meaning | Literal["ignore"]], Field(min_length=1)]
+    parameters: Mapping[str, Value] = {}
+    step: Annotated[float, Field(gt=0)] | None = None
+    lead_in: Annotated[float, Field(ge=0, le=1e4)] = 0.0
+
+
+@dataclass(frozen=True)
+class Link:
+    """A variable, and how its numbers are made SI: ``factor * (slope * number + offset)``."""
+
+    variable: Variable
+    slope: float
+    offset: float
+    factor: float
+
+    def si(self, numbers: np.ndarray) -> np.ndarray:
+        """Numbers (N,) of the FMU in SI."""
+        return np.asarray(self.factor * (self.slope * numbers + self.offset))
+
+    def number(self, si: np.ndarray) -> np.ndarray:
+        """What the FMU is told (N,) for values in SI."""
+        return np.asarray((si / self.factor - self.offset) / self.slope)
+
+
+@dataclass(frozen=True)
+class Map:
+    """A map whose variables the FMU has; its columns wait for a mechanism (:meth:`signals`)."""
+
+    fmu: Fmu
+    path: Path
+    file: MapFile
+    inputs: Mapping[InputName, Link]
+    parameters: tuple[tuple[Variable, Value], ...]
+
+    @property
+    def step(self) -> float | None:
+        """Time (s) between communication points at most, if it is given."""
+        return self.file.step or self.fmu.step
+
+    def signals(self, mechanism: Mechanism) -> dict[str, Link]:
+        """Which variable is which signal of a mechanism.  Raises FmuError."""
+        known = named(mechanism.bodies, mechanism.joints)
+        found: dict[str, Link] = {}
+        for column, meaning in self.file.columns.items():
+            if meaning == "ignore":
+                continue
+            where = f"{self.path}: columns.{shown(column)}"
+            if meaning.signal not in known:
+                raise FmuError(
+                    f"{where}: signal {shown(meaning.signal)} is none of {mechanism.name};"
+                    f" {_hint(meaning.signal, known, 'its signals')}"
+                )
+            if meaning.signal in found:
+                raise FmuError(f'{where}: signal {meaning.signal} has two columns; set one of them to "ignore"')
+            signal, variable = known[meaning.signal], _variable(self.fmu, column, where)
+            scale = _factor(where, meaning.unit, variable, DIMENSIONS[signal.unit])
+            found[signal.name] = Link(variable, meaning.sign * meaning.scale, meaning.offset, scale)
+        if not found:
+            raise FmuError(f"{self.path}: columns: each of them is ignored; give at least one a signal")
+        return found
+
+
+def beside(fmu: Path) -> Path:
+    """Where the map of an FMU is looked for: ``linkage.map.toml`` for ``linkage.fmu``."""
+    return fmu.with_name(f"{fmu.stem}.map.toml")
+
+
+def mapped(fmu: Fmu, path: Path) -> Map:
+    """The map of an FMU.  Raises MapError for the file and FmuError for what the FMU does not have."""
+    if not path.exists():
+        raise FmuError(
+            f'{path}: there is no such map; write one with [inputs] angle = "..." or speed = "...", and [columns] "..."'
+            f' = {{ signal = "reaction_B_x", unit = "N" }} (or name it with --map): the inputs of {fmu.path.name}'
+            f" are {_listed(fmu.named('input'))}; its outputs {_listed(fmu.named('output'))}; its parameters"
+            f" {_listed(fmu.named('parameter'))}"
+        )
+    file = read_map(path, MapFile)
+    inputs = dict(_inputs(fmu, path, file.inputs))
+    if "angle" not in inputs and not {"speed", "start_angle"} <= set(inputs):
+        raise FmuError(
+            f"{path}: inputs: the FMU is not told where its crank is; give angle, or speed with start_angle, the"
+            " variable that is its angle at the start"
+        )
+    for column, meaning in file.columns.items():
+        if meaning != "ignore":
+            _variable(fmu, column, f"{path}: columns.{shown(column)}")
+    return Map(fmu, path, file, inputs, tuple(_parameters(fmu, path, file.parameters)))
+
+
+def _inputs(fmu: Fmu, path: Path, given: Inputs) -> Iterator[tuple[InputName, Link]]:
+    told: dict[str, str] = {}
+    for name, kind in DIMENSION.items():
+        driven: Driven | None = getattr(given, name)
+        if driven is None:
+            continue
+        where = f"{path}: inputs.{name}"
+        variable = _variable(fmu, driven.variable, where)
+        if name != "start_angle" and variable.causality != "input":
+            hint = f"its inputs are {_listed(fmu.named('input'))}"
+            raise FmuError(
+                f"{where}: {shown(variable.name)} is no input of {fmu.path.name}, but {variable.causality}; {hint}"
+            )
+        if variable.name in told:
+            other = f"inputs.{told[variable.name]}"
+            raise FmuError(f"{where}: {shown(variable.name)} is that of {other} already; give each its own variable")
+        told[variable.name] = name
+        scale = _factor(where, driven.unit, variable, kind)
+        yield name, Link(variable, driven.sign * driven.scale, driven.offset, scale)
+
+
+def _parameters(fmu: Fmu, path: Path, given: Mapping[str, Value]) -> Iterator[tuple[Variable, Value]]:
+    for name, value in given.items():
+        where = f"{path}: parameters.{shown(name)}"
+        variable = _known(fmu, name, where)
+        wanted: tuple[type, ...] = (int,)
+        if variable.kind in ("Real", "Float64", "Float32"):
+            wanted = (int, float)
+        elif variable.kind in ("Boolean", "String"):
+            wanted = (bool,) if variable.kind == "Boolean" else (str,)
+        if not isinstance(value, wanted) or (isinstance(value, bool) and bool not in wanted):
+            raise FmuError(f"{where} = {shown(str(value))}: it is of kind {variable.kind}; give such a value")
+        yield variable, value
+
+
+def _variable(fmu: Fmu, name: str, where: str) -> Variable:
+    """A variable that is a number.  Raises FmuError."""
+    found = _known(fmu, name, where)
+    if found.kind not in NUMBERS:
+        raise FmuError(
+            f"{where}: {shown(name)} of {fmu.path.name} is of kind {found.kind}; give one that is Real or Float64"
+        )
+    return found
+
+
+def _known(fmu: Fmu, name: str, where: str) -> Variable:
+    if name not in fmu.variables:
+        hint = _hint(name, fmu.variables, "its variables")
+        raise FmuError(f"{where}: {fmu.path.name} has no variable {shown(name)}; {hint}")
+    return fmu.variables[name]
+
+
+def _factor(where: str, given: str | None, variable: Variable, kind: Dimension | None) -> float:
+    """What a number of a variable is multiplied by to be SI, ``unit`` as given or as the FMU has it.  Raises
+    FmuError.
+    """
+    if given is None:
+        return _size(where, variable.unit, kind, f"{variable.name} of the FMU has") if variable.unit else 1.0
+    size = _size(where, given, kind, "it has")
+    declared = _declared(variable.unit, kind)
+    if declared is not None and not math.isclose(declared, size, rel_tol=1e-9):
+        raise FmuError(
+            f"{where}: unit = {shown(given)}, but the FMU gives {variable.name} in {shown(variable.unit)}; leave"
+            " unit out, or mend the FMU"
+        )
+    return size
+
+
+def _declared(unit: str, kind: Dimension | None) -> float | None:
+    """The factor of a unit that an FMU declares: NaN if it is of another dimension, None if it says nothing here."""
+    for each in (kind, *SI):
+        try:
+            size = _size("", unit, each, "")
+        except FmuError:
+            continue
+        return size if each == kind else math.nan
+    return None
+
+
+def _size(where: str, unit: str, kind: Dimension | None, said: str) -> float:
+    if kind is None:
+        if unit not in ACCELERATIONS:
+            raise FmuError(f"{where}: {said} unit {shown(unit)}; an angular acceleration is given in rad/s2 or deg/s2")
+        return ACCELERATIONS[unit]
+    try:
+        return factor(unit, kind)
+    except UnitError as error:
+        raise FmuError(f"{where}: {said} {error}") from None
+
+
+def _hint(name: str, known: Iterable[str], what: str) -> str:
+    names = list(known)
+    alike = [each for each in names if each.casefold() == name.casefold()]
+    close = alike or difflib.get_close_matches(name, names, n=1)
+    return f"did you mean {close[0]!r}" if close else f"{what} are {_listed(names)}"
+
+
+def _listed(names: list[str]) -> str:
+    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+    return (", ".join(name[:80] for name in names[:LISTED]) or "none") + more

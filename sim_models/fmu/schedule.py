@@ -1,0 +1,104 @@
+"""When an FMU is asked and what it is told: communication points that hit the requested instants, and its inputs there.
+
+An FMU holds its inputs from one communication point to the next.  It is told, before each step, what they are at the
+step's end, so that what it gives there belongs to the same instant as they do.  A speed without an angle is told as the
+mean over the step, which turns the crank as far as it has to turn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_models.common.motor import Motor
+from sim_models.fmu.description import FmuError
+from sim_models.fmu.mapping import InputName, Map
+
+OF_A_TURN = 1000  # steps, where nobody says how long they are
+MOST = 1_500_000  # steps
+SAME = 1e-9  # of a step, by which instants may differ that are one
+EQUAL = 1e-6  # of a step, by which equal ones may differ
+WASTE = 4  # how many times as many steps are taken so that they are equal
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Communication points (P,) s from 0 on, which of them are reported, and the inputs (P, K) as the FMU is told them.
+
+    ``begin`` (s) is the motor's time at the first point; ``start_angle`` (rad) the driven body's angle there.
+    """
+
+    points: np.ndarray
+    reported: np.ndarray
+    inputs: np.ndarray
+    begin: float
+    start_angle: float
+    step: float
+
+    def place(self, times: np.ndarray) -> np.ndarray:
+        """Row (N,) of each of the requested times (s) among those that are reported."""
+        there, wanted = self.points[self.reported], times - self.begin
+        return np.searchsorted((there[1:] + there[:-1]) / 2, wanted)
+
+
+def scheduled(columns: Map, motor: Motor, times: np.ndarray, step: float | None = None) -> Plan:
+    """The plan of a run that is reported at times (N,) s of its motor, in steps (s) of the map where none is given.
+
+    Raises FmuError.
+    """
+    lead_in = columns.file.lead_in / motor.top_speed if motor.constant_speed else 0.0
+    begin = motor.begin - lead_in if motor.constant_speed else motor.begin
+    step = step or columns.step or 2 * np.pi / (motor.top_speed or 1.0) / OF_A_TURN
+    wanted = np.unique(times - begin)
+    wanted = wanted[np.concatenate([[True], np.diff(wanted) > SAME * step])]
+    nodes = wanted if wanted[0] <= 0 else np.concatenate([[0.0], wanted])
+    steps = (nodes[-1] - nodes[0]) / step + nodes.size
+    if steps > MOST:
+        where = f"{columns.path}: step" if columns.file.step else f"{columns.fmu.path}: its default step"
+        raise FmuError(
+            f"{where} = {step:g} s: {steps:.3g} steps would be taken, and at most {MOST} are; give a larger step in the"
+            " map, or ask for less"
+        )
+    counts = _counts(columns, np.diff(nodes), step)
+    parts = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(nodes[:-1], nodes[1:], counts, strict=True)]
+    points = np.concatenate([*parts, nodes[-1:]])
+    reported = np.concatenate([[0], np.cumsum(counts)])[nodes.size - wanted.size :]
+    return Plan(
+        points=points,
+        reported=reported,
+        inputs=_inputs(columns, motor, points + begin),
+        begin=begin,
+        start_angle=float(motor.angles(np.array([begin]))[0]),
+        step=float(np.diff(points).max(initial=0.0)),
+    )
+
+
+def _counts(columns: Map, gaps: np.ndarray, step: float) -> np.ndarray:
+    """How many steps there are between nodes: equal ones where that takes not many more.  Raises FmuError."""
+    if not gaps.size:
+        return np.zeros(0, int)
+    fewest = np.ceil(gaps / step * (1 - EQUAL)).astype(int)
+    equal = gaps.min() / fewest[np.argmin(gaps)]
+    even = np.rint(gaps / equal).astype(int)
+    if np.allclose(even * equal, gaps, rtol=0, atol=EQUAL * equal) and even.sum() <= WASTE * fewest.sum():
+        return even
+    if columns.fmu.even:
+        raise FmuError(
+            f"{columns.fmu.path}: it takes equal steps only (canHandleVariableCommunicationStepSize is false), and the"
+            " requested instants are not evenly spaced; ask for evenly spaced crank angles"
+        )
+    return fewest
+
+
+def _inputs(columns: Map, motor: Motor, times: np.ndarray) -> np.ndarray:
+    """What the inputs (P, K) are told, in the order of the map; the start angle is none of them."""
+    rates: dict[InputName, np.ndarray] = {
+        "angle": motor.angles(times),
+        "speed": motor.angles(times, 1),
+        "acceleration": motor.angles(times, 2),
+    }
+    if "angle" not in columns.inputs and times.size > 1:
+        rates["speed"] = np.concatenate([rates["speed"][:1], np.diff(rates["angle"]) / np.diff(times)])
+    told = [columns.inputs[name].number(values) for name, values in rates.items() if name in columns.inputs]
+    return np.column_stack(told)

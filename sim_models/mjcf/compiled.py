@@ -1,0 +1,45 @@
+"""An MJCF file, compiled by MuJoCo, and what it says when it cannot."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from analytic.mechanism.parts import LARGEST
+from sim_models.mjcf.errors import MjcfError
+from sim_models.mjcf.scan import MEMORY, scan
+
+FIELDS = (
+    "body_pos", "body_ipos", "body_mass", "body_inertia", "jnt_pos", "jnt_axis", "jnt_stiffness", "dof_damping",
+    "dof_armature", "dof_frictionloss", "qpos0", "qpos_spring", "eq_data", "site_pos", "key_qpos", "key_qvel",
+)  # fmt: skip
+SHORTEST = 1e-9  # s, of a time step
+LONGEST = 400  # characters of what MuJoCo says
+
+
+def compiled(path: Path, notes: list[str]) -> mujoco.MjModel:
+    """MuJoCo's model of a file; what it warns of is added to the ``notes``.  Raises MjcfError with what MuJoCo says, in
+    one sentence.
+    """
+    real = scan(path)
+    try:
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            model = mujoco.MjSpec.from_file(str(real)).compile()
+        notes += dict.fromkeys(f"MuJoCo warns: {' '.join(str(each.message).split())}" for each in warned)
+    except (ValueError, TypeError, RuntimeError, mujoco.FatalError, MemoryError) as error:
+        said = " ".join(str(error).split())[:LONGEST].rstrip(".")
+        raise MjcfError(f"{path}: MuJoCo cannot compile it ({said}); correct it so that MuJoCo loads it") from None
+    if model.narena > MEMORY:
+        raise MjcfError(f"{path}: asks for {model.narena / 2**30:.3g} GB of memory; give size.memory = 1G or less")
+    if not SHORTEST <= model.opt.timestep <= LARGEST:
+        raise MjcfError(f"{path}: option.timestep = {model.opt.timestep:g} s cannot be stepped by; give such as 0.001")
+    for field in FIELDS:
+        values = np.abs(getattr(model, field)).ravel()
+        if not np.all(values <= LARGEST):
+            worst = values[int(np.argmin(values <= LARGEST))]
+            raise MjcfError(f"{path}: {field} holds {worst:g} once it is compiled; give finite numbers, in SI units")
+    return model

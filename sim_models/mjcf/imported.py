@@ -1,0 +1,276 @@
+"""A mechanism from somebody's MJCF file, and what there is to say of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.structure import StructureError
+from analytic.mechanism import Mechanism, MechanismError
+from sim_models.mjcf.drive import ASSUMED, Push, flywheel, gravity, left_out, motor, push
+from sim_models.mjcf.errors import MjcfError
+from sim_models.mjcf.laws import TendonLaw, acts, coefficients, law
+from sim_models.mjcf.planar import Frames, Pin, Planar, read
+from sim_models.mjcf.plane import body_words, joint_words
+from sim_models.mujoco.engine import no_log_file
+
+DIGITS = 15  # of a length, over the linkage's size: what rounding leaves of one
+OFF = mujoco.mjtDisableBit
+DISABLED = {  # for the whole model, by bits of option.flag
+    "stiffness": int(OFF.mjDSBL_SPRING),
+    "damping": int(OFF.mjDSBL_DAMPER),
+    "friction_torque": int(OFF.mjDSBL_FRICTIONLOSS) | int(OFF.mjDSBL_CONSTRAINT),
+}
+SMALLEST = 1e-9  # of the same: a point that is nearer to another is that one
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A mechanism read from a file, and in ``notes`` what of the file it leaves out, takes on or assumes."""
+
+    mechanism: Mechanism
+    notes: tuple[str, ...]
+
+
+def imported(path: str | Path) -> Imported:
+    """The mechanism of an MJCF file.  Raises MjcfError with file, place, value and remedy in one sentence."""
+    with no_log_file():
+        return _Writer(read(Path(path))).imported()
+
+
+class _Writer:
+    def __init__(self, planar: Planar) -> None:
+        self.p, self.m = planar, planar.model
+        self.frames: Frames = planar.at(planar.pose)
+        self.notes = [f"the plane has {planar.plane}", *planar.notes]
+        self.digits = DIGITS - math.ceil(math.log10(planar.size))
+        self.tendons: list[TendonLaw] = []
+        self.points: list[dict[str, tuple[float, float]]] = [{} for _ in planar.links]
+
+    def imported(self) -> Imported:
+        p = self.p
+        self.refuse()
+        for pin in p.pins:
+            for link, point in zip(pin.links, pin.points, strict=True):
+                self.points[link][pin.name] = self.xy(point)
+        loads = self._loads()
+        self.marked()
+        fields: dict[str, Any] = {
+            "name": p.name,
+            "gravity": _vector(p.plane.flat(gravity(self.m))),
+            "ground": {"points": self.points[0]},
+            "body": [self._body(k) for k in range(1, len(p.links))],
+            "joint": [self._joint(pin) for pin in p.pins],
+            "drive": self._drive(),
+            "assembly": {
+                link.name: _tidy(angle)
+                for link, angle in zip(p.links[1:], self.frames.angles[1:], strict=True)
+            },
+        }  # fmt: skip
+        if loads:
+            fields["load"] = loads
+        try:
+            mechanism = Mechanism.model_validate(fields)
+            Assembly(mechanism)
+        except ValueError as error:
+            if isinstance(error, StructureError | AssemblyError | MechanismError):
+                raise MjcfError(f"{p.said}: {error}") from None
+            raise MjcfError(f"{p.said}: {_reason(error)}") from None
+        self.notes += left_out(p)
+        self.notes.append("not in MJCF, and left out: sections, moduli of elasticity, clearances")
+        return Imported(mechanism, tuple(self.notes))
+
+    # ------------------------------------------------------------------ parts
+
+    def xy(self, z: complex) -> tuple[float, float]:
+        """A point (m), without what rounding has left of it."""
+        return round(z.real, self.digits) + 0.0, round(z.imag, self.digits) + 0.0
+
+    def _body(self, k: int) -> dict[str, Any]:
+        link = self.p.links[k]
+        inertia = link.inertia
+        for pin in self.p.pins:
+            if pin.joint >= 0 and set(pin.links) == {0, k}:
+                inertia += self.rotor(pin)
+        return {
+            "name": link.name,
+            "points": self.points[k],
+            "mass": link.mass,
+            "com": self.xy(link.centre),
+            "inertia": inertia,
+        }
+
+    def rotor(self, pin: Pin) -> float:
+        """What the armature of a hinge on the ground adds to a link's inertia (kg.m^2); a motor's adds nothing."""
+        armature = float(self.m.dof_armature[self.m.jnt_dofadr[pin.joint]])
+        if not armature or pin.slides or flywheel(self.p, pin):
+            return 0.0
+        self.notes.append(
+            f"the armature of {joint_words(self.m, pin.joint)}, {armature:g} kg.m^2, is part of the link's inertia"
+        )
+        return armature
+
+    def _joint(self, pin: Pin) -> dict[str, Any]:
+        found: dict[str, Any] = {
+            "name": pin.name,
+            "type": "prismatic" if pin.slides else "revolute",
+            "bodies": tuple(self.p.links[k].name for k in pin.links),
+        }
+        if pin.slides:
+            found |= {"axis": (_tidy(pin.axis.real), _tidy(pin.axis.imag)), "angle": _tidy(pin.angle)}
+        laws = ([self.laws(pin)] if pin.joint >= 0 else []) + [
+            self.tendon(one) for one in self.tendons if one.pin is pin
+        ]
+        return found | self.together(pin, [each for each in laws if each])
+
+    def together(self, pin: Pin, laws: list[dict[str, float]]) -> dict[str, float]:
+        """The laws of a joint as one.  Raises MjcfError for two springs with different rests."""
+        if len({each["rest_angle"] for each in laws if "rest_angle" in each}) > 1:
+            raise MjcfError(f"{self.p.said}: joint {pin.name!r} has two springs that rest apart; give it one")
+        found: dict[str, float] = {}
+        for each in laws:
+            for name, value in each.items():
+                found[name] = value if name == "rest_angle" else found.get(name, 0.0) + value
+        return found
+
+    def tendon(self, one: TendonLaw) -> dict[str, float]:
+        """Damping, friction and spring that a tendon gives a joint."""
+        m, t, scale = self.m, one.tendon, one.scale
+        found = {
+            "damping": float(m.tendon_damping[t]) * scale**2,
+            "friction_torque": float(m.tendon_frictionloss[t]) * abs(scale),
+            "stiffness": float(m.tendon_stiffness[t]) * scale**2,
+        }
+        if found["stiffness"]:
+            form = coefficients(m, t)
+            assert form is not None
+            stretch = float(m.tendon_lengthspring[t, 0] - form @ self.p.pose)
+            found["rest_angle"] = _tidy(self.p.relative(one.pin, self.frames) + stretch / scale)
+        return self.acting(found)
+
+    def acting(self, found: dict[str, float]) -> dict[str, float]:
+        """The laws that act, of a joint's: there, and not disabled for the whole model."""
+        off = {name for name, bits in DISABLED.items() if self.m.opt.disableflags & bits}
+        some = {name: value for name, value in found.items() if value and name not in off}
+        return some | ({"rest_angle": found.get("rest_angle", 0.0)} if "stiffness" in some else {})
+
+    def laws(self, pin: Pin) -> dict[str, float]:
+        """Damping, friction and spring of a tree's joint."""
+        m, dof = self.m, int(self.m.jnt_dofadr[pin.joint])
+        words = joint_words(m, pin.joint)
+        if m.dof_armature[dof] and (pin.slides or 0 not in pin.links):
+            self.notes.append(f"the armature of {words}, {m.dof_armature[dof]:g}: left out, though it takes part")
+        stiffness = float(m.jnt_stiffness[pin.joint])
+        found = {"damping": float(m.dof_damping[dof]), "friction_torque": float(m.dof_frictionloss[dof])}
+        if stiffness:
+            at = int(m.jnt_qposadr[pin.joint])
+            stretch = float(m.qpos_spring[at] - self.p.pose[at])
+            sign = 1.0 if pin.slides else pin.turn
+            rest = self.p.relative(pin, self.frames) + sign * stretch
+            found |= {"stiffness": stiffness, "rest_angle": _tidy(rest)}
+        return self.acting(found)
+
+    def _drive(self) -> dict[str, Any]:
+        """The drive, or a release where nothing drives; what is assumed of it is noted."""
+        found = motor(self.p)
+        if found is None:
+            grounded = [pin for pin in self.p.pins if 0 in pin.links and not pin.slides]
+            if not grounded:
+                raise MjcfError(f"{self.p.said}: no hinge connects a body to the ground; give it one")
+            self.notes.append("nothing drives it: it is released at its initial pose (drive.speed = 'free')")
+            return {"joint": grounded[0].name, "speed": "free"}
+        if found.speed is None:
+            self.notes.append(
+                "how fast its motor turns is not in the file (a keyframe would say it): drive.speed ="
+                f" {ASSUMED:g} rad/s is assumed, correct it"
+            )
+        return {"joint": found.pin.name, "speed": ASSUMED if found.speed is None else found.speed}
+
+    def _loads(self) -> list[dict[str, Any]]:
+        """Constant forces by actuators; every other actuator but the drive's is noted."""
+        m, driving = self.m, motor(self.p)
+        found = []
+        for i in range(m.nu):
+            name = m.actuator(i).name
+            words = f"actuator {name!r}" if name else f"the actuator number {i + 1}"
+            steady = push(self.p, i)
+            if steady is not None:
+                found.append(self._load(steady))
+            elif driving is not None and i == driving.actuator:
+                self.notes.append(f"{words} is the drive's; how it follows its command is left out")
+            else:
+                self.notes.append(f"{words} is neither the drive's nor a constant force on a site, and left out")
+        if not found:
+            self.notes.append("it has no loads")
+        return found
+
+    def _load(self, steady: Push) -> dict[str, Any]:
+        """A load, at the point where it acts: the com, a joint, or a point that is named after the site."""
+        link, names = self.p.links[steady.link], self.points[steady.link]
+        near = SMALLEST * self.p.size
+        point = next((n for n, at in names.items() if abs(complex(*at) - steady.point) <= near), "")
+        if abs(steady.point - link.centre) <= near:
+            point = "com"
+        if not point:
+            point = f"load{steady.actuator}"
+            names[point] = self.xy(steady.point)
+        load: dict[str, Any] = {"body": link.name, "point": point}
+        if steady.force:
+            load["force"] = _vector(steady.force)
+        if steady.torque:
+            load["torque"] = _tidy(steady.torque)
+        return load
+
+    def marked(self) -> None:
+        """Add the sites ``name:link`` of a link that lie in no joint to its points."""
+        for site in self.p.sites:
+            name, _, of = site.name.partition(":")
+            link = self.p.links[site.link]
+            if of == link.name and name.isidentifier() and name not in self.points[site.link]:
+                self.points[site.link][name] = self.xy(site.point)
+
+    # ------------------------------------------------------------------ what is refused
+
+    def refuse(self) -> None:
+        """Raise MjcfError for what acts on the links and a mechanism has no word for."""
+        m, said = self.m, self.p.said
+        for t in range(m.ntendon):
+            found = law(self.p, t)
+            if found is not None:
+                self.tendons.append(found)
+            elif acts(m, t):
+                raise MjcfError(
+                    f"{said}: tendon {m.tendon(t).name!r} has a spring, a damper, friction, inertia or a limit, and is"
+                    " no law of a joint; take these out"
+                )
+        down = self.p.plane.flat(gravity(m))
+        for b in np.flatnonzero(m.body_gravcomp).tolist():
+            if down:
+                raise MjcfError(
+                    f"{said}: {body_words(m, b)} has gravcomp = {m.body_gravcomp[b]:g}, for which a mechanism file has"
+                    " no word; take it out"
+                )
+
+
+def _tidy(value: float) -> float:
+    """A number without the minus of a zero, and without what rounding has left of a zero."""
+    return 0.0 if abs(value) < 1e-15 else float(value)
+
+
+def _vector(z: complex) -> tuple[float, float]:
+    return _tidy(z.real), _tidy(z.imag)
+
+
+def _reason(error: ValueError) -> str:
+    """What pydantic says, in one sentence."""
+    from pydantic import ValidationError
+
+    if isinstance(error, ValidationError):
+        return "; ".join(fault["msg"].removeprefix("Value error, ") for fault in error.errors())
+    return str(error)

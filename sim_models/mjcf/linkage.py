@@ -1,0 +1,279 @@
+"""Somebody's MuJoCo model in a mechanism's words: its coordinates in a pose, its signals in a state.
+
+Reactions are MuJoCo's own: of a joint in the tree the interaction force ``cfrc_int`` of its child body, which
+``mj_rnePostConstraint`` gives about the tree's centre of mass, less what an actuator on a site beyond the joint gives,
+which is not in it; of a ``connect`` its rows' ``efc_force``, which acts on the equality's first body.  The drive's
+torque is what the equation of motion of its hinge leaves over.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism import GROUND, Mechanism
+from analytic.mechanism.parts import Body
+from sim_models.common.start import AT_REST, Pose, poses
+from sim_models.engine import Unsupported
+from sim_models.mjcf.drive import AT_JOINT, AT_SITE, flywheel
+from sim_models.mjcf.laws import TendonLaw, acts, law
+from sim_models.mjcf.match import Match, match
+from sim_models.mjcf.planar import Frames, Pin, Planar
+
+# Times the whole linkage's inertia: the armature that stands for the motor.  At 1e12 MuJoCo's solver, which measures by
+# the forces that accelerate inertias, stops at once and leaves reactions a hundredfold too large (tolerance 1e-8).
+MOTOR = 1e6
+EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+TENDON_FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON)
+
+
+class TheirLinkage:
+    """A mechanism's match in a file, with its motor: the model's own numbers but for the driven hinge.
+
+    That hinge gets an armature that reactions hardly accelerate, is put on its course after every step, and loses its
+    own actuators; a released linkage only loses these, and a motor's armature.  Raises Unsupported where the file is
+    not the mechanism's linkage, or has what its forces cannot be read with.
+    """
+
+    def __init__(self, mechanism: Mechanism, planar: Planar, driven: bool) -> None:
+        self.mechanism, self.planar, self.model = mechanism, planar, planar.model
+        self.match: Match = match(mechanism, planar)
+        self.assembly = Assembly(mechanism)
+        self.data = mujoco.MjData(self.model)
+        self.model.opt.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)  # the same numbers, as a matrix
+        self.crank = self.match.pins[mechanism.drive_joint.name]
+        if self.crank.joint < 0:
+            raise Unsupported(
+                f"{planar.said}: the drive's joint {mechanism.drive_joint.name!r} is a connect there, which nothing can"
+                " turn; make it a hinge, and close the loop in another joint"
+            )
+        self.motor = int(self.model.jnt_dofadr[self.crank.joint]) if driven else -1
+        self.armature = self.impose(driven)
+        self.laws: list[TendonLaw] = []
+        self.check_readable()
+        self.home = planar.at(planar.pose)
+        self.spin = planar.spin
+        at_start = self.wanted(poses(self.assembly, self.assembly.start))
+        self.turns = {
+            id(pin): round((self.apart(pin, at_start) - self.planar.relative(pin, self.home)) / (2 * math.pi))
+            for pin in planar.pins
+            if not pin.slides
+        }
+        start = self.placed(poses(self.assembly, self.assembly.start))
+        self.zero = {
+            body: self.ours(body, at_start[self.match.links[body]][1])
+            - float(self.spin[self.match.links[body]] @ start)
+            for body in mechanism.moving
+        }
+
+    # ------------------------------------------------------------------ what is imposed
+
+    def impose(self, driven: bool) -> float:
+        """Put the motor in; says its armature (kg.m^2)."""
+        m, j = self.model, self.crank.joint
+        for i in range(m.nu):
+            if int(m.actuator_trntype[i]) in AT_JOINT and int(m.actuator_trnid[i, 0]) == j:
+                m.actuator_gainprm[i] = m.actuator_biasprm[i] = 0.0
+        dof = int(m.jnt_dofadr[j])
+        if driven:
+            links = self.planar.links[1:]
+            whole = sum(link.mass * self.planar.size**2 + link.inertia for link in links)
+            m.dof_armature[dof] = MOTOR * whole
+        elif flywheel(self.planar, self.crank):
+            m.dof_armature[dof] = 0.0
+        return float(m.dof_armature[dof])
+
+    def check_readable(self) -> None:
+        """Raise Unsupported for forces that MuJoCo does not tell to which body they belong."""
+        m, said = self.model, self.planar.said
+        for i in range(m.nu):
+            joint, site = int(m.actuator_trntype[i]) in AT_JOINT, int(m.actuator_trntype[i]) == AT_SITE
+            refsite = int(m.actuator_trnid[i, 1])
+            if joint or (site and (refsite < 0 or self.planar.sites[refsite].link == 0)):
+                continue
+            raise Unsupported(
+                f"{said}: actuator {m.actuator(i).name!r} acts on a tendon, a body or between bodies, which no reaction"
+                " can be read with; take it out"
+            )
+        for t in range(m.ntendon):
+            found = law(self.planar, t)
+            if found is not None and not found.pin.slides:
+                self.laws.append(found)
+            elif found is None and acts(m, t):
+                raise Unsupported(
+                    f"{said}: tendon {m.tendon(t).name!r} pulls between bodies, which no reaction can be read with;"
+                    " take its spring, damper, friction and limit out"
+                )
+
+    # ------------------------------------------------------------------ coordinates
+
+    def wanted(self, pose: Mapping[str, Pose]) -> dict[int, tuple[complex, float]]:
+        """Origin (m) and angle (rad) of each link, in the plane of the file, for a pose of the mechanism."""
+        ground = self.match.frames[GROUND]
+        found = {}
+        for body, link in self.match.links.items():
+            frame, here = self.match.frames[body], AT_REST if body == GROUND else pose[body]
+            angle = here.angle - cmath.phase(frame.turn) + cmath.phase(ground.turn)
+            origin = ground.of(here.origin + frame.back(0j) * cmath.exp(1j * here.angle))
+            found[link] = (origin, 0.0 if body == GROUND else angle)
+        return found
+
+    def ours(self, body: str, angle: float) -> float:
+        """A body's angle (rad) from its link's."""
+        return angle + cmath.phase(self.match.frames[body].turn) - cmath.phase(self.match.frames[GROUND].turn)
+
+    def apart(self, pin: Pin, wanted: Mapping[int, tuple[complex, float]]) -> float:
+        """A joint's angle (rad) or travel (m) for links so placed."""
+        (at, angle), (other, turned) = (wanted[k] for k in pin.links)
+        if not pin.slides:
+            return turned - angle
+        way = other + pin.points[1] * cmath.exp(1j * turned) - at - pin.points[0] * cmath.exp(1j * angle)
+        return (way * (pin.axis * cmath.exp(1j * angle)).conjugate()).real
+
+    def placed(self, pose: Mapping[str, Pose]) -> np.ndarray:
+        """MuJoCo's coordinates (nq,) in a pose of the mechanism."""
+        wanted, q = self.wanted(pose), self.planar.pose.copy()
+        for pin in self.planar.pins:
+            if pin.joint < 0:
+                continue
+            way = self.apart(pin, wanted) - self.planar.relative(pin, self.home)
+            if not pin.slides:
+                way = pin.turn * (way - 2 * math.pi * self.turns[id(pin)])
+            q[self.model.jnt_qposadr[pin.joint]] += way
+        return q
+
+    def turn_crank(self, theta: float, speed: float) -> None:
+        """Put the crank where its course has it: angle (rad) and speed (rad/s) of the driven body."""
+        k = self.match.links[self.mechanism.driven]
+        sense = float(self.spin[k, self.motor])  # the hinge is on the ground, and turns with its body or against it
+        self.data.qpos[self.model.jnt_qposadr[self.crank.joint]] = sense * (theta - self.zero[self.mechanism.driven])
+        self.data.qvel[self.motor] = sense * speed
+
+    # ------------------------------------------------------------------ signals
+
+    def rows(self, equality: int) -> np.ndarray:
+        """The rows of an equality, as indices."""
+        d = self.data
+        return np.flatnonzero((d.efc_type == EQUALITY) & (d.efc_id == equality))
+
+    def to_ground(self, vector: complex) -> complex:
+        """A vector of the file's plane in the mechanism's ground frame."""
+        return vector / self.match.frames[GROUND].turn
+
+    def pushed(self) -> list[tuple[int, complex, float]]:
+        """What actuators on sites and tendons over hinges give: body, force (N) and moment (N.m) about the plane's
+        origin.
+        """
+        m, d, flat = self.model, self.data, self.planar.plane.flat
+        found = []
+        for i in range(m.nu):
+            if int(m.actuator_trntype[i]) != AT_SITE or not d.actuator_force[i]:
+                continue
+            site, refsite = (int(k) for k in m.actuator_trnid[i])
+            turned = d.site_xmat[site if refsite < 0 else refsite].reshape(3, 3)
+            wrench = m.actuator_gear[i].reshape(2, 3) @ turned.T * d.actuator_force[i]
+            force = flat(wrench[0])
+            moment = float(self.planar.plane.normal @ wrench[1]) + _cross(flat(d.site_xpos[site]), force)
+            found.append((int(m.site_bodyid[site]), force, moment))
+        return found + [pair for one in self.laws for pair in self.couple(one)]
+
+    def couple(self, one: TendonLaw) -> list[tuple[int, complex, float]]:
+        """What a tendon that is the law of a hinge gives its two links."""
+        m, d, t = self.model, self.data, one.tendon
+        stretch = float(d.ten_length[t] - m.tendon_lengthspring[t, 0])
+        pull = -m.tendon_stiffness[t] * stretch - m.tendon_damping[t] * float(d.ten_velocity[t])
+        pull += float(d.efc_force[(d.efc_type == TENDON_FRICTION) & (d.efc_id == t)].sum())
+        first, second = (self.planar.links[k].root for k in one.pin.links)
+        return [(second, 0j, one.scale * pull), (first, 0j, -one.scale * pull)]
+
+    def between(self, pin: Pin, pushed: list[tuple[int, complex, float]]) -> tuple[complex, float]:
+        """Force (N) of a joint's first link on its second, and moment (N.m) about the plane's origin."""
+        m, d, plane = self.model, self.data, self.planar.plane
+        if pin.joint < 0:
+            rows = self.rows(pin.equality)
+            force = plane.flat(d.efc_force[rows[:3]]) if rows.size else 0j
+            return force, 0.0
+        child = int(m.jnt_bodyid[pin.joint])
+        torque, force3 = d.cfrc_int[child].reshape(2, 3)
+        force = plane.flat(force3)
+        moment = float(plane.normal @ torque) + _cross(plane.flat(d.subtree_com[m.body_rootid[child]]), force)
+        for body, push, turn in pushed:
+            if self.beyond(body, child):
+                force, moment = force - push, moment - turn
+        return force, moment
+
+    def beyond(self, body: int, child: int) -> bool:
+        """Whether a body hangs on another, or is it."""
+        while body > child:
+            body = int(self.model.body_parentid[body])
+        return body == child
+
+    def drive_torque(self) -> float:
+        """Torque (N.m) of the motor on the crank."""
+        if self.motor < 0:
+            return 0.0
+        m, d, dof = self.model, self.data, self.motor
+        inertia = np.zeros(m.nv)
+        mujoco.mj_mulM(m, d, inertia, d.qacc)
+        known = d.qfrc_passive[dof] + d.qfrc_actuator[dof] + d.efc_J.reshape(d.nefc, m.nv)[:, dof] @ d.efc_force
+        left = inertia[dof] - self.armature * d.qacc[dof] + d.qfrc_bias[dof] - known
+        on_crank = self.crank.turn * (1.0 if self.crank.links[0] == 0 else -1.0)
+        return float(left * on_crank)
+
+    def signals(self, velocity: np.ndarray) -> dict[str, float]:
+        """All signals of the state in the data, whose forces MuJoCo has computed; ``velocity`` (nv,) is of the same
+        instant as the positions.
+        """
+        mujoco.mj_rnePostConstraint(self.model, self.data)
+        pushed, frames = self.pushed(), self.planar.frames(self.data)
+        out = {"drive_torque": self.drive_torque()}
+        for joint in self.mechanism.joints:
+            pin = self.match.pins[joint.name]
+            force, moment = self.between(pin, pushed)
+            sign = -1.0 if self.match.swapped(joint) else 1.0
+            at = self.to_ground(sign * force)
+            out[f"reaction_{joint.name}_x"], out[f"reaction_{joint.name}_y"] = at.real, at.imag
+            if joint.prismatic:
+                second = joint.bodies[1]
+                point = self.match.frames[second].of(self.mechanism.body(second).point(joint.name))
+                place = frames.place(self.match.links[second], point)
+                out[f"reaction_{joint.name}_moment"] = sign * (moment - _cross(place, force))
+            else:
+                gap = self.to_ground(sign * self.gap(pin, frames))
+                out[f"clearance_{joint.name}_x"], out[f"clearance_{joint.name}_y"] = gap.real, gap.imag
+        for name, body in self.mechanism.moving.items():
+            out |= self.pose_of(name, body, frames, velocity)
+        return out
+
+    def gap(self, pin: Pin, frames: Frames) -> complex:
+        """The first link's pin centre less the second's (m)."""
+        if pin.joint >= 0:
+            return 0j
+        return frames.place(pin.links[0], pin.points[0]) - frames.place(pin.links[1], pin.points[1])
+
+    def pose_of(self, name: str, body: Body, frames: Frames, velocity: np.ndarray) -> dict[str, float]:
+        """Where a body is, and how fast it turns."""
+        k = self.match.links[name]
+        link, frame, ground = self.planar.links[k], self.match.frames[name], self.match.frames[GROUND]
+        marker = link.centre if body.marker is None else frame.of(complex(*body.marker))
+        at = ground.back(frames.place(k, marker))
+        return {
+            f"{name}_x": at.real,
+            f"{name}_y": at.imag,
+            f"{name}_angle": self.zero[name] + float(self.spin[k] @ self.data.qpos),
+            f"{name}_angular_velocity": float(self.spin[k] @ velocity),
+        }
+
+    def parted(self) -> float:
+        """How far (m) the pins of the loops' connects have come apart."""
+        frames = self.planar.frames(self.data)
+        return max((abs(self.gap(pin, frames)) for pin in self.planar.pins), default=0.0)
+
+
+def _cross(a: complex, b: complex) -> float:
+    return (a.conjugate() * b).imag

@@ -1,0 +1,127 @@
+"""What the links and joints of an MJCF file are called in a mechanism, where names are identifiers of their own."""
+
+from __future__ import annotations
+
+import itertools
+import re
+import string
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import mujoco
+
+from analytic.mechanism import GROUND
+from analytic.mechanism.parts import LONGEST
+
+if TYPE_CHECKING:
+    from sim_models.mjcf.planar import Frames, Pin
+
+Points = tuple[complex, complex]
+TAKEN = {GROUND, "world", "com"}
+
+
+@dataclass(frozen=True)
+class Site:
+    """A site: its number and name, and its link and place in it (m, link frame)."""
+
+    number: int
+    name: str
+    link: int
+    point: complex
+
+
+def plain(name: str) -> str:
+    """A name with what a mechanism's has not replaced by underscores; empty where nothing is left."""
+    found = re.sub(r"[^\w-]", "_", name, flags=re.ASCII).strip("_-")[: LONGEST - 8]
+    return f"n{found}" if found[:1].isdigit() else found
+
+
+def free(name: str, taken: set[str]) -> str:
+    """The name, with a number behind it where it is taken; it is then taken."""
+    numbered = (f"{name}-{i}" for i in itertools.count(2))
+    found = next(n for n in itertools.chain([name], numbered) if n not in taken)
+    taken.add(found)
+    return found
+
+
+def letters() -> Iterator[str]:
+    """A, B, ... Z, A1, B1 ..."""
+    yield from string.ascii_uppercase
+    yield from (f"{letter}{k}" for k in itertools.count(1) for letter in string.ascii_uppercase)
+
+
+class Names:
+    """The names of a model, given out one after the other."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.m = model
+        self.bodies = set(TAKEN)
+        self.joints = set(TAKEN)
+
+    def title(self, stem: str) -> str:
+        """What the mechanism is called: as the model is, or the file."""
+        raw = self.m.names[: self.m.names.find(b"\0")].decode("utf-8", "replace").strip()
+        name = raw if raw and raw != "MuJoCo Model" else stem
+        return "".join(c if c.isprintable() else "_" for c in name).strip()[:LONGEST] or "linkage"
+
+    def body(self, body: int) -> str:
+        """The name of a link whose first body this is."""
+        return free(plain(self.m.body(body).name) or f"link{body}", self.bodies)
+
+    def of_pins(
+        self, sites: Sequence[Site], pins: Sequence[Pin], frames: Frames, near: float
+    ) -> list[tuple[tuple[str, ...], Points | None]]:
+        """Every name that each joint goes by, the one that it gets first; and where two sites of that name place it.
+
+        That is the name of a pair of sites ``name:link`` in it, its own, that of a site at it (nearer than ``near``,
+        m), or else a letter.
+        """
+        in_link: dict[int, list[Site]] = {}
+        for site in sites:
+            in_link.setdefault(site.link, []).append(site)
+        pairs = [_pair(in_link, pin, frames, near) for pin in pins]
+        others = [_candidates(in_link, pin, near) for pin in pins]
+        chosen: list[str] = []
+        for pair, named in zip(pairs, others, strict=True):
+            name = next((n for n in ([pair[0]] if pair else []) + named if n not in self.joints), "")
+            self.joints.add(name)
+            chosen.append(name)
+        alphabet = (letter for letter in letters() if letter not in self.joints)
+        chosen = [name or next(alphabet) for name in chosen]
+        return [
+            (tuple(dict.fromkeys((name, *named))), pair[1] if pair else None)
+            for name, named, pair in zip(chosen, others, pairs, strict=True)
+        ]
+
+
+def _candidates(in_link: Mapping[int, Sequence[Site]], pin: Pin, near: float) -> list[str]:
+    """A joint's own name, and those of the sites at it."""
+    at = [
+        site.name.split(":")[0]
+        for link, point in zip(pin.links, pin.points, strict=True)
+        for site in in_link.get(link, ())
+        if abs(site.point - point) <= near
+    ]
+    return [name for name in dict.fromkeys(map(plain, (*pin.names, *at))) if name]
+
+
+def _pair(in_link: Mapping[int, Sequence[Site]], pin: Pin, frames: Frames, near: float) -> tuple[str, Points] | None:
+    """The name that two sites ``name:link`` give a joint which they sit in, one in each of its links."""
+    first, second = (
+        {plain(site.name.split(":")[0]): site.point for site in in_link.get(link, ()) if ":" in site.name}
+        for link in pin.links
+    )
+    for name, point in first.items():
+        if name and name in second and _sits(pin, frames, (point, second[name]), near):
+            return name, (point, second[name])
+    return None
+
+
+def _sits(pin: Pin, frames: Frames, points: Points, near: float) -> bool:
+    """Whether two points, one in each link, are a joint's: at its pin, or on the line of its slide."""
+    if not pin.slides:
+        return all(abs(p - own) <= near for p, own in zip(points, pin.points, strict=True))
+    first, second = pin.links
+    way = frames.within(first, frames.place(second, points[1])) - points[0]
+    return abs((way * pin.axis.conjugate()).imag) <= near

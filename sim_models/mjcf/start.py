@@ -1,0 +1,94 @@
+"""A state of somebody's model without transients, as its own constraint rows give.
+
+MuJoCo's loops are soft: they open until the rows' springs carry the reactions, and what its rows leave out of the
+acceleration.  A run that began closed would swing into that; so it begins where Newton's method finds it open.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from sim_models.mjcf.linkage import EQUALITY, TheirLinkage
+
+NUDGE = 1e-7  # rad or m, of difference quotients
+SETTLED = 1e-10  # the same: Newton's last step
+ATTEMPTS = 30
+STANDSTILL = 1e-8  # of the motor's speed: a joint that turns no faster has no direction of slip
+DRY = (int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF), int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON))
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Coordinates (nq,), and forces of all constraint rows (nefc,)."""
+
+    q: np.ndarray
+    force: np.ndarray
+
+
+def rest(link: TheirLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, lag: float) -> Rest | None:
+    """The state in which the model has the accelerations ``a``, near coordinates q, the motor held; None where there
+    is none.
+
+    ``v`` are true velocities; MuJoCo's are older by ``lag`` (s).  The data is left at the state.
+    """
+    m = link.model
+    free = np.array([i for i in range(m.nv) if i != link.motor], int)
+    n, q = free.size, q.copy()
+    force = np.zeros(0)
+    for _ in range(ATTEMPTS):
+        load, push, miss, soft = _balance(link, q, v, a, lag)
+        if force.size != push.shape[0]:
+            force = np.linalg.lstsq(push[:, free].T, load[free], rcond=None)[0]
+        matrix = np.zeros((n + force.size, n + force.size))
+        matrix[:n, n:], matrix[n:, n:] = -push[:, free].T, -np.diag(soft)
+        for column, i in enumerate(free):
+            beside = q.copy()
+            beside[i] += NUDGE
+            load_there, push_there, miss_there, _ = _balance(link, beside, v, a, lag)
+            if push_there.shape != push.shape:
+                return None
+            matrix[:n, column] = (load_there - load - (push_there - push).T @ force)[free] / NUDGE
+            matrix[n:, column] = (miss_there - miss) / NUDGE
+        left = np.concatenate([(load - push.T @ force)[free], miss - soft * force])
+        if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(left))):
+            return None
+        move = np.linalg.lstsq(matrix, -left, rcond=1e-15)[0]
+        q[free] += move[:n]
+        force = force + move[n:]
+        if float(np.abs(move[:n]).max(initial=0.0)) < SETTLED:
+            _balance(link, q, v, a, lag)
+            d = link.data
+            d.efc_force[:] = 0.0
+            d.efc_force[d.efc_type == EQUALITY] = force
+            d.qacc[:] = a
+            return Rest(q, d.efc_force.copy())
+    return None
+
+
+def _balance(
+    link: TheirLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, lag: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """What the forces f of the equalities' rows must satisfy: load (nv,) = push^T f, and miss (k,) = soft f."""
+    m, d = link.model, link.data
+    d.qpos[:], d.qvel[:] = q, v - lag * a
+    mujoco.mj_fwdPosition(m, d)
+    mujoco.mj_fwdVelocity(m, d)
+    mujoco.mj_fwdActuation(m, d)
+    inertia = np.zeros(m.nv)
+    mujoco.mj_mulM(m, d, inertia, a)
+    jacobian = d.efc_J.reshape(d.nefc, m.nv)
+    load = inertia + d.qfrc_bias - d.qfrc_passive - d.qfrc_actuator
+    for row in np.flatnonzero(np.isin(d.efc_type, DRY)):  # dry friction is its whole size where there is slip
+        slip = float(jacobian[row] @ v)
+        if abs(slip) > STANDSTILL * float(np.abs(v).max(initial=0.0)):
+            load += np.sign(slip) * d.efc_frictionloss[row] * jacobian[row]
+    closing = d.efc_type == EQUALITY
+    push = jacobian[closing]
+    damping = d.efc_KBIP[closing, 1]
+    miss = d.efc_aref[closing] - push @ a
+    if not lag:  # what velocity there is across the rows is an error of v, which need not become one of q
+        miss = miss + damping * d.efc_vel[closing]
+    return load, push, miss, d.efc_R[closing].copy()
