@@ -157,7 +157,7 @@ MECHANISM_FIELDS = dict(fields_of_numbers()) | {
         with_field(("body", 1, "points", "B"), [0.4]), "body[coupler].points.B[1] is missing"
     ),
     "a point of three numbers": mine(
-        with_field(("body", 1, "points", "B"), [0.4, 0.0, 0.0]), "body[coupler].points.B = (0.4, 0.0, 0.0)", "2 values, not 3"
+        with_field(("body", 1, "points", "B"), [0.4, 0.0, 0.0]), "body[coupler].points.B = (0.4, 0.0, 0.0)", "2 values"
     ),
     "points as a list": mine(with_field(("body", 1, "points"), [[0.0, 0.0]]), "body[coupler].points = [[0.0, 0.0]]"),
     "a number as a name": mine(with_field(("name",), 7), "name = 7", "string"),
