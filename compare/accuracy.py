@@ -149,7 +149,7 @@ def accuracy_at(
     return Accuracy(
         case=mechanism.name,
         mechanism=mechanism,
-        versions=_versions(),
+        versions=versions(),
         motion="driven" if inertia else "static",
         clearance=dict(mechanism.clearances),
         clearance_tolerance=dict(tolerances),
@@ -208,6 +208,7 @@ def _side_changes(found: Found) -> tuple[SideChange, ...]:
     )
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Version by package, of what computed a result."""
     packages = {name: installed_version(name) or "not installed" for name in ("linkage-crosscheck", "numpy")}
     return {"python": platform.python_version(), **packages}

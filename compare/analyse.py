@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import tau
+from pathlib import Path as FilePath
+
+import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
+from analytic.mechanism.signals import position
 from analytic.paper.clearance import MODELS, Model
 from compare.arguments import (
     Linkage,
@@ -18,11 +23,14 @@ from compare.arguments import (
     noted,
     one_engine,
     one_of,
+    over_time,
     rigidly_and_evenly_driven,
+    timed,
 )
 from compare.faults import ArgumentError
+from compare.judge.courses import Courses
 from compare.judge.grid import FREE_TIME, turns_fully
-from compare.judge.reference import reference, with_flexible_links
+from compare.judge.reference import Reference, reference, timed_reference, with_flexible_links
 from compare.judge.signals import with_derived
 from compare.results.analysis import Analysis, Simulation
 from compare.results.crosscheck import Path, Simulator
@@ -32,10 +40,13 @@ from sim_models.engine import JOINT_MODELS, MOTIONS, JointModel, Motion, Request
 Angles = Numbers
 
 
-def analyse(
+def analyse(  # noqa: PLR0913 - what a person may ask, by name
     mechanism: Linkage = "paper",
     *,
     angles: Angles | None = None,
+    times: Numbers | None = None,
+    course: str | FilePath | None = None,
+    path: str | FilePath | None = None,
     clearance: Metres | None = None,
     model: Model = "equilibrium",
     motion: Motion = "driven",
@@ -48,6 +59,8 @@ def analyse(
     only one.  With ``compliance`` links that have a modulus of elasticity and joints that have an elasticity yield as
     well (Eqs. 1-7), superposed as in Fig. 7c, in static motion.
 
+    A linkage that no single crank moves is analysed at ``times`` (N,) s, its drives at their speeds, along the
+    ``course`` of a file or such that a platform follows a ``path``, as in :func:`compare.crosscheck.crosscheck`.
     Raises MechanismError, ArgumentError, AssemblyError or ComplianceError.
     """
     model, motion = one_of(model, MODELS, "model"), one_of(motion, MOTIONS, "motion")
@@ -56,6 +69,10 @@ def analyse(
         given = linkage(mechanism, clearance)
         m = given if compliance else rigidly_and_evenly_driven(given)
         assembly = Assembly(m)
+        moved = timed(assembly, times, course, path)
+        if moved is not None:
+            over_time(assembly, motion, angles=angles, compliance=compliance or None)
+            return _analysed(m, timed_reference(assembly, *moved, model, m.clearances), model, warned, moved[0])
         if motion == "driven" and m.speed is None:
             raise ArgumentError("motion", f"the drive of {m.name} has no constant speed; ask for static motion")
         if motion == "driven" and compliance:
@@ -64,28 +81,40 @@ def analyse(
         side = reference(assembly, theta, motion, model, m.clearances)
         if compliance:
             side = with_flexible_links(side, assembly, theta)
-    return Analysis(
+    found = _analysed(m, side, model, warned, None)
+    return found.model_copy(update={"motion": motion, "compliance": compliance, "crank_angle": theta})
+
+
+def _analysed(m: Mechanism, side: Reference, model: Model, warned: Sequence[str], time: np.ndarray | None) -> Analysis:
+    """The result of a driven motion; over time its first input's position takes the crank angle's place."""
+    first = position(m.motors[0]).name if m.motors else ""
+    told = side.signals[first] if first in side.signals else np.zeros(next(iter(side.signals.values())).shape)
+    found = Analysis(
         case=m.name,
         mechanism=m,
-        motion=motion,
+        motion="driven",
         clearance=m.clearances,
         analytic_model=model,
-        compliance=compliance,
-        crank_angle=theta,
+        compliance=False,
+        crank_angle=np.nan_to_num(told),
         signals=dict(side.signals),
         flags={str(i): why for i, why in sorted(side.flags.items())},
         order_difference=dict(side.order_difference),
-        warnings=tuple(warned),
+        warnings=(*warned, *side.remarks),
     )
+    return found if time is None else found.model_copy(update={"time": time})
 
 
-def simulate(
+def simulate(  # noqa: PLR0913 - what a person may ask, by name
     mechanism: Linkage = "paper",
     simulator: str = "mujoco",
     *,
     joint_model: JointModel = "ideal",
     motion: Motion = "driven",
     angles: Angles | None = None,
+    times: Numbers | None = None,
+    course: str | FilePath | None = None,
+    path: str | FilePath | None = None,
     clearance: Metres | None = None,
 ) -> Simulation:
     """One run of one engine: the signals of a linkage over its crank angle (N,) rad, or over time if it swings freely.
@@ -97,7 +126,9 @@ def simulate(
     with noted() as warned:
         m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
         name = one_engine(simulator)
-        trace = answered(name, request(m, joint_model, motion, angles), engine(name).simulate)
+        moved = timed(Assembly(m), times, course, path)
+        asked = request(m, joint_model, motion, angles, moved)
+        trace = answered(name, asked, engine(name).simulate)
     found = Simulation(
         case=m.name,
         mechanism=m,
@@ -115,11 +146,22 @@ def simulate(
     return found if trace.time is None else found.model_copy(update={"time": trace.time})
 
 
-def request(m: Mechanism, joint_model: JointModel, motion: Motion, angles: Angles | None) -> Request:
-    """The run that a cross-check makes of this joint model.  Raises ArgumentError or AssemblyError."""
+def request(
+    m: Mechanism,
+    joint_model: JointModel,
+    motion: Motion,
+    angles: Angles | None,
+    moved: tuple[np.ndarray, Courses] | None = None,
+) -> Request:
+    """The run that a cross-check makes of this joint model, at the times and along the courses of ``moved`` where that
+    is given.  Raises ArgumentError or AssemblyError.
+    """
     joint_model, motion = one_of(joint_model, JOINT_MODELS, "joint_model"), one_of(motion, MOTIONS, "motion")
     loose(m, joint_model)
     assembly = Assembly(m)
+    if moved is not None:
+        over_time(assembly, motion, angles=angles)
+        return Request(m, joint_model, time=moved[0], courses=moved[1].knots)
     if m.speed is None and motion == "driven":
         if angles is not None:
             raise ArgumentError("angles", f"{m.name} swings freely and is reported over time; leave angles out")

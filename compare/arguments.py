@@ -25,6 +25,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.errors import MechanismError, quoted
 from analytic.mechanism.file import load
 from compare.faults import ArgumentError, DegreesWarning
+from compare.judge.courses import Courses, at_their_speeds, of_file, of_path, times_within
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import FARTHEST, chosen_angles
 from compare.judge.tolerances import Tolerances
@@ -32,6 +33,7 @@ from sim_models.engine import (
     MAPPED,
     SEPARATOR,
     JointModel,
+    Motion,
     SimulatorMissing,
     engine,
     engine_names,
@@ -300,8 +302,52 @@ def crank_angles(assembly: Assembly, given: Numbers | None) -> np.ndarray:
     return theta
 
 
+def moved_by_one_crank(mechanism: Mechanism) -> bool:
+    """Whether a crank's angle alone tells where a linkage is."""
+    return mechanism.cranked and len(Assembly(mechanism).structure.inputs) == 1
+
+
+def timed(
+    assembly: Assembly, times: Numbers | None, course: object = None, along: object = None
+) -> tuple[np.ndarray, Courses] | None:
+    """Times (N,) s and courses of the drives, as given by a file of them or ``along`` a platform's path, or by default;
+    None of a linkage with one crank of which none is given, which is looked at by its angle.  Raises ArgumentError,
+    GridError or DataError.
+    """
+    one_crank = assembly.mechanism.cranked and len(assembly.structure.inputs) == 1
+    if one_crank and times is None and course is None and along is None:
+        return None
+    if course is not None and along is not None:
+        raise ArgumentError("path", f"{quoted(str(along))} is given beside a course; give one of them")
+    asked = None
+    if times is not None:
+        asked = numbers(times, "times", "s")
+        if asked.size > MOST or np.any(asked < 0) or np.any(np.diff(asked) <= 0):
+            raise ArgumentError("times", f"give at most {MOST} times (s) from 0 on, each later than the one before")
+    if course is None and along is None:
+        return at_their_speeds(assembly, asked)
+    if along is not None:
+        courses = of_path(path(along, "path"), assembly)
+    else:
+        courses = of_file(path(course, "course"), assembly.mechanism)
+    return times_within(courses, asked), courses
+
+
+def over_time(assembly: Assembly, motion: Motion, **of_a_crank: object) -> None:
+    """Raises ArgumentError for what is asked of one crank, where a linkage is looked at over time."""
+    name = f"{assembly.mechanism.name} is looked at over time"
+    if motion != "driven":
+        raise ArgumentError("motion", f"{name}, in driven motion only; leave motion out")
+    for argument, given in of_a_crank.items():
+        if given is not None:
+            remedy = "give times (s) in its place" if argument == "angles" else "leave it out"
+            raise ArgumentError(argument, f"{name}, and has none of this; {remedy}")
+
+
 def rigidly_and_evenly_driven(mechanism: Mechanism) -> Mechanism:
     """The mechanism with a drive as cross-checks have it; warns of what its own has besides."""
+    if not mechanism.cranked:
+        return mechanism
     drive = mechanism.drive
     fields = (("stiffness", "are rigid", None), ("ripple", "turn evenly", None), ("half_gap", "have no backlash", 0.0))
     for field, checks, none in fields:

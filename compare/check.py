@@ -41,9 +41,25 @@ from compare.arguments import (
 from compare.crosscheck import Job, Progress, Ran, concluded, judged, run_all
 from compare.diagnose.data.quality import REVERSED, looks
 from compare.faults import ArgumentError
-from compare.judge.reference import Reference, followed_reference, reference, released_reference
+from compare.judge.courses import Courses
+from compare.judge.reference import (
+    Reference,
+    followed_drives_reference,
+    followed_reference,
+    reference,
+    released_reference,
+)
 from compare.recorded.errors import DataError
-from compare.recorded.motion import LEAST, SURE, Followed, Start, encoder_of, evenly, released_from
+from compare.recorded.motion import (
+    LEAST,
+    SURE,
+    Followed,
+    FollowedDrives,
+    Start,
+    encoder_of,
+    evenly,
+    released_from,
+)
 from compare.recorded.recording import Recording, recording
 from compare.recorded.table import Table, read_table, unused
 from compare.results.crosscheck import RECORDED, CrossCheck, Run
@@ -109,9 +125,11 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
     for one in recordings:
         side = _side(one, m, motion, model, analytic)
         found = judged(
-            replace(job, theta=one.theta, time=_clock(one, m)), _with_rounding(side, one), _trace(one, m, model, motion)
+            replace(job, theta=one.theta, time=_clock(one, m), courses=_courses(one)),
+            _with_rounding(side, one),
+            _trace(one, m, model, motion),
         )
-        remarks += [*_units(one, side), *_coarse(one, side, found.rules)]
+        remarks += [*side.remarks, *_units(one, side), *_coarse(one, side, found.rules)]
         if found.run.verdict == "disagrees" and one.kind == "angles" and motion == "driven" and one.time is None:
             remarks += _at_rest(one, m, model, analytic, job)
         ran += Ran((found,))
@@ -225,6 +243,11 @@ def _clock(one: Recording, mechanism: Mechanism) -> np.ndarray | None:
     return one.time if one.kind != "angles" or (mechanism.speed is None and one.time is not None) else None
 
 
+def _courses(one: Recording) -> Courses | None:
+    """The courses of several drives in a recording."""
+    return Courses(one.moved.knots) if isinstance(one.moved, FollowedDrives) else None
+
+
 def _side(one: Recording, mechanism: Mechanism, motion: Motion, joint_model: JointModel, model: Model) -> Reference:
     """The analytic side at a recording's samples.  Raises AssemblyError with the file."""
     clearances = {} if joint_model == "ideal" else mechanism.clearances
@@ -235,6 +258,9 @@ def _side(one: Recording, mechanism: Mechanism, motion: Motion, joint_model: Joi
             return released_reference(assembly, since, (one.moved.angle, one.moved.rate), one.moved.errors)
         if isinstance(one.moved, Followed):
             return followed_reference(assembly, one.moved.moving, one.moved.errors, model, clearances)
+        if isinstance(one.moved, FollowedDrives):
+            states = {name: (each.moving, each.errors) for name, each in one.moved.drives.items()}
+            return followed_drives_reference(assembly, states, model, clearances)
         return reference(assembly, one.theta, motion, model, clearances, one.error)
     except AssemblyError as error:
         raise DataError(f"{Path(one.file).name}: {error}; check the angles, their unit and their sign") from None
@@ -261,6 +287,9 @@ def _trace(one: Recording, mechanism: Mechanism, joint_model: JointModel, motion
     settings: dict[str, str | float] = {"file": Path(one.file).name}
     if isinstance(one.moved, Followed):
         settings["acceleration_known_to"] = float(SURE * np.max(one.moved.errors.alpha))
+    if isinstance(one.moved, FollowedDrives):
+        for name, each in one.moved.drives.items():
+            settings[f"acceleration_known_to_{name}"] = float(SURE * np.max(each.errors.alpha))
     theta = one.table.values.get(encoder_of(mechanism), one.theta) if one.kind == "released" else one.theta
     time = None if motion == "static" else one.time
     return Trace(
@@ -279,7 +308,7 @@ def _trace(one: Recording, mechanism: Mechanism, joint_model: JointModel, motion
 
 def _coarse(one: Recording, side: Reference, rules: Mapping[str, object]) -> list[str]:
     """A warning where the crank's recorded angles leave a signal open by more than it should differ by."""
-    if not isinstance(one.moved, Followed) and not one.error:
+    if not isinstance(one.moved, Followed | FollowedDrives) and not one.error:
         return []
     worst, share = "", 0.0
     for name in rules:
@@ -290,15 +319,20 @@ def _coarse(one: Recording, side: Reference, rules: Mapping[str, object]) -> lis
     if share < 1e-3 * COARSE:
         return []
     left_open = f"{worst} to {100 * share:.2g} % of its peak; that much is allowed on top"
-    if not isinstance(one.moved, Followed):
+    if not isinstance(one.moved, Followed | FollowedDrives):
         return [
             f"{one.name}: its crank's angles are rounded, by up to {np.degrees(SURE * one.error):.2g} deg, and so tell"
             f" {left_open}: write them with more digits for a closer check"
         ]
-    moved, every = one.moved, float(np.median(np.diff(one.table.time)))
+    every = float(np.median(np.diff(one.table.time)))
+    if isinstance(one.moved, FollowedDrives):
+        drives = {f"joint {name}": each for name, each in one.moved.drives.items()}
+    else:
+        drives = {"its crank": one.moved}
+    what, moved = max(drives.items(), key=lambda item: float(np.max(item[1].errors.alpha)))
     known, most = SURE * float(np.max(moved.errors.alpha)), float(np.max(np.abs(moved.moving.alpha)))
     return [
-        f"{one.name}: its crank is recorded every {every:.3g} s, which tells its acceleration to {known:.2g} rad/s2 (of"
+        f"{one.name}: {what} is recorded every {every:.3g} s, which tells its acceleration to {known:.2g} rad/s2 (of"
         f" {most:.3g} at most), and so {left_open}: record it more often, or with more digits, for a closer check"
     ]
 
@@ -338,10 +372,10 @@ def _units(one: Recording, side: Reference) -> list[str]:
 def _engines(job: Job, one: Recording, joint_model: JointModel, progress: Progress) -> Ran:
     """The first file's motion in engines."""
     m = job.mechanism
-    if isinstance(one.moved, Followed):
+    if isinstance(one.moved, Followed | FollowedDrives):
         one = replace(one, moved=one.moved.smooth())
     side = _side(one, m, job.motion, joint_model, job.model)
-    if isinstance(one.moved, Followed):
+    if isinstance(one.moved, Followed | FollowedDrives):
         request = one.moved.request(m, joint_model)
     elif isinstance(one.moved, Start):
         let_go = released_from(m.ideal(), one.moved.angle)
@@ -351,7 +385,7 @@ def _engines(job: Job, one: Recording, joint_model: JointModel, progress: Progre
         request = Request(m, joint_model, job.motion, crank_angle=one.theta)
     pair = (joint_model, job.motion)
     tasks = [(name, request) for name in job.simulators if pair in engine(name).capabilities.runs]
-    job = replace(job, theta=one.theta, time=_clock(one, m), beside=tuple(one.table.values))
+    job = replace(job, theta=one.theta, time=_clock(one, m), courses=_courses(one), beside=tuple(one.table.values))
     return run_all(job, tasks, lambda trace: side, engine, progress)
 
 

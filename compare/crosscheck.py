@@ -36,14 +36,17 @@ from compare.arguments import (
     loose,
     noted,
     one_of,
+    over_time,
     processes,
     rigidly_and_evenly_driven,
+    timed,
     with_map,
 )
 from compare.faults import ArgumentError
 from compare.judge.assumptions import failing_assumption
 from compare.judge.attribution import attribute
 from compare.judge.closer import SOFT, Judged, beyond_rim, settle, stiff_enough
+from compare.judge.courses import Courses
 from compare.judge.discrepancy import (
     Discrepancy,
     Rule,
@@ -56,7 +59,7 @@ from compare.judge.discrepancy import (
 )
 from compare.judge.flexible import Beams, softened
 from compare.judge.grid import FREE_TIME, turns_fully
-from compare.judge.reference import Reference, reference, released_reference, with_flexible_links
+from compare.judge.reference import Reference, reference, released_reference, timed_reference, with_flexible_links
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
 from compare.judge.tolerances import Tolerances
 from compare.recorded.motion import SURE
@@ -72,6 +75,7 @@ from sim_models.engine import (
     Request,
     Trace,
     Unsupported,
+    check_supported,
     engine,
     installed_version,
 )
@@ -82,7 +86,8 @@ Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], R
 
 @dataclass(frozen=True)
 class Job:
-    """What to cross-check.  ``theta`` (N,) rad are the crank angles; a released linkage has ``time`` (N,) s instead.
+    """What to cross-check.  ``theta`` (N,) rad are the crank angles; a released linkage has ``time`` (N,) s instead,
+    and one whose drives follow ``courses`` too.
 
     ``beside`` are signals that are judged too, as a file of results has them.
     ``as_it_is`` takes every run as it comes, where others are looked at more closely (:mod:`compare.judge.closer`).
@@ -103,6 +108,7 @@ class Job:
     flexible: bool = False
     as_it_is: bool = False
     beside: tuple[str, ...] = ()
+    courses: Courses | None = None
 
 
 def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
@@ -113,6 +119,9 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
     motion: Motion = "driven",
     clearance: Metres | None = None,
     angles: Numbers | None = None,
+    times: Numbers | None = None,
+    course: str | FilePath | None = None,
+    path: str | FilePath | None = None,
     analytic: Model = "equilibrium",
     flexible: bool = False,
     tolerances: ToleranceFile | None = None,
@@ -123,10 +132,15 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
     """Hold the analytic model of a linkage against simulations of it.
 
     ``clearance`` (m by joint) replaces the case's own; ``angles`` (N,) are crank angles in rad, by default those of the
-    case.  Without a ``joint_model`` every one that an engine has is run, ideal first.  ``tolerances`` are a file's laid
-    over the shipped ones, or :class:`~compare.judge.tolerances.Tolerances`.  With ``flexible`` bodies that have a
-    modulus of elasticity bend, in static motion.  ``map`` is the map of a simulator that is somebody's model file, such
-    as ``fmu:linkage.fmu``.  With several engines the runs are spread over ``workers`` processes, one a core by default.
+    case.  A linkage with several drives, or with one that turns no crank, is compared at ``times`` (N,) s: all drives
+    start at the assembly's angles and go on at their speeds, or follow a ``course``, a file of time and
+    ``position_<joint>``, or move a platform along a ``path``, a file of time and its ``<body>_x``, ``<body>_y``,
+    ``<body>_angle``; what has no drive moves freely.
+
+    Without a ``joint_model`` every one that an engine has is run, ideal first.  ``tolerances`` are a file's laid over
+    the shipped ones, or :class:`~compare.judge.tolerances.Tolerances`.  With ``flexible`` bodies that have a modulus of
+    elasticity bend, in static motion.  ``map`` is the map of a simulator that is somebody's model file, such as
+    ``fmu:linkage.fmu``.  With several engines the runs are spread over ``workers`` processes, one a core by default.
 
     Raises MechanismError, ArgumentError, ToleranceError, AssemblyError, Unsupported or SimulatorMissing; a simulation
     that fails is among the result's ``failures``.
@@ -138,6 +152,9 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
         joint_model=joint_model,
         motion=motion,
         angles=angles,
+        times=times,
+        course=course,
+        path=path,
         analytic=analytic,
         flexible=flexible,
         tolerances=tolerances,
@@ -155,6 +172,9 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
     joint_model: JointModel | None = None,
     motion: Motion = "driven",
     angles: Numbers | None = None,
+    times: Numbers | None = None,
+    course: str | FilePath | None = None,
+    path: str | FilePath | None = None,
     analytic: Model = "equilibrium",
     flexible: bool = False,
     tolerances: ToleranceFile | None = None,
@@ -175,14 +195,18 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
             left_out += without
         m = rigidly_and_evenly_driven(given)
         _warn_of_friction(m, joint_model)
-        released = m.speed is None and motion == "driven"
-        if released:
-            if angles is not None:
-                raise ArgumentError("angles", f"{m.name} swings freely and is compared over time; leave angles out")
+        assembly = Assembly(m)
+        moved = timed(assembly, times, course, path)
+        released = moved is None and m.speed is None and motion == "driven"
+        if moved is not None:
+            over_time(assembly, motion, angles=angles, flexible=flexible or None)
+        if released and angles is not None:
+            raise ArgumentError("angles", f"{m.name} swings freely and is compared over time; leave angles out")
+        if released or (moved is not None and assembly.structure.free):
             _with_ideal_joints(m, joint_model)
         _with_stiff_rims(m)
         loose(m, joint_model)
-        theta = np.zeros(0) if released else crank_angles(Assembly(m), angles)
+        theta = np.zeros(0) if released or moved is not None else crank_angles(assembly, angles)
     return Job(
         mechanism=m,
         simulators=names,
@@ -190,7 +214,8 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
         tolerances=read,
         motion=motion,
         theta=theta,
-        time=FREE_TIME if released else None,
+        time=moved[0] if moved is not None else FREE_TIME if released else None,
+        courses=None if moved is None else moved[1],
         joint_model=joint_model,
         model=analytic,
         warnings=(*warned, *left_out),
@@ -289,6 +314,8 @@ def crosscheck_job(
     resolve = resolve or (Beams.of if job.flexible else engine)
     assembly = Assembly(job.mechanism)
     tasks = [(name, request) for name in job.simulators for request in _requests(job, assembly, name, resolve)]
+    if job.courses is not None and job.joint_model is None:
+        tasks = [(name, request) for name, request in tasks if request.joint_model == "ideal" or _has(name, request)]
     if not tasks:
         what = f"{job.joint_model or 'ideal'} joints in {job.motion} motion"
         does = "; ".join(f"{name.partition(SEPARATOR)[0]} has {_pairs(name, resolve)}" for name in job.simulators)
@@ -297,6 +324,7 @@ def crosscheck_job(
         ideal: _side(job, assembly, ideal, measure)
         for ideal in {request.joint_model == "ideal" for _, request in tasks}
     }
+    job = replace(job, warnings=(*job.warnings, *dict.fromkeys(r for side in sides.values() for r in side.remarks)))
     ran = run_all(job, tasks, lambda trace: sides[trace.joint_model == "ideal"], resolve, progress)
     if len(ran.left_out) == len(tasks) or (ran.left_out and len(job.simulators) == 1):
         raise Unsupported(ran.left_out[0])
@@ -397,13 +425,16 @@ def _pairs(name: str, resolve: Resolve) -> str:
 
 def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) -> list[Request]:
     """The runs of one engine: ideal first; a joint model that it lacks is left out unless it was asked for by name."""
-    released = job.time is not None
+    released = job.time is not None and (job.courses is None or bool(assembly.structure.free))
     models = [m for m in JOINT_MODELS if m == "ideal" or (job.mechanism.clearances and not released)]
     if job.joint_model is not None:
         models = [m for m in models if m == job.joint_model]
     if job.joint_model is None or len(job.simulators) > 1:
         supports = resolve(simulator).capabilities.runs
         models = [m for m in models if (m, job.motion) in supports]
+    if job.courses is not None:
+        courses = job.courses.knots
+        return [Request(job.mechanism, m, job.motion, time=job.time, courses=courses) for m in models]
     settle = 2 * np.pi if job.motion == "driven" and not released and turns_fully(assembly) else 0.0
     return [
         Request(job.mechanism, m, job.motion, job.theta, job.time, lead_in=0.0 if m == "ideal" else settle)
@@ -412,6 +443,8 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
 
 
 def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Reference:
+    if job.time is not None and job.courses is not None:
+        return timed_reference(assembly, job.time, job.courses, job.model, {} if ideal else job.mechanism.clearances)
     if job.time is not None:
         return released_reference(assembly, job.time)
     side = measure(assembly, job.theta, job.motion, job.model, {} if ideal else job.mechanism.clearances)
@@ -428,10 +461,12 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
         simulated |= silent
     for values in simulated.values():
         values[list(side.flags)] = np.nan
-    theta = trace.crank_angle if job.time is not None else job.theta
+    theta = _told_along(job, trace)
     rules = _rules(job, side, trace, simulated)
     found = _discrepancies(job, side, trace, simulated, rules)
     optional: dict[str, Any] = {} if trace.time is None else {"time": trace.time}
+    if job.courses is not None and job.time is not None:
+        optional["drive_position"] = job.courses.at(job.time)
     if len(side.flags) == theta.size:
         first, *others = dict.fromkeys(why for _, why in sorted(side.flags.items()))
         more = f", and {len(others)} such reasons more" * bool(others)
@@ -455,6 +490,15 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
         **optional,
     )
     return run, rules
+
+
+def _told_along(job: Job, trace: Trace) -> np.ndarray:
+    """The crank's angle at each sample (N,) rad; where drives follow courses, the first one's position."""
+    if job.time is None:
+        return job.theta
+    if job.courses is not None and job.courses.knots and not job.mechanism.cranked:
+        return next(iter(job.courses.at(job.time).values()))
+    return trace.crank_angle
 
 
 def _verdict(runs: Sequence[Run], failures: Sequence[Failure]) -> Verdict:
@@ -484,10 +528,22 @@ def _rules(job: Job, side: Reference, trace: Trace, simulated: Mapping[str, np.n
         wanted = _given(m, clearances, simulated)
     elif job.beside:
         wanted = recorded(m, clearances, (*(s.name for s in compared(m, clearances)), *job.beside))
+    if side.undetermined:
+        every = compared(m, clearances) if wanted is None else wanted
+        wanted = tuple(s for s in every if s.kind != "reaction" or s.place not in side.undetermined)
     rules = run_rules(job.tolerances, m, trace.motion, trace.joint_model, clearances, scales, give, wanted)
     if side.unsure:
         rules = {s: replace(rule, unsure=SURE * side.unsure.get(s, 0.0)) for s, rule in rules.items()}
     return softened(rules, side, clearances, job.mechanism) if job.flexible else rules
+
+
+def _has(name: str, request: Request) -> bool:
+    """Whether an engine runs a request at all, whichever engine it is; what is no engine's is asked to say so."""
+    try:
+        check_supported(engine(name), request)
+    except Unsupported:
+        return False
+    return True
 
 
 def _given(

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from analytic.mechanism import GROUND, Mechanism
+from analytic.mechanism.signals import driving, position
 from sim_models.engine import SettingValue
 
 SHOWN = {"rad": ("deg", math.degrees(1.0)), "m": ("mm", 1e3), "1": ("%", 100.0)}  # SI unit -> unit that is read, factor
@@ -90,13 +91,16 @@ def quantities(mechanism: Mechanism) -> dict[str, Quantity]:
             (f"{b}_y", "position y", "", f"of {b}", "m"),
             (f"{b}_angular_velocity", "angular velocity", "", f"of {b}", "rad/s"),
         ]
-    found += [("drive_torque", "drive torque", "T", "", "N.m")]
+    found += [(p.name, "position", "", f"of {p.place}", p.unit) for p in map(position, mechanism.joints)]
+    for drive in driving(mechanism.motors):
+        symbol, place = ("F" if drive.component == "force" else "T"), f"at {drive.place}" if drive.place else ""
+        found += [(drive.name, f"drive {drive.component}", symbol, place, drive.unit)]
     return {signal: Quantity(signal, name, symbol, place, *shown(unit)) for signal, name, symbol, place, unit in found}
 
 
 def key_signals(mechanism: Mechanism, joints: list[str], loose: bool) -> list[str]:
-    """The signals that the paper is about, for these joints: gamma, |F|, the displacement, psi of the couplers and the
-    drive torque.
+    """The signals that the paper is about, for these joints: gamma, |F|, the displacement, psi of the couplers and what
+    the drives give.
 
     Where no joint is ``loose`` (has clearance) the bodies' angles take the place of displacement and rotation.
     """
@@ -105,7 +109,12 @@ def key_signals(mechanism: Mechanism, joints: list[str], loose: bool) -> list[st
     turned = (
         [f"{b}_rotation" for b in couplers(mechanism)] if loose else [f"{body.name}_angle" for body in mechanism.bodies]
     )
-    return [*names, *turned, "drive_torque"]
+    return [*names, *turned, *drive_signals(mechanism)]
+
+
+def drive_signals(mechanism: Mechanism) -> list[str]:
+    """Names of what the drives give: a torque, or each its torque or force."""
+    return [signal.name for signal in driving(mechanism.motors)]
 
 
 def couplers(mechanism: Mechanism) -> list[str]:

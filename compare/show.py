@@ -301,8 +301,9 @@ def _time_of(run: Run, row: Discrepancy | None) -> Number:
     """When the linkage is where a discrepancy is (s)."""
     if row is None or row.at_crank_angle is None or run.time is None:
         return None
-    found = np.flatnonzero(run.crank_angle == row.at_crank_angle)
-    return float(run.time[found[0]]) if found.size else None
+    if not run.crank_angle.size:
+        return None
+    return float(run.time[np.argmin(np.abs(run.crank_angle - row.at_crank_angle))])
 
 
 # ------------------------------------------------------------------ a signal of a diagnosis

@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from analytic.errors import Error
-    from analytic.mechanism import Body, Drive, Joint, Load, Mechanism
+    from analytic.mechanism import Body, Drive, Joint, Load, Mechanism, Spring
     from analytic.mechanism.file import load
     from compare.accuracy import accuracy
     from compare.analyse import analyse, simulate
@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from compare.export import export
     from compare.history import runs
     from compare.imported import import_mjcf
+    from compare.platform import platform_accuracy
     from compare.show import show
 
 _WHERE = {
@@ -55,6 +56,7 @@ _WHERE = {
     "Joint": "analytic.mechanism",
     "Load": "analytic.mechanism",
     "Mechanism": "analytic.mechanism",
+    "Spring": "analytic.mechanism",
     "accuracy": "compare.accuracy",
     "analyse": "compare.analyse",
     "begin": "compare.diagnose.begin",
@@ -67,6 +69,7 @@ _WHERE = {
     "export": "compare.export",
     "import_mjcf": "compare.imported",
     "load": "analytic.mechanism.file",
+    "platform_accuracy": "compare.platform",
     "preview": "compare.diagnose.preview",
     "read_measured": "compare.diagnose.data.measured:load_measured",
     "runs": "compare.history",
@@ -83,6 +86,7 @@ __all__ = [
     "Joint",
     "Load",
     "Mechanism",
+    "Spring",
     "accuracy",
     "analyse",
     "begin",
@@ -95,6 +99,7 @@ __all__ = [
     "export",
     "import_mjcf",
     "load",
+    "platform_accuracy",
     "preview",
     "read_measured",
     "runs",

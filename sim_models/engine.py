@@ -31,7 +31,7 @@ Start = Literal["steady", "centred"]
 Feature = Literal[
     "prismatic", "coulomb_friction", "stribeck_friction", "load_friction", "viscous_friction", "drag",
     "joint_spring", "nonlinear_spring", "contact_friction", "drive_compliance", "backlash", "periodic_torque",
-    "soft_bearing", "course", "released",
+    "soft_bearing", "course", "released", "several_drives", "point_spring",
 ]  # fmt: skip
 Pair = tuple[JointModel, Motion]
 SettingValue = str | bool | int | float | None | Mapping[str, float]
@@ -54,9 +54,11 @@ IN_WORDS: Mapping[Feature, str] = {
     "soft_bearing": "soft bearings",
     "course": "courses of a motor",
     "released": "released linkages",
+    "several_drives": "motions of several freedoms, or of drives that turn no crank",
+    "point_spring": "springs between points",
 }
 MOVING: frozenset[Feature] = frozenset(
-    {"viscous_friction", "drag", "course", "released"}
+    {"viscous_friction", "drag", "course", "released", "several_drives"}
 )  # only runs that move have them
 TOUCHING: frozenset[Feature] = frozenset({"contact_friction"})  # only contact has it
 ENGINES: tuple[str, ...] = ("mujoco", "exudyn", "pybullet", "dart")  # built in
@@ -173,6 +175,11 @@ class Request:
     which the motor follows on the cubic spline through them (:class:`sim_models.common.motor.Course`); reports are then
     at ``time`` (N,) s, within the course, and ``crank_angle`` is empty.  ``lead_in`` (rad) is how far the crank turns
     before its first angle.  ``step`` (s) replaces the engine's own choice.
+
+    ``courses`` is for linkages that have more, or other, freedoms than a crank's: by driven joint the times (M,) s and
+    its positions (M,) at them (second body relative to the first: rad, or m), which it follows on the cubic spline
+    through them.  Joints with freedoms that have none start as the assembly has them, at rest (relative to a linkage
+    whose driven joints move as their courses do), and move freely; with an empty mapping all do.
     """
 
     mechanism: Mechanism
@@ -185,6 +192,7 @@ class Request:
     start_speed: float = 0.0
     step: float | None = None
     course: tuple[np.ndarray, np.ndarray] | None = None
+    courses: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None
     assumed: frozenset[str] = frozenset()
 
     @property
@@ -203,6 +211,8 @@ class Request:
     @property
     def released(self) -> bool:
         """Whether the linkage is let go: no motor turns it, and no course says how it moves."""
+        if self.courses is not None:
+            return not self.courses
         drive = self.mechanism.drive
         return self.motion == "driven" and self.course is None and (drive is None or drive.speed == "free")
 
@@ -222,7 +232,8 @@ class Rates:
 
 @dataclass(frozen=True)
 class Trace:
-    """What a simulation saw, at the requested crank angles (or times) and in their order.
+    """What a simulation saw, at the requested crank angles (or times) and in their order; with ``courses``,
+    ``crank_angle`` is the position of the first input (see :attr:`analytic.kinematics.structure.Structure.inputs`).
 
     ``signals`` maps a signal's name to (N,) values, SI units, ground frame: ``<body>_x``, ``<body>_y`` (com),
     ``<body>_angle`` (continued, not wrapped), ``<body>_angular_velocity``, ``reaction_<joint>_x``/``_y`` (N, force of
@@ -514,7 +525,11 @@ def needed(request: Request) -> dict[Feature, str]:
         found["backlash"] = f"drive.half_gap = {m.half_gap:g}"
     if m.periodic_torque is not None:
         found["periodic_torque"] = f"drive.periodic_torque.amplitude = {m.periodic_torque.amplitude:g}"
-    if request.course is not None:
+    if m.springs:
+        found["point_spring"] = f"the [[spring]] between {' and '.join(m.springs[0].bodies)}"
+    if request.courses is not None:
+        found["several_drives"] = "what is not a crank's drive"
+    elif request.course is not None:
         found["course"] = "a course"
     elif request.released:
         found["released"] = "the release, with a drive.speed in rad/s"

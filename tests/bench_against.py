@@ -2,19 +2,22 @@
 
 Run with ``pip install '.[bench]'`` and ``python tests/bench_against.py``.  The linkage is the shipped crank-rocker over
 one revolution; each figure is the best of five turns of three calls, all in turn so that they see the same machine.
+Beside them a 3-RRR with all reactions along a long trajectory, and the memory that a batch needs beyond its results.
 """
 
 from __future__ import annotations
 
 import time
+import tracemalloc
 from collections.abc import Callable
 
 import numpy as np
 
+from analytic.compiled.run import CALLS
 from analytic.kinematics.assembly import Assembly
-from analytic.kinematics.motion import kinematics
+from analytic.kinematics.motion import kinematics, kinematics_by_numpy
 from analytic.mechanism.file import load
-from analytic.paper.kinetostatics import kinetostatics
+from analytic.paper.kinetostatics import kinetostatics, kinetostatics_by_numpy
 
 R2, R3, R4, R1 = 0.05, 0.12, 0.10, 0.12
 SPEED = 31.41592653589793
@@ -25,6 +28,31 @@ def ours(count: int) -> Callable[[], object]:
     """Positions, velocities, accelerations, all reactions and the drive torque."""
     assembly, theta = Assembly(load("crank-rocker")), np.arange(count) * (2 * np.pi / count)
     return lambda: kinetostatics(kinematics(assembly, theta, SPEED))
+
+
+def by_numpy(count: int) -> Callable[[], object]:
+    """The same without the compiled code."""
+    assembly, theta = Assembly(load("crank-rocker")), np.arange(count) * (2 * np.pi / count)
+    return lambda: kinetostatics_by_numpy(kinematics_by_numpy(assembly, theta, SPEED))
+
+
+def parallel(count: int) -> Callable[[], object]:
+    """A 3-RRR followed along a trajectory of several minutes: positions, rates, all reactions, three torques."""
+    assembly, t = Assembly(load("3-rrr")), np.arange(count) * 2e-3
+    at = assembly.positions
+    inputs = assembly.inputs_at({name: at[name] + 0.2 * (np.sin(t + k) - np.sin(k)) for k, name in enumerate(at)})
+    rates = assembly.inputs_at({name: 0.2 * np.cos(t + k) for k, name in enumerate(at)})
+    return lambda: kinetostatics(kinematics(assembly, inputs, rates))
+
+
+def beyond_results(work: Callable[[], object]) -> float:
+    """MB at the most that a call needs beside what it returns."""
+    tracemalloc.start()
+    kept = work()
+    now, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    del kept
+    return (peak - now) / 1e6
 
 
 def pylinkage(count: int) -> Callable[[], object]:
@@ -80,6 +108,11 @@ def best(works: dict[str, tuple[Callable[[], object], int]]) -> dict[str, float]
 def main() -> None:
     """Print the table."""
     works = {f"ours, {count}": (ours(count), count) for count in COUNTS}
+    works |= {f"by numpy, {count}": (by_numpy(count), count) for count in COUNTS[:3]}
+    works["3-RRR, 100000"] = parallel(100_000), 100_000
+    for name in ("ours, 1", "ours, 100"):
+        for _ in range(CALLS):
+            works[name][0]()  # after so many the compiled code serves
     others = {"pylinkage, 10000": (pylinkage, 10_000), "mechanism, 100": (mechanism, 100)}
     for name, (make, count) in others.items():
         try:
@@ -92,6 +125,11 @@ def main() -> None:
             f"{name:20} {each:10.3f} us per configuration, {each / found['ours, 10000']:8.1f} x ours in batches of"
             " 10 000"
         )
+    if "pylinkage, 10000" in found:
+        ratio = found["ours, 10000"] / found["pylinkage, 10000"]
+        print(f"ours with all reactions over pylinkage's positions alone, batches of 10 000: {ratio:.2f}")
+    for name in ("ours, 10000", "ours, 1000000", "3-RRR, 100000"):
+        print(f"{name:20} {beyond_results(works[name][0]):10.3f} MB beyond its results")
 
 
 if __name__ == "__main__":

@@ -7,17 +7,19 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import timeit
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from analytic.compiled.run import CALLS
 from analytic.kinematics.assembly import Assembly
-from analytic.kinematics.motion import kinematics
+from analytic.kinematics.motion import kinematics, kinematics_by_numpy
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from analytic.paper.compliance import compliance
-from analytic.paper.kinetostatics import kinetostatics
+from analytic.paper.kinetostatics import kinetostatics, kinetostatics_by_numpy
 from sim_models.engine import Request, engine
 
 
@@ -29,11 +31,32 @@ def report(benchmark, work: Callable[[], object], count: int, what: str) -> None
 
 
 @pytest.mark.parametrize("case", ["crank-rocker", "slider-crank", "six-bar"])
-@pytest.mark.parametrize("count", [100, 10_000])
+@pytest.mark.parametrize("count", [1, 100, 10_000])
 def test_kinematics_and_all_reactions(benchmark, case: str, count: int) -> None:
+    """By compiled code, and beside it by numpy."""
     m = load(case)
-    assembly, theta = Assembly(m), np.linspace(0.0, 6.2, count)
-    report(benchmark, lambda: kinetostatics(kinematics(assembly, theta, m.speed or 0.0)), count, "us per configuration")
+    assembly, theta, speed = Assembly(m), np.linspace(0.0, 6.2, count), m.speed or 0.0
+    for _ in range(CALLS):
+        kinematics(assembly, theta[:1])  # after so many the compiled code serves
+    report(benchmark, lambda: kinetostatics(kinematics(assembly, theta, speed)), count, "us per configuration")
+    spent = min(timeit.repeat(lambda: kinetostatics_by_numpy(kinematics_by_numpy(assembly, theta, speed)), number=1))
+    benchmark.extra_info["of numpy's"] = ratio = benchmark.stats.stats.min / spent
+    print(f"{benchmark.name}: {ratio:.3f} of numpy's")
+
+
+@pytest.mark.parametrize("case", ["five-bar", "3-rrr", "3-rpr"])
+def test_a_trajectory_of_several_drives(benchmark, case: str) -> None:
+    """Followed, with all reactions; beside it by numpy, over its first hundredth."""
+    m, t = load(case), np.arange(20_000) * 2e-3
+    assembly, size = Assembly(m), 0.2 if case != "3-rpr" else 4e-3
+    at = assembly.positions
+    inputs = assembly.inputs_at({name: at[name] + size * (np.sin(t + k) - np.sin(k)) for k, name in enumerate(at)})
+    rates = assembly.inputs_at({name: size * np.cos(t + k) for k, name in enumerate(at)})
+    report(benchmark, lambda: kinetostatics(kinematics(assembly, inputs, rates)), t.size, "us per pose")
+    few, fast = inputs[:, : t.size // 100], rates[:, : t.size // 100]
+    spent = min(timeit.repeat(lambda: kinetostatics_by_numpy(kinematics_by_numpy(assembly, few, fast)), number=1))
+    benchmark.extra_info["of numpy's"] = ratio = benchmark.stats.stats.min / (100 * spent)
+    print(f"{benchmark.name}: {ratio:.3f} of numpy's")
 
 
 def test_equilibrium_with_a_finite_gap(benchmark) -> None:

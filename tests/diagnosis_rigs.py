@@ -95,7 +95,7 @@ def released(
     """
     from analytic.kinematics.assembly import Assembly
 
-    runs, rng, known = [], np.random.default_rng(1), named_signals(real.bodies, real.joints)
+    runs, rng, known = [], np.random.default_rng(1), named_signals(real.bodies, real.joints, real.drives)
     for k, (angle, rate) in enumerate(start):
         assembly = Assembly(real)
         s, u = assembly.structure, assembly.coordinates(np.array([angle]))

@@ -7,6 +7,7 @@ pair of joint model and motion; and each feature that makes sense with it.
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -45,6 +46,7 @@ KNOTS = np.linspace(0.0, 0.03, 7)  # s
 COURSE = FIRST + 5.0 * KNOTS + 60.0 * KNOTS**2  # rad
 COMPLIANCE = 400.0  # N.m/rad
 HALF_GAP = 2e-3  # rad
+SPRING = {"stiffness": 300.0, "length": 0.2, "damping": 2.0}  # N/m, m, N.s/m
 
 
 def loaded(case: str) -> Mechanism:
@@ -54,6 +56,8 @@ def loaded(case: str) -> Mechanism:
 
 def mechanism(model: JointModel, feature: Feature | None) -> Mechanism:
     """A linkage with this feature, and clearance in joint B unless all joints are ideal."""
+    if feature == "several_drives":
+        return load("five-bar").with_clearances({} if model == "ideal" else {"P": 5e-4})
     m = loaded("slider-crank" if feature == "prismatic" else "paper")
     m = m.with_clearances({} if model == "ideal" else {"B": 5e-4})
     if feature == "contact_friction":
@@ -65,6 +69,8 @@ def mechanism(model: JointModel, feature: Feature | None) -> Mechanism:
     laws["stribeck_friction"] = {"friction_torque": 0.1, "static_torque": 0.3, "stribeck_speed": SPEED}
     laws["drag"] = {"drag": 0.01}
     laws["soft_bearing"] = {"radial_stiffness": 1e5}
+    if feature == "point_spring":
+        return m.replace(springs=[{"bodies": ("crank", "follower"), "points": ("A", "E"), **SPRING}])
     if feature in laws:
         return m.with_joint("A", **laws[feature])
     drive = m.drive.model_dump(exclude_unset=True)
@@ -86,6 +92,9 @@ def request(pair: Pair, feature: Feature | None) -> Request:
         return Request(m, model, motion, time=TIMES, course=(KNOTS, COURSE))
     if feature == "released":
         return Request(m, model, motion, time=TIMES)
+    if feature == "several_drives":
+        courses = {"D": (KNOTS, COURSE + np.radians(120.0) - FIRST), "E": (KNOTS, np.radians(60.0) - 3.0 * KNOTS)}
+        return Request(m, model, motion, time=TIMES, courses=courses)
     return Request(m, model, motion, FIRST + np.array([0.0, 0.06, 0.1]))
 
 
@@ -95,7 +104,7 @@ def bending(asked: Request) -> Request:
     for body in m.bodies:
         if body.length > 0:
             m = m.with_body(body.name, youngs_modulus=STEEL, section=(0.01, 0.01))
-    return Request(m, asked.joint_model, asked.motion, asked.crank_angle, asked.time, course=asked.course)
+    return replace(asked, mechanism=m)
 
 
 def scopes(capabilities: Capabilities) -> dict[What, Scope]:
@@ -152,13 +161,15 @@ def answer(name: str, what: What, asked: Request, folder: Path) -> dict[str, np.
 
 def shows(feature: Feature, pair: Pair, seen: dict[str, np.ndarray], without: dict[str, np.ndarray]) -> bool:
     """Whether a feature is seen in the signals of a run, beside those of the same run without it."""
-    crank = seen["crank_angle"]
+    crank = seen.get("crank_angle", np.zeros(0))
     if feature == "prismatic":
         return "reaction_S_moment" in seen
     if feature == "course":
         from scipy.interpolate import CubicSpline
 
         return bool(np.abs(crank - CubicSpline(KNOTS, COURSE)(TIMES)).max() < 1e-6)
+    if feature == "several_drives":
+        return bool(np.abs(seen["position_E"] - (np.radians(60.0) - 3.0 * TIMES)).max() < 1e-6)
     if feature == "released":
         return bool(np.all(seen["drive_torque"] == 0) and np.ptp(crank) > 1e-4)
     if feature == "drive_compliance":
@@ -180,7 +191,7 @@ def test_what_is_declared_runs_and_shows(
     seen = answer(name, what, asked, tmp_path / "with")
     assert all(np.all(np.isfinite(values)) for values in seen.values())
     if feature is not None:
-        alters = feature not in ("prismatic", "course", "released", "drive_compliance", "backlash")
+        alters = feature not in ("prismatic", "course", "released", "several_drives", "drive_compliance", "backlash")
         without = answer(name, what, request(pair, None), tmp_path / "without") if alters else {}
         assert shows(feature, pair, seen, without)
 

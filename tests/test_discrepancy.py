@@ -61,7 +61,7 @@ def test_each_compared_signal_is_one_of_its_linkage_and_has_the_unit_of_its_kind
     case: str, clearance: dict[str, float]
 ) -> None:
     mechanism = load(case)
-    known = named(mechanism.bodies, mechanism.joints)
+    known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
     judged = compared(mechanism, clearance)
     assert {known[signal.name] for signal in judged} == set(judged)
     for signal in judged:

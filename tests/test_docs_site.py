@@ -107,9 +107,13 @@ def test_every_signal_of_every_case_is_there(reference: ModuleType) -> None:
     listed = {row[0].strip("`") for row in cells(reference.signals())}
     for case in shipped_cases():
         linkage = load(case)
-        for signal in signals.signals(linkage.bodies, linkage.joints):
-            place = "<joint>" if signal.kind in ("reaction", "clearance") else "<body>"
-            assert (signal.name.replace(signal.place, place, 1) if signal.place else signal.name) in listed
+        for signal in signals.signals(linkage.bodies, linkage.joints, linkage.drives):
+            place = "<joint>" if signal.kind in ("reaction", "clearance", "position", "drive") else "<body>"
+            forms = {signal.name}
+            if signal.place:
+                head, _, tail = signal.name.rpartition(f"_{signal.place}")
+                forms = {f"{head}_{place}{tail}", signal.name.replace(signal.place, place, 1)}
+            assert forms & listed, signal.name
 
 
 def test_the_numbers_that_decide_are_found(reference: ModuleType) -> None:

@@ -101,7 +101,8 @@ def table(path: Path) -> dict[str, np.ndarray]:
 
 def columns(trace: Trace) -> dict[str, np.ndarray]:
     """The trace in the order of passing."""
-    every = {"crank_angle": trace.crank_angle, **({} if trace.time is None else {"time": trace.time}), **trace.signals}
+    own = {name: values for name, values in trace.signals.items() if not name.startswith("position_")}  # not exported
+    every = {"crank_angle": trace.crank_angle, **({} if trace.time is None else {"time": trace.time}), **own}
     order = np.arange(trace.crank_angle.size) if trace.time is None else np.argsort(trace.time)
     return {name: values[order] for name, values in every.items()}
 

@@ -101,7 +101,8 @@ def table(path: Path) -> dict[str, np.ndarray]:
 
 def columns(trace: Trace, speed: float | None) -> dict[str, np.ndarray]:
     """The trace in the order of passing; a moving linkage passes each instant once."""
-    every = {"crank_angle": trace.crank_angle, **({} if trace.time is None else {"time": trace.time}), **trace.signals}
+    own = {name: values for name, values in trace.signals.items() if not name.startswith("position_")}  # not exported
+    every = {"crank_angle": trace.crank_angle, **({} if trace.time is None else {"time": trace.time}), **own}
     order = np.argsort(trace.crank_angle * np.sign(speed or 1.0), kind="stable")
     if trace.time is not None:
         order = np.unique(trace.time, return_index=True)[1]

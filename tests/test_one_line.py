@@ -60,7 +60,7 @@ LINES = {
     "Released(pendulum, 11 moments -14.02..0 deg)": SWUNG,
     "Turning(2 moments 0..57.3 deg)": Motor(speed=1.0).at(np.array([0.0, 1.0])),
     "Freedom(720 crank angles)": Freedom.of(Assembly(load("crank-rocker"))),
-    "Reference(40 signals, 29 samples)": reference(PAPER, THETA, "static", "first_order", LOOSE),
+    "Reference(44 signals, 29 samples)": reference(PAPER, THETA, "static", "first_order", LOOSE),
     "FourBarMotion(29 crank angles 20..160 deg)": four_bar_motion(FOUR_BAR, THETA, 1.0),
 }
 

@@ -97,6 +97,13 @@ def coefficients(assembly: Assembly, theta: np.ndarray) -> np.ndarray:
         coulomb = coulomb + joint.coulomb * rate
         if joint.stribeck_speed is not None:
             stribeck += [(joint.stiction - joint.coulomb) * rate, rate / joint.stribeck_speed]
+    for spring in assembly.mechanism.springs:
+        if spring.damping:
+            near, far = spring.ends
+            apart = motion.position(*far) - motion.position(*near)
+            rate = motion.velocity(*far) - motion.velocity(*near)
+            length = (np.conj(apart) * rate).real / np.abs(apart)
+            viscous = viscous + spring.damping * length.reshape(omega.size, -1)[2] ** 2
     return np.array([pushed - g, (ahead + astern) / 2 - g, viscous, coulomb, g, drag, *stribeck])
 
 

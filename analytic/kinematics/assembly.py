@@ -1,8 +1,12 @@
-"""Positions of a linkage: closed at every crank angle, in the assembly mode that the mechanism file picks.
+"""Positions of a linkage: closed at every crank angle, or wherever its drives are, in the assembly mode that the
+mechanism file picks.
 
-Dyads are solved in closed form, larger Assur groups by Newton's method along the path from the assembly angle.  The
+Dyads are solved in closed form, larger Assur groups by Newton's method along the path from the assembly's posture.  The
 assembly mode is followed continuously: where a group stretches or folds (a change point) or cannot close at all,
-:class:`AssemblyError` says which crank angle and why.
+:class:`AssemblyError` says where and why.
+
+With one crank the path is a table over its angle, walked as far as it is needed and kept.  With several inputs there is
+no such table: :meth:`Assembly.follow` walks from one sample to the next.
 """
 
 from __future__ import annotations
@@ -12,13 +16,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.kinematics.closure import AssemblyError, newton, set_coordinate, solve_dyad, with_travels
-from analytic.kinematics.structure import Coordinate, Group, Structure, structure
-from analytic.mechanism import Mechanism
+from analytic.kinematics.closure import (
+    AssemblyError,
+    crank_angle,
+    newton,
+    partials,
+    posture,
+    set_bodies,
+    set_coordinate,
+    set_input,
+    solve_dyad,
+    with_travels,
+)
+from analytic.kinematics.structure import Coordinate, Group, Structure, StructureError, structure
+from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.one_line import angles, one_line
 from analytic.mechanism.signals import continued, turned_near, wrapped
 
 PATH_STEP = np.radians(1.0)  # crank angle between checks for change points
+STRIDES = 200  # steps that a travel as long as the longest body is walked in, with several inputs
+RIGID = (
+    1e-6  # of a loop's size, by which a unit of an input would open loops beyond those needed, in a linkage that moves
+)
 CHANGE_POINT = 1e-10  # sin^2 between the two sides of a group below which it counts as stretched or folded
 ASSEMBLY_SLACK = np.radians(45.0)  # how far the file's approximate angles may be off
 
@@ -38,35 +57,113 @@ class Path:
         return np.array([np.interp(theta, self.theta, c) for c in self.coordinates])
 
 
+@dataclass(frozen=True)
+class Followed:
+    """Coordinates (n, N) of samples that were followed one after the other."""
+
+    coordinates: np.ndarray
+
+    def near(self, theta: np.ndarray) -> np.ndarray:
+        """Those coordinates, whatever the first input is."""
+        return self.coordinates
+
+    def part(self, block: slice) -> Followed:
+        """Some of the samples."""
+        return Followed(self.coordinates[:, block])
+
+
 class Assembly:
     """A linkage closed at its assembly angles.  Raises StructureError or AssemblyError where it cannot be."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         self.structure: Structure = structure(mechanism)
-        self.start = mechanism.assembly[mechanism.driven]
-        self.turning = tuple(
-            _turning(self.structure, c) for c in self.structure.coordinates
-        )  # columns that turn with each coordinate
+        self._guess()  # a missing angle is that, whatever else may be wrong
+        try:
+            self._build()
+        except AssemblyError as error:
+            if not self.structure.one_too_many:
+                raise
+            self.structure = structure(mechanism, whole=True)
+            try:
+                self._build()
+            except AssemblyError:
+                raise StructureError(f"{self.structure.one_too_many}, or make its lengths agree") from error
+
+    def _build(self) -> None:
+        mechanism, s = self.mechanism, self.structure
+        self.start = mechanism.assembly[mechanism.driven] if mechanism.cranked else float("nan")
+        self.turning = tuple(_turning(s, c) for c in s.coordinates)  # columns that turn with each coordinate
         self._forms: dict[tuple[str, str], np.ndarray] = {}
-        self._driven = self.structure.coordinates[0]
         self._branch: dict[Group, float] = {}
+        home = self._assemble(self._guess())[:, None]
+        self._home = home  # (n, 1)
+        self._path = Path(home[0], home)  # of a crank, as far as it has been walked
+        if s.one_too_many:
+            self._check_moves()
+
+    @property
+    def inputs(self) -> np.ndarray:
+        """The inputs (n_inputs,) rad, m at the assembly."""
+        return np.asarray(self._home[list(self.structure.inputs), 0])
+
+    @property
+    def positions(self) -> dict[str, float]:
+        """The same as positions of their joints, second body relative to first (rad, m)."""
         s = self.structure
+        return {s.coordinates[i].joint: float(s.signs[i] * self._home[i, 0]) for i in s.inputs}
+
+    def inputs_at(self, positions: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Inputs (n_inputs, N) where their joints are at these positions (N,) rad, m; the signs of rates go alike."""
+        s = self.structure
+        return np.array([s.signs[i] * np.asarray(positions[s.coordinates[i].joint], float) for i in s.inputs])
+
+    def _guess(self) -> np.ndarray:
+        """Coordinates (n,) by the file's assembly angles.  Raises AssemblyError where one is missing."""
+        mechanism, s = self.mechanism, self.structure
         guess = np.zeros(len(s.coordinates))
-        guess[0] = self.start
+
+        def angle(name: str) -> float:
+            if name == GROUND:
+                return 0.0
+            if name not in mechanism.assembly:
+                raise AssemblyError(
+                    f"{mechanism.name}: assembly.{name} is missing; give its approximate angle (rad) to pick the"
+                    " assembly mode"
+                )
+            return float(mechanism.assembly[name])
+
         for i, c in enumerate(s.coordinates):
-            if c.bodies:
-                named = [b for b in c.bodies if s.bodies[b] in mechanism.assembly]
-                if not named:
-                    raise AssemblyError(
-                        f"{mechanism.name}: assembly.{s.bodies[c.bodies[0]]} is missing; give its approximate angle"
-                        " (rad) to pick the assembly mode"
-                    )
-                guess[i] = mechanism.assembly[s.bodies[named[0]]] - s.held_at[named[0]]
-        self._path = Path(np.array([self.start]), self._assemble(guess)[:, None])  # as far as it has been walked
+            if i in s.inputs and c.bodies:
+                first, second = mechanism.joint(c.joint).bodies
+                guess[i] = s.signs[i] * (angle(second) - angle(first))
+            elif c.bodies:
+                named = [b for b in c.bodies if s.turned[b] == (i,) and s.bodies[b] in mechanism.assembly]
+                guess[i] = angle(s.bodies[named[0]]) - s.held_at[named[0]] if named else angle(s.bodies[c.bodies[0]])
+        return self._with_driven_travels(guess)
+
+    def _with_driven_travels(self, guess: np.ndarray) -> np.ndarray:
+        """Coordinates (n,) with those travels (m) of driven slides that, with all others, come closest to closing the
+        loops; zero of a slide that is in none.
+        """
+        s, found = self.structure, guess.copy()
+        slides = [i for i, c in enumerate(s.coordinates) if not c.bodies]
+        if not set(slides) & set(s.inputs) or not len(s.loops):
+            return found
+        columns = self.columns(guess[:, None])
+        open_by = (s.loops @ columns)[:, 0]
+        along = np.stack([partials(s, i, s.loops, columns)[:, 0] for i in slides], axis=-1)
+        travels = -np.linalg.lstsq(
+            np.concatenate([along.real, along.imag]), np.concatenate([open_by.real, open_by.imag]), rcond=None
+        )[0]
+        for i, travel in zip(slides, travels.tolist(), strict=True):
+            if i in s.inputs:
+                found[i] = travel
+        return found
 
     def __repr__(self) -> str:
-        return one_line(self, self.mechanism.name, f"assembled at {np.degrees(self.start):.4g} deg")
+        at = f"{np.degrees(self.start):.4g} deg" if self.mechanism.cranked else posture(self.structure, self._home, 0)
+        return one_line(self, self.mechanism.name, f"assembled at {at}")
 
     def form(self, body: str, point: str = "com") -> np.ndarray:
         """The structure's form (columns,) of a body's point, kept for the next call."""
@@ -77,49 +174,94 @@ class Assembly:
     # ---------------------------------------------------------------- positions
 
     def coordinates(
-        self, theta: np.ndarray, gaps: Mapping[str, np.ndarray] | None = None, path: Path | None = None
+        self, theta: np.ndarray, gaps: Mapping[str, np.ndarray] | None = None, path: Path | Followed | None = None
     ) -> np.ndarray:
-        """Coordinates (n, N) at crank angles (N,) rad with the joints' gaps (m, complex, first pin minus second).
+        """Coordinates (n, N) at crank angles (N,) rad, or at inputs (n_inputs, N), with the joints' gaps (m, complex,
+        first pin minus second).
 
         Angles are continued from the assembly angle, never wrapped.  Raises AssemblyError.
         """
         u, columns = self.open(theta, gaps)
-        self.close(u, columns, path or self.path(u[0].min(), u[0].max()), bool(gaps))
+        self.close(u, columns, self.near(u, path), bool(gaps))
         return u
 
     def open(self, theta: np.ndarray, gaps: Mapping[str, np.ndarray] | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates (n, N) and columns (n_columns, N) that hold what is known before :meth:`close`: crank angles and
-        gaps.
+        """Coordinates (n, N) and columns (n_columns, N) that hold what is known before :meth:`close`: inputs, or
+        crank angles (N,), and gaps.
 
-        Raises AssemblyError for a crank angle that is not a number.
+        Raises AssemblyError for an input that is not a number.
         """
         theta = np.atleast_1d(np.asarray(theta, float))
-        if not np.all(np.isfinite(theta)):
-            raise AssemblyError(f"{self.mechanism.name}: crank angle {theta[~np.isfinite(theta)][0]} is not a number")
-        u = np.zeros((len(self.structure.coordinates), theta.size))
-        u[0] = theta
-        return u, self._fixed_columns(theta.size, gaps)
+        inputs = theta if theta.ndim == 2 else theta[None]
+        if not np.all(np.isfinite(inputs)):
+            what = "crank angle" if self.mechanism.cranked else "position"
+            raise AssemblyError(f"{self.mechanism.name}: {what} {inputs[~np.isfinite(inputs)][0]} is not a number")
+        u = np.zeros((len(self.structure.coordinates), inputs.shape[1]))
+        u[list(self.structure.inputs)] = inputs
+        return u, self._fixed_columns(inputs.shape[1], gaps)
 
-    def close(self, u: np.ndarray, columns: np.ndarray, path: Path, displaced: bool) -> None:
+    def near(self, u: np.ndarray, path: Path | Followed | None = None) -> Path | Followed:
+        """What is near coordinates (n, N) whose inputs are known: ``path``, else a crank's, else those samples
+        themselves, which are then in the order of a motion.  Raises AssemblyError on the way.
+        """
+        if path is not None:
+            return path
+        if len(self.structure.inputs) == 1 and self.mechanism.cranked:
+            return self.path(u[0].min(), u[0].max())
+        return self.follow(u[list(self.structure.inputs)])
+
+    def close(self, u: np.ndarray, columns: np.ndarray, path: Path | Followed, displaced: bool) -> None:
         """Solve for all other coordinates and columns, in place; ``displaced`` says that there are gaps.  Raises
         AssemblyError.
         """
-        theta, near = u[0], path.near(u[0])
-        set_coordinate(self.structure, 0, columns, theta - self.structure.held_at[self._driven.bodies[0]])
-        for group in self.structure.groups:
-            if group in self._branch:
-                margin = solve_dyad(self.structure, group, columns, u, self._branch[group])
+        s, near = self.structure, path.near(u[0])
+        for step in s.steps:
+            if isinstance(step, int):
+                set_input(s, step, columns, u)
+                continue
+            if step in self._branch:
+                set_bodies(s, s.stacked[s.groups.index(step)], columns, u)
+                margin = solve_dyad(s, step, columns, u, self._branch[step])
             else:
-                margin = newton(self.structure, group, columns, u, near, theta) ** 2
-            self._refuse(theta, margin, group, displaced)
-        turns = [i for i, c in enumerate(self.structure.coordinates) if c.bodies and i]
+                margin = newton(s, step, columns, u, near) ** 2
+            self._refuse(u, margin, step, displaced)
+        turns = [i for i, c in enumerate(s.coordinates) if c.bodies and i not in s.inputs]
         u[turns] = turned_near(u[turns], near[turns])
+
+    def follow(self, inputs: np.ndarray) -> Followed:
+        """The ideal linkage's coordinates at inputs (n_inputs, N) that follow one another, reached from the assembly.
+
+        Between samples it goes straight.  Raises AssemblyError on the way.
+        """
+        s, chosen = self.structure, list(self.structure.inputs)
+        stops = np.column_stack([self._home[chosen, 0], inputs])
+        stride = np.array([PATH_STEP if s.unit(i) == "rad" else self._stride for i in chosen])
+        counts = np.maximum(1, np.ceil(np.abs(np.diff(stops) / stride[:, None]).max(axis=0) - 1e-9)).astype(int)
+        ends = np.concatenate([[0], np.cumsum(counts)])
+        walk = np.array([np.interp(np.arange(ends[-1] + 1), ends, row) for row in stops])
+        return Followed(self._walk(walk, self._home[:, 0])[:, ends[1:]])
+
+    @property
+    def _stride(self) -> float:
+        longest = max(body.length for body in self.mechanism.bodies)
+        ground = [
+            abs(complex(*p) - complex(*q))
+            for p in self.mechanism.ground.points.values()
+            for q in self.mechanism.ground.points.values()
+        ]
+        return (max(longest, *ground) or 1.0) / STRIDES
 
     def columns(self, coordinates: np.ndarray, gaps: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
         """The structure's columns (n_columns, N) at these coordinates."""
         columns = self._fixed_columns(coordinates.shape[1], gaps)
-        for i in range(len(self.structure.coordinates)):
-            set_coordinate(self.structure, i, columns, coordinates[i])
+        s = self.structure
+        angles = [i for i, c in enumerate(s.coordinates) if c.bodies]
+        for i in angles:
+            set_coordinate(s, i, columns, coordinates[i])
+        set_bodies(s, (b for b, turned in enumerate(s.turned) if len(turned) > 1), columns, coordinates)
+        for i in range(len(s.coordinates)):
+            if i not in angles:  # a travel is along a body
+                set_coordinate(s, i, columns, coordinates[i])
         return columns
 
     def _fixed_columns(self, n: int, gaps: Mapping[str, np.ndarray] | None) -> np.ndarray:
@@ -138,8 +280,14 @@ class Assembly:
 
     def path(self, low: float, high: float) -> Path:
         """The ideal linkage's path over at least [low, high] rad and the assembly angle.  Raises AssemblyError on the
-        way.
+        way, and where it is not one crank's angle that tells the posture.
         """
+        if len(self.structure.inputs) > 1 or not self.mechanism.cranked:
+            joints = ", ".join(self.positions)
+            raise AssemblyError(
+                f"{self.mechanism.name}: its posture is told by more than one crank's angle ({joints})",
+                remedy="what is asked for is of linkages that one crank moves",
+            )
         low, high, known = min(low, high), max(low, high), self._path.theta
         if not (known[0] <= low and high <= known[-1]):  # the known part has no change point: only the rest is walked
             low, high, u = min(low, known[0]), max(high, known[-1]), self._path.coordinates
@@ -149,39 +297,44 @@ class Assembly:
             self._path = Path(np.concatenate([below[:0:-1], known, above[1:]]), u)
         return self._path
 
-    def _walk(self, theta: np.ndarray, home: np.ndarray) -> np.ndarray:
-        """Continue along theta (monotone) from the coordinates ``home`` (n,) at its first."""
-        u, columns = self._driven_to(theta)
-        for group in self.structure.groups:
-            if group in self._branch:
-                margin = solve_dyad(self.structure, group, columns, u, self._branch[group])
-                self._check_passage(theta, margin, group, u)
+    def _walk(self, inputs: np.ndarray, home: np.ndarray) -> np.ndarray:
+        """Continue along inputs (n_inputs, M), or a crank's angles (M,), from the coordinates ``home`` (n,) at its
+        first.
+        """
+        s = self.structure
+        u, columns = self.open(inputs)
+        for step in s.steps:
+            if isinstance(step, int):
+                set_input(s, step, columns, u)
+                continue
+            if step in self._branch:
+                set_bodies(s, s.stacked[s.groups.index(step)], columns, u)
+                margin = solve_dyad(s, step, columns, u, self._branch[step])
+                self._check_passage(margin, step, u)
             else:
-                self._creep(theta, group, columns, u, home)
-            for i in group.coordinates:
-                if self.structure.coordinates[i].bodies:
+                self._creep(step, columns, u, home)
+            for i in step.coordinates:
+                if s.coordinates[i].bodies:
                     u[i] = continued(np.concatenate([[home[i]], u[i]]))[1:]
         return u
-
-    def _driven_to(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates and columns of the ideal linkage with its crank at theta, all groups still to be solved."""
-        u, columns = self.open(theta)
-        set_coordinate(self.structure, 0, columns, theta - self.structure.held_at[self._driven.bodies[0]])
-        return u, columns
 
     def _assemble(self, guess: np.ndarray) -> np.ndarray:
         s = self.structure
         home = guess.copy()
-        at = np.array([self.start])
-        u, columns = self._driven_to(at)
-        for group in s.groups:
+        u, columns = self.open(guess[list(s.inputs), None])
+        for step in s.steps:
+            if isinstance(step, int):
+                set_input(s, step, columns, u)
+                continue
+            group = step
             angles = [i for i in group.coordinates if s.coordinates[i].bodies]
-            if len(group.coordinates) == 2:
+            set_bodies(s, s.stacked[s.groups.index(group)], columns, u)
+            if group.dyad:
                 candidates: list[tuple[float, float, np.ndarray]] = []
                 for branch in (1.0, -1.0):
                     trial, solved = u.copy(), columns.copy()
                     margin = solve_dyad(s, group, solved, trial, branch)
-                    self._refuse(at, margin, group, False)
+                    self._refuse(u, margin, group, False)
                     miss = float(np.abs(wrapped(trial[angles, 0] - guess[angles])).sum())
                     candidates.append((miss, branch, trial))
                 candidates.sort(key=lambda c: c[0])
@@ -189,7 +342,7 @@ class Assembly:
                 solve_dyad(s, group, columns, u, self._branch[group])
             else:
                 near = with_travels(s, group, columns, guess[:, None])
-                self._refuse(at, newton(s, group, columns, u, near, at) ** 2, group, False)
+                self._refuse(u, newton(s, group, columns, u, near) ** 2, group, False)
             for i in angles:
                 home[i] = turned_near(u[i, 0], guess[i])
                 if abs(home[i] - guess[i]) > ASSEMBLY_SLACK:
@@ -199,79 +352,102 @@ class Assembly:
                         f" assembly angles: {name} would be at {home[i]:.4f} rad, assembly.{name} says {guess[i]:.4f};"
                         " correct it"
                     )
-            for i in group.coordinates:
+            for i in (*group.coordinates, *group.within):
                 home[i] = home[i] if i in angles else u[i, 0]
         return home
 
+    def _check_moves(self) -> None:
+        """Raise StructureError where loops beyond those needed keep the inputs from moving: their lengths are no
+        special ones.
+        """
+        s, columns = self.structure, self.columns(self._home)
+        jacobian = np.stack([partials(s, i, s.loops, columns)[:, 0] for i in range(len(s.coordinates))], axis=-1)
+        rows = np.concatenate([jacobian.real, jacobian.imag])
+        sizes = np.tile(np.abs(s.loops[:, : len(s.bodies)]).sum(axis=1), 2)
+        rows = rows / sizes[:, None]
+        unknown = [i for i in range(len(s.coordinates)) if i not in s.inputs]
+        moved = rows[:, list(s.inputs)]
+        open_by = moved - rows[:, unknown] @ np.linalg.lstsq(rows[:, unknown], moved, rcond=None)[0]
+        if np.abs(open_by).max(initial=0.0) > RIGID:
+            raise StructureError(s.one_too_many)
+
     # ---------------------------------------------------------------- change points
 
-    def _creep(self, theta: np.ndarray, group: Group, columns: np.ndarray, u: np.ndarray, home: np.ndarray) -> None:
-        """Newton from one angle of the path to the next, watching how far the group is from singular."""
+    def _creep(self, group: Group, columns: np.ndarray, u: np.ndarray, home: np.ndarray) -> None:
+        """Newton from one sample of the walk to the next, watching how far the group is from singular."""
         near = home[:, None].copy()
         before = None
-        for k in range(theta.size):
+        for k in range(u.shape[1]):
             one, here = columns[:, k : k + 1], u[:, k : k + 1]
-            regular = newton(self.structure, group, one, here, near, theta[k : k + 1])[0]
+            regular = newton(self.structure, group, one, here, near)[0]
             if regular**2 < CHANGE_POINT or (before is not None and regular * before < 0):
-                raise self._change_point(group, theta[k])
+                raise self._change_point(group, u, k)
             columns[:, k], u[:, k], before = one[:, 0], here[:, 0], regular
             near = here + (here - u[:, k - 1 : k] if k else 0)
 
-    def _check_passage(self, theta: np.ndarray, margin: np.ndarray, group: Group, u: np.ndarray) -> None:
-        """Raise AssemblyError for the first place, at or between the angles of a walk, where the group's margin falls
+    def _check_passage(self, margin: np.ndarray, group: Group, u: np.ndarray) -> None:
+        """Raise AssemblyError for the first place, at or between the samples of a walk, where the group's margin falls
         to zero; ``u`` are the walk's coordinates.
         """
-        beside = np.concatenate([[np.inf], margin, [np.inf]])
+        beside, last = np.concatenate([[np.inf], margin, [np.inf]]), margin.size - 1
         sound = np.logical_and.accumulate(margin > CHANGE_POINT)
         for k in np.flatnonzero(sound & (margin <= beside[:-2]) & (margin <= beside[2:]) & (margin < 0.1)).tolist():
-            low, high = theta[max(k - 1, 0)], theta[min(k + 1, theta.size - 1)]
+            low, high = (u[list(self.structure.inputs), j] for j in (max(k - 1, 0), min(k + 1, last)))
             for _ in range(5):
-                zoom = np.linspace(low, high, 41)
+                zoom = np.linspace(low, high, 41, axis=1)
                 fine = self._margin(zoom, group, u[:, k : k + 1])
                 j = int(np.argmin(fine))
-                low, high = zoom[max(j - 1, 0)], zoom[min(j + 1, 40)]
+                low, high = zoom[:, max(j - 1, 0)], zoom[:, min(j + 1, 40)]
             if fine[j] < CHANGE_POINT:
-                raise self._change_point(group, zoom[j])
-        self._refuse(theta, margin, group, False)
+                raise self._change_point(group, self.open(zoom)[0], j)
+        self._refuse(u, margin, group, False)
 
-    def _margin(self, theta: np.ndarray, group: Group, near: np.ndarray) -> np.ndarray:
-        """A dyad's margin at angles within a step of the walk from where the coordinates are ``near``."""
-        u, columns = self._driven_to(theta)
-        for g in self.structure.groups:
-            if g in self._branch:
-                margin = solve_dyad(self.structure, g, columns, u, self._branch[g])
+    def _margin(self, inputs: np.ndarray, group: Group, near: np.ndarray) -> np.ndarray:
+        """A dyad's margin at inputs (n_inputs, M) within a step of the walk from where the coordinates are ``near``."""
+        s = self.structure
+        u, columns = self.open(inputs)
+        for step in s.steps:
+            if isinstance(step, int):
+                set_input(s, step, columns, u)
+            elif step in self._branch:
+                set_bodies(s, s.stacked[s.groups.index(step)], columns, u)
+                margin = solve_dyad(s, step, columns, u, self._branch[step])
             else:
-                newton(self.structure, g, columns, u, near, theta)
-            if g is group:
+                newton(s, step, columns, u, near)
+            if step is group:
                 break
         return margin
 
-    def _refuse(self, theta: np.ndarray, margin: np.ndarray, group: Group, displaced: bool) -> None:
+    def _refuse(self, u: np.ndarray, margin: np.ndarray, group: Group, displaced: bool) -> None:
         bad = np.flatnonzero(~(margin > CHANGE_POINT))
         if not bad.size:
             return
-        first = bad[0]
+        first = int(bad[0])
         if not margin[first] <= -CHANGE_POINT:  # NaN too: a side has no length
-            raise self._change_point(group, theta[first])
+            raise self._change_point(group, u, first)
         with_gap = " with its joints' clearance taken up" if displaced else ""
+        s = self.structure
         raise AssemblyError(
-            f"{self.mechanism.name}: crank angle {np.degrees(theta[first]):.6g} deg cannot be reached{with_gap}: "
+            f"{self.mechanism.name}: {posture(s, u, first)} cannot be reached{with_gap}: "
             f"the loop through {', '.join(group.bodies)} does not close",
-            float(theta[first]),
-            "choose crank angles that it reaches",
+            crank_angle(s, u, first),
+            f"choose {'crank angles' if self.mechanism.cranked else 'positions'} that it reaches",
         )
 
-    def _change_point(self, group: Group, theta: float) -> AssemblyError:
+    def _change_point(self, group: Group, u: np.ndarray, k: int) -> AssemblyError:
         fall = (
             f"{' and '.join(group.bodies)} fall in line"
-            if len(group.coordinates) == 2
+            if group.dyad
             else f"the loops through {', '.join(group.bodies)} lock"
         )
+        s, start = self.structure, getattr(self, "_home", None)
+        begin = u if start is None else start
+        named = posture(s, begin, 0).removeprefix("crank angle ")
+        clear = f"the range from the assembly angle ({named})" if self.mechanism.cranked else f"the way from {named}"
         return AssemblyError(
-            f"{self.mechanism.name}: change point at crank angle {np.degrees(theta):.6g} deg, where {fall} and the"
-            " assembly mode is lost",
-            float(theta),
-            f"keep the range from the assembly angle ({np.degrees(self.start):.6g} deg) on clear of it",
+            f"{self.mechanism.name}: change point at {posture(s, u, k)}, where {fall} and the assembly mode is lost",
+            crank_angle(s, u, k),
+            f"keep {clear} on clear of it",
         )
 
 

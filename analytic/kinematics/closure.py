@@ -6,10 +6,15 @@ their columns, the structure's last and all zero, may be left out.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from analytic.errors import Error
 from analytic.kinematics.structure import Group, Structure
+from analytic.mechanism import GROUND
+
+AGREE = 1e-6  # of the loops' size: what loops beyond those that are needed may be open, for lengths that are rounded
 
 
 class AssemblyError(Error, ValueError):
@@ -29,14 +34,30 @@ class AssemblyError(Error, ValueError):
 def set_coordinate(
     s: Structure, i: int, columns: np.ndarray, value: np.ndarray, phasor: np.ndarray | None = None
 ) -> None:
-    """Write coordinate i (N,) into the columns that it moves."""
+    """Write coordinate i (N,) into the columns that it moves; bodies that turn with others too are left."""
     c = s.coordinates[i]
     if c.bodies:
         phasor = np.exp(1j * value) if phasor is None else phasor
         for b in c.bodies:
+            if len(s.turned[b]) > 1:
+                continue
             columns[b] = phasor if s.held_at[b] == 0 else phasor * np.exp(1j * s.held_at[b])
     else:
         columns[c.column] = value * columns[s.slide_body[c.column - len(s.bodies)]]
+
+
+def set_bodies(s: Structure, bodies: Iterable[int], columns: np.ndarray, u: np.ndarray) -> None:
+    """Write the phasors of bodies (columns) that turn with a sum of coordinates u (n, N)."""
+    for b in bodies:
+        columns[b] = np.exp(1j * (u[list(s.turned[b])].sum(axis=0) + s.held_at[b]))
+
+
+def set_input(s: Structure, i: int, columns: np.ndarray, u: np.ndarray) -> None:
+    """Write an input that acts outside of groups into the columns, once all that comes before it is there."""
+    child = s.hung.index(i)
+    if len(s.turned[child]) > 1:
+        set_bodies(s, (child,), columns, u)
+    set_coordinate(s, i, columns, u[i])
 
 
 def partials(s: Structure, i: int, form: np.ndarray, columns: np.ndarray) -> np.ndarray:
@@ -140,9 +161,7 @@ def _two_travels(
     return (cross / (np.abs(p) * np.abs(q))) ** 2
 
 
-def newton(
-    s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near: np.ndarray, theta: np.ndarray
-) -> np.ndarray:
+def newton(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray, near: np.ndarray) -> np.ndarray:
     """Close a larger group's loops by Newton's method from ``near`` (n, N); fills columns and u in place.
 
     Returns how far (N,) the loops are from singular: see :func:`_regularity`.  Raises AssemblyError where it does not
@@ -150,49 +169,87 @@ def newton(
     """
     rows = s.loops[list(group.loops)]
     unknown = list(group.coordinates)
-    for i in unknown:
-        u[i] = near[i]
+    u[unknown] = near[unknown]
     arms = np.abs(rows[:, : len(s.bodies)]).sum(axis=1)  # m; the other columns have factors of 1
     for _ in range(30):
-        for i in unknown:
-            c = s.coordinates[i]
-            if c.bodies:
-                for b in c.bodies:
-                    columns[b] = np.exp(1j * (u[i] + s.held_at[b]))
-        for i in unknown:
-            if not s.coordinates[i].bodies:
-                set_coordinate(s, i, columns, u[i])
+        _set_group(s, group, columns, u)
         residual = rows[:, : len(columns)] @ columns
+        travels = np.abs(columns[len(s.bodies) : len(s.bodies) + len(s.slides)]).sum(axis=0)
+        size, close = np.abs(residual), arms.max() + travels
+        if not unknown:
+            if np.all(size <= AGREE * close):
+                return np.ones(columns.shape[1])
+            break
         jacobian = np.stack([partials(s, i, rows, columns) for i in unknown], axis=-1)  # (loops, N, unknowns)
         matrix = np.concatenate([jacobian.real, jacobian.imag]).transpose(1, 0, 2)
-        travels = np.abs(columns[len(s.bodies) : len(s.bodies) + len(s.slides)]).sum(axis=0)
-        if np.all(np.abs(residual) <= 1e-14 * (arms.max() + travels)):
+        if np.all(size <= 1e-14 * close):
             return _regularity(s, rows, matrix)
-        right = np.concatenate([residual.real, residual.imag]).T
         try:
-            u[unknown] -= np.linalg.solve(matrix, right[..., None])[..., 0].T
+            step = least(matrix, np.concatenate([residual.real, residual.imag]).T)
         except np.linalg.LinAlgError:
             break
+        still = np.all(np.abs(step) <= 1e-13 * np.maximum(1.0, close[:, None]))
+        if group.surplus and still and np.all(size <= AGREE * close):
+            return _regularity(s, rows, matrix)
+        u[unknown] -= step.T
     worst = int(np.argmax(np.nan_to_num(np.abs(residual).max(axis=0), nan=np.inf)))
     raise AssemblyError(
-        f"{s.mechanism.name}: crank angle {np.degrees(theta[worst]):.6g} deg cannot be reached: the loops through "
-        f"{', '.join(group.bodies)} do not close",
-        float(theta[worst]),
-        "choose crank angles that they reach",
+        f"{s.mechanism.name}: {posture(s, u, worst)} cannot be reached: the loops through "
+        f"{', '.join(group.bodies) or GROUND} do not close",
+        crank_angle(s, u, worst),
+        f"choose {'crank angles' if s.mechanism.cranked else 'positions'} that they reach",
     )
 
 
+def _set_group(s: Structure, group: Group, columns: np.ndarray, u: np.ndarray) -> None:
+    """Write a group's coordinates u (n, N) into the columns."""
+    for i in group.coordinates:
+        for b in s.coordinates[i].bodies:
+            if len(s.turned[b]) == 1:
+                columns[b] = np.exp(1j * (u[i] + s.held_at[b]))
+    set_bodies(s, s.stacked[s.groups.index(group)], columns, u)
+    for i in (*group.coordinates, *group.within):
+        if not s.coordinates[i].bodies:
+            set_coordinate(s, i, columns, u[i])
+
+
+def posture(s: Structure, u: np.ndarray, k: int) -> str:
+    """Where the inputs are in sample k of coordinates (n, N), in words: ``crank angle 30 deg``, or joint by joint."""
+    if len(s.inputs) == 1 and s.mechanism.cranked:
+        return f"crank angle {np.degrees(u[0, k]):.6g} deg"
+    places = []
+    for i in s.inputs:
+        value = float(s.signs[i] * u[i, k])
+        told = f"{np.degrees(value):.6g} deg" if s.unit(i) == "rad" else f"{1e3 * value:.6g} mm"
+        places.append(f"{s.coordinates[i].joint} = {told}")
+    return ", ".join(places)
+
+
+def crank_angle(s: Structure, u: np.ndarray, k: int) -> float:
+    """The crank's angle (rad) in sample k of coordinates (n, N); NaN where there is more than a crank to say."""
+    return float(u[0, k]) if len(s.inputs) == 1 and s.mechanism.cranked else float("nan")
+
+
+def least(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """x (N, n) with ``matrix`` (N, m, n) times x closest to ``right`` (N, m), m at least n.  Raises LinAlgError where
+    it is singular.
+    """
+    if matrix.shape[1] == matrix.shape[2]:
+        return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
+    q, r = np.linalg.qr(matrix)
+    return np.asarray(np.linalg.solve(r, q.swapaxes(1, 2) @ right[..., None])[..., 0])
+
+
 def with_travels(s: Structure, group: Group, columns: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Coordinates ``near`` (n, 1) with those travels (m) of a group that come closest to closing its loops at these
-    angles: linear least squares.
+    """Coordinates ``near`` (n, 1) with those unknown travels (m) of a group that come closest to closing its loops at
+    these angles: linear least squares.
     """
     slides = [i for i in group.coordinates if not s.coordinates[i].bodies]
     if not slides:
         return near
     near, columns, rows = near.copy(), columns.copy(), s.loops[list(group.loops)]
     near[slides] = 0.0
-    for i in sorted(group.coordinates, key=slides.__contains__):  # a travel is along a body
-        set_coordinate(s, i, columns, near[i])
+    _set_group(s, group, columns, near)
     open_by, along = (
         rows[:, : len(columns)] @ columns,
         np.stack([partials(s, i, rows, columns) for i in slides], axis=-1)[:, 0],
@@ -204,12 +261,13 @@ def with_travels(s: Structure, group: Group, columns: np.ndarray, near: np.ndarr
 
 
 def _regularity(s: Structure, rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Smallest singular value (N,) of a group's Jacobian (N, n, n) in its own scales, with the determinant's sign; zero
-    at a change point.
+    """Smallest singular value (N,) of a group's Jacobian (N, n, n) in its own scales, with the determinant's sign,
+    where it has one; zero at a change point.
 
     Each coordinate's column is divided by its own size, but by no less than a thousandth of the loops': an arm that
     vanishes makes the group singular.
     """
     loops = np.abs(rows[:, : len(s.bodies)]).sum(axis=1).max()
     scaled = matrix / np.maximum(np.linalg.norm(matrix, axis=1), 1e-3 * loops)[:, None, :]
-    return np.sign(np.linalg.det(scaled)) * np.linalg.svd(scaled, compute_uv=False)[:, -1]
+    sense = np.sign(np.linalg.det(scaled)) if scaled.shape[1] == scaled.shape[2] else 1.0
+    return sense * np.linalg.svd(scaled, compute_uv=False)[:, -1]

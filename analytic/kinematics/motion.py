@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly, Path
-from analytic.kinematics.closure import AssemblyError, partials
+from analytic.compiled import run
+from analytic.kinematics.assembly import Assembly, Followed, Path
+from analytic.kinematics.closure import AssemblyError, least, partials
 from analytic.kinematics.structure import Group, Structure
 from analytic.mechanism import Joint
 from analytic.mechanism.one_line import angles, count, largest, one_line
@@ -43,7 +44,7 @@ class Motion:
     """A linkage in motion at N crank angles; arrays are (N,), vectors complex in the ground frame."""
 
     assembly: Assembly
-    theta: np.ndarray  # rad, of the driven body
+    theta: np.ndarray  # rad, of the driven body; the first input (rad, m) of several
     coordinates: np.ndarray  # (n, N) angles (rad, continued) and travels (m)
     rates: np.ndarray  # (n, N) rad/s, m/s
     accelerations: np.ndarray  # (n, N)
@@ -51,6 +52,7 @@ class Motion:
     column_rates: np.ndarray
     column_accelerations: np.ndarray
     jacobians: Mapping[Group, np.ndarray]  # (unknowns, loops, N) derivative of each group's loops
+    displaced: bool = True  # whether joints have gaps; without any the gaps' columns are zero
 
     @property
     def structure(self) -> Structure:
@@ -60,12 +62,30 @@ class Motion:
     def __repr__(self) -> str:
         return one_line(self, self.structure.mechanism.name, angles(self.theta))
 
-    def part(self, block: slice, live: int | None = None) -> Motion:
-        """The same motion at some of its crank angles, or only its first ``live`` columns: views of its arrays."""
+    @property
+    def compiled(self) -> bool:
+        """Whether compiled code has found it."""
+        return isinstance(self.jacobians, Jacobians)
+
+    @property
+    def moved(self) -> run.Moved:
+        """Its arrays, for compiled code."""
+        coordinates = self.coordinates, self.rates, self.accelerations
+        columns = self.columns, self.column_rates, self.column_accelerations
+        return run.Moved(coordinates, columns, self.displaced)
+
+    def part(self, block: slice | np.ndarray, live: int | None = None) -> Motion:
+        """The same motion at some of its crank angles (a slice: views of its arrays; or indices), or only its first
+        ``live`` columns.
+        """
         u, rates, accelerations = (x[:, block] for x in (self.coordinates, self.rates, self.accelerations))
         columns, turns, bends = (x[:live, block] for x in (self.columns, self.column_rates, self.column_accelerations))
-        jacobians = {group: jacobian[..., block] for group, jacobian in self.jacobians.items()}
-        return Motion(self.assembly, self.theta[block], u, rates, accelerations, columns, turns, bends, jacobians)
+        if self.compiled:
+            jacobians: Mapping[Group, np.ndarray] = Jacobians(self.structure, columns)
+        else:
+            jacobians = {group: jacobian[..., block] for group, jacobian in self.jacobians.items()}
+        theta, displaced = self.theta[block], self.displaced
+        return Motion(self.assembly, theta, u, rates, accelerations, columns, turns, bends, jacobians, displaced)
 
     def position(self, body: str, point: str = "com") -> np.ndarray:
         """Position (m) of a body's point."""
@@ -114,15 +134,37 @@ class Motion:
             self.angular_acceleration(second) - self.angular_acceleration(first),
         )
 
+    @property
+    def pace(self) -> np.ndarray:
+        """The fastest input's rate (N,), its size: rad/s, or m/s."""
+        return np.abs(self.rates[list(self.structure.inputs)]).max(axis=0)
+
     def _slide(self, joint: str) -> int:
         return next(i for i, c in enumerate(self.structure.coordinates) if c.joint == joint and not c.bodies)
 
     def _turn(self, values: np.ndarray, body: str) -> np.ndarray:
-        column = self.structure.body_column(body)
-        for i, c in enumerate(self.structure.coordinates):
-            if column in c.bodies:
-                return values[i]
-        return np.zeros(values.shape[1])  # the ground, or a body that a prismatic joint holds parallel to it
+        turned = self.structure.turned[self.structure.body_column(body)]
+        if len(turned) == 1:
+            return values[turned[0]]
+        return values[list(turned)].sum(axis=0)  # zero of the ground, or a body that slides hold parallel to it
+
+
+class Jacobians(Mapping[Group, np.ndarray]):
+    """Derivatives of each group's loops (unknowns, loops, N), found from a motion's columns when they are asked for."""
+
+    def __init__(self, s: Structure, columns: np.ndarray) -> None:
+        self.s, self.columns = s, columns
+
+    def __getitem__(self, group: Group) -> np.ndarray:
+        rows = self.s.loops[list(group.loops), : len(self.columns)]
+        found = [partials(self.s, i, rows, self.columns) for i in group.coordinates]
+        return np.array(found).reshape(len(group.coordinates), len(group.loops), self.columns.shape[1])
+
+    def __iter__(self) -> Iterator[Group]:
+        return iter(self.s.groups)
+
+    def __len__(self) -> int:
+        return len(self.s.groups)
 
 
 def kinematics(
@@ -131,25 +173,56 @@ def kinematics(
     omega: np.ndarray | float = 0.0,
     alpha: np.ndarray | float = 0.0,
     gaps: Mapping[str, Gap] | None = None,
-    path: Path | None = None,
+    path: Path | Followed | None = None,
 ) -> Motion:
     """Motion at crank angles theta (N,) rad, angular velocity omega (rad/s) and acceleration alpha (rad/s^2).
 
+    With several inputs all three are (n_inputs, N), in the structure's order and signs
+    (:meth:`analytic.kinematics.assembly.Assembly.inputs_at`), and the samples follow one another.
+    Large batches, and many calls, are carried out by compiled code (:func:`analytic.compiled.run.serves`), all others
+    by :func:`kinematics_by_numpy`; they differ by rounding.
     Raises AssemblyError at a change point or an angle that cannot be reached.
     """
+    given = np.asarray(theta, float)
+    if run.serves(assembly, given.shape[-1] if given.ndim else 1):
+        inputs = given if given.ndim == 2 else given.reshape(1, -1)
+        opened = {name: (gap.value, gap.rate, gap.acceleration) for name, gap in (gaps or {}).items()}
+        moved = run.moved(assembly, inputs, (omega, alpha), opened, path)
+        if moved is not None:
+            s, (u, *_), (columns, *_) = assembly.structure, moved.coordinates, moved.columns
+            jacobians = Jacobians(s, columns)
+            return Motion(
+                assembly, u[s.inputs[0]], *moved.coordinates, *moved.columns, jacobians, moved.displaced
+            )  # fmt: skip
+    return kinematics_by_numpy(assembly, theta, omega, alpha, gaps, path)
+
+
+def kinematics_by_numpy(
+    assembly: Assembly,
+    theta: np.ndarray,
+    omega: np.ndarray | float = 0.0,
+    alpha: np.ndarray | float = 0.0,
+    gaps: Mapping[str, Gap] | None = None,
+    path: Path | Followed | None = None,
+) -> Motion:
+    """What :func:`kinematics` gives, by numpy alone: what the compiled code is held against, and says what is wrong."""
     s = assembly.structure
     u, columns = assembly.open(theta, {name: gap.value for name, gap in (gaps or {}).items()})
-    theta = np.atleast_1d(np.asarray(theta, float))
-    path = path or assembly.path(theta.min(), theta.max())
-    drive = np.broadcast_to(omega, theta.shape), np.broadcast_to(alpha, theta.shape)
-    rates, bends = (_gap_columns(s, gaps, order, theta.size) for order in ("rate", "acceleration"))
-    jacobians = {g: np.empty((len(g.coordinates), len(g.loops), theta.size), complex) for g in s.groups}
-    motion = Motion(assembly, theta, u, np.empty_like(u), np.empty_like(u), columns, rates, bends, jacobians)
+    n = u.shape[1]
+    near = assembly.near(u, path)
+    drive = (np.broadcast_to(np.atleast_2d(x), (len(s.inputs), n)) for x in (omega, alpha))
+    speed, push = drive
+    rates, bends = (_gap_columns(s, gaps, order, n) for order in ("rate", "acceleration"))
+    jacobians = {g: np.empty((len(g.coordinates), len(g.loops), n), complex) for g in s.groups}
+    motion = Motion(
+        assembly, u[s.inputs[0]], u, np.empty_like(u), np.empty_like(u), columns, rates, bends, jacobians, bool(gaps)
+    )
     live = s.n_columns if gaps else len(s.bodies) + len(s.slides)  # without gaps their columns stay untouched
-    for block in blocks(theta.size):
+    for block in blocks(n):
         part = motion.part(block, live)
-        assembly.close(part.coordinates, part.columns, path, bool(gaps))
-        _set_in_motion(part, drive[0][block], drive[1][block])
+        here = near.part(block) if isinstance(near, Followed) else near
+        assembly.close(part.coordinates, part.columns, here, bool(gaps))
+        _set_in_motion(part, speed[:, block], push[:, block])
     return motion
 
 
@@ -168,13 +241,15 @@ def _set_in_motion(motion: Motion, omega: np.ndarray, alpha: np.ndarray) -> None
             jacobian[k] = partials(s, i, s.loops[list(group.loops)], columns)
     _differentiate(motion, omega, spin, rates)
     centripetal = motion.column_accelerations
-    for i, c in enumerate(s.coordinates):
-        if c.bodies:
-            turning = motion.assembly.turning[i]
-            for k in turning:
-                centripetal[k] -= spin[i] ** 2 * columns[k]
-            for k in turning[len(c.bodies) :]:  # Coriolis: twice the spin times the sliding
-                centripetal[k] += 2j * spin[i] * (rates[k] - 1j * spin[i] * columns[k])
+    for b, turned in enumerate(s.turned):
+        if not turned:
+            continue
+        turns = spin[turned[0]] if len(turned) == 1 else spin[list(turned)].sum(axis=0)
+        riding = [len(s.bodies) + k for k, along in enumerate(s.slide_body) if along == b]
+        for k in (b, *riding):
+            centripetal[k] -= turns**2 * columns[k]
+        for k in riding:  # Coriolis: twice the spin times the sliding
+            centripetal[k] += 2j * turns * (rates[k] - 1j * turns * columns[k])
     _differentiate(motion, alpha, motion.accelerations, centripetal)
 
 
@@ -192,8 +267,9 @@ def _differentiate(motion: Motion, driven: np.ndarray, result: np.ndarray, out: 
     ``out`` holds what is known of the columns' derivatives already.
     """
     s = motion.structure
-    result[0] = driven
-    _spread(motion, 0, driven, out)
+    for i, value in zip(s.inputs, driven, strict=True):
+        result[i] = value
+        _spread(motion, i, value, out)
     for group, jacobian in motion.jacobians.items():
         solved = solve_loops(jacobian, s.loops[list(group.loops), : len(out)] @ out, s, group)
         for i, value in zip(group.coordinates, solved, strict=True):
@@ -213,7 +289,9 @@ def _spread(motion: Motion, i: int, value: np.ndarray, out: np.ndarray) -> None:
 
 def solve_loops(jacobian: np.ndarray, right: np.ndarray, s: Structure, group: Group) -> np.ndarray:
     """Unknown rates x (unknowns, N) with ``sum_i jacobian[i] x_i + right = 0`` for each loop (loops, N), complex."""
-    if len(jacobian) == 2:
+    if not len(jacobian):
+        return np.zeros((0, right.shape[1]))
+    if jacobian.shape[:2] == (2, 1):
         a, b, r = jacobian[0, 0], jacobian[1, 0], right[0]
         c = cross(a, b)
         if not np.all(c):
@@ -221,20 +299,39 @@ def solve_loops(jacobian: np.ndarray, right: np.ndarray, s: Structure, group: Gr
         return np.array([cross(b, r) / c, cross(r, a) / c])
     matrix = np.concatenate([jacobian.real, jacobian.imag], axis=1).transpose(2, 1, 0)
     try:
-        return -np.linalg.solve(matrix, np.concatenate([right.real, right.imag]).T[..., None])[..., 0].T
+        return -least(matrix, np.concatenate([right.real, right.imag]).T).T
     except np.linalg.LinAlgError:
         raise _singular(s, group) from None
 
 
 def solve_forces(jacobian: np.ndarray, work: np.ndarray, s: Structure, group: Group) -> np.ndarray:
-    """Closing forces (loops, N), complex, whose work with the generalised forces ``work`` (unknowns, N) vanishes."""
-    if len(jacobian) == 2:
+    """Closing forces (loops, N), complex, whose work with the generalised forces ``work`` (unknowns, N) vanishes; the
+    smallest, where loops are more than needed.
+    """
+    if jacobian.shape[:2] == (2, 1):
         a, b = jacobian[0, 0], jacobian[1, 0]
         return (1j * (work[0] * b - work[1] * a) / cross(a, b))[None]
-    matrix = np.concatenate([jacobian.real, jacobian.imag], axis=1).transpose(2, 0, 1)
-    solved = -np.linalg.solve(matrix, work.T[..., None])[..., 0].T
     n = len(group.loops)
+    if not len(jacobian):
+        return np.zeros((n, work.shape[1]), complex)
+    matrix = np.concatenate([jacobian.real, jacobian.imag], axis=1).transpose(2, 0, 1)
+    if group.surplus:
+        q, r = np.linalg.qr(matrix.swapaxes(1, 2))
+        solved = -(q @ np.linalg.solve(r.swapaxes(1, 2), work.T[..., None]))[..., 0].T
+    else:
+        solved = -np.linalg.solve(matrix, work.T[..., None])[..., 0].T
     return solved[:n] + 1j * solved[n:]
+
+
+def self_stresses(jacobian: np.ndarray, group: Group) -> np.ndarray:
+    """Closing forces (surplus, loops, N), complex, that do no work on the group's own coordinates: what nothing
+    determines of them.
+    """
+    n = len(group.loops)
+    matrix = np.concatenate([jacobian.real, jacobian.imag], axis=1).transpose(2, 1, 0)  # (N, 2 loops, unknowns)
+    q, _ = np.linalg.qr(matrix, mode="complete")
+    idle = q[:, :, len(jacobian) :].transpose(2, 1, 0)
+    return np.asarray(idle[:, :n] + 1j * idle[:, n:])
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

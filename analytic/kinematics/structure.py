@@ -1,4 +1,4 @@
-"""What a planar linkage is made of: the driven body, then its Assur groups, as constant matrices.
+"""What a planar linkage is made of: driven bodies and Assur groups, one after the other, as constant matrices.
 
 Every point of a linkage is a constant linear form in a few *columns*, complex numbers that change with the motion:
 
@@ -12,12 +12,20 @@ and by virtual work the reaction of a joint is the dual of its gap.  A loop clos
 An Assur group is the smallest set of bodies that becomes rigid when it is joined to what is known already (two bodies
 and three joints, a dyad, in most linkages).  Solving group after group, each of which may hold several loops, needs
 no formula for the four-bar or any other linkage.
+
+What is known is the position of each driven joint, whose equation is one more than a joint's two, and where drives
+leave freedoms, the position of further joints, which then move freely (``inputs``).  A body behind a driven joint
+turns with what that joint is on: its angle is a sum of coordinates.  Where joints have more equations than there are
+unknowns (a parallelogram with a third bar), a group has more loops than it needs; whether they agree is a question of
+lengths, which the assembly answers (:mod:`analytic.kinematics.assembly`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -29,12 +37,12 @@ NAMED = 8  # bodies that an error names; a linkage may have hundreds
 
 
 class StructureError(Error, ValueError):
-    """The joints do not make a linkage that one drive determines."""
+    """The joints do not make a linkage that moves."""
 
 
 @dataclass(frozen=True)
 class Coordinate:
-    """An unknown of the motion: the common angle of bodies that turn together, or the travel of a prismatic joint."""
+    """A variable of the motion: an angle with which bodies turn, or the travel of a prismatic joint."""
 
     joint: str
     bodies: tuple[int, ...]  # columns of the bodies that turn with it; empty for a travel
@@ -43,11 +51,24 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class Group:
-    """An Assur group: its bodies' names, unknown coordinates (indices) and the rows of its loops."""
+    """An Assur group: its bodies' names, unknown coordinates (indices), the rows of its loops, and the inputs (indices
+    of coordinates) that act within it.
+    """
 
     bodies: tuple[str, ...]
     coordinates: tuple[int, ...]
     loops: tuple[int, ...]
+    within: tuple[int, ...] = ()
+
+    @property
+    def dyad(self) -> bool:
+        """Whether it is two unknowns and one loop, closed in closed form."""
+        return len(self.coordinates) == 2 and len(self.loops) == 1 and not self.within
+
+    @property
+    def surplus(self) -> int:
+        """How many equations its loops have beyond its unknowns."""
+        return 2 * len(self.loops) - len(self.coordinates)
 
 
 @dataclass(frozen=True)
@@ -60,12 +81,38 @@ class Structure:
     pins: tuple[str, ...]
     origins: np.ndarray  # (bodies, columns) complex: form of each body's origin
     loops: np.ndarray  # (loops, columns) complex
-    held_at: np.ndarray  # (bodies,) rad: angle of a body minus that of its coordinate
-    coordinates: tuple[Coordinate, ...]  # the driven angle first
+    held_at: np.ndarray  # (bodies,) rad: angle of a body minus the sum of its coordinates
+    coordinates: tuple[Coordinate, ...]  # a crank's angle first
     groups: tuple[Group, ...]
+    inputs: tuple[int, ...]  # coordinates that are given: the drives' in the file's order, then those that move freely
+    steps: tuple[Group | int, ...]  # what is found one after the other: groups, and inputs outside of them
+    turned: tuple[tuple[int, ...], ...]  # per body: the coordinates whose sum turns it
+    hung: tuple[int, ...]  # per body: the coordinate by which it hangs on another; -1 of the ground
+    signs: np.ndarray  # (coordinates,) 1, or -1 where a revolute joint's second body is the one nearer to the ground
+    one_too_many: str  # a sentence on joints that close what is rigid already, if lengths do not agree; or empty
     slide_body: np.ndarray  # (slides,) column of the phasor that each slide moves along
     turned_by: tuple[frozenset[int], ...]  # per slide: the bodies that its joint holds from turning, on the far side
     far_is_second: tuple[bool, ...]  # per slide: whether the far side is the joint's second body
+
+    @property
+    def driven(self) -> tuple[int, ...]:
+        """Which of the inputs (indices of them) a drive moves."""
+        return tuple(k for k, drive in enumerate(self.mechanism.drives) if drive.speed != "free")
+
+    @property
+    def free(self) -> tuple[int, ...]:
+        """Which of them move freely."""
+        return tuple(k for k in range(len(self.inputs)) if k not in self.driven)
+
+    def unit(self, i: int) -> Literal["rad", "m"]:
+        """Unit of a coordinate."""
+        return "rad" if self.coordinates[i].bodies else "m"
+
+    @cached_property
+    def stacked(self) -> tuple[tuple[int, ...], ...]:
+        """Per group: columns of its bodies that turn with a sum of coordinates."""
+        columns = [tuple(self.bodies.index(b) for b in group.bodies) for group in self.groups]
+        return tuple(tuple(b for b in own if len(self.turned[b]) > 1) for own in columns)
 
     @property
     def n_columns(self) -> int:
@@ -96,9 +143,14 @@ class Structure:
         return form
 
 
-def structure(mechanism: Mechanism) -> Structure:
-    """Decompose a linkage.  Raises StructureError where one drive does not determine it."""
-    return _Builder(mechanism).build()
+def structure(mechanism: Mechanism, whole: bool = False) -> Structure:
+    """Decompose a linkage; ``whole`` puts all that its drives do not move alone into one group, whatever its parts.
+
+    Raises StructureError where its drives do not go together, or it cannot move.
+    """
+    given = [drive.joint for drive in mechanism.drives] or ([mechanism.drive_joint.name] if mechanism.cranked else [])
+    free = _Builder(mechanism, given, whole).left_free()
+    return _Builder(mechanism, given + free, whole).build()
 
 
 def reached(start: str, along: Mapping[str, set[str]]) -> set[str]:
@@ -149,30 +201,40 @@ def _spend(joint: Joint, spent: Mapping[str, list[Joint]], tried: set[str]) -> b
 
 
 class _Builder:
-    def __init__(self, mechanism: Mechanism) -> None:
+    def __init__(self, mechanism: Mechanism, given: list[str], whole: bool) -> None:
         self.m = mechanism
+        self.given, self.whole = given, whole
         self.bodies = (GROUND, *(b.name for b in mechanism.bodies))
         self.slides = tuple(j.name for j in mechanism.joints if j.prismatic)
         self.pins = tuple(j.name for j in mechanism.joints if not j.prismatic)
         n = len(self.bodies) + len(self.slides) + len(self.pins)
         self.origins = np.zeros((len(self.bodies), n), complex)
         self.held_at = np.zeros(len(self.bodies))
-        self.head = {GROUND: -1}  # coordinate that turns each placed body; -1 is the ground
+        self.turned: dict[str, tuple[int, ...]] = {GROUND: ()}  # coordinates that turn each placed body
+        self.hung: dict[str, int] = {}
         self.coordinates: list[Coordinate] = []
+        self.signs: list[int] = []
         self.loops: list[np.ndarray] = []
-        self.groups: list[Group] = []
+        self.steps: list[Group | int] = []
+        self.inputs: dict[str, int] = {}  # coordinate of each joint whose position is given
         self.tree: dict[str, tuple[str, Joint]] = {}  # body -> its parent and the joint between
         self.unused = list(mechanism.joints)
+        self.one_too_many = ""
 
     def build(self) -> Structure:
-        self.place(self.m.driven, self.m.drive_joint)
+        self.place_given()
         needs = self.needs()
-        while len(self.head) < len(self.bodies):
+        while len(self.turned) < len(self.bodies):
             self.add_group(self.next_group(needs))
+            self.place_given()
         return Structure(
             mechanism=self.m, bodies=self.bodies, slides=self.slides, pins=self.pins, origins=self.origins,
             loops=np.array(self.loops).reshape(len(self.loops), self.origins.shape[1]), held_at=self.held_at,
-            coordinates=tuple(self.coordinates), groups=tuple(self.groups),
+            coordinates=tuple(self.coordinates), groups=tuple(s for s in self.steps if isinstance(s, Group)),
+            inputs=tuple(self.inputs[name] for name in self.given), steps=tuple(self.steps),
+            turned=tuple(self.turned[b] for b in self.bodies),
+            hung=(-1, *(self.hung[b] for b in self.bodies[1:])), signs=np.array(self.signs),
+            one_too_many=self.one_too_many,
             slide_body=np.array([self.bodies.index(self.m.joint(k).bodies[0]) for k in self.slides], int),
             turned_by=tuple(self.beyond(self.m.joint(k)) for k in self.slides),
             far_is_second=tuple(self.far(self.m.joint(k)) == self.m.joint(k).bodies[1] for k in self.slides),
@@ -181,38 +243,55 @@ class _Builder:
     def mobility(self) -> int:
         return 3 * len(self.m.bodies) - 2 * len(self.m.joints)
 
+    def left_free(self) -> list[str]:
+        """Joints whose positions, with those that are given, determine the linkage: those nearest to the ground."""
+        spent: dict[str, list[Joint]] = {b: [] for b in self.bodies[1:]}
+        for joint in self.unused:
+            for _ in range(2 + (joint.name in self.given)):
+                _spend(joint, spent, set())
+        self.check_one_drive(spent)
+        others = [j for j in self.unused if j.name not in self.given]
+        nearest = sorted(others, key=lambda j: (GROUND not in j.bodies, j.prismatic))
+        return [joint.name for joint in nearest if _spend(joint, spent, set())]
+
+    def check_one_drive(self, spent: Mapping[str, list[Joint]]) -> None:
+        """One drive that turns a crank determines the whole linkage: what it leaves free is a slip more often than
+        meant.
+        """
+        needs = {b: {other for joint in joints for other in _ends(joint, spent)} - {b} for b, joints in spent.items()}
+        loose = {b for b in spent if any(len(spent[other]) < 3 for other in reached(b, needs))}
+        if loose and len(self.m.drives) == 1 and self.m.drives[0].speed != "free":
+            raise StructureError(
+                f"{self.m.name}: the drive at {self.m.drives[0].joint!r} does not determine"
+                f" {_names(self.bodies, loose)} (mobility {self.mobility()}, one drive needs 1); hold"
+                " or join what is free, check the joints' bodies, or give what is to swing a [[drive]] of its own with"
+                " speed = 'free'"
+            )
+
     def needs(self) -> dict[str, set[str]]:
         """For each unplaced body the bodies that must be known, or found with it, for it to be found.
 
-        Every joint has two equations, and each is spent on one of the three unknowns of a body that it joins; a body
-        then needs those at the other ends of the joints that are spent on it.  Raises StructureError where an equation
-        finds no unknown (the joint is one too many), or an unknown no equation.
+        Every joint has two equations, a given one three, and each is spent on one of the three unknowns of a body that
+        it joins; a body then needs those at the other ends of the joints that are spent on it.  An equation that finds
+        no unknown is one too many: it is left to the lengths whether it agrees with the others.
         """
-        spent: dict[str, list[Joint]] = {b: [] for b in self.bodies if b not in self.head}
+        spent: dict[str, list[Joint]] = {b: [] for b in self.bodies if b not in self.turned}
         for joint in self.unused:
-            for _ in range(2):
+            for _ in range(2 + (joint.name in self.given)):
                 rigid: set[str] = set()
-                if not _spend(joint, spent, rigid):
-                    raise StructureError(
+                if not _spend(joint, spent, rigid) and not self.one_too_many:
+                    self.one_too_many = (
                         f"{self.m.name}: joint {joint.name!r} closes a loop that is rigid already, through"
-                        f" {_names(self.bodies, rigid) or GROUND} (mobility {self.mobility()}, one drive needs 1);"
-                        " remove it"
+                        f" {_names(self.bodies, rigid) or GROUND} (mobility {self.mobility()},"
+                        f" {_drives(len(self.given))}); remove it"
                     )
-        needs = {b: {other for joint in joints for other in _ends(joint, spent)} - {b} for b, joints in spent.items()}
-        loose = {b for b in spent if any(len(spent[other]) < 3 for other in reached(b, needs))}
-        if loose:
-            raise StructureError(
-                f"{self.m.name}: the drive at {self.m.drive_joint.name!r} does not determine"
-                f" {_names(self.bodies, loose)} (mobility {self.mobility()}, one drive needs 1); hold"
-                " or join what is free, or check the joints' bodies"
-            )
-        return needs
+        return {b: {other for joint in joints for other in _ends(joint, spent)} - {b} for b, joints in spent.items()}
 
     def next_group(self, needs: Mapping[str, set[str]]) -> tuple[str, ...]:
         """The smallest set of unplaced bodies that need none but placed bodies and each other: 3 bodies = 2 joints."""
-        waiting = {b: needs[b] - set(self.head) for b in self.bodies if b not in self.head}
+        waiting = {b: needs[b] - set(self.turned) for b in self.bodies if b not in self.turned}
         smallest = set(waiting)
-        for body in waiting:
+        for body in () if self.whole else waiting:
             found = reached(body, waiting)
             smallest = min(found, smallest, key=len)  # of equally small ones the first in the file
             if len(smallest) == 2:
@@ -221,28 +300,59 @@ class _Builder:
 
     def joints_of(self, group: tuple[str, ...]) -> list[Joint]:
         """Joints between the group's bodies, and from them to what is placed already."""
-        inside = {*group, *self.head}
+        inside = {*group, *self.turned}
         return [j for j in self.unused if set(j.bodies) <= inside and set(j.bodies) & set(group)]
 
+    def place_given(self) -> None:
+        """Place what given joints hang on placed bodies, and close what then joins placed bodies only."""
+        while True:
+            joint = next(
+                (j for j in self.unused if j.name in self.given and len({*j.bodies} & {*self.turned}) == 1), None
+            )
+            if joint is None:
+                break
+            self.place(next(b for b in joint.bodies if b not in self.turned), joint)
+            self.steps.append(self.inputs[joint.name])
+        closed = [j for j in self.unused if {*j.bodies} <= {*self.turned}]
+        if closed:
+            self.check_ties(closed)
+            self.steps.append(Group((), (), tuple(self.close(j) for j in closed)))
+
+    def check_ties(self, joints: list[Joint]) -> None:
+        for joint in joints:
+            if joint.prismatic or joint.name in self.given:
+                raise StructureError(
+                    f"{self.m.name}: joint {joint.name!r} closes a loop of prismatic joints and drives only; make one"
+                    " of them revolute, or leave a drive out"
+                )
+
     def add_group(self, group: tuple[str, ...]) -> None:
-        joints = sorted(self.joints_of(group), key=lambda j: not j.prismatic)  # prismatic joints belong to the tree
-        edges = self.spanning_tree(group, joints)
+        # prismatic and given joints belong to the tree
+        order = sorted(self.joints_of(group), key=lambda j: (not j.prismatic, j.name not in self.given))
+        edges = self.spanning_tree(group, order)
         first = len(self.coordinates)
         while edges:
-            joint = next(j for j in edges if set(j.bodies) & set(self.head))
+            joint = next(j for j in edges if set(j.bodies) & set(self.turned))
             edges.remove(joint)
-            child = next(b for b in joint.bodies if b not in self.head)
+            child = next(b for b in joint.bodies if b not in self.turned)
             self.place(child, joint)
-        loops = []
-        for joint in self.joints_of(group):
-            self.unused.remove(joint)
-            loops.append(len(self.loops))
-            self.loops.append(self.closure(joint))
-        self.groups.append(Group(group, tuple(range(first, len(self.coordinates))), tuple(loops)))
+        joints = self.joints_of(group)
+        self.check_ties(joints)
+        loops = tuple(self.close(joint) for joint in joints)
+        new = range(first, len(self.coordinates))
+        inputs = set(self.inputs.values())
+        unknown, within = tuple(i for i in new if i not in inputs), tuple(i for i in new if i in inputs)
+        self.steps.append(Group(group, unknown, loops, within))
+
+    def close(self, joint: Joint) -> int:
+        """Spend a joint on a loop; its row."""
+        self.unused.remove(joint)
+        self.loops.append(self.closure(joint))
+        return len(self.loops) - 1
 
     def spanning_tree(self, group: tuple[str, ...], joints: list[Joint]) -> list[Joint]:
         """Joints that hang the group's bodies on what is placed, every prismatic one among them."""
-        part = {b: b if b in group else "" for b in (*group, *self.head)}
+        part = {b: b if b in group else "" for b in (*group, *self.turned)}
         tree = []
         for joint in joints:
             a, b = (part[body] for body in joint.bodies)
@@ -264,22 +374,31 @@ class _Builder:
         a, b = self.bodies.index(parent), self.bodies.index(child)
         form = self.origins[a].copy()
         form[a] += self.m.body(parent).point(joint.name)
+        new = len(self.coordinates)
+        given = joint.name in self.given
+        self.hung[child] = new
         if joint.prismatic:
             column = len(self.bodies) + self.slides.index(joint.name)
             form[column] += sign * joint.direction
-            self.held_at[b] = self.held_at[a] + sign * joint.angle
-            head = self.head[parent]
-            if head >= 0:
-                turning = self.coordinates[head]
-                self.coordinates[head] = Coordinate(turning.joint, (*turning.bodies, b), -1)
-            self.coordinates.append(Coordinate(joint.name, (), column))
         else:
             form[len(self.bodies) + len(self.slides) + self.pins.index(joint.name)] -= sign
-            head = len(self.coordinates)
+        self.turned[child] = ()
+        if joint.prismatic or given:  # it turns with what it hangs on
+            self.held_at[b] = self.held_at[a] + (sign * joint.angle if joint.prismatic else 0.0)
+            self.turned[child] = self.turned[parent]
+            for i in self.turned[parent]:
+                turning = self.coordinates[i]
+                self.coordinates[i] = Coordinate(turning.joint, (*turning.bodies, b), -1)
+        if joint.prismatic:
+            self.coordinates.append(Coordinate(joint.name, (), column))
+        else:
             self.coordinates.append(Coordinate(joint.name, (b,), -1))
+            self.turned[child] += (new,)
+        self.signs.append(1 if joint.prismatic else sign)
+        if given:
+            self.inputs[joint.name] = new
         form[b] -= self.m.body(child).point(joint.name)
         self.origins[b] = form
-        self.head[child] = head
         self.tree[child] = (parent, joint)
         self.unused.remove(joint)
 
@@ -299,6 +418,10 @@ class _Builder:
         """Bodies that a prismatic joint carries and that turn with it."""
         carried = {self.far(joint)}
         for body, (parent, via) in self.tree.items():  # parents come before children
-            if parent in carried and via.prismatic:
+            if parent in carried and (via.prismatic or via.name in self.given):
                 carried.add(body)
         return frozenset(self.bodies.index(b) for b in carried)
+
+
+def _drives(number: int) -> str:
+    return "one drive needs 1" if number == 1 else f"{count(number, 'drive')} need {number}"

@@ -17,6 +17,7 @@ from analytic.mechanism.parts import (
     Load,
     PeriodicTorque,
     Ripple,
+    Spring,
 )
 
 __all__ = [
@@ -36,4 +37,5 @@ __all__ = [
     "MechanismWarning",
     "PeriodicTorque",
     "Ripple",
+    "Spring",
 ]

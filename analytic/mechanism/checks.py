@@ -9,7 +9,7 @@ import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 
-from analytic.mechanism.parts import GROUND, SMALLEST, Body, Drive, Ground, Joint, Load
+from analytic.mechanism.parts import GROUND, SMALLEST, Body, Drive, Ground, Joint, Load, Spring
 from analytic.mechanism.signals import signals
 
 LARGEST_PLAUSIBLE_LENGTH = 20.0  # m; a linkage larger than this was probably entered in millimetres
@@ -94,21 +94,38 @@ def _check_prismatic(joint: Joint, where: str) -> None:
         )
 
 
-def check_drive(drive: Drive | None, joints: Sequence[Joint]) -> None:
-    """The drive turns a body on the ground."""
-    if drive is None:
-        if not any(not j.prismatic and GROUND in j.bodies for j in joints):
-            raise ValueError("no revolute joint connects a body to the ground; add one")
-        return
-    joint = next((j for j in joints if j.name == drive.joint), None)
-    if joint is None:
-        raise ValueError(
-            f"drive.joint = {drive.joint!r} is not a joint; the joints are {_list(j.name for j in joints)}"
-        )
-    if joint.prismatic or GROUND not in joint.bodies:
-        raise ValueError(f"drive.joint = {joint.name!r} must be a revolute joint on the ground")
-    if drive.speed == 0:
-        raise ValueError("drive.speed = 0; give the speed in rad/s, or 'free' (statics are compared in static motion)")
+def check_drives(drives: Sequence[Drive], joints: Sequence[Joint]) -> None:
+    """Each drive moves a joint of its own; what is a crank's alone is given to a crank."""
+    if not drives and not any(GROUND in j.bodies for j in joints):
+        raise ValueError("no joint connects a body to the ground; add one")
+    for k, drive in enumerate(drives):
+        where = "drive" if len(drives) == 1 else f"drive[{drive.joint}]"
+        joint = next((j for j in joints if j.name == drive.joint), None)
+        if joint is None:
+            names = _list(j.name for j in joints)
+            raise ValueError(f"{where}.joint = {drive.joint!r} is not a joint; the joints are {names}")
+        if any(other.joint == drive.joint for other in drives[:k]):
+            raise ValueError(f"{where}.joint = {drive.joint!r} has two drives; a joint has one, leave one of them out")
+        if drive.speed == 0:
+            unit = "m/s" if joint.prismatic else "rad/s"
+            raise ValueError(
+                f"{where}.speed = 0; give the speed in {unit}, or 'free' (statics are compared in static motion)"
+            )
+        if len(drives) > 1 or joint.prismatic or GROUND not in joint.bodies:
+            _check_plain(drive, where)
+
+
+def _check_plain(drive: Drive, where: str) -> None:
+    """What only the drive of a crank has."""
+    for field, value in (
+        ("ripple", drive.ripple), ("stiffness", drive.stiffness), ("half_gap", drive.half_gap or None),
+        ("periodic_torque", drive.periodic_torque),
+    ):  # fmt: skip
+        if value is not None:
+            raise ValueError(
+                f"{where}.{field} is given, and only a single drive that turns a crank on the ground has one; leave it"
+                " out"
+            )
 
 
 def check_loads(loads: Iterable[Load], bodies: Mapping[str, Body]) -> None:
@@ -123,13 +140,29 @@ def check_loads(loads: Iterable[Load], bodies: Mapping[str, Body]) -> None:
             )
 
 
-def check_assembly(assembly: Iterable[str], bodies: Iterable[str], driven: str) -> None:
-    """Assembly angles are those of moving bodies, the driven one among them."""
+def check_springs(springs: Iterable[Spring], parts: Parts) -> None:
+    """Springs join points that exist, of two different bodies."""
+    for spring in springs:
+        for body, point in spring.ends:
+            if body not in parts:
+                raise ValueError(f"spring.bodies names {body!r}; the bodies are {_list(parts)}")
+            if point != "com" and point not in parts[body].points:
+                raise ValueError(
+                    f"spring.points names {point!r}, no point of {body!r}; use {_list(parts[body].points)}"
+                )
+            if point == "com" and body == GROUND:
+                raise ValueError("spring.points names 'com' of the ground, which has none; use one of its points")
+        if spring.bodies[0] == spring.bodies[1]:
+            raise ValueError(f"spring.bodies are both {spring.bodies[0]!r}; a spring joins two bodies")
+
+
+def check_assembly(assembly: Iterable[str], bodies: Iterable[str], driven: str | None) -> None:
+    """Assembly angles are those of moving bodies, the driven one among them, where there is a crank."""
     moving, given = list(bodies), list(assembly)
     for name in given:
         if name not in moving:
             raise ValueError(f"assembly.{name} is not a moving body; the bodies are {_list(moving)}")
-    if driven not in given:
+    if driven is not None and driven not in given:
         raise ValueError(
             f"assembly.{driven} is missing; give the driven body's angle (rad) at which the linkage is assembled"
         )

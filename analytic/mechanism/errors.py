@@ -89,6 +89,8 @@ def _place(location: tuple[int | str, ...], fields: Mapping[str, object]) -> tup
     for step in location:
         if isinstance(step, str) and not isinstance(here, Mapping):
             break
+        if isinstance(step, int) and isinstance(here, Mapping):  # one table in place of a list of them
+            continue
         try:
             here = here[step]
         except (KeyError, IndexError, TypeError):
@@ -109,7 +111,7 @@ def _where(location: tuple[int | str, ...], fields: Mapping[str, object]) -> str
         except (KeyError, IndexError, TypeError):
             here = {}
         if isinstance(step, int):
-            name = here.get("name", step) if isinstance(here, Mapping) else step
+            name = here.get("name", here.get("joint", step)) if isinstance(here, Mapping) else step
             text += f"[{brief(name)}]"
         else:
             text += f".{brief(step)}" if text else brief(step)

@@ -1,4 +1,4 @@
-"""The one description of a planar linkage: bodies, joints, drive, loads and assembly mode.
+"""The one description of a planar linkage: bodies, joints, drives, springs, loads and assembly mode.
 
 SI units and radians throughout.  Every object is frozen and checked when it is made; change one with
 :meth:`Mechanism.replace`, which checks again.  Files are read and written in :mod:`analytic.mechanism.file`.
@@ -11,15 +11,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from numbers import Real
 from typing import Annotated, TypeVar
 
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, field_serializer, model_validator
 
 from analytic.mechanism.checks import (
     check_assembly,
     check_body,
-    check_drive,
+    check_drives,
     check_joint,
     check_loads,
     check_names,
+    check_springs,
     warn_of_degrees,
     warn_of_millimetres,
 )
@@ -36,12 +37,15 @@ from analytic.mechanism.parts import (
     Name,
     Part,
     PeriodicTorque,
+    Spring,
     Vector,
     as_tuple,
+    one_or_many,
     titled,
 )
 
 P = TypeVar("P", Body, Joint)
+ONE_CRANK = "what is asked for is of linkages with one drive, which turns a crank on the ground"
 
 
 class Mechanism(Part):
@@ -52,7 +56,9 @@ class Mechanism(Part):
     ground: Ground
     bodies: Annotated[tuple[Body, ...], BeforeValidator(as_tuple), Field(alias="body", min_length=1)]
     joints: Annotated[tuple[Joint, ...], BeforeValidator(as_tuple), Field(alias="joint", min_length=1)]
-    drive: Drive | None = None
+    # a file's [drive], or its [[drive]] one after the other
+    drives: Annotated[tuple[Drive, ...], BeforeValidator(one_or_many), Field(alias="drive")] = ()
+    springs: Annotated[tuple[Spring, ...], BeforeValidator(as_tuple), Field(alias="spring")] = ()
     loads: Annotated[tuple[Load, ...], BeforeValidator(as_tuple), Field(alias="load")] = ()
     assembly: Mapping[Name, Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]] = Field(default_factory=dict)  # rad
 
@@ -78,15 +84,44 @@ class Mechanism(Part):
         return {GROUND: self.ground, **self.moving}
 
     @property
+    def drive(self) -> Drive | None:
+        """The only drive; None without one.  Raises MechanismError where there are several."""
+        if len(self.drives) > 1:
+            driven = ", ".join(drive.joint for drive in self.drives)
+            raise MechanismError(f"{self.name}: drive is given {len(self.drives)} times ({driven}); {ONE_CRANK}")
+        return self.drives[0] if self.drives else None
+
+    @property
+    def motors(self) -> list[Joint]:
+        """The joints that a motor moves, in the order of the drives."""
+        return [self.joint(drive.joint) for drive in self.drives if drive.speed != "free"]
+
+    @property
+    def cranked(self) -> bool:
+        """Whether it moves by a crank: a body that turns on the ground, by its only drive or without any."""
+        if not self.drives:
+            return any(not j.prismatic and GROUND in j.bodies for j in self.joints)
+        joint = self.joint(self.drives[0].joint)
+        return len(self.drives) == 1 and not joint.prismatic and GROUND in joint.bodies
+
+    @property
     def drive_joint(self) -> Joint:
-        """The joint that turns the driven body; without a drive, the first revolute joint on the ground."""
+        """The joint that turns the crank; without a drive, the first revolute joint on the ground.  Raises
+        MechanismError where there is no crank.
+        """
         if self.drive is not None:
-            return self.joint(self.drive.joint)
-        return next(j for j in self.joints if not j.prismatic and GROUND in j.bodies)
+            joint = self.joint(self.drive.joint)
+            if self.cranked:
+                return joint
+            raise MechanismError(f"{self.name}: drive.joint = {joint.name!r} turns no body on the ground; {ONE_CRANK}")
+        for joint in self.joints:
+            if not joint.prismatic and GROUND in joint.bodies:
+                return joint
+        raise MechanismError(f"{self.name}: no revolute joint connects a body to the ground; {ONE_CRANK}")
 
     @property
     def driven(self) -> str:
-        """Name of the driven body: the crank."""
+        """Name of the driven body: the crank.  Raises MechanismError where there is none."""
         first, second = self.drive_joint.bodies
         return second if first == GROUND else first
 
@@ -96,23 +131,25 @@ class Mechanism(Part):
 
     @property
     def periodic_torque(self) -> PeriodicTorque | None:
-        """What turns the driven body over its angle beside the motor; None where nothing does."""
-        return None if self.drive is None else self.drive.periodic_torque
+        """What turns the crank over its angle beside the motor; None where nothing does."""
+        return self.drives[0].periodic_torque if self.drives else None  # several have none
 
     @property
     def drive_stiffness(self) -> float | None:
         """Stiffness (N.m/rad) between motor and crank; None where the crank is rigidly on its motor, or has none."""
-        return None if self.drive is None or self.drive.speed == "free" else self.drive.stiffness
+        return None if not self.drives or self.drives[0].speed == "free" else self.drives[0].stiffness
 
     @property
     def half_gap(self) -> float:
         """Half the backlash (rad) between motor and crank; none without a motor."""
-        return 0.0 if self.drive is None or self.drive.speed == "free" else self.drive.half_gap
+        return 0.0 if not self.drives or self.drives[0].speed == "free" else self.drives[0].half_gap
 
     @property
     def speed(self) -> float | None:
-        """The drive's constant speed (rad/s), or None if it has none."""
-        return self.drive.speed if self.drive is not None and isinstance(self.drive.speed, float) else None
+        """The crank's constant speed (rad/s), or None if it has none."""
+        return (
+            self.drives[0].speed if self.cranked and self.drives and isinstance(self.drives[0].speed, float) else None
+        )
 
     @property
     def clearances(self) -> dict[str, float]:
@@ -149,14 +186,17 @@ class Mechanism(Part):
         return self.replace(joints=tuple(j.model_copy(update=tight) if j.displaced else j for j in self.joints))
 
     def replace(self, **fields: object) -> Mechanism:
-        """A checked copy with top-level fields replaced.  Raises MechanismError."""
+        """A checked copy with top-level fields replaced; ``drive`` is the only one.  Raises MechanismError."""
         known = type(self).model_fields
+        if "drive" in fields:
+            fields["drives"] = fields.pop("drive")
         for name in fields:
             if name not in known:
                 meant = next((own for own, field in known.items() if field.alias == name), None)
                 remedy = f"{name!r} is a file's word for {meant}" if meant else f"its fields are {', '.join(known)}"
                 raise MechanismError(f"{self.name}: a mechanism has no field {brief(name)!r} to replace; {remedy}")
         asked = {name: fields.get(name, getattr(self, name)) for name in known}
+        asked["drive"] = asked.pop("drives")  # as a file says it, and so a message
         try:
             return Mechanism.model_validate(asked)
         except ValidationError as error:
@@ -198,11 +238,20 @@ class Mechanism(Part):
             told = "; ".join(f"{kind}[{part.name}].{fault}" for fault in describe(error, asked, type(part)))
             raise MechanismError(f"{self.name}: {told}") from None
 
+    @field_serializer("drives")
+    def _as_in_a_file(self, drives: tuple[Drive, ...]) -> Drive | tuple[Drive, ...] | None:
+        """One drive as itself, none as None: what a mechanism was before it could have several."""
+        return drives if len(drives) > 1 else drives[0] if drives else None
+
     def __repr__(self) -> str:
         links, joints = count(len(self.bodies), "moving link"), count(len(self.joints), "joint")
-        speed = f"at {self.speed:.4g} rad/s" if self.speed is not None else self.drive.speed if self.drive else ""
-        drive = f"drive {self.drive.joint} {speed}" if self.drive is not None else "no drive"
-        return one_line(self, self.name, links, joints, drive, clearances(self.clearances))
+        drives = [f"drive {drive.joint} {self._pace(drive)}" for drive in self.drives] or ["no drive"]
+        return one_line(self, self.name, links, joints, *drives, clearances(self.clearances))
+
+    def _pace(self, drive: Drive) -> str:
+        if isinstance(drive.speed, str):
+            return drive.speed
+        return f"at {drive.speed:.4g} {'m/s' if self.joint(drive.joint).prismatic else 'rad/s'}"
 
     def __str__(self) -> str:
         return repr(self)
@@ -213,9 +262,10 @@ class Mechanism(Part):
         check_names(self.bodies, self.joints)
         for joint in self.joints:
             check_joint(joint, self.parts)
-        check_drive(self.drive, self.joints)
+        check_drives(self.drives, self.joints)
         check_loads(self.loads, self.moving)
-        check_assembly(self.assembly, self.moving, self.driven)
+        check_springs(self.springs, self.parts)
+        check_assembly(self.assembly, self.moving, self.driven if self.cranked else None)
         for body in self.bodies:
             check_body(body, self.joints)
         warn_of_millimetres(self.name, self.parts)

@@ -1,4 +1,4 @@
-"""What a planar linkage is described by: ground, bodies, joints, drive and loads.
+"""What a planar linkage is described by: ground, bodies, joints, drives, springs and loads.
 
 SI units and radians throughout.  Every object is frozen and checked when it is made; change one with
 :meth:`Mechanism.replace`, which checks again.  Files are read and written in :mod:`analytic.mechanism.file`.
@@ -22,6 +22,13 @@ LONGEST = 100  # characters of a name: it is part of files' names, which may hav
 def as_tuple(value: object) -> object:
     """A list as a tuple; anything else as it is."""
     return tuple(value) if isinstance(value, list) else value
+
+
+def one_or_many(value: object) -> object:
+    """One thing, or several in a list, as a tuple; nothing as an empty one."""
+    if value is None:
+        return ()
+    return as_tuple(value) if isinstance(value, list | tuple) else (value,)
 
 
 def _named(value: object) -> object:
@@ -53,6 +60,7 @@ FARTHEST = 1e4  # rad, of an assembly angle: 1600 turns
 MASS_CENTRE = "centre of mass"  # name of that point of a body; "com" names its marker, which may lie elsewhere
 
 Amount = TypeVar("Amount", float, np.ndarray)  # one, or many (N,)
+Displacement = TypeVar("Displacement", complex, np.ndarray)  # one, or many (N,)
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Vector = Annotated[tuple[Number, Number], BeforeValidator(as_tuple)]
 Name = Annotated[str, BeforeValidator(_named)]
@@ -260,7 +268,9 @@ class PeriodicTorque(Part):
 
 
 class Drive(Part):
-    """The motor: a constant speed (rad/s), ``"free"`` (released) or ``"measured"`` (follows data)."""
+    """A motor in a joint: a constant speed (rad/s; prismatic: m/s), ``"free"`` (released) or ``"measured"`` (follows
+    data).
+    """
 
     joint: Name
     speed: Number | Literal["free", "measured"]
@@ -278,3 +288,26 @@ class Load(Part):
     point: Name = "com"
     force: Vector = (0.0, 0.0)
     torque: Number = 0.0
+
+
+class Spring(Part):
+    """A linear spring, with a damper beside it, between a point of one body and a point of another."""
+
+    bodies: Annotated[tuple[Name, Name], BeforeValidator(as_tuple)]
+    points: Annotated[tuple[Name, Name], BeforeValidator(as_tuple)]
+    stiffness: NotNegative  # N/m
+    length: NotNegative = 0.0  # m, unloaded
+    damping: NotNegative = 0.0  # N.s/m
+
+    @property
+    def ends(self) -> tuple[tuple[str, str], tuple[str, str]]:
+        """Body and point of either end."""
+        return (self.bodies[0], self.points[0]), (self.bodies[1], self.points[1])
+
+    def pull(self, apart: Displacement, rate: Displacement) -> Displacement:
+        """Force (N, x + iy) on the first point, whose distance to the second is ``apart`` (m) and grows by ``rate``
+        (m/s), both x + iy, second less first.
+        """
+        far = abs(apart)
+        along = apart / np.maximum(far, SMALLEST)
+        return (self.stiffness * (far - self.length) + self.damping * (along.conjugate() * rate).real) * along

@@ -6,17 +6,17 @@ A name is never taken apart to learn what a signal is: :func:`signals` lists all
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Literal
 
 import numpy as np
 
-from analytic.mechanism.parts import Body, Joint
+from analytic.mechanism.parts import Body, Drive, Joint
 
-Kind = Literal["pose", "rate", "rotation", "reaction", "clearance", "drive", "time"]
-Component = Literal["x", "y", "angle", "magnitude", "moment", "angular_velocity", "torque", "time"]
+Kind = Literal["pose", "rate", "rotation", "reaction", "clearance", "position", "drive", "time"]
+Component = Literal["x", "y", "angle", "magnitude", "moment", "angular_velocity", "travel", "torque", "force", "time"]
 Unit = Literal["m", "rad", "rad/s", "N", "N.m", "s"]
 DRIVE_TORQUE = "drive_torque"
 REACTION: tuple[Component, ...] = ("angle", "magnitude", "x", "y")
@@ -35,14 +35,17 @@ _UNITS: dict[tuple[Kind, Component], Unit] = {
     ("reaction", "moment"): "N.m",
     ("clearance", "x"): "m",
     ("clearance", "y"): "m",
+    ("position", "angle"): "rad",
+    ("position", "travel"): "m",
     ("drive", "torque"): "N.m",
+    ("drive", "force"): "N",
     ("time", "time"): "s",
 }
 
 
 @dataclass(frozen=True)
 class Signal:
-    """One signal: a ``component`` of some ``kind`` of quantity at a ``place`` (body, joint, or "" for the drive)."""
+    """One signal: a ``component`` of some ``kind`` of quantity at a ``place``: body, joint, or "" for the one drive."""
 
     kind: Kind
     place: str
@@ -57,8 +60,12 @@ class Signal:
     @cached_property
     def name(self) -> str:
         """The signal's name in files."""
-        if self.kind in ("drive", "time"):
-            return DRIVE_TORQUE if self.kind == "drive" else "time"
+        if self.kind == "time":
+            return "time"
+        if self.kind == "drive":
+            return f"drive_{self.component}_{self.place}" if self.place else DRIVE_TORQUE
+        if self.kind == "position":
+            return f"position_{self.place}"
         if self.kind in ("reaction", "clearance"):
             return f"{self.kind}_{self.place}_{self.component}"
         return f"{self.place}_rotation" if self.kind == "rotation" else f"{self.place}_{self.component}"
@@ -76,7 +83,7 @@ class Signal:
     @property
     def owner(self) -> str:
         """What it is a signal of, for messages: ``joint 'B'``."""
-        if self.kind in ("reaction", "clearance"):
+        if self.kind in ("reaction", "clearance", "position") or (self.kind == "drive" and self.place):
             return f"joint {self.place!r}"
         return f"body {self.place!r}" if self.place else "the drive"
 
@@ -90,9 +97,12 @@ class Signal:
         return wrapped(difference) if self.wraps else difference
 
 
-def signals(bodies: Iterable[Body], joints: Iterable[Joint]) -> Iterator[Signal]:
-    """Every signal that a linkage of these bodies and joints can have, joints first, in the order of a report."""
-    for joint in joints:
+def signals(bodies: Iterable[Body], joints: Iterable[Joint], drives: Iterable[Drive] = ()) -> Iterator[Signal]:
+    """Every signal that a linkage of these bodies, joints and drives can have, joints first, in the order of a
+    report.
+    """
+    known = {joint.name: joint for joint in joints}
+    for joint in known.values():
         yield from (Signal("reaction", joint.name, component) for component in REACTION)
         if joint.prismatic:
             yield Signal("reaction", joint.name, "moment")
@@ -103,12 +113,27 @@ def signals(bodies: Iterable[Body], joints: Iterable[Joint]) -> Iterator[Signal]
         yield Signal("rotation", body.name, "angle")
         yield from (Signal("pose", body.name, component) for component in POSE)
         yield Signal("rate", body.name, "angular_velocity")
-    yield Signal("drive", "", "torque")
+    yield from (position(joint) for joint in known.values())
+    yield from driving([known[drive.joint] for drive in drives if drive.speed != "free"])
 
 
-def named(bodies: Iterable[Body], joints: Iterable[Joint]) -> Mapping[str, Signal]:
+def position(joint: Joint) -> Signal:
+    """Where a joint is: its second body relative to its first, an angle, or a travel along its axis."""
+    return Signal.of("position", joint.name, "travel" if joint.prismatic else "angle")
+
+
+def driving(driven: Sequence[Joint]) -> list[Signal]:
+    """What the motors in these joints give: ``drive_torque`` where there is one motor that turns (or none), else each
+    joint its torque or force.
+    """
+    if not driven or (len(driven) == 1 and not driven[0].prismatic):
+        return [Signal.of("drive", "", "torque")]
+    return [Signal.of("drive", joint.name, "force" if joint.prismatic else "torque") for joint in driven]
+
+
+def named(bodies: Iterable[Body], joints: Iterable[Joint], drives: Iterable[Drive] = ()) -> Mapping[str, Signal]:
     """The same by name; the checks of a mechanism see to it that no two have one name."""
-    return {signal.name: signal for signal in signals(bodies, joints)}
+    return {signal.name: signal for signal in signals(bodies, joints, drives)}
 
 
 def wrapped(angle: np.ndarray) -> np.ndarray:

@@ -52,7 +52,7 @@ def dimension(signal: Signal) -> Dimension:
 
 def readable(mechanism: Mechanism) -> dict[str, Signal]:
     """The signals that a data file of this mechanism may hold, by name, ``time`` apart; no sensor reads a rotation."""
-    found = named(mechanism.bodies, mechanism.joints)
+    found = named(mechanism.bodies, mechanism.joints, mechanism.drives)
     return {name: signal for name, signal in found.items() if signal.kind != "rotation"}
 
 

@@ -16,14 +16,14 @@ not depend on the other angles asked for.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.assembly import Assembly, AssemblyError, Followed, Path
 from analytic.kinematics.motion import Gap, kinematics
 from analytic.kinematics.reach import usual_angles
 from analytic.mechanism.one_line import angles, clearances, one_line
@@ -80,7 +80,7 @@ class Displaced:
         return {name: _blank(values, flagged) for name, values in out.items()}
 
 
-def displaced(
+def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's own
     assembly: Assembly,
     theta: np.ndarray,
     omega: np.ndarray | float = 0.0,
@@ -90,33 +90,45 @@ def displaced(
     inertia: bool = True,
     clearances: Mapping[str, float] | None = None,
     stiffnesses: Mapping[str, float] | None = None,
+    near: Followed | None = None,
 ) -> Displaced:
     """The linkage with its clearances taken up along the reactions, and its soft bearings giving, at crank angles theta
-    (N,) rad.
+    (N,) rad; with several inputs at (n_inputs, N), and so are ``omega`` and ``alpha``, of samples that follow one
+    another.
 
     ``omega`` and ``alpha`` are the crank's angular velocity (rad/s) and acceleration (rad/s^2) there; the acceleration
     must change slowly.  Without ``inertia`` the equilibrium is static and omega only gives friction its direction.
-    ``clearances`` (m) and ``stiffnesses`` (N/m, radial, of bearings) replace the mechanism's own.  Raises AssemblyError
-    where the ideal or the displaced linkage cannot be assembled.
+    ``clearances`` (m) and ``stiffnesses`` (N/m, radial, of bearings) replace the mechanism's own.  With several inputs
+    ``near`` are the samples' coordinates, where they are known already.  Raises AssemblyError where the ideal or the
+    displaced linkage cannot be assembled.
     """
-    drive = np.array(np.broadcast_arrays(np.atleast_1d(np.asarray(theta, float)), omega, alpha), float)
-    m = assembly.mechanism
+    drive = np.concatenate(np.broadcast_arrays(np.atleast_2d(np.asarray(theta, float)), omega, alpha)).astype(float)
+    m, k = assembly.mechanism, len(assembly.structure.inputs)
     sizes = {name: c for name, c in (m.clearances if clearances is None else clearances).items() if c > 0}
     give = {name: 1 / k for name, k in (m.soft_bearings if stiffnesses is None else stiffnesses).items()}
-    turning = bool(inertia and np.any(drive[1:]))
+    turning = bool(inertia and np.any(drive[k:]))
     reach = (2 * STENCIL if give else STENCIL) if turning and (sizes or give) else 0.0
-    path = assembly.path(drive[0].min() - reach, drive[0].max() + reach)
+    path: Path | None = None
+    if k == 1 and m.cranked:
+        path = assembly.path(drive[0].min() - reach, drive[0].max() + reach)
+    else:  # with each sample goes where the linkage is near it
+        drive = np.concatenate([drive, (near or assembly.follow(drive[:k])).coordinates])
 
     def solve(drive: np.ndarray, gaps: Mapping[str, Gap] | None = None) -> Reactions:
-        theta, omega, alpha = drive
-        return kinetostatics(kinematics(assembly, theta, omega, alpha, gaps, path), inertia)
+        theta, omega, alpha, here = np.split(drive, (k, 2 * k, 3 * k))
+        return kinetostatics(kinematics(assembly, theta, omega, alpha, gaps, path or Followed(here)), inertia)
 
     ideal = solve(drive)
     if not (sizes or give):
         return Displaced(model, {}, ideal, ideal, ideal, {}, {})
-    faint = faint_reactions(assembly, drive[1], drive[2], inertia) if sizes else {}
-    flags = _without_direction(ideal, sizes, faint)
-    pins = _Pins(sizes, give, max(b.length for b in m.bodies) or 1.0, solve, model)
+    check_determined(ideal, (*sizes, *give))
+    faint = {}
+    if sizes:
+        faint = faint_reactions(assembly, drive[1], drive[2], inertia) if path else _faint(ideal, np.median)
+    flags = _without_direction(ideal, sizes, faint, "peak" if path else "median")
+    longest = max(b.length for b in m.bodies) or 1.0
+    pace = np.array([1.0 if assembly.structure.unit(i) == "rad" else longest for i in assembly.structure.inputs])
+    pins = _Pins(sizes, give, longest, solve, model, pace)
     toward = pins.told(ideal)
     rates = None
     x, learnt = pins.settled(drive, toward)
@@ -137,6 +149,19 @@ def displaced(
     return Displaced(model, {name: g.value for name, g in gaps.items()}, reactions, configuration, ideal, flags, faint)
 
 
+def check_determined(found: Reactions, joints: Iterable[str]) -> None:
+    """Raise AssemblyError for a joint whose pin leaves its bearing's centre along a reaction that statics does not
+    determine.
+    """
+    loose = sorted(found.undetermined & set(joints))
+    if loose:
+        raise AssemblyError(
+            f"{found.motion.structure.mechanism.name}: statics does not determine the reaction of joint {loose[0]!r},"
+            " so that its clearance, or its soft bearing, has no direction",
+            remedy="leave that out, or a joint that is not needed",
+        )
+
+
 def faint_reactions(assembly: Assembly, omega: np.ndarray, alpha: np.ndarray, inertia: bool) -> dict[str, float]:
     """By revolute joint the reaction (N) up to which it has no direction, at the fastest of these speeds (rad/s) and
     accelerations (rad/s^2).
@@ -144,16 +169,24 @@ def faint_reactions(assembly: Assembly, omega: np.ndarray, alpha: np.ndarray, in
     It is a share of the joint's largest at the linkage's usual crank angles.
     """
     fastest, hardest = (float(x[np.argmax(np.abs(x))]) for x in (omega, alpha))
-    found = kinetostatics(kinematics(assembly, usual_angles(assembly), fastest, hardest), inertia)
-    peaks = {name: float(np.abs(force).max()) for name, force in found.forces.items()}
+    return _faint(kinetostatics(kinematics(assembly, usual_angles(assembly), fastest, hardest), inertia), np.max)
+
+
+def _faint(found: Reactions, usual: Callable[[np.ndarray], np.floating]) -> dict[str, float]:
+    """By revolute joint the reaction (N) up to which it has no direction, a share of its ``usual`` size in ``found``.
+
+    With several inputs that is the median: poses near a singular one have reactions beyond measure.
+    """
+    peaks = {name: float(usual(np.abs(force))) for name, force in found.forces.items()}
     largest = max(peaks.values())
-    return {name: max(NO_DIRECTION * peaks[name], ROUNDING * largest) for name in assembly.structure.pins}
+    return {name: max(NO_DIRECTION * peaks[name], ROUNDING * largest) for name in found.motion.structure.pins}
 
 
 @dataclass(frozen=True)
 class _Pins:
-    """The pins that leave their bearings' centres; ``solve`` gives the reactions for drive (3, N): crank angle, its
-    rate and acceleration.
+    """The pins that leave their bearings' centres; ``solve`` gives the reactions for drive (rows, N): inputs, their
+    rates and accelerations, and what else goes with each sample.  ``pace`` (inputs,) is what of each is as much as a
+    radian of crank.
 
     What is sought of them is x (N, K): the direction (rad) of each with clearance, how far each of those gives whose
     bearing is soft, and then the gap's two components of each without clearance, both over ``length`` (m).
@@ -164,6 +197,7 @@ class _Pins:
     length: float
     solve: Callable[[np.ndarray, Mapping[str, Gap] | None], Reactions]
     model: Model
+    pace: np.ndarray
 
     @cached_property
     def both(self) -> list[str]:
@@ -289,11 +323,13 @@ def _rates(
     acceleration of the crank.  This is the first term of a series in (gap's inertia force / reaction); on the paper's
     case the next is 1e-6 deg.  Of order 1 the gaps move there as those of order 0, at x too: the next term.
     """
-    angle, speed, acceleration = drive
-    pace = (np.abs(speed) + np.sqrt(speed**2 + 2 * np.abs(acceleration) * STENCIL)) / 2
+    k, unit = pins.pace.size, pins.pace[:, None]
+    angle, speed, acceleration, near = np.split(drive, (k, 2 * k, 3 * k))
+    turns, pushes = speed / unit, acceleration / unit
+    pace = ((np.abs(turns) + np.sqrt(turns**2 + 2 * np.abs(pushes) * STENCIL)) / 2).max(axis=0)
     moment = STENCIL / np.where(pace > 0, pace, 1.0)  # s, in which the crank turns by the stencil
     sides = [
-        np.array([angle + speed * t + acceleration * t**2 / 2, speed + acceleration * t, acceleration])
+        np.concatenate([angle + speed * t + acceleration * t**2 / 2, speed + acceleration * t, acceleration, near])
         for t in (-moment, moment)
     ]
     beside, learnt = np.hstack(sides), np.tile(learnt, (2, 1, 1))
@@ -306,12 +342,14 @@ def _rates(
     return np.array([(after - before) / (2 * moment[:, None]), (after - 2 * here + before) / moment[:, None] ** 2])
 
 
-def _without_direction(ideal: Reactions, sizes: Mapping[str, float], faint: Mapping[str, float]) -> dict[int, str]:
+def _without_direction(
+    ideal: Reactions, sizes: Mapping[str, float], faint: Mapping[str, float], what: str
+) -> dict[int, str]:
     flags: dict[int, str] = {}
     for name in sizes:
         size = np.abs(ideal.forces[name])
         for i in np.flatnonzero(size <= faint[name]):
-            why = f"({size[i]:.3g} N, peak {faint[name] / NO_DIRECTION:.3g} N): no direction, contact may be lost"
+            why = f"({size[i]:.3g} N, {what} {faint[name] / NO_DIRECTION:.3g} N): no direction, contact may be lost"
             flags.setdefault(int(i), f"the reaction at {name} passes near zero {why}")
     return flags
 

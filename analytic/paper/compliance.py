@@ -116,6 +116,7 @@ class _Structure:
         self.mechanism = motion.structure.mechanism
         self.frames = {body.name: frame(body) for body in self.mechanism.bodies}
         self.kept = PLANE if beam is beam_stiffness else SPACE
+        self.held = {motion.structure.coordinates[i].joint for i in motion.structure.inputs}
         self.first: dict[str, int] = {}  # freedom of each body's first node
         self.size = 0
         for name, f in self.frames.items():
@@ -182,7 +183,7 @@ class _Structure:
         springs = np.zeros(6) if elastic is None else np.repeat([elastic.translation, elastic.rotation], 3)
         tied = np.full(6, elastic is None)
         springs[free], tied[free] = joint.stiffness, False
-        if joint.name == self.mechanism.drive_joint.name:  # the motor holds the crank
+        if joint.name in self.held:  # the motor holds the crank
             motor = self.mechanism.drive_stiffness
             springs[free] += motor or 0.0
             tied[free] = motor is None
@@ -243,13 +244,13 @@ class _Structure:
         """Torque (N.m; prismatic: force, N) of a joint's spring, friction and damper on its second body."""
         m = self.motion
         if joint.prismatic:
-            return joint_law(joint, *m.travel(joint.name), m.rates[0], moving=inertia)
+            return joint_law(joint, *m.travel(joint.name), m.pace, moving=inertia)
         first, second = joint.bodies
         law = joint_law(
             joint,
             m.angle(second) - m.angle(first),
             m.angular_velocity(second) - m.angular_velocity(first),
-            m.rates[0],
+            m.pace,
             moving=inertia,
         )
         if joint.friction_radius:

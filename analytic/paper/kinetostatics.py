@@ -8,19 +8,23 @@ reaction as the dual of its joint's gap.  For the four-bar this is Eq. 11 with i
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
+from analytic.compiled import run
 from analytic.kinematics.closure import AssemblyError
-from analytic.kinematics.motion import BLOCK, Motion, blocks, solve_forces
-from analytic.kinematics.structure import Structure
+from analytic.kinematics.motion import BLOCK, Motion, blocks, self_stresses, solve_forces
+from analytic.kinematics.structure import Group, Structure
 from analytic.mechanism import MASS_CENTRE, Joint
 from analytic.mechanism.one_line import angles, largest, one_line
-from analytic.mechanism.signals import Signal
+from analytic.mechanism.signals import Signal, driving, position
 
 SETTLED = 1e-12  # of the largest reaction's friction: the last step that is worth taking
 PASSES = 60  # of Newton's method
+FAINT = 1e-7  # of a self-stress of 1 N: what of it reaches a joint is rounding error
+LOOKS = 8  # samples of a motion, about as many, at which self-stresses are looked at
 DEAD_CENTRE = 1e-12  # of the crank's rate: a smaller rate of a joint (rad/s; prismatic: m/s) is rounding error
 
 
@@ -31,7 +35,12 @@ class Reactions:
     motion: Motion
     forces: Mapping[str, np.ndarray]  # N, complex, ground frame: force of each joint's first body on its second
     moments: Mapping[str, np.ndarray]  # N.m of each prismatic joint on its second body, at that body's point
-    drive_torque: np.ndarray  # N.m, motor on driven body
+    drive_torque: np.ndarray  # N.m, motor on driven body; of several, the first input's torque or force
+    # what the motor in each joint does: N.m, or N, of the first body on the second; NaN in ``forces`` and ``moments``
+    # is what nothing but the elasticity of its parts determines, of the joints that are ``undetermined``
+    drive_loads: Mapping[str, np.ndarray] = field(default_factory=dict)
+    undetermined: frozenset[str] = frozenset()
+    efforts: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # (inputs, N) N.m, N along each input
 
     def __repr__(self) -> str:
         forces = largest(np.array(list(self.forces.values())), "N")
@@ -63,7 +72,13 @@ class Reactions:
             gap = m.columns[s.gap_column(joint)]
             yield Signal.of("clearance", joint, "x"), gap.real
             yield Signal.of("clearance", joint, "y"), gap.imag
-        yield Signal.of("drive", "", "torque"), self.drive_torque
+        for one in s.mechanism.joints:
+            yield position(one), m.relative(one)
+        if len(s.inputs) == 1 and s.mechanism.cranked:
+            yield Signal.of("drive", "", "torque"), self.drive_torque
+        elif self.drive_loads:
+            joints = [s.mechanism.joint(name) for name in self.drive_loads]
+            yield from zip(driving(joints), self.drive_loads.values(), strict=True)
 
 
 def kinetostatics(motion: Motion, inertia: bool = True, grip: np.ndarray | None = None) -> Reactions:
@@ -71,33 +86,110 @@ def kinetostatics(motion: Motion, inertia: bool = True, grip: np.ndarray | None 
 
     Without ``inertia`` the linkage is in static equilibrium at each angle; the motion's velocities then only give
     dry friction its direction and dampers do nothing.  ``grip`` (N,) is the share of the friction that acts: 1
-    unless the linkage sticks.  Raises AssemblyError where friction that grows with reactions locks the linkage.
+    unless the linkage sticks.  A motion that compiled code has found is balanced by compiled code, every other by
+    :func:`kinetostatics_by_numpy`; they differ by rounding.
+    Raises AssemblyError where friction that grows with reactions locks the linkage.
     """
+    if motion.compiled:
+        found = run.balanced(motion.assembly, motion.moved, inertia, grip)
+        if found is not None:
+            s = motion.structure
+            forces = dict(zip([j.name for j in s.mechanism.joints], found.forces, strict=True))
+            return _told(motion, forces, dict(zip(s.slides, found.moments, strict=True)), found.drives, _loose(motion))
+    return kinetostatics_by_numpy(motion, inertia, grip)
+
+
+def kinetostatics_by_numpy(motion: Motion, inertia: bool = True, grip: np.ndarray | None = None) -> Reactions:
+    """What :func:`kinetostatics` gives, by numpy alone: what the compiled code is held against."""
     s, n = motion.structure, motion.theta.size
     order = [j.name for j in s.mechanism.joints]
     found = {name: np.empty(n, complex) for name in order}, {name: np.empty(n) for name in s.slides}
-    drive_torque = np.empty(n)
+    drives = np.empty((len(s.inputs), n))
     work = np.empty((s.n_columns, min(n, BLOCK)), complex)  # the same memory for every block
+    loose = _loose(motion)
+    for joint in s.mechanism.load_rubbed:
+        if joint.name in loose:
+            raise AssemblyError(
+                f"{s.mechanism.name}: friction_radius of joint {joint.name!r} is {joint.friction_radius:g} m, and its"
+                " reaction is statically undetermined; leave it out, or a joint that is not needed"
+            )
     for block in blocks(n):
         share = 1.0 if grip is None else grip[block]
-        *parts, drive_torque[block] = _balance(motion.part(block), inertia, share, work[:, : block.stop - block.start])
+        *parts, drives[:, block] = _balance(motion.part(block), inertia, share, work[:, : block.stop - block.start])
         for whole, part in zip(found, parts, strict=True):
             for name, values in part.items():
                 whole[name][block] = values
-    return Reactions(motion, *found, drive_torque)
+    return _told(motion, *found, drives, loose)
+
+
+def _loose(motion: Motion) -> frozenset[str]:
+    return undetermined(motion) if any(group.surplus for group in motion.structure.groups) else frozenset()
+
+
+def _told(
+    motion: Motion,
+    forces: dict[str, np.ndarray],
+    moments: dict[str, np.ndarray],
+    drives: np.ndarray,
+    loose: frozenset[str],
+) -> Reactions:
+    """Reactions with NaN for what nothing determines, and each drive's load."""
+    s = motion.structure
+    for name in loose:
+        forces[name][:] = complex(np.nan, np.nan)
+        if name in moments:
+            moments[name][:] = np.nan
+    loads = {s.coordinates[s.inputs[k]].joint: s.signs[s.inputs[k]] * drives[k] for k in s.driven}
+    return Reactions(motion, forces, moments, drives[0], loads, loose, drives)
+
+
+def undetermined(motion: Motion) -> frozenset[str]:
+    """Joints whose reactions statics does not determine: loops beyond those needed can press against each other.
+
+    Each such self-stress is carried through the linkage; the joints that it reaches are those.
+    """
+    s, found = motion.structure, set[str]()
+    every = max(1, motion.theta.size // LOOKS)
+    some = motion.part(slice(None, None, every))
+    n, longest = some.theta.size, max(body.length for body in s.mechanism.bodies) or 1.0
+    for group in s.groups:
+        for stress in self_stresses(some.jacobians[group], group) if group.surplus else ():
+            idle = (
+                np.zeros((s.n_columns, n), complex),
+                np.zeros((len(s.bodies), n)),
+                dict.fromkeys(s.slides, np.zeros(n)),
+            )
+            forces, moments, _ = _carried(some, *idle, stress={group: stress})
+            found |= {name for name, force in forces.items() if np.abs(force).max() > FAINT}
+            found |= {name for name, moment in moments.items() if np.abs(moment).max() > FAINT * longest}
+    return frozenset(found)
+
+
+def answers(
+    motion: Motion, body: str, point: str = "com", force: complex = 0j, torque: float = 0.0
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Reactions (N,) complex by joint, and what moves each input (inputs, N), of a force (N, x + iy) at a body's point
+    and a torque (N.m) on it alone, at rest: no weight, no load, no law of a joint.
+    """
+    s, n = motion.structure, motion.theta.size
+    work, turning = np.zeros((s.n_columns, n), complex), np.zeros((len(s.bodies), n))
+    work += (motion.assembly.form(body, point) * np.conj(force))[:, None]
+    turning[s.body_column(body)] += torque
+    forces, _, efforts = _carried(motion, work, turning, dict.fromkeys(s.slides, np.zeros(n)))
+    return forces, efforts
 
 
 def _balance(
     motion: Motion, inertia: bool, grip: np.ndarray | float, work: np.ndarray
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
-    """Forces and moments of the joints and the drive torque, as in Reactions; ``work`` (n_columns, N) complex is
-    written over.
+    """Forces and moments of the joints, as in Reactions, and what moves each input (inputs, N); ``work`` (n_columns, N)
+    complex is written over.
     """
     s = motion.structure
     _work_of_forces(motion, inertia, work)
     torque = _torques(motion, inertia, grip)
     travel_force = {
-        j.name: joint_law(j, *motion.travel(j.name), motion.rates[0], inertia, grip)
+        j.name: joint_law(j, *motion.travel(j.name), motion.pace, inertia, grip)
         for j in s.mechanism.joints
         if j.prismatic
     }
@@ -107,15 +199,22 @@ def _balance(
 
 
 def _carried(
-    motion: Motion, work: np.ndarray, torque: np.ndarray, travel_force: Mapping[str, np.ndarray]
+    motion: Motion,
+    work: np.ndarray,
+    torque: np.ndarray,
+    travel_force: Mapping[str, np.ndarray],
+    stress: Mapping[Group, np.ndarray] = MappingProxyType({}),
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
     """What :func:`_balance` gives under the work of forces, torques on bodies and forces along slides; ``work`` is
-    written over.
+    written over.  ``stress`` are closing forces (loops, N) of a group beside those that it needs.
     """
     s = motion.structure
     for group in reversed(s.groups):
         generalised = np.array([_generalised(motion, i, work, torque, travel_force) for i in group.coordinates])
+        generalised = generalised.reshape(len(group.coordinates), -1 if len(generalised) else work.shape[1])
         closing = solve_forces(motion.jacobians[group], generalised, s, group)
+        if group in stress:
+            closing = closing + stress[group]
         for row, force in zip(group.loops, closing, strict=True):
             for k in np.flatnonzero(s.loops[row]):
                 work[k] += s.loops[row, k] * np.conj(force)
@@ -126,7 +225,7 @@ def _carried(
         riding = tuple(len(s.bodies) + k for k, b in enumerate(s.slide_body) if b in carried)
         moment = _turning_work(motion, tuple(carried), riding, work, torque)
         moments[name] = -moment if far_is_second else moment
-    return forces, moments, -_generalised(motion, 0, work, torque, travel_force)
+    return forces, moments, np.array([-_generalised(motion, i, work, torque, travel_force) for i in s.inputs])
 
 
 def _bearing_friction(
@@ -201,6 +300,12 @@ def _work_of_forces(motion: Motion, inertia: bool, work: np.ndarray) -> None:
         add(body.name, MASS_CENTRE, force)
     for load in m.loads:
         add(load.body, load.point, complex(*load.force))
+    for spring in m.springs:
+        near, far = spring.ends
+        rate = motion.velocity(*far) - motion.velocity(*near) if inertia else 0j
+        pull = spring.pull(motion.position(*far) - motion.position(*near), rate)
+        add(*near, pull)
+        add(*far, -pull)
 
 
 def _torques(motion: Motion, inertia: bool, grip: np.ndarray | float) -> np.ndarray:
@@ -222,7 +327,7 @@ def _torques(motion: Motion, inertia: bool, grip: np.ndarray | float) -> np.ndar
                 joint,
                 motion.relative(joint),
                 motion.angular_velocity(second) - motion.angular_velocity(first),
-                motion.rates[0],
+                motion.pace,
                 inertia,
                 grip,
             )
@@ -241,8 +346,8 @@ def joint_law(
 ) -> np.ndarray:
     """Torque (N.m; prismatic: force, N) of a joint's dry friction, damper and spring on its second body, (N,).
 
-    ``position`` (rad, m) and ``rate`` are the second body's on the first, ``crank`` (rad/s) is the crank's rate; at a
-    dead centre, where the joint rests and the crank turns, there is no friction.
+    ``position`` (rad, m) and ``rate`` are the second body's on the first, ``crank`` (rad/s) is the crank's rate, or the
+    fastest input's; at a dead centre, where the joint rests and the crank turns, there is no friction.
     """
     slip = _direction(rate, crank)
     if not moving:
@@ -254,7 +359,7 @@ def slip_sign(motion: Motion, joint: Joint) -> np.ndarray:
     """The sign (N,) of the rate of a joint's second body on its first, against which friction acts; 0 at a dead centre
     of the joint.
     """
-    return _direction(motion.slip(joint)[0], motion.rates[0])
+    return _direction(motion.slip(joint)[0], motion.pace)
 
 
 def _direction(rate: np.ndarray, crank: np.ndarray) -> np.ndarray:
@@ -269,7 +374,7 @@ def friction_turns(motion: Motion, within: float = 0.0) -> dict[str, np.ndarray]
     for joint in motion.structure.mechanism.joints:
         if joint.rubs:
             rate, bend = motion.slip(joint)
-            crank = np.abs(motion.rates[0])
+            crank = motion.pace
             found[joint.name] = np.abs(rate) * crank <= np.maximum(DEAD_CENTRE * crank**2, within * np.abs(bend))
     return found
 

@@ -66,7 +66,7 @@ def superposed(signals: Mapping[str, np.ndarray], compliance: Compliance) -> dic
     own springs (Eq. 4).  Reactions, torques and rates stay as they are: they change in second order only.
     """
     m, out = compliance.mechanism, dict(signals)
-    for name, signal in named(m.bodies, m.joints).items():
+    for name, signal in named(m.bodies, m.joints, m.drives).items():
         part = elastic_part(signal, compliance) if name in out else None
         if part is not None:
             out[name] = out[name] + part

@@ -8,7 +8,18 @@ from typing import Annotated
 import typer
 
 from compare.cli.folders import Overwrite, result_folder
-from compare.cli.options import JointChoice, Json, ModelChoice, MotionChoice, Quiet, load_case, place
+from compare.cli.options import (
+    CourseFile,
+    JointChoice,
+    Json,
+    ModelChoice,
+    MotionChoice,
+    PathFile,
+    Quiet,
+    Times,
+    load_case,
+    place,
+)
 from compare.cli.publish import finished, publish
 from compare.faults import complaints
 
@@ -32,6 +43,9 @@ def analyse(
     motion: Motion = MotionChoice.driven,
     compliance: Annotated[bool, typer.Option("--compliance", help="Let links and joints yield as well.")] = False,
     angles: Angles = None,
+    times: Times = None,
+    course: CourseFile = None,
+    path: PathFile = None,
     out: Out = None,
     overwrite: Overwrite = False,
     json: Json = False,
@@ -43,6 +57,7 @@ def analyse(
     """
     with complaints(context) as caught:
         from compare.analyse import analyse as asked
+        from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles
 
         mechanism = load_case(case, clearance)
@@ -50,6 +65,9 @@ def analyse(
         found = asked(
             mechanism,
             angles=parse_angles(angles) if angles is not None else None,
+            times=parse_times(times) if times is not None else None,
+            course=course,
+            path=path,
             model=model.value,
             motion=motion.value,
             compliance=compliance,
@@ -65,6 +83,9 @@ def simulate(
     motion: Motion = MotionChoice.driven,
     clearance: Clearance = None,
     angles: Angles = None,
+    times: Times = None,
+    course: CourseFile = None,
+    path: PathFile = None,
     out: Out = None,
     overwrite: Overwrite = False,
     json: Json = False,
@@ -76,6 +97,7 @@ def simulate(
     """
     with complaints(context) as caught:
         from compare.analyse import simulate as asked
+        from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles
 
         mechanism = load_case(case, clearance)
@@ -88,5 +110,8 @@ def simulate(
             joint_model=joint.value,
             motion=motion.value,
             angles=parse_angles(angles) if angles is not None else None,
+            times=parse_times(times) if times is not None else None,
+            course=course,
+            path=path,
         )
         publish(finished(found, caught), folder, json=json, quiet=quiet, overwrite=overwrite)

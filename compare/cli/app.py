@@ -20,7 +20,18 @@ from compare.cli.export import export
 from compare.cli.folders import Overwrite, result_folder
 from compare.cli.imported import import_
 from compare.cli.listing import cases, effects, runs, simulators
-from compare.cli.options import JointChoice, Json, ModelChoice, MotionChoice, Quiet, load_case, place
+from compare.cli.options import (
+    CourseFile,
+    JointChoice,
+    Json,
+    ModelChoice,
+    MotionChoice,
+    PathFile,
+    Quiet,
+    Times,
+    load_case,
+    place,
+)
 from compare.cli.pipe import reader_may_go
 from compare.cli.progress import progress_bar
 from compare.cli.publish import finished, publish
@@ -76,6 +87,9 @@ def compare(
         str | None, typer.Option(metavar="JOINT=M,...", help="Radial clearances (m) in place of the case's own.")
     ] = None,
     angles: Annotated[str | None, typer.Option(metavar="START:STOP:STEP", help="Crank angles (deg).")] = None,
+    times: Times = None,
+    course: CourseFile = None,
+    path: PathFile = None,
     analytic: Annotated[
         ModelChoice, typer.Option(help="Analytic model to hold the simulation to.")
     ] = ModelChoice.equilibrium,
@@ -121,6 +135,7 @@ def compare(
         raise typer.Exit(Exit.BAD_INPUT)
     with complaints(context) as caught:
         from compare.crosscheck import crosscheck_job, question
+        from compare.judge.courses import parse_times
         from compare.judge.discrepancy import load_tolerances
         from compare.judge.grid import parse_angles
 
@@ -132,6 +147,9 @@ def compare(
             joint_model=joint.value if joint else None,
             motion=motion.value,
             angles=parse_angles(angles) if angles is not None else None,
+            times=parse_times(times) if times is not None else None,
+            course=course,
+            path=path,
             analytic=analytic.value,
             flexible=flexible,
             tolerances=tolerances,

@@ -23,6 +23,18 @@ Quiet = Annotated[
 ]
 
 
+Times = Annotated[
+    str | None,
+    typer.Option(metavar="START:STOP:STEP", help="Times (s), of several drives or of one that turns no crank."),
+]
+CourseFile = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Course of the drives: time and position_<joint> columns.")
+]
+PathFile = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Path of a platform: time and its <body>_x, _y, _angle columns.")
+]
+
+
 def place(text: str | Path) -> Path:
     """The path of an option.  Raises BadParameter for an empty one, which would be the current folder."""
     if not str(text).strip():
@@ -72,6 +84,24 @@ def metres_by_joint(text: str, option: str, mechanism: Mechanism) -> dict[str, f
         if not 0 <= size < float("inf"):
             raise OptionError(f"{option} {part}: give metres, 0 or more")
         found[name] = size
+    return found
+
+
+def steps_by_joint(text: str, option: str, mechanism: Mechanism) -> dict[str, float]:
+    """``D=1e-4,E=1e-4`` as steps (rad, m) by driven joint.  Raises OptionError."""
+    joints = [joint.name for joint in mechanism.motors]
+    found: dict[str, float] = {}
+    for part in listed_once(text, option):
+        name, _, value = part.partition("=")
+        if name not in joints:
+            raise OptionError(f"{option} {part}: {name!r} is no driven joint; they are {', '.join(joints)}")
+        try:
+            step = float(value)
+        except ValueError:
+            step = -1.0
+        if not 0 <= step < float("inf"):
+            raise OptionError(f"{option} {part}: give rad, or m where the joint slides, of 0 or more")
+        found[name] = step
     return found
 
 

@@ -186,7 +186,7 @@ class Rule:
         the smallest of the run's (every contact yields alike).  Raises ToleranceError if the file has no such line.
         """
         kind = kind_of(signal)
-        line = tolerances.line(motion, joint_model, kind)
+        line = tolerances.line(motion, joint_model, "torque" if kind == "force" else kind)  # of a motor, both
         yielding = give / clearance if kind in ("displacement", "rotation") and clearance else 0.0
         return cls(
             signal,
@@ -246,7 +246,7 @@ class Rule:
 
     @property
     def _noise(self) -> float:
-        return self._no_force * {"magnitude": 1.0, "torque": self.scales.length}.get(self.kind, 0.0)
+        return self._no_force * {"magnitude": 1.0, "force": 1.0, "torque": self.scales.length}.get(self.kind, 0.0)
 
     @property
     def _no_force(self) -> float:

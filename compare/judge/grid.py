@@ -32,6 +32,21 @@ def parse_angles(text: str) -> np.ndarray:
     return np.radians(start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1))
 
 
+def parse_workspace(text: str) -> tuple[tuple[float, float, int], tuple[float, float, int]]:
+    """Lowest, highest and number of the x and of the y (m) of ``x0:x1:nx,y0:y1:ny``.  Raises GridError."""
+    remedy = "give x0:x1:nx,y0:y1:ny in metres, such as -0.1:0.1:41,0:0.2:41"
+    axes = [part.split(":") for part in text.split(",")]
+    if [len(axis) for axis in axes] != [3, 3]:
+        raise GridError(f"--workspace {text}: {remedy}")
+    try:
+        (x0, x1, nx), (y0, y1, ny) = ((float(a), float(b), int(n)) for a, b, n in axes)
+    except ValueError:
+        raise GridError(f"--workspace {text}: {remedy}") from None
+    if not (np.isfinite([x0, x1, y0, y1]).all() and x1 > x0 and y1 > y0 and nx >= 2 and ny >= 2):
+        raise GridError(f"--workspace {text}: each axis needs a higher end above its lower one, and two places or more")
+    return (x0, x1, nx), (y0, y1, ny)
+
+
 def chosen_angles(assembly: Assembly, text: str | None) -> np.ndarray:
     """Crank angles (rad) of ``--angles``, or the default ones, all of which the linkage reaches.
 
@@ -49,4 +64,13 @@ def chosen_angles(assembly: Assembly, text: str | None) -> np.ndarray:
     return theta
 
 
-__all__ = ["FARTHEST", "FREE_TIME", "GridError", "chosen_angles", "default_angles", "parse_angles", "turns_fully"]
+__all__ = [
+    "FARTHEST",
+    "FREE_TIME",
+    "GridError",
+    "chosen_angles",
+    "default_angles",
+    "parse_angles",
+    "parse_workspace",
+    "turns_fully",
+]

@@ -9,8 +9,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from analytic.beyond_paper.drive import Turning
+from analytic.beyond_paper.free_motion import free_motion
 from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import Motion as Moving
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.reach import usual_angles
 from analytic.mechanism.one_line import count, one_line
@@ -19,11 +21,13 @@ from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.kinetostatics import friction_turns
 from analytic.paper.superposition import superposed
+from compare.judge.courses import Courses
 from compare.judge.discrepancy import difference, largest
 from compare.judge.signals import UNITS, compared, kind_of, with_derived
 from compare.results.crosscheck import OrderDifference
 from sim_models.engine import Motion
 
+MOVED = ("theta", "omega", "alpha")  # parts of a motion
 REVERSAL = 5e-3  # rad of crank before and after a joint's sliding reverses, where simulations preslide or are in a step
 
 
@@ -35,6 +39,7 @@ class Reference:
     ``elastic`` (m) is the largest elastic displacement of any point, 0 with rigid links.  ``peaks`` are the signals'
     largest sizes at the linkage's usual crank angles; a signal without one is judged by its peak in the run.
     ``unsure`` (N,) is how far a signal may be off because the motion that it follows is known no better (rms).
+    ``undetermined`` are the joints whose reactions statics does not determine: NaN, and compared with nothing.
     """
 
     signals: Mapping[str, np.ndarray]
@@ -44,6 +49,18 @@ class Reference:
     elastic: float = 0.0
     peaks: Mapping[str, float] = field(default_factory=dict)
     unsure: Mapping[str, np.ndarray] = field(default_factory=dict)
+    undetermined: frozenset[str] = frozenset()
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader has to know of it, in sentences."""
+        if not self.undetermined:
+            return ()
+        joints = ", ".join(sorted(self.undetermined))
+        return (
+            f"statics does not determine the reactions of {joints}, as the linkage is held more often than it needs:"
+            " they have no number, and are not compared; what the drives give is determined",
+        )
 
     def __repr__(self) -> str:
         samples = count(max((values.size for values in self.signals.values()), default=0), "sample")
@@ -86,8 +103,32 @@ def followed_reference(
     where the motion is known to these ``errors`` (rms).
     """
     side = _side(assembly, moving, True, model, clearances)
-    moved = {part: getattr(errors, part) for part in ("theta", "omega", "alpha")}
+    moved = {part: getattr(errors, part) for part in MOVED}
     return replace(side, unsure=_unsure(side, assembly, moving, moved, True, model, clearances))
+
+
+def followed_drives_reference(
+    assembly: Assembly,
+    drives: Mapping[str, tuple[Turning, Turning]],
+    model: Model,
+    clearances: Mapping[str, float],
+) -> Reference:
+    """The same along the motions of several drives, by joint: each one's motion, and to which errors (rms) it is known;
+    as positions of their joints.  Raises AssemblyError.
+    """
+
+    def inputs(part: str, which: int) -> np.ndarray:
+        return assembly.inputs_at({name: getattr(drive[which], part) for name, drive in drives.items()})
+
+    moving = Turning(*(inputs(part, 0) for part in MOVED))
+    side = _side(assembly, moving, True, model, clearances)
+    squares: dict[str, np.ndarray] = {}
+    for k in range(len(drives)):
+        own = np.arange(len(drives))[:, None] == k  # what one drive's motion leaves open does not depend on another's
+        errors = {part: np.where(own, np.abs(inputs(part, 1)), 0.0) for part in MOVED}
+        for name, unsure in _unsure(side, assembly, moving, errors, True, model, clearances).items():
+            squares[name] = squares.get(name, 0.0) + unsure**2
+    return replace(side, unsure={name: np.sqrt(total) for name, total in squares.items()})
 
 
 def _unsure(
@@ -101,7 +142,7 @@ def _unsure(
 ) -> dict[str, np.ndarray]:
     """How far each signal (N,) changes with parts of the motion that are off by these errors (N,)."""
     squares: dict[str, np.ndarray] = {}
-    known = named(assembly.mechanism.bodies, assembly.mechanism.joints)
+    known = named(assembly.mechanism.bodies, assembly.mechanism.joints, assembly.mechanism.drives)
     for part, error in errors.items():
         other = replace(moving, **{part: getattr(moving, part) + error})
         changed = displaced(
@@ -115,12 +156,18 @@ def _unsure(
 def _side(
     assembly: Assembly, moving: Turning, inertia: bool, model: Model, clearances: Mapping[str, float]
 ) -> Reference:
-    """The analytic model along a motion of the crank, flagged where friction has no direction."""
-    mechanism, theta = assembly.mechanism, moving.theta
+    """The analytic model along a motion of the crank, or of several inputs, flagged where friction has no direction."""
+    mechanism = assembly.mechanism
 
     def at(model: Model) -> Displaced:
         return displaced(
-            assembly, theta, moving.omega, alpha=moving.alpha, model=model, inertia=inertia, clearances=clearances
+            assembly,
+            moving.theta,
+            moving.omega,
+            alpha=moving.alpha,
+            model=model,
+            inertia=inertia,
+            clearances=clearances,
         )
 
     models: tuple[Model, ...] = ("equilibrium", "first_order") if clearances else (model,)
@@ -131,12 +178,43 @@ def _side(
     for signal in compared(mechanism, clearances) if clearances else ():
         apart = signal.apart(*(signals[each][signal.name] for each in ("first_order", "equilibrium")))
         if (most := difference(apart)) is not None:
-            unit, where = UNITS[kind_of(signal)], float(theta[most.at])
+            unit, where = UNITS[kind_of(signal)], float(_told(found.ideal.motion)[most.at])
             order[signal.name] = OrderDifference(unit=unit, max=most.max, rms=most.rms, at_crank_angle=where)
-    ideal = {body.name: found.ideal.motion.angle(body.name) for body in mechanism.bodies}
+    ideal = _angles(found.ideal.motion)
     turning = friction_turns(found.ideal.motion, REVERSAL if inertia else 0.0)
-    side = Reference(signals[model], ideal, order, found.flags, peaks=largest(signals[model]))
+    loose, peaks = found.reactions.undetermined, largest(signals[model])
+    side = Reference(signals[model], ideal, order, found.flags, peaks=peaks, undetermined=loose)
     return _without({i: why for i, why in _reversals(turning).items() if i not in found.flags}, side)
+
+
+def timed_reference(
+    assembly: Assembly, time: np.ndarray, courses: Courses, model: Model, clearances: Mapping[str, float]
+) -> Reference:
+    """The analytic model at times (N,) s of a linkage whose drives follow ``courses``, with these clearances (m).
+
+    What no drive moves moves freely, with ideal joints.  Raises AssemblyError.
+    """
+    s, splines = assembly.structure, courses.splines
+    if s.free:
+        found = free_motion(assembly, time, splines)
+        signals = with_derived(found.signals(), assembly.mechanism)
+        return Reference(
+            signals, _angles(found.motion), {}, {}, peaks=largest(signals), undetermined=found.undetermined
+        )
+    inputs, omega, alpha = (
+        assembly.inputs_at({name: spline(time, order) for name, spline in splines.items()}) for order in range(3)
+    )
+    return _side(assembly, Turning(inputs, omega, alpha), True, model, clearances)
+
+
+def _told(motion: Moving) -> np.ndarray:
+    """What the samples (N,) of a motion are told along: the crank's angle, or the first input's joint's position."""
+    s = motion.structure
+    return motion.theta if s.mechanism.cranked else s.signs[s.inputs[0]] * motion.theta
+
+
+def _angles(motion: Moving) -> dict[str, np.ndarray]:
+    return {body.name: motion.angle(body.name) for body in motion.structure.mechanism.bodies}
 
 
 def with_flexible_links(side: Reference, assembly: Assembly, theta: np.ndarray) -> Reference:
@@ -145,7 +223,7 @@ def with_flexible_links(side: Reference, assembly: Assembly, theta: np.ndarray) 
     """
     m = assembly.mechanism
     found = compliance(kinematics(assembly, theta, m.speed or 1.0))
-    known = named(m.bodies, m.joints)
+    known = named(m.bodies, m.joints, m.drives)
     peaks = {name: peak for name, peak in side.peaks.items() if known[name].kind in ("reaction", "drive")}
     return replace(
         side,
@@ -166,7 +244,7 @@ def released_reference(
     """
     side = _released(assembly, time, *start)
     angle = assembly.start if start[0] is None else start[0]
-    known = named(assembly.mechanism.bodies, assembly.mechanism.joints)
+    known = named(assembly.mechanism.bodies, assembly.mechanism.joints, assembly.mechanism.drives)
     squares: dict[str, np.ndarray] = {}
     for other in ((angle + errors[0], start[1]), (angle, start[1] + errors[1])):
         if other != (angle, start[1]):
@@ -179,7 +257,7 @@ def released_reference(
 def _released(assembly: Assembly, time: np.ndarray, angle: float | None, rate: float) -> Reference:
     found = released(assembly, time, angle, rate)
     mechanism, reactions = assembly.mechanism, found.reactions
-    ideal = {body.name: reactions.motion.angle(body.name) for body in mechanism.bodies}
+    ideal = _angles(reactions.motion)
     signals = with_derived(reactions.signals(), mechanism)
     rubbing = [joint.name for joint in mechanism.joints if joint.rubs]
     why = f"at rest, where nothing says how friction in {' and '.join(rubbing)} share what they hold"

@@ -8,17 +8,18 @@ from typing import Literal
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.signals import AXES, Component, Signal, continued
+from analytic.mechanism.signals import AXES, Component, Signal, continued, driving
 from analytic.mechanism.signals import Kind as Quantity
 
 Unit = Literal["rad", "N", "m", "N.m", "rad/s"]
-Kind = Literal["angle", "magnitude", "displacement", "rotation", "torque", "position", "place", "velocity"]
+Kind = Literal["angle", "magnitude", "displacement", "rotation", "torque", "force", "position", "place", "velocity"]
 UNITS: dict[Kind, Unit] = {
     "angle": "rad",
     "magnitude": "N",
     "displacement": "m",
     "rotation": "rad",
     "torque": "N.m",
+    "force": "N",
     "position": "rad",
     "place": "m",
     "velocity": "rad/s",
@@ -36,7 +37,10 @@ _KINDS: dict[tuple[Quantity, Component], Kind] = {
     ("pose", "x"): "place",
     ("pose", "y"): "place",
     ("rate", "angular_velocity"): "velocity",
+    ("position", "angle"): "position",
+    ("position", "travel"): "place",
     ("drive", "torque"): "torque",
+    ("drive", "force"): "force",
 }
 DRIVE_TORQUE = Signal("drive", "", "torque")
 
@@ -98,9 +102,10 @@ def _compared(mechanism: Mechanism, displaced: set[str]) -> Iterator[Signal]:
     for body in mechanism.bodies:
         if not displaced:
             yield Signal("pose", body.name, "angle")
-        elif body.name != mechanism.driven:
+        elif not (mechanism.cranked and body.name == mechanism.driven):
             yield Signal("rotation", body.name, "angle")
-    yield DRIVE_TORQUE
+    if mechanism.cranked or mechanism.drives:
+        yield from driving(mechanism.motors)
 
 
 def recorded(mechanism: Mechanism, clearances: Iterable[str], given: Iterable[str]) -> tuple[Signal, ...]:
@@ -110,8 +115,7 @@ def recorded(mechanism: Mechanism, clearances: Iterable[str], given: Iterable[st
     because the analytic side follows it.
     """
     names = set(given)
-    released = mechanism.drive is None or mechanism.drive.speed == "free"
-    if not released:
+    if mechanism.cranked and mechanism.motors:
         names -= {f"{mechanism.driven}_{part}" for part in ("angle", "angular_velocity")}
     found = [signal for signal in compared(mechanism, clearances) if signal.name in names]
     for joint in mechanism.joints:

@@ -173,7 +173,7 @@ def canonical(signal: str, mechanism: Mechanism) -> str:
     """``crank_angle`` stands for the driven body's angle, ``crank_angular_velocity`` for its rate, unless another body
     is called crank.
     """
-    if "crank" in mechanism.moving:
+    if "crank" in mechanism.moving or not mechanism.cranked:
         return signal
     parts = ("angle", "angular_velocity")
     return {f"crank_{part}": f"{mechanism.driven}_{part}" for part in parts}.get(signal, signal)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d
 
 from analytic.beyond_paper.drive import Motor, Turning
@@ -22,6 +25,8 @@ KNOTS = 500  # at least
 MARGIN = 1e-6  # of a course's length, beyond its ends
 LEAST = 5  # angles by which a course is known
 SURE = 4.0  # rms errors of a motion that is known no better, by which a signal may be off
+LEFT = 2.0  # times what positions are rounded to, that a smooth course through them may be off
+GAINS = 1.18, 6.0  # rms error of a cubic spline's derivatives at its knots, a step apart, for one of 1 in those
 NEIGHBOURS = 7  # samples around one, whose errors may be its own
 
 
@@ -40,12 +45,38 @@ class Followed:
         """The same motion as an engine follows it: at each sample on its course."""
         return replace(self, moving=self.course.at(self.time))
 
-    def request(self, mechanism: Mechanism, joint_model: JointModel) -> Request:
-        """The same motion, asked of an engine."""
+    @property
+    def knots(self) -> tuple[np.ndarray, np.ndarray]:
+        """The course as times (M,) s and angles (M,)."""
         margin = MARGIN * float(self.time[-1] - self.time[0])
         count = max(FINER * self.time.size, KNOTS)
         knots = np.linspace(self.time[0] - margin, self.time[-1] + margin, count)
-        return Request(mechanism, joint_model, time=self.time, course=(knots, self.course.at(knots).theta))
+        return knots, self.course.at(knots).theta
+
+    def request(self, mechanism: Mechanism, joint_model: JointModel) -> Request:
+        """The same motion, asked of an engine."""
+        return Request(mechanism, joint_model, time=self.time, course=self.knots)
+
+
+@dataclass(frozen=True)
+class FollowedDrives:
+    """The same of several drives, by joint: positions (rad, m) as they were recorded, and courses in between."""
+
+    time: np.ndarray
+    drives: Mapping[str, Followed]
+
+    def smooth(self) -> FollowedDrives:
+        """The same motion as an engine follows it."""
+        return FollowedDrives(self.time, {name: one.smooth() for name, one in self.drives.items()})
+
+    @property
+    def knots(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """The courses as times (M,) s and positions (M,) by joint."""
+        return {name: one.knots for name, one in self.drives.items()}
+
+    def request(self, mechanism: Mechanism, joint_model: JointModel) -> Request:
+        """The same motion, asked of an engine."""
+        return Request(mechanism, joint_model, time=self.time, courses=self.knots)
 
 
 @dataclass(frozen=True)
@@ -81,6 +112,25 @@ def followed(time: np.ndarray, angle: np.ndarray, rounded: np.ndarray) -> Follow
     errors[0] = np.minimum(rounded, COARSEST) / SURE
     motor = Motor(course=course)
     return Followed(time, replace(motor.at(time), theta=angle), Turning(*errors), motor)
+
+
+def followed_as_given(time: np.ndarray, position: np.ndarray, rounded: np.ndarray) -> Followed:
+    """The same of a program's drive: its positions (N,) are as exact as they are written.
+
+    A smooth course is taken where it leaves no more than they are ``rounded`` to; where it leaves more, they have
+    corners, or a motion of their own from sample to sample, and the course is the cubic spline through them.
+    """
+    smooth = followed(time, position, rounded)
+    if np.abs(position - smooth.course.at(time).theta).max() <= LEFT * float(rounded.max()):
+        return smooth
+    course, half = CubicSpline(time, position), np.unique(np.append(np.arange(0, time.size, 2), time.size - 1))
+    coarser = CubicSpline(time[half], position[half])
+    step, errors = np.gradient(time), [np.minimum(rounded, COARSEST) / SURE]
+    for order, gain in enumerate(GAINS, 1):
+        apart = np.abs(coarser(time, order) - course(time, order))
+        errors.append(gain * rounded / math.sqrt(3.0) / step**order + maximum_filter1d(apart, NEIGHBOURS) / SURE)
+    motor = Motor(course=course)
+    return Followed(time, motor.at(time), Turning(*errors), motor)
 
 
 def evenly(

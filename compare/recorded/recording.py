@@ -11,15 +11,25 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
-from analytic.mechanism.signals import turned_near
+from analytic.mechanism.signals import position, turned_near
 from compare.faults import ArgumentError
 from compare.recorded.errors import DataError
-from compare.recorded.motion import LEAST, SURE, Followed, Start, encoder_of, evenly, followed
+from compare.recorded.motion import (
+    LEAST,
+    SURE,
+    Followed,
+    FollowedDrives,
+    Start,
+    encoder_of,
+    evenly,
+    followed,
+    followed_as_given,
+)
 from compare.recorded.rounding import rounding
 from compare.recorded.table import Table
 from sim_models.engine import JointModel, Motion
 
-Kind = Literal["angles", "course", "released"]
+Kind = Literal["angles", "course", "courses", "released"]
 
 SAMPLES = 20_000  # of a file that are kept: more would tell little, and make a page that no browser opens
 TURN = 2 * np.pi + 1e-3  # rad: angles that span no more may be wrapped into one turn
@@ -34,7 +44,7 @@ class Recording:
     table: Table
     kind: Kind
     theta: np.ndarray
-    moved: Followed | Start | None = None
+    moved: Followed | FollowedDrives | Start | None = None
     error: float = 0.0  # rad, rms, of angles of a crank that turns evenly
 
     @property
@@ -47,8 +57,10 @@ def recording(
     name: str, file: str, table: Table, mechanism: Mechanism, motion: Motion, joint_model: JointModel
 ) -> Recording:
     """A table with the motion of the linkage in it.  Raises DataError or ArgumentError."""
+    if not mechanism.cranked or len(Assembly(mechanism).structure.inputs) > 1:
+        return _of_drives(name, file, table, mechanism, motion)
     encoder, where = encoder_of(mechanism), Path(file).name
-    table = _kept(table, encoder)
+    table = _kept(table)
     angle = table.values.get(encoder)
     released = mechanism.drive is None or mechanism.drive.speed == "free"
     if not set(table.values) - {encoder}:
@@ -99,7 +111,45 @@ def _start(table: Table, mechanism: Mechanism) -> Start:
     return Start(angle, rate, (rounded[0] / SURE, rounded[1] / SURE))
 
 
-def _kept(table: Table, encoder: str) -> Table:
+def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism, motion: Motion) -> Recording:
+    """A table of a linkage that no single crank moves: each driven joint's position is followed."""
+    table, where, s = _kept(table), Path(file).name, Assembly(mechanism).structure
+    if motion == "static":
+        raise ArgumentError(
+            "motion", f"{mechanism.name} is compared over time, in driven motion only; leave motion out"
+        )
+    if s.free:
+        joint = s.coordinates[s.inputs[s.free[0]]].joint
+        raise DataError(f"{where}: joint {joint!r} of {mechanism.name} has no drive; only driven motion can be checked")
+    wanted = {s.coordinates[i].joint: position(mechanism.joint(s.coordinates[i].joint)).name for i in s.inputs}
+    faults = [
+        f"{where}: has no column {signal!r}, and nothing else says where joint {joint!r} is; add it, or say in a map"
+        " which column it is"
+        for joint, signal in wanted.items()
+        if signal not in table.values
+    ]
+    faults += [
+        f"{where}: {signal!r} has empty cells; give joint {joint!r} a position in every row, or leave rows out"
+        for joint, signal in wanted.items()
+        if signal in table.values and np.any(np.isnan(table.values[signal]))
+    ]
+    if not faults and not set(table.values) - set(wanted.values()):
+        faults.append(f"{where}: has no signal beside {', '.join(wanted.values())}; add what is to be compared")
+    if not faults and table.time.size < LEAST:
+        faults.append(f"{where}: has {count(table.time.size, 'row')}; a course is known from {LEAST} on")
+    if faults:
+        raise DataError(*faults)
+    late, drives = rounding(table.time), {}
+    for joint, signal in wanted.items():
+        values = table.values[signal]
+        drives[joint] = followed_as_given(
+            table.time, values, table.rounding(signal) + np.abs(np.gradient(values, table.time)) * late
+        )
+    first = next(iter(drives.values()))
+    return Recording(name, file, table, "courses", first.moving.theta, FollowedDrives(table.time, drives))
+
+
+def _kept(table: Table) -> Table:
     """A table with no more rows than can be looked at: every second, third ..."""
     rows = next(iter(table.values.values())).size
     every = -(-rows // SAMPLES)

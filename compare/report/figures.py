@@ -12,8 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from analytic.mechanism.signals import DRIVE_TORQUE
-from compare.quantities import GAMMA, MINUS, Quantity, apart, number
+from compare.quantities import GAMMA, MINUS, Quantity, apart, drive_signals, number
 from compare.report.summary import Summary, abscissa
 from compare.results.crosscheck import CrossCheck, Run
 from compare.results.document import listed
@@ -76,7 +75,8 @@ def figures(result: CrossCheck, summary: Summary) -> list[Figure]:
         return []
     found = [reaction_directions(result, summary, joint) for joint in summary.joints]
     found += [both_sides(result, summary, f"reaction_{joint}_magnitude") for joint in summary.joints]
-    found += [both_sides(result, summary, DRIVE_TORQUE)]
+    given = [name for name in drive_signals(result.mechanism) if any(name in run.analytic for run in result.runs)]
+    found += [both_sides(result, summary, name) for name in given]
     found += [
         journal_path(result, summary, joint)
         for joint in summary.joints

@@ -67,8 +67,8 @@ def render(
         keys=summary.keys(False, result.mechanism),
         drawings=[Markup(drawings[figure.name]) for figure in figures],
         linkage_svg=Markup(drawings[linkage.name]) if linkage else "",
-        css=_static("report.css"),
-        scripts=_static("chart.js") + _static("explorer.js"),
+        css=static("report.css"),
+        scripts=static("chart.js") + static("explorer.js"),
         data=script_json({"figures": [asdict(figure) for figure in figures], "explorer": explorer(result, summary)}),
         mechanism=json.dumps(as_written(result.mechanism), indent=2, ensure_ascii=False),
     )
@@ -115,7 +115,8 @@ def _environment(escaping: bool) -> Environment:
     return environment
 
 
-def _static(name: str) -> Markup:
+def static(name: str) -> Markup:
+    """A style sheet or script of the pages."""
     return Markup(resources.files("compare.report").joinpath("static", name).read_text(encoding="utf-8"))
 
 
@@ -133,8 +134,12 @@ def _motion(run: Run, mechanism: Mechanism) -> str:
     """How a run moved, in words."""
     if not released(run, mechanism):
         return run.motion
-    followed = mechanism.drive is not None and mechanism.drive.speed == "measured"
-    return "follows a recorded course" if followed else "swings freely"
+    moved = [drive.speed for drive in mechanism.drives if drive.speed != "free"]
+    if not moved:
+        return "swings freely"
+    if any(speed == "measured" for speed in moved) or not run.drive_position:
+        return "follows a recorded course"
+    return "driven over time"
 
 
 def _once(values: Iterable[str]) -> list[str]:

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from compare.quantities import plain, quantities
+from compare.quantities import drive_signals, plain, quantities
 from compare.results.analysis import Analysis, Simulation
 
 if TYPE_CHECKING:
@@ -57,16 +57,18 @@ def summary_html(result: Side) -> str:
 def plot(result: Side, figure: Figure) -> None:
     """Size of each reaction, and the drive torque, over the crank angle (over time where the linkage swings)."""
     known = quantities(result.mechanism)
-    time = result.time if isinstance(result, Simulation) and result.mechanism.speed is None else None
+    time = result.time if result.mechanism.speed is None else None
     x = np.degrees(result.crank_angle) if time is None else time
     force, torque = figure.subplots(2, 1, sharex=True)
     for joint in result.mechanism.joints:
         force.plot(
             x, result.signals[f"reaction_{joint.name}_magnitude"], label=known[f"reaction_{joint.name}_magnitude"].label
         )
-    torque.plot(x, result.signals["drive_torque"])
+    for name in drive_signals(result.mechanism):
+        if name in result.signals:
+            torque.plot(x, result.signals[name], label=known[name].label)
     force.set_ylabel("reaction force (N)")
-    torque.set_ylabel("drive torque (N·m)")
+    torque.set_ylabel("drive torque (N·m)" if all(not j.prismatic for j in result.mechanism.motors) else "drives")
     torque.set_xlabel("crank angle (deg)" if time is None else "time (s)")
     force.legend(fontsize="small")
     force.set_title(repr(result))

@@ -10,6 +10,8 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from compare.quantities import Quantity, key_signals, number, plain, quantities, shown
@@ -275,9 +277,18 @@ def frame_and_signs(mechanism: Mechanism) -> str:
     pairs = ", ".join(f"{j.name} of {j.bodies[0]} on {j.bodies[1]}" for j in mechanism.joints)
     return (
         f"Reactions are forces at {pairs}, in the ground frame; a displacement in a joint is the first body's pin"
-        " centre minus the second's. Angles count counter-clockwise from the ground's x axis, and the drive torque is"
-        f" the motor's on the {mechanism.driven}."
+        " centre minus the second's. Angles count counter-clockwise from the ground's x axis, and"
+        f" {_of_motors(mechanism)}."
     )
+
+
+def _of_motors(mechanism: Mechanism) -> str:
+    """On what the motors act."""
+    if mechanism.cranked:
+        return f"the drive torque is the motor's on the {mechanism.driven}"
+    ends = [mechanism.joint(drive.joint) for drive in mechanism.drives]
+    acting = ", ".join(f"in {joint.name} on {joint.bodies[1]}" for joint in ends)
+    return f"a motor's torque or force is that of its joint's first body on its second ({acting})"
 
 
 def _span(run: results.Run, mechanism: Mechanism) -> str:
@@ -317,7 +328,7 @@ def _where(at: float | None, run: results.Run, mechanism: Mechanism) -> str:
     if at is None:
         return "-"
     if released(run, mechanism) and run.time is not None:
-        return f"{plain(float(run.time[run.crank_angle.tolist().index(at)]), 4)} s"
+        return f"{plain(float(run.time[np.argmin(np.abs(run.crank_angle - at))]), 4)} s"
     return f"{plain(math.degrees(at), 4)} deg"
 
 

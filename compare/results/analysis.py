@@ -25,7 +25,10 @@ class _Side(Document):
     mechanism: Mechanism
     motion: Motion
     clearance: MetresByJoint
-    crank_angle: Annotated[Grid, Field(description="rad")]
+    crank_angle: Annotated[
+        Grid, Field(description="rad; where no crank moves the linkage, the first drive's position (rad, or m).")
+    ]
+    time: Annotated[Grid | None, Field(description="s; of what is simulated in motion, or analysed over time.")] = None
     signals: Signals
     command: str = ""
     warnings: tuple[str, ...] = ()
@@ -33,7 +36,7 @@ class _Side(Document):
     @cached_property
     def kinds(self) -> dict[str, Signal]:
         """What each signal is."""
-        known = named(self.mechanism.bodies, self.mechanism.joints)
+        known = named(self.mechanism.bodies, self.mechanism.joints, self.mechanism.drives)
         return {name: known[name] for name in self.signals if name in known}
 
     def __getitem__(self, name: str) -> np.ndarray:
@@ -47,13 +50,17 @@ class _Side(Document):
         """SI unit of each column."""
         return {"crank_angle": "rad", "time": "s"} | {name: kind.unit for name, kind in self.kinds.items()}
 
-    def _rows(self, time: np.ndarray | None) -> list[Row]:
-        columns = {"crank_angle": self.crank_angle, **({} if time is None else {"time": time}), **self.signals}
+    def rows(self) -> list[Row]:
+        """A row for each crank angle, or time."""
+        timed = {} if self.time is None else {"time": self.time}
+        columns = {"crank_angle": self.crank_angle, **timed, **self.signals}
         return [dict(zip(columns, row, strict=True)) for row in zip(*map(listed, columns.values()), strict=True)]
 
     def _over(self) -> str:
         if not self.crank_angle.size:
             return "no crank angle"
+        if self.time is not None and not self.mechanism.cranked:
+            return f"{count(self.time.size, 'instant')} {self.time[0]:.4g} to {self.time[-1]:.4g} s"
         first, last = (math.degrees(self.crank_angle[k]) for k in (0, -1))
         sizes = ", ".join(f"{joint} {size:.4g} m" for joint, size in self.clearance.items())
         over = f"{count(self.crank_angle.size, 'crank angle')} {first:.4g} to {last:.4g} deg"
@@ -81,10 +88,6 @@ class Analysis(_Side):
         Mapping[str, OrderDifference], Field(description="The paper's first order minus the equilibrium, by signal.")
     ]
 
-    def rows(self) -> list[Row]:
-        """A row for each crank angle."""
-        return self._rows(None)
-
     def __repr__(self) -> str:
         flagged = f", {len(self.flags)} without an answer" if self.flags else ""
         return f"Analysis({self.case}, {self.motion}, {self.analytic_model}, {self._over()}{flagged})"
@@ -102,16 +105,11 @@ class Simulation(_Side):
     simulator: Simulator
     joint_model: JointModel
     settings: Annotated[Mapping[str, SettingValue], Field(description="The numbers that the engine used.")]
-    time: Annotated[Grid | None, Field(description="s, in driven runs")] = None
     journal: Annotated[Mapping[str, Path], Field(description="Path (m) of each pin in its bearing, densely sampled.")]
     free_share: Annotated[
         Mapping[str, Share],
         Field(description="Share of the time (static: of the angles) that each pin is without contact."),
     ]
-
-    def rows(self) -> list[Row]:
-        """A row for each crank angle, or time."""
-        return self._rows(self.time)
 
     def __repr__(self) -> str:
         return f"Simulation({self.case} in {self.simulator.name}, {self.joint_model}, {self.motion}, {self._over()})"

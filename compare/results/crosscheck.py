@@ -116,8 +116,17 @@ class Run(Part):
             " contact_law and step (s; null where nothing steps); others than these are its own."
         ),
     ]
-    crank_angle: Annotated[Grid, Field(min_length=1, description="rad")]
+    crank_angle: Annotated[
+        Grid,
+        Field(
+            min_length=1, description="rad; where no crank moves the linkage, the first drive's position (rad, or m)."
+        ),
+    ]
     time: Annotated[Grid | None, Field(min_length=1, description="s, in driven runs")] = None
+    drive_position: Annotated[
+        Mapping[str, Grid],
+        Field(description="Position (rad, or m) of each driven joint, where the drives are not one crank's."),
+    ] = {}
     flags: Annotated[
         Mapping[Index, Text],
         Field(
@@ -145,6 +154,7 @@ class Run(Part):
     def _whole(self) -> Run:
         """Each series has a value for each sample."""
         series: dict[str, np.ndarray | None] = {"time": self.time}
+        series |= {f"drive_position.{name}": values for name, values in self.drive_position.items()}
         series |= {f"analytic.{name}": values for name, values in self.analytic.items()}
         series |= {f"simulated.{name}": values for name, values in self.simulated.items()}
         for name, values in series.items():
@@ -247,7 +257,7 @@ class CrossCheck(Document):
     @cached_property
     def signals(self) -> dict[str, Signal]:
         """Every signal that the mechanism can have, by name."""
-        return dict(named(self.mechanism.bodies, self.mechanism.joints))
+        return dict(named(self.mechanism.bodies, self.mechanism.joints, self.mechanism.drives))
 
     @property
     def swings(self) -> bool:

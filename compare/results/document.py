@@ -154,6 +154,8 @@ class Document(Part):
 
     file: ClassVar[str]
     """Name of its JSON file."""
+    described: ClassVar[str] = ""
+    """Name of its JSON Schema's file, where another document's has that of its own."""
     presentation: ClassVar[str]
     """Module of :mod:`compare.report` that shows it, found by name, so that no result imports a page."""
     remedy: ClassVar[str]

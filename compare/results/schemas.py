@@ -17,6 +17,7 @@ MODULES = (
     "crosscheck",
     "analysis",
     "accuracy",
+    "platform",
     "validity",
     "catalogue",
     "history",
@@ -63,10 +64,10 @@ def _close(schema: object) -> None:
 
 
 def documents() -> dict[str, type[Document]]:
-    """Every document by the name of its file."""
+    """Every document by the name of its schema's file, which is that of its own but where two have the same."""
     for module in MODULES:
         importlib.import_module(f"compare.results.{module}")
-    return {found.file: found for found in _below(Document)}
+    return {found.described or found.file: found for found in _below(Document)}
 
 
 def _below(model: type[Document]) -> list[type[Document]]:
@@ -82,7 +83,7 @@ def schema(document: type[Document]) -> str:
     found["required"] = ["schema", *(name for name in found.get("required", []) if name != "schema")]
     head = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "$id": f"urn:linkage-crosscheck:{document.file.removesuffix('.json')}:1",
+        "$id": f"urn:linkage-crosscheck:{(document.described or document.file).removesuffix('.json')}:1",
         "title": document.file,
     }
     return json.dumps(head | found, indent=2, ensure_ascii=False) + "\n"

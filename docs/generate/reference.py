@@ -217,8 +217,19 @@ MEANING = {
     ("pose", "x"): "position of the body's marker (its centre of mass, unless the file says otherwise), ground frame",
     ("pose", "y"): "the same",
     ("rate", "angular_velocity"): "rate of the body's angle",
-    ("drive", "torque"): "torque of the motor on the driven body",
+    ("position", "angle"): "revolute joints: angle of the second body less the first's",
+    ("position", "travel"): "prismatic joints: how far the second body's point is from the first's along the axis",
+    ("drive", "torque"): "torque of the motor on the driven body; of several, each on its joint's second body",
+    ("drive", "force"): "force of a motor that slides, on the joint's second body along the axis",
 }
+
+
+def _with_place(name: str, place: str, word: str) -> str:
+    """A signal's name with a word for its place, which stands at its beginning or its end."""
+    if name.startswith(f"{place}_"):
+        return word + name[len(place) :]
+    head, _, tail = name.rpartition(f"_{place}")
+    return f"{head}_{word}{tail}"
 
 
 def signals() -> str:
@@ -226,12 +237,13 @@ def signals() -> str:
     from analytic.mechanism import signals as module
     from analytic.mechanism.file import load
 
-    linkage = load("slider-crank")
+    linkage, turning, sliding = load("slider-crank"), load("five-bar"), load("3-rpr")
     rows: dict[str, list[str]] = {}
-    for signal in module.signals(linkage.bodies, linkage.joints):
-        of_joint = signal.kind in ("reaction", "clearance")
+    own = module.signals(linkage.bodies, linkage.joints, linkage.drives)
+    for signal in (*own, *module.driving(turning.motors), *module.driving(sliding.motors)):
+        of_joint = signal.kind in ("reaction", "clearance", "position", "drive")
         name = (
-            signal.name.replace(signal.place, "<joint>" if of_joint else "<body>", 1) if signal.place else signal.name
+            _with_place(signal.name, signal.place, "<joint>" if of_joint else "<body>") if signal.place else signal.name
         )
         rows.setdefault(name, [f"`{name}`", signal.unit, MEANING[signal.kind, signal.component]])
     return table(["signal", "unit", "meaning"], list(rows.values()))
@@ -246,7 +258,8 @@ MEANS = {
     ("Mechanism", "ground"): "the fixed link, see below",
     ("Mechanism", "body"): "`[[body]]`, one for each moving link",
     ("Mechanism", "joint"): "`[[joint]]`, one for each joint",
-    ("Mechanism", "drive"): "the motor; left out: none",
+    ("Mechanism", "drive"): "`[drive]`, the motor, or `[[drive]]`, several; left out: none",
+    ("Mechanism", "spring"): "`[[spring]]`, any number",
     ("Mechanism", "load"): "`[[load]]`, any number",
     ("Mechanism", "assembly"): "rad by body: roughly the angles at which the linkage is assembled",
     ("Ground", "points"): "m by joint, ground frame",
@@ -259,8 +272,11 @@ MEANS = {
     ("Joint", "elasticity"): "Eq. 4, see below; left out: rigid",
     ("Elasticity", "translation"): "N/m along x, y and z",
     ("Elasticity", "rotation"): "N.m/rad about x and y",
-    ("Drive", "joint"): "a revolute joint on the ground",
-    ("Drive", "speed"): 'rad/s, constant; or `"free"` (released at the assembly angles) or `"measured"` (follows data)',
+    ("Drive", "joint"): "the joint that it moves; a single drive of a revolute joint on the ground turns a crank",
+    (
+        "Drive",
+        "speed",
+    ): 'rad/s (prismatic: m/s), constant; or `"free"` (released at the assembly angles) or `"measured"` (follows data)',
     ("Drive", "half_gap"): "rad, backlash: the crank's play behind the motor, and as much ahead of it",
     ("Drive", "ripple"): "unevenness of the motor, see below",
     ("Drive", "periodic_torque"): "on the driven body over its angle, see below",
@@ -268,6 +284,8 @@ MEANS = {
     ("PeriodicTorque", "harmonic"): "how often in a turn",
     ("Ripple", "amplitude"): "rad",
     ("Ripple", "harmonic"): "how often in a turn",
+    ("Spring", "bodies"): "the two bodies (or `ground`) that it joins",
+    ("Spring", "points"): 'a point of each, or `"com"`: its marker',
     ("Load", "body"): "where it acts",
     ("Load", "point"): 'a point of the body, or `"com"`: its marker',
     ("Load", "force"): "N, ground frame, fixed in direction",
@@ -315,6 +333,7 @@ def mechanism_file() -> str:
         ("[drive]", parts.Drive),
         ("ripple of a drive", parts.Ripple),
         ("periodic_torque of a drive", parts.PeriodicTorque),
+        ("[[spring]]", parts.Spring),
         ("[[load]]", parts.Load),
     )
     out = []

@@ -84,6 +84,11 @@ def balance(seen: Seen, body: Body) -> tuple[Sum, Sum]:
             push, arm = complex(*load.force), seen.arm(name, load.point)
             force.add(push)
             moment.add(cross(arm, push) + load.torque, np.abs(arm) * abs(push) + abs(load.torque))
+    for end, point, pull in seen.springs():
+        if end == name:
+            lever = seen.place(end, point) - centre
+            force.add(pull)
+            moment.add(cross(lever, pull), np.abs(lever) * np.abs(pull))
     for joint in m.joints:
         if name in joint.bodies:
             sign = 1.0 if joint.bodies[1] == name else -1.0
@@ -95,8 +100,8 @@ def balance(seen: Seen, body: Body) -> tuple[Sum, Sum]:
                 np.abs(arm) * np.abs(reaction) + np.abs(turn),
                 hidden + kink * np.abs(arm),
             )
-    if name == m.driven:
-        moment.add(seen.driving())
+    if name in (turned := seen.driving()):
+        moment.add(turned[name])
     return force, moment
 
 
@@ -113,7 +118,10 @@ def power(seen: Seen) -> Sum:
     for load in m.loads:
         flow.add(dot(seen.velocity(load.body, seen.arm(load.body, load.point)), complex(*load.force)))
         flow.add(load.torque * seen.spin(load.body))
-    flow.add(seen.driving() * seen.spin(m.driven))
+    for turned, torque in seen.driving().items():
+        flow.add(torque * seen.spin(turned))
+    for end, point, push in seen.springs():
+        flow.add(dot(push, seen.velocity(end, seen.arm(end, point))))
     for joint in m.joints:
         first, second = joint.bodies
         turning, (turn, hidden) = seen.spin(second) - seen.spin(first), seen.turning(joint)

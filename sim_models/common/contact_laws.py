@@ -76,7 +76,12 @@ def turning_rate(mechanism: Mechanism, motion: Motion) -> float:
     """
     mass, length = sum(b.mass for b in mechanism.bodies), longest(mechanism)
     force = sum(math.hypot(*load.force) + abs(load.torque) / length for load in mechanism.loads)
-    driven = abs(mechanism.speed or 0.0) if motion == "driven" else 0.0
+    speeds = [
+        abs(drive.speed) / (length if mechanism.joint(drive.joint).prismatic else 1.0)
+        for drive in mechanism.drives
+        if isinstance(drive.speed, float)
+    ]
+    driven = max(speeds, default=0.0) if motion == "driven" else 0.0
     return max(driven, math.sqrt((math.hypot(*mechanism.gravity) + force / mass) / length))
 
 

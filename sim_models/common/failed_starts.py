@@ -17,11 +17,12 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.mechanism import Mechanism
 from sim_models.common.contact_laws import TOO_DEEP, contact_parameters, shortest_link
-from sim_models.common.motor import Course, motor_of
+from sim_models.common.motor import Course, motor_of, motors_of
 from sim_models.engine import Cause, Motion, Request, SimulationError
 
 HIDDEN = 0.5  # of the clearance: a contact that gives more may well be why there is no equilibrium
 STIFF = 0.1  # of the clearance: what a contact that is stiff enough gives
+OVERHELD = "start it centred: its loops hold more than they need, and its pins cannot lie just anywhere"
 SAME = 1e-6  # rad: angles that are one and the same
 
 
@@ -100,7 +101,9 @@ def who(engine: str, request: Request) -> str:
 
 
 def where(request: Request, theta: float) -> str:
-    """A crank angle (rad) in words: one that was asked for, or one of the run's own."""
+    """A crank angle (rad) in words: one that was asked for, or one of the run's own; along courses, their start."""
+    if request.courses is not None:
+        return "at the start of its courses"
     here, asked = f"at crank angle {np.degrees(theta):.4g} deg", np.degrees(request.crank_angle)
     if asked.size == 0 or asked.min() - SAME <= np.degrees(theta) <= asked.max() + SAME:
         return here
@@ -115,24 +118,35 @@ def no_start(engine: str, request: Request, cause: Cause, what: str, theta: floa
 
 @contextmanager
 def own_start(engine: str, request: Request, assembly: Assembly) -> Iterator[None]:
-    """Within this, a linkage that cannot be assembled raises SimulationError; AssemblyError at a crank angle that was
-    asked for.
+    """Within this, a linkage that cannot be assembled raises SimulationError; AssemblyError at a crank angle, or along
+    courses, that were asked for.
     """
-    asked = _asked(request)
+    asked = _asked(request, assembly)
     if asked.size:
         assembly.coordinates(asked)
     try:
         yield
     except AssemblyError as error:
         raise SimulationError(
-            f"{who(engine, request)}: the angles asked for can be reached, but the run could not be started or held:"
+            f"{who(engine, request)}: the {'angles' if request.courses is None else 'courses'} asked for can be"
+            " reached, but the run could not be started or held:"
             f" {error.what}",
             Cause.NO_START,
+            OVERHELD if any(group.surplus for group in assembly.structure.groups) else "",
         ) from None
 
 
-def _asked(request: Request) -> np.ndarray:
-    """Crank angles (rad) that a request names, the start of its lead-in among them; none of a released linkage."""
+def _asked(request: Request, assembly: Assembly) -> np.ndarray:
+    """Crank angles (rad) that a request names, the start of its lead-in among them, or inputs (n_inputs, N) along its
+    courses; none of what moves freely.
+    """
+    if request.courses is not None:
+        if assembly.structure.free:
+            return np.zeros(0)
+        motors, last = motors_of(request), np.max(np.asarray(request.time, float))
+        knots = next(iter(motors.values())).knots
+        times = np.union1d(np.asarray(request.time, float), knots[knots <= last])
+        return assembly.inputs_at({name: motor.angles(times) for name, motor in motors.items()})
     motor = motor_of(request)
     if isinstance(motor, Course):
         knots, last = motor.knots, np.max(np.asarray(request.time, float))

@@ -53,8 +53,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analytic.mechanism import GROUND, Joint
+from analytic.mechanism.signals import position
 from sim_models.common.balances import balances
 from sim_models.common.contact_laws import TOO_DEEP, bearing, shortest_link
+from sim_models.common.motor import motors_of
 from sim_models.common.seen import REST, ROUNDING, TINY, Miss, Seen, cross, dot
 from sim_models.engine import Cause, Request, SimulationError, Trace
 
@@ -137,7 +139,7 @@ def misses(request: Request, trace: Trace) -> Iterator[Miss]:
     seen = Seen(request, trace)
     if not seen.placed:
         return
-    for part in (pins, slides, closure, crank, bearings):
+    for part in (pins, slides, closure, crank, motors, bearings):
         yield from part(seen)
     if trace.rates:
         yield from balances(seen)
@@ -226,8 +228,8 @@ def closure(seen: Seen) -> Iterator[Miss]:
     place = {b.name: 3 * k for k, b in enumerate(seen.m.bodies)}
     loose = {*seen.trace.clearance, *seen.request.bearings}
     found = [row for joint in seen.m.joints if joint.name not in loose for row in _closing(seen, joint)]
-    if seen.held:
-        found.append((0.0, {seen.m.driven: (0j, 1.0)}))
+    for joint in seen.driven:
+        found += _holding(seen, joint)
     if not found:
         return
     rows = np.zeros((seen.count, len(found), 3 * len(place)))  # of x and y over the longest body, and angle, of each
@@ -257,11 +259,42 @@ def _closing(seen: Seen, joint: Joint) -> Iterator[Row]:
         yield -dot(gap, axis), {first: (-axis, -cross(a, axis)), second: (axis, cross(b, axis))}
 
 
+def _holding(seen: Seen, joint: Joint) -> Iterator[Row]:
+    """What the motor of a joint asks of them, which holds the joint where it is."""
+    first, second = joint.bodies
+    if not joint.prismatic:
+        yield 0.0, {first: (0j, -1.0), second: (0j, 1.0)}
+        return
+    axis = joint.direction * np.exp(1j * seen.angle(first))
+    b = seen.arm(second, joint.name) / seen.size
+    a = seen.arm(first, joint.name) / seen.size - seen.gap(joint) / seen.size
+    yield 0.0, {first: (-axis, -cross(a, axis)), second: (axis, cross(b, axis))}
+
+
+def motors(seen: Seen) -> Iterator[Miss]:
+    """Joints that are not where their motors' courses have them."""
+    if seen.request.courses is None or seen.trace.time is None:
+        return
+    for name, motor in motors_of(seen.request).items():
+        joint = seen.m.joint(name)
+        off, size = (
+            seen.signal(position(joint).name) - motor.angles(seen.trace.time),
+            seen.size if joint.prismatic else 1.0,
+        )
+        yield Miss(
+            "crank",
+            f"joint {name!r} is not where its motor has it",
+            np.abs(off),
+            size,
+            "m" if joint.prismatic else "rad",
+        )
+
+
 def crank(seen: Seen) -> Iterator[Miss]:
     """A crank that is not where, or not as fast, as its motor."""
-    m, name, motor = seen.m, seen.m.driven, seen.request.crank_angle
-    if not seen.held or seen.request.course is not None:
+    if seen.request.courses is not None or not seen.held or seen.request.course is not None:
         return
+    m, name, motor = seen.m, seen.m.driven, seen.request.crank_angle
     stiffness = m.drive_stiffness
     behind = seen.signal("drive_torque") / stiffness if stiffness else 0.0
     off = np.abs(np.exp(1j * (seen.angle(name) + behind - motor)) - 1)

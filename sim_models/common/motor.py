@@ -124,6 +124,14 @@ def motor_of(request: Request) -> Motor | None:
     return ConstantSpeed(float(theta.min() if speed > 0 else theta.max()), speed, -(request.lead_in / abs(speed)))
 
 
+def motors_of(request: Request) -> dict[str, Course]:
+    """The motors of a request with ``courses``, by driven joint: its position (rad, or m) over time."""
+    from scipy.interpolate import CubicSpline  # here: importing it takes a quarter of a second
+
+    courses = request.courses or {}
+    return {name: Course(CubicSpline(*(np.asarray(x, float) for x in course))) for name, course in courses.items()}
+
+
 def report_times(request: Request, motor: Motor | None) -> np.ndarray:
     """Times (N,) s of a moving run's reports, in the request's order: the motor's, or since the release."""
     if isinstance(motor, ConstantSpeed):

@@ -9,9 +9,13 @@ from sim_models.engine import Request, Unsupported
 
 def check_request(request: Request) -> None:
     """Raise Unsupported, saying what to give or to leave out, for a request that makes no run in any engine."""
-    name, drive = request.mechanism.name, request.mechanism.drive
+    name = request.mechanism.name
     _check_links(request)
     _check_bearings(request)
+    if request.courses is not None:
+        _check_courses(request)
+        return
+    drive = request.mechanism.drive
     if request.course is not None:
         if request.motion == "static" or drive is None or drive.speed == "free":
             raise Unsupported(
@@ -50,18 +54,44 @@ def _check_bearings(request: Request) -> None:
         )
 
 
+def _check_courses(request: Request) -> None:
+    """Raise Unsupported where courses and drives do not go together, or reports are outside of them."""
+    m, courses = request.mechanism, request.courses or {}
+    driven = [joint.name for joint in m.motors]
+    if request.motion == "static":
+        raise Unsupported(f"{m.name}: what moves along courses is not at rest; use motion 'driven'")
+    if sorted(courses) != sorted(driven):
+        raise Unsupported(
+            f"{m.name}: there are courses of {', '.join(courses) or 'no joint'}, and drives at"
+            f" {', '.join(driven) or 'none'}; give each drive its course"
+        )
+    crank = {"stiffness": m.drive_stiffness, "half_gap": m.half_gap, "periodic_torque": m.periodic_torque}
+    for field, given in (crank | {"ripple": m.drives[0].ripple if m.drives else None}).items():
+        if given:
+            raise Unsupported(f"{m.name}: a drive follows a course of its own rigidly; leave out drive.{field}")
+    report = np.zeros(0) if request.time is None else np.asarray(request.time, float)
+    if request.crank_angle.size or not report.size or not np.all(report >= 0):
+        raise Unsupported(f"{m.name}: courses need report times, from 0 s on, in time, and no crank_angle")
+    for course in courses.values():
+        _check_spline(m.name, *course, report)
+
+
 def _check_course(request: Request) -> None:
     """Raise Unsupported where times, angles or reports do not make a course."""
     name = request.mechanism.name
     if request.course is None or request.time is None or request.crank_angle.size:
         raise Unsupported(f"{name}: a course needs course = (times, angles), report times in time, and no crank_angle")
-    time, angle = (np.asarray(x, float) for x in request.course)
+    _check_spline(name, *request.course, np.asarray(request.time, float))
+
+
+def _check_spline(name: str, time: np.ndarray, angle: np.ndarray, report: np.ndarray) -> None:
+    """Raise Unsupported where times and positions make no spline, or reports lie outside of it."""
+    time, angle = np.asarray(time, float), np.asarray(angle, float)
     whole = time.ndim == 1 and time.shape == angle.shape and time.size >= 4
     if not (whole and np.all(np.diff(time) > 0) and np.all(np.isfinite(angle))):
         raise Unsupported(
             f"{name}: a course is at least four strictly increasing times with an angle each; it has {time.size} times"
         )
-    report = np.asarray(request.time, float)
     if report.size == 0 or report.min() < time[0] or report.max() > time[-1]:
         raise Unsupported(
             f"{name}: reports are wanted outside the course, which lasts from {time[0]:g} to {time[-1]:g} s"

@@ -4,14 +4,14 @@ be.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint
-from analytic.mechanism.signals import wrapped
+from analytic.mechanism.signals import driving, wrapped
 from sim_models.common.contact_laws import PIN_RADIUS, contact_parameters, longest
 from sim_models.engine import Request, Trace
 
@@ -116,7 +116,14 @@ class Seen:
     @property
     def held(self) -> bool:
         """Whether a motor says where the crank is."""
-        return self.still or self.request.course is not None or self.m.speed is not None
+        return self.still or self.request.course is not None or bool(self.request.courses) or self.m.speed is not None
+
+    @cached_property
+    def driven(self) -> list[Joint]:
+        """The joints that are held or moved by a motor, a crank's first."""
+        if self.request.courses is not None:
+            return [self.m.joint(name) for name in self.request.courses]
+        return [self.m.drive_joint] if self.held else []
 
     @cached_property
     def size(self) -> float:
@@ -124,6 +131,19 @@ class Seen:
         return longest(self.m)
 
     # ---------------------------------------------------------------- forces
+
+    def springs(self) -> Iterator[tuple[str, str, np.ndarray]]:
+        """Body, point and force (N,) N on it of each end of a spring between points."""
+        for spring in self.m.springs:
+            near, far = spring.ends
+            rates = (
+                [0.0, 0.0]
+                if self.still
+                else [self.velocity(body, self.arm(body, point)) for body, point in (near, far)]
+            )
+            pull = spring.pull(self.place(*far) - self.place(*near), rates[1] - rates[0])
+            yield *near, pull
+            yield *far, -pull
 
     def reaction(self, joint: Joint) -> np.ndarray:
         """A joint's reaction (N,) N on its second body."""
@@ -190,10 +210,22 @@ class Seen:
         dry = (joint.dry(rate) + by_load) * np.sign(rate)
         return torque - np.where(known, dry, 0.0), np.where(known, 0.0, joint.stiction + by_load)
 
-    def driving(self) -> np.ndarray:
-        """Torque (N,) N.m on the driven body, of the motor and of what else turns it over its angle."""
-        torque, periodic = self.signal("drive_torque"), self.m.periodic_torque
-        return torque if periodic is None else torque + periodic.at(self.angle(self.m.driven))
+    def driving(self) -> dict[str, np.ndarray]:
+        """Torques (N,) N.m that motors, and what else turns a crank over its angle, exert on bodies.
+
+        A slide's motor acts along its axis, where its force is part of the reaction.
+        """
+        found: dict[str, np.ndarray] = {}
+        if self.request.courses is None:
+            torque, periodic = self.signal("drive_torque"), self.m.periodic_torque
+            found[self.m.driven] = torque if periodic is None else torque + periodic.at(self.angle(self.m.driven))
+            return found
+        for joint, signal in zip(self.driven, driving(self.driven) if self.driven else (), strict=True):
+            if not joint.prismatic:
+                first, second = joint.bodies
+                found[second] = found.get(second, 0.0) + self.signal(signal.name)
+                found[first] = found.get(first, 0.0) - self.signal(signal.name)
+        return found
 
     @cached_property
     def pace(self) -> float:

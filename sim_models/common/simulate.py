@@ -15,6 +15,7 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import signals
 from sim_models.common.health import Implausible, check
 from sim_models.common.requests import check_request
+from sim_models.common.travel import with_positions
 from sim_models.common.units import in_own_units
 from sim_models.engine import (
     ENGINES,
@@ -45,7 +46,7 @@ def simulate(engine: Engine, request: Request, run: Callable[[Request], Trace]) 
     check_supported(engine, request)
     check_request(request)
     run = partial(answered, engine.name, run=run)
-    trace = in_own_units(run, request)
+    trace = with_positions(request.mechanism, in_own_units(run, request))
     try:
         check(request, trace)
         return trace
@@ -103,9 +104,10 @@ def _faulty(name: str, request: Request, what: str) -> SimulationError:
 def _lacking(request: Request, trace: Trace) -> Iterator[str]:
     """What a trace must have of a request and does not, by name."""
     m = request.mechanism
-    for signal in signals(m.bodies, m.joints):
+    for signal in signals(m.bodies, m.joints, m.drives):
         needed = (
-            signal.kind in ("pose", "drive")
+            signal.kind == "pose"
+            or (signal.kind == "drive" and (request.courses is None or bool(request.courses)))
             or (signal.kind == "rate" and request.motion == "driven")
             or (signal.kind == "reaction" and signal.component in ("x", "y", "moment"))
             or (signal.kind == "clearance" and signal.place in request.clearances)
@@ -118,7 +120,7 @@ def _lacking(request: Request, trace: Trace) -> Iterator[str]:
 def _finer(run: Callable[[Request], Trace], request: Request) -> Trace | None:
     """The trace of a run in a given step; None where it cannot be made, or is implausible too."""
     try:
-        trace = in_own_units(run, request)
+        trace = with_positions(request.mechanism, in_own_units(run, request))
         check(request, trace)
     except SimulationError:
         return None

@@ -51,13 +51,40 @@ def poses(assembly: Assembly, theta: float, speed: float = 0.0, gaps: Gaps = lam
     return result
 
 
+def poses_along(assembly: Assembly, positions: Mapping[str, float], rates: Mapping[str, float]) -> dict[str, Pose]:
+    """Pose of every moving body of the ideal linkage with its inputs' joints at positions (rad, m) and rates (rad/s,
+    m/s), second body relative to first; inputs that are left out are as at the assembly, at rest.
+
+    Rates are central differences along the motion (five points).
+    """
+    at = assembly.positions | dict(positions)
+    moving = {name: rates.get(name, 0.0) for name in at}
+    h = 1e-3 / max(1.0, *map(abs, moving.values()))
+    times = h * np.arange(-2, 3)
+    inputs = assembly.inputs_at({name: where + moving[name] * times for name, where in at.items()})
+    sides = _bodies(assembly, inputs, {})
+    weights = np.array([1, -8, 0, 8, -1]) / (12 * h)
+    return {
+        name: Pose(complex(origin[2]), float(angle[2]), complex(origin @ weights), float(angle @ weights))
+        for name, (origin, angle) in sides.items()
+    }
+
+
 def _placed(assembly: Assembly, theta: float, gaps: Gaps) -> dict[str, tuple[complex, float]]:
-    s = assembly.structure
     gap = {name: np.array([value]) for name, value in gaps(theta).items()}
-    u = assembly.coordinates(np.array([theta]), gap)
+    found = _bodies(assembly, np.array([theta]), gap)
+    return {name: (complex(origin[0]), float(angle[0])) for name, (origin, angle) in found.items()}
+
+
+def _bodies(
+    assembly: Assembly, inputs: np.ndarray, gap: Mapping[str, np.ndarray]
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Origin (N,) m, complex, and angle (N,) rad of every moving body at inputs."""
+    s = assembly.structure
+    u = assembly.coordinates(inputs, gap)
     origins = s.origins @ assembly.columns(u, gap)
-    angles = {b: u[i, 0] + s.held_at[b] for i, c in enumerate(s.coordinates) for b in c.bodies}
-    return {name: (complex(origins[b, 0]), float(angles.get(b, s.held_at[b]))) for b, name in enumerate(s.bodies) if b}
+    angles = [u[list(turned)].sum(axis=0) + held for turned, held in zip(s.turned, s.held_at, strict=True)]
+    return {name: (origins[b], angles[b]) for b, name in enumerate(s.bodies) if b}
 
 
 def substeps(interval: float, longest: float) -> tuple[int, float]:

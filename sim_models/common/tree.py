@@ -67,7 +67,7 @@ def grown(m: Mechanism, tree: Iterable[Joint], floating: str | None = None) -> l
             child, parent = sorted(joint.bodies, key=lambda name: name in placed)
         else:
             adrift = [name for name in moving if name not in placed]
-            child, parent = floating or (m.driven if m.driven in adrift else adrift[0]), GROUND
+            child, parent = floating or (m.driven if m.cranked and m.driven in adrift else adrift[0]), GROUND
             floating = None
         branches.append(Branch(moving[child], parent, joint))
         placed.add(child)

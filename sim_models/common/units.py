@@ -16,7 +16,8 @@ from typing import overload
 
 import numpy as np
 
-from analytic.mechanism import Body, Drive, Joint, Load, Mechanism
+from analytic.kinematics.structure import structure
+from analytic.mechanism import Body, Drive, Joint, Load, Mechanism, Spring
 from analytic.mechanism.signals import Unit, named
 from sim_models.common.contact_laws import default_stiffness, heaviest, longest, power_of_two, turning_rate
 from sim_models.common.failed_starts import TooSoft
@@ -77,6 +78,7 @@ PRISMATIC = {
     "cubic": (-2, 1, -2),
     "rest_angle": LENGTH,
 }
+SPRING = {"stiffness": STIFFNESS, "length": LENGTH, "damping": DAMPING}
 SETTINGS = {
     "step": TIME,
     "bounce_time": TIME,
@@ -124,7 +126,9 @@ class Units:
         def points(of: Mapping[str, Pair]) -> dict[str, Pair]:
             return {name: self.from_si(at, LENGTH) for name, at in of.items()}
 
-        def fields(part: Body | Joint | Drive | Load, dimensions: Mapping[str, Dimension]) -> dict[str, object]:
+        def fields(
+            part: Body | Joint | Drive | Load | Spring, dimensions: Mapping[str, Dimension]
+        ) -> dict[str, object]:
             given = {
                 name: getattr(part, name)
                 for name in dimensions
@@ -142,19 +146,21 @@ class Units:
                 new["elasticity"] = j.elasticity.model_copy(update={"translation": translation, "rotation": rotation})
             return j.model_copy(update=new)
 
-        drive = m.drive
-        if drive is not None:
-            scaled = fields(drive, {"stiffness": TORQUE} | ({"speed": RATE} if m.speed is not None else {}))
-            if drive.periodic_torque is not None:
-                torque = self.from_si(drive.periodic_torque.amplitude, TORQUE)
-                scaled["periodic_torque"] = drive.periodic_torque.model_copy(update={"amplitude": torque})
-            drive = drive.model_copy(update=scaled)
+        def drive(d: Drive) -> Drive:
+            speed = {} if isinstance(d.speed, str) else {"speed": SPEED if m.joint(d.joint).prismatic else RATE}
+            scaled = fields(d, {"stiffness": TORQUE} | speed)
+            if d.periodic_torque is not None:
+                torque = self.from_si(d.periodic_torque.amplitude, TORQUE)
+                scaled["periodic_torque"] = d.periodic_torque.model_copy(update={"amplitude": torque})
+            return d.model_copy(update=scaled)
+
         return m.replace(
             gravity=self.from_si(m.gravity, ACCELERATION),
             ground=m.ground.model_copy(update={"points": points(m.ground.points)}),
             bodies=tuple(b.model_copy(update=fields(b, BODY) | {"points": points(b.points)}) for b in m.bodies),
             joints=tuple(joint(j) for j in m.joints),
-            drive=drive,
+            drives=tuple(drive(d) for d in m.drives),
+            springs=tuple(s.model_copy(update=fields(s, SPRING)) for s in m.springs),
             loads=tuple(load.model_copy(update=fields(load, {"force": FORCE, "torque": TORQUE})) for load in m.loads),
         )
 
@@ -168,19 +174,34 @@ class Units:
             start_speed=r.start_speed * self.time,
             step=None if r.step is None else r.step / self.time,
             course=course,
+            courses=None
+            if r.courses is None
+            else {name: self._course(r.mechanism, name, *c) for name, c in r.courses.items()},
         )
+
+    def _course(
+        self, m: Mechanism, joint: str, time: np.ndarray, position: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """A driven joint's course in these units."""
+        length = self.length if m.joint(joint).prismatic else 1.0
+        return np.asarray(time, float) / self.time, np.asarray(position, float) / length
 
     def trace(self, m: Mechanism, t: Trace) -> Trace:
         """A trace of these units, of mechanism ``m``, in SI.  Raises SimulationError for a signal that it has not."""
-        known = named(m.bodies, m.joints)
+        known = named(m.bodies, m.joints, m.drives)
         unknown = sorted(set(t.signals) - set(known))
         if unknown:
             raise SimulationError(
                 f"{t.simulator}: {m.name} has no signal {unknown[0]!r}", Cause.FAULTY, "leave it out of the trace"
             )
         own = {"length": self.length, "mass": self.mass, "time": self.time}
+        told = 1.0
+        if t.time is not None and not m.cranked:
+            s = structure(m)
+            told = self.length if s.unit(s.inputs[0]) == "m" else 1.0
         return replace(
             t,
+            crank_angle=t.crank_angle * told,
             time=None if t.time is None else t.time * self.time,
             signals={name: values * self.size(OF_UNIT[known[name].unit]) for name, values in t.signals.items()},
             rates={body: self._rates(rates) for body, rates in t.rates.items()},
@@ -252,8 +273,13 @@ def fastest(request: Request) -> float:
     release.
     """
     rate = abs(request.start_speed)
+    courses = dict(request.courses or {})
     if request.course is not None:
-        time, angle = (np.asarray(x, float) for x in request.course)
+        courses[""] = request.course
+    for joint, course in courses.items():
+        time, angle = (np.asarray(x, float) for x in course)
+        if joint and request.mechanism.joint(joint).prismatic:
+            angle = angle / longest(request.mechanism)
         if time.shape == angle.shape and time.size > 1 and np.all(np.diff(time) > 0):
             rate = max(rate, float(np.abs(np.diff(angle) / np.diff(time)).max()))
     return rate if math.isfinite(rate) else 0.0

@@ -1,7 +1,8 @@
 """DART (dartpy 6.20): generalised coordinates on a spanning tree, the remaining pins closed by DART's own constraints.
 
 Joints with clearance close nothing: their two pins are free, and a spring-damper or DART's contact solver keeps them
-together.  Prismatic joints and the drive are always in the tree.  Notes on what DART does silently:
+together.  Prismatic joints and those with motors are always in the tree; where a motor's own pin has clearance, its
+body floats in the frame of the other one.  Notes on what DART does silently:
 
 * ``getWrenchToChildBodyNode`` and the constraint forces belong to the positions *before* the step, in that child's
   frame;
@@ -19,19 +20,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analytic.mechanism import GROUND, Joint
-from sim_models.common.start import Pose, poses
+from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
 from sim_models.dart.contact import FLOOR, Bearing, plane, rebound, vector
 from sim_models.engine import Request, SettingValue
 from sim_models.leapfrog.bodies import LeapfrogWorld
-from sim_models.leapfrog.parts import coordinates, moving_body, spanning_tree
+from sim_models.leapfrog.courses import assembled
+from sim_models.leapfrog.parts import coordinates, moving_body
 
 if TYPE_CHECKING:
     from dartpy.math import Isometry3
 
 ERROR_REDUCTION = 1.0  # share of a closing pin's drift that DART removes in a step: all, so that no transient lingers
 SETTLING = 3  # steps in which a loop that was closed without drift gets the drift that belongs to its motion
-TRIFLE = 1e-12  # kg, kg.m^2: the body between the drive's two joints where the crank's own pin has clearance
+TRIFLE = 1e-12  # kg, kg.m^2: the body between a drive's two joints where the driven body's own pin has clearance
 
 
 def placed(dart: ModuleType, at: complex, angle: float = 0.0) -> Isometry3:
@@ -50,6 +52,7 @@ class DartWorld(LeapfrogWorld):
 
     def __init__(self, request: Request) -> None:
         super().__init__(request)
+        self.balances = request.courses is not None
         self.settling = SETTLING if request.joint_model == "ideal" else 1
         import dartpy as dart
 
@@ -62,19 +65,16 @@ class DartWorld(LeapfrogWorld):
         self.skeletons: list[Any] = []
         self.nodes: dict[str, Any] = {}
         self.roots: dict[str, Any] = {}  # DART joints by the body they carry
-        self.branches, self.closing = spanning_tree(
-            self.mechanism,
-            [j for j in self.mechanism.joints if j.name not in self.pins and j.name not in self.soft],
-        )
-        self.branch = {branch.child: branch for branch in self.branches}
+        self.carriages: dict[str, Any] = {}  # those that carry a driven body whose own pin has clearance
+        ideal = [j for j in self.mechanism.joints if j.name not in self.pins and j.name not in self.soft]
+        self.closing = self.hang(ideal)
         for branch in self.branches:
             if branch.joint is not None:
                 self._hang(branch, branch.joint)
             else:
-                self._float(branch.child)
+                self._float(branch.child, branch.parent)
         for skeleton in self.skeletons:
             self.world.addSkeleton(skeleton)
-        self.crank_joint = self.roots[self.mechanism.driven]
         self.hold(self.held)
         self.bearings: dict[str, Bearing] = {}
         self.frames = {
@@ -112,14 +112,15 @@ class DartWorld(LeapfrogWorld):
         properties.mT_ChildBodyToJoint = placed(self.dart, m.body(branch.child).point(joint.name))
         self._keep(branch.child, *create(self.nodes.get(branch.parent), properties))
 
-    def _float(self, body: str) -> None:
-        """Give a body that no ideal joint ties to the ground its three freedoms; the driven one turns by its motor."""
-        D, skeleton = self.dart.dynamics, self._new_skeleton()
-        if body != self.mechanism.driven:
+    def _float(self, body: str, parent: str) -> None:
+        """Give a body that no ideal joint ties to its parent its three freedoms; a driven one turns by its motor."""
+        D, base = self.dart.dynamics, self.nodes.get(parent)
+        skeleton = self._new_skeleton() if base is None else base.getSkeleton()
+        if all(body != each.child for each in self.steered):
             self._keep(body, *skeleton.createPlanarJointAndBodyNodePair(None, D.PlanarJointProperties()))
             return
-        self.carriage, between = skeleton.createTranslationalJoint2DAndBodyNodePair(
-            None, D.TranslationalJoint2DProperties()
+        self.carriages[body], between = skeleton.createTranslationalJoint2DAndBodyNodePair(
+            base, D.TranslationalJoint2DProperties()
         )
         between.setInertia(D.Inertia(TRIFLE, np.zeros(3), TRIFLE * np.eye(3)))
         properties = D.RevoluteJointProperties()
@@ -159,7 +160,7 @@ class DartWorld(LeapfrogWorld):
     def _close(self) -> None:
         """Tie the remaining pins, with the linkage assembled: DART takes their places from where the bodies are."""
         constraint = self.dart.constraint
-        self.place(poses(self.assembly, self.assembly.start))
+        self.place(assembled(self.assembly, self.request))
         for joint in self.closing:
             at = self.frames[joint.name][0].getTransform().translation()
             nodes = [self.nodes[name] for name in joint.bodies if name != GROUND]
@@ -172,13 +173,15 @@ class DartWorld(LeapfrogWorld):
     def place(self, bodies: Mapping[str, Pose]) -> None:
         for branch in self.branches:
             positions, velocities = coordinates(self.mechanism, branch, bodies)
-            if len(positions) > self.roots[branch.child].getNumDofs():  # the driven body's two joints
-                self.carriage.setPositions(positions[:2])
-                self.carriage.setVelocities(velocities[:2])
+            if branch.child in self.carriages:
+                self.carriages[branch.child].setPositions(positions[:2])
+                self.carriages[branch.child].setVelocities(velocities[:2])
                 positions, velocities = positions[2:], velocities[2:]
             self.roots[branch.child].setPositions(positions)
             self.roots[branch.child].setVelocities(velocities)
-        self.command = bodies[self.mechanism.driven].angular_velocity
+            for k, each in enumerate(self.steered):
+                if each.child == branch.child:
+                    self.commands[k] = velocities[-1]
         for name, bearing in self.bearings.items():
             bearing.arrive(self.gap(name)[0])
 
@@ -204,6 +207,10 @@ class DartWorld(LeapfrogWorld):
             body = branch.parent
         return angle
 
+    def coordinate(self, body: str) -> float:
+        root = self.roots[body]
+        return float(root.getPosition(root.getNumDofs() - 1))
+
     def gap(self, joint: str) -> tuple[complex, complex]:
         first, second = self.frames[joint]
         gap = first.getTransform().translation() - second.getTransform().translation()
@@ -227,24 +234,25 @@ class DartWorld(LeapfrogWorld):
 
     # ---------------------------------------------------------------- forces
 
-    def push(self, body: str, point: complex, force: complex) -> None:
-        if body != GROUND:
-            self.nodes[body].addExtForce(vector(force), vector(point), False, True)
+    def press(self, body: str, point: complex, force: complex) -> None:
+        self.nodes[body].addExtForce(vector(force), vector(point), False, True)
 
-    def turn(self, body: str, torque: float) -> None:
-        if body != GROUND:
-            self.nodes[body].addExtTorque([0.0, 0.0, torque], False)
+    def twist(self, body: str, torque: float) -> None:
+        self.nodes[body].addExtTorque([0.0, 0.0, torque], False)
 
     def hold(self, held: bool) -> None:
         self.held = held
-        self.crank_joint.setActuatorType(self.dart.dynamics.VELOCITY if held else self.dart.dynamics.FORCE)
-        self.crank_joint.setCommand(0, 0.0)
+        for each in self.steered:
+            root = self.roots[each.child]
+            root.setActuatorType(self.dart.dynamics.VELOCITY if held else self.dart.dynamics.FORCE)
+            root.setCommand(0, 0.0)
 
     def advance(self, h: float) -> None:
         if h != self.world.getTimeStep():
             self.world.setTimeStep(h)
         if self.held:
-            self.crank_joint.setCommand(0, self.command)
+            for each, command in zip(self.steered, self.commands, strict=True):
+                self.roots[each.child].setCommand(0, command)
         for name, bearing in self.bearings.items():
             lifted = bearing.lifted(self.gap(name)[0])
             if lifted:
@@ -252,15 +260,16 @@ class DartWorld(LeapfrogWorld):
         for name, bearing in self.bearings.items():
             self.pin_gaps[name] = self.gap(name)[0]
             bearing.face(self.pin_gaps[name])
+        self.take_note(h)
         self.world.step(True)
         for name, bearing in self.bearings.items():
             self.pin_forces[name] = bearing.force(self.world.getLastCollisionResult().getContacts())
 
-    def before_observing(self) -> None:
-        self.before = {name: self.pose(name) for name in self.nodes}
-
-    def reactions(self) -> tuple[dict[str, complex], dict[str, float], float]:
-        forces = dict(self.pin_forces) | self._closing_forces()
+    def reactions(self) -> tuple[dict[str, complex], dict[str, float], dict[str, float]]:
+        closing = self._closing_forces()
+        if self.balances:
+            return self.balanced(self.pin_forces | closing, {*closing, *self.bearings})
+        forces = dict(self.pin_forces) | closing
         moments: dict[str, float] = {}
         torque = 0.0
         for name, joint in ((branch.child, branch.joint) for branch in self.branches):
@@ -279,7 +288,7 @@ class DartWorld(LeapfrogWorld):
             forces[joint.name] = force
             if joint.prismatic:
                 moments[joint.name] = moment
-        return forces, moments, torque if self.held else 0.0
+        return forces, moments, {self.mechanism.drive_joint.name: torque} if self.held else {}
 
     def _closing_forces(self) -> dict[str, complex]:
         """Forces of the pins that close loops, from the generalised forces that DART's constraints exerted."""
@@ -315,14 +324,12 @@ class DartWorld(LeapfrogWorld):
         return at if body == GROUND else self.before[body].origin + at * np.exp(1j * self.before[body].angle)
 
     def nudge(self, joint: Joint, change: complex) -> None:
-        """Move the linkage, the crank apart, as little as changes a joint's gap by this much (m)."""
+        """Move the linkage, what is driven apart, as little as changes a joint's gap by this much (m)."""
         turned = {body: Pose(0j, self.angle(body)) for body in joint.bodies if body != GROUND}
         x, y = -self.pin_jacobian(joint, turned)
         row = x * change.real + y * change.imag
-        if self.held:
-            self._parts(row)[self.skeletons.index(self.crank_joint.getSkeleton())][
-                self.crank_joint.getIndexInSkeleton(0)
-            ] = 0.0
+        for root in (self.roots[each.child] for each in self.steered if self.held):
+            self._parts(row)[self.skeletons.index(root.getSkeleton())][root.getIndexInSkeleton(0)] = 0.0
         self.shift(row * abs(change) ** 2 / (row @ row))
 
     def pin_jacobian(self, j: Joint, turned: Mapping[str, Pose]) -> np.ndarray:

@@ -15,7 +15,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from sim_models.common.start import poses
 from sim_models.common.travel import slide_travel
-from sim_models.exudyn.equilibria import Inertia
+from sim_models.exudyn.linkage import Inertia
 
 # rad from one crank angle to the next: a second derivative's rounding and the cut-off fifth order weigh about the same
 STENCIL = 2e-3

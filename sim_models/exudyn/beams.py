@@ -38,6 +38,7 @@ from sim_models.exudyn.beam_model import (
 )
 from sim_models.exudyn.beam_motion import RigidMotion
 from sim_models.exudyn.equilibria import Equilibria
+from sim_models.exudyn.path import CrankPath
 from sim_models.exudyn.record import FLIPPED
 from sim_models.exudyn.settings import console_off
 
@@ -189,7 +190,7 @@ class _Beams:
         """Forces (N) of the rigid linkage that press its pins into their bearings."""
         if not self.clearance:
             return {}
-        rods = Equilibria(Request(self.m, "massless-link", "static"), self.assembly, self.m.speed or 1.0)
+        rods = Equilibria(Request(self.m, "massless-link", "static"), CrankPath(self.assembly), self.m.speed or 1.0)
         rate = float(self.motion.angular_velocity(self.m.driven)[k])
         rigid = rods.at(float(self.motion.theta[k]), self.motion.inertia(k) if self.moving else None, rate)
         return {name: complex(rigid.force[name][0]) for name in self.clearance}

@@ -30,6 +30,7 @@ RUNS: tuple[Pair, ...] = tuple((model, motion) for model in JOINT_MODELS for mot
 BENDING: tuple[Pair, ...] = tuple((model, motion) for model in ("ideal", "contact") for motion in MOTIONS)
 # No law of a joint sees another's reaction; one-sided laws between a motor and its crank would be slow in Python.
 HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "backlash"}
+BEYOND: frozenset[Feature] = frozenset({"several_drives", "point_spring"})  # of beams and exports
 # Friction of a pin on its rim falls to zero with its sliding speed: at rest there is none.
 AT_REST: frozenset[tuple[Feature, Pair]] = frozenset({("contact_friction", ("contact", "static"))})
 
@@ -41,8 +42,8 @@ class ExudynEngine(Engine):
     package = "exudyn"
     capabilities = Capabilities(
         rigid=Scope.of(RUNS, HAS, but=AT_REST),
-        beams=Scope.of(BENDING, HAS - {"contact_friction", "drive_compliance", "soft_bearing", "released"}),
-        export=Scope.of(RUNS, HAS - {"course"}, but=AT_REST),
+        beams=Scope.of(BENDING, HAS - {"contact_friction", "drive_compliance", "soft_bearing", "released"} - BEYOND),
+        export=Scope.of(RUNS, HAS - {"course"} - BEYOND, but=AT_REST),
     )
 
     def simulate(self, request: Request) -> Trace:
@@ -53,10 +54,11 @@ class ExudynEngine(Engine):
         crank lags by torque / stiffness, and ``steady`` is :func:`sim_models.exudyn.steady.crank_behind`.  Raises
         SimulationError, Unsupported or AssemblyError.
         """
+        from sim_models.exudyn.courses import CoursesRun
         from sim_models.exudyn.runs import ExudynRun
 
         with console_off():
-            return simulate(self, request, lambda r: ExudynRun(r).trace())
+            return simulate(self, request, lambda r: (ExudynRun(r) if r.courses is None else CoursesRun(r)).trace())
 
     def simulate_flexible(self, request: Request) -> Trace:
         """Run one request with links of beams.  Raises SimulationError, Unsupported or AssemblyError."""

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import newton
 
-from analytic.kinematics.assembly import Assembly
-from analytic.mechanism import GROUND, Joint
+from analytic.mechanism import GROUND, MASS_CENTRE, Joint
 from sim_models.common.contact_laws import pressed_to
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
-from sim_models.common.start import AT_REST, poses
+from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.engine import Cause, Request, SimulationError
-from sim_models.exudyn.linkage import ExudynLinkage
-from sim_models.exudyn.model import ExudynModel
+from sim_models.exudyn.linkage import ExudynLinkage, Inertia
+from sim_models.exudyn.model import ExudynModel, point_at
+from sim_models.exudyn.path import Path, redundant
 from sim_models.exudyn.record import Record
 
 STILL = 1e-12  # rad: last correction of a crank's angle behind a compliant drive
@@ -27,37 +27,33 @@ Loads = tuple[
 ]  # force at each com (N), torque on each body (N.m), force along each slide (N)
 
 
-@dataclass(frozen=True)
-class Inertia:
-    """Accelerations that a quasi-static linkage is loaded with: of each com (m/s^2) and angle (rad/s^2)."""
-
-    linear: Mapping[str, complex]
-    angular: Mapping[str, float]
-
-
 class Equilibria:
-    """Equilibria of a joint model with the crank held, at rest or (d'Alembert) with the inertia forces of a motion.
+    """Equilibria of a joint model held somewhere on its path, at rest or (d'Alembert) with the inertia forces of a
+    motion.
 
-    Friction and dampers are evaluated on the ideal linkage's motion at the same crank angle, its crank at ``speed``
-    (rad/s) unless told otherwise; friction fades below ``creep`` (rad/s), as in a run.  From the ideal linkage's
-    reactions rods are placed, from theirs the real joints.
+    Friction and dampers are evaluated on the ideal linkage's motion there, a crank at ``speed`` (rad/s) unless told
+    otherwise; friction fades below ``creep`` (rad/s), as in a run.  From the ideal linkage's reactions rods are placed,
+    from theirs the real joints.
     """
 
-    def __init__(self, request: Request, assembly: Assembly, speed: float, creep: float = 0.0) -> None:
+    def __init__(self, request: Request, path: Path, speed: float, creep: float = 0.0) -> None:
         m = request.mechanism
-        self.request, self.m, self.assembly, self.speed, self.creep = request, m, assembly, speed, creep
-        home = poses(assembly, assembly.start)
-        self.ideal = ExudynLinkage(ExudynModel(m, "ideal", "static", home))
+        self.request, self.m, self.path, self.speed, self.creep = request, m, path, speed, creep
+        home = path.poses(path.start)
+        held: dict[str, Any] = {"redundant": redundant(path.assembly)}
+        held["drives"] = None if path.held is None else dict.fromkeys(path.held)
+        self.ideal = ExudynLinkage(ExudynModel(m, "ideal", "static", home, **held))
         self.clearance = request.clearances
         self.displaced = (*self.clearance, *request.bearings)  # joints whose pins leave their bearings' centres
         self.rods = self.real = self.ideal
         if self.clearance:
-            self.rods = ExudynLinkage(ExudynModel(m, "massless-link", "static", home))
-            real = ExudynModel(m, request.joint_model, "static", home, contact_for=request.motion)
+            self.rods = ExudynLinkage(ExudynModel(m, "massless-link", "static", home, **held))
+            real = ExudynModel(m, request.joint_model, "static", home, contact_for=request.motion, **held)
             self.real = ExudynLinkage(real)
 
     def at(self, theta: float, inertia: Inertia | None = None, speed: float | None = None) -> Record:
-        """Equilibrium at a crank angle (rad), a record of one instant.  Raises SimulationError.
+        """Equilibrium at a place on the path: a crank angle (rad), or a time (s).  A record of one instant.  Raises
+        SimulationError.
 
         With ``inertia`` the linkage moves: its inertia forces act, and its dampers.
         """
@@ -115,7 +111,7 @@ class Equilibria:
         return gaps
 
     def _solve(self, linkage: ExudynLinkage, theta: float, gaps: Mapping[str, complex], loads: Loads) -> Record:
-        linkage.place(poses(self.assembly, theta, gaps=lambda _: gaps))
+        linkage.place(self.path.poses(theta, gaps))
         linkage.load_bodies(*loads)
         if not linkage.solve_static():
             raise self._failure(Cause.NO_EQUILIBRIUM, "Newton's method finds no equilibrium", theta)
@@ -127,15 +123,17 @@ class Equilibria:
 
     def _loads(self, theta: float, inertia: Inertia | None, speed: float) -> Loads:
         """Weight, inertia, friction and damping: force and torque on every body, force along every slide."""
-        moving = inertia is not None
+        moving, m = inertia is not None, self.m
         force, torque = {}, {}
-        for b in self.m.bodies:
+        for b in m.bodies:
             acceleration, turning = (inertia.linear[b.name], inertia.angular[b.name]) if inertia else (0j, 0.0)
-            force[b.name] = b.mass * (complex(*self.m.gravity) - acceleration)
+            force[b.name] = b.mass * (complex(*m.gravity) - acceleration)
             torque[b.name] = -b.moment_of_inertia * turning
         slide = {}
-        rate = self._rates(theta, speed) if any(j.rubs or (moving and j.damped) for j in self.m.joints) else {}
-        for j in self.m.joints:
+        if moving and any(spring.damping for spring in m.springs):
+            self._add_dampers(self.path.moving(theta, speed), force, torque)
+        rate = self._rates(theta, speed) if any(j.rubs or (moving and j.damped) for j in m.joints) else {}
+        for j in m.joints:
             law = 0.0
             if rate:
                 slip = rate[j.name] if moving else 0.0
@@ -148,6 +146,23 @@ class Equilibria:
                         torque[body] += sign * law
         return force, torque, slide
 
+    def _add_dampers(self, moving: Mapping[str, Pose], force: dict[str, complex], torque: dict[str, float]) -> None:
+        """What the dampers beside springs between points exert in this motion."""
+        placed = {GROUND: AT_REST, **moving}
+        for spring in self.m.springs:
+            places = [point_at(self.m, moving, *end) for end in spring.ends]
+            rates = [
+                placed[body].velocity + 1j * placed[body].angular_velocity * (at - placed[body].origin)
+                for (body, _), at in zip(spring.ends, places, strict=True)
+            ]
+            apart, rate = places[1] - places[0], rates[1] - rates[0]
+            push = spring.pull(apart, rate) - spring.pull(apart, 0j)
+            for (body, _), at, sign in zip(spring.ends, places, (1.0, -1.0), strict=True):
+                if body != GROUND:
+                    force[body] += sign * push
+                    arm = at - point_at(self.m, moving, body, MASS_CENTRE)
+                    torque[body] += sign * float((arm.conjugate() * push).imag)
+
     def _direction(self, joint: Joint, rate: float) -> float:
         """Sign of a joint's rate, or the part of it that friction has reached."""
         creep = self.creep * (self.ideal.model.size if joint.prismatic else 1.0)
@@ -155,7 +170,7 @@ class Equilibria:
 
     def _rates(self, theta: float, speed: float) -> dict[str, float]:
         """Relative angular velocity (rad/s), or speed along the slide (m/s), of every joint of the ideal linkage."""
-        moving = poses(self.assembly, theta, speed) | {GROUND: AT_REST}
+        moving = self.path.moving(theta, speed) | {GROUND: AT_REST}
         rates = {}
         for j in self.m.joints:
             rates[j.name] = travel(self.m, j, *(moving[body] for body in j.bodies))[1]

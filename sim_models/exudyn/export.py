@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 import importlib.resources
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from analytic.mechanism import MASS_CENTRE, Body, Joint
 from sim_models.common.export_files import expected, lines
-from sim_models.engine import Request
+from sim_models.engine import Request, Unsupported
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.linkage import HALVED, ExudynLinkage
 from sim_models.exudyn.motor import RunMotor
@@ -36,6 +36,11 @@ PARAMETERS = {  # what closes a joint: the numbers that make it, by Exudyn's nam
 def write(request: Request, folder: Path) -> list[Path]:
     """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError."""
     run = _Remembered(request)
+    if run.redundant:
+        raise Unsupported(
+            f"exudyn: {request.mechanism.name}: joints hold its loops more than once, which its scripts in bare Exudyn"
+            " do not solve; leave out a joint that is not needed, or the export"
+        )
     trace = run.trace()
     linkage, motion = _at_rest(run) if request.motion == "static" else _moving(run)
     model = {
@@ -79,9 +84,9 @@ class _Remembered(ExudynRun):
         return record
 
     def march(
-        self, linkage: ExudynLinkage, times: np.ndarray, longest: float, motor: RunMotor | None = None
+        self, linkage: ExudynLinkage, times: np.ndarray, longest: float, motors: Sequence[RunMotor] = ()
     ) -> tuple[Record, np.ndarray]:
-        history, self.marks = super().march(linkage, times, longest, motor)
+        history, self.marks = super().march(linkage, times, longest, motors)
         return history, self.marks
 
 
@@ -99,7 +104,7 @@ def _at_rest(run: ExudynRun) -> tuple[ExudynLinkage, dict[str, Any]]:
     """The linkage at rest, and where its bodies are put, and loaded with what besides the mechanism's loads, to find
     each equilibrium.
     """
-    equilibria = Equilibria(run.request, run.assembly, run.m.speed or 1.0)
+    equilibria = Equilibria(run.request, run.path, run.m.speed or 1.0)
     near = []
     for motor in run.request.crank_angle.tolist():
         theta = equilibria.crank(motor)

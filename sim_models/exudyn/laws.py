@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from analytic.mechanism import Joint, Mechanism
 from sim_models.common.contact_laws import KelvinVoigt, lighter_mass, restitution
@@ -33,6 +34,6 @@ def hysteresis(e: float) -> float:
     return 1.5 * (1 - e) * (11 - e) / (1 + 9 * e) if e > 1 / 3 else (1 - e**2) / e
 
 
-def joint_creep(motor: RunMotor | None) -> float:
+def joint_creep(motors: Sequence[RunMotor]) -> float:
     """Angular velocity (rad/s) of a joint below which its Coulomb friction falls to zero."""
-    return JOINT_CREEP * ((motor.top_speed if motor else 0.0) or 1.0)
+    return JOINT_CREEP * (max((motor.top_speed for motor in motors), default=0.0) or 1.0)

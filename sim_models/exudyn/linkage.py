@@ -6,12 +6,14 @@ How Exudyn's outputs become this project's reactions (force of the first body on
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypedDict, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analytic.mechanism import GROUND, MASS_CENTRE
+from analytic.mechanism.signals import driving
 from sim_models.common.start import Pose
 from sim_models.exudyn.model import ExudynModel, gap_at, point_at
 from sim_models.exudyn.record import Record, locate
@@ -40,6 +42,14 @@ class Item(TypedDict, total=False):
     stiffness: float
 
 
+@dataclass(frozen=True)
+class Inertia:
+    """Accelerations that a quasi-static linkage is loaded with: of each com (m/s^2) and angle (rad/s^2)."""
+
+    linear: Mapping[str, complex]
+    angular: Mapping[str, float]
+
+
 class ExudynLinkage:
     """A model at work: it can be placed, loaded, solved, advanced and read."""
 
@@ -49,13 +59,13 @@ class ExudynLinkage:
     # ---------------------------------------------------------------- statics
 
     def place(self, start: Mapping[str, Pose]) -> None:
-        """Put the bodies in these poses, the held crank included, as the guess of the next static solution."""
+        """Put the bodies in these poses, the held ones included, as the guess of the next static solution."""
         coordinates = []
         for body in self.m.bodies:
             com = point_at(self.m, start, body.name, MASS_CENTRE)
             coordinates += [com.real, com.imag, start[body.name].angle]
         self.mbs.systemData.SetODE2Coordinates(coordinates, self.exu.ConfigurationType.Initial)
-        self.mbs.SetObjectParameter(self.model.drive, "offset", start[self.m.driven].angle)
+        self.model.hold(start)
         data = []
         for name in self.model.touching:
             data += [self.model.clearance[name] - gap_at(self.m, start, name), 0.0, 0.0, 0.0]
@@ -88,11 +98,12 @@ class ExudynLinkage:
     @property
     def residual(self) -> float:
         """Force (N) that a static solution may leave unbalanced: what rounding of a position leaves on a stiff
-        spring.
+        spring.  With courses, a massless link is none.
         """
-        return 1e-9 + 1e-15 * max(
-            (self.model.stiffness(name) for name in (*self.model.clearance, *self.model.bearings)), default=0.0
-        )
+        model = self.model
+        rigid = model.drives is not None and model.motion == "driven" and model.joint_model == "massless-link"
+        springs = [*model.bearings, *(() if rigid else model.clearance)]
+        return 1e-9 + 1e-15 * max(map(model.stiffness, springs), default=0.0)
 
     def solve_static(self) -> bool:
         """Static equilibrium from where the bodies were placed; False if Newton's method does not find one."""
@@ -100,7 +111,11 @@ class ExudynLinkage:
 
     def _solve_static(self, difference: float) -> bool:
         try:
-            return bool(self.mbs.SolveStatic(static_settings(self.residual, difference), storeSolver=False))
+            return bool(
+                self.mbs.SolveStatic(
+                    static_settings(self.residual, difference, self.model.redundant), storeSolver=False
+                )
+            )
         except self.exu.exudynCPP.SolverError:
             return False
 
@@ -115,7 +130,7 @@ class ExudynLinkage:
         at constant speed. A course's reactions are then off by what Newton's method leaves of the jerk, unless it is
         told to leave less.
         """
-        settings = quiet_settings()
+        settings = quiet_settings(self.model.redundant)
         time = settings.timeIntegration
         time.generalizedAlpha.computeInitialAccelerations = not onward
         if onward:
@@ -128,7 +143,7 @@ class ExudynLinkage:
 
         With Newmark's gamma of 1 they are the step's change of velocity, and owe nothing to the ones before.
         """
-        settings = quiet_settings()
+        settings = quiet_settings(self.model.redundant)
         newmark = settings.timeIntegration.generalizedAlpha
         newmark.newmarkBeta, newmark.newmarkGamma, newmark.computeInitialAccelerations = 0.5, 1.0, False
         return self._integrate(settings, begin, end, 1)
@@ -147,7 +162,7 @@ class ExudynLinkage:
 
     def item(self, sensed: str) -> Item:
         """Exudyn's own parameters of what a sensor looks at: ``Coordinates <body>``, ``force <joint>``, ``law
-        <joint>``, ``drive``.
+        <joint>``, ``drive``, ``drive <joint>``.
         """
         sensor = self.mbs.GetSensor(self.model.sensors[sensed])
         if sensor["sensorType"] == "Node":
@@ -169,13 +184,14 @@ class ExudynLinkage:
         stored = {key: np.asarray(self.mbs.GetSensorStoredData(number)) for key, number in self.model.sensors.items()}
         return self._record({key: values[:, 1:] for key, values in stored.items()}, next(iter(stored.values()))[:, 0])
 
-    def accelerations(self) -> dict[str, tuple[complex, float]]:
-        """Acceleration (m/s^2) of each body's com and angular acceleration (rad/s^2), now."""
+    def inertia(self) -> Inertia:
+        """Every body's accelerations, now."""
         values = {
             body: self.mbs.GetNodeOutput(node, self.exu.OutputVariableType.Coordinates_tt)
             for body, node in self.model.nodes.items()
         }
-        return {body: (complex(a[0], a[1]), float(a[2])) for body, a in values.items()}
+        linear = {body: complex(a[0], a[1]) for body, a in values.items()}
+        return Inertia(linear, {body: float(a[2]) for body, a in values.items()})
 
     def _record(self, raw: Mapping[str, np.ndarray], time: np.ndarray) -> Record:
         com, angle, velocity, turning, acceleration, spin_up = {}, {}, {}, {}, {}, {}
@@ -191,12 +207,14 @@ class ExudynLinkage:
         multiplier = (
             1.0 if self.model.motion == "static" else -1.0
         )  # Exudyn's static and dynamic solvers differ in a multiplier's sign
+        drives = self._drives(raw, multiplier, time.size)
         force, moment = {}, {}
         for joint in self.m.joints:
             value = raw[f"force {joint.name}"]
             if joint.prismatic:
                 along = np.exp(1j * angle[joint.bodies[0]]) if joint.bodies[0] != GROUND else 1.0
-                axial = -sum(raw[law][:, 0] for law in (f"law {joint.name}", f"curved {joint.name}") if law in raw)
+                laws = [raw[law][:, 0] for law in (f"law {joint.name}", f"curved {joint.name}") if law in raw]
+                axial = drives.get(joint.name, 0.0) - sum(laws)
                 force[joint.name] = (axial + 1j * multiplier * value[:, 1]) * joint.direction * along
                 moment[joint.name] = -multiplier * raw[f"moment {joint.name}"][:, 2]
             elif joint.name not in self.model.clearance and joint.name not in self.model.bearings:
@@ -211,10 +229,15 @@ class ExudynLinkage:
                 )  # the multiplier is the tension
             else:
                 force[joint.name] = -(value[:, 0] + 1j * value[:, 1])
-        torque = (
-            np.zeros(time.size)
-            if self.model.drive is None
-            else raw["drive"][:, 0] * (1.0 if self.model.compliant else multiplier)
-        )
+        moved = [self.m.joint(name) for name in self.model.drives or ()]
+        loads = {signal.name: load for signal, load in zip(driving(moved), drives.values(), strict=False)}
         marker = {body: locate(self.m, com, angle, body, "com") for body in com}
-        return Record(time, com, marker, angle, velocity, turning, acceleration, spin_up, gap, force, moment, torque)
+        return Record(time, com, marker, angle, velocity, turning, acceleration, spin_up, gap, force, moment, loads)
+
+    def _drives(self, raw: Mapping[str, np.ndarray], multiplier: float, size: int) -> dict[str, np.ndarray]:
+        """What each motor, or what holds a joint, gives (N.m, N), by joint; a crank's, by no joint."""
+        if self.model.drives is not None:
+            return {name: multiplier * raw[f"drive {name}"][:, 0] for name in self.model.drives}
+        if self.model.drive is None:
+            return {"": np.zeros(size)}
+        return {"": raw["drive"][:, 0] * (1.0 if self.model.compliant else multiplier)}

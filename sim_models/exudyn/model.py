@@ -1,4 +1,4 @@
-"""A planar linkage as an Exudyn system: bodies, joints with their laws, loads, drive, and sensors on all of them.
+"""A planar linkage as an Exudyn system: bodies, joints with their laws, springs, loads, drives, and sensors on them.
 
 Bodies are ``RigidBody2D`` with their node at the centre of mass and zero reference coordinates, so that a node's
 coordinates *are* the com's x, y (m) and the body's angle (rad) in the ground frame.
@@ -13,12 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
+from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism, Spring
 from sim_models.common.contact_laws import PIN_RADIUS, bearing, contact_parameters
-from sim_models.common.start import Pose
+from sim_models.common.start import AT_REST, Pose
+from sim_models.common.travel import travel
 from sim_models.engine import JointModel, Motion, Request
 from sim_models.exudyn.laws import CONTACT_CREEP, MINIMUM_IMPACT_SPEED, contact_restitution, hysteresis, joint_creep
 from sim_models.exudyn.motor import RunMotor
+from sim_models.exudyn.slides import Slide
 
 ROD_STIFFNESS = (
     1e10  # N/m of the static massless link: Exudyn's static Newton knows no geometric stiffness of a constraint
@@ -30,9 +32,10 @@ class ExudynModel:
     drive.
 
     ``start`` are the bodies' poses and rates; ``motor`` turns the crank, or one end of the spring of a compliant drive
-    whose other end is the crank; without one the crank is held in statics, and free in motion.  Joints with clearance
-    get the joint model, all others are ideal, or springs where their bearings are soft; ``contact_for`` says whose
-    contact parameters an equilibrium uses that a driven run starts from.
+    whose other end is the crank; without one the crank is held in statics, and free in motion.  ``drives`` are of
+    linkages that no crank moves: by joint the motor that moves it or, in statics, that it is held.  Joints with
+    clearance get the joint model, all others are ideal, or springs where their bearings are soft; ``contact_for`` says
+    whose contact parameters an equilibrium uses that a driven run starts from.  Constraints may be ``redundant``.
     """
 
     def __init__(
@@ -44,13 +47,15 @@ class ExudynModel:
         *,
         contact_for: Motion | None = None,
         motor: RunMotor | None = None,
+        drives: Mapping[str, RunMotor | None] | None = None,
+        redundant: bool = False,
     ) -> None:
         import exudyn
         import exudyn.itemInterface as items
 
         self.exu: Any = exudyn
         self.items = items
-        self.m, self.joint_model, self.motion = mechanism, joint_model, motion
+        self.m, self.joint_model, self.motion, self.redundant = mechanism, joint_model, motion, redundant
         self.clearance = Request(mechanism, joint_model).clearances
         self.laws = {
             name: contact_parameters(mechanism, mechanism.joint(name), contact_for or motion) for name in self.clearance
@@ -61,7 +66,8 @@ class ExudynModel:
         self.container = exudyn.SystemContainer()
         self.mbs = self.container.AddSystem()
         self._ground = self.mbs.AddObject(items.ObjectGround())
-        self._fixed = self._coordinate(self.mbs.AddNode(items.NodePointGround()), 0)
+        self._ground_node = self.mbs.AddNode(items.NodePointGround())
+        self._fixed = self._coordinate(self._ground_node, 0)
         self.nodes: dict[str, Any] = {}
         self._body: dict[str, Any] = {}
         self.sensors: dict[str, Any] = {}
@@ -71,13 +77,22 @@ class ExudynModel:
         self.com_torque: dict[str, Any] = {}
         for body in mechanism.bodies:
             self._add_body(body.name, start[body.name])
-        self.creep = joint_creep(motor)
+        self.creep = joint_creep([motor] if motor else [] if drives is None else [*filter(None, drives.values())])
         self._add_loads()
         for joint in mechanism.joints:
             self._add_joint(joint, start)
             self._add_joint_law(joint)
         self._add_periodic_torque()
-        self._add_drive(start, motor)
+        for spring in mechanism.springs:
+            self._add_spring(spring)
+        self.drive, self.compliant = None, False  # of a crank
+        self.drives: dict[str, Any] | None = None  # by joint, where no crank moves the linkage
+        self.held: dict[str, float] = {}  # position (rad, m) of each of those that is held
+        if drives is None:
+            self._add_drive(start, motor)
+        else:
+            self.drives = {name: self._add_own_drive(mechanism.joint(name), by) for name, by in drives.items()}
+            self.hold(start)
         self.mbs.Assemble()
 
     @property
@@ -141,6 +156,17 @@ class ExudynModel:
             marker = self._marker(load.body, load.point)
             self.mbs.AddLoad(self.items.LoadForceVector(markerNumber=marker, loadVector=[*load.force, 0.0]))
             self.mbs.AddLoad(self.items.LoadTorqueVector(markerNumber=marker, loadVector=[0.0, 0.0, load.torque]))
+
+    def _add_spring(self, spring: Spring) -> None:
+        """A spring between points; in statics its damper is a load (:meth:`load_bodies`)."""
+        self.mbs.AddObject(
+            self.items.ObjectConnectorSpringDamper(
+                markerNumbers=[self._marker(body, point) for body, point in spring.ends],
+                referenceLength=spring.length,
+                stiffness=spring.stiffness,
+                damping=spring.damping if self.motion == "driven" else 0.0,
+            )
+        )
 
     def _add_joint(self, joint: Joint, start: Mapping[str, Pose]) -> None:
         if joint.prismatic:
@@ -344,7 +370,6 @@ class ExudynModel:
         self.mbs.SetObjectParameter(number, "springForceUserFunction", compiled)
 
     def _add_drive(self, start: Mapping[str, Pose], motor: RunMotor | None) -> None:
-        self.drive, self.compliant = None, False
         if self.motion == "driven" and motor is None:
             return
         connector = self.items.ObjectConnectorCoordinate
@@ -357,12 +382,60 @@ class ExudynModel:
             stiffness = self.m.drive_stiffness
             self.compliant = stiffness is not None
             turned = self._add_shaft(motor) if self.compliant else crank
-            speed = {"offset": float(motor.rate(0.0))} if motor.steady else {"offsetUserFunction_t": _called(motor)}
+            speed = (
+                {"offset": float(motor.rate(0.0))}
+                if motor.steady
+                else {"offsetUserFunction_t": _called(motor.speed_function())}
+            )
             self.drive = self.mbs.AddObject(connector(markerNumbers=[self._fixed, turned], velocityLevel=True, **speed))
             if self.compliant:
                 spring = self.items.ObjectConnectorCoordinateSpringDamper
                 self.drive = self.mbs.AddObject(spring(markerNumbers=[crank, turned], stiffness=stiffness))
         self._sense("drive", self.items.SensorObject, "Force", objectNumber=self.drive)
+
+    def _add_own_drive(self, joint: Joint, motor: RunMotor | None) -> Any:
+        """A motor between the two bodies of a joint, or what holds them."""
+        speed = None if motor is None else motor.speed_function()
+        if joint.prismatic:
+            number = self._add_slide_drive(joint, speed)
+        else:
+            connector, markers = self.items.ObjectConnectorCoordinate, [self._angle(body) for body in joint.bodies]
+            moved = {"velocityLevel": True, "offsetUserFunction_t": _called(speed)} if speed else {}
+            number = self.mbs.AddObject(connector(markerNumbers=markers, **moved))
+        self._sense(f"drive {joint.name}", self.items.SensorObject, "Force", objectNumber=number)
+        return number
+
+    def _add_slide_drive(self, joint: Joint, speed: Callable[[float], float] | None) -> Any:
+        """A motor along a slide: Exudyn's own joints cannot be moved where constraints are on velocity."""
+        slide = Slide.of(self.m, joint)
+        coordinates = self.items.MarkerNodeCoordinates
+        markers = [
+            self.mbs.AddMarker(coordinates(nodeNumber=self._ground_node if body == GROUND else self.nodes[body]))
+            for body in joint.bodies
+        ]
+        sizes = {f"scalingMarker{k}": np.zeros((1, 3)) for k, body in enumerate(joint.bodies) if body != GROUND}
+        asked = slide.at_speed(speed) if speed else slide.at_rest(lambda: self.held[joint.name])
+        return self.mbs.AddObject(
+            self.items.ObjectConnectorCoordinateVector(
+                markerNumbers=markers, **sizes, offset=[0.0],
+                constraintUserFunction=asked, jacobianUserFunction=slide.jacobian(),
+            )
+        )  # fmt: skip
+
+    def hold(self, start: Mapping[str, Pose]) -> None:
+        """Hold what is held where it is in these poses."""
+        if self.drives is None:
+            if self.drive is not None:
+                self.mbs.SetObjectParameter(self.drive, "offset", start[self.m.driven].angle)
+            return
+        if self.motion == "driven":
+            return
+        placed = {GROUND: AT_REST, **start}
+        for name, number in self.drives.items():
+            joint = self.m.joint(name)
+            self.held[name], _ = travel(self.m, joint, *(placed[body] for body in joint.bodies))
+            if not joint.prismatic:
+                self.mbs.SetObjectParameter(number, "offset", self.held[name])
 
     def _add_shaft(self, motor: RunMotor) -> Any:
         """The motor's shaft, whose inertia its prescribed motion makes immaterial; marker of its angle."""
@@ -372,9 +445,8 @@ class ExudynModel:
         return self._coordinate(shaft, 0)
 
 
-def _called(motor: RunMotor) -> Callable[[Any, float, int, float], float]:
+def _called(speed: Callable[[float], float]) -> Callable[[Any, float, int, float], float]:
     """A motor's speed as Exudyn asks for it."""
-    speed = motor.speed_function()
     return lambda mbs, t, item, offset: speed(t)
 
 

@@ -21,26 +21,30 @@ OF_SCATTER = 1e-3  # of a noisy course's scatter, that it may be off
 
 @dataclass(frozen=True)
 class RunMotor:
-    """A motor on the clock of an Exudyn run: its angle (rad) over that time (s) is a piecewise polynomial.
+    """A motor on the clock of an Exudyn run: its angle (rad; on a slide, its travel, m) over that time (s) is a
+    piecewise polynomial.
 
-    A course begins a moment after the run does, so that its first report is of a settled linkage.
+    A course begins a moment after the run does, so that its first report is of a settled linkage.  ``size`` (m) makes a
+    slide's travel comparable to an angle; it is 1 of a motor that turns.
     """
 
     motor: Motor
     path: PPoly
-    begins: float  # s of the run when the motor begins
+    first: float  # s of the motor's own time when the run's motion begins
+    begins: float  # s of the run at that moment
+    size: float = 1.0
 
     @classmethod
-    def of(cls, motor: Motor) -> RunMotor:
-        """On the clock of a run."""
+    def of(cls, motor: Motor, first: float | None = None, size: float = 1.0) -> RunMotor:
+        """On the clock of a run, whose motion begins with the motor's or, on a course, at its time ``first`` (s)."""
         if isinstance(motor, ConstantSpeed):
-            return cls(motor, PPoly([[motor.speed], [motor.angle(motor.begin)]], [0.0, 1.0]), 0.0)
-        begins = INSTANT + SETTLING
-        return cls(motor, PPoly(motor.spline.c, motor.knots - motor.begin + begins), begins)
+            return cls(motor, PPoly([[motor.speed], [motor.angle(motor.begin)]], [0.0, 1.0]), motor.begin, 0.0)
+        begins, first = INSTANT + SETTLING, motor.begin if first is None else first
+        return cls(motor, PPoly(motor.spline.c, motor.knots - first + begins), first, begins, size)
 
     def clock(self, time: np.ndarray) -> np.ndarray:
         """Times of the run (s) at the motor's own times (s)."""
-        return time - self.motor.begin + self.begins
+        return time - self.first + self.begins
 
     @property
     def steady(self) -> bool:
@@ -69,7 +73,7 @@ class RunMotor:
     @property
     def top_speed(self) -> float:
         """The largest angular velocity (rad/s), either way."""
-        return self.motor.top_speed
+        return self.motor.top_speed / self.size
 
     @property
     def end(self) -> float:
@@ -91,7 +95,8 @@ class RunMotor:
         """
         change, rough = float(np.ptp(self.path(self.path.x, 2))), np.diff(self.angle(self.path.x), 6)
         scatter = float(np.sqrt(np.mean(rough**2) / math.comb(12, 6))) if rough.size else 0.0
-        return float(np.sqrt(12 * max(DRIFT, OF_SCATTER * scatter) / change)) if change else float("inf")
+        allowed = max(DRIFT * self.size, OF_SCATTER * scatter)
+        return float(np.sqrt(12 * allowed / change)) if change else float("inf")
 
     def speed_function(self) -> Callable[[float], float]:
         """Angular velocity (rad/s) at a time (s), fast."""

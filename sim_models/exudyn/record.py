@@ -9,16 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
+from analytic.mechanism.signals import DRIVE_TORQUE
 from sim_models.common.contact_laws import TOO_DEEP, shortest_link
-from sim_models.common.start import poses
 from sim_models.common.travel import slide_travel
 from sim_models.engine import Rates
 from sim_models.exudyn.motor import RunMotor
+from sim_models.exudyn.path import Path
 
 OPEN_LOOP = 1e-4  # of the largest link: gap at an ideal joint beyond which a run is garbage
 ENERGY_FROM_NOTHING = 0.05  # of the energy that a run turns over
+JUMP = 0.2  # of a body's largest rate, in a step
 FLIPPED = math.radians(45)  # between a body and the ideal linkage: it has left its assembly mode
 
 
@@ -37,7 +38,12 @@ class Record:
     gap: Mapping[str, np.ndarray]  # m (M,) complex, by revolute joint: first pin centre minus second
     force: Mapping[str, np.ndarray]  # N (M,) complex, by joint: of the first body on the second
     moment: Mapping[str, np.ndarray]  # N.m (M,) by prismatic joint: on the second body at its point
-    drive_torque: np.ndarray  # N.m (M,)
+    drives: Mapping[str, np.ndarray]  # N.m, or N, (M,) of each motor, by its signal's name
+
+    @property
+    def drive_torque(self) -> np.ndarray:
+        """Torque (M,) N.m of the only motor."""
+        return self.drives[DRIVE_TORQUE]
 
     def rows(self, index: slice | np.ndarray) -> Record:
         """Some of the instants."""
@@ -60,7 +66,7 @@ class Record:
 
     def signals(self) -> dict[str, np.ndarray]:
         """Every signal of a Trace, by name."""
-        out = {"drive_torque": self.drive_torque}
+        out = dict(self.drives)
         for body, marker in self.marker.items():
             out |= {f"{body}_x": marker.real, f"{body}_y": marker.imag}
             out |= {f"{body}_angle": self.angle[body], f"{body}_angular_velocity": self.angular_velocity[body]}
@@ -116,13 +122,15 @@ def travel(m: Mechanism, record: Record, joint: Joint) -> np.ndarray:
 class Judge:
     """The checks that a record must pass; each answers with what is wrong, or None.
 
-    ``stiffness`` (N/m) is that of each compliant contact, ``motor`` turns the crank through a spring.
+    ``stiffness`` (N/m) is that of each compliant contact, ``motor`` turns the crank through a spring; ``motors`` follow
+    courses, where no crank moves the linkage, by their loads' signals.
     """
 
     mechanism: Mechanism
     clearance: Mapping[str, float]
     stiffness: Mapping[str, float]
     motor: RunMotor | None = None
+    motors: Mapping[str, RunMotor] | None = None
 
     def finite(self, record: Record) -> str | None:
         """Divergence."""
@@ -146,12 +154,28 @@ class Judge:
                 )
         return None
 
-    def in_assembly_mode(self, record: Record, assembly: Assembly) -> str | None:
+    def in_assembly_mode(self, record: Record, path: Path) -> str | None:
         """A linkage that has flipped over; it stays so, and a dozen instants will show it."""
-        for k in np.linspace(0, record.time.size - 1, 12).astype(int):
-            for name, pose in poses(assembly, float(record.angle[self.mechanism.driven][k])).items():
-                if abs(record.angle[name][k] - pose.angle) > FLIPPED:
+        rows = np.linspace(0, record.time.size - 1, 12).astype(int)
+        expected = path.turned(record, rows)
+        for i, k in enumerate(rows):
+            for name, angle in expected.items():
+                if abs(record.angle[name][k] - angle[i]) > FLIPPED:
                     return f"body {name} has left its assembly mode at {self._place(record, int(k))}"
+        return None
+
+    def abrupt(self, record: Record) -> str | None:
+        """A body's rate that jumps where nothing hits it: velocities are lost where constraints hold the linkage's
+        parts more than once, as in a loop that is stretched out.
+        """
+        for name, spin in record.angular_velocity.items():
+            jump = np.abs(np.diff(spin))
+            worst = int(np.argmax(jump))
+            if jump[worst] > JUMP * np.abs(spin).max():
+                return (
+                    f"body {name} changes from {spin[worst]:.4g} to {spin[worst + 1]:.4g} rad/s in a step at"
+                    f" {self._place(record, worst)}, where the linkage may be stretched out"
+                )
         return None
 
     def energy(self, record: Record) -> str | None:
@@ -163,9 +187,7 @@ class Judge:
                 + b.moment_of_inertia / 2 * record.angular_velocity[b.name] ** 2
             )
         stored = self._stored(record)
-        power = record.drive_torque * (
-            record.angular_velocity[self.mechanism.driven] if self.motor is None else self.motor.rate(record.time)
-        )
+        power = self._power(record)
         supplied = np.concatenate([[0.0], np.cumsum(np.diff(record.time) * (power[1:] + power[:-1]) / 2)])
         surplus = kinetic + stored - supplied
         created = surplus - np.minimum.accumulate(surplus)
@@ -177,6 +199,15 @@ class Judge:
                 " turned over"
             )
         return None
+
+    def _power(self, record: Record) -> np.ndarray:
+        """Power (W) of the motors."""
+        if self.motors is not None:
+            rates = {name: motor.rate(record.time) for name, motor in self.motors.items()}
+            return np.asarray(sum((record.drives[name] * rate for name, rate in rates.items()), 0.0 * record.time))
+        if self.motor is not None:
+            return record.drive_torque * self.motor.rate(record.time)
+        return record.drive_torque * record.angular_velocity[self.mechanism.driven]
 
     def _stored(self, record: Record) -> np.ndarray:
         """Potential energy (J) of gravity, loads, springs, contacts and a compliant drive."""
@@ -194,6 +225,9 @@ class Judge:
         if m.periodic_torque is not None:
             wave = m.periodic_torque
             energy += wave.amplitude / wave.harmonic * np.cos(wave.harmonic * record.angle[m.driven] + wave.phase)
+        for spring in m.springs:
+            near, far = (locate(m, record.com, record.angle, *end) for end in spring.ends)
+            energy += spring.stiffness / 2 * (np.abs(far - near) - spring.length) ** 2
         for name, stiffness in self.stiffness.items():
             energy += stiffness / 2 * np.maximum(np.abs(record.gap[name]) - self.clearance[name], 0) ** 2
         drive = m.drive_stiffness
@@ -202,6 +236,8 @@ class Judge:
         return energy
 
     def _place(self, record: Record, row: int) -> str:
+        if self.motors is not None:
+            return f"time {record.time[row]:.4g} s"
         return (
             f"crank angle {math.degrees(record.angle[self.mechanism.driven][row]):.4g} deg (time"
             f" {record.time[row]:.4g} s)"

@@ -1,9 +1,9 @@
-"""Static, driven and released runs of an Exudyn linkage."""
+"""Static, driven and released runs of an Exudyn linkage that a crank moves, and what all runs have."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,11 +22,12 @@ from sim_models.engine import (
     Trace,
     installed_version,
 )
-from sim_models.exudyn.equilibria import Equilibria, Inertia
+from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.laws import MINIMUM_IMPACT_SPEED, contact_restitution, joint_creep
-from sim_models.exudyn.linkage import ExudynLinkage
+from sim_models.exudyn.linkage import ExudynLinkage, Inertia
 from sim_models.exudyn.model import ExudynModel
 from sim_models.exudyn.motor import INSTANT, SETTLING, RunMotor
+from sim_models.exudyn.path import CrankPath, Path, redundant
 from sim_models.exudyn.record import Judge, Record, join
 from sim_models.exudyn.steady import steady_start
 
@@ -34,10 +35,19 @@ TURN_PER_STEP = 2e-3  # rad of crank angle in a step, at most
 SWING_PER_STEP = 5e-4  # rad, of a released linkage's time scale: it has no motor to keep its phase
 MOST_STEPS = 500_000  # all of which are kept
 STEPS_PER_PERIOD = 40  # of the lighter link on a contact's stiffness, or hanging on a massless link
+STEPS_PER_SPRING = 400  # of the lighter link on a spring between points, which nothing damps
 
 
-class ExudynRun:
-    """One request being run."""
+def swing_step(inertia: Inertia) -> float:
+    """Step (s) for what is let go with these accelerations."""
+    rate = max(math.sqrt(abs(w)) for w in inertia.angular.values())
+    return SWING_PER_STEP / max(rate, 1.0)
+
+
+class Run:
+    """One request being run, whatever moves its linkage along its path."""
+
+    path: Path
 
     def __init__(self, request: Request) -> None:
         self.request, self.m = request, request.mechanism
@@ -48,87 +58,19 @@ class ExudynRun:
         self.bearings = request.bearings
         loose = {**self.clearance, **dict.fromkeys(self.bearings, 0.0)}
         self.judge = Judge(self.m, loose, {name: law.stiffness for name, law in self.contact.items()} | self.bearings)
+        self.redundant = redundant(self.assembly)
 
-    def trace(self) -> Trace:
-        with own_start("exudyn", self.request, self.assembly):
-            if self.request.motion == "static":
-                return self.static()
-            motor = motor_of(self.request)
-            return self.released() if motor is None else self.driven(motor)
+    # ---------------------------------------------------------------- steps
 
-    # ---------------------------------------------------------------- motions
-
-    def static(self) -> Trace:
-        equilibria = Equilibria(self.request, self.assembly, self.m.speed or 1.0)
-        order = np.argsort(self.request.crank_angle, kind="stable")
-        found = join([equilibria.at(equilibria.crank(float(theta))) for theta in self.request.crank_angle[order]])
-        self.check(
-            self.judge.finite(found), self.judge.joined(found), self.judge.in_assembly_mode(found, self.assembly)
-        )
-        return self.report(found.rows(np.argsort(order)), found)
-
-    def driven(self, motor: Motor) -> Trace:
-        time, turned = report_times(self.request, motor), RunMotor.of(motor)
-        passing = turned.clock(time)
-        order = np.argsort(passing, kind="stable")
-        if not turned.steady:
-            self.assembly.path(*turned.range)
-        if self.m.drive_stiffness is not None:
-            self.judge = replace(self.judge, motor=turned)
-        linkage, longest = self.launch(turned)
-        history, marks = self.march(linkage, passing[order], longest, turned)
-        self.check(self.judge.energy(history), self.judge.in_assembly_mode(history, self.assembly))
-        return self.report(
-            history.rows(marks[np.argsort(order)]), history.rows(slice(int(marks[0]), None)), time, longest
-        )
-
-    def released(self) -> Trace:
-        time = report_times(self.request, None)
-        order = np.argsort(time, kind="stable")
-        linkage, longest = self.launch(None)
-        history, marks = self.march(linkage, time[order], longest)
-        self.check(self.judge.energy(history))
-        return self.report(history.rows(marks[np.argsort(order)]), history, time, longest)
-
-    # ---------------------------------------------------------------- start
-
-    def launch(self, motor: RunMotor | None) -> tuple[ExudynLinkage, float]:
-        """The linkage ready to go, and its longest step (s)."""
-        r, m = self.request, self.m
-        pressing: dict[str, float] = {}
-        inertia = None if motor else self.release_accelerations()
-        theta = float(motor.angle(0.0)) if motor else self.assembly.start
-        start = poses(self.assembly, theta, float(motor.rate(0.0)) if motor else r.start_speed)
-        stiffness = m.drive_stiffness if motor else None
-        if stiffness is not None or ((self.clearance or self.bearings) and r.start == "steady"):
-            resting = r if r.start == "steady" else Request(m.with_clearances({}), motion="driven")
-            equilibria = Equilibria(resting, self.assembly, 0.0, joint_creep(motor))
-            if motor:
-                start, here = steady_start(equilibria, motor, stiffness)
-            else:
-                here = equilibria.at(theta, inertia)
-                gaps = {name: complex(here.gap[name][0]) for name in equilibria.displaced}
-                start = poses(self.assembly, theta, r.start_speed, lambda _: gaps)
-            pressing = {name: abs(force[0]) for name, force in here.force.items()}
-        linkage = ExudynLinkage(ExudynModel(m, r.joint_model, "driven", start, motor=motor))
-        return linkage, r.step or self.longest_step(linkage, motor, inertia, pressing)
-
-    def release_accelerations(self) -> Inertia:
-        """Accelerations of the ideal linkage as it is let go at rest."""
-        linkage = ExudynLinkage(ExudynModel(self.m, "ideal", "driven", poses(self.assembly, self.assembly.start)))
-        self.advance(linkage, 0.0, INSTANT, 1)
-        found = linkage.accelerations()
-        return Inertia({name: a for name, (a, _) in found.items()}, {name: w for name, (_, w) in found.items()})
-
-    def longest_step(
-        self, linkage: ExudynLinkage, motor: RunMotor | None, inertia: Inertia | None, pressing: Mapping[str, float]
-    ) -> float:
-        if motor is None:
-            assert inertia is not None
-            rate = max(math.sqrt(abs(w)) for w in inertia.angular.values())
-            steps = [SWING_PER_STEP / max(rate, 1.0)]
-        else:
-            steps = [TURN_PER_STEP / max(motor.top_speed, 1.0), motor.longest_step]
+    def longest_step(self, linkage: ExudynLinkage, moved: Iterable[float], pressing: Mapping[str, float]) -> float:
+        """The longest step (s) for what moves the linkage, whose own are ``moved`` (s), for springs and bearings, and
+        for pins under these forces (N).
+        """
+        steps = [*moved]
+        for spring in self.m.springs:
+            mass = min(self.m.moving[name].mass for name in spring.bodies if name in self.m.moving)
+            if spring.stiffness:
+                steps.append(2 * math.pi * math.sqrt(mass / spring.stiffness) / STEPS_PER_SPRING)
         for name, stiffness in self.bearings.items():
             mass = lighter_mass(self.m, self.m.joint(name))
             steps.append(2 * math.pi * math.sqrt(mass / stiffness) / STEPS_PER_PERIOD)
@@ -143,10 +85,8 @@ class ExudynRun:
             )
         return min(steps)
 
-    # ---------------------------------------------------------------- stepping
-
     def march(
-        self, linkage: ExudynLinkage, times: np.ndarray, longest: float, motor: RunMotor | None = None
+        self, linkage: ExudynLinkage, times: np.ndarray, longest: float, motors: Sequence[RunMotor] = ()
     ) -> tuple[Record, np.ndarray]:
         """Integrate from 0 through all times (s, sorted): every step, and the row of each time."""
         check_steps(
@@ -156,10 +96,12 @@ class ExudynRun:
             MOST_STEPS,
         )
         parts, clock = [self.advance(linkage, 0.0, INSTANT, 1).rows(slice(0, 1))], INSTANT
-        onward, stops = motor is not None and not motor.steady, np.unique(times)
-        if motor is not None and onward:
-            parts, clock = [self.advance(linkage, clock, motor.begins, 0).rows(slice(1, None))], motor.begins
-            stops = np.union1d(times, motor.knots_between(times, longest))
+        onward, stops = any(not motor.steady for motor in motors), np.unique(times)
+        if onward:
+            begins = motors[0].begins
+            parts, clock = [self.advance(linkage, clock, begins, 0).rows(slice(1, None))], begins
+            for motor in motors:
+                stops = np.union1d(stops, motor.knots_between(stops, longest))
         ends, rows = [clock], [0]
         for end in stops[stops > clock]:
             if onward and end - clock > 10 * SETTLING:
@@ -184,6 +126,10 @@ class ExudynRun:
         return record
 
     # ---------------------------------------------------------------- judging and reporting
+
+    def leading(self, sampled: Record) -> np.ndarray:
+        """Position (N,) rad, m of the first of what moves the linkage."""
+        raise NotImplementedError
 
     def failure(self, why: str) -> SimulationError:
         r = self.request
@@ -210,7 +156,7 @@ class ExudynRun:
             version=installed_version("exudyn") or "unknown",
             joint_model=r.joint_model,
             motion=r.motion,
-            crank_angle=np.array(r.crank_angle, float) if r.crank_angle.size else sampled.angle[self.m.driven].copy(),
+            crank_angle=np.array(r.crank_angle, float) if r.crank_angle.size else self.leading(sampled),
             time=time,
             signals=sampled.signals(),
             clearance=dict(self.clearance),
@@ -246,3 +192,92 @@ class ExudynRun:
             name: contact_restitution(self.m, joints[name], laws[name]) for name in joints if name not in linear
         }
         return used | ({"restitution": bouncing} if bouncing else {})
+
+
+class ExudynRun(Run):
+    """One request being run, of a linkage that a crank moves."""
+
+    path: CrankPath
+
+    def __init__(self, request: Request) -> None:
+        super().__init__(request)
+        self.path = CrankPath(self.assembly)
+
+    def trace(self) -> Trace:
+        with own_start("exudyn", self.request, self.assembly):
+            if self.request.motion == "static":
+                return self.static()
+            motor = motor_of(self.request)
+            return self.released() if motor is None else self.driven(motor)
+
+    # ---------------------------------------------------------------- motions
+
+    def static(self) -> Trace:
+        equilibria = Equilibria(self.request, self.path, self.m.speed or 1.0)
+        order = np.argsort(self.request.crank_angle, kind="stable")
+        found = join([equilibria.at(equilibria.crank(float(theta))) for theta in self.request.crank_angle[order]])
+        self.check(self.judge.finite(found), self.judge.joined(found), self.judge.in_assembly_mode(found, self.path))
+        return self.report(found.rows(np.argsort(order)), found)
+
+    def driven(self, motor: Motor) -> Trace:
+        time, turned = report_times(self.request, motor), RunMotor.of(motor)
+        passing = turned.clock(time)
+        order = np.argsort(passing, kind="stable")
+        if not turned.steady:
+            self.assembly.path(*turned.range)
+        if self.m.drive_stiffness is not None:
+            self.judge = replace(self.judge, motor=turned)
+        linkage, longest = self.launch(turned)
+        history, marks = self.march(linkage, passing[order], longest, [turned])
+        self.check(self.judge.energy(history), self.judge.in_assembly_mode(history, self.path))
+        return self.report(
+            history.rows(marks[np.argsort(order)]), history.rows(slice(int(marks[0]), None)), time, longest
+        )
+
+    def released(self) -> Trace:
+        time = report_times(self.request, None)
+        order = np.argsort(time, kind="stable")
+        linkage, longest = self.launch(None)
+        history, marks = self.march(linkage, time[order], longest)
+        self.check(self.judge.energy(history))
+        return self.report(history.rows(marks[np.argsort(order)]), history, time, longest)
+
+    # ---------------------------------------------------------------- start
+
+    def launch(self, motor: RunMotor | None) -> tuple[ExudynLinkage, float]:
+        """The linkage ready to go, and its longest step (s)."""
+        r, m = self.request, self.m
+        pressing: dict[str, float] = {}
+        inertia = None if motor else self.release_accelerations()
+        theta = float(motor.angle(0.0)) if motor else self.assembly.start
+        start = poses(self.assembly, theta, float(motor.rate(0.0)) if motor else r.start_speed)
+        stiffness = m.drive_stiffness if motor else None
+        if stiffness is not None or ((self.clearance or self.bearings) and r.start == "steady"):
+            resting = r if r.start == "steady" else Request(m.with_clearances({}), motion="driven")
+            equilibria = Equilibria(resting, self.path, 0.0, joint_creep([motor] if motor else []))
+            if motor:
+                start, here = steady_start(equilibria, motor, stiffness)
+            else:
+                here = equilibria.at(theta, inertia)
+                gaps = {name: complex(here.gap[name][0]) for name in equilibria.displaced}
+                start = poses(self.assembly, theta, r.start_speed, lambda _: gaps)
+            pressing = {name: abs(force[0]) for name, force in here.force.items()}
+        model = ExudynModel(m, r.joint_model, "driven", start, motor=motor, redundant=self.redundant)
+        linkage = ExudynLinkage(model)
+        if motor is None:
+            assert inertia is not None
+            steps = [swing_step(inertia)]
+        else:
+            steps = [TURN_PER_STEP / max(motor.top_speed, 1.0), motor.longest_step]
+        return linkage, r.step or self.longest_step(linkage, steps, pressing)
+
+    def release_accelerations(self) -> Inertia:
+        """Accelerations of the ideal linkage as it is let go at rest."""
+        start = self.path.poses(self.path.start)
+        linkage = ExudynLinkage(ExudynModel(self.m, "ideal", "driven", start, redundant=self.redundant))
+        self.advance(linkage, 0.0, INSTANT, 1)
+        return linkage.inertia()
+
+    def leading(self, sampled: Record) -> np.ndarray:
+        """The crank's angle (N,) rad."""
+        return sampled.angle[self.m.driven].copy()

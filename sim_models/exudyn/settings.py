@@ -23,12 +23,12 @@ def console_off() -> Iterator[None]:
         exudyn.config.printToConsole, exudyn.config.suppressWarnings = before
 
 
-def static_settings(tolerance: float, difference: float = 1e-7) -> SimulationSettings:
+def static_settings(tolerance: float, difference: float = 1e-7, redundant: bool = False) -> SimulationSettings:
     """Exudyn's settings for a static solution in one go, to a residual of ``tolerance`` (N).
 
     ``difference`` is the step, of a coordinate, by which Exudyn differentiates what it has no derivative of.
     """
-    settings = quiet_settings()
+    settings = quiet_settings(redundant)
     solver = settings.staticSolver
     solver.useLoadFactor = solver.adaptiveStep = False
     solver.newton.maxIterations = 100
@@ -40,8 +40,12 @@ def static_settings(tolerance: float, difference: float = 1e-7) -> SimulationSet
     return settings
 
 
-def quiet_settings() -> SimulationSettings:
-    """Exudyn's settings without files or messages."""
+def quiet_settings(redundant: bool = False) -> SimulationSettings:
+    """Exudyn's settings without files or messages.
+
+    Constraints of which some are ``redundant`` make a matrix singular that its own solver does not go on with: another
+    one does, and leaves out what says nothing new.
+    """
     import exudyn
 
     settings = exudyn.SimulationSettings()
@@ -49,4 +53,7 @@ def quiet_settings() -> SimulationSettings:
     settings.solution.sensors.writePeriod = 0.0
     settings.staticSolver.verboseMode = settings.timeIntegration.verboseMode = 0
     settings.linearSolver.showCausingItems = False
+    if redundant:
+        settings.linearSolver.solverType = exudyn.LinearSolverType.EigenDense
+        settings.linearSolver.ignoreSingularJacobian = True
     return settings

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
 
-from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
-from sim_models.common.start import Pose, poses
+from sim_models.common.start import Pose
 from sim_models.engine import Request
-from sim_models.exudyn.equilibria import Equilibria, Inertia
+from sim_models.exudyn.equilibria import Equilibria
+from sim_models.exudyn.linkage import Inertia
 from sim_models.exudyn.motor import RunMotor
+from sim_models.exudyn.path import CoursePath, Path
 from sim_models.exudyn.record import Record
 from sim_models.exudyn.sway import sway
 
@@ -24,8 +25,8 @@ PASSES_COMPLIANT = 8  # at most
 STILL = 1e-11  # rad by which a crank that has been found moves from one pass to the next
 
 
-def instants(motor: RunMotor, compliant: bool) -> np.ndarray:
-    """Times (s), the first instant among them: around it at constant speed, from it on along a course or where they
+def instants(motor: RunMotor | CoursePath, compliant: bool = False) -> np.ndarray:
+    """Times (s), the first instant among them: around it at constant speed, from it on along courses or where they
     reach far.
     """
     turn = APART_COMPLIANT if compliant else APART
@@ -48,15 +49,22 @@ def steady_start(equilibria: Equilibria, motor: RunMotor, stiffness: float | Non
     """Poses and rates of the linkage at the first instant, and the equilibrium with inertia forces that it passes
     there.
 
-    Inertia forces are those of the motion with the gaps of the pass before.  The crank of a drive of ``stiffness``
-    (N.m/rad) moves as :func:`crank_behind` says.
+    The crank of a drive of ``stiffness`` (N.m/rad) moves as :func:`crank_behind` says.
     """
-    time = instants(motor, compliant=False)
+    time = instants(motor)
     crank = motor.angle(time)
     if stiffness is not None:
-        crank = crank_behind(
-            Equilibria(_ideal(equilibria), equilibria.assembly, 0.0, equilibria.creep), motor, stiffness, time
-        )
+        ideal = Equilibria(_ideal(equilibria), equilibria.path, 0.0, equilibria.creep)
+        crank = crank_behind(ideal, motor, stiffness, time)
+    return passing(equilibria, time, crank)
+
+
+def passing(equilibria: Equilibria, time: np.ndarray, crank: np.ndarray) -> tuple[dict[str, Pose], Record]:
+    """Poses and rates, and the equilibrium with inertia forces, of a linkage that passes these places on its path
+    (crank angles, rad; on courses, the times) at times (s), at that which is nearest to 0.
+
+    Inertia forces are those of the motion with the gaps of the pass before.
+    """
     here, rate = int(np.argmin(np.abs(time))), derivative(time)
     gaps: list[dict[str, complex]] = [{} for _ in time]
     for _ in range(PASSES):
@@ -65,7 +73,7 @@ def steady_start(equilibria: Equilibria, motor: RunMotor, stiffness: float | Non
     for name, law in equilibria.real.model.bearings.items():  # the damper of a soft bearing holds its share
         held = law.damping / law.stiffness * (rate @ np.array([gap[name] for gap in gaps]))
         gaps = [gap | {name: gap[name] - complex(share)} for gap, share in zip(gaps, held, strict=True)]
-    return _moving(equilibria.assembly, crank, gaps, rate, here), found[here]
+    return _moving(equilibria.path, crank, gaps, rate, here), found[here]
 
 
 def _ideal(equilibria: Equilibria) -> Request:
@@ -102,17 +110,13 @@ def _passed(
     equilibria: Equilibria, crank: np.ndarray, gaps: list[dict[str, complex]], rate: np.ndarray
 ) -> list[Record]:
     """Equilibria at every instant, under the inertia forces of the motion that passes them all."""
-    inertia, turning = _inertia(equilibria.m, _places(equilibria.assembly, crank, gaps), rate), rate @ crank
+    inertia, turning = _inertia(equilibria.m, _places(equilibria.path, crank, gaps), rate), rate @ crank
     return [equilibria.at(float(theta), a, float(w)) for theta, a, w in zip(crank, inertia, turning, strict=True)]
 
 
-def _places(assembly: Assembly, crank: np.ndarray, gaps: list[dict[str, complex]]) -> list[dict[str, Pose]]:
+def _places(path: Path, crank: np.ndarray, gaps: list[dict[str, complex]]) -> list[dict[str, Pose]]:
     """Poses at every instant."""
-
-    def at(theta: float, gap: dict[str, complex]) -> dict[str, Pose]:
-        return poses(assembly, theta, gaps=lambda _: gap)
-
-    return [at(float(theta), gap) for theta, gap in zip(crank, gaps, strict=True)]
+    return [path.poses(float(theta), gap) for theta, gap in zip(crank, gaps, strict=True)]
 
 
 def _inertia(m: Mechanism, places: list[dict[str, Pose]], rate: np.ndarray) -> list[Inertia]:
@@ -129,10 +133,10 @@ def _inertia(m: Mechanism, places: list[dict[str, Pose]], rate: np.ndarray) -> l
 
 
 def _moving(
-    assembly: Assembly, crank: np.ndarray, gaps: list[dict[str, complex]], rate: np.ndarray, here: int
+    path: Path, crank: np.ndarray, gaps: list[dict[str, complex]], rate: np.ndarray, here: int
 ) -> dict[str, Pose]:
     """Poses at one of the instants, with their rates."""
-    places = _places(assembly, crank, gaps)
+    places = _places(path, crank, gaps)
     moving = {}
     for name, pose in places[here].items():
         origin, angle = (np.array([getattr(place[name], part) for place in places]) for part in ("origin", "angle"))

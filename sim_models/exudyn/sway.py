@@ -16,7 +16,8 @@ from scipy.optimize import brentq
 
 from analytic.kinematics.assembly import AssemblyError
 from sim_models.common.start import poses
-from sim_models.exudyn.equilibria import Equilibria, Inertia
+from sim_models.exudyn.equilibria import Equilibria
+from sim_models.exudyn.linkage import Inertia
 from sim_models.exudyn.motor import RunMotor
 
 AROUND = 96  # crank angles at which the torque is sampled
@@ -99,7 +100,7 @@ def _coefficients(equilibria: Equilibria, speed: float) -> _Coefficients:
     """Torque (N.m) without motion, by speed, speed squared and acceleration, at every crank angle.  Raises
     AssemblyError.
     """
-    m, assembly = equilibria.m, equilibria.assembly
+    m, assembly = equilibria.m, equilibria.path.assembly
     theta = assembly.start + 2 * np.pi * np.arange(AROUND) / AROUND
     places = [poses(assembly, float(at)) for at in theta]
     once_more = poses(assembly, float(theta[0] + 2 * np.pi))
@@ -151,9 +152,9 @@ def _fourier(n: int, span: float) -> np.ndarray:
 
 def _winds(equilibria: Equilibria, joint: str) -> bool:
     """Whether a joint's spring winds up from one revolution to the next."""
-    start = equilibria.assembly.start
+    start = equilibria.path.start
     try:
-        before, after = (poses(equilibria.assembly, at) for at in (start, start + 2 * math.pi))
+        before, after = (equilibria.path.poses(at) for at in (start, start + 2 * math.pi))
     except AssemblyError:
         return True
     turned = [

@@ -113,7 +113,7 @@ class Map:
 
     def signals(self, mechanism: Mechanism) -> dict[str, Link]:
         """Which variable is which signal of a mechanism.  Raises FmuError."""
-        known = named(mechanism.bodies, mechanism.joints)
+        known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
         found: dict[str, Link] = {}
         for column, meaning in self.file.columns.items():
             if meaning == "ignore":

@@ -2,31 +2,36 @@
 
 Both engines step ``v += a h; x += v h``.  Read as a leapfrog (velocities half a step before positions) that is second
 order, and positions, forces and the mean of two velocities belong to the same instant; :class:`LeapfrogWorld` does the
-reading, and applies what neither engine has: loads, joint laws, soft bearings and spring-damper clearance.  Forces keep
-an error of first order in the step, because the engines reckon Coriolis forces with the velocities half a step before.
+reading, and applies what neither engine has: loads, springs between points, joint laws, soft bearings and spring-damper
+clearance.  Forces keep an error of first order in the step, because the engines reckon Coriolis forces with the
+velocities half a step before.  With one crank that stays; where several motors, or none, move a linkage it is made up
+for, because what moves freely would be led astray by it.
 """
 
 from __future__ import annotations
 
+import cmath
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
-from analytic.mechanism import GROUND, MASS_CENTRE, Joint
+from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Spring
+from analytic.mechanism.signals import DRIVE_TORQUE, driving, position
 from sim_models.common.backlash import Flanks, side
-from sim_models.common.contact_laws import bearing, contact_parameters
-from sim_models.common.motor import motor_of
+from sim_models.common.contact_laws import bearing, contact_parameters, longest
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
 from sim_models.engine import Cause, Request, SettingValue, SimulationError
-from sim_models.leapfrog.courses import Grid
+from sim_models.leapfrog.balance import Balance
+from sim_models.leapfrog.courses import Grid, Path, motion_of, path_of
 from sim_models.leapfrog.laws import JointLaws
-from sim_models.leapfrog.parts import Pin
-from sim_models.leapfrog.rates import centre_rates
+from sim_models.leapfrog.parts import Pin, Steered, coordinates, moving_body, spanning_tree
+from sim_models.leapfrog.rates import body_rates, centre_rates, turning
 
 HEEDED = 1e-7  # of the largest reaction that friction grows with: what it may still change by
 HEEDINGS = 100  # times that friction is found anew from the reactions that it changes
@@ -38,23 +43,26 @@ class LeapfrogWorld(ABC):
     """A linkage in an engine.  Points are complex (m), in a body's frame; velocities trail positions by half a step."""
 
     engine: str
-    branch: Mapping[str, Branch]  # of every moving body
+    branches: list[Branch]  # of every moving body, parents first
+    branch: Mapping[str, Branch]  # the same by body
+    steered: tuple[Steered, ...] = ()  # what motors move, or, of a crank that is let go, would
     one_sided = False  # whether its pins rest on rigid rims that they may leave
     by_rods = False  # whether what was last seen of such pins is that of rods of the clearance's length in their place
+    balances = False  # whether reactions are found by each body's balance
     settling = 1  # steps after which the engine's constraints exert what they should
 
     def __init__(self, request: Request) -> None:
         m = self.mechanism = request.mechanism
         self.request = request
-        self.static, self.motor = request.motion == "static", motor_of(request)
+        self.assembly = Assembly(m)
+        self.static, self.motor = request.motion == "static", motion_of(request, self.assembly)
         self.speed = m.speed or 0.0  # rad/s; its sign is the direction of friction and of the angles at rest, too
         self.drive_stiffness = m.drive_stiffness or 0.0  # N.m/rad; of a moving drive with backlash, its flanks'
         self.flanks: Flanks | None = None  # of a moving drive with backlash
         self.was_behind: float | None = None  # rad, its crank when the last step began
         self.held = (
             self.static or self.motor is not None
-        )  # the crank's motion is prescribed: of a drive that yields, until the run begins
-        self.assembly = Assembly(m)
+        )  # what motors move is prescribed: of a drive that yields, until the run begins
         self.points = {(GROUND, name): m.ground.point(name) for name in m.ground.points}  # m, in the body's frame
         self.points |= {(b.name, name): b.point(name) for b in m.bodies for name in (*b.points, "com", MASS_CENTRE)}
         self.pins = {
@@ -62,26 +70,36 @@ class LeapfrogWorld(ABC):
             for name, clearance in request.clearances.items()
         }
         self.soft = {name: Pin(m.joint(name), 0.0, bearing(m, m.joint(name))) for name in request.bearings}
-        self.laws = JointLaws(m, self.static, self.motor.top_speed if self.motor else abs(self.speed))
+        reach = moving_body(m, m.driven).length if request.courses is None else longest(m)
+        self.laws = JointLaws(m, self.static, self.motor.top_speed if self.motor else abs(self.speed), reach)
         self.grid: Grid | None = None  # of a moving run
+        self.free = request.courses is not None and len(self.assembly.positions) > len(request.courses)  # in part
+        # Whether inertia forces are put right (see _catch_up): not where pins need such short steps that it is no gain
+        self.makes_up = request.courses is not None and (self.free or not self.pins)
         self.trailing = 0.0  # s by which velocities trail positions
-        self.command = 0.0  # rad/s, the crank's in the next step
-        self.spin_up = 0.0  # rad/s^2, the crank's while nothing is aimed at
-        self.aim: float | None = (
-            None  # rad: the crank's angle at the next step's end, or the angle now of a motor that it lags
-        )
+        self.commands: list[float] = []  # rad/s, m/s, of what is steered in the next step
+        self.spin_up: Sequence[float] = ()  # rad/s^2, m/s^2, the same while nothing is aimed at
+        # rad, m: where what is steered is at the next step's end, or the angle now of a motor that the crank lags
+        self.aim: Sequence[float] | None = None
         self.motor_torque = 0.0  # N.m, of a drive that yields
         self.pin_forces: dict[str, complex] = {}
         self.pin_gaps: dict[str, complex] = {}  # m, of the driven pins as the last step began
         self.loads = {j.name: 0.0 for j in m.load_rubbed}  # N: reactions as last heeded, with which friction grows
         self.heeding = False  # whether every step heeds its own
         self.slide_forces: dict[str, complex] = {}  # of the prismatic joints' laws, on their second bodies
+        self.late: dict[str, np.ndarray] = {}  # rates of each body's coordinates as the engine has them
+        self.now: dict[str, Pose] = {}  # with velocities of this instant, where they are reckoned
+        self.before: dict[str, Pose] = {}  # as the last step began that was to be read
+        # force (N), and moment (N.m) about the centre of mass, on each body: for the next step, and in the last one
+        self.applied: dict[str, tuple[complex, float]] = {}
+        self.was_applied: dict[str, tuple[complex, float]] = {}
+        self.last_step = 0.0  # s
 
     # ---------------------------------------------------------------- what an engine provides
 
     @abstractmethod
     def place(self, bodies: Mapping[str, Pose]) -> None:
-        """Put every moving body at its pose, velocities included; the driven body keeps its angular velocity."""
+        """Put every moving body at its pose, velocities included; what is steered keeps its speed."""
 
     @abstractmethod
     def pose(self, body: str) -> Pose:
@@ -90,6 +108,10 @@ class LeapfrogWorld(ABC):
     def angle(self, body: str) -> float:
         """A moving body's angle (rad) now."""
         return self.pose(body).angle
+
+    @abstractmethod
+    def coordinate(self, body: str) -> float:
+        """Where a moving body is on what carries it (rad, m): the last of the coordinates of its branch, now."""
 
     @abstractmethod
     def gap(self, joint: str) -> tuple[complex, complex]:
@@ -108,30 +130,52 @@ class LeapfrogWorld(ABC):
         """Move the engine's own positions by velocity times time (n,)."""
 
     @abstractmethod
-    def push(self, body: str, point: complex, force: complex) -> None:
-        """Apply a force (N, ground frame) at a point of a body during the next step; the ground takes it."""
+    def press(self, body: str, point: complex, force: complex) -> None:
+        """Apply a force (N, ground frame) at a point of a moving body during the next step."""
 
     @abstractmethod
-    def turn(self, body: str, torque: float) -> None:
-        """Apply a torque (N.m) on a body during the next step; the ground takes it."""
+    def twist(self, body: str, torque: float) -> None:
+        """Apply a torque (N.m) on a moving body during the next step."""
 
     @abstractmethod
     def hold(self, held: bool) -> None:
-        """Prescribe the crank's motion from now on, or leave it to forces."""
+        """Prescribe the motion of what is steered from now on, or leave it to forces."""
 
     @abstractmethod
     def advance(self, h: float) -> None:
         """One step of the engine (s)."""
 
     @abstractmethod
-    def reactions(self) -> tuple[dict[str, complex], dict[str, float], float]:
-        """Of the last step: force of every joint, moment of every prismatic one, drive torque; see Trace.
+    def reactions(self) -> tuple[dict[str, complex], dict[str, float], dict[str, float]]:
+        """Of the last step: force of every joint, moment of every prismatic one, what the motor in each driven joint
+        exerts (N.m, N), none where it is let go; see Trace.
 
         Without what :meth:`step` applied for a joint's law.
         """
 
     def close(self) -> None:  # noqa: B027
         """Give back what the engine holds."""
+
+    # ---------------------------------------------------------------- what it hangs on, and what moves it
+
+    def hang(self, joints: list[Joint]) -> list[Joint]:
+        """Let the bodies hang on the ground by these joints, as far as they close no loop; gives those left over."""
+        m, courses = self.mechanism, self.request.courses
+        driven = [m.drive_joint] if courses is None else [m.joint(name) for name in courses]
+        self.branches, rest = spanning_tree(m, joints, driven)
+        self.branch = {branch.child: branch for branch in self.branches}
+        self.steered = tuple(Steered.of(joint, self.branches, courses is None) for joint in driven)
+        self.commands = [0.0] * len(driven)
+        return rest
+
+    def spin_ups(self, path: Path, time: float) -> tuple[float, ...]:
+        """Accelerations (rad/s^2, m/s^2) of what is steered, at a time (s) of a path."""
+        return tuple(each.sign * path_of(path, each.joint.name).acceleration(time) for each in self.steered)
+
+    def aims(self, path: Path, times: np.ndarray) -> list[tuple[float, ...]]:
+        """Where what is steered is (rad, m) on a path, at each of these times (N,) s."""
+        along = [each.sign * path_of(path, each.joint.name).angles(times) for each in self.steered]
+        return list(zip(*(where.tolist() for where in along), strict=True))
 
     def settled(self, evaluate: Callable[[], T], forces: Callable[[T], Mapping[str, complex]]) -> T:
         """What an evaluation gives once the friction in it is that of its own reactions (N).  Raises SimulationError
@@ -148,8 +192,48 @@ class LeapfrogWorld(ABC):
             "use a smaller friction_radius",
         )
 
-    def before_observing(self) -> None:  # noqa: B027
+    def before_observing(self) -> None:
         """Keep what reading the next step's reactions needs."""
+        self.before = {body.name: self.pose(body.name) for body in self.mechanism.bodies}
+
+    # ---------------------------------------------------------------- what acts on the bodies
+
+    def push(self, body: str, point: complex, force: complex) -> None:
+        """Apply a force (N, ground frame) at a point of a body during the next step; the ground takes it."""
+        if body == GROUND:
+            return
+        self.press(body, point, force)
+        if self.balances:
+            arm = (point - self.points[body, MASS_CENTRE]) * cmath.exp(1j * self.angle(body))
+            self._note(body, force, (arm.conjugate() * force).imag)
+
+    def turn(self, body: str, torque: float) -> None:
+        """Apply a torque (N.m) on a body during the next step; the ground takes it."""
+        if body == GROUND:
+            return
+        self.twist(body, torque)
+        if self.balances:
+            self._note(body, 0j, torque)
+
+    def _note(self, body: str, force: complex, moment: float) -> None:
+        total, turning = self.applied.get(body, (0j, 0.0))
+        self.applied[body] = total + force, turning + moment
+
+    def take_note(self, h: float) -> None:
+        """A step (s) is made now, with what was noted."""
+        self.was_applied, self.applied, self.last_step = self.applied, {}, h
+
+    def balanced(
+        self, pins: Mapping[str, complex], tied: Set[str]
+    ) -> tuple[dict[str, complex], dict[str, float], dict[str, float]]:
+        """The reactions of the last step by each body's balance, given the forces (N) of ``pins`` that are not in the
+        tree.  Those ``tied`` were not among what was noted.
+        """
+        after = {body.name: self.pose(body.name) for body in self.mechanism.bodies}
+        motion = body_rates(self.mechanism, self.branches, self.before, after, self.last_step, self.trailing)
+        balance = Balance(self.mechanism, self.before, self.was_applied)
+        forces, moments, efforts = balance.solve(self.branches, motion, pins, tied, self.steered)
+        return forces, moments, efforts if self.held else {}
 
     @property
     def compliant(self) -> bool:
@@ -171,6 +255,8 @@ class LeapfrogWorld(ABC):
 
     def step(self, h: float) -> None:
         """Apply loads, joint laws, clearance forces and the motor at the positions now, and advance by h (s)."""
+        if self.makes_up and self.trailing:
+            self._catch_up()
         self._load()
         self._steer(h)
         if self.heeding:
@@ -188,9 +274,15 @@ class LeapfrogWorld(ABC):
                 self.turn(load.body, load.torque)
         for joint in self.laws.joints:
             self._apply_law(joint)
-        periodic, crank = self.mechanism.periodic_torque, self.mechanism.driven
+        for spring in self.mechanism.springs:
+            self._apply_spring(spring)
+        periodic = self.mechanism.periodic_torque
         if periodic is not None:
+            crank = self.mechanism.driven
             self.turn(crank, periodic.at(self.angle(crank)))
+        self._load_pins()
+
+    def _load_pins(self) -> None:
         if self.request.joint_model == "spring-damper":
             for name, pin in self.pins.items():
                 self.pin_gaps[name], rate = self.gap(name)
@@ -209,15 +301,17 @@ class LeapfrogWorld(ABC):
         return change <= HEEDED * max(now.values(), default=0.0)
 
     def _steer(self, h: float) -> None:
-        """Give the crank the speed that takes it to its aim in the next step (s), or, where it lags a motor, the torque
-        of that.
+        """Give what is steered the speed that takes it to its aim in the next step (s), or a crank that lags its motor
+        the torque of that.
         """
         if self.aim is None:
-            self.command += self.spin_up * h
+            for k, spin_up in enumerate(self.spin_up):
+                self.commands[k] += spin_up * h
         elif self.held:
-            self.command = (self.aim - self.angle(self.mechanism.driven)) / h
+            for k, aim in enumerate(self.aim):
+                self.commands[k] = (aim - self.coordinate(self.steered[k].child)) / h
         else:
-            behind = self.aim - self.angle(self.mechanism.driven)
+            behind = self.aim[0] - self.angle(self.mechanism.driven)
             self.motor_torque = self.drive_stiffness * behind
             if self.flanks is not None:
                 rate = 0.0 if self.was_behind is None else (behind - self.was_behind) / h
@@ -249,8 +343,36 @@ class LeapfrogWorld(ABC):
         self.push(second, self.points[second, j.name], force)
         self.push(first, self.points[first, j.name] + way * j.direction, -force)
 
+    def _apply_spring(self, spring: Spring) -> None:
+        ends = [self._point(*end) for end in spring.ends]
+        (near, near_rate), (far, far_rate) = ends
+        pull = spring.pull(far - near, 0j if self.static else far_rate - near_rate)
+        for (body, point), force in zip(spring.ends, (pull, -pull), strict=True):
+            self.push(body, self.points[body, point], force)
+
+    def _point(self, body: str, point: str) -> tuple[complex, complex]:
+        """Place (m) and velocity (m/s) of a body's point, now."""
+        pose = self._any_pose(body)
+        arm = self.points[body, point] * np.exp(1j * pose.angle)
+        return pose.origin + arm, pose.velocity + 1j * pose.angular_velocity * arm
+
+    def _catch_up(self) -> None:
+        """Reckon the velocities of this instant, which the engine has half a step late, and make up for the inertia
+        forces that it gets wrong by that, at each body's centre of mass.
+        """
+        here = {body.name: self.pose(body.name) for body in self.mechanism.bodies}
+        late = {branch.child: np.array(coordinates(self.mechanism, branch, here)[1]) for branch in self.branches}
+        rates = {name: rate + (rate - self.late.get(name, rate)) / 2 for name, rate in late.items()}
+        self.late, self.now = late, {}
+        was, turned = (turning(self.mechanism, self.branches, here, each) for each in (late, rates))
+        for name, body in self.mechanism.moving.items():
+            arm = self.points[name, MASS_CENTRE] * cmath.exp(1j * here[name].angle)
+            wrong = turned[name].carried(arm).acceleration - was[name].carried(arm).acceleration
+            self.press(name, self.points[name, MASS_CENTRE], -body.mass * wrong)
+            self.now[name] = replace(here[name], velocity=turned[name].velocity, angular_velocity=turned[name].spin)
+
     def _any_pose(self, body: str) -> Pose:
-        return AT_REST if body == GROUND else self.pose(body)
+        return AT_REST if body == GROUND else self.now.get(body) or self.pose(body)
 
     def observe(self, h: float) -> dict[str, float]:
         """Advance by h (s) and return every signal, and every body's rates, at the instant from which the step
@@ -261,9 +383,9 @@ class LeapfrogWorld(ABC):
         gaps = {j.name: self.gap(j.name)[0] for j in self.mechanism.joints if not j.prismatic}
         self.before_observing()
         self.step(h)
-        forces, moments, torque = self.reactions()
+        forces, moments, efforts = self.reactions()
         lag = self.trailing / h
-        out: dict[str, float] = {"drive_torque": torque if self.held else self.motor_torque}
+        out = self._drives(efforts) | self._positions(here)
         for name in names:
             com = here[name].origin + self.points[name, "com"] * np.exp(1j * here[name].angle)
             spin = here[name].angular_velocity * (1 - lag) + self.pose(name).angular_velocity * lag
@@ -282,18 +404,33 @@ class LeapfrogWorld(ABC):
         after = None if self.static else {name: self.pose(name) for name in names}
         return out | centre_rates(self.mechanism, self.branch.values(), here, after, h, self.trailing)
 
+    def _drives(self, efforts: Mapping[str, float]) -> dict[str, float]:
+        """The drives' signals: what the motor in each driven joint exerts (N.m, N)."""
+        if not self.held and self.request.courses is None:
+            return {DRIVE_TORQUE: self.motor_torque}
+        driven = [each.joint for each in self.steered]
+        signals = [DRIVE_TORQUE] if self.request.courses is None else [signal.name for signal in driving(driven)]
+        return {signal: efforts[joint.name] for signal, joint in zip(signals, driven, strict=bool(driven))}
+
+    def _positions(self, here: Mapping[str, Pose]) -> dict[str, float]:
+        """Positions (rad, m) of the joints of a linkage that is no crank's."""
+        if self.request.courses is None:
+            return {}
+        at, m = {GROUND: AT_REST, **here}, self.mechanism
+        return {position(j).name: travel(m, j, *(at[body] for body in j.bodies))[0] for j in m.joints}
+
     def start(
         self,
         bodies: Mapping[str, Pose],
         h: float,
-        spin_up: float = 0.0,
-        aims: Sequence[float | None] = (None,) * WARM_UP,
+        spin_up: Sequence[float] = (),
+        aims: Sequence[Sequence[float] | None] = (None,) * WARM_UP,
     ) -> None:
         """Place the bodies and take their velocities half a step (s) back, as a leapfrog wants them.
 
         Engines close loops and contacts by the drift and speed at a step's beginning, so a few steps must have been
-        made towards the poses for the next one to accelerate as it should.  ``spin_up`` is the crank's acceleration
-        (rad/s^2), ``aims`` (WARM_UP,) are those of the steps towards the poses.
+        made towards the poses for the next one to accelerate as it should.  ``spin_up`` holds the accelerations
+        (rad/s^2, m/s^2) of what is steered, ``aims`` (WARM_UP,) are those of the steps towards the poses.
         """
         self.aim = None
         self.approach(bodies, h, spin_up)
@@ -304,18 +441,19 @@ class LeapfrogWorld(ABC):
         speeds = self.velocities()
         self.shift(-WARM_UP * h * (speeds - WARM_UP / 2 * change))
         self.set_velocities(speeds - (WARM_UP + 0.5) * change)
-        self.spin_up = 0.0
+        self.spin_up = ()
+        self.trailing = h / 2
         for self.aim in aims:
             self.step(h)
-        self.trailing = h / 2
 
-    def approach(self, bodies: Mapping[str, Pose], h: float, spin_up: float = 0.0) -> None:
-        """Place the bodies a few steps (s) before these poses, and step; the crank accelerates by ``spin_up``
-        (rad/s^2).
+    def approach(self, bodies: Mapping[str, Pose], h: float, spin_up: Sequence[float] = ()) -> None:
+        """Place the bodies a few steps (s) before these poses, and step; what is steered accelerates by ``spin_up``
+        (rad/s^2, m/s^2).
         """
         self.place(bodies)
         self.spin_up = spin_up
-        self.command -= (self.settling - 1) * spin_up * h
+        for k, each in enumerate(spin_up):
+            self.commands[k] -= (self.settling - 1) * each * h
         self.shift(-self.settling * h * self.velocities())
         for _ in range(self.settling):
             self.step(h)

@@ -1,9 +1,9 @@
-"""How a crank moves, as its motor or behind it, and the steps in which a run follows it."""
+"""How a crank moves, as its motor or behind it, or several joints, and the steps in which a run follows them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -11,12 +11,15 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from analytic.kinematics.assembly import Assembly
-from sim_models.common.motor import Motor
+from sim_models.common.contact_laws import longest
+from sim_models.common.motor import Course, Motor, motor_of, motors_of
 from sim_models.common.start import Pose, poses, substeps
+from sim_models.engine import Request
 
 STENCIL = 1e-3  # rad of crank angle, for rates of positions and of the pins' equilibria
 KNOT_SHARE = 0.125  # of the time between a course's knots: below it a course has nothing new to say
 ON_GRID = 1e-6  # of a step: a report no farther from one is at it
+LOOKED_AT = 400  # instants of courses, at least, between which it is looked how fast they turn the bodies
 
 Changes = Mapping[str, complex]
 NONE: Changes = MappingProxyType({})
@@ -58,11 +61,90 @@ class Behind:
         return np.asarray(self.motor.angles(times) - self.lag(times))
 
 
-Path = Motor | Behind  # of a crank
+@dataclass(frozen=True)
+class Together:
+    """Motors that each move a joint along a course.  What else may move starts as the assembly has it, at rest."""
+
+    motors: Mapping[str, Course]  # by joint: its position (rad, m), second body relative to first
+    begin: float  # s
+    top_speed: float  # rad/s, of the body that they turn fastest; of one that they push, over the longest body
+
+    @classmethod
+    def of(cls, request: Request, assembly: Assembly) -> Together:
+        """The motors of a request with courses.  Raises AssemblyError where the linkage cannot follow them."""
+        motors = motors_of(request)
+        begin = max((motor.begin for motor in motors.values()), default=0.0)
+        path = cls(motors, begin, 0.0)
+        if path.leaves_free(assembly):
+            path.place(assembly, np.array([begin]))
+            scale = longest(request.mechanism)
+            prismatic = {j.name for j in request.mechanism.joints if j.prismatic}
+            speeds = [motor.top_speed / (scale if name in prismatic else 1.0) for name, motor in motors.items()]
+            return replace(path, top_speed=max(speeds, default=0.0))
+        return replace(path, top_speed=path._fastest(assembly, float(np.max(np.asarray(request.time, float)))))
+
+    @property
+    def constant_speed(self) -> bool:
+        """Whether there is no course to follow."""
+        return not self.motors
+
+    @property
+    def knot_spacing(self) -> float:
+        """Time (s) between the knots of the finest course."""
+        return min((motor.knot_spacing for motor in self.motors.values()), default=np.inf)
+
+    def leaves_free(self, assembly: Assembly) -> bool:
+        """Whether anything moves freely beside what motors move."""
+        return len(assembly.positions) > len(self.motors)
+
+    def place(
+        self, assembly: Assembly, times: np.ndarray, gaps: Mapping[str, np.ndarray] | None = None
+    ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Origin (N,) m, complex, and angle (N,) rad of every moving body at times (N,) s, its pins off centre by gaps
+        (N,) m.  Raises AssemblyError.
+        """
+        still = {name: np.full(times.size, where) for name, where in assembly.positions.items()}
+        given = still | {name: motor.angles(times) for name, motor in self.motors.items()}
+        s, u = assembly.structure, assembly.coordinates(assembly.inputs_at(given), gaps)
+        origins = s.origins @ assembly.columns(u, gaps)
+        angles = [u[list(turned)].sum(axis=0) + held for turned, held in zip(s.turned, s.held_at, strict=True)]
+        return {name: (origins[b], angles[b]) for b, name in enumerate(s.bodies) if b}
+
+    def _fastest(self, assembly: Assembly, end: float) -> float:
+        """The largest speed (rad/s) of a body until a time (s), by the ways between instants that are equally far
+        apart.
+        """
+        finest = max(motor.knots.size for motor in self.motors.values())
+        times = np.linspace(self.begin, max(end, self.begin + self.knot_spacing), max(LOOKED_AT, 2 * finest))
+        scale, placed = longest(assembly.mechanism), self.place(assembly, times).values()
+        ways = np.array([way for origin, angle in placed for way in (np.abs(np.diff(origin)) / scale, np.diff(angle))])
+        return float(np.abs(ways).max()) / float(times[1] - times[0])
+
+
+Path = Motor | Behind | Together
+
+
+def motion_of(request: Request, assembly: Assembly) -> Motor | Together | None:
+    """What moves the linkage of a request that makes a run; None at rest, and where all of it moves freely.  Raises
+    AssemblyError where a linkage cannot follow its courses.
+    """
+    if request.courses is None:
+        return motor_of(request)
+    return Together.of(request, assembly) if request.courses else None
+
+
+def told_angle(path: Path, time: float) -> float:
+    """A crank's angle (rad) at a time (s) of a path; NaN of what is no crank."""
+    return float("nan") if isinstance(path, Together) else path.angle(time)
+
+
+def path_of(path: Path, joint: str) -> Motor | Behind:
+    """The path of one driven joint."""
+    return path.motors[joint] if isinstance(path, Together) else path
 
 
 def duration(path: Path, angle: float, knots: float = KNOT_SHARE) -> float:
-    """The time (s) in which a crank turns by at most an angle (rad), and by at most a share of that between a course's
+    """The time (s) in which a path turns by at most an angle (rad), and by at most a share of that between a course's
     ``knots``.
     """
     turning = angle / path.top_speed if path.top_speed else np.inf
@@ -78,7 +160,7 @@ def moving(
     """
 
     def at(moment: float) -> dict[str, Pose]:
-        return poses(assembly, path.angle(moment), gaps=lambda _: gaps(moment))
+        return still(assembly, path, moment, gaps(moment))
 
     here, apart = at(time), duration(path, STENCIL)
     if np.isinf(apart):
@@ -93,6 +175,21 @@ def moving(
         )
         for name, pose in here.items()
     }
+
+
+def still(assembly: Assembly, path: Path, time: float, gaps: Changes = NONE) -> dict[str, Pose]:
+    """Pose of every moving body at a time (s) of a path, with these gaps (m), as if at rest.  Raises AssemblyError."""
+    if not isinstance(path, Together):
+        return poses(assembly, path.angle(time), gaps=lambda _: gaps)
+    placed = path.place(assembly, np.array([time]), {name: np.array([gap]) for name, gap in gaps.items()})
+    return {name: Pose(complex(origin[0]), float(angle[0])) for name, (origin, angle) in placed.items()}
+
+
+def assembled(assembly: Assembly, request: Request) -> dict[str, Pose]:
+    """Pose of every moving body as the mechanism's file assembles it, at rest."""
+    if request.courses is None:
+        return poses(assembly, assembly.start)
+    return still(assembly, Together({}, 0.0, 0.0), 0.0)
 
 
 def near(gaps: Changes, time: float, rate: Changes = NONE, bend: Changes = NONE) -> Callable[[float], Changes]:

@@ -17,7 +17,7 @@ from sim_models.common.motor import Motor
 from sim_models.common.start import Pose
 from sim_models.engine import Cause, SimulationError
 from sim_models.leapfrog.bodies import HEEDINGS, LeapfrogWorld
-from sim_models.leapfrog.courses import NONE, STENCIL, Behind, Changes, Path, duration, moving, near
+from sim_models.leapfrog.courses import NONE, STENCIL, Behind, Changes, Path, duration, moving, near, told_angle
 from sim_models.leapfrog.probe import forces_at, gap_accelerations
 
 NO_LOAD = 1e-9  # of the largest reaction: one below it leaves its pin loose
@@ -62,7 +62,7 @@ class Equilibria:
         world = self.world
         if not (world.pins or world.soft):
             return {}
-        theta, spin_up = path.angle(time), path.acceleration(time)
+        theta, spin_up = told_angle(path, time), world.spin_ups(path, time)
         forces, _ = self.ideal_forces(path, time)
         names = list(world.pins)
         loose = [
@@ -159,9 +159,14 @@ class Equilibria:
         """The error that says what went wrong at which crank angle."""
         return no_start(self.world.engine, self.world.request, cause, what, theta, remedy)
 
-    def ideal_forces(self, path: Path, time: float) -> tuple[dict[str, complex], float]:
-        """Reactions (N) and drive torque (N.m) of the ideal linkage at a time (s) of the crank's path."""
-        return forces_at(self.ideal, moving(self.ideal.assembly, path, time), path.acceleration(time))
+    def ideal_forces(self, path: Path, time: float) -> tuple[dict[str, complex], dict[str, float]]:
+        """Reactions (N) of the ideal linkage, and what its motors exert (N.m, N), at a time (s) of their path."""
+        return forces_at(self.ideal, moving(self.ideal.assembly, path, time), self.ideal.spin_ups(path, time))
+
+    def ideal_torque(self, path: Path, time: float) -> float:
+        """Drive torque (N.m) of the ideal linkage at a time (s) of the crank's path."""
+        _, efforts = self.ideal_forces(path, time)
+        return efforts[self.ideal.mechanism.drive_joint.name]
 
     def steady(self, path: Path, time: float) -> dict[str, Pose]:
         """Poses and velocities of the linkage with its pins in steady contact at a time (s) of the crank's path."""
@@ -198,7 +203,7 @@ class Equilibria:
         )
         crank, last = Behind(motor, Polynomial([0.0])), np.inf
         for _ in range(20):
-            lag = np.array([self.ideal_forces(crank, float(t))[1] for t in times]) / stiffness
+            lag = np.array([self.ideal_torque(crank, float(t)) for t in times]) / stiffness
             crank = Behind(motor, Polynomial.fit(times, lag, LAG_DEGREE))
             here = float(crank.lag(time))
             if abs(here - last) < LAG_ROUNDING + LAG_SETTLED * abs(here):
@@ -213,7 +218,8 @@ class Equilibria:
         """The same crank with a lag (rad) that holds what the pins' gaps add to the drive torque at a time (s)."""
         if self.world.request.start == "centred":
             return crank
-        _, torque = forces_at(self.world, self.steady(crank, time), crank.acceleration(time))
+        _, efforts = forces_at(self.world, self.steady(crank, time), self.world.spin_ups(crank, time))
+        torque = efforts[self.world.mechanism.drive_joint.name]
         return Behind(crank.motor, crank.lag + (torque / stiffness - float(crank.lag(time))))
 
     @staticmethod

@@ -8,7 +8,6 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, Joint, Mechanism
 from sim_models.common.start import AT_REST, poses
 from sim_models.common.travel import travel
-from sim_models.leapfrog.parts import moving_body
 
 SLIDING_ZONE = 1e-3  # of the drive's speed: relative speed below which Coulomb friction fades out
 FREE_SPEED = 1.0  # rad/s, in its place where nothing is driven
@@ -18,17 +17,16 @@ class JointLaws:
     """The laws of the ``joints`` that have one.
 
     In motion friction fades out where a joint is slower than ``fades_below`` (rad/s; prismatic: m/s), a part of the
-    drive's ``top_speed`` (rad/s).  At rest (``static``) nothing is damped, and friction has the direction of
-    ``sliding``.
+    drive's ``top_speed`` (rad/s), at a ``reach`` (m) where it slides.  At rest (``static``) nothing is damped, and
+    friction has the direction of ``sliding``.
     """
 
-    def __init__(self, m: Mechanism, static: bool, top_speed: float) -> None:
+    def __init__(self, m: Mechanism, static: bool, top_speed: float, reach: float) -> None:
         self.mechanism, self.static = m, static
         self.joints = [j for j in m.joints if j.has_law]
         self.sliding: dict[str, float] = {}
         zone = SLIDING_ZONE * (top_speed or FREE_SPEED)
-        crank = moving_body(m, m.driven)
-        self.fades_below = {j.name: zone * (crank.length if j.prismatic else 1.0) for j in m.joints}
+        self.fades_below = {j.name: zone * (reach if j.prismatic else 1.0) for j in m.joints}
 
     def effort(self, j: Joint, position: float, rate: float, load: float = 0.0) -> float:
         """Torque (N.m; prismatic: force, N) on the joint's second body at its angle (rad; travel, m) and rate,

@@ -4,8 +4,9 @@ coordinates.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import cmath
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from analytic.mechanism import GROUND, Body, Joint, Mechanism
 from sim_models.common.contact_laws import KelvinVoigt
@@ -44,31 +45,53 @@ class Pin:
         return size * normal if size > 0 else 0j
 
 
-def spanning_tree(m: Mechanism, joints: list[Joint]) -> tuple[list[Branch], list[Joint]]:
+@dataclass(frozen=True)
+class Steered:
+    """A moving body that the motor in a joint moves against what carries it, and the sign of its coordinate there."""
+
+    joint: Joint
+    child: str
+    sign: float  # of the joint's position, second body relative to first, as that coordinate grows
+
+    @classmethod
+    def of(cls, joint: Joint, branches: Sequence[Branch], crank: bool) -> Steered:
+        """That of a driven joint; a ``crank`` is told by its own angle, whichever of the joint's bodies it is."""
+        child = next(b.child for b in branches if b.joint == joint or {b.child, b.parent} == set(joint.bodies))
+        return cls(joint, child, 1.0 if crank or joint.prismatic or joint.bodies[1] == child else -1.0)
+
+
+def spanning_tree(m: Mechanism, joints: list[Joint], driven: Sequence[Joint]) -> tuple[list[Branch], list[Joint]]:
     """Branches from the ground outwards, made of these joints as far as they close no loop; and those left over.
 
-    Prismatic joints come first, then the drive's, then those on the ground.  Where the drive's is not among them, no
-    other may carry the driven body: it floats.
+    Prismatic joints come first, then those ``driven``, then those on the ground.  Where one driven is not among them,
+    no other may carry the body that it turns: it floats, on the ground or in the frame of the joint's other body.
     """
-    drive = m.drive_joint
 
     def preferred(some: list[Joint]) -> list[Joint]:
-        return sorted(some, key=lambda j: (not j.prismatic, j is not drive, GROUND not in j.bodies))
+        return sorted(some, key=lambda j: (not j.prismatic, j not in driven, GROUND not in j.bodies))
 
     tree, rest = without_loops(m, preferred(joints))
     branches = grown(m, tree)
-    hangs_by = next(b.joint for b in branches if b.child == m.driven)
-    if hangs_by is not None and drive not in joints:
-        standing, left = without_loops(m, preferred([*joints, drive]))
-        if drive in standing:
-            return grown(m, [j for j in standing if j is not drive], m.driven), left
-    return branches, rest
+    carried = {branch.child for branch in branches if branch.joint is not None}
+    loose = [
+        j for j in driven if j not in joints and (len(driven) > 1 or GROUND not in j.bodies or carried & {*j.bodies})
+    ]
+    standing, left = without_loops(m, preferred([*joints, *loose]))
+    afloat = [j for j in loose if j in standing]
+    if not afloat:
+        return branches, rest
+    branches = grown(m, [*afloat, *(j for j in standing if j not in afloat)])
+    return [replace(branch, joint=None) if branch.joint in afloat else branch for branch in branches], left
 
 
 def coordinates(m: Mechanism, branch: Branch, bodies: Mapping[str, Pose]) -> tuple[list[float], list[float]]:
-    """A branch's coordinates and their rates: [travel], [relative angle], or [x, y, angle] of the body's frame."""
+    """A branch's coordinates and their rates: [travel], [relative angle], or [x, y, angle] of the body's frame in its
+    parent's.
+    """
     here = bodies[branch.child]
     if branch.joint is None:
+        if branch.parent != GROUND:
+            here = _seen_from(bodies[branch.parent], here)
         rates = [here.velocity.real, here.velocity.imag, here.angular_velocity]
         return [here.origin.real, here.origin.imag, here.angle], rates
     if branch.joint.prismatic:
@@ -77,3 +100,10 @@ def coordinates(m: Mechanism, branch: Branch, bodies: Mapping[str, Pose]) -> tup
         return [way], [rate]
     base = bodies.get(branch.parent, AT_REST)
     return [here.angle - base.angle], [here.angular_velocity - base.angular_velocity]
+
+
+def _seen_from(base: Pose, pose: Pose) -> Pose:
+    """A pose in the frame of a body that moves, and its rates there."""
+    apart, back = pose.origin - base.origin, cmath.exp(-1j * base.angle)
+    slip = pose.velocity - base.velocity - 1j * base.angular_velocity * apart
+    return Pose(apart * back, pose.angle - base.angle, slip * back, pose.angular_velocity - base.angular_velocity)

@@ -4,7 +4,7 @@ accelerations, and the inertia that its pins and its motor feel.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,32 +15,35 @@ from sim_models.leapfrog.bodies import LeapfrogWorld
 PROBE = 1e-5  # s, the step
 
 
-def forces_at(world: LeapfrogWorld, bodies: Mapping[str, Pose], spin_up: float) -> tuple[dict[str, complex], float]:
-    """Reactions (N) and drive torque (N.m) in these poses, with these velocities and the crank's acceleration
-    (rad/s^2).
+def forces_at(
+    world: LeapfrogWorld, bodies: Mapping[str, Pose], spin_up: Sequence[float]
+) -> tuple[dict[str, complex], dict[str, float]]:
+    """Reactions (N), and what the motor in each driven joint exerts (N.m, N), in these poses, with these velocities and
+    accelerations (rad/s^2, m/s^2) of what is steered.
     """
 
-    def probed() -> tuple[dict[str, complex], float]:
+    def probed() -> tuple[dict[str, complex], dict[str, float]]:
         world.approach(bodies, PROBE, spin_up)
         world.before_observing()
         world.step(PROBE)
-        forces, _, torque = world.reactions()
-        return forces, torque
+        forces, _, efforts = world.reactions()
+        return forces, efforts
 
     return world.settled(probed, lambda found: found[0])
 
 
-def gap_accelerations(world: LeapfrogWorld, bodies: Mapping[str, Pose], spin_up: float) -> dict[str, complex]:
-    """Acceleration (m/s^2) of every pin's gap from these poses, velocities and the crank's acceleration (rad/s^2)."""
+def gap_accelerations(world: LeapfrogWorld, bodies: Mapping[str, Pose], spin_up: Sequence[float]) -> dict[str, complex]:
+    """Acceleration (m/s^2) of every pin's gap from these poses, velocities and accelerations (rad/s^2, m/s^2) of what
+    is steered.
+    """
     world.approach(bodies, PROBE, spin_up)
     before = {name: world.gap(name)[1] for name in world.pins | world.soft}
     world.step(PROBE)
     return {name: (world.gap(name)[1] - before[name]) / PROBE for name in before}
 
 
-def pin_mass(world: LeapfrogWorld, joint: Joint, theta: float) -> float:
-    """Least effective mass (kg) that a joint's gap opposes to a force, at crank angle theta (rad)."""
-    bodies = poses(world.assembly, theta)
+def pin_mass(world: LeapfrogWorld, joint: Joint, bodies: Mapping[str, Pose]) -> float:
+    """Least effective mass (kg) that a joint's gap opposes to a force, in these poses."""
     changes = []
     for force in [0j, *np.exp(1j * np.linspace(0, np.pi, 8, endpoint=False))]:
         world.place(bodies)

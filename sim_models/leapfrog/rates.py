@@ -76,10 +76,26 @@ def body_rates(
     return {name: found[name] for name in before}
 
 
+def turning(
+    m: Mechanism, branches: Iterable[Branch], at: Mapping[str, Pose], rates: Mapping[str, np.ndarray]
+) -> dict[str, Turning]:
+    """Rates of every moving body's origin at poses, by the rates of the coordinates, which do not change.
+
+    ``branches`` are parents first.
+    """
+    found = {GROUND: Turning()}
+    for branch in branches:
+        rate = rates[branch.child]
+        found[branch.child] = _carried(m, branch, at, found[branch.parent], rate, np.zeros_like(rate))
+    return found
+
+
 def _carried(
     m: Mechanism, branch: Branch, at: Mapping[str, Pose], parent: Turning, rate: np.ndarray, change: np.ndarray
 ) -> Turning:
     """A body's rates, from its parent's and those of its own coordinates."""
+    if branch.joint is None and branch.parent != GROUND:
+        return _adrift(branch, at, parent, rate, change)
     if branch.joint is None:
         return Turning(complex(rate[0], rate[1]), complex(change[0], change[1]), float(rate[2]), float(change[2]))
     name, here, base = branch.joint.name, at[branch.child], at.get(branch.parent, AT_REST)
@@ -92,3 +108,16 @@ def _carried(
     else:
         on = Turning(on.velocity, on.acceleration, on.spin + v, on.spin_up + a)
     return on.carried(here.origin - pin)
+
+
+def _adrift(branch: Branch, at: Mapping[str, Pose], parent: Turning, rate: np.ndarray, change: np.ndarray) -> Turning:
+    """The same of a body that floats in the frame of another."""
+    base = at[branch.parent]
+    on, turned = parent.carried(at[branch.child].origin - base.origin), np.exp(1j * base.angle)
+    slip, bend = complex(rate[0], rate[1]) * turned, complex(change[0], change[1]) * turned
+    return Turning(
+        on.velocity + slip,
+        on.acceleration + bend + 2j * on.spin * slip,
+        on.spin + float(rate[2]),
+        on.spin_up + float(change[2]),
+    )

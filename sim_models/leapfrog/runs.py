@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from analytic.mechanism.signals import position
 from sim_models.common.backlash import Felt, Flanks
 from sim_models.common.contact_laws import TOO_DEEP, shortest_link
 from sim_models.common.failed_starts import own_start
@@ -19,7 +20,7 @@ from sim_models.common.silence import silence
 from sim_models.common.start import check_steps
 from sim_models.engine import Cause, Request, SimulationError, Trace, Unsupported, installed_version
 from sim_models.leapfrog.bodies import WARM_UP, LeapfrogWorld
-from sim_models.leapfrog.courses import Behind, Changes, Grid, Path, moving, near
+from sim_models.leapfrog.courses import Behind, Changes, Grid, Path, Together, moving, near, path_of
 from sim_models.leapfrog.equilibria import Equilibria
 from sim_models.leapfrog.probe import PROBE, drive_inertia, forces_at
 from sim_models.leapfrog.steps import longest_step
@@ -89,7 +90,7 @@ def _rest(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None, moto
         for each in (world, found.ideal, *([rods.world] if rods else [])):
             each.laws.set_sliding(each.assembly, theta, -1.0 if each.speed < 0 else 1.0)
         row = _one_sided(found, rods, theta) if rods else _still(world, theta, found.gaps(ConstantSpeed(theta), 0.0))
-        _check_depth(world, theta)
+        _check_depth(world, _at_angle(theta))
         lagging = motor - world.behind(row["drive_torque"])
         if abs(lagging - theta) < AT_REST:
             return row
@@ -136,23 +137,40 @@ def _reactions(row: Mapping[str, float], joints: Iterable[str]) -> dict[str, com
 
 @dataclass(frozen=True)
 class Plan:
-    """When a moving run reports, from where it starts, and how its motor moves."""
+    """When a moving run reports, from where it starts, and how its motor moves, or its motors."""
 
-    times: np.ndarray  # (N,) s in the request's order: from the first report, from release, or of the course
+    times: np.ndarray  # (N,) s in the request's order: from the first report, from release, or of courses
     begin: float  # s
-    motor: Motor  # of a released linkage: as it starts
+    motor: Path  # of a released linkage: as it starts
     seen: np.ndarray  # (M,) s at which the motor is known to be on its path
+
+    @property
+    def crank(self) -> Motor:
+        """The motor of a crank."""
+        assert isinstance(self.motor, ConstantSpeed | Course)
+        return self.motor
 
     @classmethod
     def of(cls, world: LeapfrogWorld) -> Plan:
         """The plan of a world's request."""
         request, motor = world.request, world.motor
+        if request.courses is not None:
+            return cls._together(world)
+        assert not isinstance(motor, Together)
         times = report_times(request, motor)
         if motor is None:
             return cls(times, 0.0, ConstantSpeed(world.assembly.start, request.start_speed), np.zeros(1))
         if isinstance(motor, Course):
             return cls(times, motor.begin, motor, motor.knots[motor.knots <= times.max()])
         return cls(np.round(times, 12), motor.begin, motor, np.sort(times))  # equal angles, at equal times
+
+    @classmethod
+    def _together(cls, world: LeapfrogWorld) -> Plan:
+        """The plan of courses, and of what moves freely."""
+        motor = world.motor if isinstance(world.motor, Together) else Together({}, 0.0, 0.0)
+        times = np.asarray(world.request.time, float)
+        knots = np.unique([t for each in motor.motors.values() for t in each.knots if motor.begin <= t <= times.max()])
+        return cls(times, motor.begin, motor, np.array([motor.begin]) if world.free else knots)
 
 
 def _moving(world: LeapfrogWorld, found: Equilibria) -> Trace:
@@ -162,28 +180,48 @@ def _moving(world: LeapfrogWorld, found: Equilibria) -> Trace:
         felt = _felt(world, found, plan)
         world.flanks = Flanks.of(world.mechanism, felt, plan.motor.top_speed)
         world.drive_stiffness = world.flanks.stiffness
-    longest = request.step or longest_step(world, plan.motor.angle(plan.begin), found.peaks(plan.motor, plan.seen))
+    longest = request.step or longest_step(world, plan.motor, plan.begin, found.peaks(plan.motor, plan.seen))
     check_steps(
         f"{world.engine} {request.joint_model} ({world.mechanism.name})", float(plan.times.max()) - plan.begin, longest
     )
-    grid = world.grid = Grid.of(plan.times, plan.begin, longest, early=world.motor is not None)
+    early = world.motor is not None and not world.free
+    grid = world.grid = Grid.of(plan.times, plan.begin, longest, early)
     _start(world, found, plan, grid)
     tally = Tally(world, max(1, (grid.last - grid.lead) // JOURNAL_SAMPLES))
     rows = grid.rows(_follow(world, plan, grid, tally))
-    theta = np.array([row[f"{world.mechanism.driven}_angle"] for row in rows])
     if world.motor is not None and world.held:
-        off = float(np.abs(theta - plan.motor.angles(plan.times)).max())
-        if not off < OFF_COURSE:
-            raise SimulationError(f"{world.engine}: the crank is {off:.3g} rad off its course", Cause.OFF_COURSE)
+        _check_course(world, plan, rows)
+    theta = np.array([row[_told(world)] for row in rows])
     trace = _trace(world, rows, request.crank_angle if request.crank_angle.size else theta, plan.times, grid.step)
     return replace(trace, free_share=tally.free_share(), journal=tally.journal())
+
+
+def _told(world: LeapfrogWorld) -> str:
+    """The signal that a run is told by: the crank's angle, or the position of the first input."""
+    m = world.mechanism
+    if world.request.courses is None:
+        return f"{m.driven}_angle"
+    return position(m.joint(next(iter(world.assembly.positions)))).name
+
+
+def _check_course(world: LeapfrogWorld, plan: Plan, rows: list[dict[str, float]]) -> None:
+    """Raise SimulationError where what motors move is not where they have it."""
+    alone = world.request.courses is None
+    for each in world.steered:
+        signal = _told(world) if alone else position(each.joint).name
+        meant = path_of(plan.motor, each.joint.name).angles(plan.times)
+        off = float(np.abs(np.array([row[signal] for row in rows]) - meant).max())
+        if not off < OFF_COURSE:
+            what = "the crank" if alone else f"joint {each.joint.name!r}"
+            unit = "m" if each.joint.prismatic else "rad"
+            raise SimulationError(f"{world.engine}: {what} is {off:.3g} {unit} off its course", Cause.OFF_COURSE)
 
 
 def _felt(world: LeapfrogWorld, found: Equilibria, plan: Plan) -> Felt:
     """What the motor feels of the ideal linkage in the run."""
     times = np.linspace(plan.begin, float(plan.times.max()), FELT)
-    torques = [found.ideal_forces(plan.motor, t)[1] for t in times.tolist()]
-    inertias = [drive_inertia(world, angle) for angle in plan.motor.angles(times).tolist()]
+    torques = [found.ideal_torque(plan.crank, t) for t in times.tolist()]
+    inertias = [drive_inertia(world, angle) for angle in plan.crank.angles(times).tolist()]
     return Felt(times, np.array(torques), np.array(inertias))
 
 
@@ -192,23 +230,19 @@ def _start(world: LeapfrogWorld, found: Equilibria, plan: Plan, grid: Grid) -> N
     steady motion.
     """
     begin = grid.begin
-    crank: Path = plan.motor
+    path: Path = plan.motor
     if world.flanks is not None:
-        _, torque = found.ideal_forces(plan.motor, begin)
-        crank = Behind(plan.motor, Polynomial([world.flanks.carry(torque)]))
+        path = Behind(plan.crank, Polynomial([world.flanks.carry(found.ideal_torque(path, begin))]))
     elif world.drive_stiffness:
-        crank = found.lagging(plan.motor, begin, world.drive_stiffness, drive_inertia(world, plan.motor.angle(begin)))
+        path = found.lagging(plan.crank, begin, world.drive_stiffness, drive_inertia(world, plan.crank.angle(begin)))
     steady = world.request.start == "steady"
-    bodies = found.steady(crank, begin) if steady else moving(world.assembly, crank, begin)
+    bodies = found.steady(path, begin) if steady else moving(world.assembly, path, begin)
+    spin_up = world.spin_ups(path, begin)
     if world.loads:
-        forces_at(world, bodies, crank.acceleration(begin))  # which is what friction grows with there
+        forces_at(world, bodies, spin_up)  # which is what friction grows with there
     towards = begin + grid.step * np.arange(1.0 - WARM_UP, 1.0)
-    world.start(
-        bodies,
-        grid.step,
-        crank.acceleration(begin),
-        [None] * WARM_UP if crank.constant_speed else crank.angles(towards).tolist(),
-    )
+    aims = [None] * WARM_UP if path.constant_speed else world.aims(path, towards)
+    world.start(bodies, grid.step, spin_up, aims)
     if world.drive_stiffness:
         world.hold(False)
 
@@ -220,16 +254,13 @@ def _follow(world: LeapfrogWorld, plan: Plan, grid: Grid, tally: Tally) -> dict[
     steers = world.drive_stiffness or not plan.motor.constant_speed
     ahead = 1 if world.held else 0
     feels = bool(world.pins) or not world.held  # the motion itself depends on friction
-    aims = (
-        plan.motor.angles(grid.begin + grid.step * np.arange(ahead, grid.last + 1 + ahead)).tolist()
-        if steers
-        else [None] * (grid.last + 1)
-    )
+    times = grid.begin + grid.step * np.arange(ahead, grid.last + 1 + ahead)
+    aims: Sequence[Sequence[float] | None] = world.aims(plan.motor, times) if steers else [None] * times.size
     for k, world.aim in enumerate(aims):
         world.heeding = bool(world.loads) and (feels or not wanted.isdisjoint(range(k + 1, k + HEEDED_STEPS)))
         if k in wanted:
             seen[k] = world.observe(grid.step)
-            _check_depth(world, seen[k][f"{world.mechanism.driven}_angle"])
+            _check_depth(world, _near(world, seen[k], grid.begin + k * grid.step))
         else:
             world.step(grid.step)
         if k >= grid.lead:
@@ -258,13 +289,22 @@ class Tally:
         return {name: np.array([(g.real, g.imag) for g in path[:: self.stride]]) for name, path in self.paths.items()}
 
 
-def _check_depth(world: LeapfrogWorld, theta: float) -> None:
+def _near(world: LeapfrogWorld, row: Mapping[str, float], time: float) -> str:
+    """Where a run is, in words: a crank's angle, or the time (s)."""
+    return _at_angle(row[_told(world)]) if world.request.courses is None else f"{time:.4g} s"
+
+
+def _at_angle(theta: float) -> str:
+    return f"crank angle {np.degrees(theta):.4g} deg"
+
+
+def _check_depth(world: LeapfrogWorld, near: str) -> None:
     for name, pin in (world.pins | world.soft).items():
         gap = abs(world.gap(name)[0])
         if not gap < pin.clearance + TOO_DEEP * shortest_link(world.mechanism, pin.joint):
             raise SimulationError(
                 f"{world.engine} {world.request.joint_model}: the pin at {name} is {gap:.3g} m off its centre"
-                f" (clearance {pin.clearance:g} m) near crank angle {np.degrees(theta):.4g} deg: the run diverged",
+                f" (clearance {pin.clearance:g} m) near {near}: the run diverged",
                 Cause.DIVERGED,
             )
 

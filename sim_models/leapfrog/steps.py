@@ -5,31 +5,38 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from sim_models.leapfrog.bodies import LeapfrogWorld
-from sim_models.leapfrog.courses import duration
+from sim_models.leapfrog.courses import Path, duration, still, told_angle
 from sim_models.leapfrog.probe import drive_inertia, pin_mass
 
 STEP_ANGLE = 2e-4  # rad of crank angle in a step, at most
-FREE_STEP = 2e-5  # s
+FREE_STEP = 2e-5  # s, of a crank that is let go
+FREE_STEP_MADE_UP = 5e-5  # s, of what moves freely where the inertia forces' error of first order is made up for
 DRIVE_PHASE = 0.2  # rad of the crank's oscillation on its motor in a step, at most
 CONTACT_PHASE = 0.3  # rad of a contact's own oscillation in a step, at most
 SWING_PHASE = 0.2  # rad of a pin's swing along its bearing in a step, at most
 CONTACT_DECAY = 0.6  # of a contact's own relaxation in a step, at most
 
 
-def longest_step(world: LeapfrogWorld, theta: float, peaks: Mapping[str, float]) -> float:
-    """Step (s) that follows the crank and every pin: its swing about the bearing, and its spring's oscillation.
+def longest_step(world: LeapfrogWorld, path: Path, time: float, peaks: Mapping[str, float]) -> float:
+    """Step (s) that follows what motors move and every pin: its swing about the bearing, and its spring's oscillation.
 
-    ``theta`` (rad) is the crank angle at which the pins' effective masses are taken, ``peaks`` their largest forces
-    (N).
+    ``time`` (s) of the ``path`` is when the pins' effective masses are taken, ``peaks`` are their largest forces (N).
     """
-    step = FREE_STEP if world.motor is None else duration(world.motor, STEP_ANGLE)
+    step = np.inf if world.motor is None else duration(world.motor, STEP_ANGLE)
+    if world.free:
+        step = min(step, FREE_STEP_MADE_UP)
+    elif world.motor is None:
+        step = FREE_STEP
     if world.flanks is not None:
         step = min(step, DRIVE_PHASE * world.flanks.quickest)
     elif world.drive_stiffness:
-        step = min(step, DRIVE_PHASE * math.sqrt(drive_inertia(world, theta) / world.drive_stiffness))
+        step = min(step, DRIVE_PHASE * math.sqrt(drive_inertia(world, told_angle(path, time)) / world.drive_stiffness))
+    bodies = still(world.assembly, path, time) if world.pins or world.soft else {}
     for name, pin in world.pins.items():
-        mass = pin_mass(world, pin.joint, theta)
+        mass = pin_mass(world, pin.joint, bodies)
         step = min(step, SWING_PHASE * math.sqrt(mass * pin.clearance / max(peaks[name], 1e-300)))
         if world.compliant:
             step = min(
@@ -38,6 +45,6 @@ def longest_step(world: LeapfrogWorld, theta: float, peaks: Mapping[str, float])
                 CONTACT_DECAY * mass / max(pin.contact.damping, 1e-300),
             )
     for pin in world.soft.values():
-        mass, law = pin_mass(world, pin.joint, theta), pin.contact
+        mass, law = pin_mass(world, pin.joint, bodies), pin.contact
         step = min(step, CONTACT_PHASE * math.sqrt(mass / law.stiffness), CONTACT_DECAY * mass / law.damping)
     return step

@@ -17,21 +17,27 @@ class MujocoEngine(Engine):
 
     With a drive that yields, the requested crank angles, or the course, are the motor's.  Where these repeat themselves
     with each revolution, so does the crank of an ideal linkage from the start; else it starts where its motor's motion
-    nearby has it.
+    nearby has it.  Where joints follow courses and nothing else is free, pins start in equilibrium with their motion;
+    where something is, pressed where the ideal linkage's reactions point.
     """
 
     name = "mujoco"
     package = "mujoco"
     capabilities = Capabilities(
-        rigid=Scope.of(RUNS), export=Scope.of(RUNS, set(FEATURES) - {"load_friction", "backlash"})
+        rigid=Scope.of(RUNS),
+        export=Scope.of(RUNS, set(FEATURES) - {"load_friction", "backlash", "several_drives", "point_spring"}),
     )
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""
         from sim_models.mujoco.runs import MujocoRun
+        from sim_models.mujoco.several import CoursesRun
+
+        def run(asked: Request) -> Trace:
+            return (MujocoRun(asked) if asked.courses is None else CoursesRun(asked)).trace()
 
         with no_log_file():
-            return simulate(self, request, lambda r: MujocoRun(r).trace())
+            return simulate(self, request, run)
 
     def export(self, request: Request, folder: Path) -> list[Path]:
         """Write a request, and what came of it, as a script that runs in bare MuJoCo.  Raises what

@@ -8,27 +8,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly
 from sim_models.common.contact_laws import pressed_to
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
-from sim_models.common.start import poses
 from sim_models.engine import Cause, Request, SimulationError
 from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.passive import felt
+from sim_models.mujoco.path import SIDE, Path
 from sim_models.mujoco.state import HEEDINGS, contact_rows, gap, heed, joint_forces, signals, touch, unheeded
 from sim_models.mujoco.steady import STENCIL, derivative
 
 NUDGE = 1e-7  # rad or m, of difference quotients
 SETTLED = 1e-9  # rad, or m over the linkage's size: Newton's last step; the error left is its square
 WEAK = 1e-9  # of the largest force: a reaction without direction
-STANDSTILL = 1e-8  # of the crank's speed: a joint that turns no faster has no direction of slip
+STANDSTILL = 2e-8  # of SIDE: a joint that turns no farther around where a path is has no direction of slip
 
 
 @dataclass(frozen=True)
@@ -85,13 +84,13 @@ class Rest:
 
 
 def rest(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip: Mapping[str, float]) -> Rest | None:
-    """Solve :func:`balance` for coordinates and forces, the motor held; None where Newton's method finds no solution.
+    """Solve :func:`balance` for coordinates and forces, the motors held; None where Newton's method finds no solution.
 
     Forces are unknowns of their own: however stiff the rows, a step along the rim of a clearance circle does not
     spoil them, as it would if they were computed from the penetration.  The data is left at the solution.
     """
     q = q.copy()
-    unknown = np.array([i for i in range(q.size) if i != link.motor], int)
+    unknown = link.moved
     n = unknown.size
     reach = min((0.5 * link.mechanism.joint(name).clearance for name in link.contacts), default=np.inf)
     force = np.zeros(0)
@@ -132,48 +131,41 @@ def rest(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip:
 
 
 class Equilibria:
-    """Equilibria of a request's mechanism, near the crank angle theta (rad).
+    """Equilibria of a request's mechanism, near the crank angle theta (rad) of a path, or its time (s) on courses.
 
-    ``step`` (s) sets how rigid the rigid rows are; ``direction`` (sign of the drive's motion, 0 at rest) that of
-    friction.  ``forces`` are the sizes (N) of the ideal linkage's reactions at the joints with clearance, as last asked
-    for.
+    ``step`` (s) sets how rigid the rigid rows are.  ``forces`` are the sizes (N) of the ideal linkage's reactions at
+    the joints with clearance, as last asked for.
     """
 
     def __init__(
         self,
         request: Request,
-        assembly: Assembly,
+        path: Path,
         laws: Mapping[str, Contact],
-        direction: float,
         theta: float,
         step: float,
     ) -> None:
-        self.request, self.mechanism, self.assembly, self.laws, self.direction = (
-            request,
-            request.mechanism,
-            assembly,
-            laws,
-            direction,
-        )
-        pose = poses(assembly, theta)
+        self.request, self.mechanism, self.path, self.laws = request, request.mechanism, path, laws
+        pose = path.poses(theta)
         rows = "spring" if request.joint_model == "spring-damper" else request.joint_model
-        setting = Setting(rows, step, friction=False)
-        self.ideal = MujocoLinkage(self.mechanism, {}, pose, Setting("ideal", step, friction=False))
+        setting = Setting(rows, step, hold=path.held, friction=False, driven=path.driven)
+        self.ideal = MujocoLinkage(self.mechanism, {}, pose, replace(setting, rows="ideal"))
         self.pressed = MujocoLinkage(self.mechanism, laws, pose, setting) if laws else self.ideal
         self.forces: dict[str, float] = {}
 
     def place(self, link: MujocoLinkage, theta: float, gaps: Mapping[str, complex] | None = None) -> np.ndarray:
         """Coordinates (nq,) of an assembled linkage with these gaps (m)."""
-        return link.placed(poses(self.assembly, theta, gaps=lambda _: gaps or {}))
+        return link.placed(self.path.poses(theta, gaps))
 
     def slip(self, theta: float) -> dict[str, float]:
         """Sign of each joint's relative velocity, second body less first, as the drive turns the ideal linkage."""
-        if self.direction == 0 or not any(j.rubs or j.friction for j in self.mechanism.joints):
+        around = self.path.around(theta)
+        if around is None or not any(j.rubs or j.friction for j in self.mechanism.joints):
             return {j.name: 0.0 for j in self.mechanism.joints}
-        link, h = self.ideal, math.copysign(1e-4, self.direction)
-        back, ahead = (link.placed(poses(self.assembly, theta + side * h)) for side in (-1, 1))
-        rates = {j.name: float(link.between(j) @ (ahead - back)) / abs(2 * h) for j in self.mechanism.joints}
-        return {name: math.copysign(1.0, w) if abs(w) > STANDSTILL else 0.0 for name, w in rates.items()}
+        link = self.ideal
+        back, ahead = (self.place(link, at) for at in around)
+        moves = {j.name: float(link.between(j) @ (ahead - back)) for j in self.mechanism.joints}
+        return {name: math.copysign(1.0, x) if abs(x) > STANDSTILL * SIDE else 0.0 for name, x in moves.items()}
 
     def signals(self, link: MujocoLinkage, found: Rest, slip: Mapping[str, float]) -> dict[str, float]:
         """All signals of the equilibrium that was found last."""
@@ -200,7 +192,7 @@ class Equilibria:
         the inertia (kg.m^2) that it feels; by virtual work.
         """
         link, angles = self.ideal, theta + STENCIL
-        q = np.array([link.placed(poses(self.assembly, at)) for at in angles])
+        q = np.array([self.place(link, at) for at in angles])
         slope = derivative(STENCIL)
         turn, bend = (slope @ q)[2], (slope @ slope @ q)[2]
         turn[link.motor] = bend[link.motor] = 0.0

@@ -10,7 +10,8 @@ two slides and a hinge to the world.  What the tree leaves open is closed by con
     contact                 one circle inside another through ``mj_addContact``
 
 Joint friction, damping and springs are fixed tendons over the hinges, because a relative angle of any two bodies is a
-linear form of the hinges.  Loads are actuators of constant force, fixed in the world's directions.
+linear form of the hinges.  Springs between points are spatial tendons.  Loads are actuators of constant force, fixed in
+the world's directions.
 
 It is text, and no ``MjSpec``, because the export is this text with all digits: ``MjSpec.to_xml`` prints six, which
 moves its numbers by up to 3e-6 and opens closed pins by 3e-7 m (MuJoCo 4.0.0; tests/test_mujoco_traps.py).
@@ -56,9 +57,11 @@ class Setting:
 
     ``rows`` says what closes the joints that are not ideal; with ``"spring"`` the spring-damper also pulls: a smooth
     stand-in, to find where the real one rests.  ``step`` (s) is the longest step, ``hold`` whether a motor sets the
-    driven body's angle, ``follows`` whether along a course: the last actuator then gives it the acceleration (rad/s^2)
-    that is its activation.  ``friction`` is whether the joints' own laws have theirs; ``flanks`` are those of a drive
-    with backlash, which else is a spring in both directions: the smooth stand-in for one flank.
+    driven body's angle, ``follows`` whether along a course: the last actuators, one for each motor, then give it the
+    acceleration (rad/s^2; of a slide m/s^2) that is their activation.  ``friction`` is whether the joints' own laws
+    have theirs; ``flanks`` are those of a drive with backlash, which else is a spring in both directions: the smooth
+    stand-in for one flank.  ``driven`` names the joints whose positions motors set, each along its course, where these
+    are not a crank's.
     """
 
     rows: str
@@ -67,6 +70,7 @@ class Setting:
     friction: bool = True
     follows: bool = False
     flanks: Flanks | None = None
+    driven: tuple[str, ...] | None = None
 
     @property
     def stepped(self) -> bool:
@@ -85,11 +89,19 @@ class Description:
     ) -> None:
         self.mechanism, self.closed_by, self.pose, self.setting = mechanism, tuple(contacts), pose, setting
         self.soft = tuple(j for j in mechanism.joints if j.radial_stiffness is not None and j.name not in contacts)
-        self.branches, self.closing = spanning_tree(mechanism, {*contacts, *(j.name for j in self.soft)})
-        self.stiffness = (mechanism.drive_stiffness or 0.0) if setting.hold else 0.0
+        self.branches, self.closing = spanning_tree(
+            mechanism, {*contacts, *(j.name for j in self.soft)}, setting.driven
+        )
+        self.stiffness = (mechanism.drive_stiffness or 0.0) if setting.hold and setting.driven is None else 0.0
         self.compliant = self.stiffness > 0  # N.m/rad between motor and crank
         self.place = {GROUND: AT_REST, **pose}
         self.forms, self.fixed_angle = self._angles()
+        # driven joints, each with the branch that it, or in its place a floating body, makes
+        self.driven = [
+            (j, next(b for b in self.branches if {b.body.name, b.parent} == set(j.bodies)))
+            for j in map(mechanism.joint, setting.driven or ())
+        ]
+        self.motors = self._motors()
 
     def _angles(self) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
         """Each body's angle as a sum of hinges, and the constant that prismatic joints add."""
@@ -103,6 +115,20 @@ class Description:
             else:
                 forms[name][name] = 1.0
         return forms, fixed_angle
+
+    def _motors(self) -> dict[str, float]:
+        """The coordinates that motors set, each with the sign of what its motor says of it: a joint's position is the
+        second body's on the first, whichever of them hangs on the other.
+        """
+        if self.setting.driven is None:
+            crank = "drive:motor" if self.compliant else self.mechanism.driven
+            return {crank: 1.0} if self.setting.hold else {}
+        return {
+            f"{b.body.name}:slide" if j.prismatic else b.body.name: (
+                1.0 if j.prismatic or b.body.name == j.bodies[1] else -1.0
+            )
+            for j, b in self.driven
+        }
 
     def mjcf(self) -> str:
         """The model as MJCF text."""
@@ -121,7 +147,7 @@ class Description:
 <default><equality solref="{solref}" solimp="{RIGID}"/>
   <tendon solreffriction="{sticking}" solimpfriction="{RIGID}"/></default>
 <worldbody>{self._places(GROUND)}{self._children(GROUND)}{self._motor()}</worldbody>
-<tendon>{self._links()}{"".join(self._law(j) for j in m.joints)}{self._drive_spring()}</tendon>
+<tendon>{self._links()}{"".join(self._law(j) for j in m.joints)}{self._drive_spring()}{self._springs()}</tendon>
 <equality>{closed}{self._bars()}</equality>
 <actuator>{"".join(self._load(i) for i in range(len(m.loads)))}{self._course()}</actuator>
 </mujoco>"""
@@ -139,7 +165,7 @@ class Description:
         for b in self.branches if branches is None else branches:
             name, here = b.body.name, everything[b.body.name]
             if b.joint is None:
-                at |= {f"{name}:x": here.origin.real, f"{name}:y": here.origin.imag, name: here.angle}
+                at |= self._afloat(name, here, everything[b.parent])
             elif b.joint.prismatic:
                 first, second = (pin(b.joint, n) for n in b.joint.bodies)
                 angle = everything[b.joint.bodies[0]].angle
@@ -149,6 +175,14 @@ class Description:
         if self.compliant:
             at["drive:motor"] = everything[self.mechanism.driven].angle
         return at
+
+    @staticmethod
+    def _afloat(name: str, here: Pose, parent: Pose) -> dict[str, float]:
+        """Coordinates of a body that floats from its parent, mostly the ground, and turns against it."""
+        apart = here.origin - parent.origin
+        if parent is not AT_REST:
+            apart *= complex(np.exp(-1j * parent.angle))
+        return {f"{name}:x": apart.real, f"{name}:y": apart.imag, name: here.angle - parent.angle}
 
     def across(self, j: Joint) -> dict[str, float]:
         """What a joint lets free, second body less first, as a linear form of coordinates: the angle but for a
@@ -177,24 +211,25 @@ class Description:
 
     def _freedom(self, b: Branch) -> str:
         name, here, at = b.body.name, self.place[b.body.name], self.coordinates(self.pose, [b])
-        motor = (
-            f' armature="{MOTOR_INERTIA!r}"'
-            if self.setting.hold and not self.compliant and name == self.mechanism.driven
-            else ""
-        )
         slides = {}
         if b.joint is None:
-            slides = {f"{name}:x": np.exp(-1j * here.angle), f"{name}:y": 1j * np.exp(-1j * here.angle)}
+            along = np.exp(1j * (self.place[b.parent].angle - here.angle))
+            slides = {f"{name}:x": along, f"{name}:y": 1j * along}
         elif b.joint.prismatic:
             axis = b.joint.direction * np.exp(1j * (self.place[b.joint.bodies[0]].angle - here.angle))
             slides = {f"{name}:slide": axis if b.is_second else -axis}
         text = "".join(
-            f'<joint name="{n}" type="slide" axis="{_xy(axis)}" ref="{at[n]!r}"/>' for n, axis in slides.items()
+            f'<joint name="{n}" type="slide" axis="{_xy(axis)}" ref="{at[n]!r}"{self._armature(n)}/>'
+            for n, axis in slides.items()
         )
         if name not in at:
             return text
         pin = 0j if b.joint is None else b.body.point(b.joint.name)
-        return f'{text}<joint name="{name}" type="hinge" axis="0 0 1" pos="{_xy(pin)}" ref="{at[name]!r}"{motor}/>'
+        hinge = f'<joint name="{name}" type="hinge" axis="0 0 1" pos="{_xy(pin)}" ref="{at[name]!r}"'
+        return f"{text}{hinge}{self._armature(name)}/>"
+
+    def _armature(self, coordinate: str) -> str:
+        return f' armature="{MOTOR_INERTIA!r}"' if coordinate in self.motors else ""
 
     def _places(self, name: str) -> str:
         """Sites at a body's points and where it is loaded, and a geom at each pin that touches."""
@@ -203,6 +238,12 @@ class Description:
         text = "".join(f'<site name="{point}:{name}" pos="{_xy(body.point(point))}"/>' for point in body.points)
         loads = {i: _xy(body.point(load.point)) for i, load in enumerate(self.mechanism.loads) if load.body == name}
         text += "".join(f'<site name="load{i}" pos="{at}"/>' for i, at in loads.items())
+        text += "".join(
+            f'<site name="spring:{i}:{name}" pos="{_xy(body.point(point))}"/>'
+            for i, spring in enumerate(self.mechanism.springs)
+            for end, point in spring.ends
+            if end == name
+        )
         text += (
             '<site name="world"/>'
             if name == GROUND
@@ -250,6 +291,15 @@ class Description:
             return ""
         return "".join(f'<tendon name="{n}" tendon1="{n}"/>' for n in self.closed_by)
 
+    def _springs(self) -> str:
+        """Spatial tendon of each spring between points."""
+        text = ""
+        for i, spring in enumerate(self.mechanism.springs):
+            law = f'stiffness="{spring.stiffness!r}" damping="{spring.damping!r}" springlength="{spring.length!r}"'
+            ends = "".join(f'<site site="spring:{i}:{body}"/>' for body in spring.bodies)
+            text += f'<spatial name="spring:{i}" {law}>{ends}</spatial>'
+        return text
+
     def _law(self, j: Joint) -> str:
         """Fixed tendon of a joint's friction, damping and spring."""
         if not self.gives(j):
@@ -272,9 +322,9 @@ class Description:
         )
 
     def _course(self) -> str:
-        joint = "drive:motor" if self.compliant else self.mechanism.driven
-        return (
-            f'<general name="drive:course" joint="{joint}" dyntype="integrator" gainprm="{MOTOR_INERTIA!r}"/>'
+        """Actuator of each motor that follows a course."""
+        return "".join(
+            f'<general name="drive:course{k or ""}" joint="{joint}" dyntype="integrator" gainprm="{MOTOR_INERTIA!r}"/>'
+            for k, joint in enumerate(self.motors)
             if self.setting.follows
-            else ""
         )

@@ -11,7 +11,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from analytic.mechanism import Body, Joint, Mechanism
+from analytic.mechanism import GROUND, Body, Joint, Mechanism
+from analytic.mechanism.signals import driving
 from sim_models.common.backlash import Flanks
 from sim_models.common.contact_laws import PIN_RADIUS, KelvinVoigt, bearing
 from sim_models.common.start import Pose
@@ -34,6 +35,15 @@ def _curved(j: Joint) -> bool:
 
 
 @dataclass(frozen=True)
+class Drive:
+    """A motor between a body and its parent in the tree: the signal of what it gives its joint, and that joint."""
+
+    signal: str
+    joint: Joint
+    sign: float  # 1 if the body is the joint's second, or the crank, else -1
+
+
+@dataclass(frozen=True)
 class Part:
     """What the balance of one body needs, by MuJoCo's numbers."""
 
@@ -48,6 +58,7 @@ class Part:
     inertia: float  # kg.m^2
     fixed_angle: float  # rad
     form: np.ndarray  # angle less fixed_angle, over qpos
+    drive: Drive | None  # of the motor between it and its parent
 
 
 def spring(law: Contact | KelvinVoigt | Flanks, invweight: float) -> tuple[list[float], list[float]]:
@@ -78,11 +89,11 @@ class MujocoLinkage:
         self.data = mujoco.MjData(m)
         self._name_things()
         self._set_laws()
-        driven = mechanism.driven
+        crank = mechanism.driven if mechanism.periodic_torque else GROUND
         curved = [j for j in mechanism.joints if j.name in self.laws and _curved(j)]
         laws = {self.laws[j.name]: (j, self.between(j)) for j in curved}
         self.loads = {j.name: 0.0 for j in mechanism.load_rubbed}  # N: reactions as last heeded
-        passive = Passive(laws, self.loads, mechanism.periodic_torque, self.fixed_angle[driven], self.form[driven])
+        passive = Passive(laws, self.loads, mechanism.periodic_torque, self.fixed_angle[crank], self.form[crank])
         self.passive = passive if laws or mechanism.periodic_torque else None
 
     def _name_things(self) -> None:
@@ -94,13 +105,12 @@ class MujocoLinkage:
         self.sites = {
             j.name: (m.site(f"{j.name}:{j.bodies[0]}").id, m.site(f"{j.name}:{j.bodies[1]}").id) for j in joints
         }
-        self.driven = self.mechanism.driven if self.setting.hold else ""
+        self.driven = self.mechanism.driven if self.setting.hold and self.setting.driven is None else ""
         self.body_id = {b.name: m.body(b.name).id for b in self.mechanism.bodies}
-        self.motor = (
-            self.index["drive:motor" if self.description.compliant else self.mechanism.driven]
-            if self.setting.hold
-            else -1
-        )
+        self.motors = [self.index[name] for name in self.description.motors]
+        self.ways = np.array([*self.description.motors.values()])  # signs of their joints' positions
+        self.motor = self.motors[0] if self.motors else -1  # a crank's
+        self.moved = np.setdiff1d(np.arange(m.nv), self.motors)  # coordinates that no motor sets
         self.pins = [j.name for j in joints if not j.prismatic]
         self.fixed_angle = self.description.fixed_angle
         self.form = {b: self.vector(form) for b, form in self.description.forms.items()}
@@ -113,6 +123,13 @@ class MujocoLinkage:
         }  # of equalities
         self.soft = {j.name: bearing(self.mechanism, j) for j in self.description.soft}
         self.load_sites = [m.site(f"load{i}").id for i in range(len(self.mechanism.loads))]
+        self.springs = [
+            (spring, m.tendon(f"spring:{i}").id, [m.site(f"spring:{i}:{body}").id for body in spring.bodies])
+            for i, spring in enumerate(self.mechanism.springs)
+        ]  # each with its tendon, and the sites of its ends
+        self.drives = self._drives()
+        crank = ["drive_torque"] if self.setting.driven is None else []  # zero, where nothing drives it
+        self.efforts = [drive.signal for drive in self.drives.values()] or crank
         self.outward = [self._part(b) for b in reversed(self.description.branches)]  # tips first
 
         self.size = max(b.length for b in self.mechanism.bodies) or 1.0  # m
@@ -123,6 +140,17 @@ class MujocoLinkage:
             for j in [self.mechanism.joint(n)]
         }
         self.rubbing = [(j, self.between(j)) for j in joints if j.rubs]  # each with the form of its coordinate
+
+    def _drives(self) -> dict[str, Drive]:
+        """The motors, by the body of the two that is farther out."""
+        if self.setting.driven is None:
+            return {self.driven: Drive("drive_torque", self.mechanism.drive_joint, 1.0)} if self.driven else {}
+        driven = self.description.driven
+        names = [signal.name for signal in driving([joint for joint, _ in driven])] if driven else []
+        return {
+            b.body.name: Drive(name, joint, 1.0 if b.body.name == joint.bodies[1] else -1.0)
+            for name, (joint, b) in zip(names, driven, strict=True)
+        }
 
     def _part(self, b: Branch) -> Part:
         name = b.body.name
@@ -143,6 +171,7 @@ class MujocoLinkage:
             inertia,
             self.fixed_angle[name],
             self.form[name],
+            self.drives.get(name),
         )
 
     def vector(self, form: Mapping[str, float]) -> np.ndarray:

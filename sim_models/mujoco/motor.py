@@ -1,4 +1,4 @@
-"""The motor of a driven run in MuJoCo: at constant speed, or along a course that it follows exactly.
+"""The motors of a driven run in MuJoCo: at constant speed, or along courses that they follow exactly.
 
 At constant speed an armature that no reaction slows is enough, if over minutes it is put back now and then.  On a
 course an actuator pushes that armature with its own inertia times an acceleration, which is an activation of the
@@ -8,6 +8,7 @@ actuator: a constant, or linear in time over a step.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -80,17 +81,61 @@ class AtConstantSpeed(Steering):
             link.data.qpos[link.motor], link.data.qvel[link.motor] = angle, self.motor.speed
 
 
-class AlongCourse(Steering):
-    """Of a motor on a course."""
+def spacing(motor: Course, size: float = 1.0) -> float:
+    """Time (s) between the instants of a steady start on a course (rad; or m, of a linkage of this ``size``)."""
+    top_speed, acceleration, jerk = (motor.peak(order) / size for order in (1, 2, 3))
+    apart = (motor.end - motor.begin) / (2 * AHEAD.size)
+    if top_speed:
+        apart = min(apart, BESIDE / top_speed)
+    if acceleration * apart**2 > STRAIGHT * BESIDE:
+        apart = min(apart, BEND * acceleration / jerk) if jerk else apart
+    return apart
+
+
+class AlongCourses(Steering):
+    """Of motors on courses, in the order of the linkage's."""
+
+    def __init__(self, motors: Sequence[Course]) -> None:
+        self.motors = motors
+
+    def at(self, link: MujocoLinkage, times: np.ndarray, order: int = 0) -> np.ndarray:
+        """The motors' coordinates (N, motors) at times (N,) s, or their derivatives of that order."""
+        return link.ways * np.column_stack([motor.angles(times, order) for motor in self.motors])
+
+    def turn(self, link: MujocoLinkage, time: float, count: int) -> None:
+        m, d = link.model, link.data
+        h = m.opt.timestep
+        times = time + h * np.arange(-1, count + 1)
+        x = self.at(link, times)
+        if link.setting.stepped:  # semi-implicit Euler: each rate is that between two positions
+            d.qvel[link.motors] = (x[1] - x[0]) / h
+            push, slope = np.diff(x, 2, axis=0) / h**2, np.zeros((count, len(self.motors)))
+        else:  # the cubic with the course's angle and rate at either end of the step, which RK4 integrates exactly
+            x, v = x[1:], self.at(link, times[1:], 1)
+            mean = np.diff(x, axis=0) / h
+            push, slope = (6 * mean - 4 * v[:-1] - 2 * v[1:]) / h, (6 * (v[:-1] + v[1:]) - 12 * mean) / h**2
+            if h < SHORTEST * link.setting.step:  # so short that the cubic would be rounding
+                push, slope = np.diff(v, axis=0) / h, np.zeros((count, len(self.motors)))
+        acceleration, jerk = d.act, d.ctrl[-len(self.motors) :]
+        for now, change in zip(push, slope, strict=True):
+            acceleration[:], jerk[:] = now, change
+            advance(link, 1)
+
+    def place(self, link: MujocoLinkage, time: float, lag: float) -> None:
+        d, now = link.data, np.array([time])
+        acceleration = self.at(link, now, 2)[0]
+        d.qpos[link.motors], d.act[:], d.ctrl[-len(self.motors) :] = self.at(link, now)[0], acceleration, 0.0
+        d.qvel[link.motors] = self.at(link, now, 1)[0] - lag * acceleration
+
+
+class AlongCourse(AlongCourses):
+    """Of a crank's motor on a course."""
 
     def __init__(self, motor: Course) -> None:
+        super().__init__([motor])
         self.motor = motor
-        self.top_speed, acceleration, jerk = (motor.peak(order) for order in (1, 2, 3))
-        apart = (motor.end - motor.begin) / (2 * AHEAD.size)
-        if self.top_speed:
-            apart = min(apart, BESIDE / self.top_speed)
-        if acceleration * apart**2 > STRAIGHT * BESIDE:
-            apart = min(apart, BEND * acceleration / jerk) if jerk else apart
+        self.top_speed, acceleration = motor.top_speed, motor.peak(2)
+        apart = spacing(motor)
         self.stencil = Stencil(apart * AHEAD, motor.angles(motor.begin + apart * AHEAD), 0)
         begin = motor.begin
         leading = [
@@ -114,30 +159,6 @@ class AlongCourse(Steering):
         again = np.linspace(once[0], max(end, once[0]), SAMPLES)
         change = motor.angles(again, 1) - motor.angles(again - once[0] + begin, 1)
         return float(once[0]) - begin if np.abs(change).max() < AS_BEFORE * self.top_speed else None
-
-    def turn(self, link: MujocoLinkage, time: float, count: int) -> None:
-        m, d = link.model, link.data
-        h = m.opt.timestep
-        times = time + h * np.arange(-1, count + 1)
-        x = self.motor.angles(times)
-        if link.setting.stepped:  # semi-implicit Euler: each rate is that between two positions
-            d.qvel[link.motor] = (x[1] - x[0]) / h
-            push, slope = np.diff(x, 2) / h**2, np.zeros(count)
-        else:  # the cubic with the course's angle and rate at either end of the step, which RK4 integrates exactly
-            x, v = x[1:], self.motor.angles(times[1:], 1)
-            mean = np.diff(x) / h
-            push, slope = (6 * mean - 4 * v[:-1] - 2 * v[1:]) / h, (6 * (v[:-1] + v[1:]) - 12 * mean) / h**2
-            if h < SHORTEST * link.setting.step:  # so short that the cubic would be rounding
-                push, slope = np.diff(v) / h, np.zeros(count)
-        acceleration, jerk = d.act, d.ctrl[-1:]
-        for now, change in zip(push.tolist(), slope.tolist(), strict=True):
-            acceleration[0], jerk[0] = now, change
-            advance(link, 1)
-
-    def place(self, link: MujocoLinkage, time: float, lag: float) -> None:
-        d, acceleration = link.data, self.motor.acceleration(time)
-        d.qpos[link.motor], d.act[0], d.ctrl[-1] = self.motor.angle(time), acceleration, 0.0
-        d.qvel[link.motor] = self.motor.rate(time) - lag * acceleration
 
 
 def steering(motor: Motor) -> AtConstantSpeed | AlongCourse:

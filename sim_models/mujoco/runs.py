@@ -24,6 +24,7 @@ from sim_models.mujoco.march import Log, march
 from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import AlongCourse, AtConstantSpeed, Steering, steering
+from sim_models.mujoco.path import CrankPath, Path
 from sim_models.mujoco.state import (
     joint_forces,
     look,
@@ -49,130 +50,65 @@ HALVINGS = 5  # of the step, before a run with rigid joints coming apart is give
 State = tuple[np.ndarray, np.ndarray]  # coordinates (nq,) and velocities (nv,)
 
 
-class MujocoRun:
-    """One request on its way to a trace."""
+class Run:
+    """One request on its way to a trace, whatever moves it along its path."""
+
+    path: Path
+    largest_step = LARGEST_STEP  # s
+    hold: bool  # whether motors hold all that they would in statics
+    follows: bool  # whether they follow courses
 
     def __init__(self, request: Request) -> None:
         self.request, self.mechanism = request, request.mechanism
-        self.motor = motor_of(request)
         self.flanks: Flanks | None = None  # of a drive with backlash; mechanism and request then have a spring for one
-        self.shift = 0.0  # rad, by which the motor leads a crank with backlash where the run begins, beside the spring
-        self.follows = self.motor is not None and not self.motor.constant_speed
         self.steering = Steering()
         self.assembly = Assembly(self.mechanism)
         self.laws = contact_laws(request)
-        self.direction = 0.0 if request.released else math.copysign(1.0, self.mechanism.speed or 1.0)  # at rest, too
-
-    def trace(self) -> Trace:
-        """Run the request."""
-        with own_start("mujoco", self.request, self.assembly):
-            if self.mechanism.half_gap:
-                self.give_flanks()
-            if self.request.motion == "static":
-                return self.static()
-            return self.free() if self.motor is None else self.driven(self.motor)
-
-    def give_flanks(self) -> None:
-        """Make the flanks of a drive with backlash, and find the one that carries the crank at first."""
-        m, motor = self.mechanism, self.motor or ConstantSpeed(float(self.request.crank_angle[0]))
-        last = motor.begin + 1.0 if self.motor is None else float(report_times(self.request, motor).max())
-        times = np.linspace(motor.begin, last, FELT)
-        near = Equilibria(
-            replace(self.request, mechanism=_on_spring(m, 1.0), joint_model="ideal"),
-            self.assembly, {}, self.direction, motor.angle(motor.begin), STATIC_STEP,
-        )  # fmt: skip
-        felt = np.array([near.felt(*at) for at in zip(*(motor.angles(times, n) for n in range(3)), strict=True)])
-        self.flanks = Flanks.of(m, Felt(times, *felt.T), motor.top_speed or 1.0)
-        rigid = float(np.abs(felt[:, 0]).max()) / STILL
-        self.mechanism = _on_spring(m, max(rigid, 1.0) if self.flanks.rigid else self.flanks.stiffness)
-        self.request = replace(self.request, mechanism=self.mechanism)
-        self.shift = side(felt[0, 0]) * m.half_gap
 
     def near(self, theta: float, step: float = STATIC_STEP) -> Equilibria:
-        """Equilibria near a crank angle, with rows as rigid as at this step."""
-        return Equilibria(self.request, self.assembly, self.laws, self.direction, theta, step)
+        """Equilibria near a crank angle (rad), or a time (s) on courses, with rows as rigid as at this step."""
+        return Equilibria(self.request, self.path, self.laws, theta, step)
 
-    def static(self) -> Trace:
-        """Equilibrium at each crank angle, and between them for the journals' paths."""
-        theta = self.request.crank_angle
-        near = self.near(float(theta[0]))
-        found = {at: self.at_rest(near, at) for at in theta.tolist()}
-        log = Log.of(self.laws)
-        for at in _filled(theta).tolist() if self.laws else ():
-            try:
-                seen = found[at] if at in found else near.at_rest(at)
-            except (SimulationError, AssemblyError):
-                continue  # only requested angles must have an equilibrium; where there is none, the path has a gap
-            for name in self.laws:
-                log.gaps[name].append(complex(seen[f"clearance_{name}_x"], seen[f"clearance_{name}_y"]))
-                log.forces[name].append(math.hypot(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"]))
-        rows = [found[at] for at in theta.tolist()]
-        columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-        return self.report(theta, None, columns, log, {"step": None, "start": "equilibrium"})
-
-    def at_rest(self, near: Equilibria, theta: float) -> dict[str, float]:
-        """Signals of the equilibrium with the motor at an angle (rad).  Raises SimulationError."""
-        if self.flanks is None:
-            return near.at_rest(theta)
-        for flank in (1.0, -1.0):
-            seen = near.at_rest(theta - flank * self.flanks.half_gap)
-            if side(seen["drive_torque"]) == flank:
-                return seen
-        raise near.failed(Cause.NO_EQUILIBRIUM, "the crank rests on neither flank of its drive", theta)
-
-    def begin(
-        self, steering: AtConstantSpeed | AlongCourse, step: float | None = None
+    def settle(
+        self, near: Equilibria, at: np.ndarray, instants: np.ndarray, here: int, step: float | None
     ) -> tuple[np.ndarray, np.ndarray, float, str]:
-        """Coordinates, velocities, step (s; the longest that is in order, where none is given) and kind of a driven
-        run's start.
+        """Coordinates and velocities without transients at the start, the step (s; the longest that is in order, where
+        none is given) and what kind of start it is, from the places ``at`` on the path at instants (s), of which the
+        start is number ``here``.
         """
-        angles, here = steering.stencil.angles - self.shift, steering.stencil.here
-        near = self.near(angles[here])
-        rate = derivative(steering.stencil.instants)
-        q = np.array([near.place(near.ideal, at) for at in angles])
-        states = zip(angles, q, rate @ q, rate @ rate @ q, strict=True)
-        forces = [near.reactions(at, *state) for at, *state in states] if self.laws else [{}] * angles.size
+        rate = derivative(instants)
+        q = np.array([near.place(near.ideal, x) for x in at])
+        states = zip(at, q, rate @ q, rate @ rate @ q, strict=True)
+        forces = [near.reactions(x, *state) for x, *state in states] if self.laws else [{}] * at.size
         if self.centred:
-            q, how = np.array([near.place(near.pressed, at) for at in angles]), "centred"
+            q, how = np.array([near.place(near.pressed, x) for x in at]), "centred"
         else:
-            gaps = [near.pressing(at, f) for at, f in zip(angles, forces, strict=True)]
+            gaps = [near.pressing(x, f) for x, f in zip(at, forces, strict=True)]
             q, how = (
-                np.array([near.place(near.pressed, at, gap) for at, gap in zip(angles, gaps, strict=True)]),
+                np.array([near.place(near.pressed, x, gap) for x, gap in zip(at, gaps, strict=True)]),
                 "equilibrium",
             )
         step = self.longest_step(near, q[here]) if step is None else step
         if how == "equilibrium":
-            settled = self.near(angles[here], step).steady(angles, q, rate)
+            settled = self.near(at[here], step).steady(at, q, rate)
             q, how = (q, "pressed where the ideal linkage's reaction points") if settled is None else (settled, how)
-        v = (rate @ q)[here]
-        v[near.pressed.motor] = steering.motor.rate(steering.motor.begin)
-        if self.flanks is not None:
-            q[here, near.pressed.motor] += self.shift
-            return q[here], v, step, how
-        rigid = not (self.laws or near.pressed.soft)
-        if near.pressed.description.compliant and rigid and steering.period is not None:
-            setting = Setting("ideal", step, follows=self.follows)
-            link = MujocoLinkage(self.mechanism, {}, poses(self.assembly, angles[here]), setting)
-            revolution = Revolution(link, self.assembly, steering, steering.period)
-            repeated = revolution.steady(q[here], v) if revolution.repeats() else None
-            if repeated is not None:
-                return *repeated, step, "equilibrium, the same a revolution later"
-        return q[here], v, step, how
+        return q[here], (rate @ q)[here], step, how
 
     @property
     def centred(self) -> bool:
         """Whether pins start in the middle of their bearings."""
         return self.request.start == "centred" and bool(self.laws)
 
+    def light(self, near: Equilibria) -> MujocoLinkage:
+        """The linkage as its pins feel it."""
+        return near.pressed
+
     def longest_step(self, near: Equilibria, q: np.ndarray) -> float:
         """A step (s) that resolves the crank's turning, each contact's bounce, its pin's swing on the rim, and the
         joint laws.
         """
-        link = near.pressed
-        if self.motor is None:  # nothing holds the crank: pins are lighter
-            setting = Setting(self.request.joint_model, STATIC_STEP, hold=False)
-            link = MujocoLinkage(self.mechanism, self.laws, poses(self.assembly, self.assembly.start), setting)
-        limits = [LARGEST_STEP]
+        link = self.light(near)
+        limits = [self.largest_step]
         if self.steering.top_speed:
             limits.append(TURN_PER_STEP[self.request.joint_model] / self.steering.top_speed)
         for name, law in list(self.laws.items()):
@@ -197,56 +133,6 @@ class MujocoRun:
             limits.append(SOFT_PHASE / max(math.sqrt(spring.stiffness * ease), spring.damping * ease))
         return self.request.step or min(*limits, 0.5 / max(stiffest_law(link, q, self.flanks), 1e-9))
 
-    def driven(self, motor: Motor) -> Trace:
-        """The motor turns, at constant speed or along its course.  Without crank angles in the request, those reported
-        are the simulated ones.
-        """
-        time = report_times(self.request, motor)
-        order = np.argsort(time, kind="stable")
-        self.steering = turned = steering(motor)
-        self.direction = turned.direction
-        q, v, step, how = self.begin(turned)
-
-        def begin(step: float) -> tuple[np.ndarray, np.ndarray]:
-            return self.begin(turned, step)[:2]  # where its rows give as they do in such steps
-
-        lead = float(time.min()) - motor.begin
-        signals, log, step = self.run(turned.stencil.theta, (q, v), begin, step, time[order], lead)
-        columns = {name: _scatter(values, order) for name, values in signals.items()}
-        theta = self.request.crank_angle
-        theta = theta if theta.size else columns[f"{self.mechanism.driven}_angle"].copy()
-        return self.report(theta, time, columns, log, {"step": step, "start": how})
-
-    def free(self) -> Trace:
-        """Released at the assembly angles, at rest or with the request's speed."""
-        time = report_times(self.request, None)
-        order = np.argsort(time, kind="stable")
-        theta = self.assembly.start
-        near = self.near(theta)
-        gaps = self.gaps_at_release(near, theta) if self.laws else {}
-        q = near.place(near.pressed, theta, gaps)
-        step = self.longest_step(near, q)
-        around = (
-            np.array([near.place(near.pressed, theta + side, gaps) for side in STENCIL])
-            if self.request.start_speed
-            else np.tile(q, (5, 1))
-        )
-        v = (derivative(STENCIL) @ around)[2] * self.request.start_speed
-        signals, log, step = self.run(theta, (q, v), lambda step: (q, v), step, time[order], float(time[order[0]]))
-        columns = {name: _scatter(values, order) for name, values in signals.items()}
-        settings: dict[str, SettingValue] = {"step": step, "start": "released", "start_speed": self.request.start_speed}
-        return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
-
-    def gaps_at_release(self, near: Equilibria, theta: float) -> dict[str, complex]:
-        """Gaps (m) along the ideal linkage's reactions at the instant of release, x where there is none; zero to start
-        centred.
-        """
-        setting = Setting("ideal", STATIC_STEP, hold=False)
-        link = MujocoLinkage(self.mechanism, {}, poses(self.assembly, theta), setting)
-        look(link)
-        forces = near.noted(signals(link, joint_forces(link, link.data.efc_force), {}))
-        return {} if self.centred else {name: near.rim(name, force or complex(1e-12)) for name, force in forces.items()}
-
     def run(
         self, theta: float, state: State, begin: Callable[[float], State], step: float, marks: np.ndarray, lead: float
     ) -> tuple[dict[str, np.ndarray], Log, float]:
@@ -254,8 +140,10 @@ class MujocoRun:
         request's.
         """
         for attempt in range(HALVINGS + 1):
-            setting = Setting(self.request.joint_model, step, self.motor is not None, True, self.follows, self.flanks)
-            link = MujocoLinkage(self.mechanism, self.laws, poses(self.assembly, theta), setting)
+            setting = Setting(
+                self.request.joint_model, step, self.hold, True, self.follows, self.flanks, self.path.driven
+            )
+            link = MujocoLinkage(self.mechanism, self.laws, self.path.poses(theta), setting)
             try:
                 signals, log, self.record = march(self.request, link, self.steering, state, marks, lead)
                 return signals, log, step
@@ -298,7 +186,156 @@ class MujocoRun:
         )
 
 
-def _scatter(values: np.ndarray, order: np.ndarray) -> np.ndarray:
+class MujocoRun(Run):
+    """A request whose drive turns a crank, or is to let it go."""
+
+    def __init__(self, request: Request) -> None:
+        super().__init__(request)
+        self.motor = motor_of(request)
+        self.shift = 0.0  # rad, by which the motor leads a crank with backlash where the run begins, beside the spring
+        self.hold = self.motor is not None
+        self.follows = self.motor is not None and not self.motor.constant_speed
+        self.direct(0.0 if request.released else math.copysign(1.0, self.mechanism.speed or 1.0))  # at rest, too
+
+    def direct(self, direction: float) -> None:
+        """Let the crank move in this direction (sign; 0: it stands)."""
+        self.path = CrankPath(self.assembly, direction)
+
+    def light(self, near: Equilibria) -> MujocoLinkage:
+        if self.motor is not None:
+            return near.pressed
+        # nothing holds the crank: pins are lighter
+        setting = Setting(self.request.joint_model, STATIC_STEP, hold=False)
+        return MujocoLinkage(self.mechanism, self.laws, self.path.poses(self.assembly.start), setting)
+
+    def trace(self) -> Trace:
+        """Run the request."""
+        with own_start("mujoco", self.request, self.assembly):
+            if self.mechanism.half_gap:
+                self.give_flanks()
+            if self.request.motion == "static":
+                return self.static()
+            return self.free() if self.motor is None else self.driven(self.motor)
+
+    def give_flanks(self) -> None:
+        """Make the flanks of a drive with backlash, and find the one that carries the crank at first."""
+        m, motor = self.mechanism, self.motor or ConstantSpeed(float(self.request.crank_angle[0]))
+        last = motor.begin + 1.0 if self.motor is None else float(report_times(self.request, motor).max())
+        times = np.linspace(motor.begin, last, FELT)
+        near = Equilibria(
+            replace(self.request, mechanism=_on_spring(m, 1.0), joint_model="ideal"),
+            self.path, {}, motor.angle(motor.begin), STATIC_STEP,
+        )  # fmt: skip
+        felt = np.array([near.felt(*at) for at in zip(*(motor.angles(times, n) for n in range(3)), strict=True)])
+        self.flanks = Flanks.of(m, Felt(times, *felt.T), motor.top_speed or 1.0)
+        rigid = float(np.abs(felt[:, 0]).max()) / STILL
+        self.mechanism = _on_spring(m, max(rigid, 1.0) if self.flanks.rigid else self.flanks.stiffness)
+        self.request = replace(self.request, mechanism=self.mechanism)
+        self.shift = side(felt[0, 0]) * m.half_gap
+
+    def static(self) -> Trace:
+        """Equilibrium at each crank angle, and between them for the journals' paths."""
+        theta = self.request.crank_angle
+        near = self.near(float(theta[0]))
+        found = {at: self.at_rest(near, at) for at in theta.tolist()}
+        log = Log.of(self.laws)
+        for at in _filled(theta).tolist() if self.laws else ():
+            try:
+                seen = found[at] if at in found else near.at_rest(at)
+            except (SimulationError, AssemblyError):
+                continue  # only requested angles must have an equilibrium; where there is none, the path has a gap
+            for name in self.laws:
+                log.gaps[name].append(complex(seen[f"clearance_{name}_x"], seen[f"clearance_{name}_y"]))
+                log.forces[name].append(math.hypot(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"]))
+        rows = [found[at] for at in theta.tolist()]
+        columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        return self.report(theta, None, columns, log, {"step": None, "start": "equilibrium"})
+
+    def at_rest(self, near: Equilibria, theta: float) -> dict[str, float]:
+        """Signals of the equilibrium with the motor at an angle (rad).  Raises SimulationError."""
+        if self.flanks is None:
+            return near.at_rest(theta)
+        for flank in (1.0, -1.0):
+            seen = near.at_rest(theta - flank * self.flanks.half_gap)
+            if side(seen["drive_torque"]) == flank:
+                return seen
+        raise near.failed(Cause.NO_EQUILIBRIUM, "the crank rests on neither flank of its drive", theta)
+
+    def begin(
+        self, steering: AtConstantSpeed | AlongCourse, step: float | None = None
+    ) -> tuple[np.ndarray, np.ndarray, float, str]:
+        """Coordinates, velocities, step (s; the longest that is in order, where none is given) and kind of a driven
+        run's start.
+        """
+        angles, here = steering.stencil.angles - self.shift, steering.stencil.here
+        near = self.near(angles[here])
+        q, v, step, how = self.settle(near, angles, steering.stencil.instants, here, step)
+        v[near.pressed.motor] = steering.motor.rate(steering.motor.begin)
+        if self.flanks is not None:
+            q[near.pressed.motor] += self.shift
+            return q, v, step, how
+        rigid = not (self.laws or near.pressed.soft)
+        if near.pressed.description.compliant and rigid and steering.period is not None:
+            setting = Setting("ideal", step, follows=self.follows)
+            link = MujocoLinkage(self.mechanism, {}, poses(self.assembly, angles[here]), setting)
+            revolution = Revolution(link, self.assembly, steering, steering.period)
+            repeated = revolution.steady(q, v) if revolution.repeats() else None
+            if repeated is not None:
+                return *repeated, step, "equilibrium, the same a revolution later"
+        return q, v, step, how
+
+    def driven(self, motor: Motor) -> Trace:
+        """The motor turns, at constant speed or along its course.  Without crank angles in the request, those reported
+        are the simulated ones.
+        """
+        time = report_times(self.request, motor)
+        order = np.argsort(time, kind="stable")
+        self.steering = turned = steering(motor)
+        self.direct(turned.direction)
+        q, v, step, how = self.begin(turned)
+
+        def begin(step: float) -> tuple[np.ndarray, np.ndarray]:
+            return self.begin(turned, step)[:2]  # where its rows give as they do in such steps
+
+        lead = float(time.min()) - motor.begin
+        signals, log, step = self.run(turned.stencil.theta, (q, v), begin, step, time[order], lead)
+        columns = {name: scatter(values, order) for name, values in signals.items()}
+        theta = self.request.crank_angle
+        theta = theta if theta.size else columns[f"{self.mechanism.driven}_angle"].copy()
+        return self.report(theta, time, columns, log, {"step": step, "start": how})
+
+    def free(self) -> Trace:
+        """Released at the assembly angles, at rest or with the request's speed."""
+        time = report_times(self.request, None)
+        order = np.argsort(time, kind="stable")
+        theta = self.assembly.start
+        near = self.near(theta)
+        gaps = self.gaps_at_release(near, theta) if self.laws else {}
+        q = near.place(near.pressed, theta, gaps)
+        step = self.longest_step(near, q)
+        around = (
+            np.array([near.place(near.pressed, theta + side, gaps) for side in STENCIL])
+            if self.request.start_speed
+            else np.tile(q, (5, 1))
+        )
+        v = (derivative(STENCIL) @ around)[2] * self.request.start_speed
+        signals, log, step = self.run(theta, (q, v), lambda step: (q, v), step, time[order], float(time[order[0]]))
+        columns = {name: scatter(values, order) for name, values in signals.items()}
+        settings: dict[str, SettingValue] = {"step": step, "start": "released", "start_speed": self.request.start_speed}
+        return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
+
+    def gaps_at_release(self, near: Equilibria, theta: float) -> dict[str, complex]:
+        """Gaps (m) along the ideal linkage's reactions at the instant of release, x where there is none; zero to start
+        centred.
+        """
+        setting = Setting("ideal", STATIC_STEP, hold=False)
+        link = MujocoLinkage(self.mechanism, {}, poses(self.assembly, theta), setting)
+        look(link)
+        forces = near.noted(signals(link, joint_forces(link, link.data.efc_force), {}))
+        return {} if self.centred else {name: near.rim(name, force or complex(1e-12)) for name, force in forces.items()}
+
+
+def scatter(values: np.ndarray, order: np.ndarray) -> np.ndarray:
     """Values in the request's order from values in the order of passing."""
     out = np.empty_like(values)
     out[order] = values

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -12,7 +12,7 @@ from analytic.mechanism import GROUND
 from sim_models.common.backlash import Flanks
 from sim_models.common.rates import rate_columns
 from sim_models.engine import Cause, SimulationError
-from sim_models.mujoco.model import CONTACT_ROWS, ROW, MujocoLinkage
+from sim_models.mujoco.model import CONTACT_ROWS, ROW, Drive, MujocoLinkage
 from sim_models.mujoco.passive import felt
 
 SWAY = 1.0  # rad: how far a joint may go from where it starts, for the tangent of a spring that is not linear
@@ -205,6 +205,46 @@ def _cross(a: complex, b: complex) -> float:
     return (a.conjugate() * b).imag
 
 
+def applied(link: MujocoLinkage) -> Iterator[tuple[str, complex, float]]:
+    """Body, force on it (N) and moment about the ground's origin (N.m) of loads, of springs between points, and of what
+    turns the crank over its angle.
+    """
+    m, x = link.mechanism, link.data.site_xpos
+    for number, load in zip(link.load_sites, m.loads, strict=True):
+        force = complex(*load.force)
+        yield load.body, force, load.torque + _cross(complex(*x[number, :2].tolist()), force)
+    for body, pull, at in spring_forces(link):
+        yield body, pull, _cross(at, pull)
+    if m.periodic_torque is not None:
+        angle = link.fixed_angle[m.driven] + float(link.form[m.driven] @ link.data.qpos)
+        yield m.driven, 0j, m.periodic_torque.at(angle)
+
+
+def spring_forces(link: MujocoLinkage) -> Iterator[tuple[str, complex, complex]]:
+    """Body, force on it (N) and where that acts (m), of each end of a spring between points."""
+    d = link.data
+    for spring, tendon, sites in link.springs:
+        near, far = (complex(*d.site_xpos[site, :2]) for site in sites)
+        apart = far - near
+        along = apart / abs(apart) if apart else 0j
+        pull = complex(spring.pull(apart, float(d.ten_velocity[tendon]) * along))
+        yield spring.bodies[0], pull, near
+        yield spring.bodies[1], -pull, far
+
+
+def effort(link: MujocoLinkage, drive: Drive, force: complex, beyond: float, friction: Mapping[str, float]) -> float:
+    """What a motor gives its joint's second body: of the ``force`` (N) that the outer body has of the joint what is
+    along a slide, less its law; in a pin the torque (N.m) ``beyond`` joint and law.
+    """
+    if not drive.joint.prismatic:
+        return drive.sign * beyond
+    first = drive.joint.bodies[0]
+    angle = link.fixed_angle[first] + float(link.form[first] @ link.data.qpos)
+    axis = drive.joint.direction * np.exp(1j * angle)
+    along = float((np.conj(axis) * drive.sign * force).real)
+    return along - law_torque(link, drive.joint.name, friction)
+
+
 def signals(
     link: MujocoLinkage,
     forces: Mapping[str, Applied],
@@ -220,7 +260,7 @@ def signals(
     m, d = link.model, link.data
     q, velocity = d.qpos, d.qvel if velocity is None else velocity
     site, centre = d.site_xpos[:, :2].tolist(), d.xipos[:, :2].tolist()
-    out: dict[str, float] = {"drive_torque": 0.0}
+    out = dict.fromkeys(link.efforts, 0.0)
     push_on, turn_on = (
         dict.fromkeys((GROUND, *link.body_id), 0j),
         dict.fromkeys((GROUND, *link.body_id), 0.0),
@@ -230,11 +270,8 @@ def signals(
         push_on[body] += force
         turn_on[body] += moment
 
-    for number, load in zip(link.load_sites, link.mechanism.loads, strict=True):
-        act(load.body, complex(*load.force), load.torque + _cross(complex(*site[number]), complex(*load.force)))
-    periodic, crank = link.mechanism.periodic_torque, link.mechanism.driven
-    if periodic is not None:
-        act(crank, 0j, periodic.at(link.fixed_angle[crank] + float(link.form[crank] @ q)))
+    for given in applied(link):
+        act(*given)
     for name, (force, at) in forces.items():
         first, second = link.mechanism.joint(name).bodies
         moment = _cross(at, force) + law_torque(link, name, friction)
@@ -265,8 +302,10 @@ def signals(
             if part.slides:
                 out[f"reaction_{joint}_moment"] = part.sign * at_pin
             beyond = at_pin - part.sign * law_torque(link, joint, friction)
-        if name == link.driven:
-            out["drive_torque"] = beyond
+        if part.drive is not None:
+            out[part.drive.signal] = effort(link, part.drive, force, beyond, friction)
+            if not joint:  # the motor's torque is all there is between them
+                act(part.parent, 0j, -moment)
     for name in link.pins:
         g = gap(link, name) if name in link.contacts or name in link.soft else 0j
         out[f"clearance_{name}_x"], out[f"clearance_{name}_y"] = g.real, g.imag
@@ -274,24 +313,28 @@ def signals(
 
 
 def on_track(link: MujocoLinkage) -> None:
-    """Remove from the data's velocity what would tear rigid rows apart; the motor's speed stays."""
+    """Remove from the data's velocity what would tear rigid rows apart; the motors' speeds stay."""
     m, d = link.model, link.data
     mujoco.mj_fwdPosition(m, d)
     soft = [link.row_id[name] for name in link.soft]
     rigid = (d.efc_type == int(ROW.mjCNSTR_EQUALITY)) & ~np.isin(d.efc_id, soft)
     jacobian = d.efc_J.reshape(d.nefc, m.nv)[rigid]
-    others = np.arange(m.nv) != link.motor
     if rigid.any():
-        d.qvel[others] -= np.linalg.lstsq(jacobian[:, others], jacobian @ d.qvel, rcond=None)[0]
+        d.qvel[link.moved] -= np.linalg.lstsq(jacobian[:, link.moved], jacobian @ d.qvel, rcond=None)[0]
 
 
 def mobility(link: MujocoLinkage, q: np.ndarray, name: str) -> float:
     """Largest acceleration (1/kg) of a joint's gap by a unit force in it."""
+    link.data.qpos[:] = q
+    mujoco.mj_fwdPosition(link.model, link.data)
+    return ease(link, link.sites[name])
+
+
+def ease(link: MujocoLinkage, sites: Sequence[int]) -> float:
+    """Largest acceleration (1/kg) of two sites against each other by a unit force between them, as bodies now are."""
     m, d = link.model, link.data
-    d.qpos[:] = q
-    mujoco.mj_fwdPosition(m, d)
     first, second = np.zeros((3, m.nv)), np.zeros((3, m.nv))
-    for jacobian, site in zip((first, second), link.sites[name], strict=True):
+    for jacobian, site in zip((first, second), sites, strict=True):
         mujoco.mj_jacSite(m, d, jacobian, None, site)
     across = (first - second)[:2]
     eased = np.zeros_like(across)
@@ -300,7 +343,9 @@ def mobility(link: MujocoLinkage, q: np.ndarray, name: str) -> float:
 
 
 def stiffest_law(link: MujocoLinkage, q: np.ndarray, flanks: Flanks | None = None) -> float:
-    """Highest rate (1/s) of a joint's spring or damper, or of the drive's spring unless it stands for rigid flanks."""
+    """Highest rate (1/s) of a joint's spring or damper, of one between points, or of the drive's spring unless it
+    stands for rigid flanks.
+    """
     m, d = link.model, link.data
     d.qpos[:] = q
     mujoco.mj_fwdPosition(m, d)
@@ -319,8 +364,11 @@ def stiffest_law(link: MujocoLinkage, q: np.ndarray, flanks: Flanks | None = Non
     for stiffness, damping, form in laws:
         eased = np.zeros((1, m.nv))
         mujoco.mj_solveM(m, d, eased, form[None])
-        ease = float(form @ eased[0])
-        rates += [math.sqrt(stiffness * ease), damping * ease]
+        own = float(form @ eased[0])
+        rates += [math.sqrt(stiffness * own), damping * own]
+    for spring, _, sites in link.springs:
+        own = ease(link, sites)
+        rates += [math.sqrt(spring.stiffness * own), spring.damping * own]
     return max(rates)
 
 
@@ -335,7 +383,7 @@ def apart(link: MujocoLinkage) -> float:
 
 
 def misclosure(link: MujocoLinkage) -> float:
-    """Largest angle (rad) by which a body would have to turn, the motor held, for the pins of rigid closing joints to
+    """Largest angle (rad) by which a body would have to turn, the motors held, for the pins of rigid closing joints to
     meet.
     """
     if not link.description.closing:
@@ -344,11 +392,10 @@ def misclosure(link: MujocoLinkage) -> float:
     closed = [
         rows[int(ROW.mjCNSTR_EQUALITY), link.row_id[j.name]] + k for j in link.description.closing for k in (0, 1)
     ]
-    others = np.arange(m.nv) != link.motor
     turn = np.zeros(m.nv)
-    turn[others] = np.linalg.lstsq(d.efc_J.reshape(d.nefc, m.nv)[closed][:, others], d.efc_pos[closed], rcond=SINGULAR)[
-        0
-    ]
+    turn[link.moved] = np.linalg.lstsq(
+        d.efc_J.reshape(d.nefc, m.nv)[closed][:, link.moved], d.efc_pos[closed], rcond=SINGULAR
+    )[0]
     return max(abs(float(form @ turn)) for form in link.form.values())
 
 

@@ -20,6 +20,9 @@ RUNS: tuple[Pair, ...] = (
 # A pin that moves in its bearing changes its reaction, and with it such friction, too much from step to step.
 QUICKER: frozenset[tuple[Feature, Pair]] = frozenset({("load_friction", ("spring-damper", "driven"))})
 HAS: frozenset[Feature] = frozenset(FEATURES) - {"contact_friction"}
+UNWRITTEN: frozenset[Feature] = frozenset(
+    {"course", "several_drives", "drive_compliance", "backlash", "soft_bearing", "load_friction", "point_spring"}
+)  # what an exported script does not do
 
 
 class BulletEngine(Engine):
@@ -29,7 +32,7 @@ class BulletEngine(Engine):
     package = "pybullet"
     capabilities = Capabilities(
         rigid=Scope.of(RUNS, HAS, but=QUICKER),
-        export=Scope.of(RUNS, HAS - {"course", "drive_compliance", "backlash", "soft_bearing", "load_friction"}),
+        export=Scope.of(RUNS, HAS - UNWRITTEN),
     )
 
     def simulate(self, request: Request) -> Trace:

@@ -158,7 +158,7 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
         "fastest": FASTEST,
         "gravity": m.gravity,
         "parts": [world.part(number) for number in world.grown],
-        "motor": {"link": m.driven, "speed": world.command, "runs": world.held},
+        "motor": {"link": m.driven, "speed": world.commands[0], "runs": world.held},
         "joints": {j.name: _joint(world, j) for j in m.joints},
         "constraints": _constraints(world),
         "laws": {j.name: _law(world, j) for j in world.laws.joints},

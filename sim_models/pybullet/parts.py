@@ -52,15 +52,23 @@ def flat(z: complex) -> list[float]:
     return [z.real, z.imag, 0.0]
 
 
-def floating(parent: int, number: int, com: complex, mass: float, inertia: float) -> list[Planned]:
+def floating(parent: int, number: int, com: complex, mass: float, inertia: float, at: complex = 0j) -> list[Planned]:
     """Links of a body of this mass (kg) and moment of inertia (kg.m^2) that floats in the plane: two slides and a
-    hinge, the first two next to weightless.
+    hinge, the first two next to weightless.  Its frame is in one that is ``at`` (m) in the parent's joint's.
     """
     return [
-        Planned(TRIFLE, TRIFLE, parent, True, SLIDE_X),
+        Planned(TRIFLE, TRIFLE, parent, True, SLIDE_X, at),
         Planned(TRIFLE, TRIFLE, number, True, SLIDE_Y),
         Planned(mass, inertia, number + 1, False, HINGE, com=com),
     ]
+
+
+def carried(base: Pose, own: Pose) -> Pose:
+    """A pose in the frame of a body that moves, in the ground's."""
+    turned = np.exp(1j * base.angle)
+    arm, slip = own.origin * turned, own.velocity * turned
+    velocity = base.velocity + 1j * base.angular_velocity * arm + slip
+    return Pose(base.origin + arm, base.angle + own.angle, velocity, base.angular_velocity + own.angular_velocity)
 
 
 def strut_links(pin: Pin, mass: float, one_sided: bool) -> tuple[list[Planned], complex]:

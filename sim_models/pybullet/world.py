@@ -1,11 +1,11 @@
 """PyBullet (3.2.7): every body a multibody of its own joints, every pin between bodies one of Bullet's point
 constraints.
 
-A body with a joint on the ground has that joint's coordinate; any other floats on two slides and a hinge, so that all
-motion stays in the plane.  Clearance joints are a spring-damper, or in static motion a weightless strut between the
-pins: of the clearance's length (massless link), or free to be shorter (contact).  Contact's pins rest where those rods
-do, if all of them pull; and where Bullet does not hold the one-sided struts there, it is the rods that are read.  What
-PyBullet does silently:
+A body with a joint on the ground, a slide, or a joint with a motor has that joint's coordinate; any other floats on two
+slides and a hinge, so that all motion stays in the plane.  Clearance joints are a spring-damper, or in static motion a
+weightless strut between the pins: of the clearance's length (massless link), or free to be shorter (contact).
+Contact's pins rest where those rods do, if all of them pull; and where Bullet does not hold the one-sided struts there,
+it is the rods that are read.  What PyBullet does silently:
 
 * ``changeDynamics(localInertiaDiagonal=...)`` is dropped when it comes with damping or maxJointVelocity in one call;
 * joints start with a damping and a velocity motor, and speeds are clamped;
@@ -27,10 +27,8 @@ from sim_models.common.start import AT_REST, Pose
 from sim_models.common.tree import Branch
 from sim_models.engine import Cause, Request, SettingValue, SimulationError
 from sim_models.leapfrog.bodies import LeapfrogWorld
-from sim_models.leapfrog.parts import coordinates, moving_body, spanning_tree
-from sim_models.leapfrog.rates import body_rates
-from sim_models.pybullet.balance import Balance
-from sim_models.pybullet.parts import HINGE, Link, Planned, Strut, Tie, flat, floating, strut_links
+from sim_models.leapfrog.parts import coordinates, moving_body
+from sim_models.pybullet.parts import HINGE, Link, Planned, Strut, Tie, carried, flat, floating, strut_links
 
 ITERATIONS = 200  # of the direct solver, at most; a residual of 1e-20 ends them sooner
 SWEEPS = 5000  # of the sequential solver, always: a small residual once ended it, 16 % short of the force
@@ -47,6 +45,7 @@ class BulletWorld(LeapfrogWorld):
     """A linkage in a PyBullet client of its own."""
 
     engine = "pybullet"
+    balances = True
 
     def __init__(self, request: Request) -> None:
         super().__init__(request)
@@ -69,9 +68,8 @@ class BulletWorld(LeapfrogWorld):
         m = self.mechanism
         self.p.setGravity(*m.gravity, 0.0, physicsClientId=self.client)
         ideal = [j for j in m.joints if j.name not in self.pins and j.name not in self.soft]
-        trunk = [j for j in ideal if j.prismatic or GROUND in j.bodies]
-        self.branches, rest = spanning_tree(m, trunk)
-        self.branch = {branch.child: branch for branch in self.branches}
+        trunk = [j for j in ideal if j.prismatic or GROUND in j.bodies or j.name in (request.courses or {})]
+        rest = self.hang(trunk)
         self.multibodies: list[int] = []
         self.freedoms: list[tuple[int, int]] = []  # Bullet's joints, body and link
         self.own: dict[str, list[int]] = {}  # numbers of the freedoms of each body and strut
@@ -82,12 +80,8 @@ class BulletWorld(LeapfrogWorld):
             name: self._strut(name) for name in self.pins if request.joint_model in ("massless-link", "contact")
         }
         self.step_size = 0.0
-        self.commanded = 0.0  # rad/s, what the motor was last told
+        self.commanded: list[float] = []  # rad/s, m/s, what the motors were last told
         self.settling = 1 if self.compliant else SETTLING
-        self.applied: dict[
-            str, tuple[complex, float]
-        ] = {}  # force and moment about the com on each body, for the next step
-        self.was_applied: dict[str, tuple[complex, float]] = {}  # in the last one
         self.poses: dict[str, Pose] = {}
         self.state: tuple[list[float], list[float]] | None = None
 
@@ -114,7 +108,7 @@ class BulletWorld(LeapfrogWorld):
             while waiting:
                 branch, parent = waiting.pop(0)
                 grown.append((branch, len(links)))
-                links += self._links_of(branch, parent)
+                links += self._links_of(branch, parent, len(links))
                 waiting += [(twig, len(links) - 1) for twig in children.get(branch.child, [])]
             number = self.grow(links)
             for branch, first in grown:
@@ -122,16 +116,17 @@ class BulletWorld(LeapfrogWorld):
                 self.links[branch.child] = Link(number, last, self.points[branch.child, MASS_CENTRE])
                 self.own[branch.child] = [self.freedoms.index((number, k)) for k in range(first, last + 1)]
 
-    def _links_of(self, branch: Branch, parent: int) -> list[Planned]:
+    def _links_of(self, branch: Branch, parent: int, number: int) -> list[Planned]:
+        """Links of a body on a ``parent`` link, the first of which gets this ``number``."""
         m, joint = self.mechanism, branch.joint
         body = moving_body(m, branch.child)
         mass, inertia = body.mass, body.moment_of_inertia
-        if joint is None:
-            return floating(parent, 0, body.centre, mass, inertia)
-        at = m.body(branch.parent).point(joint.name)
         root = self.branch[branch.parent].joint if branch.parent != GROUND else None
-        if root is not None:  # Bullet's frame of the parent sits at the parent's own joint
-            at -= m.body(branch.parent).point(root.name)
+        # Bullet's frame of the parent sits at the parent's own joint
+        corner = 0j if root is None else m.body(branch.parent).point(root.name)
+        if joint is None:
+            return floating(parent, number, body.centre, mass, inertia, -corner)
+        at = m.body(branch.parent).point(joint.name) - corner
         axis = (branch.axis.real, branch.axis.imag, 0.0) if joint.prismatic else HINGE
         com = body.centre - body.point(joint.name)
         return [Planned(mass, inertia, parent, joint.prismatic, axis, at, branch.fixed_angle, com)]
@@ -224,25 +219,26 @@ class BulletWorld(LeapfrogWorld):
         for strut in self.struts.values():
             positions[strut.own], velocities[strut.own] = strut.coordinates(bodies)
         self._reset(positions, velocities)
-        self.command = bodies[self.mechanism.driven].angular_velocity
+        self.commands = [float(velocities[self.own[each.child][-1]]) for each in self.steered]
         if self.held:
-            self._run_motor()
+            self._run_motors()
 
     def hold(self, held: bool) -> None:
         self.held = held
-        self._run_motor()
+        self._run_motors()
 
-    def _run_motor(self) -> None:
-        body, index = self.freedoms[self.own[self.mechanism.driven][-1]]
-        self.p.setJointMotorControl2(
-            body,
-            index,
-            self.p.VELOCITY_CONTROL,
-            targetVelocity=self.command,
-            force=STRENGTH if self.held else 0.0,
-            physicsClientId=self.client,
-        )
-        self.commanded = self.command
+    def _run_motors(self) -> None:
+        for each, command in zip(self.steered, self.commands, strict=True):
+            body, index = self.freedoms[self.own[each.child][-1]]
+            self.p.setJointMotorControl2(
+                body,
+                index,
+                self.p.VELOCITY_CONTROL,
+                targetVelocity=command,
+                force=STRENGTH if self.held else 0.0,
+                physicsClientId=self.client,
+            )
+        self.commanded = list(self.commands)
 
     def _reset(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         for (body, index), q, v in zip(self.freedoms, positions.tolist(), velocities.tolist(), strict=True):
@@ -277,7 +273,8 @@ class BulletWorld(LeapfrogWorld):
     def _pose(self, branch: Branch, q: list[float], v: list[float]) -> Pose:
         """A body's pose from its coordinates and its parent's pose."""
         if branch.joint is None:
-            return Pose(complex(q[0], q[1]), q[2], complex(v[0], v[1]), v[2])
+            own = Pose(complex(q[0], q[1]), q[2], complex(v[0], v[1]), v[2])
+            return own if branch.parent == GROUND else carried(self.pose(branch.parent), own)
         base = self.pose(branch.parent)
         name = branch.joint.name
         slides = branch.joint.prismatic
@@ -294,6 +291,9 @@ class BulletWorld(LeapfrogWorld):
         velocity = base.velocity + 1j * base.angular_velocity * arm + along * v[0] - 1j * spin * hold
         return Pose(base.origin + arm - hold, angle, velocity, spin)
 
+    def coordinate(self, body: str) -> float:
+        return self._read()[0][self.own[body][-1]]
+
     def gap(self, joint: str) -> tuple[complex, complex]:
         ends = []
         for body in self.mechanism.joint(joint).bodies:
@@ -304,9 +304,7 @@ class BulletWorld(LeapfrogWorld):
 
     # ---------------------------------------------------------------- forces
 
-    def push(self, body: str, point: complex, force: complex) -> None:
-        if body == GROUND:
-            return
+    def press(self, body: str, point: complex, force: complex) -> None:
         pose, link = self.pose(body), self.links[body]
         at = pose.origin + point * cmath.exp(1j * pose.angle)
         self.p.applyExternalForce(
@@ -317,32 +315,25 @@ class BulletWorld(LeapfrogWorld):
             self.p.WORLD_FRAME,
             self.client,
         )
-        total, moment = self.applied.get(body, (0j, 0.0))
-        arm = (point - link.centre) * cmath.exp(1j * pose.angle)
-        self.applied[body] = total + force, moment + (arm.conjugate() * force).imag
 
-    def turn(self, body: str, torque: float) -> None:
-        if body == GROUND:
-            return
+    def twist(self, body: str, torque: float) -> None:
         link = self.links[body]
         self.p.applyExternalTorque(link.body, link.index, (0.0, 0.0, torque), self.p.WORLD_FRAME, self.client)
-        total, moment = self.applied.get(body, (0j, 0.0))
-        self.applied[body] = total, moment + torque
 
     def advance(self, h: float) -> None:
         if h != self.step_size:
             self.p.setTimeStep(h, physicsClientId=self.client)
             self.step_size = h
-        if self.held and self.command != self.commanded:
-            self._run_motor()
+        if self.held and self.commands != self.commanded:
+            self._run_motors()
         for strut in self.struts.values():
             self._bear_up(strut)
+        self.take_note(h)
         self.p.stepSimulation(self.client)
         for number in self.multibodies:
             self.p.getLinkState(
                 number, 0, False, True, self.client
             )  # moves the frames that forces are applied in to the new positions
-        self.was_applied, self.applied = self.applied, {}
         self.state = None
         for name, strut in self.struts.items():
             self.pin_forces[name] = self.tension(strut.tie)
@@ -361,14 +352,6 @@ class BulletWorld(LeapfrogWorld):
         x, y, *_ = self.p.getConstraintState(tie.number, self.client)
         return tie.sign * complex(x, y)
 
-    def before_observing(self) -> None:
-        self.before = {name: self.pose(name) for name in self.own if name in self.branch}
-
-    def reactions(self) -> tuple[dict[str, complex], dict[str, float], float]:
+    def reactions(self) -> tuple[dict[str, complex], dict[str, float], dict[str, float]]:
         forces = self.pin_forces | {name: self.tension(tie) for name, tie in self.ties.items()}
-        after = {body.name: self.pose(body.name) for body in self.mechanism.bodies}
-        motion = body_rates(self.mechanism, self.branches, self.before, after, self.step_size, self.trailing)
-        tied = {*self.ties, *self.struts}  # a spring-damper's force was applied
-        balance = Balance(self.mechanism, self.before, self.was_applied)
-        forces, moments, torque = balance.solve(self.branches, motion, forces, tied)
-        return forces, moments, torque if self.held else 0.0
+        return self.balanced(forces, {*self.ties, *self.struts})  # a spring-damper's force was applied

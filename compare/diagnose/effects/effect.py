@@ -76,7 +76,7 @@ class Rig:
     @cached_property
     def known(self) -> Mapping[str, Signal]:
         """Every signal that the linkage can have, by name."""
-        return named(self.mechanism.bodies, self.mechanism.joints)
+        return named(self.mechanism.bodies, self.mechanism.joints, self.mechanism.drives)
 
     @property
     def torque(self) -> float:

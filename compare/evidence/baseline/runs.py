@@ -16,6 +16,7 @@ from pydantic import JsonValue
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load, shipped_cases
+from compare.arguments import timed
 from compare.evidence.baseline.file import NO_DIRECTION, StoredRun
 from compare.judge.grid import FREE_TIME, default_angles
 from compare.recorded.errors import DataError
@@ -65,8 +66,16 @@ class Setup:
 
 
 def setups(mechanism: Mechanism) -> list[Setup]:
-    """The runs of a case, ideal first.  Raises AssemblyError where the case cannot be assembled."""
+    """The runs of a case, ideal first; of one that no crank moves, its drives at their speeds with ideal joints.
+
+    Raises AssemblyError where the case cannot be assembled.
+    """
     assembly = Assembly(mechanism)
+    moved = timed(assembly, None)
+    if moved is not None:
+        time, courses = moved
+        ideal = mechanism.with_clearances({})
+        return [Setup(Request(ideal, "ideal", "driven", time=_thinned(time), courses=courses.knots))]
     theta = _thinned(default_angles(assembly))
     found = []
     if mechanism.speed is not None:
@@ -157,7 +166,7 @@ def of_results(mechanism: Mechanism, table: Table) -> StoredRun:
 
     Raises DataError where it has none.
     """
-    encoder = table.values.get(f"{mechanism.driven}_angle")
+    encoder = table.values.get(f"{mechanism.driven}_angle") if mechanism.cranked else None
     size = next(iter(table.values.values())).size
     every = slice(None, None, -(-size // ROWS))
     if table.time.size:

@@ -14,6 +14,7 @@ from compare.arguments import cores
 from compare.crosscheck import Job, crosscheck_job
 from compare.evidence.baseline.runs import setups
 from compare.evidence.validation.scales import Scale, scale_rows
+from compare.judge.courses import Courses
 from compare.judge.discrepancy import load_tolerances
 from compare.results.crosscheck import CrossCheck
 from compare.results.crosscheck import Run as Compared
@@ -39,7 +40,11 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale]) -> Validation:
             r = setup.request
             engines = tuple(n for n in names if (r.joint_model, r.motion) in declared(n).capabilities.runs)
             workers = min(len(engines), cores())
-            job = Job(r.mechanism, engines, tolerances, r.motion, r.crank_angle, r.time, r.joint_model, workers=workers)
+            courses = None if r.courses is None else Courses(r.courses)
+            job = Job(
+                r.mechanism, engines, tolerances, r.motion, r.crank_angle, r.time, r.joint_model,
+                workers=workers, courses=courses,
+            )  # fmt: skip
             result = crosscheck_job(job)
             rows += [row(case, setup.name, run) for run in result.runs]
             rows += [

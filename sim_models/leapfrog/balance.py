@@ -1,4 +1,4 @@
-"""Forces in the multibodies' own joints, which PyBullet does not report rightly: Newton and Euler for every body.
+"""Forces in the joints of a tree by Newton and Euler for every body, where an engine does not report them rightly.
 
 Each body's loads, weight, pins and children are known, and so are its accelerations: what is missing is its joint's.
 """
@@ -12,7 +12,7 @@ import numpy as np
 from analytic.mechanism import GROUND, MASS_CENTRE, Mechanism
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
-from sim_models.leapfrog.parts import moving_body
+from sim_models.leapfrog.parts import Steered, moving_body
 from sim_models.leapfrog.rates import Turning
 
 
@@ -32,9 +32,14 @@ class Balance:
             self.moment[body.name] = moment
 
     def solve(
-        self, branches: Sequence[Branch], motion: Mapping[str, Turning], pins: Mapping[str, complex], tied: Set[str]
-    ) -> tuple[dict[str, complex], dict[str, float], float]:
-        """All joints' forces, prismatic joints' moments and the drive torque.
+        self,
+        branches: Sequence[Branch],
+        motion: Mapping[str, Turning],
+        pins: Mapping[str, complex],
+        tied: Set[str],
+        steered: Sequence[Steered],
+    ) -> tuple[dict[str, complex], dict[str, float], dict[str, float]]:
+        """All joints' forces, prismatic joints' moments, and what the motors exert in the joints by which they steer.
 
         ``branches`` are parents first, ``motion`` is of the bodies' origins, ``pins`` the pins' forces (N, on the
         second body), of which those ``tied`` are not among what was applied.
@@ -42,7 +47,8 @@ class Balance:
         m = self.mechanism
         forces = dict(pins)
         moments: dict[str, float] = {}
-        torque = 0.0
+        efforts: dict[str, float] = {}
+        moved = {each.child: each for each in steered}
         for name, force in pins.items():
             if name in tied:
                 first, second = m.joint(name).bodies
@@ -53,10 +59,10 @@ class Balance:
             centre = motion[child].carried(self.place(child, MASS_CENTRE) - self.poses[child].origin)
             force = moving_body(m, child).mass * centre.acceleration - self.force[child]
             about_com = moving_body(m, child).moment_of_inertia * centre.spin_up - self.moment[child]
-            if child == m.driven:
-                torque = about_com - _cross(
-                    self.place(child, m.drive_joint.name) - self.place(child, MASS_CENTRE), force
-                )
+            if child in moved:
+                effort = efforts[moved[child].joint.name] = self._effort(branch, moved[child], force, about_com)
+                if joint is None and branch.parent != GROUND:
+                    self.moment[branch.parent] -= moved[child].sign * effort
             if joint is None:
                 continue
             pin = self.place(joint.bodies[1], joint.name)
@@ -65,7 +71,17 @@ class Balance:
             if joint.prismatic:
                 moments[joint.name] = moment if branch.is_second else -moment
             self._load(branch.parent, pin, -force, -moment)
-        return forces, moments, torque
+        return forces, moments, efforts
+
+    def _effort(self, branch: Branch, by: Steered, force: complex, about_com: float) -> float:
+        """What a motor exerts in its joint (N.m, N), by all that the joint exerts on the body that it steers: a force
+        (N), and a moment (N.m) about the centre of mass.
+        """
+        child = branch.child
+        if by.joint.prismatic:
+            along = branch.axis * np.exp(1j * self.poses[child].angle)
+            return float((np.conj(along) * force).real)
+        return by.sign * (about_com - _cross(self.place(child, by.joint.name) - self.place(child, MASS_CENTRE), force))
 
     def _load(self, body: str, at: complex, force: complex, moment: float = 0.0) -> None:
         if body != GROUND:

@@ -1,0 +1,128 @@
+"""Linkages of several freedoms, some of which no motor moves: their own motion beside the courses of those that one
+does.
+
+The inputs' accelerations a are what makes all forces along free inputs vanish.  Kinetostatics gives those forces for
+any a, and they are linear in it: for f free inputs 1 + f samples tell the whole equation, exactly.  The motion is then
+an ordinary differential equation in the free inputs, and the linkage is followed from where it was last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from analytic.beyond_paper.drive import Course
+from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
+from analytic.kinematics.motion import kinematics
+from analytic.paper.kinetostatics import Reactions, kinetostatics
+
+ACCURACY = 1e-10  # relative, of the integration
+NOTHING: Mapping[str, float] = MappingProxyType({})
+
+
+def free_motion(
+    assembly: Assembly, time: np.ndarray, courses: Mapping[str, Course], rates: Mapping[str, float] = NOTHING
+) -> Reactions:
+    """Motion and reactions at times (N,) s, ascending, from 0 on.
+
+    Driven joints follow ``courses`` (position, rad or m, second body relative to first, as a function of time and order
+    of derivative); free ones start at the assembly's positions with ``rates`` (rad/s, m/s), at rest where none is
+    given.  Raises AssemblyError where the motion meets a change point, or has dry friction.
+    """
+    _check(assembly)
+    return _FreeMotion(assembly, courses).at(np.asarray(time, float), rates)
+
+
+def driven_motion(assembly: Assembly, time: np.ndarray, courses: Mapping[str, Course]) -> Reactions:
+    """Motion and reactions at times (N,) s, ascending, of a linkage whose inputs all follow ``courses``, as in
+    :func:`free_motion`.  Raises AssemblyError where it meets a change point or does not get there.
+    """
+    time = np.asarray(time, float)
+    inputs, rates, pushes = (
+        assembly.inputs_at({name: course(time, order) for name, course in courses.items()}) for order in range(3)
+    )
+    return kinetostatics(kinematics(assembly, inputs, rates, pushes))
+
+
+def _check(assembly: Assembly) -> None:
+    """Raise AssemblyError for friction whose direction a free motion of several freedoms would have to find."""
+    m = assembly.mechanism
+    for joint in m.joints:
+        if joint.rubs:
+            field = "friction_radius" if joint.friction_radius else "friction_torque"
+            raise AssemblyError(
+                f"{m.name}: the analytic model knows no free motion of several freedoms with dry friction ({field} of"
+                f" joint {joint.name!r})",
+                remedy="leave it out, or give each freedom a drive",
+            )
+
+
+class _FreeMotion:
+    """A linkage whose inputs in ``free`` move freely; its state is their values and rates (2 free,)."""
+
+    def __init__(self, assembly: Assembly, courses: Mapping[str, Course]) -> None:
+        s = assembly.structure
+        self.assembly, self.free = assembly, list(s.free)
+        joints = [s.coordinates[i].joint for i in s.inputs]
+        self.driven = {k: (float(s.signs[s.inputs[k]]), courses[joints[k]]) for k in s.driven}
+        self.joints, self.signs = joints, [float(s.signs[i]) for i in s.inputs]
+        self.last: np.ndarray = np.zeros((0, 0))  # coordinates (n, 1) where the linkage was last
+
+    def at(self, time: np.ndarray, rates: Mapping[str, float]) -> Reactions:
+        """The motion at times (N,) s."""
+        start = np.concatenate(
+            [self.assembly.inputs[self.free], [self.signs[k] * rates.get(self.joints[k], 0.0) for k in self.free]]
+        )
+        begin, _, _ = self.inputs(0.0, start)
+        self.last = self.assembly.follow(begin[:, None]).coordinates
+        states = self.integrated(time, start)
+        self.last = self.assembly.follow(begin[:, None]).coordinates
+        samples = [self.sample(t, state) for t, state in zip(time.tolist(), states.T, strict=True)]
+        inputs, speeds, pushes, near = (np.stack(part, axis=1) for part in zip(*samples, strict=True))
+        return kinetostatics(kinematics(self.assembly, inputs, speeds, pushes, path=Followed(near)))
+
+    def integrated(self, time: np.ndarray, start: np.ndarray) -> np.ndarray:
+        """States (2 free, N) at times (N,) s.  Raises AssemblyError."""
+        from scipy.integrate import solve_ivp
+
+        if time[-1] == 0:
+            return np.tile(start[:, None], time.size)
+
+        def rate(t: float, state: np.ndarray) -> np.ndarray:
+            return np.concatenate([state[len(self.free) :], self.accelerations(t, state)])
+
+        found: Any = solve_ivp(rate, (0.0, float(time[-1])), start, "DOP853", time, rtol=ACCURACY, atol=ACCURACY)
+        if not found.success:
+            raise AssemblyError(
+                f"{self.assembly.mechanism.name}: the free motion cannot be followed beyond {found.t[-1]:g} s"
+                f" ({found.message})"
+            )
+        return np.asarray(found.y)
+
+    def inputs(self, t: float, state: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Inputs (n_inputs,), their rates and, where a course says them, accelerations; free ones' are zero."""
+        out = np.zeros((3, len(self.joints)))
+        out[0, self.free], out[1, self.free] = np.split(state, 2)
+        for k, (sign, course) in self.driven.items():
+            out[:, k] = [sign * float(course(np.array(t), order)) for order in range(3)]
+        return out[0], out[1], out[2]
+
+    def accelerations(self, t: float, state: np.ndarray) -> np.ndarray:
+        """Accelerations (free,) of the free inputs."""
+        inputs, speeds, pushes = self.inputs(t, state)
+        tries = np.zeros((len(self.joints), 1 + len(self.free)))
+        tries[self.free, 1 + np.arange(len(self.free))] = 1.0
+        here, fast, near = (np.tile(x, tries.shape[1]) for x in (inputs[:, None], speeds[:, None], self.last))
+        motion = kinematics(self.assembly, here, fast, pushes[:, None] + tries, path=Followed(near))
+        self.last = motion.coordinates[:, :1].copy()
+        efforts = kinetostatics(motion).efforts[self.free]
+        return np.asarray(-np.linalg.solve(efforts[:, 1:] - efforts[:, :1], efforts[:, 0]))
+
+    def sample(self, t: float, state: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Inputs, rates and accelerations (n_inputs,) at a time (s), and the coordinates (n,) there."""
+        inputs, speeds, pushes = self.inputs(t, state)
+        pushes[self.free] = self.accelerations(t, state)
+        return inputs, speeds, pushes, self.last[:, 0]

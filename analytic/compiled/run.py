@@ -1,0 +1,204 @@
+"""Carrying out a linkage's programs: what :mod:`analytic.kinematics.motion` and :mod:`analytic.paper.kinetostatics` ask
+for.
+
+Every function answers None where the compiled code does not serve: numba is missing, or it finds no place to keep what
+it compiles, or a linkage does something that only the numpy functions do, or cannot be closed.  Those then do it, or
+say what is wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from analytic.kinematics.assembly import PATH_STEP, Assembly, Followed, Path
+
+if TYPE_CHECKING:
+    from analytic.compiled.program import Program, Way
+
+BATCH = 4000  # configurations of a crank in one call from which the compiled code serves
+POSES = 1000  # of several drives, which take numpy some hundred times as long to follow
+CALLS = 100  # calls with one assembly after which it does, whatever their size
+NOTHING = np.zeros((1, 1))
+NO_WALK = np.zeros(0), np.zeros(0), np.zeros((4, 0), np.int64), np.zeros(0, np.int64), np.zeros(0, np.int64)
+
+
+@dataclass
+class Programs:
+    """The programs of one assembly, written when they are first needed, and how often it has been asked for."""
+
+    motions: dict[bool, Program] = field(default_factory=dict)
+    balances: dict[tuple[bool, bool, bool], Program] = field(default_factory=dict)
+    way: Way | None = None
+    path: Path | None = None
+    table: np.ndarray | None = None  # of that path, (1 + n, M)
+    calls: int = 0
+
+
+_programs: WeakKeyDictionary[Assembly, Programs] = WeakKeyDictionary()
+
+
+def programs_of(assembly: Assembly) -> Programs:
+    """The programs of an assembly."""
+    found = _programs.get(assembly)
+    if found is None:
+        found = _programs[assembly] = Programs()
+    return found
+
+
+def serves(assembly: Assembly, count: int) -> bool:
+    """Whether the compiled code is to be used for so many configurations of an assembly, and can be.
+
+    Loading it takes a process half a second, and compiling it, once on a machine, five to fifteen: a short command
+    does without.  The answer depends on this call and on earlier ones with the same assembly, not on what else the
+    process has done, so that the same computation gives the same bits.
+    """
+    own = programs_of(assembly)
+    own.calls += 1
+    least = BATCH if len(assembly.structure.inputs) == 1 and assembly.mechanism.cranked else POSES
+    return (count >= least or own.calls > CALLS) and _kernel() is not None
+
+
+@cache
+def _kernel() -> tuple[Callable[..., bool], Callable[..., bool]] | None:
+    """What carries out programs of dyads only, and all programs."""
+    try:
+        from analytic.compiled.kernels import carry_out, carry_out_dyads
+    except (ImportError, RuntimeError):  # numba says so where it finds no place to keep what it compiles
+        return None
+    return carry_out_dyads, carry_out
+
+
+def _carry_out(program: Program, *data: np.ndarray, walk: tuple[np.ndarray, ...] = NO_WALK) -> bool:
+    kernels = _kernel()
+    if kernels is None:
+        return False
+    dyads, every = kernels
+    if program.simple and walk is NO_WALK:
+        return dyads(program.operations, program.terms, program.factors, program.rows, *data)
+    return every(*program.numbers, *data, *walk)
+
+
+Derivatives = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Arrays of a motion, as analytic.kinematics.motion.Motion's, each with its first and second derivative."""
+
+    coordinates: Derivatives  # (n, N) each
+    columns: Derivatives  # (n_columns, N) complex
+    displaced: bool  # whether joints have gaps
+
+    def __repr__(self) -> str:
+        return f"Moved({self.columns[0].shape[1]} configurations)"
+
+
+def moved(
+    assembly: Assembly,
+    inputs: np.ndarray,
+    rates: tuple[np.ndarray | float, np.ndarray | float],
+    gaps: Mapping[str, tuple[np.ndarray, np.ndarray | float, np.ndarray | float]],
+    path: Path | Followed | None,
+) -> Moved | None:
+    """Coordinates and columns with their derivatives at inputs (n_inputs, N) whose rates and accelerations are given.
+
+    ``gaps`` are those of revolute joints by name, with their rates and accelerations.  None where that cannot be done.
+    """
+    s, own, n = assembly.structure, programs_of(assembly), inputs.shape[1]
+    near = _near(assembly, own, inputs, path) if n else None
+    if near is None:
+        return None
+    coordinates, columns = np.empty((3, len(s.coordinates), n)), np.zeros((3, s.n_columns, n), complex)
+    given = s.inputs[0] if len(s.inputs) == 1 else list(s.inputs)
+    for order, values in enumerate((inputs, *rates)):
+        coordinates[order, given] = values
+    for name, gap in gaps.items():
+        for order, amount in enumerate(gap):
+            columns[order, s.gap_column(name)] = amount
+    displaced = bool(gaps)
+    if displaced not in own.motions:
+        from analytic.compiled.program import motion
+
+        own.motions[displaced] = motion(assembly, displaced)
+    data = *coordinates, *columns.view(float), NOTHING, NOTHING, near
+    if not _carry_out(own.motions[displaced], *data):
+        return None
+    u, w, q = coordinates
+    c, v, a = columns
+    return Moved((u, w, q), (c, v, a), displaced)
+
+
+def _near(assembly: Assembly, own: Programs, inputs: np.ndarray, path: Path | Followed | None) -> np.ndarray | None:
+    """A crank's path (1 + n, M), or coordinates (n, N) that are near; None where there are none."""
+    low, high = float(inputs.min()), float(inputs.max())
+    cranked = len(assembly.structure.inputs) == 1 and assembly.mechanism.cranked
+    if not (math.isfinite(low) and math.isfinite(high)) or isinstance(path, Followed if cranked else Path):
+        return None
+    if not cranked:
+        return np.ascontiguousarray(path.coordinates) if isinstance(path, Followed) else followed(assembly, inputs)
+    known = path if isinstance(path, Path) else assembly.path(low, high)
+    if own.path is not known or own.table is None:
+        own.path, own.table = known, np.vstack([known.theta, known.coordinates])
+    return own.table
+
+
+def followed(assembly: Assembly, inputs: np.ndarray) -> np.ndarray | None:
+    """Coordinates (n, N) at inputs (n_inputs, N), as analytic.kinematics.assembly.Assembly.follow; None where that
+    cannot be done.
+    """
+    own, s = programs_of(assembly), assembly.structure
+    if own.way is None:
+        from analytic.compiled.program import way
+
+        own.way = way(assembly)
+    strides = np.array([PATH_STEP if s.unit(i) == "rad" else assembly._stride for i in s.inputs])
+    found, home = np.empty((len(s.coordinates), inputs.shape[1])), np.ascontiguousarray(assembly._home[:, 0])
+    data = found, np.ascontiguousarray(inputs, float), *(NOTHING,) * 7
+    walk = home, strides, own.way.places, own.way.margins, own.way.regular
+    return found if _carry_out(own.way.program, *data, walk=walk) else None
+
+
+@dataclass(frozen=True)
+class Balanced:
+    """What holds a motion in balance."""
+
+    forces: np.ndarray  # (joints, N) N, complex, of each joint's first body on its second, in the file's order
+    moments: np.ndarray  # (slides, N) N.m on the second body
+    drives: np.ndarray  # (inputs, N) N.m or N
+
+    def __repr__(self) -> str:
+        return f"Balanced({self.forces.shape[1]} configurations)"
+
+
+def balanced(assembly: Assembly, motion: Moved, inertia: bool, grip: np.ndarray | None) -> Balanced | None:
+    """Reactions and drives of a motion, as analytic.paper.kinetostatics.kinetostatics; None where that cannot be
+    done.
+    """
+    s, own, n = assembly.structure, programs_of(assembly), motion.coordinates[0].shape[1]
+    if s.mechanism.load_rubbed:
+        return None
+    kind = bool(inertia), motion.displaced, grip is not None
+    if kind not in own.balances:
+        from analytic.compiled.program import balance
+
+        own.balances[kind] = balance(assembly, *kind)
+    reals = np.empty((1 + len(s.slides) + len(s.inputs), n))  # the first: the share of the friction
+    forces = np.empty((len(s.mechanism.joints), n), complex)
+    if grip is not None:
+        reals[0] = grip
+    given = *map(_whole, motion.coordinates), *(_whole(x).view(float) for x in motion.columns)
+    if not _carry_out(own.balances[kind], *given, reals, forces.view(float), NOTHING):
+        return None
+    return Balanced(forces, reals[1 : 1 + len(s.slides)], reals[1 + len(s.slides) :])
+
+
+def _whole(array: np.ndarray) -> np.ndarray:
+    """The array itself if its numbers lie one after the other, else a copy."""
+    return array if array.flags.c_contiguous else np.ascontiguousarray(array)

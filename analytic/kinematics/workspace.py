@@ -1,0 +1,202 @@
+"""Where a platform can go: the poses of a grid that it reaches from the assembly, in the same assembly and working
+mode.
+
+All coordinates are sought together, so that the loops close and the platform is where it is wanted: Newton's method, on
+all cells beside those that are known at the same time, from theirs.  A cell counts as reached if no singular pose lies
+between it and its neighbour: the determinants of the loops (second kind) and of the whole (first kind) keep their
+signs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
+from analytic.kinematics.closure import least, partials
+from analytic.kinematics.inverse import Coordinate, inverse
+from analytic.mechanism.one_line import count, one_line
+
+PASSES = 12
+SETTLED = 1e-12  # of a coordinate: rad, or of the linkage's size
+JUMP = 1.0  # rad, or of the linkage's size; a cell that is farther from its neighbour is on another branch
+STARTS = 25  # cells near the assembly's pose that are tried as the first
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """A grid of places x (nx,) and y (ny,) m of a platform, at an angle (rad; None where it has no say in it).
+
+    ``reached`` (ny, nx) says which of them it reaches, ``coordinates`` (n, M) are the structure's there, row by row.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    angle: float | None
+    reached: np.ndarray
+    coordinates: np.ndarray
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{count(int(self.reached.sum()), 'pose')} reached of {self.reached.size}")
+
+    @property
+    def followed(self) -> Followed:
+        """The reached poses as samples."""
+        return Followed(self.coordinates)
+
+    def on_grid(self, values: np.ndarray) -> np.ndarray:
+        """Values (M,) of the reached poses on the whole grid (ny * nx,), NaN elsewhere."""
+        out = np.full(self.reached.size, np.nan)
+        out[self.reached.ravel()] = values
+        return out
+
+
+def workspace(
+    assembly: Assembly, wanted: Sequence[Coordinate], x: np.ndarray, y: np.ndarray, angle: float | None = None
+) -> Workspace:
+    """The poses that a platform reaches of a grid; ``wanted`` are its x, its y and, of three inputs, its angle.
+
+    ``angle`` (rad) is by default that of the assembly.  Raises AssemblyError where it reaches none, or the inputs are
+    neither two nor three.
+    """
+    axes = [w.axis for w in wanted]
+    if len(assembly.structure.inputs) != len(wanted) or axes not in (["x", "y"], ["x", "y", "angle"]):
+        raise AssemblyError(
+            f"{assembly.mechanism.name}: has {count(len(assembly.structure.inputs), 'input')}; a workspace is of two"
+            " (a point's x and y) or three (and an angle)"
+        )
+    return _Flood(assembly, wanted, x, y, angle).filled()
+
+
+class _Flood:
+    def __init__(
+        self, assembly: Assembly, wanted: Sequence[Coordinate], x: np.ndarray, y: np.ndarray, angle: float | None
+    ) -> None:
+        s = self.s = assembly.structure
+        self.assembly, self.wanted = assembly, tuple(wanted)
+        home = assembly.follow(assembly.inputs[:, None]).coordinates
+        pose = self.pose(assembly.columns(home), home)[:, 0]
+        self.home, self.angle = pose, (pose[2] if angle is None else angle) if len(wanted) == 3 else None
+        self.x, self.y = x, y
+        rows, columns = np.meshgrid(y, x, indexing="ij")
+        self.poses = np.array([columns.ravel(), rows.ravel()])
+        if self.angle is not None:
+            self.poses = np.vstack([self.poses, np.full(self.poses.shape[1], self.angle)])
+        self.size = max(body.length for body in assembly.mechanism.bodies) or 1.0
+        self.unit = np.array([1.0 if c.bodies else self.size for c in s.coordinates])
+        self.unknown = [i for i in range(len(s.coordinates)) if i not in s.inputs]
+        self.square = 2 * len(s.loops) == len(self.unknown)
+
+    def filled(self) -> Workspace:
+        """The grid, cell by cell from the first."""
+        n = self.poses.shape[1]
+        u, sign = np.full((len(self.s.coordinates), n), np.nan), np.zeros((2, n))
+        first, u0 = self.first()
+        u[:, first] = u0
+        sign[:, first] = self.signs(u0[:, None])[:, 0]
+        known = np.zeros(n, bool)
+        known[first] = True
+        front = np.array([first])
+        while front.size:
+            cells, near = self.beside(front, known)
+            if not cells.size:
+                break
+            found, good = self.closed(self.poses[:, cells], u[:, near])
+            signs = self.signs(found)
+            good &= np.all(signs == sign[:, near], axis=0)
+            cells, found, signs = cells[good], found[:, good], signs[:, good]
+            cells, once = np.unique(cells, return_index=True)
+            u[:, cells], sign[:, cells], known[cells] = found[:, once], signs[:, once], True
+            front = cells
+        shape = self.y.size, self.x.size
+        return Workspace(self.x, self.y, self.angle, known.reshape(shape), u[:, known])
+
+    def first(self) -> tuple[int, np.ndarray]:
+        """A cell near the assembly's pose that is reached from there, and its coordinates (n,).  Raises AssemblyError
+        where none is.
+        """
+        far = np.hypot(*(self.poses[:2] - self.home[:2, None]))
+        error: AssemblyError | None = None
+        for cell in np.argsort(far, kind="stable")[:STARTS].tolist():
+            try:
+                return cell, inverse(self.assembly, self.wanted, self.poses[:, cell : cell + 1]).coordinates[:, 0]
+            except AssemblyError as failed:
+                error = error or failed
+        raise AssemblyError(
+            f"{self.assembly.mechanism.name}: no place of the grid near where it is assembled can be reached ({error})",
+            remedy="give a grid around the assembly's pose, or another angle",
+        )
+
+    def beside(self, front: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Cells beside the front that are not known yet, and which of the front each is beside."""
+        nx, ny = self.x.size, self.y.size
+        row, column = np.divmod(front, nx)
+        cells, near = [], []
+        for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+            r, c = row + down, column + right
+            inside = (r >= 0) & (r < ny) & (c >= 0) & (c < nx)
+            there = (r * nx + c)[inside]
+            new = ~known[there]
+            cells.append(there[new])
+            near.append(front[inside][new])
+        return np.concatenate(cells), np.concatenate(near)
+
+    def pose(self, columns: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """The wanted coordinates (wanted, N) at columns and coordinates."""
+        out = []
+        for w in self.wanted:
+            b = self.s.body_column(w.body)
+            if w.axis == "angle":
+                out.append(u[list(self.s.turned[b])].sum(axis=0) + self.s.held_at[b])
+            else:
+                z = self.assembly.form(w.body, w.point) @ columns
+                out.append(z.real if w.axis == "x" else z.imag)
+        return np.array(out)
+
+    def slopes(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives of the loops (N, 2 loops, n) and of the pose (N, wanted, n) by all coordinates."""
+        s, n = self.s, columns.shape[1]
+        loops = np.stack([partials(s, i, s.loops, columns) for i in range(len(s.coordinates))], axis=-1)
+        pose = np.zeros((n, len(self.wanted), len(s.coordinates)))
+        for row, w in enumerate(self.wanted):
+            if w.axis == "angle":
+                pose[:, row, list(s.turned[s.body_column(w.body)])] = 1.0
+                continue
+            form = self.assembly.form(w.body, w.point)[None]
+            for i in range(len(s.coordinates)):
+                moved = partials(s, i, form, columns)[0]
+                pose[:, row, i] = moved.real if w.axis == "x" else moved.imag
+        return np.concatenate([loops.real, loops.imag]).transpose(1, 0, 2), pose
+
+    def closed(self, poses: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates (n, N) at poses (wanted, N) near others, and whether (N,) they are."""
+        u = near.copy()
+        for _ in range(PASSES):
+            columns = self.assembly.columns(u)
+            open_by, (loops, slope) = self.s.loops @ columns, self.slopes(columns)
+            miss = np.concatenate([open_by.real, open_by.imag, self.pose(columns, u) - poses]).T
+            with np.errstate(all="ignore"):
+                step = self.step(np.concatenate([loops, slope], axis=1), miss)
+            u = u - step.T
+            last = np.abs(step).T / self.unit[:, None]
+            if not np.any(last > SETTLED):
+                break
+        jump = np.abs(u - near) / self.unit[:, None]
+        return u, np.all(last <= 1e3 * SETTLED, axis=0) & np.all(jump <= JUMP, axis=0)
+
+    def step(self, matrix: np.ndarray, miss: np.ndarray) -> np.ndarray:
+        """Newton's step (N, n); far beyond any jump where a matrix is singular."""
+        try:
+            return least(matrix, miss)
+        except np.linalg.LinAlgError:
+            return np.einsum("nij,nj->ni", np.linalg.pinv(matrix), miss)
+
+    def signs(self, u: np.ndarray) -> np.ndarray:
+        """Signs (2, N) of the determinants of the loops and of the whole; ones where loops are more than needed."""
+        if not self.square:
+            return np.ones((2, u.shape[1]))
+        loops, slope = self.slopes(self.assembly.columns(u))
+        whole = np.concatenate([loops, slope], axis=1)
+        return np.sign(np.array([np.linalg.det(loops[:, :, self.unknown]), np.linalg.det(whole)]))

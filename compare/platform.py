@@ -1,0 +1,304 @@
+"""How accurate a platform is: what clearance, compliance and the resolution of several drives make of its pose, along a
+motion or over its workspace.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic.beyond_paper.platform import Platform, platform
+from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
+from analytic.kinematics.inverse import Coordinate
+from analytic.kinematics.motion import kinematics
+from analytic.kinematics.workspace import Workspace, workspace
+from analytic.mechanism import Mechanism
+from analytic.mechanism.errors import quoted
+from analytic.mechanism.one_line import count
+from analytic.paper.clearance import Displaced, displaced
+from analytic.paper.compliance import compliance
+from analytic.paper.envelope import Output
+from analytic.paper.frame import ComplianceError
+from analytic.paper.kinetostatics import kinetostatics
+from compare.accuracy import named_outputs, versions
+from compare.arguments import Linkage, Metres, Names, Numbers, linkage, names, noted, number, timed
+from compare.faults import ArgumentError
+from compare.judge.courses import Courses
+from compare.results.platform import Map, Place, PlatformAccuracy, PointError, PoseError
+
+POORLY_HELD = (300.0, 100.0, 30.0, 10.0)  # condition of the loops, up to which finite errors are sought, in turn
+MOST_POSES = 250_000
+Grid = tuple[tuple[float, float, int], tuple[float, float, int]]
+"""Lowest, highest and number of the x and of the y (m) of a workspace."""
+_Spread = Callable[[np.ndarray], np.ndarray]
+
+
+def platform_accuracy(  # noqa: PLR0913 - what a person may ask, by name
+    mechanism: Linkage,
+    *,
+    clearance: Metres | None = None,
+    encoder_step: Mapping[str, float] | None = None,
+    outputs: Names | None = None,
+    times: Numbers | None = None,
+    course: object = None,
+    path: object = None,
+    workspace: Grid | None = None,
+    angle: float | None = None,
+) -> PlatformAccuracy:
+    """How accurate the outputs of a linkage with several drives are, along a motion or at rest over a workspace.
+
+    ``clearance`` (m by joint) replaces the case's own; ``encoder_step`` (rad, m) is by driven joint.  ``outputs`` are
+    names such as ``platform`` (its com and angle) or ``left-arm.P``, by default every body; the first of them is what
+    is moved over a ``workspace``, with its ``angle`` (rad; that of the assembly) where there are three drives.
+    Without a workspace the drives move over ``times`` (s), along a ``course`` or such that a platform follows a
+    ``path``, as in :func:`compare.crosscheck.crosscheck`.
+
+    Raises MechanismError, ArgumentError, GridError, DataError or AssemblyError.
+    """
+    named = None if outputs is None else names(outputs, "outputs")
+    with noted() as warned:
+        m = linkage(mechanism, clearance)
+        assembly = Assembly(m)
+        if assembly.structure.free:
+            raise ArgumentError("mechanism", f"{m.name} has freedoms without a drive; give each one a drive")
+        steps, wanted = _steps(encoder_step, assembly), named_outputs(named, m)
+        if workspace is not None:
+            found = _over_workspace(assembly, wanted, workspace, angle, steps)
+        else:
+            if angle is not None:
+                raise ArgumentError("angle", "is that of a workspace; give one, or leave the angle out")
+            moved = timed(
+                assembly, np.linspace(0.0, 1.0, 51) if _plain(times, course, path, m) else times, course, path
+            )
+            assert moved is not None  # times are given of one crank too
+            found = _along(assembly, wanted, *moved, steps)
+    return found.model_copy(update={"warnings": (*found.warnings, *warned)})
+
+
+def _plain(times: object, course: object, path: object, m: Mechanism) -> bool:
+    """Whether nothing says when one looks at a linkage that one crank moves."""
+    return times is None and course is None and path is None and m.cranked
+
+
+def _steps(given: Mapping[str, float] | None, assembly: Assembly) -> dict[str, float]:
+    joints = [joint.name for joint in assembly.mechanism.motors]
+    if given is not None and not isinstance(given, Mapping):
+        raise ArgumentError("encoder_step", f"{quoted(given)} cannot be used; give rad, or m, by driven joint")
+    found = {}
+    for name, step in (given or {}).items():
+        if name not in joints:
+            raise ArgumentError("encoder_step", f"{name!r} is no driven joint; they are {', '.join(joints)}")
+        size = number(step, "encoder_step", "rad, or m")
+        if not 0 <= size < np.inf:
+            raise ArgumentError("encoder_step", f"{name} = {quoted(step)}; give rad, or m, of 0 or more")
+        found[name] = size
+    return found
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Equilibria with finite gaps at some (indices) of so many poses."""
+
+    found: Displaced
+    at: np.ndarray
+    count: int
+
+    def by(self, d: Output) -> np.ndarray:
+        """Displacement (N,) of an output; NaN where there is none."""
+        moved = d.value(self.found.configuration.motion) - d.value(self.found.ideal.motion)
+        moved[list(self.found.flags)] = np.nan
+        out = np.full(self.count, np.nan)
+        out[self.at] = moved
+        return out
+
+    @property
+    def flags(self) -> dict[int, str]:
+        """Why there is none, by pose."""
+        return {int(self.at[i]): why for i, why in sorted(self.found.flags.items())}
+
+
+# ---------------------------------------------------------------- along a motion
+
+
+def _along(
+    assembly: Assembly, outputs: Sequence[Output], time: np.ndarray, courses: Courses, steps: Mapping[str, float]
+) -> PlatformAccuracy:
+    splines = courses.splines
+    inputs, rates, pushes = (
+        assembly.inputs_at({name: spline(time, order) for name, spline in splines.items()}) for order in range(3)
+    )
+    near = assembly.follow(inputs)
+    found = displaced(assembly, inputs, rates, alpha=pushes, near=near)
+    told = platform(found.ideal, outputs, assembly.mechanism.clearances, steps)
+    moved = Moved(found, np.arange(time.size), time.size)
+    return _result(assembly, told, moved, outputs, steps, _every).model_copy(update={"motion": "driven", "time": time})
+
+
+def _every(values: np.ndarray) -> np.ndarray:
+    """Values of every pose of a motion, all of which are reached."""
+    return np.asarray(values, float)
+
+
+# ---------------------------------------------------------------- over a workspace
+
+
+def _over_workspace(
+    assembly: Assembly, outputs: Sequence[Output], grid: Grid, angle: float | None, steps: Mapping[str, float]
+) -> PlatformAccuracy:
+    space = _reached(assembly, outputs, grid, angle)
+    inputs = space.coordinates[list(assembly.structure.inputs)]
+    ideal = kinetostatics(kinematics(assembly, inputs, path=space.followed), inertia=False)
+    clearances = assembly.mechanism.clearances
+    told = platform(ideal, outputs, clearances, steps)
+    moved, why = _equilibria(assembly, space.coordinates, told) if clearances else (None, "")
+    first = next(d for d in outputs if d.axis == "x")
+    where = Map(output=first.place, x=space.x, y=space.y, angle=space.angle)
+    result = _result(assembly, told, moved, outputs, steps, space.on_grid)
+    return result.model_copy(update={"workspace": where, "warnings": (why,) if why else ()})
+
+
+def _reached(assembly: Assembly, outputs: Sequence[Output], grid: Grid, angle: float | None) -> Workspace:
+    """The workspace of the first point among the outputs.  Raises ArgumentError or AssemblyError."""
+    first = next((d for d in outputs if d.axis == "x"), None)
+    if first is None:
+        raise ArgumentError("outputs", "a workspace is that of a point; name a body or a body's point first")
+    x, y = (np.linspace(*axis) for axis in grid)
+    if x.size * y.size > MOST_POSES:
+        raise ArgumentError("workspace", f"{x.size * y.size} poses cannot be used; give at most {MOST_POSES}")
+    wanted = [Coordinate(first.body, "x", first.point), Coordinate(first.body, "y", first.point)]
+    if len(assembly.structure.inputs) == 3:
+        wanted.append(Coordinate(first.body, "angle"))
+    elif angle is not None:
+        drives = count(len(assembly.structure.inputs), "drive")
+        raise ArgumentError(
+            "angle", f"is set by three drives, and {assembly.mechanism.name} has {drives}; leave it out"
+        )
+    return workspace(assembly, wanted, x, y, angle)
+
+
+def _equilibria(assembly: Assembly, coordinates: np.ndarray, told: Platform) -> tuple[Moved | None, str]:
+    """The equilibria of finite gaps where the linkage is held well, and a sentence on what is left out.
+
+    Near a singular pose gaps may keep the linkage from closing: it is sought where it is held better.
+    """
+    chosen = list(assembly.structure.inputs)
+    for limit in POORLY_HELD:
+        held = np.flatnonzero(told.holding < limit)
+        if not held.size:
+            break
+        near = coordinates[:, held]
+        try:
+            found = displaced(assembly, near[chosen], inertia=False, near=Followed(near))
+        except AssemblyError:
+            continue
+        left = told.holding.size - held.size
+        why = f"equilibria are left out of {count(left, 'pose')} whose condition of holding is above {limit:g}"
+        return Moved(found, held, told.holding.size), why if left else ""
+    return None, "equilibria with finite gaps are left out: with them the linkage does not close"
+
+
+# ---------------------------------------------------------------- both
+
+
+def _result(
+    assembly: Assembly,
+    told: Platform,
+    moved: Moved | None,
+    outputs: Sequence[Output],
+    steps: Mapping[str, float],
+    spread: _Spread,
+) -> PlatformAccuracy:
+    m, motion = assembly.mechanism, told.motion
+    elastic = _elastic(told, outputs)
+    nothing = np.full(motion.theta.size, np.nan)
+    errors = {d: _error(d, told, moved.by(d) if moved else nothing, elastic[d], spread) for d in outputs}
+    planes = zip([d for d in outputs if d.axis == "x"], [d for d in outputs if d.axis == "y"], strict=True)
+    indices = np.flatnonzero(np.isfinite(spread(np.zeros(motion.theta.size))))
+    flags = {str(int(indices[i])): why for i, why in moved.flags.items()} if moved else {}
+    moves = _moves(outputs, len(assembly.structure.inputs))
+    return PlatformAccuracy(
+        case=m.name,
+        mechanism=m,
+        versions=versions(),
+        motion="static",
+        clearance=dict(m.clearances),
+        encoder_step=dict(steps),
+        drive_position={joint.name: spread(motion.relative(joint)) for joint in m.motors},
+        poses={
+            body.name: Place(
+                x=spread(motion.position(body.name).real),
+                y=spread(motion.position(body.name).imag),
+                angle=spread(motion.angle(body.name)),
+            )
+            for body in m.bodies
+        },
+        holding=spread(told.holding),
+        dexterity=spread(told.dexterity(moves) if moves else np.full(motion.theta.size, np.nan)),
+        flags=flags,
+        outputs={d.name: error for d, error in errors.items()},
+        points={x.place: _point(told, x, y, spread) for x, y in planes},
+        first_order_off={d.name: _off(errors[d]) for d in outputs if moved and m.clearances},
+    )
+
+
+def _moves(outputs: Sequence[Output], inputs: int) -> list[Output]:
+    """The coordinates of the first point among the outputs that its drives set."""
+    first = next((d for d in outputs if d.axis == "x"), None)
+    if first is None:
+        return []
+    own = [first, Output(first.body, "y", first.point), Output(first.body, "angle")][:inputs]
+    return own if inputs in (2, 3) and all(d in outputs for d in own) else []
+
+
+def _elastic(told: Platform, outputs: Sequence[Output]) -> dict[Output, np.ndarray]:
+    """Elastic displacement (N,) of each output where the linkage is held well; zero where nothing yields."""
+    m, n = told.motion.structure.mechanism, told.motion.theta.size
+    if not (m.bends or any(joint.elasticity is not None for joint in m.joints)):
+        return {d: np.zeros(n) for d in outputs}
+    out = {d: np.full(n, np.nan) for d in outputs}
+    for limit in POORLY_HELD:
+        held = np.flatnonzero(told.holding < limit)
+        if not held.size:
+            break
+        try:
+            found = compliance(told.motion.part(held))
+        except ComplianceError as error:
+            if limit == POORLY_HELD[-1]:
+                raise ArgumentError("mechanism", str(error)) from None
+            continue
+        for d, values in out.items():
+            values[held] = d.elastic(found)
+        break
+    return out
+
+
+def _error(d: Output, told: Platform, moved: np.ndarray, elastic: np.ndarray, spread: _Spread) -> PoseError:
+    worst, resolution = told.worst_clearance(d), told.resolution(d)
+    error = PoseError(
+        body=d.body,
+        axis=d.axis,
+        unit=d.unit,
+        value=spread(d.value(told.motion)),
+        nominal=spread(told.along_reactions(d)),
+        equilibrium=spread(moved),
+        worst_case=spread(worst),
+        sensitivity={joint: spread(values) for joint, values in told.sensitivity(d).items()},
+        resolution=spread(resolution),
+        compliance=spread(elastic),
+        total=spread(worst + resolution + np.abs(elastic)),
+    )
+    return error if d.axis == "angle" else error.model_copy(update={"point": d.point})
+
+
+def _point(told: Platform, x: Output, y: Output, spread: _Spread) -> PointError:
+    far = told.farthest(x, y)
+    return PointError(farthest=spread(np.abs(far)), farthest_direction=spread(np.angle(far)))
+
+
+def _off(error: PoseError) -> float:
+    """The largest difference between first order and equilibrium, as a share of the largest displacement."""
+    apart, size = np.abs(error.nominal - error.equilibrium), np.abs(error.equilibrium)
+    largest = float(np.nanmax(size, initial=0.0))
+    return float(np.nanmax(apart, initial=0.0)) / largest if largest else 0.0

@@ -1,0 +1,203 @@
+"""The accuracy of a platform, shown: a page on which a pose is picked and drawn, a table, and curves or a map."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from analytic.mechanism.one_line import count
+from compare.quantities import plain, shown
+from compare.report.linkage import parts
+from compare.report.pages import script_json, static
+from compare.results.platform import PlatformAccuracy, PoseError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DIGITS = 5  # of numbers in the page
+FIELDS: Mapping[str, str] = {
+    "total": "all together, to either side",
+    "worst_case": "clearance, worst case",
+    "equilibrium": "clearance, finite gaps in equilibrium",
+    "nominal": "clearance, first order (Eq. 8)",
+    "resolution": "resolution of the drives",
+    "compliance": "compliance",
+}
+NOTES = (
+    "Clearance, worst case: the largest displacement to either side, wherever the pins lie. In equilibrium: every pin"
+    " where its own reaction presses it, with finite gaps; first order: along the ideal linkage's reactions (Eq. 8)."
+    " Resolution: all drives half a step of their encoders off. All together: worst case, resolution and compliance.",
+    "Dexterity is the condition number of the platform's velocity by its drives: infinite where it cannot move in some"
+    " direction (first kind). Holding is that of the loops: infinite where its drives do not hold it (second kind).",
+)
+
+
+def files(result: PlatformAccuracy) -> dict[str, str]:
+    """The page, and the numbers as a table for other programs."""
+    return {"accuracy.html": _page(result), "accuracy.csv": result.to_csv()}
+
+
+def _page(result: PlatformAccuracy) -> str:
+    environment = Environment(
+        loader=PackageLoader("compare.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    return environment.get_template("platform.html.j2").render(
+        result=result,
+        css=static("report.css"),
+        script=static("platform.js"),
+        data=script_json(_data(result)),
+        facts=_facts(result),
+        notes=NOTES,
+        heads=HEADS,
+        rows=_rows(result),
+    )
+
+
+def _facts(result: PlatformAccuracy) -> dict[str, str]:
+    sizes = ", ".join(f"{joint} {1e3 * size:.4g} mm" for joint, size in result.clearance.items()) or "none"
+    steps = ", ".join(f"{joint} {_step(result, joint, step)}" for joint, step in result.encoder_step.items()) or "none"
+    reached = int(result.reached.sum())
+    where = f"{reached} of {count(result.reached.size, 'pose')}" if result.workspace else count(reached, "pose")
+    found = {"radial clearance": sizes, "encoder steps": steps, "poses": where}
+    if result.workspace is not None and result.workspace.angle is not None:
+        found["angle"] = f"{math.degrees(result.workspace.angle):.5g} deg"
+    return found
+
+
+def _step(result: PlatformAccuracy, joint: str, step: float) -> str:
+    unit, factor = shown("m" if result.mechanism.joint(joint).prismatic else "rad")
+    return f"{plain(factor * step)} {unit}"
+
+
+def _data(result: PlatformAccuracy) -> dict[str, object]:
+    """What the page's script draws: places, errors and poses, in a reader's units."""
+    point = next(iter(result.points), None)
+    grid = result.workspace
+    return {
+        "parts": parts(result.mechanism),
+        "poses": {name: [_short(p.x), _short(p.y), _short(p.angle)] for name, p in result.poses.items()},
+        "grid": None
+        if grid is None
+        else [len(grid.x), len(grid.y), list(map(float, grid.x)), list(map(float, grid.y))],
+        "place": _places(result, point),
+        "time": None if result.time is None else _short(result.time),
+        "drives": {
+            f"{name} ({shown(_unit(result, name))[0]})": _short(shown(_unit(result, name))[1] * values)
+            for name, values in result.drive_position.items()
+        },
+        "maps": _maps(result),
+        "farthest": None
+        if point is None
+        else [_short(result.points[point].farthest), _short(result.points[point].farthest_direction)],
+    }
+
+
+def _unit(result: PlatformAccuracy, joint: str) -> str:
+    return "m" if result.mechanism.joint(joint).prismatic else "rad"
+
+
+def _places(result: PlatformAccuracy, point: str | None) -> list[list[float | None]]:
+    """Where (m) the first point among the outputs is, else the first body."""
+    if point is not None:
+        return [_short(result.outputs[f"{point}_{axis}"].value) for axis in "xy"]
+    first = next(iter(result.poses.values()))
+    return [_short(first.x), _short(first.y)]
+
+
+def _maps(result: PlatformAccuracy) -> list[dict[str, object]]:
+    """Every quantity that may be drawn: title, unit, values at the poses, and whether over decades."""
+    found: list[dict[str, object]] = []
+    for place, error in result.points.items():
+        title = f"{place}: farthest by clearance, in any direction"
+        found.append({"title": title, "unit": "mm", "values": _short(1e3 * error.farthest), "decades": False})
+    for name, output in result.outputs.items():
+        unit, factor = shown(output.unit)
+        for field, what in FIELDS.items():
+            values = factor * np.abs(getattr(output, field))
+            if np.nanmax(values, initial=0.0) > 0:
+                found.append({"title": f"{name}: {what}", "unit": unit, "values": _short(values), "decades": False})
+        apart = factor * np.abs(output.nominal - output.equilibrium)
+        if np.nanmax(apart, initial=0.0) > 0:
+            title = f"{name}: error of first order"
+            found.append({"title": title, "unit": unit, "values": _short(apart), "decades": False})
+    found += [
+        {"title": f"condition number: {what}", "unit": "1", "values": _short(values), "decades": True}
+        for what, values in (("dexterity", result.dexterity), ("holding", result.holding))
+        if np.isfinite(values).any()
+    ]
+    return found
+
+
+def _short(values: np.ndarray) -> list[float | None]:
+    return [float(f"{v:.{DIGITS}g}") if math.isfinite(v) else None for v in np.asarray(values, float).tolist()]
+
+
+# ---------------------------------------------------------------- tables
+
+HEADS = ("output", "unit", "equilibrium", "worst case", "resolution", "compliance", "together", "first order off by")
+
+
+def _rows(result: PlatformAccuracy) -> list[tuple[str, ...]]:
+    """The largest sizes of each output's errors."""
+    return [(name, *_row(output, result.first_order_off.get(name))) for name, output in result.outputs.items()]
+
+
+def _row(output: PoseError, off: float | None) -> tuple[str, ...]:
+    unit, factor = shown(output.unit)
+    fields = (output.equilibrium, output.worst_case, output.resolution, output.compliance, output.total)
+    sizes = [float(np.nanmax(np.abs(values), initial=0.0)) * factor for values in fields]
+    return unit, *(plain(size) if size else "-" for size in sizes), "-" if off is None else f"{100 * off:.2g} %"
+
+
+def print_table(result: PlatformAccuracy, console: Console) -> None:
+    """Print the largest errors of each output over the poses, then what to beware of; ASCII."""
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    for heading in HEADS:
+        table.add_column(heading, justify="left" if heading in ("output", "unit") else "right", no_wrap=True)
+    for row in _rows(result):
+        table.add_row(*map(escape, row))
+    console.print(table)
+    told = [f"{what} {value}" for what, value in _facts(result).items()]
+    console.print(escape("largest over the poses, to either side; " + "; ".join(told)), highlight=False, soft_wrap=True)
+    for first, why in list(result.flags.items())[:1]:
+        what = f"{count(len(result.flags), 'pose')} without an equilibrium, first number {first}: {why}"
+        console.print(escape(what), highlight=False, soft_wrap=True)
+    console.print(escape(repr(result)), highlight=False, soft_wrap=True)
+
+
+def summary_html(result: PlatformAccuracy) -> str:
+    """The same for a notebook."""
+    rows = "".join("<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in row) + "</tr>" for row in _rows(result))
+    head = "".join(f"<th>{name}</th>" for name in HEADS)
+    return f"<p>{html.escape(repr(result))}</p><table><tr>{head}</tr>{rows}</table>"
+
+
+def plot(result: PlatformAccuracy, figure: Figure) -> None:
+    """What all errors come to together: over time, or over the workspace."""
+    outputs = list(result.outputs.items())[:3]
+    grid = result.workspace
+    axes = figure.subplots(1 if grid else len(outputs), len(outputs) if grid else 1, squeeze=False).ravel()
+    for axis, (name, output) in zip(axes, outputs, strict=True):
+        unit, factor = shown(output.unit)
+        if grid is not None:
+            values = factor * output.total.reshape(grid.y.size, grid.x.size)
+            drawn = axis.pcolormesh(1e3 * grid.x, 1e3 * grid.y, values)
+            figure.colorbar(drawn, ax=axis, label=f"{name} ({unit})")
+            axis.set_aspect("equal")
+            axis.set_xlabel("x (mm)")
+        else:
+            axis.plot(result.time, factor * output.total, label="all together")
+            axis.plot(result.time, factor * np.abs(output.equilibrium), label="clearance in equilibrium")
+            axis.set_ylabel(f"{name} ({unit})")
+    if grid is None:
+        axes[0].legend(fontsize="small")
+        axes[-1].set_xlabel("time (s)")
+    figure.suptitle(result.case)

@@ -1,0 +1,113 @@
+"""Runs of an Exudyn linkage whose joints follow courses, or that moves freely with more than a crank's freedom."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from analytic.mechanism.signals import driving
+from sim_models.common.failed_starts import own_start, who
+from sim_models.common.start import Pose
+from sim_models.engine import Cause, JointModel, Request, SimulationError, Trace, Unsupported
+from sim_models.exudyn.equilibria import Equilibria
+from sim_models.exudyn.laws import joint_creep
+from sim_models.exudyn.linkage import ExudynLinkage, Inertia
+from sim_models.exudyn.model import ExudynModel
+from sim_models.exudyn.motor import INSTANT
+from sim_models.exudyn.path import CoursePath
+from sim_models.exudyn.record import Record, travel
+from sim_models.exudyn.runs import Run, swing_step
+from sim_models.exudyn.steady import instants, passing
+
+TURN_PER_STEP = 1e-3  # rad of the fastest body in a step, at most: loops that several motors hold give more
+
+
+class CoursesRun(Run):
+    """A request with courses of its driven joints, or with none, where all moves freely.
+
+    Raises Unsupported for what only a crank's drive has, and AssemblyError where the linkage cannot follow its courses.
+    """
+
+    path: CoursePath
+
+    def __init__(self, request: Request) -> None:
+        super().__init__(request)
+        m = self.m
+        if m.drive_stiffness is not None or m.periodic_torque is not None:
+            raise Unsupported(
+                f"exudyn: {m.name}: a drive on a course of its own is rigid, and nothing else turns its body; leave out"
+                " its stiffness and periodic_torque"
+            )
+        self.path = CoursePath(request, self.assembly)
+        self.motors = [*self.path.motors.values()]
+        signals = driving([m.joint(name) for name in self.path.motors])
+        named = {signal.name: motor for signal, motor in zip(signals, self.motors, strict=False)}  # none: one signal
+        self.judge = replace(self.judge, motors=named)
+
+    def trace(self) -> Trace:
+        """Run the request."""
+        time = np.asarray(self.request.time, float)
+        passed = self.path.clock(time)
+        order = np.argsort(passed, kind="stable")
+        with own_start("exudyn", self.request, self.assembly):
+            linkage, longest = self.launch()
+            history, marks = self.march(linkage, passed[order], longest, self.motors)
+            self.check_moved(history)
+        seen = history.rows(slice(int(marks[0]), None)) if self.motors else history
+        return self.report(history.rows(marks[np.argsort(order)]), seen, time, longest)
+
+    def check_moved(self, history: Record) -> None:
+        """Raise SimulationError where the linkage has not moved as one does."""
+        if not self.path.still:
+            self.check(self.judge.in_assembly_mode(history, self.path))
+        elif self.request.joint_model in ("ideal", "massless-link"):
+            jump = self.judge.abrupt(history)
+            if jump:
+                raise SimulationError(
+                    f"{who('exudyn', self.request)}: {jump}",
+                    Cause.DIVERGED,
+                    "ask for times before that, or use another simulator",
+                )
+        self.check(self.judge.energy(history))
+
+    def launch(self) -> tuple[ExudynLinkage, float]:
+        """The linkage ready to go, and its longest step (s)."""
+        r, path = self.request, self.path
+        inertia = self.release_accelerations() if path.still else None
+        start, pressing = path.moving(0.0, 0.0), dict[str, float]()
+        if (self.clearance or self.bearings) and r.start == "steady":
+            equilibria = Equilibria(r, path, 0.0, joint_creep(self.motors))
+            if inertia is None:
+                time = instants(path)
+                start, here = passing(equilibria, time, time)
+            else:
+                here = equilibria.at(0.0, inertia)
+                gaps = {name: complex(here.gap[name][0]) for name in equilibria.displaced}
+                start = path.moving(0.0, 0.0, gaps)
+            pressing = {name: abs(force[0]) for name, force in here.force.items()}
+        steps = [motor.longest_step for motor in self.motors]
+        steps += [TURN_PER_STEP / max(path.top_speed, 1.0)] if self.motors else []
+        steps += [swing_step(inertia)] if inertia else []
+        linkage = self.linkage(r.joint_model, start)
+        return linkage, r.step or self.longest_step(linkage, steps, pressing)
+
+    def linkage(self, joint_model: JointModel, start: Mapping[str, Pose]) -> ExudynLinkage:
+        """The linkage with its motors."""
+        return ExudynLinkage(
+            ExudynModel(self.m, joint_model, "driven", start, drives=self.path.motors, redundant=self.redundant)
+        )
+
+    def release_accelerations(self) -> Inertia:
+        """Accelerations of the ideal linkage as it, or a part of it, is let go."""
+        linkage = self.linkage("ideal", self.path.moving(0.0, 0.0))
+        self.advance(linkage, 0.0, INSTANT, 1)
+        if self.motors:
+            self.advance(linkage, INSTANT, self.path.start, 0)
+        return linkage.inertia()
+
+    def leading(self, sampled: Record) -> np.ndarray:
+        """Position (N,) rad, m of the first input's joint."""
+        s = self.assembly.structure
+        return travel(self.m, sampled, self.m.joint(s.coordinates[s.inputs[0]].joint))

@@ -1,0 +1,100 @@
+"""Runs of a MuJoCo linkage whose joints follow courses, or that moves freely with more than a crank's freedom."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from analytic.mechanism.signals import position
+from sim_models.common.failed_starts import own_start
+from sim_models.common.travel import with_positions
+from sim_models.engine import Request, Trace
+from sim_models.mujoco.equilibrium import Equilibria
+from sim_models.mujoco.mjcf import Setting
+from sim_models.mujoco.model import MujocoLinkage
+from sim_models.mujoco.motor import AHEAD, AROUND, BESIDE, AlongCourses, spacing
+from sim_models.mujoco.path import CoursePath
+from sim_models.mujoco.runs import STATIC_STEP, Run, State, scatter
+from sim_models.mujoco.state import friction_torques, joint_forces, look, on_track, signals
+from sim_models.mujoco.steady import derivative
+
+LARGEST_STEP = 2e-4  # s: loops that several motors hold give more than one behind a crank
+
+
+class CoursesRun(Run):
+    """A request with courses of its driven joints, or with none, where all moves freely.
+
+    Raises AssemblyError where the linkage cannot follow them.
+    """
+
+    largest_step = LARGEST_STEP
+
+    def __init__(self, request: Request) -> None:
+        super().__init__(request)
+        self.path = self.courses = CoursePath(request, self.assembly)
+        self.hold, self.follows = self.courses.held, bool(self.courses.motors)
+        if self.follows:
+            self.steering = self.motors = AlongCourses([*self.courses.motors.values()])
+            self.steering.top_speed = self.courses.top_speed
+
+    def trace(self) -> Trace:
+        """Run the request."""
+        time = np.asarray(self.request.time, float)
+        order = np.argsort(time, kind="stable")
+        with own_start("mujoco", self.request, self.assembly):
+            q, v, step, how = self.begin()
+            signals, log, step = self.run(
+                self.courses.begin, (q, v), self.again, step, time[order], float(time.min()) - self.courses.begin
+            )
+        columns = {name: scatter(values, order) for name, values in signals.items()}
+        trace = self.report(np.zeros(time.size), time, columns, log, {"step": step, "start": how})
+        trace, s = with_positions(self.mechanism, trace), self.assembly.structure
+        first = self.mechanism.joint(s.coordinates[s.inputs[0]].joint)
+        return replace(trace, crank_angle=trace.signals[position(first).name])
+
+    def begin(self, step: float | None = None) -> tuple[np.ndarray, np.ndarray, float, str]:
+        """Coordinates, velocities, step (s; the longest that is in order, where none is given) and kind of start."""
+        begin = self.courses.begin
+        near = self.near(begin)
+        if not self.courses.held:
+            return self.let_go(near, step)
+        slides = {joint.name for joint in self.mechanism.joints if joint.prismatic}
+        apart = min(spacing(c, near.ideal.size if n in slides else 1.0) for n, c in self.courses.motors.items())
+        if self.courses.top_speed:
+            apart = min(apart, BESIDE / self.courses.top_speed)
+        q, v, step, how = self.settle(near, begin + apart * AHEAD, apart * AHEAD, 0, step)
+        v[near.pressed.motors] = self.motors.at(near.pressed, np.array([begin]), 1)[0]
+        return q, v, step, how
+
+    def again(self, step: float) -> State:
+        """Coordinates and velocities of the start where rows give as they do in such steps (s)."""
+        return self.begin(step)[:2]
+
+    def let_go(self, near: Equilibria, step: float | None) -> tuple[np.ndarray, np.ndarray, float, str]:
+        """The same where something moves freely: there is no steady motion, but pins are pressed, and what is driven
+        moves.
+        """
+        begin, pressed = self.courses.begin, near.pressed
+        gaps = self.gaps_at_release(near) if self.laws else {}
+        q = near.place(pressed, begin, gaps)
+        v = np.zeros(q.size)
+        if self.courses.top_speed:
+            instants = AROUND * BESIDE / self.courses.top_speed
+            around = np.array([near.place(pressed, begin + x, gaps) for x in instants])
+            v = (derivative(instants) @ around)[2]
+            v[pressed.motors] = self.motors.at(pressed, np.array([begin]), 1)[0]
+        return q, v, self.longest_step(near, q) if step is None else step, "released"
+
+    def gaps_at_release(self, near: Equilibria) -> dict[str, complex]:
+        """Gaps (m) along the ideal linkage's reactions at the start, x where there is none; zero to start centred."""
+        if self.centred:
+            return {}
+        setting = Setting("ideal", STATIC_STEP, self.hold, follows=self.follows, driven=self.courses.driven)
+        link = MujocoLinkage(self.mechanism, {}, self.courses.poses(self.courses.begin), setting)
+        link.data.qpos[:] = near.place(link, self.courses.begin)
+        self.steering.place(link, self.courses.begin, 0.0)
+        on_track(link)
+        look(link)
+        seen = signals(link, joint_forces(link, link.data.efc_force), friction_torques(link))
+        return {name: near.rim(name, force or complex(1e-12)) for name, force in near.noted(seen).items()}

@@ -1,0 +1,209 @@
+"""What clearance, drives and compliance make of a platform's pose, against other roads: velocities, energy, circles."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import linkage_crosscheck as lc
+from analytic.beyond_paper.platform import platform
+from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
+from analytic.kinematics.inverse import Coordinate, inverse
+from analytic.kinematics.motion import Gap, kinematics
+from analytic.kinematics.workspace import workspace
+from analytic.mechanism import MASS_CENTRE, Mechanism
+from analytic.mechanism.file import load
+from analytic.paper.clearance import displaced
+from analytic.paper.envelope import Output
+from analytic.paper.kinetostatics import kinetostatics
+from commands import compare
+from several_linkages import TIMES, splines, waved
+
+POSE = {
+    "five-bar": [Coordinate("left-arm", axis, "P") for axis in ("x", "y")],
+    "3-rrr": [Coordinate("platform", axis) for axis in ("x", "y", "angle")],
+    "3-rpr": [Coordinate("platform", axis) for axis in ("x", "y", "angle")],
+    "2r-arm": [Coordinate("forearm", axis, "T") for axis in ("x", "y")],
+}
+
+
+def outputs(name: str) -> list[Output]:
+    return [Output(c.body, c.axis, c.point) for c in POSE[name]]
+
+
+def inputs_of(assembly: Assembly) -> np.ndarray:
+    return assembly.inputs_at({name: spline(TIMES) for name, spline in splines(waved(assembly.mechanism)).items()})
+
+
+@pytest.mark.parametrize("name", POSE)
+def test_a_gap_displaces_the_platform_as_fast_as_it_opens_and_a_drive_as_fast_as_it_moves(name: str) -> None:
+    """The other half of the duality: unit reactions are velocities, of the platform while a gap opens at unit rate."""
+    assembly = Assembly(load(name))
+    s, inputs = assembly.structure, inputs_of(assembly)
+    near = assembly.follow(inputs)
+    motion = kinematics(assembly, inputs, path=near)
+    found = platform(kinetostatics(motion, inertia=False), outputs(name), {}, {})
+    closed = np.zeros(TIMES.size, complex)
+    for d in outputs(name):
+        for k, pin in enumerate(s.pins):
+            for along in (1.0, 1j):
+                rate = d.rate(kinematics(assembly, inputs, gaps={pin: Gap(closed, closed + along)}, path=near))
+                ours = (np.conj(found.gaps[d][k]) * along).real
+                assert np.abs(ours - rate).max() < 1e-9 * max(1.0, np.abs(rate).max()), (d.name, pin)
+        for k, i in enumerate(s.inputs):
+            speeds = np.zeros((len(s.inputs), 1))
+            speeds[k] = s.signs[i]  # a unit rate of the joint's position
+            rate = d.rate(kinematics(assembly, inputs, speeds, path=near))
+            assert np.abs(found.drives[d][k] - rate).max() < 1e-9 * max(1.0, np.abs(rate).max()), (d.name, i)
+
+
+@pytest.mark.parametrize("name", POSE)
+def test_the_inverse_finds_the_drives_that_made_a_path(name: str) -> None:
+    assembly = Assembly(load(name))
+    inputs = inputs_of(assembly)
+    motion = kinematics(assembly, inputs)
+    found = inverse(assembly, POSE[name], np.array([c.value(motion) for c in POSE[name]]))
+    assert np.abs(found.coordinates[list(assembly.structure.inputs)] - inputs).max() < 1e-10
+
+
+def test_a_pose_that_is_out_of_reach_or_singular_is_named() -> None:
+    assembly = Assembly(load("2r-arm"))
+    wanted = POSE["2r-arm"]
+    with pytest.raises(AssemblyError, match=r"2r-arm: forearm.T_x = .*, forearm.T_y = .* (is singular|cannot be)"):
+        inverse(assembly, wanted, np.array([[0.3, 0.4, 0.5], [0.3, 0.4, 0.5]]))
+    with pytest.raises(AssemblyError, match=r"1 wanted coordinates \(forearm.T_x\) and 2 inputs \(O, K\)"):
+        inverse(assembly, wanted[:1], np.array([[0.3]]))
+
+
+def heavy(m: Mechanism) -> Mechanism:
+    """The linkage with all that has a potential: weights and constant forces."""
+    return m.with_clearances({"A": 4e-4, "P": 6e-4})
+
+
+def test_pins_of_a_five_bar_settle_where_the_potential_energy_is_least() -> None:
+    """Needs no reactions: over the places of both pins on their rims the energy of weights and loads has a minimum."""
+    m = heavy(load("five-bar"))
+    assembly = Assembly(m)
+    for inputs in inputs_of(assembly).T[::3]:
+        at = inputs[:, None]
+        near = assembly.follow(at)
+
+        def energy(angles: np.ndarray, at: np.ndarray = at, near: Followed = near) -> float:
+            gaps = {
+                pin: Gap(np.array([m.clearances[pin] * np.exp(1j * a)]))
+                for pin, a in zip(("A", "P"), angles, strict=True)
+            }
+            motion = kinematics(assembly, at, gaps=gaps, path=near)
+            weight = sum(b.mass * 9.81 * motion.position(b.name, MASS_CENTRE).imag[0] for b in m.bodies)
+            return float(weight + 20.0 * motion.position("left-arm", "P").imag[0])
+
+        found = displaced(assembly, at, inertia=False, near=near)
+        angles = np.array([np.angle(found.gaps[pin][0]) for pin in ("A", "P")])
+        least = minimize(
+            lambda a: 1e3 * energy(a), angles + 0.3, method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-13}
+        )
+        assert np.abs(np.angle(np.exp(1j * (least.x - angles)))).max() < 1e-4
+
+
+def test_first_order_is_off_by_the_square_of_the_gap() -> None:
+    off = []
+    for size in (2e-4, 1e-4):
+        found = lc.platform_accuracy("five-bar", clearance={"P": size}, outputs="left-arm.P", times=TIMES)
+        output = found.outputs["left-arm.P_x"]
+        off.append(float(np.abs(output.nominal - output.equilibrium).max()))
+    assert off[0] / off[1] == pytest.approx(4.0, rel=0.03)
+
+
+def test_a_five_bars_workspace_is_within_its_circles_and_its_drives_are_the_circles_angles() -> None:
+    assembly = Assembly(load("five-bar"))
+    axis = np.linspace(-0.15, 0.25, 41), np.linspace(-0.05, 0.27, 33)
+    found = workspace(assembly, POSE["five-bar"], *axis)
+    x, y = np.meshgrid(*axis)
+    place = (x + 1j * y)[found.reached]
+    for pivot, k, side in ((0.0, 0, 1.0), (0.12, 1, -1.0)):
+        far = np.abs(place - pivot)
+        assert np.all((far > 0.06 - 1e-9) & (far < 0.26 + 1e-9))
+        elbow = np.arccos((far**2 + 0.10**2 - 0.16**2) / (2 * far * 0.10))
+        crank = np.angle(place - pivot) + side * elbow
+        ours = found.coordinates[assembly.structure.inputs[k]]
+        clear = (far > 0.061) & (far < 0.259)  # at the rim an elbow is stretched or folded
+        off = np.abs(np.angle(np.exp(1j * (ours - crank))))
+        assert off[clear].max() < 1e-9  # both elbows stay out, as assembled
+        assert off.max() < 1e-6
+    assert 500 < found.reached.sum() < found.reached.size
+
+
+def test_a_workspace_ends_where_a_singular_pose_lies_between() -> None:
+    """The arm's elbow stays on its side: all of the ring that it sweeps is reached, nothing beyond its outer circle."""
+    assembly = Assembly(load("2r-arm"))
+    axis = np.linspace(-0.6, 0.6, 61)
+    found = workspace(assembly, POSE["2r-arm"], axis, axis)
+    x, y = np.meshgrid(axis, axis)
+    far = np.hypot(x, y)
+    assert np.array_equal(found.reached, (far > 0.05) & (far < 0.55) & ~((far > 0.5499) | (far < 0.0501)))
+    elbow = found.coordinates[assembly.structure.inputs[1]]
+    assert np.all(np.sin(elbow) > 0)
+
+
+def test_a_map_says_where_each_error_is_and_the_errors_add_up() -> None:
+    found = lc.platform_accuracy(
+        "3-rrr", clearance={"B1": 1e-4, "C2": 2e-4}, encoder_step={"A1": 2e-4}, outputs="platform",
+        workspace=((-0.1, 0.1, 11), (-0.1, 0.1, 9)),
+    )  # fmt: skip
+    assert found.workspace.x.size * found.workspace.y.size == found.holding.size == 99
+    assert 40 < found.reached.sum() < 99
+    for name, output in found.outputs.items():
+        known = np.isfinite(output.total)
+        assert np.array_equal(known, found.reached & np.isfinite(output.compliance)), name
+        by_joint = 1e-4 * output.sensitivity["B1"] + 2e-4 * output.sensitivity["C2"]
+        assert np.allclose(output.worst_case[known], by_joint[known], rtol=1e-12)
+        added = output.worst_case + output.resolution + np.abs(output.compliance)
+        assert np.allclose(output.total[known], added[known], rtol=1e-12)
+        settled = known & np.isfinite(output.equilibrium)
+        assert np.all(np.abs(output.equilibrium[settled]) < 1.1 * output.worst_case[settled])
+    assert np.allclose(found.outputs["platform_angle"].value[found.reached], -0.3, atol=1e-9)
+    assert all(1e-3 < share < 0.05 for share in found.first_order_off.values())
+
+
+def test_clearance_whose_reaction_nobody_knows_is_refused() -> None:
+    from several_linkages import third_bar
+
+    with pytest.raises(AssemblyError, match="statics does not determine the reaction of joint 'B'"):
+        lc.platform_accuracy(third_bar(), clearance={"B": 1e-4}, outputs="coupler", times=[0.0, 0.1])
+
+
+def test_the_command_writes_numbers_a_table_and_a_page(tmp_path: Path) -> None:
+    options = ["--output", "left-arm.P", "--clearance", "P=1e-4", "--encoder-step", "D=1e-4,E=1e-4"]
+    grid = "--workspace=-0.1:0.2:7,0.05:0.25:5"
+    done = compare("accuracy", "--case", "five-bar", *options, grid, "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    written = json.loads((tmp_path / "out" / "accuracy.json").read_text())
+    assert written["workspace"]["output"] == "left-arm.P"
+    assert len(written["outputs"]["left-arm.P_x"]["total"]) == 35
+    page = (tmp_path / "out" / "accuracy.html").read_text()
+    assert "left-arm.P_x: error of first order" in page
+    assert (tmp_path / "out" / "accuracy.csv").read_text().startswith("output,unit,position_D")
+
+
+REFUSED = {
+    "no grid": (["--workspace", "0:1:5"], "--workspace 0:1:5: give x0:x1:nx,y0:y1:ny in metres"),
+    "an empty grid": (["--workspace", "0:0:5,0:1:5"], "each axis needs a higher end"),
+    "out of reach": (["--workspace", "5:6:5,5:6:5"], "no place of the grid"),
+    "a step of nothing": (["--encoder-step", "A=1e-4"], "'A' is no driven joint; they are D, E"),
+    "of a crank": (["--angles", "0:10:5"], "--angles is of linkages that one crank moves"),
+    "angle of two drives": (["--workspace", "0:0.1:3,0.1:0.2:3", "--angle", "20"], "is set by three drives"),
+}
+
+
+@pytest.mark.parametrize("fault", REFUSED)
+def test_what_cannot_be_used_is_refused_in_one_sentence(fault: str, tmp_path: Path) -> None:
+    options, words = REFUSED[fault]
+    done = compare("accuracy", "--case", "five-bar", *options, "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists() or not list((tmp_path / "out").iterdir())

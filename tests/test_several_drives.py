@@ -1,0 +1,219 @@
+"""Linkages that are not moved by one crank, held against a referee in maximal coordinates with multipliers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from analytic.beyond_paper.free_motion import driven_motion, free_motion
+from analytic.beyond_paper.released import released
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import kinematics
+from analytic.kinematics.structure import StructureError
+from analytic.mechanism import Mechanism, MechanismError
+from analytic.mechanism.file import dumps, load, loads
+from analytic.paper.clearance import displaced
+from analytic.paper.kinetostatics import Reactions, kinetostatics
+from maximal import Maximal
+from several_linkages import CASES, SHIPPED, TIMES, referee, splines, sprung, third_bar, waved
+
+ROUNDING = 1e-10  # of the largest of a signal's kind
+
+
+def moved(m: Mechanism, times: np.ndarray = TIMES) -> Reactions:
+    return driven_motion(Assembly(m), times, splines(waved(m)))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_positions_rates_and_all_that_is_determined_of_the_forces_are_the_referees(name: str) -> None:
+    m = CASES[name]
+    found = moved(m)
+    judge, posed = referee(m, waved(m), TIMES)
+    motion = found.motion
+    for body in m.bodies:
+        k = judge.index[body.name]
+        for q, places in (("q", motion.position), ("rates", motion.velocity), ("accelerations", motion.acceleration)):
+            theirs = np.array([complex(*getattr(p, q)[k : k + 2]) for p in posed])
+            assert np.abs(places(body.name, "centre of mass") - theirs).max() < ROUNDING * max(
+                1.0, np.abs(theirs).max()
+            )
+        turned = np.array([p.q[k + 2] for p in posed])
+        assert np.abs(motion.angle(body.name) - turned).max() < ROUNDING
+    largest = max(abs(force) for p in posed for force in p.forces.values())
+    for joint in m.joints:
+        theirs = np.array([p.forces[joint.name] for p in posed])
+        if joint.name in found.undetermined:
+            assert np.all(np.isnan(found.forces[joint.name]))
+        else:
+            assert np.abs(found.forces[joint.name] - theirs).max() < ROUNDING * largest
+        if joint.prismatic:
+            moments = np.array([p.moments[joint.name] for p in posed])
+            assert np.abs(found.moments[joint.name] - moments).max() < ROUNDING * largest
+    for drive in m.drives:
+        motors = np.array([p.motors[drive.joint] for p in posed])
+        assert np.abs(found.drive_loads[drive.joint] - motors).max() < ROUNDING * max(1.0, np.abs(motors).max())
+    assert found.undetermined == posed[0].undetermined
+
+
+def test_a_third_bar_leaves_the_torque_determined_and_the_reactions_not() -> None:
+    """What the bars share is up to their lengths, to a micrometre; what the crank needs is not."""
+    found = moved(third_bar())
+    assert found.undetermined == {"D", "A", "B", "E", "c2", "f2"}
+    assert np.all(np.isfinite(found.drive_loads["D"]))
+    assert np.all(np.isnan(found.forces["B"]))
+
+
+def test_a_third_bar_that_does_not_fit_is_refused_with_its_joint() -> None:
+    with pytest.raises(StructureError, match=r"joint 'f2' closes a loop that is rigid already.*make its lengths agree"):
+        Assembly(third_bar(beside=2e-3))
+
+
+def test_a_structure_that_cannot_move_is_refused() -> None:
+    """The coupler pinned to the ground in its middle: the loops close where it is assembled, and nowhere else."""
+    m = load("paper").with_clearances({})
+    at = 0.2 * np.exp(1j * m.assembly["crank"]) + 0.2
+    coupler = m.moving["coupler"].model_copy(update={"points": {**m.moving["coupler"].points, "F": (0.2, 0.0)}})
+    ground = m.ground.model_copy(update={"points": {**m.ground.points, "F": (at.real, at.imag)}})
+    pin = m.joint("E").model_copy(update={"name": "F", "bodies": ("ground", "coupler")})
+    bodies = tuple(coupler if b.name == "coupler" else b for b in m.bodies)
+    with pytest.raises(StructureError, match=r"'F' closes a loop that is rigid already, .*\(mobility -1.*; remove it$"):
+        Assembly(m.replace(ground=ground, bodies=bodies, joints=(*m.joints, pin)))
+
+
+def double_pendulum() -> Mechanism:
+    return load("2r-arm").replace(name="double pendulum", drives=(), assembly={"upper-arm": 0.2, "forearm": -0.6})
+
+
+def swinging_forearm() -> Mechanism:
+    drives = [{"joint": "O", "speed": 2.0}, {"joint": "K", "speed": "free"}]
+    return load("2r-arm").replace(name="forearm let go", drives=drives)
+
+
+@pytest.mark.parametrize("m", [double_pendulum(), swinging_forearm()], ids=lambda m: m.name)
+def test_what_no_motor_moves_swings_as_the_referee_says(m: Mechanism) -> None:
+    times = np.linspace(0.0, 0.5, 6)
+    start, courses = Assembly(m).positions, {}
+    if m.drives:
+        knots = np.linspace(0.0, 0.6, 9)
+        courses = {"O": (knots, start["O"] + 2.0 * knots)}
+    motors = splines(courses)
+    found = free_motion(Assembly(m), times, motors)
+    everything = Maximal(m, ("O", "K"))
+    q = everything.home(start)
+    rates = everything.driven_at(q, {"O": (start["O"], 2.0 * bool(courses), 0.0), "K": (start["K"], 0.0, 0.0)}).rates
+    judge = Maximal(m, tuple(courses))
+    posed = judge.released(q, rates, times, {n: lambda t, order, f=f: float(f(t, order)) for n, f in motors.items()})
+    for body in m.bodies:
+        theirs = np.array([p.q[judge.index[body.name] + 2] for p in posed])
+        assert np.abs(found.motion.angle(body.name) - theirs).max() < 1e-8
+    for joint in m.joints:
+        theirs = np.array([p.forces[joint.name] for p in posed])
+        assert np.abs(found.forces[joint.name] - theirs).max() < 1e-7 * np.abs(theirs).max()
+    assert np.ptp(found.motion.angle("forearm")) > 0.3  # it does swing
+
+
+def test_a_spring_with_a_damper_slows_a_released_crank_as_the_referee_says() -> None:
+    m = sprung(load("crank-rocker").with_clearances({})).replace(drive={"joint": "D", "speed": "free"})
+    times = np.linspace(0.0, 0.2, 5)
+    found = released(Assembly(m), times).reactions.motion
+    judge = Maximal(m, ())
+    q = judge.home({})
+    for body in m.bodies:
+        theirs = np.array([p.q[judge.index[body.name] + 2] for p in judge.released(q, np.zeros(q.size), times, {})])
+        assert np.abs(found.angle(body.name) - theirs).max() < 1e-7
+    assert np.ptp(found.angle("crank")) > 0.2
+
+
+def test_free_freedoms_with_dry_friction_are_refused() -> None:
+    with pytest.raises(AssemblyError, match=r"free motion .* with dry friction \(friction_torque of joint 'K'\)"):
+        free_motion(Assembly(double_pendulum().with_joint("K", friction_torque=0.1)), TIMES, {})
+
+
+@pytest.mark.parametrize("name", ["five-bar", "3-rrr", "3-rpr"])
+def test_pins_of_a_platform_rest_where_their_own_reactions_point(name: str) -> None:
+    """The equilibrium of finite gaps, found once more: with its gaps the linkage has reactions along them."""
+    m = load(name)
+    pin = [j.name for j in m.joints if not j.prismatic][-1]
+    assembly, gap = Assembly(m.with_clearances({pin: 2e-4})), 2e-4
+    motors = splines(waved(m))
+    inputs, rates, pushes = (assembly.inputs_at({n: f(TIMES, k) for n, f in motors.items()}) for k in range(3))
+    found = displaced(assembly, inputs, rates, alpha=pushes)
+    assert not found.flags
+    assert np.allclose(np.abs(found.gaps[pin]), gap)
+    assert np.abs(np.angle(found.gaps[pin] / found.reactions.forces[pin])).max() < 1e-9
+    paper = displaced(assembly, inputs, rates, alpha=pushes, model="first_order")
+    turned = np.abs(np.angle(found.gaps[pin] / paper.gaps[pin])).max()
+    assert 1e-5 < turned < 0.02  # the two differ, by about gap over length
+    still = displaced(assembly, inputs, 0.0, inertia=False)
+    assert not still.flags
+    opened = {pin: still.gaps[pin]}
+    pressed = displaced(assembly, inputs, 0.0, inertia=False).configuration
+    assert np.abs(pressed.motion.columns[assembly.structure.gap_column(pin)] - opened[pin]).max() < 1e-15
+
+
+def test_a_singular_pose_is_named_and_gives_no_number() -> None:
+    """The cranks fall apart until the arms between them are stretched, 0.32 m: at D = 180 and E = 0 deg, between two
+    samples.
+    """
+    assembly = Assembly(load("five-bar"))
+    apart = np.linspace(0.0, 1.0, 40)
+    at = assembly.positions
+    stretched = {"D": at["D"] + 1.2 * apart, "E": at["E"] - 1.2 * apart}
+    with pytest.raises(AssemblyError, match=r"change point at D = 180 deg, E = .*deg, where left-arm and right-arm"):
+        kinematics(assembly, assembly.inputs_at(stretched))
+    assert np.all(np.isfinite(kinematics(assembly, assembly.inputs_at({n: q[:5] for n, q in stretched.items()})).theta))
+
+
+def test_motion_of_one_crank_is_the_same_by_time_and_by_angle() -> None:
+    m = load("crank-rocker")
+    times = np.linspace(0.0, 0.15, 7)
+    angle = Assembly(m).start + m.speed * times
+    by_angle = kinetostatics(kinematics(Assembly(m), angle, m.speed))
+    knots = np.linspace(0.0, 0.2, 5)
+    by_time = driven_motion(Assembly(m), times, splines({"D": (knots, Assembly(m).start + m.speed * knots)}))
+    for name, values in by_angle.signals().items():
+        assert np.abs(by_time.signals()[name] - values).max() < 1e-9 * max(1.0, np.abs(values).max()), name
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_file_of_several_drives_is_written_and_read_again(name: str) -> None:
+    assert loads(dumps(load(name))) == load(name)
+
+
+FAULTS = {
+    "twice": ('joint = "E"', 'joint = "D"', "drive[D].joint = 'D' has two drives"),
+    "no such joint": ('joint = "E"', 'joint = "F"', "drive[F].joint = 'F' is not a joint; the joints are D, E"),
+    "no speed": ("speed = -1.0", "speed = 0.0", "drive[E].speed = 0"),
+    "a crank's ripple": (
+        "speed = -1.0", "speed = -1.0\nripple = { amplitude = 1e-3, harmonic = 2 }", "drive[E].ripple is given",
+    ),
+    "a word": ("speed = -1.0", 'speed = "fast"', "drive[E].speed = 'fast'"),
+    "a spring to nowhere": (
+        "[assembly]", '[[spring]]\nbodies = ["ground", "left-arm"]\npoints = ["D", "Q"]\nstiffness = 1.0\n\n[assembly]',
+        "spring.points names 'Q', no point of 'left-arm'",
+    ),
+    "a spring within a body": (
+        "[assembly]",
+        '[[spring]]\nbodies = ["left-arm", "left-arm"]\npoints = ["A", "P"]\nstiffness = 1.0\n\n[assembly]',
+        "spring.bodies are both 'left-arm'",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_of_several_drives_is_named_with_field_and_value(fault: str) -> None:
+    from importlib import resources
+
+    text = resources.files("analytic.mechanism").joinpath("cases", "five-bar.toml").read_text(encoding="utf-8")
+    old, new, words = FAULTS[fault]
+    with pytest.raises(MechanismError) as error:
+        loads(text.replace(old, new, 1))
+    assert words in str(error.value)
+
+
+def test_what_is_asked_of_a_crank_is_refused_of_several_drives() -> None:
+    m = load("five-bar")
+    with pytest.raises(MechanismError, match=r"five-bar: drive is given 2 times \(D, E\)"):
+        _ = m.drive_joint
+    assert m.speed is None
+    assert not m.cranked
