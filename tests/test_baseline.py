@@ -21,7 +21,7 @@ from analytic.mechanism.file import dumps, load, shipped_cases
 from compare.evidence.baseline.check import check_one, file_of, update_one
 from compare.evidence.baseline.file import Baseline, BaselineError, StoredRun, Tolerance, read, write
 from compare.evidence.baseline.moved import fits, moved
-from compare.evidence.baseline.runs import setups
+from compare.evidence.baseline.runs import not_run, setups
 from compare.report.baselines import lines
 from compare.results.schemas import FOLDER
 from planted import Planted, turned
@@ -445,8 +445,11 @@ def test_every_shipped_case_has_ideal_joints_driven_and_clearance_joints_at_rest
         runs = setups(load(case))
         assert runs[0].name == "ideal, driven"
         if not load(case).cranked:
-            assert len(runs) == 1
-            assert sorted(runs[0].request.courses) == sorted(drive.joint for drive in load(case).drives)
+            models = ["ideal", "massless-link", "spring-damper", "contact"]
+            assert [setup.request.joint_model for setup in runs] == models
+            for setup in runs:
+                assert sorted(setup.request.courses) == sorted(drive.joint for drive in load(case).drives)
+                assert setup.request.mechanism.clearances == setup.added.get("clearance", {})
             continue
         at_rest = [setup for setup in runs if setup.request.motion == "static"]
         assert [setup.request.joint_model for setup in at_rest] == ["massless-link", "spring-damper", "contact"]
@@ -473,9 +476,7 @@ def test_every_shipped_case_has_a_baseline_in_every_engine(case: str, name: str)
     stored = read(file_of(ROOT / "reports" / "baselines", case, name), case, name, "")
     assert [run.name for run in stored.runs] == [setup.name for setup in setups(load(case))]
     for run, setup in zip(stored.runs, setups(load(case)), strict=True):
-        assert bool(run.skipped) == (
-            (setup.request.joint_model, setup.request.motion) not in declared(name).capabilities.runs
-        )
+        assert bool(run.skipped) == bool(not_run(name, declared(name), setup.request))
 
 
 @pytest.mark.slow

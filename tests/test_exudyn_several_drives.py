@@ -78,7 +78,7 @@ def agrees(
 # ---------------------------------------------------------------- ideal joints along courses
 
 
-@pytest.mark.parametrize("name", [*SHIPPED, "3-rpr with springs", "parallelogram", *slow(*set(CASES) - {*SHIPPED})])
+@pytest.mark.parametrize("name", [*SHIPPED, "parallelogram", *slow(*(n for n in CASES if "springs" in n))])
 def test_every_drive_follows_its_course_with_the_forces_of_the_referee(name: str) -> None:
     m = CASES[name].with_clearances({})
     courses = waved(m)
@@ -140,7 +140,7 @@ def test_a_gantry_is_pushed_as_newton_says(backwards: bool) -> None:
 
 def test_what_motors_give_is_what_the_linkage_gains_in_energy_and_loses_in_dampers() -> None:
     m = CASES["3-rpr with springs"]
-    times = np.linspace(0.0, 0.3, 151)
+    times = np.linspace(0.0, 0.2, 101)
     trace, motors = run(m, waved(m), times), splines(waved(m))
     power = sum(trace.signals[f"drive_force_{n}"] * f(times, 1) for n, f in motors.items())
     lost, held = np.zeros(times.size), energy(m, trace)
@@ -270,7 +270,7 @@ def test_loops_with_one_drive_too_few_move_as_the_referee_says() -> None:
     start = held.driven_at(held.home(at), {"D": (at["D"], 2.0, 0.0), "E": (at["E"], 0.0, 0.0)})
     judge = Maximal(m, ("D",))
     posed = judge.released(start.q, start.rates, times, {"D": lambda t, order: float(motor(t, order))})
-    agrees(m, trace, judge, posed, 3e-6, 3e-6)
+    agrees(m, trace, judge, posed, 3e-6)
 
 
 def test_a_motion_through_a_posture_that_holds_itself_twice_is_refused() -> None:
@@ -304,15 +304,15 @@ PINS = {
     ("case", "model"),
     [
         ("five-bar", "contact"), ("five-bar, driven", "spring-damper"), ("2r-arm, both", "massless-link"),
-        ("3-rpr", "massless-link"), *slow(*((case, model) for case in PINS for model in CLEARANCE_MODELS)),
+        *slow(*((case, model) for case in PINS for model in CLEARANCE_MODELS)),
     ],
 )  # fmt: skip
 def test_pins_pressed_into_small_gaps_follow_courses_as_an_ideal_linkage_does(case: str, model: JointModel) -> None:
-    """The rest is what gaps of 1e-5 m, and what a contact gives, do to links of 0.1 m and more; a pin that began off its
-    motion would sway by ten times that.
+    """The rest is what gaps of 1e-5 m, and what a contact gives, do to links of 0.1 m and more; a pin that began off
+    its motion would sway by ten times that.
     """
     m, loose = load(case.split(",")[0]), PINS[case]
-    courses, times = waved(m), np.linspace(0.0, 0.2, 9)
+    courses, times = waved(m), np.linspace(0.0, 0.1, 9)
     trace = run(m.with_clearances(dict.fromkeys(loose, 1e-5)), courses, times, model)
     assert trace.free_share == dict.fromkeys(loose, 0.0)
     _, posed = referee(m, courses, times)
@@ -366,7 +366,7 @@ class Rattling(Maximal):
 
 def test_a_pin_that_starts_centred_falls_and_bounces_as_its_equation_says() -> None:
     m = FIVE_BAR.with_joint("P", clearance=1e-4, contact_stiffness=1e6, contact_damping=60.0)
-    courses, times = waved(m), np.linspace(0.0, 5e-3, 26)
+    courses, times = waved(m), np.linspace(0.0, 3e-3, 16)
     trace = run(m, courses, times, "spring-damper", start="centred", step=2e-6)
     ideal, motors = Maximal(m, ("D", "E")), splines(courses)
     at = {n: (float(f(0)), float(f(0, 1)), float(f(0, 2))) for n, f in motors.items()}
@@ -434,7 +434,7 @@ def test_at_rest_a_spring_holds_by_its_stretch_and_its_damper_does_nothing(model
 @pytest.mark.parametrize("model", ["ideal", "massless-link", *slow("spring-damper", "contact")])
 def test_a_crank_that_turns_against_a_spring_and_its_damper_gives_what_they_take(model: JointModel) -> None:
     bare = load("paper").with_clearances({} if model == "ideal" else {"B": 1e-5})
-    theta = np.radians(np.linspace(30.0, 60.0, 31))
+    theta = np.radians(np.linspace(30.0, 45.0, 16))
     with_it, without = (
         ENGINE.simulate(Request(m, model, "driven", theta)) for m in (on_a_spring(bare, damping=40.0), bare)
     )
@@ -518,11 +518,11 @@ def test_pins_begin_pressed_against_springs_and_their_dampers() -> None:
 
 
 def test_what_cannot_be_followed_is_refused_in_words() -> None:
-    courses = waved(FIVE_BAR)
+    courses = waved(load("3-rpr"))
     with pytest.raises(Unsupported, match="give each drive its course"):
-        run(FIVE_BAR, {"D": courses["D"]}, TIMES)
+        run(load("3-rpr"), {"S1": courses["S1"]}, TIMES)
     with pytest.raises(AssemblyError):
-        run(FIVE_BAR, {"D": courses["D"], "E": (KNOTS, courses["E"][1] - 9.0 * KNOTS)}, TIMES)
+        run(load("3-rpr"), courses | {"S1": (KNOTS, courses["S1"][1] + 3.0 * KNOTS)}, TIMES)
     soft = load("paper").replace(drives=(Drive(joint="D", speed="measured", stiffness=500.0),))
-    with pytest.raises(Unsupported, match="is rigid"):
+    with pytest.raises(Unsupported, match="rigidly"):
         run(soft, {"D": (KNOTS, np.radians(30.0) + KNOTS)}, TIMES)

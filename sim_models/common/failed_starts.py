@@ -144,8 +144,9 @@ def _asked(request: Request, assembly: Assembly) -> np.ndarray:
         if assembly.structure.free:
             return np.zeros(0)
         motors, last = motors_of(request), np.max(np.asarray(request.time, float))
-        knots = next(iter(motors.values())).knots
-        times = np.union1d(np.asarray(request.time, float), knots[knots <= last])
+        begin = max(motor.begin for motor in motors.values())
+        knots = np.unique(np.concatenate([motor.knots for motor in motors.values()]))
+        times = np.union1d(np.asarray(request.time, float), knots[(knots >= begin) & (knots <= last)])
         return assembly.inputs_at({name: motor.angles(times) for name, motor in motors.items()})
     motor = motor_of(request)
     if isinstance(motor, Course):

@@ -10,7 +10,7 @@ import numpy as np
 from analytic.mechanism.signals import driving
 from sim_models.common.failed_starts import own_start, who
 from sim_models.common.start import Pose
-from sim_models.engine import Cause, JointModel, Request, SimulationError, Trace, Unsupported
+from sim_models.engine import Cause, JointModel, Request, SimulationError, Trace
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.laws import joint_creep
 from sim_models.exudyn.linkage import ExudynLinkage, Inertia
@@ -27,22 +27,16 @@ TURN_PER_STEP = 1e-3  # rad of the fastest body in a step, at most: loops that s
 class CoursesRun(Run):
     """A request with courses of its driven joints, or with none, where all moves freely.
 
-    Raises Unsupported for what only a crank's drive has, and AssemblyError where the linkage cannot follow its courses.
+    Raises AssemblyError where the linkage cannot follow them.
     """
 
     path: CoursePath
 
     def __init__(self, request: Request) -> None:
         super().__init__(request)
-        m = self.m
-        if m.drive_stiffness is not None or m.periodic_torque is not None:
-            raise Unsupported(
-                f"exudyn: {m.name}: a drive on a course of its own is rigid, and nothing else turns its body; leave out"
-                " its stiffness and periodic_torque"
-            )
         self.path = CoursePath(request, self.assembly)
         self.motors = [*self.path.motors.values()]
-        signals = driving([m.joint(name) for name in self.path.motors])
+        signals = driving([self.m.joint(name) for name in self.path.motors])
         named = {signal.name: motor for signal, motor in zip(signals, self.motors, strict=False)}  # none: one signal
         self.judge = replace(self.judge, motors=named)
 
@@ -76,17 +70,19 @@ class CoursesRun(Run):
         """The linkage ready to go, and its longest step (s)."""
         r, path = self.request, self.path
         inertia = self.release_accelerations() if path.still else None
-        start, pressing = path.moving(0.0, 0.0), dict[str, float]()
+        start, pressing = path.moving(path.start if inertia else 0.0, 0.0), dict[str, float]()
         if (self.clearance or self.bearings) and r.start == "steady":
             equilibria = Equilibria(r, path, 0.0, joint_creep(self.motors))
             if inertia is None:
                 time = instants(path)
                 start, here = passing(equilibria, time, time)
             else:
-                here = equilibria.at(0.0, inertia)
+                here = equilibria.at(path.start, inertia)
                 gaps = {name: complex(here.gap[name][0]) for name in equilibria.displaced}
-                start = path.moving(0.0, 0.0, gaps)
+                start = path.moving(path.start, 0.0, gaps)
             pressing = {name: abs(force[0]) for name, force in here.force.items()}
+        if inertia is not None:
+            start = self.before(start, inertia)
         steps = [motor.longest_step for motor in self.motors]
         steps += [TURN_PER_STEP / max(path.top_speed, 1.0)] if self.motors else []
         steps += [swing_step(inertia)] if inertia else []
@@ -98,6 +94,20 @@ class CoursesRun(Run):
         return ExudynLinkage(
             ExudynModel(self.m, joint_model, "driven", start, drives=self.path.motors, redundant=self.redundant)
         )
+
+    def before(self, start: Mapping[str, Pose], inertia: Inertia) -> dict[str, Pose]:
+        """Poses at time 0 of a run in which what moves freely is let go in these poses, where the courses begin."""
+        found, time = {}, self.path.start
+        for name, pose in start.items():
+            spin, arm = pose.angular_velocity, self.m.moving[name].centre * np.exp(1j * pose.angle)
+            acceleration = inertia.linear[name] - (1j * inertia.angular[name] - spin**2) * arm
+            found[name] = Pose(
+                pose.origin - time * pose.velocity,
+                pose.angle - time * spin,
+                complex(pose.velocity - time * acceleration),
+                spin - time * inertia.angular[name],
+            )
+        return found
 
     def release_accelerations(self) -> Inertia:
         """Accelerations of the ideal linkage as it, or a part of it, is let go."""

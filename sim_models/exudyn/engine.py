@@ -51,8 +51,9 @@ class ExudynEngine(Engine):
 
         ``steady`` starts in the equilibrium of the same joint model under loads and inertia forces, moving as that
         equilibrium moves with the crank.  Requested angles and courses are the motor's; with a compliant drive the
-        crank lags by torque / stiffness, and ``steady`` is :func:`sim_models.exudyn.steady.crank_behind`.  Raises
-        SimulationError, Unsupported or AssemblyError.
+        crank lags by torque / stiffness, and ``steady`` is :func:`sim_models.exudyn.steady.crank_behind`.  What moves
+        along courses of its own, or with more than a crank's freedom, is a
+        :class:`sim_models.exudyn.courses.CoursesRun`.  Raises SimulationError, Unsupported or AssemblyError.
         """
         from sim_models.exudyn.courses import CoursesRun
         from sim_models.exudyn.runs import ExudynRun

@@ -6,12 +6,11 @@ import cmath
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import mul
-from typing import Any
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 
-Constraint = Callable[[Any, float, int, Sequence[float], Sequence[float], bool], list[float]]
-Jacobian = Callable[[Any, float, int, Sequence[float], Sequence[float], bool], list[list[float]]]
+Constraint = Callable[[object, float, int, Sequence[float], Sequence[float], bool], list[float]]
+Jacobian = Callable[[object, float, int, Sequence[float], Sequence[float], bool], list[list[float]]]
 Coordinates = Sequence[float]  # com's x, y (m) and angle (rad) of each of the two bodies that moves
 
 

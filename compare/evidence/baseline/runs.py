@@ -8,7 +8,7 @@ numbers.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from pydantic import JsonValue
@@ -18,12 +18,13 @@ from analytic.mechanism import Drive, Load, Mechanism
 from analytic.mechanism.file import load, shipped_cases
 from compare.arguments import timed
 from compare.evidence.baseline.file import NO_DIRECTION, StoredRun
+from compare.judge.courses import Courses
 from compare.judge.grid import FREE_TIME, default_angles
 from compare.recorded.errors import DataError
 from compare.recorded.table import Table
 from compare.results.crosscheck import Failure
 from compare.runs import Resolve, simulate
-from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported
+from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported, check_supported
 
 ROWS = 36  # of a table, at most
 NO_FORCE = 1e-6  # of the run's largest force: a joint below it carries none
@@ -44,6 +45,10 @@ class Loaded:
 
 
 LOADED = {
+    "2r-arm": Loaded({"K": 2e-4}),
+    "3-rpr": Loaded({"C1": 2e-4}),
+    "3-rrr": Loaded({"C1": 2e-4}),
+    "five-bar": Loaded({"P": 2e-4}),
     "crank-rocker": Loaded({"B": 5e-4}, (Load(body="follower", torque=-2.0),)),
     "pendulum": Loaded({"O": 5e-4}),
     "six-bar": Loaded({"B": 5e-4}),
@@ -66,33 +71,51 @@ class Setup:
 
 
 def setups(mechanism: Mechanism) -> list[Setup]:
-    """The runs of a case, ideal first; of one that no crank moves, its drives at their speeds with ideal joints.
+    """The runs of a case, ideal first; one that no crank moves has its drives at their speeds in all of them.
 
     Raises AssemblyError where the case cannot be assembled.
     """
     assembly = Assembly(mechanism)
     moved = timed(assembly, None)
     if moved is not None:
-        time, courses = moved
-        ideal = mechanism.with_clearances({})
-        return [Setup(Request(ideal, "ideal", "driven", time=_thinned(time), courses=courses.knots))]
+        return list(_over_time(mechanism, *moved))
     theta = _thinned(default_angles(assembly))
     found = []
     if mechanism.speed is not None:
         found.append(Setup(Request(mechanism.with_clearances({}), "ideal", "driven", theta)))
     else:
         found.append(Setup(Request(mechanism.with_clearances({}), "ideal", "driven", time=_thinned(FREE_TIME))))
-    shipped = mechanism.name in shipped_cases() and mechanism == load(mechanism.name)
-    loaded = LOADED[mechanism.name] if shipped and mechanism.name in LOADED else Loaded(mechanism.clearances)
+    loaded = _loaded(mechanism)
     if loaded.clearance:
         added: dict[str, JsonValue] = {"clearance": dict(loaded.clearance)}
         if loaded.loads:
             added["load"] = [load.model_dump(exclude_unset=True, mode="json") for load in loaded.loads]
         at_rest = mechanism.with_clearances(loaded.clearance).replace(loads=mechanism.loads + loaded.loads)
         found += [Setup(Request(at_rest, model, "static", theta), added) for model in LOOSE]
-    if shipped and mechanism.name == "crank-rocker":
+    if _shipped(mechanism) and mechanism.name == "crank-rocker":
         found += _impacting(mechanism)
     return found
+
+
+def _over_time(mechanism: Mechanism, time: np.ndarray, courses: Courses) -> Iterator[Setup]:
+    """Drives along their courses, with ideal joints and, where all freedoms have a drive, with clearance."""
+    ideal = Request(mechanism.with_clearances({}), time=_thinned(time), courses=courses.knots)
+    yield Setup(ideal)
+    loaded = _loaded(mechanism)
+    if loaded.clearance and len(courses.knots) == len(Assembly(mechanism).structure.inputs):
+        loose = mechanism.with_clearances(loaded.clearance)
+        for model in LOOSE:
+            yield Setup(replace(ideal, mechanism=loose, joint_model=model), {"clearance": dict(loaded.clearance)})
+
+
+def _shipped(mechanism: Mechanism) -> bool:
+    return mechanism.name in shipped_cases() and mechanism == load(mechanism.name)
+
+
+def _loaded(mechanism: Mechanism) -> Loaded:
+    """What a case is given so that its pins rest against their bearings."""
+    own = _shipped(mechanism) and mechanism.name in LOADED
+    return LOADED[mechanism.name] if own else Loaded(mechanism.clearances)
 
 
 def _impacting(mechanism: Mechanism) -> Iterator[Setup]:
@@ -124,14 +147,25 @@ def simulated(mechanism: Mechanism, simulator: str, resolve: Resolve) -> tuple[s
     engine, version, runs = resolve(simulator), "", []
     for setup in setups(mechanism):
         request = setup.request
-        if (request.joint_model, request.motion) not in engine.capabilities.runs:
-            why = f"{simulator} does not simulate {request.joint_model} joints in {request.motion} motion"
+        why = not_run(simulator, engine, request)
+        if why:
             runs.append(StoredRun(setup.name, setup.added, skipped=why))
             continue
         trace = _trace(engine, request)
         version = trace.version
         runs.append(_averages(setup, trace) if setup.impacting else _table(setup, trace))
     return version, runs
+
+
+def not_run(simulator: str, engine: Engine, request: Request) -> str:
+    """Why an engine does not run a request, in a sentence; empty if it does."""
+    if (request.joint_model, request.motion) not in engine.capabilities.runs:
+        return f"{simulator} does not simulate {request.joint_model} joints in {request.motion} motion"
+    try:
+        check_supported(engine, request)
+    except Unsupported as error:
+        return str(error)
+    return ""
 
 
 def _trace(engine: Engine, request: Request) -> Trace:

@@ -12,7 +12,7 @@ from analytic.paper.clearance import displaced
 from analytic.paper.superposition import total_displacement
 from compare.arguments import cores
 from compare.crosscheck import Job, crosscheck_job
-from compare.evidence.baseline.runs import setups
+from compare.evidence.baseline.runs import not_run, setups
 from compare.evidence.validation.scales import Scale, scale_rows
 from compare.judge.courses import Courses
 from compare.judge.discrepancy import load_tolerances
@@ -38,7 +38,7 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale]) -> Validation:
             if setup.impacting:
                 continue  # nothing to hold an impacting run to but another engine: the baselines do
             r = setup.request
-            engines = tuple(n for n in names if (r.joint_model, r.motion) in declared(n).capabilities.runs)
+            engines = tuple(n for n in names if not not_run(n, declared(n), r))
             workers = min(len(engines), cores())
             courses = None if r.courses is None else Courses(r.courses)
             job = Job(
