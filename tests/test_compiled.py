@@ -281,6 +281,18 @@ def test_a_path_that_is_given_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     np.testing.assert_allclose(again.coordinates, known.coordinates[:, ::-1], atol=1e-12)
 
 
+@pytest.mark.usefixtures("always")
+def test_one_row_of_inputs_is_for_all_drives_and_a_path_of_another_length_for_none() -> None:
+    assembly, same = Assembly(load("2r-arm")), np.linspace(0.3, 0.4, 30)
+    ours, theirs = (call(assembly, same) for call in (kinematics, kinematics_by_numpy))
+    assert ours.compiled
+    np.testing.assert_allclose(ours.columns, theirs.columns, atol=1e-14)
+    short = Followed(ours.coordinates[:, :7])
+    for call in (kinematics, kinematics_by_numpy):
+        with pytest.raises(ValueError, match="broadcast"):
+            call(assembly, same, path=short)
+
+
 # ---------------------------------------------------------------- when it serves
 
 
@@ -344,6 +356,16 @@ def test_a_large_batch_needs_no_memory_beyond_its_results() -> None:
     tracemalloc.stop()
     assert found.motion.compiled
     assert peak - kept < 1e5  # bytes, of 50 MB
+
+
+@pytest.mark.usefixtures("always")
+def test_a_motion_that_may_not_be_written_is_balanced_and_one_without_its_gaps_is_left_to_numpy() -> None:
+    motion = kinematics(Assembly(load("crank-rocker")), np.linspace(0.0, 6.0, 30), 3.0)
+    torque = kinetostatics(motion).drive_torque
+    motion.columns.flags.writeable = False
+    np.testing.assert_array_equal(kinetostatics(motion).drive_torque, torque)
+    live = motion.part(slice(None), len(motion.structure.bodies))
+    assert run.balanced(live.assembly, live.moved, True, None) is None
 
 
 @pytest.mark.usefixtures("always")

@@ -1,10 +1,10 @@
 """Kernels that carry out a linkage's program (:mod:`analytic.compiled.program`), compiled by numba and kept on disk.
 
 A program works on *rows* of LANES numbers, one number for each of as many configurations: a real row, or two rows for
-a complex one, real part first.  All rows of a linkage's program fit the processor's second cache, so that a batch of any size
-needs no memory beyond its results.  An operation is a row of integers: its code, then what it reads and writes.  Which
-rows a sum adds up, and with what factors, is in ``terms`` and ``factors``; every linkage is carried out by the same
-compiled code.
+a complex one, real part first.  All rows of most linkages fit the processor's second cache, and a batch of any size
+needs no memory beyond them and its results.  An operation is a row of integers: its code, then what it reads and
+writes.  Which rows a sum adds up, and with what factors, is in ``terms`` and ``factors``; every linkage is carried out
+by the same compiled code.
 
 Nothing here raises: a kernel says whether all went well.  What goes wrong is left to the numpy functions, which say
 what it is.  All kernels are in this file, because numba compiles again what it has kept on disk when this file changes,

@@ -69,10 +69,12 @@ def serves(assembly: Assembly, count: int) -> bool:
 def _kernel() -> tuple[Callable[..., bool], Callable[..., bool]] | None:
     """What carries out programs of dyads only, and all programs."""
     try:
+        from numba.core import config
+
         from analytic.compiled.kernels import carry_out, carry_out_dyads
     except (ImportError, RuntimeError):  # numba says so where it finds no place to keep what it compiles
         return None
-    return carry_out_dyads, carry_out
+    return None if getattr(config, "DISABLE_JIT", False) else (carry_out_dyads, carry_out)
 
 
 def _carry_out(program: Program, *data: np.ndarray, walk: tuple[np.ndarray, ...] = NO_WALK) -> bool:
@@ -112,13 +114,13 @@ def moved(
     ``gaps`` are those of revolute joints by name, with their rates and accelerations.  None where that cannot be done.
     """
     s, own, n = assembly.structure, programs_of(assembly), inputs.shape[1]
-    near = _near(assembly, own, inputs, path) if n else None
-    if near is None:
-        return None
     coordinates, columns = np.empty((3, len(s.coordinates), n)), np.zeros((3, s.n_columns, n), complex)
     given = s.inputs[0] if len(s.inputs) == 1 else list(s.inputs)
     for order, values in enumerate((inputs, *rates)):
         coordinates[order, given] = values
+    near = _near(assembly, own, coordinates[0, given], path) if n else None
+    if near is None:
+        return None
     for name, gap in gaps.items():
         for order, amount in enumerate(gap):
             columns[order, s.gap_column(name)] = amount
@@ -136,17 +138,22 @@ def moved(
 
 
 def _near(assembly: Assembly, own: Programs, inputs: np.ndarray, path: Path | Followed | None) -> np.ndarray | None:
-    """A crank's path (1 + n, M), or coordinates (n, N) that are near; None where there are none."""
+    """What is near inputs (N,), or (n_inputs, N): a crank's path (1 + n, M), or coordinates (n, N); None where there is
+    neither.
+    """
     low, high = float(inputs.min()), float(inputs.max())
     cranked = len(assembly.structure.inputs) == 1 and assembly.mechanism.cranked
     if not (math.isfinite(low) and math.isfinite(high)) or isinstance(path, Followed if cranked else Path):
         return None
+    n = len(assembly.structure.coordinates)
     if not cranked:
-        return np.ascontiguousarray(path.coordinates) if isinstance(path, Followed) else followed(assembly, inputs)
+        every = inputs.reshape(len(assembly.structure.inputs), -1)
+        near = path.coordinates if isinstance(path, Followed) else followed(assembly, every)
+        return None if near is None or near.shape != (n, every.shape[1]) else _whole(near)
     known = path if isinstance(path, Path) else assembly.path(low, high)
     if own.path is not known or own.table is None:
         own.path, own.table = known, np.vstack([known.theta, known.coordinates])
-    return own.table
+    return own.table if len(own.table) == 1 + n else None
 
 
 def followed(assembly: Assembly, inputs: np.ndarray) -> np.ndarray | None:
@@ -182,7 +189,8 @@ def balanced(assembly: Assembly, motion: Moved, inertia: bool, grip: np.ndarray 
     done.
     """
     s, own, n = assembly.structure, programs_of(assembly), motion.coordinates[0].shape[1]
-    if s.mechanism.load_rubbed:
+    shapes = {x.shape for x in motion.coordinates}, {x.shape for x in motion.columns}
+    if s.mechanism.load_rubbed or shapes != ({(len(s.coordinates), n)}, {(s.n_columns, n)}):
         return None
     kind = bool(inertia), motion.displaced, grip is not None
     if kind not in own.balances:
@@ -200,5 +208,7 @@ def balanced(assembly: Assembly, motion: Moved, inertia: bool, grip: np.ndarray 
 
 
 def _whole(array: np.ndarray) -> np.ndarray:
-    """The array itself if its numbers lie one after the other, else a copy."""
-    return array if array.flags.c_contiguous else np.ascontiguousarray(array)
+    """The array itself if its numbers lie one after the other and may be written, as the kernels take them, or a
+    copy.
+    """
+    return array if array.flags.c_contiguous and array.flags.writeable else np.array(array, order="C")
