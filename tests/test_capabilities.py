@@ -159,6 +159,13 @@ def answer(name: str, what: What, asked: Request, folder: Path) -> dict[str, np.
     return {signal: np.array([float(row[signal]) for row in rows]) for signal in rows[0]}
 
 
+def lags(feature: Feature, lag: np.ndarray, torque: np.ndarray) -> bool:
+    """Whether a crank lags (rad) behind its motor as its drive yields, or as it lies on a flank of its backlash."""
+    if feature == "backlash":
+        return bool(np.allclose(lag, HALF_GAP * np.sign(torque), atol=1e-5))
+    return bool(np.abs(lag).max() > 1e-4 and np.allclose(lag, torque / COMPLIANCE, atol=1e-6))
+
+
 def shows(feature: Feature, pair: Pair, seen: dict[str, np.ndarray], without: dict[str, np.ndarray]) -> bool:
     """Whether a feature is seen in the signals of a run, beside those of the same run without it."""
     crank = seen.get("crank_angle", np.zeros(0))
@@ -172,12 +179,8 @@ def shows(feature: Feature, pair: Pair, seen: dict[str, np.ndarray], without: di
         return bool(np.abs(seen["position_E"] - (np.radians(60.0) - 3.0 * TIMES)).max() < 1e-6)
     if feature == "released":
         return bool(np.all(seen["drive_torque"] == 0) and np.ptp(crank) > 1e-4)
-    if feature == "drive_compliance":
-        lag = request(pair, feature).crank_angle - crank
-        return bool(np.abs(lag).max() > 1e-4 and np.allclose(lag, seen["drive_torque"] / COMPLIANCE, atol=1e-6))
-    if feature == "backlash":
-        lag = request(pair, feature).crank_angle - crank
-        return bool(np.allclose(lag, HALF_GAP * np.sign(seen["drive_torque"]), atol=1e-5))
+    if feature in ("drive_compliance", "backlash"):
+        return lags(feature, request(pair, feature).crank_angle - crank, seen["drive_torque"])
     changed = [name for name in without if name.startswith("reaction_") or name == "drive_torque"]
     return max(float(np.abs(seen[name] - without[name]).max()) for name in changed) > 1e-3
 

@@ -141,12 +141,15 @@ def test_every_signal_is_read_in_any_unit(tmp_path: Path) -> None:
         for name in readable(CRANK_ROCKER)
         if name.startswith("clearance") or "angular_velocity" in name
     }
+    exact |= {name: exact["crank_angle"] for name in readable(CRANK_ROCKER) if name.startswith("position")}
     other = {"angle": "deg", "angular_velocity": "rpm", "_x": "mm", "_y": "mm", "torque": "kN.m"}
     columns = {}
     for name in readable(CRANK_ROCKER):
         unit = (
             "kN"
             if name.startswith("reaction") and not name.endswith("angle")
+            else "deg"
+            if name.startswith("position")
             else next(u for end, u in other.items() if name.endswith(end))
         )
         kind = next(k for k in SI if _converts(unit, k))

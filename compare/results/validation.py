@@ -74,6 +74,19 @@ class Superposed(Part):
     equilibrium: NotNegative
 
 
+class OverWorkspace(Part):
+    """A platform with loose pins at those poses of its workspace at which its drives hold it well."""
+
+    holding: Annotated[Positive, Field(description="Condition number of the loops up to which poses count.")]
+    poses: Annotated[int, Field(ge=1, description="How many.")]
+    displacement: Annotated[NotNegative, Field(description="Largest displacement in equilibrium (m).")]
+    farthest: Annotated[NotNegative, Field(description="Largest displacement wherever the pins lie (m).")]
+    first_order: Annotated[
+        NotNegative, Field(description="What Eq. 8 is off by, as a share of the displacement: the median.")
+    ]
+    first_order_worst: Annotated[NotNegative, Field(description="The same at the worst pose.")]
+
+
 class Validation(Stored):
     """The validation report: every shipped case in every engine, and what the paper's two approximations cost."""
 
@@ -101,6 +114,10 @@ class Validation(Stored):
     superposition: Annotated[
         tuple[Superposed, ...],
         Field(description="What adding compliance to clearance is off by against beams with real contact."),
+    ]
+    workspaces: Annotated[
+        Mapping[str, tuple[OverWorkspace, ...]],
+        Field(description="By case: a platform with loose pins, at rest over its workspace."),
     ]
     _checks: dict[str, CrossCheck] = PrivateAttr(default_factory=dict)
 

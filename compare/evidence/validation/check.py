@@ -65,7 +65,7 @@ def looked_at(stored: Validation, found: Validation) -> tuple[str, tuple[str, ..
     if stored.superposition and not found.superposition:
         left_out.append("superposition, which takes exudyn")
     total = len(stored.runs)
-    tables = "first_order and superposition" if found.superposition else "first_order"
+    tables = "first_order, workspaces" + (" and superposition" if found.superposition else "")
     sized = f"{len(found.scales)} of {len(stored.scales)} at scales"
     done = f"{total - sum(count[name] for name in absent)} of {total} runs, {sized}, {tables} made again"
     return done, tuple(left_out)
@@ -79,6 +79,9 @@ def differences(stored: Validation, found: Validation) -> Iterator[str]:
             yield from (f"{', '.join(key)}: {what}" for what in _moved(before.get(key), after.get(key)))
     yield from _at_scales(stored, found)
     yield from _table("first_order", stored.first_order, found.first_order, ("clearance",), ANALYTIC, 0.0)
+    for case in sorted(stored.workspaces.keys() | found.workspaces.keys()):
+        old, new = (report.workspaces.get(case, ()) for report in (stored, found))
+        yield from _table(f"workspaces, {case}", old, new, ("holding",), ANALYTIC, 0.0)
     if found.superposition:
         keys = ("clearance", "crank_angle")
         yield from _table("superposition", stored.superposition, found.superposition, keys, 0.0, BEAMS)

@@ -14,6 +14,7 @@ from compare.arguments import cores
 from compare.crosscheck import Job, crosscheck_job
 from compare.evidence.baseline.runs import not_run, setups
 from compare.evidence.validation.scales import Scale, scale_rows
+from compare.evidence.validation.workspaces import workspaces
 from compare.judge.courses import Courses
 from compare.judge.discrepancy import load_tolerances
 from compare.results.crosscheck import CrossCheck
@@ -28,7 +29,7 @@ BEAM_ANGLES = (20.0, 30.0, 60.0, 90.0, 120.0, 160.0)  # deg
 
 def run_all(names: tuple[str, ...], which: Sequence[Scale]) -> Validation:
     """Every shipped case in these engines, as the baselines set it up; one linkage at these scales; how far Eq. 8 and
-    superposition are off.
+    superposition are off, also over the workspaces of platforms.
     """
     tolerances = load_tolerances()
     rows: list[ValidationRun] = []
@@ -59,6 +60,7 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale]) -> Validation:
         scales=tuple(scale_rows(names, which, cores())),
         first_order=first_order(),
         superposition=superposition() if "exudyn" in names else (),
+        workspaces=workspaces(),
     )
     found.checks.update(checks)
     return found
