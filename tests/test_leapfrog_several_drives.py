@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -327,6 +328,19 @@ def test_loose_pins_begin_pressed_and_stay_so(name: str, model: JointModel, case
             close(trace.signals[signal], values, 5e-4 * most, signal)
     for joint in m.clearances:
         close(np.angle(vector(trace, f"clearance_{joint}") / vector(trace, f"reaction_{joint}")), np.zeros(6), 1e-4)
+
+
+@pytest.mark.slow
+def test_a_pin_put_back_on_its_rim_opens_no_other_loop() -> None:
+    m, times = load("3-rrr").with_clearances({"C1": LOOSE}), np.linspace(0.0, 1.0, 11)  # s: held badly towards the end
+    at = Assembly(m).positions
+    courses = {d.joint: (times, at[d.joint] + float(d.speed) * times) for d in m.drives}
+    asked = Request(m, "contact", "driven", time=times, courses=courses)
+    coarse, fine = (engine("dart").simulate(replace(asked, step=step)) for step in (2e-4, 1e-4))
+    largest = max(np.abs(vector(fine, f"reaction_{joint.name}")).max() for joint in m.joints)
+    for joint in m.joints:
+        name = f"reaction_{joint.name}"
+        close(vector(coarse, name), vector(fine, name), 5e-5 * largest, name)
 
 
 @pytest.mark.parametrize(("name", "model"), MODELS)

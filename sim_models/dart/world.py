@@ -324,12 +324,18 @@ class DartWorld(LeapfrogWorld):
         return at if body == GROUND else self.before[body].origin + at * np.exp(1j * self.before[body].angle)
 
     def nudge(self, joint: Joint, change: complex) -> None:
-        """Move the linkage, what is driven apart, as little as changes a joint's gap by this much (m)."""
-        turned = {body: Pose(0j, self.angle(body)) for body in joint.bodies if body != GROUND}
+        """Move the linkage, what is driven apart, as little as changes a joint's gap by this much (m) and opens no
+        loop.
+        """
+        turned = {body.name: Pose(0j, self.angle(body.name)) for body in self.mechanism.bodies}
         x, y = -self.pin_jacobian(joint, turned)
-        row = x * change.real + y * change.imag
+        rows = np.vstack([x * change.real + y * change.imag, *(self.pin_jacobian(j, turned) for j in self.closing)])
         for root in (self.roots[each.child] for each in self.steered if self.held):
-            self._parts(row)[self.skeletons.index(root.getSkeleton())][root.getIndexInSkeleton(0)] = 0.0
+            skeleton = self.skeletons.index(root.getSkeleton())
+            self._parts(rows)[skeleton][..., root.getIndexInSkeleton(0)] = 0.0
+        row, closed = rows[0], rows[1:]
+        if self.closing:
+            row = row - closed.T @ np.linalg.lstsq(closed.T, row, rcond=None)[0]
         self.shift(row * abs(change) ** 2 / (row @ row))
 
     def pin_jacobian(self, j: Joint, turned: Mapping[str, Pose]) -> np.ndarray:
