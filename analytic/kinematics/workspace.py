@@ -2,13 +2,14 @@
 mode.
 
 All coordinates are sought together, so that the loops close and the platform is where it is wanted: Newton's method, on
-all cells beside those that are known at the same time, from theirs.  A cell counts as reached if no singular pose lies
-between it and its neighbour: the determinants of the loops (second kind) and of the whole (first kind) keep their
-signs.
+all cells beside those that are known at the same time, from theirs, in steps that do not depend on how fine the grid
+is.  A cell counts as reached if no singular pose lies between it and its neighbour: the derivatives of the loops
+(second kind) and of the whole (first kind) keep their orientation.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,6 +23,7 @@ from analytic.mechanism.one_line import count, one_line
 PASSES = 12
 SETTLED = 1e-12  # of a coordinate: rad, or of the linkage's size
 JUMP = 1.0  # rad, or of the linkage's size; a cell that is farther from its neighbour is on another branch
+STRIDE = 0.05  # of the linkage's size: how far a step goes at most
 STARTS = 25  # cells near the assembly's pose that are tried as the first
 
 
@@ -87,29 +89,23 @@ class _Flood:
         self.size = max(body.length for body in assembly.mechanism.bodies) or 1.0
         self.unit = np.array([1.0 if c.bodies else self.size for c in s.coordinates])
         self.unknown = [i for i in range(len(s.coordinates)) if i not in s.inputs]
-        self.square = 2 * len(s.loops) == len(self.unknown)
+        apart = max(float(np.ptp(line)) / max(line.size - 1, 1) for line in (x, y))
+        self.parts = max(1, math.ceil(apart / (STRIDE * self.size) - 1e-9))
 
     def filled(self) -> Workspace:
         """The grid, cell by cell from the first."""
         n = self.poses.shape[1]
-        u, sign = np.full((len(self.s.coordinates), n), np.nan), np.zeros((2, n))
-        first, u0 = self.first()
-        u[:, first] = u0
-        sign[:, first] = self.signs(u0[:, None])[:, 0]
-        known = np.zeros(n, bool)
+        u, known = np.full((len(self.s.coordinates), n), np.nan), np.zeros(n, bool)
+        first, u[:, first] = self.first()
         known[first] = True
         front = np.array([first])
         while front.size:
             cells, near = self.beside(front, known)
             if not cells.size:
                 break
-            found, good = self.closed(self.poses[:, cells], u[:, near])
-            signs = self.signs(found)
-            good &= np.all(signs == sign[:, near], axis=0)
-            cells, found, signs = cells[good], found[:, good], signs[:, good]
-            cells, once = np.unique(cells, return_index=True)
-            u[:, cells], sign[:, cells], known[cells] = found[:, once], signs[:, once], True
-            front = cells
+            found, good = self.walked(self.poses[:, near], self.poses[:, cells], u[:, near])
+            front, once = np.unique(cells[good], return_index=True)
+            u[:, front], known[front] = found[:, good][:, once], True
         shape = self.y.size, self.x.size
         return Workspace(self.x, self.y, self.angle, known.reshape(shape), u[:, known])
 
@@ -170,6 +166,18 @@ class _Flood:
                 pose[:, row, i] = moved.real if w.axis == "x" else moved.imag
         return np.concatenate([loops.real, loops.imag]).transpose(1, 0, 2), pose
 
+    def walked(self, start: np.ndarray, end: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates (n, N) at poses ``end`` (wanted, N), gone to from ``start`` and its coordinates, and whether (N,)
+        that is possible.
+        """
+        good = np.ones(end.shape[1], bool)
+        for k in range(1, self.parts + 1):
+            found, fine = self.closed(start + (end - start) * k / self.parts, near)
+            found = np.where(fine, found, near)
+            good &= fine & self.same(found, near)
+            near = found
+        return near, good
+
     def closed(self, poses: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates (n, N) at poses (wanted, N) near others, and whether (N,) they are."""
         u = near.copy()
@@ -193,10 +201,12 @@ class _Flood:
         except np.linalg.LinAlgError:
             return np.einsum("nij,nj->ni", np.linalg.pinv(matrix), miss)
 
-    def signs(self, u: np.ndarray) -> np.ndarray:
-        """Signs (2, N) of the determinants of the loops and of the whole; ones where loops are more than needed."""
-        if not self.square:
-            return np.ones((2, u.shape[1]))
-        loops, slope = self.slopes(self.assembly.columns(u))
-        whole = np.concatenate([loops, slope], axis=1)
-        return np.sign(np.array([np.linalg.det(loops[:, :, self.unknown]), np.linalg.det(whole)]))
+    def same(self, u: np.ndarray, near: np.ndarray) -> np.ndarray:
+        """Whether (N,) no singular pose lies between coordinates (n, N) and others near by.
+
+        A matrix A with as many columns as its rank and B near by have det(A'B) > 0, until a singular one comes between.
+        """
+        (loops, slope), (loops0, slope0) = (self.slopes(self.assembly.columns(x)) for x in (u, near))
+        whole, whole0 = np.concatenate([loops, slope], axis=1), np.concatenate([loops0, slope0], axis=1)
+        pairs = (loops[:, :, self.unknown], loops0[:, :, self.unknown]), (whole, whole0)
+        return np.all([np.linalg.det(a.transpose(0, 2, 1) @ b) > 0 for a, b in pairs], axis=0)
