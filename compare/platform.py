@@ -26,6 +26,7 @@ from compare.accuracy import named_outputs, versions
 from compare.arguments import Linkage, Metres, Names, Numbers, linkage, names, noted, number, timed
 from compare.faults import ArgumentError
 from compare.judge.courses import Courses
+from compare.judge.grid import parse_workspace
 from compare.results.platform import Map, Place, PlatformAccuracy, PointError, PoseError
 
 POORLY_HELD = (300.0, 100.0, 30.0, 10.0)  # condition of the loops, up to which finite errors are sought, in turn
@@ -51,7 +52,8 @@ def platform_accuracy(  # noqa: PLR0913 - what a person may ask, by name
 
     ``clearance`` (m by joint) replaces the case's own; ``encoder_step`` (rad, m) is by driven joint.  ``outputs`` are
     names such as ``platform`` (its com and angle) or ``left-arm.P``, by default every body; the first of them is what
-    is moved over a ``workspace``, with its ``angle`` (rad; that of the assembly) where there are three drives.
+    is moved over a ``workspace``, ``((x0, x1, nx), (y0, y1, ny))``: lowest, highest (m) and number of its x and of its
+    y, with its ``angle`` (rad; that of the assembly) where there are three drives.
     Without a workspace the drives move over ``times`` (s), along a ``course`` or such that a platform follows a
     ``path``, as in :func:`compare.crosscheck.crosscheck`.
 
@@ -64,8 +66,10 @@ def platform_accuracy(  # noqa: PLR0913 - what a person may ask, by name
         if assembly.structure.free:
             raise ArgumentError("mechanism", f"{m.name} has freedoms without a drive; give each one a drive")
         steps, wanted = _steps(encoder_step, assembly), named_outputs(named, m)
+        if angle is not None and not np.isfinite(number(angle, "angle", "rad")):
+            raise ArgumentError("angle", f"{quoted(angle)} cannot be used; give a finite number (rad)")
         if workspace is not None:
-            found = _over_workspace(assembly, wanted, workspace, angle, steps)
+            found = _over_workspace(assembly, wanted, _grid(workspace), angle, steps)
         else:
             if angle is not None:
                 raise ArgumentError("angle", "is that of a workspace; give one, or leave the angle out")
@@ -75,6 +79,16 @@ def platform_accuracy(  # noqa: PLR0913 - what a person may ask, by name
             assert moved is not None  # times are given of one crank too
             found = _along(assembly, wanted, *moved, steps)
     return found.model_copy(update={"warnings": (*found.warnings, *warned)})
+
+
+def _grid(given: object) -> Grid:
+    """((x0, x1, nx), (y0, y1, ny)), as that is written in a command.  Raises ArgumentError."""
+    try:
+        axes = [(float(low), float(high), number) for low, high, number in given]  # type: ignore[attr-defined]
+        return parse_workspace(",".join(f"{low}:{high}:{number}" for low, high, number in axes))
+    except (TypeError, ValueError):
+        said = "give ((x0, x1, nx), (y0, y1, ny)): lowest, highest (m) and number of the x, and of the y"
+        raise ArgumentError("workspace", f"{quoted(given)} cannot be used; {said}") from None
 
 
 def _plain(times: object, course: object, path: object, m: Mechanism) -> bool:

@@ -68,9 +68,9 @@ def show(
     a diagnosis.
 
     ``result`` is a cross-check, a diagnosis, or the path of the JSON file of either.  A cross-check takes a ``signal``
-    and ``at``, the crank angle (rad; the time in s where the linkage swings freely); the sample nearest to it is
-    shown, in every run that has the signal, or in those of one joint model or engine.  Of a diagnosis a ``signal``
-    gives measured minus simulated by run; without one the diagnosis itself is returned.
+    and ``at``, the crank angle (rad; the time in s where the linkage swings freely or has several drives); the sample
+    nearest to it is shown, in every run that has the signal, or in those of one joint model or engine.  Of a diagnosis
+    a ``signal`` gives measured minus simulated by run; without one the diagnosis itself is returned.
 
     Raises DocumentError for the file and ArgumentError for what the result does not have.
     """
@@ -243,7 +243,7 @@ def _components(side: Mapping[str, np.ndarray], signal: Signal, k: int) -> dict[
 
 def _equations(run: Run, signal: Signal, over_time: bool) -> Iterator[Equation]:
     """What an analytic number was computed from."""
-    if over_time:
+    if over_time and not run.drive_position:
         yield SWUNG
     elif signal.kind in ("reaction", "drive"):
         yield from _forces(run)

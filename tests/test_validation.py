@@ -121,13 +121,13 @@ def test_what_is_rounding_may_differ() -> None:
 def test_an_engine_that_is_not_here_is_said_to_be_left_out() -> None:
     scales = len(STORED.scales)
     assert looked_at(STORED, STORED) == (
-        f"75 of 75 runs, {scales} of {scales} at scales, first_order, workspaces and superposition made again",
+        f"127 of 127 runs, {scales} of {scales} at scales, first_order, workspaces and superposition made again",
         (),
     )
     done, left_out = looked_at(STORED, only("mujoco"))
-    assert done == f"20 of 75 runs, {scales // 28 * 8} of {scales} at scales, first_order, workspaces made again"
+    assert done == f"36 of 127 runs, {scales // 28 * 8} of {scales} at scales, first_order, workspaces made again"
     assert "; ".join(left_out) == (
-        "20 runs of exudyn; 20 runs of pybullet; 15 runs of dart; superposition, which takes exudyn"
+        "36 runs of exudyn; 28 runs of pybullet; 27 runs of dart; superposition, which takes exudyn"
     )
     assert list(differences(STORED, only("mujoco"))) == []
     assert list(other_versions(STORED.versions, {"mujoco": "5.0"}, "report")) == [
@@ -174,10 +174,10 @@ def test_the_command_makes_the_runs_of_the_engines_that_are_here_and_does_not_pa
     again, scales = len(checked()) * 8, len(STORED.scales)
     assert (
         done.stdout
-        == f"20 of 75 runs, {again} of {scales} at scales, first_order, workspaces made again; 0 differ from"
+        == f"36 of 127 runs, {again} of {scales} at scales, first_order, workspaces made again; 0 differ from"
         " validation.json\n"
     )
-    assert "not looked at: 20 runs of exudyn; 20 runs of pybullet; 15 runs of dart" in done.stderr
+    assert "not looked at: 36 runs of exudyn; 28 runs of pybullet; 27 runs of dart" in done.stderr
 
 
 @pytest.mark.mujoco
@@ -186,7 +186,7 @@ def test_the_command_says_what_is_not_found_again_and_leaves_with_status_1(
 ) -> None:
     """The runs themselves are those of the committed report: that they are made again is another test's."""
     copied(tmp_path)
-    tampered = changed("runs", 0, "share", value=1e9) | {
+    tampered = changed("runs", FIRST, "share", value=1e9) | {
         "first_order": changed("first_order", 0, "angle", value=99.0)["first_order"]
     }
     (tmp_path / "validation.json").write_text(json.dumps(tampered), encoding="utf-8")

@@ -280,10 +280,11 @@ class _Builder:
             for _ in range(2 + (joint.name in self.given)):
                 rigid: set[str] = set()
                 if not _spend(joint, spent, rigid) and not self.one_too_many:
+                    remedy = "leave a drive out" if len(self.given) > max(self.mobility(), 0) > 0 else "remove it"
                     self.one_too_many = (
                         f"{self.m.name}: joint {joint.name!r} closes a loop that is rigid already, through"
                         f" {_names(self.bodies, rigid) or GROUND} (mobility {self.mobility()},"
-                        f" {_drives(len(self.given))}); remove it"
+                        f" {_drives(len(self.given))}); {remedy}"
                     )
         return {b: {other for joint in joints for other in _ends(joint, spent)} - {b} for b, joints in spent.items()}
 

@@ -80,7 +80,9 @@ class _Flood:
         self.assembly, self.wanted = assembly, tuple(wanted)
         home = assembly.follow(assembly.inputs[:, None]).coordinates
         pose = self.pose(assembly.columns(home), home)[:, 0]
-        self.home, self.angle = pose, (pose[2] if angle is None else angle) if len(wanted) == 3 else None
+        self.home, self.angle = pose, None
+        if len(wanted) == 3:  # the turn nearest to the assembly's
+            self.angle = pose[2] + (0.0 if angle is None else math.remainder(angle - pose[2], math.tau))
         self.x, self.y = x, y
         rows, columns = np.meshgrid(y, x, indexing="ij")
         self.poses = np.array([columns.ravel(), rows.ravel()])

@@ -106,7 +106,7 @@ def check_drives(drives: Sequence[Drive], joints: Sequence[Joint]) -> None:
             raise ValueError(f"{where}.joint = {drive.joint!r} is not a joint; the joints are {names}")
         if any(other.joint == drive.joint for other in drives[:k]):
             raise ValueError(f"{where}.joint = {drive.joint!r} has two drives; a joint has one, leave one of them out")
-        if drive.speed == 0:
+        if drive.speed == 0 and len(drives) == 1:  # one of several may be held
             unit = "m/s" if joint.prismatic else "rad/s"
             raise ValueError(
                 f"{where}.speed = 0; give the speed in {unit}, or 'free' (statics are compared in static motion)"
@@ -140,8 +140,8 @@ def check_loads(loads: Iterable[Load], bodies: Mapping[str, Body]) -> None:
             )
 
 
-def check_springs(springs: Iterable[Spring], parts: Parts) -> None:
-    """Springs join points that exist, of two different bodies."""
+def check_springs(springs: Iterable[Spring], parts: Parts, joints: Sequence[Joint]) -> None:
+    """Springs join points that exist, of two different bodies, and not those that a pin holds together."""
     for spring in springs:
         for body, point in spring.ends:
             if body not in parts:
@@ -154,6 +154,12 @@ def check_springs(springs: Iterable[Spring], parts: Parts) -> None:
                 raise ValueError("spring.points names 'com' of the ground, which has none; use one of its points")
         if spring.bodies[0] == spring.bodies[1]:
             raise ValueError(f"spring.bodies are both {spring.bodies[0]!r}; a spring joins two bodies")
+        for joint in joints:
+            if not joint.prismatic and {(body, joint.name) for body in joint.bodies} == set(spring.ends):
+                raise ValueError(
+                    f"spring.points are both at joint {joint.name!r}, where its force has no direction; give two points"
+                    " that are apart"
+                )
 
 
 def check_assembly(assembly: Iterable[str], bodies: Iterable[str], driven: str | None) -> None:

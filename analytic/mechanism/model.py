@@ -264,7 +264,7 @@ class Mechanism(Part):
             check_joint(joint, self.parts)
         check_drives(self.drives, self.joints)
         check_loads(self.loads, self.moving)
-        check_springs(self.springs, self.parts)
+        check_springs(self.springs, self.parts, self.joints)
         check_assembly(self.assembly, self.moving, self.driven if self.cranked else None)
         for body in self.bodies:
             check_body(body, self.joints)

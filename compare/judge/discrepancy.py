@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.signals import Signal
+from analytic.mechanism.signals import AXES, Signal
 from compare.judge.signals import UNITS, Kind, Unit, compared, kind_of
 from compare.judge.tolerances import (
     Known,
@@ -115,8 +115,8 @@ def difference(values: np.ndarray, tolerance: np.ndarray | None = None, tube: Tu
 
 @dataclass(frozen=True)
 class Scales:
-    """What a run's small numbers are compared with: its largest reaction (N), its longest body (m), the mass of all
-    bodies (kg).
+    """What a run's small numbers are compared with: its largest reaction (N), its longest body (m; where bodies are
+    points, how far out they are), the mass of all bodies (kg).
 
     ``peaks`` are the largest sizes of the signals over the linkage's usual crank angles, where they are known: they do
     not depend on the part of the cycle that the run covers.
@@ -136,7 +136,11 @@ class Scales:
         sizes = [Signal("reaction", joint.name, "magnitude").name for joint in mechanism.joints]
         force = max((known[name] for name in sizes if name in known), default=0.0)
         bodies = mechanism.bodies
-        return cls(force, max(body.length for body in bodies), sum(body.mass for body in bodies), dict(peaks or {}))
+        places = [Signal("pose", body.name, axis).name for body in bodies for axis in AXES]
+        length = max(body.length for body in bodies) or max(
+            (known[name] for name in places if name in known), default=0.0
+        )
+        return cls(force, length, sum(body.mass for body in bodies), dict(peaks or {}))
 
 
 def largest(signals: Mapping[str, np.ndarray]) -> dict[str, float]:

@@ -104,8 +104,16 @@ def _compared(mechanism: Mechanism, displaced: set[str]) -> Iterator[Signal]:
             yield Signal("pose", body.name, "angle")
         elif not (mechanism.cranked and body.name == mechanism.driven):
             yield Signal("rotation", body.name, "angle")
+    if _slides_freely(mechanism) and not displaced:
+        yield from (Signal("pose", body.name, axis) for body in mechanism.bodies for axis in AXES)
     if mechanism.cranked or mechanism.drives:
         yield from driving(mechanism.motors)
+
+
+def _slides_freely(mechanism: Mechanism) -> bool:
+    """Whether there are slides in what no crank moves, and a drive is free or missing: no angle tells their travel."""
+    driven = mechanism.drives and all(drive.speed != "free" for drive in mechanism.drives)
+    return not mechanism.cranked and not driven and any(joint.prismatic for joint in mechanism.joints)
 
 
 def recorded(mechanism: Mechanism, clearances: Iterable[str], given: Iterable[str]) -> tuple[Signal, ...]:
