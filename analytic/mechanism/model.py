@@ -43,9 +43,11 @@ from analytic.mechanism.parts import (
     one_or_many,
     titled,
 )
+from analytic.mechanism.signals import Signal, driving, position
 
 P = TypeVar("P", Body, Joint)
 ONE_CRANK = "what is asked for is of linkages with one drive, which turns a crank on the ground"
+ONE_INPUT = "what is asked for is of linkages with one drive, which turns a crank or moves a slide on the ground"
 
 
 class Mechanism(Part):
@@ -103,6 +105,39 @@ class Mechanism(Part):
             return any(not j.prismatic and GROUND in j.bodies for j in self.joints)
         joint = self.joint(self.drives[0].joint)
         return len(self.drives) == 1 and not joint.prismatic and GROUND in joint.bodies
+
+    @property
+    def sliding(self) -> bool:
+        """Whether it moves by a slide: its only drive moves a body along the ground, as a ball screw does."""
+        if len(self.drives) != 1:
+            return False
+        joint = self.joint(self.drives[0].joint)
+        return joint.prismatic and GROUND in joint.bodies
+
+    @property
+    def input_joint(self) -> Joint:
+        """The joint that moves all else: the crank's, or the slide's.  Raises MechanismError where there is neither."""
+        if self.sliding:
+            return self.joint(self.drives[0].joint)
+        if self.drives and not self.cranked:
+            driven = ", ".join(drive.joint for drive in self.drives)
+            raise MechanismError(f"{self.name}: is driven in {driven}; {ONE_INPUT}")
+        return self.drive_joint
+
+    @property
+    def encoder(self) -> Signal:
+        """Where the motor of its only drive is: the crank's angle (rad), or the slide's travel (m).  Raises
+        MechanismError where there is neither.
+        """
+        joint = self.input_joint
+        return position(joint) if self.sliding else Signal.of("pose", self.driven, "angle")
+
+    @property
+    def effort(self) -> Signal:
+        """What that motor gives: the crank's torque (N.m), or the slide's force (N).  Raises MechanismError where there
+        is neither.
+        """
+        return driving([self.input_joint])[0]
 
     @property
     def drive_joint(self) -> Joint:

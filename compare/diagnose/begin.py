@@ -134,6 +134,8 @@ def _run(name: str, one: Guessed, mechanism: Mechanism, folder: Path) -> str:
 
 def _drive(one: Guessed, mechanism: Mechanism) -> list[str]:
     """How a run was driven, as its encoder says."""
+    if mechanism.sliding:
+        return ['drive = "measured"    # the only kind of run of a slide']
     encoder, time = encoder_of(mechanism), one.values["time"]
     angle = one.values.get(encoder, np.zeros(0))
     here = np.isfinite(angle)

@@ -65,7 +65,8 @@ def would_separate(model: Model, noise: dict[tuple[str, str], float], one: Fit, 
         )
     if best[0] > USEFUL:
         return best[1]
-    sensors = "a run like the first with any further sensor of a position, an angle, a reaction or the drive torque"
+    drive = f"the drive {model.mechanism.effort.component}"
+    sensors = f"a run like the first with any further sensor of a position, an angle, a reaction or {drive}"
     return f"none of what was tried would: {'; '.join([*tried, sensors])}"
 
 
@@ -144,7 +145,7 @@ def _turned(load: Load, by: complex) -> Load:
 def _sensors(mechanism: Mechanism) -> list[Signal]:
     poses = [Signal.of("pose", b.name, component) for b in mechanism.bodies for component in POSE]
     cells = [Signal.of("reaction", j.name, axis) for j in mechanism.joints for axis in AXES]
-    return [*poses, Signal.of("drive", "", "torque"), *cells]
+    return [*poses, mechanism.effort, *cells]
 
 
 def _apart(

@@ -157,7 +157,7 @@ def _as_read(
     signal = measured.signals[DRIVE_TORQUE]
     read = {DRIVE_TORQUE: Channel(signal, np.zeros(run.time.size), 0.0, True, signal.unit)}
     read |= {name: run.channels[name] for name in cells(run)}
-    unknown = ~np.isfinite(run.channels[f"{measured.mechanism.driven}_angle"].values)
+    unknown = ~np.isfinite(run.channels[measured.mechanism.encoder.name].values)
     found = {}
     for name, channel in read.items():
         typical = float(np.median(errors[name]))

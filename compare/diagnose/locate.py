@@ -23,7 +23,9 @@ MOST = 60  # stretches listed
 
 @dataclass(frozen=True)
 class Stretch:
-    """A sensor off by ``size`` (its unit, measured minus simulated) between two crank angles (rad)."""
+    """A sensor off by ``size`` (its unit, measured minus simulated) between two crank angles (rad; travels of a slide,
+    m).
+    """
 
     run: str
     signal: str
@@ -48,7 +50,7 @@ def locate(
     ``spread`` (SI), by run and signal, is what the engines differ by: a stretch that is not larger is none.
     ``colours`` are of the sensors whose noise is known not to be white.
     """
-    found = []
+    found, turns = [], not data.measured.mechanism.sliding
     for part in data.parts:
         run = data.measured.runs[part.run]
         r, theta = residual[part.place], angles[run.name][part.used]
@@ -56,7 +58,8 @@ def locate(
             continue
         sigma, unit = float(data.sigma[part.place][0]), run.channels[part.signal].signal.unit
         least = (spread or {}).get((run.name, part.signal), 0.0)
-        for at, begin, end, sure, when in _told(r, theta, run.time[part.used], (colours or {}).get(part.signal)):
+        bins = _turned(theta) if turns else []
+        for at, begin, end, sure, when in _told(r, theta, bins, run.time[part.used], (colours or {}).get(part.signal)):
             size = float(r[at].mean()) * sigma
             if abs(size) > least:
                 found.append(Stretch(run.name, part.signal, begin, end, size, unit, sure, when))
@@ -64,12 +67,12 @@ def locate(
 
 
 def _told(
-    r: np.ndarray, theta: np.ndarray, time: np.ndarray, colour: Colour | None
+    r: np.ndarray, theta: np.ndarray, bins: Sequence[np.ndarray], time: np.ndarray, colour: Colour | None
 ) -> Iterator[tuple[np.ndarray, float, float, float, tuple[float, float] | None]]:
     """The samples of each stretch of a residual (N,) that is told, between which crank angles it is, its sigmas, and
-    when; None where it is there in every turn.
+    when; None where it is there in every turn, of which ``bins`` are the stretches.
     """
-    bins, windows = _turned(theta), _in_time(r)
+    windows = _in_time(r)
     rough = without_means(without_means(r, windows), bins)
     whiteness = correlation_time(rough) if rough.any() else 1.0
     whiteness = max(whiteness, min(colour.alike, colour.total**2 * r.size / WINDOWS)) if colour else whiteness

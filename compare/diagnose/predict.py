@@ -19,7 +19,6 @@ from analytic.beyond_paper.freedom import Freedom, swing
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
-from analytic.mechanism.signals import wrapped
 from analytic.paper.clearance import Displaced, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.frame import ComplianceError
@@ -359,7 +358,7 @@ def read_at(run: MeasuredRun, encoder: str, course: Motor | None, jitter: float)
     if not jitter or course is None or encoder not in run.channels:
         return run.time
     seen = course.at(run.time)
-    off = np.nan_to_num(wrapped(run.channels[encoder].values - seen.theta))
+    off = np.nan_to_num(run.channels[encoder].signal.apart(run.channels[encoder].values, seen.theta))
     late = off * seen.omega / (seen.omega**2 + SLOW**2 * np.mean(seen.omega**2))
     return run.time + jitter**2 / max(float(np.mean(late**2)), 1e-300) * late
 

@@ -22,16 +22,19 @@ from analytic.mechanism.signals import turned_near
 from compare.diagnose.data.quality import noise
 from compare.diagnose.data.recording import Fault, Measured, MeasuredError, MeasuredRun
 from compare.diagnose.data.smooth import Smoother
-from compare.diagnose.data.thin import missed, picked
+from compare.diagnose.data.thin import frozen, missed, picked
 from compare.diagnose.effects.effect import Effect, Parameter, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Bounds
 from compare.diagnose.predict import Model, StartOfRun, Term
 from compare.diagnose.residuals import Data
+from compare.recorded.text import ROWS
 
 SAMPLES = 60_000  # of all sensors together; of more, evenly spaced ones are used
 NUMBERS = 20_000_000  # of the matrix of errors that sensors share, at most
 TOGETHER = 8  # samples over which a course may not miss its encoder
+SHORTEST = 1e-6  # m of travel, that a slide makes at least
+SURE = 4.0  # sigmas, by which a slide's speed must be known from none
 STRAY = 3.0  # sigmas (rms) by which it misses the encoder then
 
 
@@ -43,7 +46,7 @@ def thinned(measured: Measured) -> Measured:
     every = math.ceil(total / SAMPLES)
     if every == 1:
         return measured
-    encoder, runs, faults = f"{measured.mechanism.driven}_angle", [], list(measured.faults)
+    encoder, runs, faults = measured.mechanism.encoder.name, [], list(measured.faults)
     for run in measured.runs:
         thin = picked(run, every)
         if run.drive == "measured" and missed(run, thin, encoder):
@@ -70,10 +73,44 @@ def followed(measured: Measured) -> tuple[dict[str, Motor], Measured]:
     """The motors of the runs that follow their encoder, by run, and the measurement with a fault where a motor strays
     from its encoder.
     """
-    encoder = f"{measured.mechanism.driven}_angle"
+    encoder = measured.mechanism.encoder.name
     courses = {run.name: course(run, encoder) for run in measured.runs if run.drive == "measured"}
     strays = [strayed(run, encoder, courses[run.name]) for run in measured.runs if run.name in courses]
-    return courses, replace(measured, faults=(*measured.faults, *(fault for fault in strays if fault is not None)))
+    measured = replace(measured, faults=(*measured.faults, *(fault for fault in strays if fault is not None)))
+    return courses, _while_sliding(measured, courses) if measured.mechanism.sliding else measured
+
+
+def _while_sliding(measured: Measured, courses: Mapping[str, Motor]) -> Measured:
+    """The measurement without the forces and torques that were read while the slide rested or turned back: there dry
+    friction may be anything up to its size, either way.  Raises MeasuredError where nothing else was read.
+    """
+    runs, faults = [], list(measured.faults)
+    for run in measured.runs:
+        still, channels = _still(run, measured.mechanism.encoder.name, courses[run.name]), dict(run.channels)
+        for name, channel in run.channels.items():
+            lost = still & np.isfinite(channel.values)
+            if channel.signal.kind not in ("reaction", "drive") or not lost.any():
+                continue
+            if np.sum(np.isfinite(channel.values) & ~still) < ROWS:
+                raise MeasuredError(
+                    f"{run.file}: the slide of run {run.name!r} rests or turns back in {int(still.sum())} of"
+                    f" {run.time.size} samples, as far as its encoder tells; give a run in which it moves"
+                )
+            channels[name] = replace(channel, values=frozen(np.where(lost, math.nan, channel.values)))
+            text = (
+                f"{name} of run {run.name!r} is left out in the {count(int(lost.sum()), 'sample')} in which the slide"
+                " rests or turns back: dry friction may be anything there"
+            )
+            faults.append(Fault(run.name, name, "rest", int(lost.sum()), text))
+        runs.append(replace(run, channels=channels))
+    return replace(measured, runs=tuple(runs), faults=tuple(faults))
+
+
+def _still(run: MeasuredRun, encoder: str, motor: Motor) -> np.ndarray:
+    """At which samples (N,) bool a slide rests or turns back, within half a sample, as far as its encoder tells."""
+    smoother, moving = _smoothed(run, encoder), motor.at(run.time)
+    unsure = smoother.uncertainty(smoother.answers(run.time)[1], encoder_noise(run, encoder))
+    return np.abs(moving.omega) < SURE * unsure + np.abs(moving.alpha) * float(np.median(np.diff(run.time))) / 2
 
 
 def course(run: MeasuredRun, encoder: str) -> Motor:
@@ -115,7 +152,7 @@ def strayed(run: MeasuredRun, encoder: str, motor: Motor) -> Fault | None:
     channel = run.channels[encoder]
     known = np.flatnonzero(np.isfinite(channel.values))
     time, values = run.time[known], channel.values[known]
-    off = motor.at(time).theta - values
+    off, unit = motor.at(time).theta - values, channel.signal.unit
     near = np.sqrt(np.convolve(off**2, np.full(TOGETHER, 1 / TOGETHER), "valid"))
     sigma = max(channel.noise, noise(time, values))
     if near.max() <= STRAY * sigma:
@@ -123,11 +160,16 @@ def strayed(run: MeasuredRun, encoder: str, motor: Motor) -> Fault | None:
     first = int(np.argmax(near))
     worst = first + int(np.argmax(np.abs(off[first : first + TOGETHER])))
     text = (
-        f"the course that run {run.name!r} replays misses {encoder} by up to {math.degrees(abs(off[worst])):.3g} deg,"
-        f" near {time[worst]:.6g} s, and its noise and counts are {math.degrees(sigma):.2g} deg: it moves too abruptly"
+        f"the course that run {run.name!r} replays misses {encoder} by up to {_far(abs(off[worst]), unit, 3)},"
+        f" near {time[worst]:.6g} s, and its noise and counts are {_far(sigma, unit, 2)}: it moves too abruptly"
         " there to be followed; do not trust what is found there, sample faster, or leave that part out"
     )
     return Fault(run.name, encoder, "course", int(np.sum(np.abs(off) > STRAY * sigma)), text)
+
+
+def _far(size: float, unit: str, digits: int) -> str:
+    """How far a course is from its encoder (rad, m), in degrees or millimetres."""
+    return f"{math.degrees(size):.{digits}g} deg" if unit == "rad" else f"{1e3 * size:.{digits}g} mm"
 
 
 def shared(measured: Measured, floor: Mapping[tuple[str, str], float], model: Model) -> np.ndarray:
@@ -181,10 +223,10 @@ class _Nudged:
 
 def starts(measured: Measured) -> dict[Term, np.ndarray]:
     """The unknown starts of free runs."""
-    driven = measured.mechanism.driven
+    encoder = measured.mechanism.encoder
     return {
         Term(StartOfRun(), run.name): np.array(
-            [run.start[f"{driven}_angle"], run.start.get(f"{driven}_angular_velocity", 0.0)]
+            [run.start[encoder.name], run.start.get(f"{encoder.place}_angular_velocity", 0.0)]
         )
         for run in measured.runs
         if run.drive == "free"
@@ -225,11 +267,15 @@ def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor])
     speeds += [
         float(np.abs(course.at(run.time).omega).max()) for run in measured.runs if (course := courses.get(run.name))
     ]
-    encoder = f"{mechanism.driven}_angle"
+    encoder = mechanism.encoder.name
     speeds += [_swiftest(run, encoder) for run in measured.runs if run.drive == "free" and encoder in run.channels]
     speed = max([*speeds, 1e-3])
     arms = [abs(b.centre - b.point(name)) for b in mechanism.bodies for name in b.points]
     length = max(b.length for b in mechanism.bodies) or max(arms) or 1.0
+    reach = _reach(measured, courses) if mechanism.sliding else None
+    if reach is not None:
+        length = max(reach[1] - reach[0], SHORTEST)
+        speed /= length
     weight = sum(b.mass for b in mechanism.bodies) * abs(complex(*mechanism.gravity))
     given = [load for run in measured.runs for load in (run.loads if run.loads is not None else mechanism.loads)]
     loads = [abs(complex(*load.force)) + abs(load.torque) / length for load in given]
@@ -245,7 +291,14 @@ def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor])
         speed,
         least,
         {run.name: tuple(run.channels) for run in measured.runs},
+        reach,
     )
+
+
+def _reach(measured: Measured, courses: Mapping[str, Motor]) -> tuple[float, float]:
+    """Least and largest travel (m) of a slide in all runs."""
+    travels = np.concatenate([courses[run.name].at(run.time).theta for run in measured.runs])
+    return float(travels.min()), float(travels.max())
 
 
 def _swiftest(run: MeasuredRun, signal: str) -> float:
@@ -261,7 +314,7 @@ def on_one_turn(measured: Measured) -> Measured:
     which turn it is, and a spring that a model lacks does.  Validation runs go to the turn of those that are fitted.
     Where the model has a spring, runs stay.
     """
-    encoder = f"{measured.mechanism.driven}_angle"
+    encoder = measured.mechanism.encoder.name
     if any(joint.stiffness for joint in measured.mechanism.joints):
         return measured
     moved, about = {}, 0.0

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.signals import wrapped
 from compare.diagnose import prepare
 from compare.diagnose.colour import colours
 from compare.diagnose.data.quality import suspicious_swaps, suspicious_units
@@ -244,14 +243,14 @@ class Problem:
             encoder, course = run.channels.get(self.rig.encoder), self.model.courses.get(run.name)
             if encoder is None or course is None or not encoder.noise_given:
                 continue
-            turning = course.at(run.time)
-            scatter = rms(np.nan_to_num(wrapped(encoder.values - turning.theta)))
+            turning, unit = course.at(run.time), encoder.signal.unit
+            scatter = rms(np.nan_to_num(encoder.signal.apart(encoder.values, turning.theta)))
             turns = np.abs(turning.omega) > SLOW * np.abs(turning.omega).mean()
             if scatter < LATE * encoder.noise or not turns.any():
                 continue
             self.notes.append(
-                f"In run {run.name} the encoder is {amount(scatter, 'rad')} (rms) off the smooth course through its"
-                f" readings, and its noise is {amount(encoder.noise, 'rad')}: lines seem not to be read when their"
+                f"In run {run.name} the encoder is {amount(scatter, unit)} (rms) off the smooth course through its"
+                f" readings, and its noise is {amount(encoder.noise, unit)}: lines seem not to be read when their"
                 " stamps say. The noise floor takes in what the encoder's own noise then leaves open."
             )
             for name in run.channels:

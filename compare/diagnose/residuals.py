@@ -224,10 +224,12 @@ def _spared(left: np.ndarray, landing: np.ndarray) -> np.ndarray:
 
 
 def turned(run: MeasuredRun, encoder: str) -> np.ndarray | None:
-    """The angle (N,) rad of the crank in a driven run as commanded, or as its encoder has it; None where neither is."""
+    """The angle (N,) rad of the crank in a driven run as commanded, or as its encoder has it; None where neither is, or
+    no crank turns.
+    """
     if run.drive == "speed" and run.speed is not None:
         return run.speed * run.time
-    if run.drive == "free" or encoder not in run.channels:
+    if run.drive == "free" or encoder not in run.channels or not run.channels[encoder].signal.wraps:
         return None
     return bridged(run.channels[encoder].values)
 

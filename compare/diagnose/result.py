@@ -42,12 +42,12 @@ from compare.results.diagnosis import (
     Step,
 )
 from compare.results.diagnosis import Fault as DataFault
+from compare.results.places import located
 from compare.results.sentences import (
     called,
     capital,
     data_sentences,
     plainly,
-    sentence,
     separation,
     validation_sentences,
 )
@@ -495,7 +495,7 @@ def _steps(problem: Problem, found: Verified, result: Diagnosis) -> tuple[Step, 
     """The story, step by step."""
     e = found.explanation
     measured = (*data_sentences(result.runs), *(capital(f"{fault.text}.") for fault in result.faults))
-    places = [capital(f"{sentence(result, place)}.") for place in result.located[:PLACES]]
+    places = [capital(f"{located(result, place)}.") for place in result.located[:PLACES]]
     more = len(result.located) - PLACES
     places += [f"And in {count(more, 'other place')}."] if more > 0 else []
     add = tuple(_added(engine) for engine in result.engines)

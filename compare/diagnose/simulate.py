@@ -105,15 +105,19 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
     run = task.run
     drive = mechanism.drive
     motor = task.course or Motor(run.speed or 0.0, run.angle or 0.0, drive)
-    fields = (drive.model_dump(exclude_unset=True) if drive else {"joint": mechanism.drive_joint.name}) | {
+    fields = (drive.model_dump(exclude_unset=True) if drive else {"joint": mechanism.input_joint.name}) | {
         "ripple": None
     }
     if run.drive == "measured" or (drive is not None and drive.ripple is not None):
         mechanism = mechanism.replace(drive=fields | {"speed": "measured"})
         margin = 1e-6 * float(times[-1] - times[0])
         knots = np.linspace(times[0] - margin, times[-1] + margin, max(2 * times.size, round(1 / COURSE_STEP)))
-        angles = turned_by(run, motor.at(knots), task.hypothesis).theta
-        request = Request(mechanism, _joint_model(mechanism), "driven", time=times, course=(knots, angles))
+        course = knots, turned_by(run, motor.at(knots), task.hypothesis).theta
+        if mechanism.sliding:  # times count from the first knot: late readings may ask for some before zero
+            courses = {mechanism.input_joint.name: (knots - knots[0], course[1])}
+            request = Request(mechanism, _joint_model(mechanism), "driven", time=times - knots[0], courses=courses)
+        else:
+            request = Request(mechanism, _joint_model(mechanism), "driven", time=times, course=course)
     else:
         mechanism = mechanism.replace(drive=fields | {"speed": float(run.speed or 0.0)})
         lead_in = SETTLED if mechanism.half_gap and turns_fully(Assembly(mechanism)) else 0.0

@@ -121,7 +121,7 @@ def proposed(problem: Problem, found: Verified) -> Proposal | None:
     leaves nothing, or the time is over.
     """
     e = found.explanation
-    if problem.options.late() or problem.search is None:
+    if problem.options.late() or problem.search is None or problem.mechanism.sliding:  # its laws are of a crank's angle
         return None
     if e.verdict in ("unexplained", "partly explained"):
         return proposal(problem.model, problem.search.fitter, e.fit)

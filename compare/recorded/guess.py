@@ -55,11 +55,11 @@ def guess(file: Path, mechanism: Mechanism) -> Guessed:
         raise DataError(f"{file.name}: has no column of time: none rises steadily; add one, such as 'time [s]'")
     found[clock.heading] = clock
     time = clock.si(columns[clock.heading])
-    encoder = Signal.of("pose", mechanism.driven, "angle")
+    encoder = mechanism.encoder
     crank = next((g for g in found.values() if g.signal == encoder), None)
     likely = [crank] if crank else _encoders(columns, found, encoder)
     tried = [by_model(columns, found, mechanism, time, each) for each in likely]
-    if tried and crank is None and min(each.left for each in tried) > BETTER:
+    if tried and crank is None and mechanism.cranked and min(each.left for each in tried) > BETTER:
         others = [zeroed(columns, found, mechanism, each) for each in likely]
         likely, tried = likely + others, tried + [by_model(columns, found, mechanism, time, each) for each in others]
     if tried:
@@ -123,9 +123,12 @@ def _encoders(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], sig
     hinted = [h for h in free if any(hint in fold(h) for hint in HINTS)]
     for heading in hinted:
         values = free[heading]
-        unit = told_unit(heading, "angle")
+        unit = told_unit(heading, dimension(signal))
         if unit:
-            return _either_way([Guess(heading, signal, unit, why="called like an encoder of the crank")])
+            what = "crank" if signal.wraps else "slide"
+            return _either_way([Guess(heading, signal, unit, why=f"called like an encoder of the {what}")])
+        if not signal.wraps:  # counts of a travel say nothing of its size
+            continue
         whole = np.all(values[np.isfinite(values)] == np.round(values[np.isfinite(values)]))
         if whole and np.ptp(values[np.isfinite(values)]) > 100:
             counts = _wraps(values)
@@ -142,7 +145,7 @@ def _encoders(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], sig
 
 
 def _either_way(guesses: Sequence[Guess]) -> list[Guess]:
-    """Encoders that count the crank's turning forward, and those that count it backward."""
+    """Encoders that count the motion forward, and those that count it backward."""
     return [*guesses, *(replace(each, sign=-1, why=f"{each.why}; it counts backward") for each in guesses)]
 
 

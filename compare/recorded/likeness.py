@@ -95,7 +95,11 @@ def by_model(
         return Told({}, float(len(columns)))
     names = Names(mechanism, PLAIN)
     taken = {g.signal for g in found.values() if g.signal is not None}
-    free = {name: values for name, values in signals.items() if names.signal(name) not in (None, *taken)}
+    free = {
+        name: values
+        for name, values in signals.items()
+        if (signal := names.signal(name)) is not None and signal not in taken and signal.kind != "position"
+    }  # where a joint is, is told by the poses of its bodies
     out: dict[str, Guess] = {}
     left = 0.0
     for heading, values in columns.items():
@@ -125,7 +129,7 @@ def zeroed(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechan
         return crank
     names = Names(mechanism, PLAIN)
     poses = {name: values for name, values in signals.items() if names.known[name].kind == "pose"}
-    own = f"{mechanism.driven}_angle"
+    own = mechanism.encoder.name
     angle = crank.si(columns[crank.heading])
     every = max(1, angle.size // SAMPLES)
     candidates = {

@@ -13,7 +13,6 @@ from scipy.ndimage import maximum_filter1d
 from analytic.beyond_paper.drive import Motor, Turning
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
-from analytic.mechanism.signals import Signal
 from compare.diagnose.data.smooth import Smoother
 from sim_models.engine import JointModel, Request
 
@@ -89,8 +88,8 @@ class Start:
 
 
 def encoder_of(mechanism: Mechanism) -> str:
-    """The signal that says where the crank is."""
-    return Signal.of("pose", mechanism.driven, "angle").name
+    """The signal that says where the crank is, or the slide."""
+    return mechanism.encoder.name
 
 
 def followed(time: np.ndarray, angle: np.ndarray, rounded: np.ndarray) -> Followed:

@@ -19,6 +19,7 @@ from compare.report.pages import script_json
 from compare.report.svg import NOT_XML, draw
 from compare.results.diagnosis import DiagnosedRun, Diagnosis
 from compare.results.document import as_written
+from compare.results.places import located
 from compare.results.sentences import (
     called,
     capital,
@@ -26,7 +27,6 @@ from compare.results.sentences import (
     off_by,
     phrase,
     plainly,
-    sentence,
     small_errors,
     spoken,
     validation_sentences,
@@ -211,7 +211,7 @@ def _environment(result: Diagnosis) -> Environment:
         "named": lambda key: called(result, key),
         "spoken": lambda signal: spoken(result, signal),
         "off": lambda value, signal: off_by(result, signal, value),
-        "sentence": lambda place: sentence(result, place),
+        "sentence": lambda place: located(result, place),
         "advice": words.advice,
         "remark": words.remark,
         "run_title": words.run_title,

@@ -32,6 +32,7 @@ from compare.report.diagnosis_words import (
 from compare.report.pages import code_block
 from compare.report.pages import escape_markdown as md
 from compare.results.diagnosis import Diagnosis, Effect, Place, Side
+from compare.results.places import located
 from compare.results.sentences import (
     NOISE,
     capital,
@@ -42,7 +43,6 @@ from compare.results.sentences import (
     phrase,
     plainly,
     quantity,
-    sentence,
     small_errors,
     spoken,
     validation_sentences,
@@ -82,7 +82,7 @@ def terminal_lines(result: Diagnosis) -> list[str]:
         out.append(f"proposed ({'adopted' if p.adopted else 'not named'}): {' '.join(proposed.sentences(result, p))}")
     places = worst_first(result)
     lead = "where, before" if settled else "where"  # it is the nominal model that is off there
-    out += [f"{lead}: {sentence(result, place)} ({plainly(place.sigmas)} sigma)" for place in places[:PLACES_SHOWN]]
+    out += [f"{lead}: {located(result, place)} ({plainly(place.sigmas)} sigma)" for place in places[:PLACES_SHOWN]]
     out += [f"{lead}: {_others(len(places) - PLACES_SHOWN)}"] if len(places) > PLACES_SHOWN else []
     out += [f"noise: {_line(note)}" for note in result.notes if note.startswith(NOISE)]
     out += [f"data: run {fault.run}, {spoken(result, fault.signal)}: {_line(fault.text)}" for fault in result.faults]
@@ -254,8 +254,7 @@ def _located(result: Diagnosis) -> list[str]:
         return []
     out = ["## Where simulation and measurement disagree", ""]
     out += [
-        f"- {md(capital(sentence(result, place)))} ({plainly(place.sigmas)} {SIGMA})"
-        for place in places[:PLACES_LISTED]
+        f"- {md(capital(located(result, place)))} ({plainly(place.sigmas)} {SIGMA})" for place in places[:PLACES_LISTED]
     ]
     out += [f"- {_others(len(places) - PLACES_LISTED)} (diagnosis.html)"] if len(places) > PLACES_LISTED else []
     return [*out, ""]

@@ -1,4 +1,6 @@
-"""Measured data before a diagnosis, shown: a page of every sensor over time and over the crank angle, and a table."""
+"""Measured data before a diagnosis, shown: a page of every sensor over time and over the crank angle (of a slide, its
+travel), and a table.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,7 @@ def _page(result: Preview) -> str:
             {
                 "run": run,
                 "title": f"Run {run.name}: {DRIVES[run.drive]}",
-                "facts": _facts(run),
+                "facts": _facts(result, run),
                 "figures": [
                     Markup(draw(figure))
                     for name, seen in run.signals.items()
@@ -82,13 +84,17 @@ def _called(result: Preview, name: str, where: str) -> str:
     return effect.called(_spoken(result, where) if effect.place == "signal" else where)
 
 
-def _facts(run: SeenRun) -> str:
+def _facts(result: Preview, run: SeenRun) -> str:
     """A run in a sentence: samples, rate, span, gaps."""
-    turned = math.degrees(run.crank_to - run.crank_from)
-    span = (
-        f"the crank goes from {number(math.degrees(run.crank_from), 4)} to {number(math.degrees(run.crank_to), 4)}°"
-        f" ({number(turned / 360, 3)} turns)"
-    )
+    if result.mechanism.sliding:
+        unit, factor = shown("m")
+        span = f"the slide goes from {number(factor * run.crank_from, 4)} to {number(factor * run.crank_to, 4)} {unit}"
+    else:
+        turned = math.degrees(run.crank_to - run.crank_from)
+        span = (
+            f"the crank goes from {number(math.degrees(run.crank_from), 4)} to {number(math.degrees(run.crank_to), 4)}°"
+            f" ({number(turned / 360, 3)} turns)"
+        )
     longest = f", the longest gap {amount(run.longest_gap, 's')}" if run.longest_gap else ", no gaps"
     role = ", kept back for validation" if run.role == "validation" else ""
     return f"{run.file}: {count(run.samples, 'sample')}, one every {amount(run.step, 's')}{longest}; {span}{role}."
@@ -119,25 +125,24 @@ def _words(result: Preview, one: Visible) -> tuple[str, str, str]:
 
 
 def _figures(result: Preview, run: SeenRun, name: str, seen: Seen) -> list[Figure]:
-    """A sensor over time, and over the crank angle within a turn, with the nominal model behind it; of the crank
-    how far it is off, over the latter.
+    """A sensor over time, and over the crank angle within a turn (of a slide, its travel), with the nominal model
+    behind it; of the crank how far it is off, over the latter.
     """
     what = _quantity(result, name)
     unit, factor = shown(seen.unit)
     every = max(1, -(-run.time.size // DRAWN))
     title = f"{what.label}, run {run.name}"
     found = []
-    turn = np.degrees(run.crank_angle) % 360.0
-    for axis, values in ((Axis("time", "s"), run.time), (Axis("crank angle", "deg"), turn)):
+    for axis, values in ((Axis("time", "s"), run.time), _posture(result, run)):
         order = np.argsort(values, kind="stable")
         x = scaled(values[order])
         both = (
             Series("nominal model", x, scaled(seen.nominal[order], factor), "analytic", "dashed"),
             Series("measured", x[::every], scaled(seen.measured[order][::every], factor), "massless-link", "marker"),
         )
-        if axis.unit == "deg" and np.any(np.diff(run.crank_angle) * np.sign(np.ptp(run.crank_angle)) < 0):
+        if axis.unit != "s" and np.any(np.diff(run.crank_angle) * np.sign(np.ptp(run.crank_angle)) < 0):
             both = (Series("nominal model", x[::every], both[0].y[::every], "analytic", "marker"), both[1])
-        if axis.unit == "deg" and name == encoder_of(result.mechanism):
+        if axis.unit != "s" and name == encoder_of(result.mechanism):
             apart = scaled((seen.measured - seen.nominal)[order][::every], factor)
             off = (Series("measured minus nominal", x[::every], apart, "massless-link", "marker"),)
             text = f"{title}, measured minus nominal over {axis.label}."
@@ -148,6 +153,14 @@ def _figures(result: Preview, run: SeenRun, name: str, seen: Seen) -> list[Figur
         stem = f"{run.name}-{name}-{axis.label.split()[0]}"
         found.append(Figure(stem, f"{title}, over {axis.label}", text, axis, Axis(what.name, unit), both))
     return found
+
+
+def _posture(result: Preview, run: SeenRun) -> tuple[Axis, np.ndarray]:
+    """Where the linkage is at each sample (N,): the crank angle within a turn, or the travel of a slide."""
+    if result.mechanism.sliding:
+        unit, factor = shown("m")
+        return Axis("travel", unit), run.crank_angle * factor
+    return Axis("crank angle", "deg"), np.degrees(run.crank_angle) % 360.0
 
 
 def _span(values: np.ndarray, factor: float) -> str:
@@ -164,7 +177,7 @@ def print_table(result: Preview, console: Console) -> None:
         table.add_row(*map(escape, row))
     console.print(table)
     told = [f"data: run {f.run}, {_spoken(result, f.signal)}: {f.text}" for f in result.faults]
-    told += [_facts(run) for run in result.runs]
+    told += [_facts(result, run) for run in result.runs]
     alike = sum(bool(one.like) for one in result.visible)
     told.append(
         f"{count(len(result.visible), 'effect')} would show in these runs, {alike} of them not apart from another;"

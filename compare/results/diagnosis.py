@@ -36,8 +36,8 @@ class Located(Part):
 
     run: str
     signal: str
-    crank_angle_from: Annotated[FiniteFloat, Field(description="rad")]
-    crank_angle_to: Annotated[FiniteFloat, Field(description="rad")]
+    crank_angle_from: Annotated[FiniteFloat, Field(description="rad; of a slide its travel, m")]
+    crank_angle_to: Annotated[FiniteFloat, Field(description="rad; of a slide its travel, m")]
     size: FiniteFloat
     unit: Unit
     sigmas: Size
@@ -289,7 +289,11 @@ class DiagnosedRun(Part):
     time: Annotated[Grid, Field(min_length=1, description="s")]
     crank_angle: Annotated[
         Grid,
-        Field(min_length=1, description="rad; the motor's as commanded or measured, in a free run the driven body's"),
+        Field(
+            min_length=1,
+            description="rad; the motor's as commanded or measured, in a free run the driven body's; where a slide"
+            " moves all else its travel, m",
+        ),
     ]
     held_out: Annotated[
         tuple[Literal[0, 1], ...] | None,
@@ -433,7 +437,7 @@ class Diagnosis(Document):
             for name, channel in run.signals.items()
             for side in ("measured", "before", "after")
         }
-        return {"time": "s", "crank_angle": "rad"} | sides
+        return {"time": "s", "crank_angle": "m" if self.mechanism.sliding else "rad"} | sides
 
     def __repr__(self) -> str:
         what = ", ".join(effect.key for effect in self.effects) or "nothing named"

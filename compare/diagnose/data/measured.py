@@ -132,11 +132,10 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tup
             raise MeasuredError(
                 f"{where}: noise.{signal} is not a column of {entry.file}; the columns are {listed(table.values)}"
             )
-    encoder = f"{mechanism.driven}_angle"
+    encoder, instead = mechanism.encoder.name, "" if mechanism.sliding else " or give drive_speed"
     if drive == "measured" and encoder not in table.values:
         raise MeasuredError(
-            f"{where}: drive is measured, but {entry.file} has no column {encoder!r}; add the encoder or give"
-            " drive_speed"
+            f"{where}: drive is measured, but {entry.file} has no column {encoder!r}; add the encoder{instead}"
         )
     faults = [Fault(entry.name, TIME.name, "columns", 0, note) for note in table.notes]
     faults += _gap_fault(entry.name, table.time)
@@ -156,8 +155,7 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tup
             channels[column.signal.name] = channel
     if drive == "measured" and encoder not in channels:
         raise MeasuredError(
-            f"{where}: drive is measured, but {encoder!r} in {entry.file} does not move; check the encoder or give"
-            " drive_speed"
+            f"{where}: drive is measured, but {encoder!r} in {entry.file} does not move; check the encoder{instead}"
         )
     if not set(channels) - ({encoder} if drive == "measured" else set()):
         told = f" ({faults[-1].text})" if faults else ""
@@ -196,6 +194,12 @@ def _command(where: str, entry: Entry, mechanism: Mechanism) -> tuple[Drive, flo
         )
     own = "free" if mechanism.drive is None else mechanism.drive.speed
     said = entry.drive or (own if entry.drive_speed is None else entry.drive_speed)
+    if mechanism.sliding and said != "measured":
+        how = "free" if said == "free" else f"driven at {said:g} m/s"
+        raise MeasuredError(
+            f"{where}: is {how}, and {mechanism.name!r} is moved along the slide {mechanism.encoder.place!r}, whose"
+            f" runs follow {mechanism.encoder.name}; say drive = 'measured'"
+        )
     if said != "free" and mechanism.drive is None:
         raise MeasuredError(
             f"{where}: is driven, but {mechanism.name!r} has no [drive]; add one, or say drive = 'free'"
@@ -358,7 +362,7 @@ def _start(entry: Entry, mechanism: Mechanism, time: np.ndarray, channels: Mappi
     """State at the first sample: as given; left out, the driven body's on smooth courses through its readings, the rate
     from whichever sensor tells it better; or assembled and at rest without any.
     """
-    angle, rate = f"{mechanism.driven}_angle", f"{mechanism.driven}_angular_velocity"
+    angle, rate = mechanism.encoder.name, f"{mechanism.driven}_angular_velocity"
     found = {angle: mechanism.assembly[mechanism.driven], rate: 0.0}
     if angle in channels:
         found[angle], found[rate], unsure = _first(time, channels[angle], 1)
@@ -388,7 +392,8 @@ def _thinned(where: str, run: MeasuredRun, encoder: str, faults: list[Fault]) ->
     if run.drive == "measured" and (error := missed(run, thin, encoder)) > 0:
         raise MeasuredError(
             f"{where}: {run.time.size} samples are more than the {SAMPLES} that can be used, and one in {every} does"
-            f" not hold the motion of {encoder} ({error:.2g} rad off); cut the run into shorter ones"
+            f" not hold the motion of {encoder} ({error:.2g} {run.channels[encoder].signal.unit} off); cut the run into"
+            " shorter ones"
         )
     text = f"run {run.name!r} has {run.time.size} samples; one in {every} is used, their noise is estimated from all"
     return thin, [*faults, Fault(run.name, "time", "thinned", run.time.size - thin.time.size, text)]

@@ -29,7 +29,7 @@ class DriveCompliance(Reciprocal):
     parameters = (Parameter("stiffness", "N.m/rad", "stiffness", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return ["drive"] if rig.driven and not (rig.mechanism.drive and rig.mechanism.drive.stiffness) else []
+        return ["drive"] if rig.turning and not (rig.mechanism.drive and rig.mechanism.drive.stiffness) else []
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-5 / rig.torque,)
@@ -57,7 +57,7 @@ class SpeedRipple(Wave):
 
     def places(self, rig: Rig) -> Sequence[str]:
         uneven = rig.mechanism.drive is not None and rig.mechanism.drive.ripple is not None
-        return ["drive"] if set(rig.driven) - set(rig.following) and not uneven else []
+        return ["drive"] if set(rig.turning) - set(rig.following) and not uneven else []
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
         return [float(h) for h in HARMONICS]
@@ -90,7 +90,7 @@ class TorqueWave(Wave):
     )
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return ["drive"] if rig.driven and rig.mechanism.periodic_torque is None else []
+        return ["drive"] if rig.turning and rig.mechanism.periodic_torque is None else []
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
         return [float(h) for h in OF_TORQUE]
@@ -123,7 +123,7 @@ class DriveBacklash(Effect):
     parameters = (Parameter("half_gap", "rad", "angle", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return ["drive"] if rig.driven and not (rig.mechanism.drive and rig.mechanism.drive.half_gap) else []
+        return ["drive"] if rig.turning and not (rig.mechanism.drive and rig.mechanism.drive.half_gap) else []
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-4,)  # in smaller steps what lands a sample sooner would drown what the crank lags
@@ -143,7 +143,7 @@ def with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:
     drive = (
         mechanism.drive.model_dump(exclude_unset=True)
         if mechanism.drive
-        else {"joint": mechanism.drive_joint.name, "speed": "measured"}
+        else {"joint": mechanism.input_joint.name, "speed": "measured"}
     )
     return mechanism.replace(drive=drive | fields)
 

@@ -32,6 +32,7 @@ Place = Literal["linkage", "body", "ground point", "joint", "drive", "signal", "
 Values = Mapping[str, float]
 Readings = Mapping[str, np.ndarray]
 
+STOPS = 73  # of a slide's travel, at which one looks where the joints are
 ROCKS = 6.0  # rad: a joint whose angle changes by more in a turn of the crank turns around
 
 
@@ -62,16 +63,22 @@ class Rig:
     runs: tuple[str, ...]
     driven: tuple[str, ...]  # runs in which a motor follows a command
     following: tuple[str, ...] = ()  # runs that follow the measured crank angle
-    length: float = 1.0  # m: the longest link
+    length: float = 1.0  # m: the longest link; of what a slide moves, its travel
     force: float = 1.0  # N: the largest of weight, inertia force at the fastest speed, and loads
-    speed: float = 1.0  # rad/s: the fastest run
+    speed: float = 1.0  # rad/s: the fastest run; of a slide the rate (1/s) at which it covers its travel
     noise: Mapping[str, float] = field(default_factory=dict)  # 1-sigma by signal
     recorded: Mapping[str, Sequence[str]] = field(default_factory=dict)  # signals by run, where not all are in all
+    reach: tuple[float, float] | None = None  # m: of a slide that moves all else, least and largest travel in the runs
+
+    @cached_property
+    def encoder(self) -> str:
+        """The motor's encoder: of a crank's angle, or of a slide's travel."""
+        return self.mechanism.encoder.name
 
     @property
-    def encoder(self) -> str:
-        """The motor's encoder."""
-        return f"{self.mechanism.driven}_angle"
+    def turning(self) -> Sequence[str]:
+        """The driven runs, if a crank is turned in them: none of a slide."""
+        return () if self.mechanism.sliding else self.driven
 
     @cached_property
     def known(self) -> Mapping[str, Signal]:
@@ -86,12 +93,13 @@ class Rig:
     @cached_property
     def travels(self) -> Mapping[str, tuple[float, float]]:
         """Least and largest angle (rad; of a prismatic joint travel, m) of each joint that rocks or slides, over a turn
-        of the crank as far as it can turn; none where the linkage cannot be moved.
+        of the crank as far as it can turn, or over the travel of a slide; none where the linkage cannot be moved.
         """
         m, found = self.mechanism, {}
         try:
             assembly = Assembly(m)
-            motion = kinematics(assembly, usual_angles(assembly))
+            inputs = usual_angles(assembly) if self.reach is None else np.linspace(*self.reach, STOPS)
+            motion = kinematics(assembly, inputs)
         except AssemblyError:
             return {}
         for joint in m.joints:

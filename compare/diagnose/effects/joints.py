@@ -60,7 +60,7 @@ class JointClearance(OnJoint):
     parameters = (Parameter("radial_clearance", "m", "clearance", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return _revolute(rig)
+        return [] if rig.mechanism.sliding else _revolute(rig)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (2e-4 * rig.length,)
@@ -227,7 +227,8 @@ class JointCompliance(Reciprocal):
     parameters = (Parameter("stiffness", "N/m", "stiffness", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return [j for j in _revolute(rig) if j not in rig.mechanism.soft_bearings]
+        soft = rig.mechanism.soft_bearings
+        return [] if rig.mechanism.sliding else [j for j in _revolute(rig) if j not in soft]
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-6 * rig.length / rig.force,)

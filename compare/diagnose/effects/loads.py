@@ -75,7 +75,8 @@ class LinkFlexibility(Reciprocal):
         return engine.capabilities.beams is not None
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return ["linkage"] if any(_bends(b) for b in rig.mechanism.bodies) else []
+        bends = any(_bends(b) for b in rig.mechanism.bodies)
+        return ["linkage"] if bends and not rig.mechanism.sliding else []
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-11,)

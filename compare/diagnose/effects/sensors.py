@@ -78,6 +78,9 @@ class EncoderOffset(EachRun):
     def places(self, rig: Rig) -> Sequence[str]:
         return [rig.encoder] if rig.encoder in rig.signals else []
 
+    def unit(self, rig: Rig, where: str, parameter: str) -> str:
+        return rig.known[where].unit
+
     def _scale(self, rig: Rig, where: str) -> float:
         return 1e-5
 
@@ -115,7 +118,7 @@ class EncoderHarmonic(Wave):
     )
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return [rig.encoder] if rig.encoder in rig.signals else []
+        return [rig.encoder] if rig.encoder in rig.signals and not rig.mechanism.sliding else []
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
         return [float(h) for h in HARMONICS]

@@ -72,7 +72,7 @@ class Lag(Effect):
     parameters = (Parameter("lag", "rad", "angle"),)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return ["drive"] if rig.driven else []
+        return ["drive"] if rig.turning else []
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-5,)
