@@ -451,4 +451,5 @@ def test_a_real_ball_screw_lacks_both_frictions_and_an_offset() -> None:
     assert ("external_force", "carriage") in {(tie.name, tie.where) for tie in offset.ambiguous_with}
     assert offset.parameters["bias"].value == pytest.approx(-3.16, abs=0.1)
     assert sum(effect.share for effect in result.effects if effect.share is not None) > 0.99
+    assert result.gap.after < 10 < 100 < result.gap.before
     assert result.verdict == "partly explained", result.statement  # friction that changes along the screw remains

@@ -183,7 +183,6 @@ def test_a_file_of_several_drives_is_written_and_read_again(name: str) -> None:
 FAULTS = {
     "twice": ('joint = "E"', 'joint = "D"', "drive[D].joint = 'D' has two drives"),
     "no such joint": ('joint = "E"', 'joint = "F"', "drive[F].joint = 'F' is not a joint; the joints are D, E"),
-    "no speed": ("speed = -1.0", "speed = 0.0", "drive[E].speed = 0"),
     "a crank's ripple": (
         "speed = -1.0", "speed = -1.0\nripple = { amplitude = 1e-3, harmonic = 2 }", "drive[E].ripple is given",
     ),

@@ -19,6 +19,7 @@ from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
 from analytic.kinematics.closure import least, partials
 from analytic.kinematics.inverse import Coordinate, inverse
 from analytic.mechanism.one_line import count, one_line
+from analytic.mechanism.signals import wrapped
 
 PASSES = 12
 SETTLED = 1e-12  # of a coordinate: rad, or of the linkage's size
@@ -82,7 +83,7 @@ class _Flood:
         pose = self.pose(assembly.columns(home), home)[:, 0]
         self.home, self.angle = pose, None
         if len(wanted) == 3:  # the turn nearest to the assembly's
-            self.angle = pose[2] + (0.0 if angle is None else math.remainder(angle - pose[2], math.tau))
+            self.angle = pose[2] + (0.0 if angle is None else float(wrapped(np.array(angle - pose[2]))))
         self.x, self.y = x, y
         rows, columns = np.meshgrid(y, x, indexing="ij")
         self.poses = np.array([columns.ravel(), rows.ravel()])

@@ -271,6 +271,9 @@ def with_stiffness(request: Request) -> Request:
 def fastest(request: Request) -> float:
     """The largest rate (rad/s) that a request prescribes beside the drive's constant speed: of a course, or at
     release.
+
+    A slide's is what it travels over the longest body, and how soon it gains its speed where that is sooner: an axis
+    may be any number of lengths long.
     """
     rate = abs(request.start_speed)
     courses = dict(request.courses or {})
@@ -278,8 +281,13 @@ def fastest(request: Request) -> float:
         courses[""] = request.course
     for joint, course in courses.items():
         time, angle = (np.asarray(x, float) for x in course)
-        if joint and request.mechanism.joint(joint).prismatic:
+        slides = bool(joint) and request.mechanism.joint(joint).prismatic
+        if slides:
             angle = angle / longest(request.mechanism)
         if time.shape == angle.shape and time.size > 1 and np.all(np.diff(time) > 0):
-            rate = max(rate, float(np.abs(np.diff(angle) / np.diff(time)).max()))
+            speed = np.diff(angle) / np.diff(time)
+            rate = max(rate, float(np.abs(speed).max()))
+            if slides and speed.size > 1 and speed.any():
+                gained = np.abs(np.diff(speed)) / (time[2:] - time[:-2])
+                rate = max(rate, float(2.0 * gained.max() / np.abs(speed).max()))
     return rate if math.isfinite(rate) else 0.0
