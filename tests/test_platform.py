@@ -189,6 +189,35 @@ def test_the_command_writes_numbers_a_table_and_a_page(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "accuracy.csv").read_text().startswith("output,unit,position_D")
 
 
+def test_a_workspace_is_the_same_on_a_coarser_grid_and_a_turn_on() -> None:
+    assembly = Assembly(load("five-bar"))
+    fine, coarse = (
+        workspace(assembly, POSE["five-bar"], np.linspace(-0.1, 0.25, n), np.linspace(0.0, 0.3, n)) for n in (81, 11)
+    )
+    assert np.array_equal(fine.reached[::8, ::8], coarse.reached)
+    platform, line = Assembly(load("3-rrr")), np.linspace(-0.1, 0.1, 9)
+    here, turned = (workspace(platform, POSE["3-rrr"], line, line, angle) for angle in (-0.3, -0.3 + 4 * np.pi))
+    assert np.array_equal(here.reached, turned.reached)
+    assert np.allclose(here.coordinates, turned.coordinates)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"angle": np.nan, "workspace": ((-0.1, 0.1, 3), (-0.1, 0.1, 3))},
+        {"workspace": "-0.1:0.1:3,-0.1:0.1:3"},
+        {"workspace": ((np.nan, 0.1, 3), (-0.1, 0.1, 3))},
+        {"workspace": ((-0.1, 0.1, 2.5), (-0.1, 0.1, 3))},
+        {"workspace": ((-0.1, 0.1, 3),)},
+        {"workspace": (np.zeros(4), np.zeros(4))},
+    ],
+    ids=["no angle", "a command's words", "no number", "half a place", "one axis", "places"],
+)
+def test_a_workspace_that_is_none_is_refused(given: dict[str, object]) -> None:
+    with pytest.raises(lc.Error, match="cannot be used; give"):
+        lc.platform_accuracy("3-rrr", outputs="platform", **given)  # type: ignore[arg-type]
+
+
 REFUSED = {
     "no grid": (["--workspace", "0:1:5"], "--workspace 0:1:5: give x0:x1:nx,y0:y1:ny in metres"),
     "an empty grid": (["--workspace", "0:0:5,0:1:5"], "each axis needs a higher end"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import linkage_crosscheck as lc
 from analytic.beyond_paper.free_motion import driven_motion, free_motion
 from analytic.beyond_paper.released import released
 from analytic.kinematics.assembly import Assembly, AssemblyError
@@ -14,6 +15,7 @@ from analytic.mechanism import Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from analytic.paper.clearance import displaced
 from analytic.paper.kinetostatics import Reactions, kinetostatics
+from compare.judge.signals import compared
 from maximal import Maximal
 from several_linkages import CASES, SHIPPED, TIMES, referee, splines, sprung, third_bar, waved
 
@@ -180,6 +182,15 @@ def test_a_file_of_several_drives_is_written_and_read_again(name: str) -> None:
     assert loads(dumps(load(name))) == load(name)
 
 
+CART = """
+name = "a cart on a spring"
+gravity = [0.0, -9.81]
+ground = { points = { X = [0.0, 0.0], W = [0.5, 0.0] } }
+body = [{ name = "cart", points = { X = [0.0, 0.0] }, mass = 1.0, inertia = 1e-3 }]
+joint = [{ name = "X", type = "prismatic", bodies = ["ground", "cart"], axis = [1.0, 0.0] }]
+spring = [{ bodies = ["cart", "ground"], points = ["X", "W"], stiffness = 50.0, length = 0.4 }]
+assembly = { cart = 0.0 }
+"""
 FAULTS = {
     "twice": ('joint = "E"', 'joint = "D"', "drive[D].joint = 'D' has two drives"),
     "no such joint": ('joint = "E"', 'joint = "F"', "drive[F].joint = 'F' is not a joint; the joints are D, E"),
@@ -196,6 +207,11 @@ FAULTS = {
         '[[spring]]\nbodies = ["left-arm", "left-arm"]\npoints = ["A", "P"]\nstiffness = 1.0\n\n[assembly]',
         "spring.bodies are both 'left-arm'",
     ),
+    "a spring across a pin": (
+        "[assembly]",
+        '[[spring]]\nbodies = ["left-arm", "right-arm"]\npoints = ["P", "P"]\nstiffness = 1.0\n\n[assembly]',
+        "spring.points are both at joint 'P', where its force has no direction",
+    ),
 }  # fmt: skip
 
 
@@ -208,6 +224,30 @@ def test_a_fault_of_several_drives_is_named_with_field_and_value(fault: str) -> 
     with pytest.raises(MechanismError) as error:
         loads(text.replace(old, new, 1))
     assert words in str(error.value)
+
+
+def test_one_of_several_drives_may_be_held() -> None:
+    m = load("five-bar")
+    held = m.replace(drives=(m.drives[0], m.drives[1].model_copy(update={"speed": 0.0})))
+    courses = {d.joint: (TIMES, Assembly(m).positions[d.joint] + float(d.speed) * TIMES) for d in held.drives}
+    found, (_, truth) = driven_motion(Assembly(held), TIMES, splines(courses)), referee(held, courses, TIMES)
+    for name, torque in found.drive_loads.items():
+        assert np.abs(torque - [posed.motors[name] for posed in truth]).max() < 1e-9, name
+
+
+def test_what_slides_freely_is_judged_by_its_travel() -> None:
+    m = loads(CART)
+    assert {"cart_x", "cart_y"} <= {signal.name for signal in compared(m, [])}
+    assert not {"cart_x", "cart_y"} & {signal.name for signal in compared(load("3-rpr"), [])}
+    result = lc.crosscheck(m, "mujoco", times=np.linspace(0.0, 0.5, 11))
+    assert result.verdict == "agrees"
+    assert np.ptp(result.runs[0].analytic["cart_x"]) > 0.01  # m
+
+
+def test_a_drive_too_many_is_what_is_left_out() -> None:
+    m = load("five-bar")
+    with pytest.raises(StructureError, match=r"3 drives need 3\); leave a drive out"):
+        Assembly(m.replace(drives=(*m.drives, m.drives[0].model_copy(update={"joint": "A"}))))
 
 
 def test_what_is_asked_of_a_crank_is_refused_of_several_drives() -> None:
