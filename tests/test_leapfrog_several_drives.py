@@ -10,23 +10,30 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.polynomial import Chebyshev
-from scipy.integrate import solve_ivp
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
-from analytic.kinematics.motion import Gap, kinematics
-from analytic.mechanism import Drive, Joint, Mechanism, Spring
+from analytic.mechanism import Drive, Mechanism, Spring
 from analytic.mechanism.file import load, loads
-from analytic.paper.kinetostatics import Reactions, kinetostatics
 from engine_checks import vector
 from marks import slow
 from maximal import Maximal, Posed
 from several_linkages import CASES, KNOTS, Knots, referee, splines, waved
+from several_truths import (
+    ARM,
+    HANGING,
+    SWINGING,
+    close,
+    double_pendulum,
+    energy,
+    on_the_rims,
+    pendulum_on_a_spring,
+    swung_on_its_spring,
+    turned_round,
+)
 from sim_models.engine import Engine, JointModel, Motion, Request, Trace, Unsupported
 
 ENGINES = ("dart", "pybullet")
-G = 9.81  # m/s^2
-ARM, FIVE_BAR = load("2r-arm"), load("five-bar")
+FIVE_BAR = load("five-bar")
 TIMES = np.linspace(0.023, 0.203, 7)  # s; between knots: at one, a step's mean acceleration is not the course's
 LOOSE = 2e-4  # m
 SLOW_CASES = ("five-bar", "five-bar with springs", "3-rrr with springs", "2r-arm with springs", "3-rpr")
@@ -57,10 +64,6 @@ def engine(name: str) -> Engine:
 @pytest.fixture(params=ENGINES)
 def leapfrog(request: pytest.FixtureRequest) -> Engine:
     return engine(request.param)
-
-
-def close(seen: np.ndarray, right: np.ndarray, within: float, what: str = "") -> None:
-    np.testing.assert_allclose(seen, right, rtol=0, atol=within, err_msg=what)
 
 
 def agrees(m: Mechanism, trace: Trace, judge: Maximal, posed: list[Posed], within: float = 1e-5) -> None:
@@ -97,15 +100,6 @@ def moved(
     chosen: Engine, m: Mechanism, courses: Knots, model: JointModel = "ideal", times: np.ndarray = TIMES
 ) -> Trace:
     return chosen.simulate(Request(m, model, "driven", time=times, courses=courses))
-
-
-def turned_round(m: Mechanism, *names: str) -> Mechanism:
-    """The mechanism with these joints' bodies the other way round."""
-
-    def turned(j: Joint) -> Joint:
-        return j.model_copy(update={"bodies": j.bodies[::-1]}) if j.name in names else j
-
-    return m.replace(joints=tuple(turned(j) for j in m.joints))
 
 
 def driven_at(m: Mechanism, **speeds: float) -> Mechanism:
@@ -174,66 +168,13 @@ def test_friction_takes_what_the_motors_give_beside_the_energy(leapfrog: Engine)
     close(held - held[0], gained, 1e-4 * np.ptp(held))
 
 
-def energy(m: Mechanism, trace: Trace) -> np.ndarray:
-    """Energy (J) of motion, weights, dead forces and springs between points."""
-    total = np.zeros(trace.crank_angle.size)
-
-    def place(body: str, point: str) -> np.ndarray:
-        if body == "ground":
-            return np.full(total.size, m.ground.point(point))
-        own, turn = m.moving[body], np.exp(1j * trace.signals[f"{body}_angle"])
-        return vector(trace, body) + turn * (own.point(point) - own.point("com"))
-
-    for b in m.bodies:
-        centre = vector(trace, b.name) + np.exp(1j * trace.signals[f"{b.name}_angle"]) * (b.centre - b.point("com"))
-        total += b.mass * np.abs(trace.rates[b.name].velocity) ** 2 / 2 - b.mass * m.gravity[1] * centre.imag
-        total += b.moment_of_inertia * trace.signals[f"{b.name}_angular_velocity"] ** 2 / 2
-    for dead in m.loads:
-        total -= np.real(np.conj(complex(*dead.force)) * place(dead.body, dead.point))
-    for spring in m.springs:
-        near, far = (place(*end) for end in spring.ends)
-        total += spring.stiffness * (np.abs(far - near) - spring.length) ** 2 / 2
-    return total
-
-
 # ---------------------------------------------------------------- nothing drives all of it
 
 
-def lagrange(m: Mechanism, times: np.ndarray, forced: float | None = None) -> np.ndarray:
-    """Angles (2, N) of the two links of an arm by Lagrange's equations, from the assembly; ``forced`` is the constant
-    speed (rad/s) at which a motor turns the first, with the elbow at rest.
-    """
-    upper, fore = m.bodies
-    l1, a1, a2 = (abs(x) for x in (upper.point("K"), upper.centre, fore.centre))
-
-    def flow(t: float, y: np.ndarray) -> list[float]:
-        p, q, dp, dq = y
-        c, s, m2 = np.cos(p - q), np.sin(p - q), fore.mass
-        first = upper.moment_of_inertia + upper.mass * a1**2 + m2 * l1**2
-        matrix = np.array([[first, m2 * l1 * a2 * c], [m2 * l1 * a2 * c, fore.moment_of_inertia + m2 * a2**2]])
-        right = -m2 * l1 * a2 * s * np.array([dq**2, -(dp**2)])
-        right -= G * np.array([(upper.mass * a1 + m2 * l1) * np.cos(p), m2 * a2 * np.cos(q)])
-        if forced is not None:
-            return [dp, dq, 0.0, float(right[1] / matrix[1, 1])]
-        return [dp, dq, *np.linalg.solve(matrix, right)]
-
-    start = [m.assembly["upper-arm"], m.assembly["forearm"], forced or 0.0, forced or 0.0]
-    return np.asarray(solve_ivp(flow, (0.0, times[-1]), start, "DOP853", times, rtol=1e-11, atol=1e-12).y[:2])
-
-
-def hanging() -> Mechanism:
-    """An arm whose shoulder turns by a motor, and whose elbow is free."""
-    return ARM.replace(
-        drives=(Drive(joint="O", speed=2.0), Drive(joint="K", speed="free")),
-        assembly={"upper-arm": -1.2, "forearm": -1.0},
-    )
-
-
 def test_a_double_pendulum_swings_as_lagrange_says_and_keeps_its_energy(leapfrog: Engine) -> None:
-    m = ARM.replace(drives=(), assembly={"upper-arm": 0.2, "forearm": -0.6})
-    times = np.linspace(0.0, 0.5, 11)
+    m, times = SWINGING, np.linspace(0.0, 0.5, 11)
     trace = moved(leapfrog, m, {}, times=times)
-    for name, angle in zip(("upper-arm", "forearm"), lagrange(m, times), strict=True):
+    for name, angle in zip(("upper-arm", "forearm"), double_pendulum(m, times), strict=True):
         close(trace.signals[f"{name}_angle"], angle, 1e-6)
     assert np.ptp(energy(m, trace)) < 1e-6
     assert not [name for name in trace.signals if name.startswith("drive")]
@@ -241,9 +182,9 @@ def test_a_double_pendulum_swings_as_lagrange_says_and_keeps_its_energy(leapfrog
 
 
 def test_a_forearm_hangs_freely_on_a_driven_arm(leapfrog: Engine) -> None:
-    m, times = hanging(), np.linspace(0.0, 0.3, 61)
+    m, times = HANGING, np.linspace(0.0, 0.3, 61)
     trace = moved(leapfrog, m, {"O": (KNOTS, -1.2 + 2.0 * KNOTS)}, times=times)
-    for name, angle in zip(("upper-arm", "forearm"), lagrange(m, times, 2.0), strict=True):
+    for name, angle in zip(("upper-arm", "forearm"), double_pendulum(m, times, 2.0), strict=True):
         close(trace.signals[f"{name}_angle"], angle, 1e-6)
     power = 2.0 * trace.signals["drive_torque"]
     gained = np.concatenate([[0.0], np.cumsum((power[1:] + power[:-1]) / 2 * np.diff(times))])
@@ -262,29 +203,6 @@ def test_a_loop_with_one_drive_too_few_moves_as_the_referee_says(leapfrog: Engin
 
 
 # ---------------------------------------------------------------- clearance
-
-
-def on_the_rims(m: Mechanism, courses: Knots, stiffness: Mapping[str, float], times: np.ndarray) -> Reactions:
-    """The linkage at times (N,) s with its pins always pressed: gaps along their own reactions, by clearance and force
-    over ``stiffness`` (N/m), and moving as these do.  Gaps are polynomials in time.
-    """
-    assembly, motors, some = (
-        Assembly(m.with_clearances({})),
-        splines(courses),
-        0.12 - 0.12 * np.cos(np.pi * KNOTS / 0.6),
-    )
-
-    def at(when: np.ndarray, gaps: Mapping[str, Chebyshev]) -> Reactions:
-        inputs = (assembly.inputs_at({n: f(when, order) for n, f in motors.items()}) for order in range(3))
-        moving = {n: Gap(g(when), g.deriv(1)(when), g.deriv(2)(when)) for n, g in gaps.items()}
-        return kinetostatics(kinematics(assembly, *inputs, moving))
-
-    gaps: dict[str, Chebyshev] = {}
-    for _ in range(8):
-        forces = at(some, gaps).forces
-        sizes = {n: c + np.abs(forces[n]) / stiffness[n] for n, c in m.clearances.items()}
-        gaps = {n: Chebyshev.fit(some, size * np.exp(1j * np.angle(forces[n])), 12) for n, size in sizes.items()}
-    return at(times, gaps)
 
 
 PINS = {
@@ -316,7 +234,7 @@ def test_loose_pins_begin_pressed_and_stay_so(name: str, model: JointModel, case
     trace = moved(engine(name), m, courses, model, times)
     assert trace.free_share == dict.fromkeys(m.clearances, 0.0)
     hard = {"spring-damper": 1e6, "contact": np.inf}[model]
-    truth = on_the_rims(m, courses, dict.fromkeys(m.clearances, hard), times)
+    truth = on_the_rims(m, courses, dict.fromkeys(m.clearances, hard), times, 0.24)
     right, largest = truth.signals(), max(np.abs(force).max() for force in truth.forces.values())
     most = max(np.abs(values).max() for signal, values in right.items() if signal.startswith("drive"))
     for signal, values in right.items():
@@ -345,10 +263,10 @@ def test_a_pin_put_back_on_its_rim_opens_no_other_loop() -> None:
 
 @pytest.mark.parametrize(("name", "model"), MODELS)
 def test_pins_of_what_moves_freely_begin_pressed(name: str, model: JointModel) -> None:
-    m, times, course = hanging(), np.linspace(0.0, 0.15, 4), {"O": (KNOTS, -1.2 + 2.0 * KNOTS)}
+    m, times, course = HANGING, np.linspace(0.0, 0.15, 4), {"O": (KNOTS, -1.2 + 2.0 * KNOTS)}
     loose = moved(engine(name), m.with_clearances({"K": 1e-5}), course, model, times)
     assert loose.free_share == {"K": 0.0}
-    close(loose.signals["forearm_angle"], lagrange(m, times, 2.0)[1], 1e-4)
+    close(loose.signals["forearm_angle"], double_pendulum(m, times, 2.0)[1], 1e-4)
 
 
 # ---------------------------------------------------------------- springs between points
@@ -406,32 +324,11 @@ def test_springs_pull_loose_linkages_as_tight_ones(name: str, model: JointModel,
 
 
 def test_a_pendulum_that_is_let_go_on_a_spring_swings_as_its_equation_says(leapfrog: Engine) -> None:
-    rod, m = load("pendulum").bodies[0], load("pendulum")
-    points = {**m.ground.points, "W": (0.3, 0.2)}
-    spring = Spring(bodies=(rod.name, "ground"), points=("tip", "W"), stiffness=40.0, length=0.15, damping=0.5)
-    m = m.replace(
-        drives=(Drive(joint="O", speed="free"),),
-        springs=(spring,),
-        ground=m.ground.model_copy(update={"points": points}),
-    )
-    times = np.linspace(0.0, 0.3, 7)
-    arm, wall = rod.point("tip"), complex(0.3, 0.2)  # its pin is the origin of both frames
-    inertia = rod.moment_of_inertia + rod.mass * abs(rod.centre) ** 2
-
-    def flow(t: float, y: np.ndarray) -> list[float]:
-        turn = np.exp(1j * y[0])
-        apart, rate = wall - arm * turn, -1j * y[1] * arm * turn
-        along = apart / abs(apart)
-        pull = (spring.stiffness * (abs(apart) - spring.length) + spring.damping * (np.conj(along) * rate).real) * along
-        weight = rod.mass * complex(*m.gravity)
-        return [y[1], float((np.conj(arm * turn) * pull + np.conj(rod.centre * turn) * weight).imag / inertia)]
-
-    start = [Assembly(m).start, 0.0]
-    right = solve_ivp(flow, (0.0, 0.3), start, "DOP853", times, rtol=1e-11, atol=1e-12).y[0]
-    assert np.ptp(right) > 0.05
+    m, times = pendulum_on_a_spring(), np.linspace(0.0, 0.3, 7)
+    angle, right = f"{m.bodies[0].name}_angle", swung_on_its_spring(m, times)
     seen: Callable[[Request], Trace] = leapfrog.simulate
-    close(seen(Request(m, time=times)).signals[f"{rod.name}_angle"], right, 2e-5)  # of the first order in its steps
-    close(seen(Request(m, time=times, courses={})).signals[f"{rod.name}_angle"], right, 1e-6)
+    close(seen(Request(m, time=times)).signals[angle], right, 2e-5)  # of the first order in its steps
+    close(seen(Request(m, time=times, courses={})).signals[angle], right, 1e-6)
 
 
 # ---------------------------------------------------------------- what is refused

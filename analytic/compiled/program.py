@@ -222,7 +222,7 @@ class Motion(Linkage):
     def dyad(self, group: Group) -> None:
         """Close a dyad's loop in closed form, as analytic.kinematics.closure.solve_dyad."""
         s, w = self.s, self.w
-        row, (i, j), branch = s.loops[group.loops[0]], group.coordinates, self.assembly._branch[group]
+        row, (i, j), branch = s.loops[group.loops[0]], group.coordinates, self.assembly.branch[group]
         target, margin = w.complex_row(), w.real_row()
         self.margins[group] = margin
         w.sum(target, [(k, -factor) for k, factor in self.terms(row, self.columns)])

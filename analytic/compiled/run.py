@@ -17,7 +17,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from analytic.kinematics.assembly import PATH_STEP, Assembly, Followed, Path
+from analytic.kinematics.assembly import Assembly, Followed, Path
 
 if TYPE_CHECKING:
     from analytic.compiled.program import Program, Way
@@ -165,10 +165,9 @@ def followed(assembly: Assembly, inputs: np.ndarray) -> np.ndarray | None:
         from analytic.compiled.program import way
 
         own.way = way(assembly)
-    strides = np.array([PATH_STEP if s.unit(i) == "rad" else assembly._stride for i in s.inputs])
-    found, home = np.empty((len(s.coordinates), inputs.shape[1])), np.ascontiguousarray(assembly._home[:, 0])
+    found, home = np.empty((len(s.coordinates), inputs.shape[1])), np.ascontiguousarray(assembly.home[:, 0])
     data = found, np.ascontiguousarray(inputs, float), *(NOTHING,) * 7
-    walk = home, strides, own.way.places, own.way.margins, own.way.regular
+    walk = home, assembly.strides, own.way.places, own.way.margins, own.way.regular
     return found if _carry_out(own.way.program, *data, walk=walk) else None
 
 

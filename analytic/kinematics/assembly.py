@@ -35,9 +35,8 @@ from analytic.mechanism.signals import continued, turned_near, wrapped
 
 PATH_STEP = np.radians(1.0)  # crank angle between checks for change points
 STRIDES = 200  # steps that a travel as long as the longest body is walked in, with several inputs
-RIGID = (
-    1e-6  # of a loop's size, by which a unit of an input would open loops beyond those needed, in a linkage that moves
-)
+# of a loop's size, by which a unit of an input would open loops beyond those needed, in a linkage that moves
+RIGID = 1e-6
 CHANGE_POINT = 1e-10  # sin^2 between the two sides of a group below which it counts as stretched or folded
 ASSEMBLY_SLACK = np.radians(45.0)  # how far the file's approximate angles may be off
 
@@ -95,9 +94,9 @@ class Assembly:
         self.start = mechanism.assembly[mechanism.driven] if mechanism.cranked else float("nan")
         self.turning = tuple(_turning(s, c) for c in s.coordinates)  # columns that turn with each coordinate
         self._forms: dict[tuple[str, str], np.ndarray] = {}
-        self._branch: dict[Group, float] = {}
+        self.branch: dict[Group, float] = {}  # which of a dyad's two postures: 1 or -1
         home = self._assemble(self._guess())[:, None]
-        self._home = home  # (n, 1)
+        self.home = home  # (n, 1) coordinates of the assembly
         self._path = Path(home[0], home)  # of a crank, as far as it has been walked
         if s.one_too_many:
             self._check_moves()
@@ -105,13 +104,13 @@ class Assembly:
     @property
     def inputs(self) -> np.ndarray:
         """The inputs (n_inputs,) rad, m at the assembly."""
-        return np.asarray(self._home[list(self.structure.inputs), 0])
+        return np.asarray(self.home[list(self.structure.inputs), 0])
 
     @property
     def positions(self) -> dict[str, float]:
         """The same as positions of their joints, second body relative to first (rad, m)."""
         s = self.structure
-        return {s.coordinates[i].joint: float(s.signs[i] * self._home[i, 0]) for i in s.inputs}
+        return {s.coordinates[i].joint: float(s.signs[i] * self.home[i, 0]) for i in s.inputs}
 
     def inputs_at(self, positions: Mapping[str, np.ndarray]) -> np.ndarray:
         """Inputs (n_inputs, N) where their joints are at these positions (N,) rad, m; the signs of rates go alike."""
@@ -162,7 +161,7 @@ class Assembly:
         return found
 
     def __repr__(self) -> str:
-        at = f"{np.degrees(self.start):.4g} deg" if self.mechanism.cranked else posture(self.structure, self._home, 0)
+        at = f"{np.degrees(self.start):.4g} deg" if self.mechanism.cranked else posture(self.structure, self.home, 0)
         return one_line(self, self.mechanism.name, f"assembled at {at}")
 
     def form(self, body: str, point: str = "com") -> np.ndarray:
@@ -210,6 +209,12 @@ class Assembly:
             return self.path(u[0].min(), u[0].max())
         return self.follow(u[list(self.structure.inputs)])
 
+    def _dyad(self, step: Group, columns: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Solve a dyad on its branch, in place; its margin (N,) from a dead point."""
+        s = self.structure
+        set_bodies(s, s.stacked[s.groups.index(step)], columns, u)
+        return solve_dyad(s, step, columns, u, self.branch[step])
+
     def close(self, u: np.ndarray, columns: np.ndarray, path: Path | Followed, displaced: bool) -> None:
         """Solve for all other coordinates and columns, in place; ``displaced`` says that there are gaps.  Raises
         AssemblyError.
@@ -219,9 +224,8 @@ class Assembly:
             if isinstance(step, int):
                 set_input(s, step, columns, u)
                 continue
-            if step in self._branch:
-                set_bodies(s, s.stacked[s.groups.index(step)], columns, u)
-                margin = solve_dyad(s, step, columns, u, self._branch[step])
+            if step in self.branch:
+                margin = self._dyad(step, columns, u)
             else:
                 margin = newton(s, step, columns, u, near) ** 2
             self._refuse(u, margin, step, displaced)
@@ -233,23 +237,25 @@ class Assembly:
 
         Between samples it goes straight.  Raises AssemblyError on the way.
         """
-        s, chosen = self.structure, list(self.structure.inputs)
-        stops = np.column_stack([self._home[chosen, 0], inputs])
-        stride = np.array([PATH_STEP if s.unit(i) == "rad" else self._stride for i in chosen])
-        counts = np.maximum(1, np.ceil(np.abs(np.diff(stops) / stride[:, None]).max(axis=0) - 1e-9)).astype(int)
+        chosen = list(self.structure.inputs)
+        stops = np.column_stack([self.home[chosen, 0], inputs])
+        counts = np.maximum(1, np.ceil(np.abs(np.diff(stops) / self.strides[:, None]).max(axis=0) - 1e-9)).astype(int)
         ends = np.concatenate([[0], np.cumsum(counts)])
         walk = np.array([np.interp(np.arange(ends[-1] + 1), ends, row) for row in stops])
-        return Followed(self._walk(walk, self._home[:, 0])[:, ends[1:]])
+        return Followed(self._walk(walk, self.home[:, 0])[:, ends[1:]])
 
     @property
-    def _stride(self) -> float:
+    def strides(self) -> np.ndarray:
+        """How far each input (n_inputs,) goes at most between two looks for a change point: rad, m."""
+        s = self.structure
         longest = max(body.length for body in self.mechanism.bodies)
         ground = [
             abs(complex(*p) - complex(*q))
             for p in self.mechanism.ground.points.values()
             for q in self.mechanism.ground.points.values()
         ]
-        return (max(longest, *ground) or 1.0) / STRIDES
+        travel = (max(longest, *ground) or 1.0) / STRIDES
+        return np.array([PATH_STEP if s.unit(i) == "rad" else travel for i in s.inputs])
 
     def columns(self, coordinates: np.ndarray, gaps: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
         """The structure's columns (n_columns, N) at these coordinates."""
@@ -307,9 +313,8 @@ class Assembly:
             if isinstance(step, int):
                 set_input(s, step, columns, u)
                 continue
-            if step in self._branch:
-                set_bodies(s, s.stacked[s.groups.index(step)], columns, u)
-                margin = solve_dyad(s, step, columns, u, self._branch[step])
+            if step in self.branch:
+                margin = self._dyad(step, columns, u)
                 self._check_passage(margin, step, u)
             else:
                 self._creep(step, columns, u, home)
@@ -338,8 +343,8 @@ class Assembly:
                     miss = float(np.abs(wrapped(trial[angles, 0] - guess[angles])).sum())
                     candidates.append((miss, branch, trial))
                 candidates.sort(key=lambda c: c[0])
-                _, self._branch[group], u = candidates[0]
-                solve_dyad(s, group, columns, u, self._branch[group])
+                _, self.branch[group], u = candidates[0]
+                solve_dyad(s, group, columns, u, self.branch[group])
             else:
                 near = with_travels(s, group, columns, guess[:, None])
                 self._refuse(u, newton(s, group, columns, u, near) ** 2, group, False)
@@ -360,7 +365,7 @@ class Assembly:
         """Raise StructureError where loops beyond those needed keep the inputs from moving: their lengths are no
         special ones.
         """
-        s, columns = self.structure, self.columns(self._home)
+        s, columns = self.structure, self.columns(self.home)
         jacobian = np.stack([partials(s, i, s.loops, columns)[:, 0] for i in range(len(s.coordinates))], axis=-1)
         rows = np.concatenate([jacobian.real, jacobian.imag])
         sizes = np.tile(np.abs(s.loops[:, : len(s.bodies)]).sum(axis=1), 2)
@@ -409,9 +414,8 @@ class Assembly:
         for step in s.steps:
             if isinstance(step, int):
                 set_input(s, step, columns, u)
-            elif step in self._branch:
-                set_bodies(s, s.stacked[s.groups.index(step)], columns, u)
-                margin = solve_dyad(s, step, columns, u, self._branch[step])
+            elif step in self.branch:
+                margin = self._dyad(step, columns, u)
             else:
                 newton(s, step, columns, u, near)
             if step is group:
@@ -440,7 +444,7 @@ class Assembly:
             if group.dyad
             else f"the loops through {', '.join(group.bodies)} lock"
         )
-        s, start = self.structure, getattr(self, "_home", None)
+        s, start = self.structure, getattr(self, "home", None)
         begin = u if start is None else start
         named = posture(s, begin, 0).removeprefix("crank angle ")
         clear = f"the range from the assembly angle ({named})" if self.mechanism.cranked else f"the way from {named}"

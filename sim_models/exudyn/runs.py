@@ -129,7 +129,7 @@ class Run:
 
     def leading(self, sampled: Record) -> np.ndarray:
         """Position (N,) rad, m of the first of what moves the linkage."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} has to say what moves its linkage")
 
     def failure(self, why: str) -> SimulationError:
         r = self.request

@@ -12,6 +12,7 @@ import shutil
 import sys
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -133,7 +134,7 @@ def _readable(path: Path) -> Iterator[None]:
         yield
     except zipfile.BadZipFile as error:
         raise FmuError(f"{path}: it is no FMU, or a damaged one ({error}); export it anew") from None
-    except (OSError, EOFError, ValueError, RuntimeError, NotImplementedError, zipfile.zlib.error) as error:  # type: ignore[attr-defined]
+    except (OSError, EOFError, ValueError, RuntimeError, NotImplementedError, zlib.error) as error:
         raise FmuError(f"{path}: it cannot be unpacked ({error}); export it anew") from None
 
 
