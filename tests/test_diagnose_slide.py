@@ -452,4 +452,5 @@ def test_a_real_ball_screw_lacks_both_frictions_and_an_offset() -> None:
     assert offset.parameters["bias"].value == pytest.approx(-3.16, abs=0.1)
     assert sum(effect.share for effect in result.effects if effect.share is not None) > 0.99
     assert result.gap.after < 10 < 100 < result.gap.before
+    assert "friction force 20.4 N" in result.statement
     assert result.verdict == "partly explained", result.statement  # friction that changes along the screw remains

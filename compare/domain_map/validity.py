@@ -97,7 +97,8 @@ def gridded(
     with noted() as warned:
         m = rigidly_and_evenly_driven(linkage(mechanism))
         if m.speed is None:
-            why = f"{m.name} has no drive of constant speed; a map is over its speeds, so give it one"
+            alone = "no drive of constant speed that alone turns a crank"
+            why = f"{m.name} has {alone}; a map is over its speeds, so give it one"
             raise ArgumentError("mechanism", why)
         at, chosen = clearance_joints(m, named)
         with_clearance(m, dict.fromkeys(at, gaps[-1]), "clearances")

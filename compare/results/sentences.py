@@ -124,7 +124,9 @@ def parameter(name: str, found: Parameter, like: Sequence[Parameter] = ()) -> Ro
 
     suffix = "" if unit == "1" else f" {unit}"
     interval = f"{say(low)} to {say(high)}{suffix}" if low is not None and high is not None else "not known"
-    return what.replace("_", " ") + (f" in run {run}" if run else ""), say(value) + suffix, interval
+    words = what.replace("_", " ")
+    words = words.replace("torque", "force") if found.unit == "N" else words  # of a slide
+    return words + (f" in run {run}" if run else ""), say(value) + suffix, interval
 
 
 def _unit(what: str, found: Sequence[Parameter]) -> tuple[str, float]:

@@ -114,16 +114,21 @@ def check(request: Request, trace: Trace) -> None:
         limit = LIMITS[miss.check].of(trace)
         if not _spared(miss, trace).share <= limit:
             worst, allowed = int(np.argmax(miss.size)), max(limit * miss.scale, miss.floor)
-            at = (
-                f"crank angle {np.degrees(trace.crank_angle[worst]):.4g} deg"
-                if worst < trace.crank_angle.size
-                else "a crank angle between reports"
-            )
+            at = _instant(request, trace, worst)
             raise Implausible(
                 f"{trace.simulator} {trace.joint_model} {trace.motion} ({request.mechanism.name}): {miss.what} at {at}:"
                 f" {miss.size[worst]:.3g} {miss.unit} are missed, {allowed:.3g} are in order",
                 Cause.IMPLAUSIBLE,
             )
+
+
+def _instant(request: Request, trace: Trace, sample: int) -> str:
+    """Which sample that is, in words; one beyond the reports is of the pins' paths."""
+    if sample >= trace.crank_angle.size:
+        return "a crank angle between reports"
+    if request.courses is not None and trace.time is not None:
+        return f"{trace.time[sample]:.4g} s"
+    return f"crank angle {np.degrees(trace.crank_angle[sample]):.4g} deg"
 
 
 def _spared(miss: Miss, trace: Trace) -> Miss:
