@@ -90,7 +90,6 @@ def accuracy(
         from compare.arguments import moved_by_one_crank
         from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles, parse_workspace
-        from compare.platform import platform_accuracy
 
         mechanism = load_case(case, clearance)
         folder = result_folder(
@@ -99,6 +98,8 @@ def accuracy(
         named = listed_once(",".join(output), "--output") if output else None
         over_time = any(each is not None for each in (workspace, angle, encoder_step, times, course, path))
         if over_time or not moved_by_one_crank(mechanism):
+            from compare.platform import platform_accuracy
+
             refuse_of_a_crank(context)
             several = platform_accuracy(
                 mechanism,

@@ -7,10 +7,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.inverse import Coordinate, inverse
@@ -18,7 +17,9 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal, position
 from compare.judge.grid import GridError
 from compare.recorded.errors import DataError
-from compare.recorded.table import read_table
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 MOST_TIMES = 100_000
 USUAL = 1.0  # s, as far as the drives get
@@ -40,6 +41,8 @@ class Courses:
     @property
     def splines(self) -> dict[str, CubicSpline]:
         """The courses as functions of time and order of derivative."""
+        from scipy.interpolate import CubicSpline
+
         return {name: CubicSpline(*course) for name, course in self.knots.items()}
 
     def at(self, time: np.ndarray) -> dict[str, np.ndarray]:
@@ -100,6 +103,8 @@ def _as_far(assembly: Assembly, speeds: Mapping[str, float]) -> float:
 
 def of_file(path: Path, mechanism: Mechanism) -> Courses:
     """The courses of a file of time and ``position_<joint>`` of every driven joint.  Raises DataError."""
+    from compare.recorded.table import read_table
+
     table = read_table(path, mechanism)
     wanted = {joint.name: position(joint).name for joint in mechanism.motors}
     faults = [
@@ -124,6 +129,8 @@ def of_path(path: Path, assembly: Assembly) -> Courses:
     many as the linkage has inputs, each with a drive.  Raises DataError.
     """
     m, s = assembly.mechanism, assembly.structure
+    from compare.recorded.table import read_table
+
     table = read_table(path, m)
     poses = [c.signal for c in table.columns if c.signal.kind == "pose"]
     free = [s.coordinates[s.inputs[k]].joint for k in s.free]
