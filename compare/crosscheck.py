@@ -513,7 +513,7 @@ def _explained(job: Job, run: Run) -> Run:
     """A run that disagrees with the assumption that fails in it, where one is known to."""
     if run.verdict != "disagrees" or not run.clearance or job.as_it_is or run.simulator.recorded:
         return run
-    because = failing_assumption(run, job.mechanism, job.tolerances)
+    because = failing_assumption(run, job.mechanism, job.tolerances, job.courses)
     return run.model_copy(update={"because": because}) if because else run
 
 

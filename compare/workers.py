@@ -28,6 +28,8 @@ def processes(count: int) -> Iterator[Executor]:
     from joblib.externals.loky import ProcessPoolExecutor
     from joblib.externals.loky.backend import resource_tracker
 
+    # It replaces a process that has grown, and warns of it: as an error, that would end the thread that replaces it
+    warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
     with _without_warnings():
         for tracker in (resource_tracker, multiprocessing.resource_tracker):
             tracker.ensure_running()

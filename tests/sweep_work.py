@@ -29,6 +29,16 @@ def logged(run: Mapping[str, Any]) -> dict[str, Any]:
     return {"seed": run["seed"], "square": run["seed"] ** 2}
 
 
+KEPT: list[bytearray] = []
+
+
+def growing(run: Mapping[str, Any]) -> dict[str, Any]:
+    """Keep ever more memory, for longer than it takes a process to look at how much it has."""
+    KEPT.append(bytearray(os.urandom(1024) * (run["megabytes"] * 1024)))
+    time.sleep(run["seconds"])
+    return {"process": os.getpid()}
+
+
 def troubled(run: Mapping[str, Any]) -> dict[str, Any]:
     """Do what the run says: raise, kill its own process, or return."""
     if run["trouble"] == "raise":

@@ -46,6 +46,15 @@ def results(outcomes: Iterator[Outcome]) -> str:
     return json.dumps([outcome.result for outcome in found])
 
 
+@pytest.mark.slow
+def test_a_process_that_grows_is_replaced_and_the_sweep_goes_on() -> None:
+    """300 MB are the most that it may grow by; warnings are errors here, as they may be where a user says so."""
+    runs = [{"megabytes": 200, "seconds": 1.2, "run": k} for k in range(12)]
+    found = in_order(sweep(sweep_work.growing, runs, workers=2))
+    assert [outcome.failure for outcome in found] == [""] * len(runs)
+    assert len({json.dumps(outcome.result) for outcome in found}) > 2
+
+
 # ---------------------------------------------------------------- the same numbers
 
 

@@ -20,18 +20,27 @@ validation = typer.Typer(
 )
 
 Folder = Annotated[Path, typer.Option("--reports", parser=place, metavar="DIR", help="Folder of the report.")]
+Data = Annotated[
+    Path | None,
+    typer.Option(
+        "--data",
+        parser=place,
+        metavar="DIR",
+        help="Folder of what others recorded (adams-parallel-robot, emps); left out, it is not made again.",
+    ),
+]
 WHERE = Path("reports")
 
 
 @validation.command()
-def update(folder: Folder = WHERE, json: Json = False, quiet: Quiet = False) -> None:
+def update(folder: Folder = WHERE, data: Data = None, json: Json = False, quiet: Quiet = False) -> None:
     """Run everything and write README.md, validation.json and figures."""
     with complaints():
         from compare.evidence.stored import asked
         from compare.evidence.validation.check import update_validation
 
         said(asked("all")[1])
-        show(update_validation(folder), json=json, quiet=quiet, place=folder)
+        show(update_validation(folder, _there(data)), json=json, quiet=quiet, place=folder)
 
 
 @validation.command()
@@ -41,6 +50,7 @@ def check(
         str | None,
         typer.Option(help="Engine whose runs are made again; left out (or all), those of every one."),
     ] = None,
+    data: Data = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -54,7 +64,16 @@ def check(
 
         names = simulator or "all"
         said(asked(names)[1])
-        found = check_validation(names, folder)
+        found = check_validation(names, folder, _there(data))
         show(found, json=json, quiet=quiet)
         said(f"not looked at: {'; '.join(found.left_out)}" for _ in found.left_out[:1])
     raise typer.Exit(status(found, names))
+
+
+def _there(data: Path | None) -> Path | None:
+    """The folder, which exists.  Raises OptionError."""
+    from compare.faults import OptionError
+
+    if data is not None and not data.is_dir():
+        raise OptionError(f"--data {data}: there is no such folder")
+    return data

@@ -23,11 +23,14 @@ from typing import get_args
 
 import numpy as np
 
+from analytic.beyond_paper.drive import Turning
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import Gap, kinematics
 from analytic.mechanism import Mechanism
+from analytic.mechanism.signals import Signal
 from analytic.paper.clearance import STENCIL, Displaced, Model, displaced
 from analytic.paper.kinetostatics import Reactions, kinetostatics
+from compare.judge.courses import Courses
 from compare.judge.discrepancy import (
     Discrepancy,
     Rule,
@@ -37,7 +40,7 @@ from compare.judge.discrepancy import (
     judge,
     run_rules,
 )
-from compare.judge.signals import DRIVE_TORQUE, with_derived, with_rotations
+from compare.judge.signals import with_derived, with_rotations
 from compare.judge.tolerances import Tolerances
 from compare.results.crosscheck import Because, Run
 from compare.results.crosscheck import Discrepancy as Judged
@@ -49,12 +52,16 @@ ASSUMPTIONS: tuple[Assumption, ...] = get_args(Assumption)
 
 @dataclass(frozen=True)
 class Examined:
-    """A cross-checked driven run of a mechanism with clearance at crank angles theta (N,) rad, and its tolerances."""
+    """A cross-checked driven run of a mechanism with clearance at crank angles theta (N,) rad, and its tolerances.
+
+    Where drives follow ``courses``, theta is what the run's samples are told along.
+    """
 
     mechanism: Mechanism
     theta: np.ndarray
     run: Run
     tolerances: Tolerances
+    courses: Courses | None = None
 
     @cached_property
     def verdicts(self) -> list[tuple[Discrepancy, np.ndarray]]:
@@ -134,10 +141,22 @@ class Examined:
         """The model that the simulation is held to."""
         return self.displaced("equilibrium")
 
-    def displaced(self, model: Model, theta: np.ndarray | None = None) -> Displaced:
-        """A model of the linkage, at the run's crank angles or others (rad)."""
-        at = self.theta if theta is None else theta
-        return displaced(self.assembly, at, self.mechanism.speed or 0.0, model=model, clearances=self.run.clearance)
+    def displaced(self, model: Model, later: tuple[float, ...] = (0.0,)) -> Displaced:
+        """A model of the linkage at the run's samples, or in turn these times (s) after each of them."""
+        at = self.turned(later)
+        clearances = self.run.clearance
+        return displaced(self.assembly, at.theta, at.omega, alpha=at.alpha, model=model, clearances=clearances)
+
+    def turned(self, later: tuple[float, ...] = (0.0,)) -> Turning:
+        """How the drives move at the run's samples, or in turn these times (s) after each of them."""
+        if self.courses is None:
+            speed = self.mechanism.speed or 0.0
+            theta = np.add.outer(self.theta, speed * np.array(later)).ravel()
+            return Turning(theta, np.full(theta.shape, speed), np.zeros(theta.shape))
+        assert self.run.time is not None
+        time, splines = np.add.outer(self.run.time, later).ravel(), self.courses.splines
+        orders = ({name: spline(time, order) for name, spline in splines.items()} for order in range(3))
+        return Turning(*(self.assembly.inputs_at(each) for each in orders))
 
     @cached_property
     def assembly(self) -> Assembly:
@@ -159,20 +178,25 @@ class Examined:
 
     def with_gaps(self, gaps: Mapping[str, Gap]) -> Reactions:
         """Reactions of the linkage whose gaps move as given."""
-        return kinetostatics(kinematics(self.assembly, self.theta, self.mechanism.speed or 0.0, gaps=gaps))
+        at = self.turned()
+        return kinetostatics(kinematics(self.assembly, at.theta, at.omega, at.alpha, gaps))
+
+    @cached_property
+    def step(self) -> float:
+        """Seconds in which the fastest drive moves by the stencil of a rate."""
+        return STENCIL / (float(np.abs(self.turned().omega).max()) or 1.0)
 
     @cached_property
     def beside(self) -> Displaced:
-        """The equilibrium at three crank angles (rad) around each of the run's."""
-        return self.displaced("equilibrium", (self.theta + STENCIL * np.array([[-1.0], [0.0], [1.0]])).ravel())
+        """The equilibrium a step before, at and after each of the run's samples."""
+        return self.displaced("equilibrium", (-self.step, 0.0, self.step))
 
     def moving(self, stiffness: float) -> dict[str, Gap]:
         """The equilibrium's gaps, larger by force over stiffness (N/m), and their rates by differences."""
-        omega, out = self.mechanism.speed or 0.0, {}
+        out = {}
         for name, gap in self.beside.gaps.items():
-            before, here, after = (gap + self.beside.reactions.forces[name] / stiffness).reshape(3, -1)
-            slope, bend = (after - before) / (2 * STENCIL), (after - 2 * here + before) / STENCIL**2
-            out[name] = Gap(here, slope * omega, bend * omega**2)
+            before, here, after = (gap + self.beside.reactions.forces[name] / stiffness).reshape(-1, 3).T
+            out[name] = Gap(here, (after - before) / (2 * self.step), (after - 2 * here + before) / self.step**2)
         return out
 
     def signals(self, side: Displaced | Reactions) -> Signals:
@@ -208,8 +232,8 @@ class Examined:
         """The largest difference of one side from the other over what is allowed, at angles where both have an
         answer.
         """
-        torque = DRIVE_TORQUE.name
-        known = np.isfinite(one[torque]) & np.isfinite(other[torque]) & ~self.flagged
+        reaction = Signal.of("reaction", next(iter(self.run.clearance)), "x").name
+        known = np.isfinite(one[reaction]) & np.isfinite(other[reaction]) & ~self.flagged
         sides = [{name: np.where(known, values, np.nan) for name, values in side.items()} for side in (one, other)]
         return max((excess(found) for found, _ in self.judged(*sides)), default=0.0) if known.any() else 0.0
 
@@ -229,15 +253,18 @@ MEANS: Mapping[Assumption, str] = {
 }
 
 
-def failing_assumption(run: Run, mechanism: Mechanism, tolerances: Tolerances) -> Because | None:
-    """Why a run with clearance disagrees: the assumption of the analytic model that fails in it, and where.
+def failing_assumption(
+    run: Run, mechanism: Mechanism, tolerances: Tolerances, courses: Courses | None = None
+) -> Because | None:
+    """Why a run with clearance disagrees: the assumption of the analytic model that fails in it, and where; ``courses``
+    are those of several drives.
 
     None where nothing is known of it: a run that is flagged everywhere.
     """
     lost = {joint: share for joint, share in run.free_share.items() if share > 0}
     if lost:
         joint = max(lost, key=lambda name: lost[name])
-        of = "the turn" if run.motion == "driven" else "the crank angles"
+        of = "the crank angles" if run.motion == "static" else "the turn" if mechanism.cranked else "the motion"
         also = "".join(f", {name} for {100 * lost[name]:.2g} %" for name in lost if name != joint)
         words = (
             f"{joint} loses contact for {100 * lost[joint]:.2g} % of {of}{also}; the analytic model presumes contact"
@@ -247,7 +274,7 @@ def failing_assumption(run: Run, mechanism: Mechanism, tolerances: Tolerances) -
         return Because(assumption="first-order", joint=None, words=_first_order_words(run))
     if run.motion != "driven" or len(run.flags) == run.crank_angle.size:
         return None
-    examined = Examined(mechanism, run.crank_angle, run, tolerances)
+    examined = Examined(mechanism, run.crank_angle, run, tolerances, courses)
     cause = examined.cause
     if cause is None:
         words = (

@@ -87,6 +87,46 @@ class OverWorkspace(Part):
     first_order_worst: Annotated[NotNegative, Field(description="The same at the worst pose.")]
 
 
+class InEngine(Part):
+    """A platform with loose pins that an engine with real contact moves slowly along a spiral, at poses along it."""
+
+    simulator: str
+    poses: Annotated[int, Field(ge=1, description="How many.")]
+    equilibrium: Annotated[
+        NotNegative,
+        Field(description="What the equilibrium is off the engine, as a share of the displacement: the median."),
+    ]
+    equilibrium_worst: Annotated[NotNegative, Field(description="The same at the worst pose.")]
+    first_order: Annotated[NotNegative, Field(description="What Eq. 8 is off the engine: the median.")]
+    first_order_worst: Annotated[NotNegative, Field(description="The same at the worst pose.")]
+    flies: Annotated[NotNegative, Field(description="Largest share of the motion in which a pin has no contact.")]
+
+
+class Apart(Part):
+    """How far one side is off a published figure."""
+
+    side: Annotated[str, Field(description="analytic, an engine's name, or diagnosis")]
+    off: NotNegative
+    allowed: Annotated[Positive, Field(description="How far off it may be.")]
+
+
+class Held(Part):
+    """A published figure, or the largest of several, and how far this project is off it."""
+
+    figure: str
+    unit: str
+    published: Annotated[FiniteFloat, Field(description="Its size, or the largest of them.")]
+    apart: tuple[Apart, ...]
+
+
+class Published(Part):
+    """What somebody else found, and how near this project comes to it."""
+
+    name: str
+    says: Annotated[str, Field(description="Where it is from and what was done, in sentences.")]
+    figures: tuple[Held, ...]
+
+
 class Validation(Stored):
     """The validation report: every shipped case in every engine, and what the paper's two approximations cost."""
 
@@ -119,6 +159,13 @@ class Validation(Stored):
         Mapping[str, tuple[OverWorkspace, ...]],
         Field(description="By case: a platform with loose pins, at rest over its workspace."),
     ]
+    in_engines: Annotated[
+        Mapping[str, tuple[InEngine, ...]],
+        Field(description="By case: the same platform with real contact in its pins, moved slowly in an engine."),
+    ] = {}
+    published: Annotated[
+        tuple[Published, ...], Field(description="Published figures, and how far this project is off them.")
+    ] = ()
     _checks: dict[str, CrossCheck] = PrivateAttr(default_factory=dict)
 
     @property

@@ -17,7 +17,7 @@ from compare.evidence.validation.runs import run_all
 from compare.evidence.validation.scales import checked, scales
 from compare.files import output_folder
 from compare.results.document import Part
-from compare.results.validation import Validation, ValidationCheck, ValidationRun
+from compare.results.validation import InEngine, Published, Validation, ValidationCheck, ValidationRun
 
 WHERE = Path("reports")
 PAGE = "README.md"
@@ -26,17 +26,21 @@ ROUNDING = 1e-3  # a share of a tolerance below this is rounding
 CLEAR = 1e-2  # from here on one signal is nearest to its tolerance, and not by chance
 FACTOR = 2.0  # by which a share may change: 0.14 and 0.16 are 0.1 and 0.2 to one digit
 ANALYTIC = 1e-6  # relative: what is computed without an engine
+NOTHING = 0.1  # of what is allowed: a published figure that is met so well is met
 BEAMS = 1e-5  # of the displacement: a tenth of the last digit of the page
 
 
-def check_validation(simulators: Simulators = "all", folder: str | Path = WHERE) -> ValidationCheck:
-    """Make all runs again, and a share of those at scales, and find what is not as it is stored.
+def check_validation(
+    simulators: Simulators = "all", folder: str | Path = WHERE, data: Path | None = None
+) -> ValidationCheck:
+    """Make all runs again, and a share of those at scales, and find what is not as it is stored; ``data`` is a folder
+    with what others recorded, without which their figures are not looked at.
 
     Raises OptionError for a stored report that cannot be read, and what :func:`compare.arguments.engines` raises.
     """
     stored = read(Validation, folder)
     names, _ = asked(simulators)
-    found = run_all(names, checked())
+    found = run_all(names, checked(), data, whole=False)
     place = Path(folder)
     made_again, left_out = looked_at(stored, found)
     return ValidationCheck(
@@ -48,11 +52,17 @@ def check_validation(simulators: Simulators = "all", folder: str | Path = WHERE)
     )
 
 
-def update_validation(folder: str | Path = WHERE) -> Validation:
-    """Make everything in every engine that is installed, and write the report and its page.  Raises OutputError."""
+def update_validation(folder: str | Path = WHERE, data: Path | None = None) -> Validation:
+    """Make everything in every engine that is installed, and write the report and its page; without the folder of
+    ``data`` the figures that rest on it are those of the stored report.  Raises OutputError.
+    """
     output_folder(Path(folder), "--reports")
     names, _ = asked("all")
-    found = run_all(names, scales())
+    found = run_all(names, scales(), data, whole=True)
+    if (Path(folder) / Validation.file).is_file():
+        known = {source.name for source in found.published}
+        kept = tuple(source for source in read(Validation, folder).published if source.name not in known)
+        found = found.model_copy(update={"published": (*found.published, *kept)})
     store(found, folder, "--reports")
     return found
 
@@ -67,7 +77,8 @@ def looked_at(stored: Validation, found: Validation) -> tuple[str, tuple[str, ..
     total = len(stored.runs)
     tables = "first_order, workspaces" + (" and superposition" if found.superposition else "")
     sized = f"{len(found.scales)} of {len(stored.scales)} at scales"
-    done = f"{total - sum(count[name] for name in absent)} of {total} runs, {sized}, {tables} made again"
+    others = f"{len(found.published)} of {len(stored.published)} published"
+    done = f"{total - sum(count[name] for name in absent)} of {total} runs, {sized}, {others}, {tables} made again"
     return done, tuple(left_out)
 
 
@@ -82,6 +93,11 @@ def differences(stored: Validation, found: Validation) -> Iterator[str]:
     for case in sorted(stored.workspaces.keys() | found.workspaces.keys()):
         old, new = (report.workspaces.get(case, ()) for report in (stored, found))
         yield from _table(f"workspaces, {case}", old, new, ("holding",), ANALYTIC, 0.0)
+    for case, rows in found.in_engines.items():
+        there = {row.simulator: row for row in stored.in_engines.get(case, ())}
+        for row in rows:
+            yield from (f"{case} in {row.simulator}, {what}" for what in _along(there.get(row.simulator), row))
+    yield from _held(stored.published, found.published)
     if found.superposition:
         keys = ("clearance", "crank_angle")
         yield from _table("superposition", stored.superposition, found.superposition, keys, 0.0, BEAMS)
@@ -97,6 +113,42 @@ def _at_scales(stored: Validation, found: Validation) -> Iterator[str]:
         if before.get(key) != after.get(key):
             where = f"at {key[0]:g} m, {key[1]:g} rad/s, mass ratio {key[2]:g}, {key[3]}, {key[4]}"
             yield f"{where}: was {before.get(key, 'not there')}, is {after.get(key, 'not there')}"
+
+
+def _along(old: InEngine | None, new: InEngine) -> Iterator[str]:
+    """What changed of an engine's motion of a platform."""
+    if old is None:
+        yield "along a spiral: is new"
+        return
+    for name in ("equilibrium", "equilibrium_worst", "first_order", "first_order_worst"):
+        was, now = getattr(old, name), getattr(new, name)
+        if max(was, now) > max(FACTOR * min(was, now), ROUNDING):
+            yield f"along a spiral: {name} was {was:g}, is {now:g}"
+
+
+def _held(stored: Sequence[Published], found: Sequence[Published]) -> Iterator[str]:
+    """Published figures that are missed, or whose share of what is allowed is not as it was."""
+    before = {
+        (source.name, held.figure, apart.side): apart
+        for source in stored
+        for held in source.figures
+        for apart in held.apart
+    }
+    for source in found:
+        for held in source.figures:
+            for apart in held.apart:
+                where, old = (
+                    f"{source.name}, {held.figure}, {apart.side}",
+                    before.get((source.name, held.figure, apart.side)),
+                )
+                if apart.off > apart.allowed:
+                    yield f"{where}: is off by {apart.off:g}, and {apart.allowed:g} is allowed"
+                elif old is None:
+                    yield f"{where}: is new"
+                else:
+                    was, now = old.off / old.allowed, apart.off / apart.allowed
+                    if max(was, now) > max(FACTOR * min(was, now), NOTHING):
+                        yield f"{where}: was off by {old.off:g}, is off by {apart.off:g}"
 
 
 def _moved(old: ValidationRun | None, new: ValidationRun | None) -> Iterator[str]:

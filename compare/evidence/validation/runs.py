@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -13,8 +14,9 @@ from analytic.paper.superposition import total_displacement
 from compare.arguments import cores
 from compare.crosscheck import Job, crosscheck_job
 from compare.evidence.baseline.runs import not_run, setups
+from compare.evidence.validation.published import published
 from compare.evidence.validation.scales import Scale, scale_rows
-from compare.evidence.validation.workspaces import workspaces
+from compare.evidence.validation.workspaces import SPIRALS, in_engines, workspaces
 from compare.judge.courses import Courses
 from compare.judge.discrepancy import load_tolerances
 from compare.results.crosscheck import CrossCheck
@@ -27,9 +29,11 @@ PINS = (("crank", "A"), ("coupler", "com"), ("coupler", "B"), ("follower", "B"))
 BEAM_ANGLES = (20.0, 30.0, 60.0, 90.0, 120.0, 160.0)  # deg
 
 
-def run_all(names: tuple[str, ...], which: Sequence[Scale]) -> Validation:
+def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, whole: bool) -> Validation:
     """Every shipped case in these engines, as the baselines set it up; one linkage at these scales; how far Eq. 8 and
-    superposition are off, also over the workspaces of platforms.
+    superposition are off, also over the workspaces of platforms; published figures, with those of the folder ``data``.
+
+    Unless ``whole``, the engines move one platform alone, and what takes minutes is left out of the published figures.
     """
     tolerances = load_tolerances()
     rows: list[ValidationRun] = []
@@ -61,6 +65,8 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale]) -> Validation:
         first_order=first_order(),
         superposition=superposition() if "exudyn" in names else (),
         workspaces=workspaces(),
+        in_engines=in_engines(names, tuple(SPIRALS) if whole else tuple(SPIRALS)[:1]),
+        published=published(names, data, whole),
     )
     found.checks.update(checks)
     return found
