@@ -13,6 +13,7 @@ import sys
 import time
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,7 @@ from compare.domain_map.cell import Task, examined, judged
 from compare.domain_map.map import RPM, Grid, cells, clearance_joints, summarised, versions
 from compare.files import to_json
 from compare.judge.assumptions import Examined
+from compare.judge.courses import Courses, at_their_speeds
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import default_angles
 from compare.report.validity_figure import BOUNDARIES, draw
@@ -192,6 +194,31 @@ def test_the_gaps_own_motion_costs_more_with_the_square_of_the_speed() -> None:
     slow, fast = planted(5.0, 1e-4).costs, planted(10.0, 1e-4).costs
     assert fast["quasi-static"] / slow["quasi-static"] == pytest.approx(4, rel=0.02)
     assert planted(0.01, 1e-4).costs["quasi-static"] < 1e-6
+
+
+def test_assumptions_cost_the_same_where_the_crank_s_motion_is_told_as_a_course() -> None:
+    plain = planted(5.0, 1e-4)
+    speed = plain.mechanism.speed
+    assert speed is not None
+    time = (plain.theta - plain.theta[0]) / speed
+    knots = np.linspace(time[0] - 1.0, time[-1] + 1.0, 9)
+    course = Courses({"D": (knots, plain.theta[0] + speed * knots)})
+    told = replace(plain, run=plain.run.model_copy(update={"time": time}), courses=course)
+    for name, cost in plain.costs.items():
+        assert told.costs[name] == pytest.approx(cost, rel=1e-4), name
+
+
+@pytest.mark.mujoco
+def test_a_platform_whose_pins_are_too_loose_for_first_order_is_told_so() -> None:
+    loose = load("five-bar").with_clearances({"A": 3e-3, "P": 3e-3})
+    found = lc.crosscheck(loose, "mujoco", joint_model="contact", analytic="first_order", times=np.arange(0, 0.5, 0.05))
+    (run,) = found.runs
+    assert run.verdict == "disagrees"
+    assert run.because is not None
+    assert run.because.assumption == "first-order"
+    examined = Examined(loose, run.crank_angle, run, TOLERANCES, at_their_speeds(Assembly(loose), run.time)[1])
+    assert examined.costs["first-order"] > 1
+    assert examined.costs["quasi-static"] > examined.costs["quasi-static-corrected"] > 0
 
 
 # ---------------------------------------------------------------- joints and cells
