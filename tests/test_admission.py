@@ -73,7 +73,7 @@ def test_a_small_share_is_enough_where_the_gap_closes_or_a_sensor_or_what_is_lef
 
 def data() -> Data:
     measured = RIG.measured()
-    return Data(measured, {(r.name, s): c.noise for r in measured.runs for s, c in r.channels.items()}, RIG.encoder)
+    return Data(measured, {(r.name, s): c.noise for r in measured.runs for s, c in r.channels.items()})
 
 
 def biased(data: Data, residual: np.ndarray, each_run: bool) -> Fit:

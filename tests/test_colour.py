@@ -27,7 +27,7 @@ def rig(samples: int = SAMPLES, **sensors: float) -> Experiment:
 def data_of(rig: Experiment) -> Data:
     measured = rig.measured()
     noise = {(run.name, s): c.noise for run in measured.runs for s, c in run.channels.items()}
-    return Data(measured, noise, rig.encoder)
+    return Data(measured, noise)
 
 
 def wandering(rng: np.random.Generator, n: int) -> np.ndarray:

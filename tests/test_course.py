@@ -280,11 +280,11 @@ def test_what_sensors_share_is_what_new_noise_of_the_encoder_does_to_them(motion
         model = Model(measured, rig.rig, rig.nominal, {"r": prepare.course(measured.runs[0], "crank_angle")})
         readings = model([[]])[0]
         assert readings is not None
-        misses.append(Data(measured, floor, "crank_angle").residual(readings))
+        misses.append(Data(measured, floor).residual(readings))
         if len(misses) == 1:
             shared = prepare.shared(measured, floor, model)
     found, expected = np.std(misses, axis=0), np.sqrt(np.sum(shared**2, axis=1))
-    for part in Data(measured, floor, "crank_angle").parts:
+    for part in Data(measured, floor).parts:
         for some in (slice(10, -10), np.r_[0:5, -5:0]):
             assert rms(expected[part.place][some]) == pytest.approx(rms(found[part.place][some]), rel=0.15)
 

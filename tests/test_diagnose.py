@@ -150,9 +150,7 @@ def test_a_place_where_it_is_off_is_found() -> None:
 
 def test_what_the_engines_differ_by_is_not_listed_as_a_deviation() -> None:
     rig = experiment(turn("slow", 4.0))
-    data = Data(
-        rig.measured(readings(rig)), {("slow", signal): noise for signal, noise in SENSORS.items()}, "crank_angle"
-    )
+    data = Data(rig.measured(readings(rig)), {("slow", signal): noise for signal, noise in SENSORS.items()})
     part = next(p for p in data.parts if p.signal == "follower_angle")
     residual = np.random.default_rng(1).standard_normal(data.size)
     residual[part.place][40:60] += 2e-3 / SENSORS["follower_angle"]
@@ -165,9 +163,7 @@ def test_what_the_engines_differ_by_is_not_listed_as_a_deviation() -> None:
 def test_what_every_turn_shows_is_told_by_the_angle_and_the_rest_by_the_turn() -> None:
     """Ten turns the other way round: a noise off around zero in each of them, and a jolt in the fourth."""
     rig = experiment(Plan("slow", -4.0, 0.3, np.linspace(0.0, 5 * math.pi, 3600), None))
-    data = Data(
-        rig.measured(readings(rig)), {("slow", signal): noise for signal, noise in SENSORS.items()}, "crank_angle"
-    )
+    data = Data(rig.measured(readings(rig)), {("slow", signal): noise for signal, noise in SENSORS.items()})
     part = next(p for p in data.parts if p.signal == "follower_angle")
     theta = rig.plans[0].command(rig.plans[0].time)
     angle, passed = np.degrees(theta) % 360, np.degrees(theta[0] - theta)
@@ -194,9 +190,7 @@ def test_what_every_turn_shows_is_told_by_the_angle_and_the_rest_by_the_turn() -
 )
 def test_what_one_turn_shows_is_said_of_no_other(size: list[float], turns: int, found: list[bool]) -> None:
     rig = experiment(Plan("slow", 4.0, 0.0, np.linspace(0.0, turns * math.pi / 2, 300 * turns), None))
-    data = Data(
-        rig.measured(readings(rig)), {("slow", signal): noise for signal, noise in SENSORS.items()}, "crank_angle"
-    )
+    data = Data(rig.measured(readings(rig)), {("slow", signal): noise for signal, noise in SENSORS.items()})
     part = next(p for p in data.parts if p.signal == "follower_angle")
     theta = rig.plans[0].command(rig.plans[0].time)
     turn_of = np.minimum((theta - theta[0]) / (2 * math.pi), turns - 1e-9).astype(int)

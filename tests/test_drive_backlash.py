@@ -170,7 +170,7 @@ def test_a_jolt_of_a_landing_weighs_no_more_than_a_few_usual_residuals_and_nothi
     jolted = {s: c.values.copy() for s, c in measured.runs[0].channels.items()}
     for signal in ("drive_torque", "follower_angle"):
         jolted[signal][[10, 50]] = 100 * LIT[signal]
-    data = Data(rig.measured([jolted]), {("slow", s): LIT[s] for s in LIT}, "crank_angle")
+    data = Data(rig.measured([jolted]), {("slow", s): LIT[s] for s in LIT})
     landing = np.zeros(100, bool)
     landing[[10, 11]] = True
     still = {s: np.zeros(100) for s in LIT}

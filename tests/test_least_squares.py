@@ -81,7 +81,7 @@ def searched(kind: type[Counted]) -> tuple[Fit, int]:
     noisy = [{s: v + rig.noise[s] * rng.standard_normal(v.size) for s, v in run.items()} for run in readings]
     measured = sizer.experiment.measured(noisy)
     sigma = {(run.name, s): c.noise for run in measured.runs for s, c in run.channels.items()}
-    fitter = kind(model, Data(measured, sigma, rig.encoder), rig, sizer.bounds)
+    fitter = kind(model, Data(measured, sigma), rig, sizer.bounds)
     base = fitter.at([], {})
     assert base is not None
     terms = [t for t in candidates(rig, VOCABULARY) if not (t.effect.slow or t.effect.sensor or t.variant > 2)]

@@ -133,6 +133,13 @@ class Mechanism(Part):
         return position(joint) if self.sliding else Signal.of("pose", self.driven, "angle")
 
     @property
+    def encoders(self) -> tuple[Signal, ...]:
+        """Where its motors are: :attr:`encoder` of a crank or a slide, else the position of each joint that has one."""
+        if self.cranked or self.sliding:
+            return (self.encoder,)
+        return tuple(position(joint) for joint in self.motors)
+
+    @property
     def effort(self) -> Signal:
         """What that motor gives: the crank's torque (N.m), or the slide's force (N).  Raises MechanismError where there
         is neither.

@@ -58,7 +58,7 @@ def colours(data: Data, residual: np.ndarray) -> dict[str, Colour]:
 
 def _unrepeated(data: Data, part: Part, residual: np.ndarray) -> _Record | None:
     run = data.measured.runs[part.run]
-    angle = turned(run, data.encoder)
+    angle = turned(run, data.measured.mechanism)
     if angle is None or part.used.size < FEWEST:
         return None
     angle = angle[part.used]

@@ -97,8 +97,9 @@ class Engines:
         readings = [o[0] for o in whole]
         if lacks:
             readings = self.completed(readings, hypothesis, lacking(name, [t for t, _ in hypothesis]))
-        drive = self.model.mechanism.drive
-        lands = (drive is not None and drive.half_gap > 0) or any("backlash" in t.effect.needs for t, _ in hypothesis)
+        lands = any(drive.half_gap > 0 for drive in self.model.mechanism.drives) or any(
+            "backlash" in t.effect.needs for t, _ in hypothesis
+        )
         said = self.model([hypothesis])[0] if lands else None
         if said is not None:
             readings = [r | {LANDING: w[LANDING]} if LANDING in w else r for r, w in zip(readings, said, strict=True)]

@@ -145,7 +145,7 @@ def read_backward(model: Model) -> tuple[Backward, Data] | None:
         _as_read(run, model.measured, n, backward.errors(run, sigma)) for run, n in zip(free, nominal, strict=True)
     ]
     noise = {(run.name, signal): channel.noise for run in known for signal, channel in run.channels.items()}
-    return backward, Data(replace(model.measured, runs=tuple(known)), noise, encoder)
+    return backward, Data(replace(model.measured, runs=tuple(known)), noise)
 
 
 def _as_read(

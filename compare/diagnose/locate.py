@@ -50,7 +50,7 @@ def locate(
     ``spread`` (SI), by run and signal, is what the engines differ by: a stretch that is not larger is none.
     ``colours`` are of the sensors whose noise is known not to be white.
     """
-    found, turns = [], not data.measured.mechanism.sliding
+    found, turns = [], data.measured.mechanism.cranked
     for part in data.parts:
         run = data.measured.runs[part.run]
         r, theta = residual[part.place], angles[run.name][part.used]

@@ -16,7 +16,7 @@ import numpy as np
 from analytic.beyond_paper.backlash import Slack
 from analytic.beyond_paper.drive import Motor, Turning
 from analytic.beyond_paper.freedom import Freedom, swing
-from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Mechanism
 from analytic.paper.clearance import Displaced, displaced
@@ -33,7 +33,20 @@ TABLES = 500  # linkages whose freedom is kept
 CACHED = 400  # runs whose signals are kept
 ANYWHERE = Turning(np.array([0.3, 1.7, 3.2, 4.9]), np.ones(4), np.zeros(4))  # readings by which motors are told apart
 STIFF = 1e-3  # of the shortest link: bearings that give less are told by their first order
+PARTS = ("theta", "omega", "alpha")  # of a motion
 SLOW = 0.2  # of a run's mean rate, below which a crank says little of the time
+
+
+@dataclass(frozen=True)
+class Motors:
+    """The motors of several drives, told together."""
+
+    each: tuple[Motor, ...]
+
+    def at(self, time: np.ndarray) -> Turning:
+        """Their motion at times (N,) s, (k, N)."""
+        moved = [motor.at(time) for motor in self.each]
+        return Turning(*(np.stack([getattr(turning, part) for turning in moved]) for part in PARTS))
 
 
 class StartOfRun(Effect):
@@ -91,11 +104,14 @@ class Model:
     (``equilibrium``); where that has no answer a reading is NaN.
     """
 
-    def __init__(self, measured: Measured, rig: Rig, mechanism: Mechanism, courses: Mapping[str, Motor]) -> None:
+    def __init__(
+        self, measured: Measured, rig: Rig, mechanism: Mechanism, courses: Mapping[str, Motor | Motors]
+    ) -> None:
         self.measured, self.rig, self.mechanism = measured, rig, mechanism
         self.courses = courses
         self._tables: dict[object, tuple[Assembly, Freedom] | None] = {}
         self._turned: dict[object, Turning] = {}
+        self._followed: dict[object, Followed] = {}
         self._kept: OrderedDict[object, dict[str, np.ndarray]] = OrderedDict()
         self._swung: OrderedDict[object, Reactions | None] = OrderedDict()
 
@@ -148,7 +164,7 @@ class Model:
         within = tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor)
         runs = [self.measured.runs[r] for r, _ in asked]
         keys = [
-            (r, age, misread(run, hypothesis), jitter_of(run, hypothesis), within)
+            (r, age, misread(run, hypothesis, self.rig.encoders), jitter_of(run, hypothesis), within)
             for (r, age), run in zip(asked, runs, strict=True)
         ]
         found = {key: self._kept[key] for key in keys if key in self._kept}
@@ -181,40 +197,64 @@ class Model:
         apart, and the crank behind its motor, as a hypothesis says.
         """
         assembly = Assembly(mechanism)
-        stiffness = mechanism.drive.stiffness if mechanism.drive else None  # whatever the file's own drive.speed
+        drive = mechanism.drives[0] if mechanism.cranked and mechanism.drives else None
+        stiffness = drive.stiffness if drive else None  # whatever the file's own drive.speed
 
         def torque(turning: Turning) -> np.ndarray:
             return _balanced(assembly, turning).drive_torque
 
-        half_gap = mechanism.drive.half_gap if mechanism.drive else 0.0
+        half_gap = drive.half_gap if drive else 0.0
         turns = bool(stiffness or half_gap) and turns_fully(assembly)
         seen: list[np.ndarray] = []
         cranks: list[Turning] = []
         landings: dict[int, np.ndarray] = {}
         for run, told, jitter in motions:
             motor = self.motor(run, mechanism)
-            time = told - run.time + read_at(run, self.rig.encoder, motor, jitter) if jitter else told
+            time = told
+            if jitter and isinstance(motor, Motor):
+                time = told - run.time + read_at(run, self.rig.encoder, motor, jitter)
             shaft = self._course(run, time) if run.drive == "measured" else motor.at(time)
             crank = shaft
-            if half_gap:
+            if half_gap and isinstance(motor, Motor):
                 slack = Slack.behind(motor, time, stiffness, torque, turns, half_gap)
                 crank, landings[len(cranks)] = slack.at(time), slack.landing(time)
-            elif stiffness is not None:
+            elif stiffness is not None and isinstance(motor, Motor):
                 crank = motor.crank(time, stiffness, torque, turns)
             # what the encoder reads is what says of the jitter: it is no reading beside it
-            seen.append(turned_by(run, self._course(run, told) if jitter else shaft, hypothesis).theta)
-            turned = turned_by(run, crank, hypothesis)
+            read = self._course(run, told) if jitter else shaft
+            seen.append(turned_by(run, read, hypothesis, self.rig.encoders).theta)
+            turned = turned_by(run, crank, hypothesis, self.rig.encoders)
             for lag in (term.effect.behind(turned, values) for term, values in hypothesis):
                 if lag is not None:
                     turned = Turning(turned.theta - lag.theta, turned.omega - lag.omega, turned.alpha - lag.alpha)
-            cranks.append(turned)
-        if mechanism.displaced:  # which forces are too faint for a direction is asked of each run by itself
-            found = [derived(assembly, crank) for crank in cranks]
+            cranks.append(turned if turned.theta.ndim == 1 else _as_inputs(assembly, turned))
+        # which forces are too faint for a direction is asked of each run by itself; several drives go on from one
+        # sample to the next
+        if mechanism.displaced or len(self.rig.encoders) > 1:
+            nears = [self._near(run, time) for run, time, _ in motions]
+            found = [derived(assembly, crank, near) for crank, near in zip(cranks, nears, strict=True)]
         else:
             found = _parted(derived(assembly, _joined(cranks)), [crank.theta.size for crank in cranks])
         for k, landing in landings.items():
             found[k][LANDING] = landing
-        return [signals | {self.rig.encoder: angle} for signals, angle in zip(found, seen, strict=True)]
+        return [
+            signals | dict(zip(self.rig.encoders, np.atleast_2d(read), strict=True))
+            for signals, read in zip(found, seen, strict=True)
+        ]
+
+    def _near(self, run: MeasuredRun, time: np.ndarray) -> Followed | None:
+        """Where the nominal linkage is that several drives move at times (N,) s: kept, as to follow it from sample to
+        sample takes longer than all else, and what effects make of it is near.  Raises AssemblyError.
+        """
+        key = (run.name, time.tobytes())
+        if len(self.rig.encoders) == 1:
+            return None
+        if key not in self._followed:
+            if len(self._followed) > CACHED:
+                self._followed.clear()
+            assembly = Assembly(self.mechanism)
+            self._followed[key] = assembly.follow(_as_inputs(assembly, self._course(run, time)).theta)
+        return self._followed[key]
 
     def _course(self, run: MeasuredRun, time: np.ndarray) -> Turning:
         """What a run that follows its encoder makes of the motor at times (N,) s; kept, as it takes longer than the
@@ -227,8 +267,8 @@ class Model:
             self._turned[key] = self.courses[run.name].at(time)
         return self._turned[key]
 
-    def motor(self, run: MeasuredRun, mechanism: Mechanism) -> Motor:
-        """The motor of a driven run."""
+    def motor(self, run: MeasuredRun, mechanism: Mechanism) -> Motor | Motors:
+        """The motor of a driven run, or its several."""
         if run.drive == "measured":
             return self.courses[run.name]
         return Motor(run.speed or 0.0, run.angle or 0.0, mechanism.drive)
@@ -326,22 +366,40 @@ def sensed(hypothesis: Hypothesis, run: MeasuredRun, seen: Readings) -> dict[str
     return dict(seen)
 
 
-def turned_by(run: MeasuredRun, read: Turning, hypothesis: Hypothesis) -> Turning:
-    """How a motor turns whose encoder reads this; of a run that follows none it is what was given.  Raises Impossible
-    for an encoder that errs so much that it does not tell one angle from another.
+def turned_by(run: MeasuredRun, read: Turning, hypothesis: Hypothesis, encoders: Sequence[str]) -> Turning:
+    """How a motor turns whose encoder reads this (N,), or several (k, N); of a run that follows none it is what was
+    given.  Raises Impossible for an encoder that errs so much that it does not tell one angle from another.
     """
-    if run.drive == "measured":
-        for term, values in hypothesis:
-            try:
+    for term, values in hypothesis if run.drive == "measured" else ():
+        try:
+            if read.theta.ndim == 1:
                 read = term.effect.motor(run.name, read, values)
-            except ValueError as error:
-                raise Impossible(f"{term.label}: {error}") from None
+            elif term.effect.misreads:
+                read = _one_turned(read, encoders.index(term.where), term, run.name, values)
+        except ValueError as error:
+            raise Impossible(f"{term.label}: {error}") from None
     return read
 
 
-def misread(run: MeasuredRun, hypothesis: Hypothesis) -> bytes:
+def _one_turned(read: Turning, k: int, term: Term, run: str, values: Values) -> Turning:
+    """How several motors turn, the encoder of the k-th of which misreads."""
+    one = term.effect.motor(run, Turning(*(getattr(read, part)[k] for part in PARTS)), values)
+    return Turning(*(np.insert(np.delete(getattr(read, p), k, 0), k, getattr(one, p), 0) for p in PARTS))
+
+
+def _as_inputs(assembly: Assembly, moved: Turning) -> Turning:
+    """The motion of several motors (k, N) as that of the linkage's inputs."""
+    joints = [joint.name for joint in assembly.mechanism.motors]
+    return Turning(*(assembly.inputs_at(dict(zip(joints, getattr(moved, part), strict=True))) for part in PARTS))
+
+
+def misread(run: MeasuredRun, hypothesis: Hypothesis, encoders: Sequence[str]) -> bytes:
     """What tells one motor from another that the same encoder's readings are followed by."""
-    return turned_by(run, ANYWHERE, hypothesis).theta.tobytes() if run.drive == "measured" else b""
+    if run.drive != "measured":
+        return b""
+    k = len(encoders)
+    read = ANYWHERE if k == 1 else Turning(*(np.tile(getattr(ANYWHERE, part), (k, 1)) for part in PARTS))
+    return turned_by(run, read, hypothesis, encoders).theta.tobytes()
 
 
 def jitter_of(run: MeasuredRun, hypothesis: Hypothesis) -> float:
@@ -392,23 +450,23 @@ def _parted(signals: Mapping[str, np.ndarray], sizes: Sequence[int]) -> list[dic
     return [{s: v[begin:end] for s, v in signals.items()} for begin, end in pairwise(ends)]
 
 
-def derived(assembly: Assembly, crank: Turning) -> dict[str, np.ndarray]:
-    """Every signal with this motion of the crank: pins on their bearings' walls or in soft ones, links with
-    a modulus bent.
+def derived(assembly: Assembly, crank: Turning, near: Followed | None = None) -> dict[str, np.ndarray]:
+    """Every signal with this motion of the crank, or of several inputs ``near`` what is known: pins on their bearings'
+    walls or in soft ones, links with a modulus bent.
     """
     mechanism = assembly.mechanism
     if mechanism.displaced:
-        found = _displaced(assembly, crank)
+        found = _displaced(assembly, crank, near)
         ideal, signals = found.ideal, found.signals()
     else:
-        ideal = kinetostatics(kinematics(assembly, crank.theta, crank.omega, crank.alpha))
+        ideal = kinetostatics(kinematics(assembly, crank.theta, crank.omega, crank.alpha, path=near))
         signals = ideal.signals()
     if mechanism.bends:
         signals = superposed(signals, compliance(ideal.motion, inertia=True))
     return with_derived(signals, mechanism)
 
 
-def _displaced(assembly: Assembly, crank: Turning) -> Displaced:
+def _displaced(assembly: Assembly, crank: Turning, near: Followed | None) -> Displaced:
     """The linkage with its pins where they come to rest; soft bearings that hardly give, to first order with the
     reactions of the linkage that they displace: what that leaves out is as small as the square of what they give.
     """
@@ -417,7 +475,7 @@ def _displaced(assembly: Assembly, crank: Turning) -> Displaced:
         shortest = min(body.length for body in assembly.mechanism.bodies if body.length)
         if max(float(np.abs(gap).max()) for gap in found.gaps.values()) < STIFF * shortest:
             return replace(found, reactions=found.configuration)
-    return displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha)
+    return displaced(assembly, crank.theta, crank.omega, alpha=crank.alpha, near=near)
 
 
 def _aged(moved: Reactions, wanted: Iterable[str], time: np.ndarray, delay: float) -> dict[str, np.ndarray]:

@@ -23,10 +23,10 @@ from compare.diagnose.data.quality import noise
 from compare.diagnose.data.recording import Fault, Measured, MeasuredError, MeasuredRun
 from compare.diagnose.data.smooth import Smoother
 from compare.diagnose.data.thin import frozen, missed, picked
-from compare.diagnose.effects.effect import Effect, Parameter, Rig
+from compare.diagnose.effects.effect import STOPS, Effect, Parameter, Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Bounds
-from compare.diagnose.predict import Model, StartOfRun, Term
+from compare.diagnose.predict import Model, Motors, StartOfRun, Term
 from compare.diagnose.residuals import Data
 from compare.recorded.text import ROWS
 
@@ -46,10 +46,10 @@ def thinned(measured: Measured) -> Measured:
     every = math.ceil(total / SAMPLES)
     if every == 1:
         return measured
-    encoder, runs, faults = measured.mechanism.encoder.name, [], list(measured.faults)
+    runs, faults = [], list(measured.faults)
     for run in measured.runs:
         thin = picked(run, every)
-        if run.drive == "measured" and missed(run, thin, encoder):
+        if run.drive == "measured" and any(missed(run, thin, each.name) for each in measured.mechanism.encoders):
             thin = run
         else:
             text = (
@@ -69,18 +69,22 @@ def thinned(measured: Measured) -> Measured:
     return replace(measured, runs=tuple(runs), faults=tuple(faults))
 
 
-def followed(measured: Measured) -> tuple[dict[str, Motor], Measured]:
-    """The motors of the runs that follow their encoder, by run, and the measurement with a fault where a motor strays
+def followed(measured: Measured) -> tuple[dict[str, Motor | Motors], Measured]:
+    """The motors of the runs that follow their encoders, by run, and the measurement with a fault where a motor strays
     from its encoder.
     """
-    encoder = measured.mechanism.encoder.name
-    courses = {run.name: course(run, encoder) for run in measured.runs if run.drive == "measured"}
-    strays = [strayed(run, encoder, courses[run.name]) for run in measured.runs if run.name in courses]
+    encoders, strays = [encoder.name for encoder in measured.mechanism.encoders], []
+    courses: dict[str, Motor | Motors] = {}
+    for run in measured.runs:
+        if run.drive == "measured":
+            each = tuple(course(run, encoder) for encoder in encoders)
+            strays += [strayed(run, encoder, motor) for encoder, motor in zip(encoders, each, strict=True)]
+            courses[run.name] = each[0] if len(each) == 1 else Motors(each)
     measured = replace(measured, faults=(*measured.faults, *(fault for fault in strays if fault is not None)))
     return courses, _while_sliding(measured, courses) if measured.mechanism.sliding else measured
 
 
-def _while_sliding(measured: Measured, courses: Mapping[str, Motor]) -> Measured:
+def _while_sliding(measured: Measured, courses: Mapping[str, Motor | Motors]) -> Measured:
     """The measurement without the forces and torques that were read while the slide rested or turned back: there dry
     friction may be anything up to its size, either way.  Raises MeasuredError where nothing else was read.
     """
@@ -106,7 +110,7 @@ def _while_sliding(measured: Measured, courses: Mapping[str, Motor]) -> Measured
     return replace(measured, runs=tuple(runs), faults=tuple(faults))
 
 
-def _still(run: MeasuredRun, encoder: str, motor: Motor) -> np.ndarray:
+def _still(run: MeasuredRun, encoder: str, motor: Motor | Motors) -> np.ndarray:
     """At which samples (N,) bool a slide rests or turns back, within half a sample, as far as its encoder tells."""
     smoother, moving = _smoothed(run, encoder), motor.at(run.time)
     unsure = smoother.uncertainty(smoother.answers(run.time)[1], encoder_noise(run, encoder))
@@ -178,34 +182,43 @@ def shared(measured: Measured, floor: Mapping[tuple[str, str], float], model: Mo
 
     The covariance of the residuals is 1 + shared shared^T; of too many directions those that matter least are left out.
     """
-    whole = Data(measured, floor, model.rig.encoder)
+    whole = Data(measured, floor)
     columns = [np.zeros((whole.size, 0))]
     for r, run in enumerate(measured.runs):
         places = [np.arange(part.place.start, part.place.stop) for part in whole.parts if part.run == r]
         if run.drive == "measured" and places:
-            factor = _strained(replace(measured, runs=(run,)), floor, model)
-            columns.append(np.zeros((whole.size, factor.shape[1])))
-            columns[-1][np.concatenate(places)] = factor
+            for k in range(len(model.rig.encoders)):
+                factor = _strained(replace(measured, runs=(run,)), floor, model, k)
+                columns.append(np.zeros((whole.size, factor.shape[1])))
+                columns[-1][np.concatenate(places)] = factor
     together = np.hstack(columns)
     worth = np.argsort(-np.sum(together**2, axis=0))[: max(1, NUMBERS // whole.size)]
     return np.ascontiguousarray(together[:, np.sort(worth)])
 
 
-def _strained(measured: Measured, floor: Mapping[tuple[str, str], float], model: Model) -> np.ndarray:
-    """The errors (size, k) that all sensors of a measurement of one run share."""
-    (run,), encoder = measured.runs, model.rig.encoder
-    data, smoother = Data(measured, floor, encoder), _smoothed(run, encoder)
+def _strained(measured: Measured, floor: Mapping[tuple[str, str], float], model: Model, of: int) -> np.ndarray:
+    """The errors (size, k) that all sensors of a measurement of one run share because of one of its encoders."""
+    (run,), encoder = measured.runs, model.rig.encoders[of]
+    data, smoother = Data(measured, floor), _smoothed(run, encoder)
     origin = Model(measured, model.rig, model.mechanism, model.courses)([[]])[0]
     used = np.concatenate([part.used for part in data.parts])
     answers = csr_array((data.size, smoother.size))
     for order, answer in enumerate(smoother.answers(run.time)):
         nudge = 1e-5 * model.rig.speed**order
-        motor = Motor(course=_Nudged(model.courses[run.name], order, nudge))
+        motor = _nudged(model.courses[run.name], of, order, nudge)
         found = Model(measured, model.rig, model.mechanism, {run.name: motor})([[]])[0]
         if found is not None and origin is not None:
             slope = (data.residual(found) - data.residual(origin)) / nudge
             answers = answers + diags_array(slope) @ answer[used]
     return smoother.errors(csr_array(answers), encoder_noise(run, encoder))
+
+
+def _nudged(motor: Motor | Motors, of: int, order: int, nudge: float) -> Motor | Motors:
+    """A motor, or one of several, of whose course the angle, or a rate, is off."""
+    if isinstance(motor, Motor):
+        return Motor(course=_Nudged(motor, order, nudge))
+    each = [Motor(course=_Nudged(m, order, nudge)) if k == of else m for k, m in enumerate(motor.each)]
+    return Motors(tuple(each))
 
 
 @dataclass(frozen=True)
@@ -223,17 +236,17 @@ class _Nudged:
 
 def starts(measured: Measured) -> dict[Term, np.ndarray]:
     """The unknown starts of free runs."""
-    encoder = measured.mechanism.encoder
+    free = [run for run in measured.runs if run.drive == "free"]
+    encoder = measured.mechanism.encoders[0]
     return {
         Term(StartOfRun(), run.name): np.array(
             [run.start[encoder.name], run.start.get(f"{encoder.place}_angular_velocity", 0.0)]
         )
-        for run in measured.runs
-        if run.drive == "free"
+        for run in free
     }
 
 
-def nominal(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor]) -> tuple[Rig, Model]:
+def nominal(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor | Motors]) -> tuple[Rig, Model]:
     """The rig and the model of the nominal mechanism.  Raises MeasuredError where it cannot make the runs."""
     rig = _rig(measured, mechanism, courses)
     model = Model(measured, rig, mechanism, courses)
@@ -259,23 +272,25 @@ def _explain_impossible(measured: Measured, mechanism: Mechanism, model: Model) 
             ) from None
 
 
-def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor]) -> Rig:
+def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor | Motors]) -> Rig:
     """Sizes of the rig, from its nominal motion."""
     signals = tuple(dict.fromkeys(s for run in measured.runs for s in run.channels))
     least = {s: min(run.channels[s].noise for run in measured.runs if s in run.channels) for s in signals}
-    speeds = [abs(run.speed) for run in measured.runs if run.speed]
-    speeds += [
-        float(np.abs(course.at(run.time).omega).max()) for run in measured.runs if (course := courses.get(run.name))
-    ]
-    encoder = mechanism.encoder.name
-    speeds += [_swiftest(run, encoder) for run in measured.runs if run.drive == "free" and encoder in run.channels]
-    speed = max([*speeds, 1e-3])
     arms = [abs(b.centre - b.point(name)) for b in mechanism.bodies for name in b.points]
     length = max(b.length for b in mechanism.bodies) or max(arms) or 1.0
-    reach = _reach(measured, courses) if mechanism.sliding else None
-    if reach is not None:
-        length = max(reach[1] - reach[0], SHORTEST)
-        speed /= length
+    if mechanism.sliding:
+        low, high = _reach(measured, courses)
+        length = max(high - low, SHORTEST)
+    paces = np.array([1.0 if encoder.unit == "rad" else length for encoder in mechanism.encoders])
+    speeds = [abs(run.speed) for run in measured.runs if run.speed]
+    speeds += [
+        float((np.abs(np.atleast_2d(course.at(run.time).omega)) / paces[:, None]).max())
+        for run in measured.runs
+        if (course := courses.get(run.name))
+    ]
+    encoder = mechanism.encoders[0].name
+    speeds += [_swiftest(run, encoder) for run in measured.runs if run.drive == "free" and encoder in run.channels]
+    speed = max([*speeds, 1e-3])
     weight = sum(b.mass for b in mechanism.bodies) * abs(complex(*mechanism.gravity))
     given = [load for run in measured.runs for load in (run.loads if run.loads is not None else mechanism.loads)]
     loads = [abs(complex(*load.force)) + abs(load.torque) / length for load in given]
@@ -291,11 +306,30 @@ def _rig(measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor])
         speed,
         least,
         {run.name: tuple(run.channels) for run in measured.runs},
-        reach,
+        _postures(measured, mechanism, courses),
     )
 
 
-def _reach(measured: Measured, courses: Mapping[str, Motor]) -> tuple[float, float]:
+def _postures(
+    measured: Measured, mechanism: Mechanism, courses: Mapping[str, Motor | Motors]
+) -> tuple[np.ndarray, ...]:
+    """Inputs (k, STOPS) of a linkage that no crank moves, evenly over what its drives do in a run, of each run."""
+    if mechanism.cranked:
+        return ()
+    if mechanism.sliding:
+        return (np.linspace(*_reach(measured, courses), STOPS),)
+    try:
+        assembly = Assembly(mechanism)
+    except AssemblyError:
+        return ()  # what cannot be assembled is told when the nominal mechanism is to move
+    found, joints = [], [joint.name for joint in mechanism.motors]
+    for run in measured.runs:
+        at = courses[run.name].at(np.linspace(run.time[0], run.time[-1], STOPS)).theta
+        found.append(assembly.inputs_at(dict(zip(joints, at, strict=True))))
+    return tuple(found)
+
+
+def _reach(measured: Measured, courses: Mapping[str, Motor | Motors]) -> tuple[float, float]:
     """Least and largest travel (m) of a slide in all runs."""
     travels = np.concatenate([courses[run.name].at(run.time).theta for run in measured.runs])
     return float(travels.min()), float(travels.max())
@@ -314,7 +348,7 @@ def on_one_turn(measured: Measured) -> Measured:
     which turn it is, and a spring that a model lacks does.  Validation runs go to the turn of those that are fitted.
     Where the model has a spring, runs stay.
     """
-    encoder = measured.mechanism.encoder.name
+    encoder = measured.mechanism.encoders[0].name
     if any(joint.stiffness for joint in measured.mechanism.joints):
         return measured
     moved, about = {}, 0.0

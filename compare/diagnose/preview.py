@@ -26,7 +26,7 @@ from compare.diagnose.data.thin import picked
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.noise import rms
-from compare.diagnose.predict import Model, Term
+from compare.diagnose.predict import Model, Motors, Term
 from compare.diagnose.problem import begun
 from compare.diagnose.residuals import Data
 from compare.diagnose.sensitivities import Sensitivity, candidates, sensitivities
@@ -62,7 +62,7 @@ def _shown(data: Measured) -> Preview:
     data = prepare.unturned(data, model, prepare.starts(data))
     model = Model(data, rig, mechanism, courses)
     noise = {(run.name, s): c.noise for run in data.runs for s, c in run.channels.items()}
-    fitter = Fitter(model, Data(data, noise, rig.encoder), rig, prepare.bounds(rig, data.tolerance))
+    fitter = Fitter(model, Data(data, noise), rig, prepare.bounds(rig, data.tolerance))
     base = begun(model, fitter)
     nominal = model([base.values(rig)])[0]
     assert nominal is not None  # the fit has been there
@@ -109,12 +109,12 @@ def _run(run: MeasuredRun, model: Model, base: Fit, nominal: Mapping[str, np.nda
         assert moved is not None
         crank = moved.motion.theta
     else:
-        crank = model.motor(run, model.mechanism).at(run.time).theta
+        crank = np.atleast_2d(model.motor(run, model.mechanism).at(run.time).theta)[0]
     signals = {}
     for name, channel in run.channels.items():
         apart = channel.signal.apart(channel.values, nominal[name]) / channel.noise
         here = np.isfinite(apart)
-        followed = run.drive == "measured" and name == model.rig.encoder
+        followed = run.drive == "measured" and name in model.rig.encoders
         signals[name] = Seen(
             unit=channel.signal.unit,
             noise=channel.noise,
@@ -144,7 +144,7 @@ def _run(run: MeasuredRun, model: Model, base: Fit, nominal: Mapping[str, np.nda
 
 
 def _visible(
-    measured: Measured, model: Model, courses: Mapping[str, Motor], base: Fit
+    measured: Measured, model: Model, courses: Mapping[str, Motor | Motors], base: Fit
 ) -> tuple[tuple[Visible, ...], tuple[Place, ...]]:
     """Effects that these runs would show, the clearest first, and those that they would not."""
     total = sum(run.time.size * len(run.channels) for run in measured.runs)
@@ -154,7 +154,7 @@ def _visible(
     noise = {(run.name, s): c.noise / math.sqrt(every) for run in few.runs for s, c in run.channels.items()}
     fitter = Fitter(
         Model(few, rig, model.mechanism, courses),
-        Data(few, noise, rig.encoder),
+        Data(few, noise),
         rig,
         prepare.bounds(rig, few.tolerance),
     )

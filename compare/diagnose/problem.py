@@ -147,7 +147,7 @@ class Problem:
         rig, model = prepare.nominal(measured, mechanism, courses)
         measured = prepare.unturned(measured, model, prepare.starts(measured))
         model = Model(measured, rig, mechanism, courses)
-        data = Data(measured, noise, rig.encoder, prepare.shared(measured, noise, model))
+        data = Data(measured, noise, prepare.shared(measured, noise, model))
         fitter = Fitter(model, data, rig, prepare.bounds(rig, measured.tolerance))
         terms, ruled_out = prepare.considered(
             candidates(rig, options.vocabulary), measured.tolerance, fitter.bounds, options.only, options.exclude
@@ -227,10 +227,8 @@ class Problem:
                         f" {amount(difference, unit)} (rms), noise {amount(noise[key], unit)}; the noise floor is"
                         f" raised to {amount(floor[key], unit)}."
                     )
-        raised = Data(self.measured, floor, self.rig.encoder)
-        self.data = Data(
-            self.measured, floor, self.rig.encoder, self.data.shared * (self.data.sigma / raised.sigma)[:, None]
-        )
+        raised = Data(self.measured, floor)
+        self.data = Data(self.measured, floor, self.data.shared * (self.data.sigma / raised.sigma)[:, None])
         self.fitter = Fitter(self.model, self.data, self.rig, self.fitter.bounds)
         self.base = self.fitter.at(self.base.terms, dict(zip(self.base.terms, self.base.x, strict=True))) or self.base
 
@@ -238,7 +236,9 @@ class Problem:
         """By run and signal, what readings are off (rms, SI) where only the encoder says when their line was read: in
         runs that follow it, and whose encoder scatters by more than its noise.
         """
-        found = {}
+        found: dict[tuple[str, str], float] = {}
+        if len(self.rig.encoders) > 1:
+            return found  # two encoders that scatter tell two times
         for run, predicted in zip(self.measured.runs, self.analytic(self.base), strict=True):
             encoder, course = run.channels.get(self.rig.encoder), self.model.courses.get(run.name)
             if encoder is None or course is None or not encoder.noise_given:
@@ -519,12 +519,12 @@ class Problem:
         return max((rms(residual[p.place]) for p in self.data.parts), default=0.0)
 
     def crank_angle(self, run: MeasuredRun) -> np.ndarray:
-        """The motor's commanded angle (N,) rad; in a free run the driven body's."""
+        """The motor's commanded angle (N,) rad, of several the first one's; in a free run the driven body's."""
         if run.drive == "free":
             found = self.model.released(run, [self.base.values(self.rig)])[0]
             assert found is not None
             return found.motion.theta
-        return self.model.motor(run, self.mechanism).at(run.time).theta
+        return np.atleast_2d(self.model.motor(run, self.mechanism).at(run.time).theta)[0]
 
 
 def in_contact(fit: Fit) -> bool:

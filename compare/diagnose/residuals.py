@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import lfilter
 
+from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal, wrapped
 from compare.diagnose.data.recording import Measured, MeasuredRun
 from compare.diagnose.effects.effect import LANDING
@@ -78,11 +79,11 @@ class Data:
         self,
         measured: Measured,
         noise: Mapping[tuple[str, str], float],
-        encoder: str,
         shared: np.ndarray | None = None,
         colours: Mapping[str, Colour] | None = None,
     ) -> None:
-        self.measured, self.noise, self.encoder = measured, noise, encoder
+        self.measured, self.noise = measured, noise
+        encoders = {encoder.name for encoder in measured.mechanism.encoders}
         self.colours = {} if colours is None else colours
         self.parts: list[Part] = []
         values, sigma, fold = [], [], []
@@ -90,7 +91,7 @@ class Data:
         for r, run in enumerate(measured.runs):
             segment = np.minimum(np.arange(run.time.size) * SEGMENTS // run.time.size, SEGMENTS - 1) % FOLDS
             for signal, channel in run.channels.items():
-                if run.drive == "measured" and signal == encoder:
+                if run.drive == "measured" and signal in encoders:
                     continue  # what the run follows cannot also judge it
                 used = np.flatnonzero(np.isfinite(channel.values))
                 self.parts.append(Part(r, signal, used, slice(at, at + used.size)))
@@ -143,7 +144,7 @@ class Data:
 
     def coloured(self, colours: Mapping[str, Colour]) -> Data:
         """The same data, the noise of these sensors of these colours."""
-        return Data(self.measured, self.noise, self.encoder, self.shared, colours)
+        return Data(self.measured, self.noise, self.shared, colours)
 
     def _turns(self) -> np.ndarray | None:
         """Which revolution of its run (one of FOLDS, in turn) a sample (size,) is in; None where a run makes less than
@@ -151,7 +152,7 @@ class Data:
         """
         found = []
         for part in self.parts:
-            angle = turned(self.measured.runs[part.run], self.encoder)
+            angle = turned(self.measured.runs[part.run], self.measured.mechanism)
             if angle is None or abs(angle[-1] - angle[0]) < TURNS * 2 * np.pi:
                 return None
             found.append(np.floor(np.abs(angle[part.used] - angle[0]) / (2 * np.pi)).astype(int) % FOLDS)
@@ -172,7 +173,6 @@ class Data:
         return Data(
             replace(self.measured, runs=tuple(runs)),
             self.noise,
-            self.encoder,
             self.shared[np.concatenate(kept)],
             self.colours,
         )
@@ -223,15 +223,15 @@ def _spared(left: np.ndarray, landing: np.ndarray) -> np.ndarray:
     return np.where(landing, np.clip(left, -most, most), left)
 
 
-def turned(run: MeasuredRun, encoder: str) -> np.ndarray | None:
+def turned(run: MeasuredRun, mechanism: Mechanism) -> np.ndarray | None:
     """The angle (N,) rad of the crank in a driven run as commanded, or as its encoder has it; None where neither is, or
     no crank turns.
     """
     if run.drive == "speed" and run.speed is not None:
         return run.speed * run.time
-    if run.drive == "free" or encoder not in run.channels or not run.channels[encoder].signal.wraps:
+    if run.drive == "free" or not mechanism.cranked or mechanism.encoder.name not in run.channels:
         return None
-    return bridged(run.channels[encoder].values)
+    return bridged(run.channels[mechanism.encoder.name].values)
 
 
 def bridged(values: np.ndarray) -> np.ndarray:

@@ -455,7 +455,7 @@ def _validation_run(validated: Validated) -> DiagnosedRun:
     sides = (("before", validated.before), ("after", validated.after))
     signals: dict[str, Channel] = {}
     for name, channel in run.channels.items():
-        if run.drive == "measured" and name == validated.encoder:
+        if run.drive == "measured" and name in validated.encoders:
             continue
         said = {side: absent if found.readings is None else found.readings[0][name] for side, found in sides}
         off = {side: channel.signal.apart(channel.values, values) / channel.noise for side, values in said.items()}

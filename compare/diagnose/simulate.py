@@ -14,6 +14,7 @@ from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.predict import (
     Hypothesis,
+    Motors,
     Term,
     ages,
     altered,
@@ -64,7 +65,7 @@ class Task:
     mechanism: Mechanism  # nominal
     hypothesis: Hypothesis
     rig: Rig
-    course: Motor | None  # of a run that follows its data
+    course: Motor | Motors | None  # of a run that follows its data
     start: tuple[float, float] | None  # of a free run: angle (rad) and rate (rad/s) at its first sample
 
 
@@ -81,7 +82,8 @@ def simulate(task: Task) -> tuple[dict[str, np.ndarray], str, Mapping[str, Setti
             task.mechanism if task.run.loads is None else task.mechanism.replace(loads=task.run.loads), task.hypothesis
         )
         echoes = heard(task.hypothesis, task.run)
-        lines = read_at(task.run, task.rig.encoder, task.course, jitter_of(task.run, task.hypothesis))
+        course = None if isinstance(task.course, Motors) else task.course
+        lines = read_at(task.run, task.rig.encoder, course, jitter_of(task.run, task.hypothesis))
         times = np.unique(np.concatenate([each - age for each in (lines, task.run.time) for age in ages(echoes)]))
         if task.run.drive == "free":
             trace, seen = _free(chosen, mechanism, task, times)
@@ -103,6 +105,8 @@ def _joint_model(mechanism: Mechanism) -> JointModel:
 def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -> tuple[Trace, dict[str, np.ndarray]]:
     """Trace and signals at times (N,) s of a run behind a motor."""
     run = task.run
+    if isinstance(task.course, Motors):
+        return _several(chosen, mechanism, task, task.course, times)
     drive = mechanism.drive
     motor = task.course or Motor(run.speed or 0.0, run.angle or 0.0, drive)
     fields = (drive.model_dump(exclude_unset=True) if drive else {"joint": mechanism.input_joint.name}) | {
@@ -110,9 +114,8 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
     }
     if run.drive == "measured" or (drive is not None and drive.ripple is not None):
         mechanism = mechanism.replace(drive=fields | {"speed": "measured"})
-        margin = 1e-6 * float(times[-1] - times[0])
-        knots = np.linspace(times[0] - margin, times[-1] + margin, max(2 * times.size, round(1 / COURSE_STEP)))
-        course = knots, turned_by(run, motor.at(knots), task.hypothesis).theta
+        knots = _knots(times)
+        course = knots, turned_by(run, motor.at(knots), task.hypothesis, task.rig.encoders).theta
         if mechanism.sliding:  # times count from the first knot: late readings may ask for some before zero
             courses = {mechanism.input_joint.name: (knots - knots[0], course[1])}
             request = Request(mechanism, _joint_model(mechanism), "driven", time=times - knots[0], courses=courses)
@@ -126,8 +129,27 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
         )
     trace = _run(chosen, request)
     return trace, with_derived(trace.signals, mechanism) | {
-        task.rig.encoder: turned_by(run, motor.at(times), task.hypothesis).theta
+        task.rig.encoder: turned_by(run, motor.at(times), task.hypothesis, task.rig.encoders).theta
     }
+
+
+def _several(
+    chosen: Engine, mechanism: Mechanism, task: Task, motors: Motors, times: np.ndarray
+) -> tuple[Trace, dict[str, np.ndarray]]:
+    """Trace and signals at times (N,) s of a run in which several drives follow their encoders."""
+    knots = _knots(times)
+    followed = [turned_by(task.run, motors.at(t), task.hypothesis, task.rig.encoders).theta for t in (knots, times)]
+    moved = dict(zip((joint.name for joint in mechanism.motors), followed[0], strict=True))
+    courses = {joint: (knots - knots[0], course) for joint, course in moved.items()}
+    trace = _run(chosen, Request(mechanism, _joint_model(mechanism), "driven", time=times - knots[0], courses=courses))
+    read = dict(zip(task.rig.encoders, followed[1], strict=True))
+    return trace, with_derived(trace.signals, mechanism) | read
+
+
+def _knots(times: np.ndarray) -> np.ndarray:
+    """Times (s) between which a course is the cubic spline, from just before times (N,) to just after."""
+    margin = 1e-6 * float(times[-1] - times[0])
+    return np.linspace(times[0] - margin, times[-1] + margin, max(2 * times.size, round(1 / COURSE_STEP)))
 
 
 def _free(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray) -> tuple[Trace, dict[str, np.ndarray]]:

@@ -26,7 +26,7 @@ class Validated:
     before: Simulated
     after: Simulated
     crank_angle: np.ndarray
-    encoder: str
+    encoders: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def _validated(problem: Problem, explained: Hypothesis, model: Model) -> Validat
         for hypothesis in (start, [*start, *explained])
     )
     (run,) = model.measured.runs
-    return Validated(run, before, after, _crank_angle(model, run, start), problem.rig.encoder)
+    return Validated(run, before, after, _crank_angle(model, run, start), problem.rig.encoders)
 
 
 def _crank_angle(model: Model, run: MeasuredRun, start: Hypothesis) -> np.ndarray:
@@ -89,6 +89,6 @@ def _crank_angle(model: Model, run: MeasuredRun, start: Hypothesis) -> np.ndarra
     answer.
     """
     if run.drive != "free":
-        return model.motor(run, model.mechanism).at(run.time).theta
+        return np.atleast_2d(model.motor(run, model.mechanism).at(run.time).theta)[0]
     moved = model.released(run, [start])[0]
     return np.full(run.time.size, model.start(run, start)[0]) if moved is None else moved.motion.theta

@@ -101,7 +101,11 @@ def _diagnosed(data: Measured, options: Options) -> tuple[Diagnosis, Proposal | 
     rigid = data.mechanism.rigid()
     problem = Problem.of(data, rigid, options)
     explanation = problem.explanation()
-    if rigid != data.mechanism and problem.shows_bending(data.mechanism):
+    if rigid != data.mechanism and not rigid.cranked:
+        problem.notes.append(
+            "The links' stated moduli of elasticity are left out: links that bend are of linkages that one crank moves."
+        )
+    elif rigid != data.mechanism and problem.shows_bending(data.mechanism):
         bending = Problem.of(data, data.mechanism, options)
         instead = bending.explanation()
         nearer = bending.price(instead) < problem.price(explanation)
@@ -121,7 +125,9 @@ def proposed(problem: Problem, found: Verified) -> Proposal | None:
     leaves nothing, or the time is over.
     """
     e = found.explanation
-    if problem.options.late() or problem.search is None or problem.mechanism.sliding:  # its laws are of a crank's angle
+    if (
+        problem.options.late() or problem.search is None or not problem.mechanism.cranked
+    ):  # its laws are of a crank's angle
         return None
     if e.verdict in ("unexplained", "partly explained"):
         return proposal(problem.model, problem.search.fitter, e.fit)

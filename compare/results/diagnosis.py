@@ -437,7 +437,7 @@ class Diagnosis(Document):
             for name, channel in run.signals.items()
             for side in ("measured", "before", "after")
         }
-        return {"time": "s", "crank_angle": "m" if self.mechanism.sliding else "rad"} | sides
+        return {"time": "s", "crank_angle": self.mechanism.encoders[0].unit} | sides
 
     def __repr__(self) -> str:
         what = ", ".join(effect.key for effect in self.effects) or "nothing named"

@@ -1,4 +1,6 @@
-"""Located deviations in words, whatever moves the linkage: a crank, by its angle, or a slide, by time and travel."""
+"""Located deviations in words, whatever moves the linkage: a crank, by its angle; a slide, by time and travel; several
+drives, by time.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ def located(result: Diagnosis, place: Located) -> str:
     """A deviation and where it is: ``drive force at S in run steps is too low by 41 N from 15.9 to 18.6 s, at 2 to
     234 mm``; of a crank see :func:`compare.results.sentences.sentence`.
     """
-    if not result.mechanism.sliding:
+    if result.mechanism.cranked:
         return sentence(result, place)
     alike = (other.size for other in result.located if other.signal == place.signal)
     unit, factor = fitting(place.unit, place.size, *alike)  # one unit for all that is said of a sensor
@@ -25,14 +27,15 @@ def located(result: Diagnosis, place: Located) -> str:
 
 
 def _where(result: Diagnosis, place: Located) -> str:
-    """When it is there, and between which travels of the slide."""
+    """When it is there, and between which travels of a slide."""
     begin, end = place.time_from, place.time_to
     run = next((run for run in result.runs if run.name == place.run), None)
+    travel = f", {_travel(result, place)}" if result.mechanism.sliding else ""
     if begin is None or end is None:
-        return _travel(result, place)
+        return travel.removeprefix(", ")
     if run is not None and end - begin >= MOST_OF_RUN * float(run.time[-1] - run.time[0]):
         return "throughout the run"
-    return f"from {plainly(begin)} to {plainly(end)} s, {_travel(result, place)}"
+    return f"from {plainly(begin)} to {plainly(end)} s{travel}"
 
 
 def _travel(result: Diagnosis, place: Located) -> str:

@@ -10,11 +10,13 @@ from __future__ import annotations
 import difflib
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import Layout
 from analytic.mechanism.file import MechanismError, load, shipped_cases
@@ -132,39 +134,33 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tup
             raise MeasuredError(
                 f"{where}: noise.{signal} is not a column of {entry.file}; the columns are {listed(table.values)}"
             )
-    encoder, instead = mechanism.encoder.name, "" if mechanism.sliding else " or give drive_speed"
-    if drive == "measured" and encoder not in table.values:
-        raise MeasuredError(
-            f"{where}: drive is measured, but {entry.file} has no column {encoder!r}; add the encoder{instead}"
-        )
+    encoders = [encoder.name for encoder in mechanism.encoders]
+    followed = encoders if drive == "measured" else []
+    _check_encoders(where, entry, mechanism, followed, table.values)
     faults = [Fault(entry.name, TIME.name, "columns", 0, note) for note in table.notes]
     faults += _gap_fault(entry.name, table.time)
-    if drive == "measured":
+    for encoder in followed:
         table, absent = _held(entry.name, table, encoder)
         faults += absent
     channels: dict[str, Channel] = {}
     for column in table.columns:
         command = (
             angle + speed * table.time
-            if column.signal.name == encoder and angle is not None and speed is not None
+            if column.signal.name in encoders and angle is not None and speed is not None
             else None
         )
         channel, found = _channel(entry, column, table, command)
         faults += found
         if channel is not None:
             channels[column.signal.name] = channel
-    if drive == "measured" and encoder not in channels:
-        raise MeasuredError(
-            f"{where}: drive is measured, but {encoder!r} in {entry.file} does not move; check the encoder{instead}"
-        )
-    if not set(channels) - ({encoder} if drive == "measured" else set()):
+    _check_encoders(where, entry, mechanism, followed, table.values, channels)
+    if not set(channels) - set(followed):
         told = f" ({faults[-1].text})" if faults else ""
         raise MeasuredError(
-            f"{where}: {entry.file} has no usable signal{' besides the encoder' * (drive == 'measured')}{told}; add a"
-            " sensor"
+            f"{where}: {entry.file} has no usable signal{' besides the encoder' * bool(followed)}{told}; add a sensor"
         )
-    if speed is not None and encoder in channels:
-        _check_speed(where, entry.file, table.time, channels[encoder], speed, angle or 0.0)
+    if speed is not None and encoders[0] in channels:
+        _check_speed(where, entry.file, table.time, channels[encoders[0]], speed, angle or 0.0)
     start = _start(entry, mechanism, table.time, channels) if drive == "free" else {}
     run = MeasuredRun(
         entry.name,
@@ -179,7 +175,28 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tup
         entry.file,
         entry.role,
     )
-    return _thinned(where, run, encoder, faults)
+    return _thinned(where, run, encoders, faults)
+
+
+def _check_encoders(
+    where: str,
+    entry: Entry,
+    mechanism: Mechanism,
+    followed: Sequence[str],
+    columns: Mapping[str, object],
+    moving: Mapping[str, object] | None = None,
+) -> None:
+    """Every encoder that a run follows has a column, and moves."""
+    instead = " or give drive_speed" if mechanism.cranked else ""
+    for encoder in followed:
+        if encoder not in columns:
+            raise MeasuredError(
+                f"{where}: drive is measured, but {entry.file} has no column {encoder!r}; add the encoder{instead}"
+            )
+        if moving is not None and encoder not in moving:
+            raise MeasuredError(
+                f"{where}: drive is measured, but {encoder!r} in {entry.file} does not move; check the encoder{instead}"
+            )
 
 
 def _command(where: str, entry: Entry, mechanism: Mechanism) -> tuple[Drive, float | None, float | None]:
@@ -192,6 +209,8 @@ def _command(where: str, entry: Entry, mechanism: Mechanism) -> tuple[Drive, flo
         raise MeasuredError(
             f"{where}: drive_speed = 0; give the commanded speed in rad/s, or drive = 'measured' or 'free'"
         )
+    if not (mechanism.cranked or mechanism.sliding):
+        return _followed(where, entry, mechanism), None, None
     own = "free" if mechanism.drive is None else mechanism.drive.speed
     said = entry.drive or (own if entry.drive_speed is None else entry.drive_speed)
     if mechanism.sliding and said != "measured":
@@ -218,6 +237,27 @@ def _command(where: str, entry: Entry, mechanism: Mechanism) -> tuple[Drive, flo
     )
 
 
+def _followed(where: str, entry: Entry, mechanism: Mechanism) -> Literal["measured"]:
+    """The drive of a run in which several move, or one that is no crank's: it follows its encoders."""
+    moved = " and ".join(drive.joint for drive in mechanism.drives)
+    encoders = " and ".join(encoder.name for encoder in mechanism.encoders)
+    if entry.drive != "measured":
+        said = f"driven at {entry.drive_speed:g}" if entry.drive_speed is not None else entry.drive or "not said to be"
+        raise MeasuredError(
+            f"{where}: is {said}, and {mechanism.name!r} is driven in {moved}, whose runs follow {encoders}; say"
+            " drive = 'measured'"
+        )
+    idle = [drive.joint for drive in mechanism.drives if drive.speed == "free"]
+    freedoms = len(Assembly(mechanism).structure.inputs)
+    if idle or freedoms > len(mechanism.motors):
+        raise MeasuredError(
+            f"{where}: {mechanism.name!r} has {freedoms} freedoms, and motors in"
+            f" {' and '.join(j.name for j in mechanism.motors) or 'none'}; a diagnosis of several follows a motor in"
+            " each: give every [[drive]] a speed, or 'measured'"
+        )
+    return "measured"
+
+
 def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) -> None:
     """Fields that go with the drive, and names that the mechanism has."""
     if entry.start is not None and drive != "free":
@@ -241,6 +281,7 @@ def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) 
     given = entry.start or {}
     if (
         given
+        and drive == "free"
         and f"{mechanism.driven}_angle" not in given
         and not set(given) <= {f"{mechanism.driven}_angular_velocity"}
     ):
@@ -383,13 +424,18 @@ def _first(time: np.ndarray, channel: Channel, order: int) -> tuple[float, float
     return value, rate, float(unsure[0])
 
 
-def _thinned(where: str, run: MeasuredRun, encoder: str, faults: list[Fault]) -> tuple[MeasuredRun, list[Fault]]:
+def _thinned(
+    where: str, run: MeasuredRun, encoders: Sequence[str], faults: list[Fault]
+) -> tuple[MeasuredRun, list[Fault]]:
     """The run with about SAMPLES samples at most, evenly picked; noise and faults were found with all of them."""
     every = math.ceil(run.time.size / SAMPLES)
     thin = picked(run, every)
     if every == 1:
         return thin, faults
-    if run.drive == "measured" and (error := missed(run, thin, encoder)) > 0:
+    for encoder in encoders if run.drive == "measured" else ():
+        error = missed(run, thin, encoder)
+        if error == 0:
+            continue
         raise MeasuredError(
             f"{where}: {run.time.size} samples are more than the {SAMPLES} that can be used, and one in {every} does"
             f" not hold the motion of {encoder} ({error:.2g} {run.channels[encoder].signal.unit} off); cut the run into"

@@ -56,7 +56,7 @@ class SpeedRipple(Wave):
     )
 
     def places(self, rig: Rig) -> Sequence[str]:
-        uneven = rig.mechanism.drive is not None and rig.mechanism.drive.ripple is not None
+        uneven = any(drive.ripple is not None for drive in rig.mechanism.drives)
         return ["drive"] if set(rig.turning) - set(rig.following) and not uneven else []
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:

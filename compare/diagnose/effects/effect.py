@@ -68,17 +68,22 @@ class Rig:
     speed: float = 1.0  # rad/s: the fastest run; of a slide the rate (1/s) at which it covers its travel
     noise: Mapping[str, float] = field(default_factory=dict)  # 1-sigma by signal
     recorded: Mapping[str, Sequence[str]] = field(default_factory=dict)  # signals by run, where not all are in all
-    reach: tuple[float, float] | None = None  # m: of a slide that moves all else, least and largest travel in the runs
+    postures: Sequence[np.ndarray] = ()  # (k, STOPS) rad, m each: where the drives are in a run, of no crank
 
     @cached_property
+    def encoders(self) -> tuple[str, ...]:
+        """The motors' encoders: of a crank's angle, or a slide's travel, or each driven joint's position."""
+        return tuple(signal.name for signal in self.mechanism.encoders)
+
+    @property
     def encoder(self) -> str:
-        """The motor's encoder: of a crank's angle, or of a slide's travel."""
-        return self.mechanism.encoder.name
+        """The first of them."""
+        return self.encoders[0]
 
     @property
     def turning(self) -> Sequence[str]:
-        """The driven runs, if a crank is turned in them: none of a slide."""
-        return () if self.mechanism.sliding else self.driven
+        """The driven runs, if a crank is turned in them: none of a slide or of several drives."""
+        return self.driven if self.mechanism.cranked else ()
 
     @cached_property
     def known(self) -> Mapping[str, Signal]:
@@ -93,17 +98,19 @@ class Rig:
     @cached_property
     def travels(self) -> Mapping[str, tuple[float, float]]:
         """Least and largest angle (rad; of a prismatic joint travel, m) of each joint that rocks or slides, over a turn
-        of the crank as far as it can turn, or over the travel of a slide; none where the linkage cannot be moved.
+        of the crank as far as it can turn, or over what a slide or several drives do; none where the linkage cannot be
+        moved.
         """
         m, found = self.mechanism, {}
         try:
             assembly = Assembly(m)
-            inputs = usual_angles(assembly) if self.reach is None else np.linspace(*self.reach, STOPS)
-            motion = kinematics(assembly, inputs)
+            inputs = self.postures or (usual_angles(assembly),)
+            motions = [kinematics(assembly, each) for each in inputs]
         except AssemblyError:
             return {}
         for joint in m.joints:
-            low, high = (float(limit(motion.relative(joint))) for limit in (np.min, np.max))
+            moved = np.concatenate([motion.relative(joint) for motion in motions])
+            low, high = float(moved.min()), float(moved.max())
             if 0 < high - low < ROCKS:
                 found[joint.name] = low, high
         return found

@@ -228,7 +228,7 @@ class JointCompliance(Reciprocal):
 
     def places(self, rig: Rig) -> Sequence[str]:
         soft = rig.mechanism.soft_bearings
-        return [] if rig.mechanism.sliding else [j for j in _revolute(rig) if j not in soft]
+        return [j for j in _revolute(rig) if j not in soft] if rig.mechanism.cranked else []
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-6 * rig.length / rig.force,)

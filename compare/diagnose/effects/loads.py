@@ -76,7 +76,7 @@ class LinkFlexibility(Reciprocal):
 
     def places(self, rig: Rig) -> Sequence[str]:
         bends = any(_bends(b) for b in rig.mechanism.bodies)
-        return ["linkage"] if bends and not rig.mechanism.sliding else []
+        return ["linkage"] if bends and rig.mechanism.cranked else []
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-11,)

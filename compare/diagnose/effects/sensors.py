@@ -76,7 +76,7 @@ class EncoderOffset(EachRun):
     parameters = (Parameter("offset", "rad", "angle"),)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return [rig.encoder] if rig.encoder in rig.signals else []
+        return [encoder for encoder in rig.encoders if encoder in rig.signals]
 
     def unit(self, rig: Rig, where: str, parameter: str) -> str:
         return rig.known[where].unit
@@ -118,7 +118,7 @@ class EncoderHarmonic(Wave):
     )
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return [rig.encoder] if rig.encoder in rig.signals and not rig.mechanism.sliding else []
+        return [rig.encoder] if rig.encoder in rig.signals and rig.mechanism.cranked else []
 
     def variants(self, rig: Rig, where: str) -> Sequence[float]:
         return [float(h) for h in HARMONICS]
@@ -160,7 +160,7 @@ class OnSensor(Effect):
     sensor = True
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return [s for s in rig.signals if s != rig.encoder]
+        return [s for s in rig.signals if s not in rig.encoders]
 
 
 class SensorBias(OnSensor, EachRun):
@@ -199,7 +199,7 @@ class SensorDrift(OnSensor, EachRun):
     parameters = (Parameter("drift", "of the signal per s", "drift"),)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return [s for s in rig.signals if s != rig.encoder]
+        return [s for s in rig.signals if s not in rig.encoders]
 
     def unit(self, rig: Rig, where: str, parameter: str) -> str:
         return f"{rig.known[where].unit}/s"
@@ -271,7 +271,7 @@ class SensorLag(Effect):
     sensor = True
 
     def places(self, rig: Rig) -> Sequence[str]:
-        single = [s for s in rig.signals if s != rig.encoder]
+        single = [s for s in rig.signals if s not in rig.encoders]
         amplifier = [s for s in single if rig.known[s].kind in ("reaction", "drive")]
         return [*single, "+".join(amplifier)] if len(amplifier) > 1 else single
 
@@ -368,7 +368,8 @@ class StampJitter(EachRun):
     scatters = True
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return [rig.encoder] if rig.following and rig.encoder in rig.signals else []
+        single = len(rig.encoders) == 1 and rig.encoder in rig.signals  # several would tell several times
+        return [rig.encoder] if rig.following and single else []
 
     def _runs(self, rig: Rig, where: str) -> Sequence[str]:
         return rig.following

@@ -222,9 +222,7 @@ def _undescribed(experiment: Experiment, outside: Outside) -> tuple[float, float
         signals = outside.signals(experiment.nominal, plan, plan.time, analytic)
         seen.append({s: plan.command(plan.time) if s == experiment.encoder else signals[s] for s in experiment.noise})
     measured = experiment.measured(seen)
-    data = Data(
-        measured, {(r.name, s): c.noise for r in measured.runs for s, c in r.channels.items()}, experiment.encoder
-    )
+    data = Data(measured, {(r.name, s): c.noise for r in measured.runs for s, c in r.channels.items()})
     fitter = Fitter(sizer.model([]), data, sizer.rig, sizer.bounds)
     residual = fitter.residuals([], [[]])[0]
     assert residual is not None

@@ -102,7 +102,7 @@ class Sizer:
             raise Rejected("the truth is not possible everywhere")
         measured = self.experiment.measured(readings)
         noise = {(run.name, s): c.noise for run in measured.runs for s, c in run.channels.items()}
-        return model, Data(measured, noise, self.rig.encoder)
+        return model, Data(measured, noise)
 
     def total(self, truth: Sequence[tuple[Term, Values]], i: int) -> float:
         """Sigmas by which the readings change without the i-th effect."""
