@@ -126,16 +126,19 @@ def _run(name: str, one: Guessed, mechanism: Mechanism, folder: Path) -> str:
     ]
     if sigmas:
         lines.append(f"# noise = {{ {', '.join(sigmas)} }}    # one sigma; estimated, as it is if left out")
-    encoder = encoder_of(mechanism)
-    if encoder not in one.values:
-        lines.append(f"# no column was taken for {encoder}: say in [columns] which one is, if there is one")
+    lines += [
+        f"# no column was taken for {encoder.name}: say in [columns] which one is, if there is one"
+        for encoder in mechanism.encoders
+        if encoder.name not in one.values
+    ]
     return "\n".join([*lines, ""])
 
 
 def _drive(one: Guessed, mechanism: Mechanism) -> list[str]:
     """How a run was driven, as its encoder says."""
-    if mechanism.sliding:
-        return ['drive = "measured"    # the only kind of run of a slide']
+    if not mechanism.cranked:
+        what = "a slide" if mechanism.sliding else "several drives"
+        return [f'drive = "measured"    # the only kind of run of {what}']
     encoder, time = encoder_of(mechanism), one.values["time"]
     angle = one.values.get(encoder, np.zeros(0))
     here = np.isfinite(angle)

@@ -55,9 +55,8 @@ def guess(file: Path, mechanism: Mechanism) -> Guessed:
         raise DataError(f"{file.name}: has no column of time: none rises steadily; add one, such as 'time [s]'")
     found[clock.heading] = clock
     time = clock.si(columns[clock.heading])
-    encoder = mechanism.encoder
-    crank = next((g for g in found.values() if g.signal == encoder), None)
-    likely = [crank] if crank else _encoders(columns, found, encoder)
+    likely = _moving(columns, found, mechanism)
+    crank = likely[0] if likely and likely[0] in found.values() else None
     tried = [by_model(columns, found, mechanism, time, each) for each in likely]
     if tried and crank is None and mechanism.cranked and min(each.left for each in tried) > BETTER:
         others = [zeroed(columns, found, mechanism, each) for each in likely]
@@ -70,6 +69,17 @@ def guess(file: Path, mechanism: Mechanism) -> Guessed:
     read = {g.signal.name: g.si(columns[heading]) for heading, g in found.items() if g.signal is not None}
     unread = tuple(Guess(heading, None, why="not numbers") for heading in everything.words)
     return Guessed(file, (*found.values(), *unread), read, everything.notes)
+
+
+def _moving(columns: Mapping[str, np.ndarray], found: Mapping[str, Guess], mechanism: Mechanism) -> list[Guess]:
+    """What the column of the motor may be: what its heading says, or several that are called like one.  Those of
+    several motors have to say it.
+    """
+    encoder, *others = mechanism.encoders
+    if others:
+        return []
+    said = next((g for g in found.values() if g.signal == encoder), None)
+    return [said] if said else _encoders(columns, found, encoder)
 
 
 def _by_heading(heading: str, below: str | None, values: np.ndarray, names: Names) -> Guess:

@@ -18,7 +18,6 @@ from rich.table import Table
 from analytic.mechanism.one_line import count
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import Quantity, amount, number, quantities, shown
-from compare.recorded.motion import encoder_of
 from compare.report.figures import Axis, Figure, Series, scaled
 from compare.report.svg import draw
 from compare.results.preview import Preview, Seen, SeenRun, Visible
@@ -89,6 +88,13 @@ def _facts(result: Preview, run: SeenRun) -> str:
     if result.mechanism.sliding:
         unit, factor = shown("m")
         span = f"the slide goes from {number(factor * run.crank_from, 4)} to {number(factor * run.crank_to, 4)} {unit}"
+    elif not result.mechanism.cranked:
+        span = ", ".join(
+            f"{_spoken(result, e)} {_span(run.signals[e].measured, shown(run.signals[e].unit)[1])}"
+            f" {shown(run.signals[e].unit)[0]}"
+            for e in _encoders(result)
+            if e in run.signals
+        )
     else:
         turned = math.degrees(run.crank_to - run.crank_from)
         span = (
@@ -133,7 +139,7 @@ def _figures(result: Preview, run: SeenRun, name: str, seen: Seen) -> list[Figur
     every = max(1, -(-run.time.size // DRAWN))
     title = f"{what.label}, run {run.name}"
     found = []
-    for axis, values in ((Axis("time", "s"), run.time), _posture(result, run)):
+    for axis, values in ((Axis("time", "s"), run.time), *_posture(result, run)):
         order = np.argsort(values, kind="stable")
         x = scaled(values[order])
         both = (
@@ -142,7 +148,7 @@ def _figures(result: Preview, run: SeenRun, name: str, seen: Seen) -> list[Figur
         )
         if axis.unit != "s" and np.any(np.diff(run.crank_angle) * np.sign(np.ptp(run.crank_angle)) < 0):
             both = (Series("nominal model", x[::every], both[0].y[::every], "analytic", "marker"), both[1])
-        if axis.unit != "s" and name == encoder_of(result.mechanism):
+        if axis.unit != "s" and name in _encoders(result):
             apart = scaled((seen.measured - seen.nominal)[order][::every], factor)
             off = (Series("measured minus nominal", x[::every], apart, "massless-link", "marker"),)
             text = f"{title}, measured minus nominal over {axis.label}."
@@ -155,12 +161,18 @@ def _figures(result: Preview, run: SeenRun, name: str, seen: Seen) -> list[Figur
     return found
 
 
-def _posture(result: Preview, run: SeenRun) -> tuple[Axis, np.ndarray]:
-    """Where the linkage is at each sample (N,): the crank angle within a turn, or the travel of a slide."""
+def _encoders(result: Preview) -> list[str]:
+    return [encoder.name for encoder in result.mechanism.encoders]
+
+
+def _posture(result: Preview, run: SeenRun) -> list[tuple[Axis, np.ndarray]]:
+    """Where the linkage is at each sample (N,): the crank angle within a turn, or the travel of a slide; nothing of
+    several drives, which no one number tells.
+    """
     if result.mechanism.sliding:
         unit, factor = shown("m")
-        return Axis("travel", unit), run.crank_angle * factor
-    return Axis("crank angle", "deg"), np.degrees(run.crank_angle) % 360.0
+        return [(Axis("travel", unit), run.crank_angle * factor)]
+    return [(Axis("crank angle", "deg"), np.degrees(run.crank_angle) % 360.0)] if result.mechanism.cranked else []
 
 
 def _span(values: np.ndarray, factor: float) -> str:

@@ -34,7 +34,7 @@ class SeenRun(Part):
     samples: Annotated[int, Field(ge=0)]
     step: Annotated[float, Field(gt=0, description="Median time (s) between samples.")]
     longest_gap: Annotated[float, Field(ge=0, description="s; 0 where there is none.")]
-    crank_from: Annotated[float, Field(description="rad")]
+    crank_from: Annotated[float, Field(description="rad; of a slide m; of several drives the first one's position")]
     crank_to: Annotated[float, Field(description="rad")]
     time: Annotated[Grid, Field(description="s")]
     crank_angle: Annotated[Series, Field(description="rad, of the nominal model")]
@@ -90,7 +90,7 @@ class Preview(Document):
         """SI unit of each column."""
         units = {name: seen.unit for run in self.runs for name, seen in run.signals.items()}
         sides = {f"{side}_{name}": unit for name, unit in units.items() for side in ("measured", "nominal")}
-        return {"time": "s", "crank_angle": "rad"} | sides
+        return {"time": "s", "crank_angle": self.mechanism.encoders[0].unit} | sides
 
     def __repr__(self) -> str:
         samples = count(sum(run.samples for run in self.runs), "sample")
