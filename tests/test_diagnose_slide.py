@@ -344,8 +344,8 @@ def test_a_measured_toml_for_an_axis_is_begun(tmp_path: Path) -> None:
 def test_a_crank_and_a_slide_name_their_encoder_and_their_motor(tmp_path: Path) -> None:
     axis(tmp_path)
     slide, crank, arm = load(tmp_path / "nominal.toml"), load("crank-rocker"), load("2r-arm")
-    assert (slide.encoder.name, slide.effort.name, slide.sliding) == ("position_S", "drive_force_S", True)
-    assert (crank.encoder.name, crank.effort.name, crank.sliding) == ("crank_angle", "drive_torque", False)
+    assert (slide.encoder.name, slide.efforts[0].name, slide.sliding) == ("position_S", "drive_force_S", True)
+    assert (crank.encoder.name, crank.efforts[0].name, crank.sliding) == ("crank_angle", "drive_torque", False)
     assert not arm.sliding
     with pytest.raises(ValueError, match="turns a crank or moves a slide on the ground"):
         _ = arm.encoder

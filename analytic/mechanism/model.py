@@ -140,11 +140,9 @@ class Mechanism(Part):
         return tuple(position(joint) for joint in self.motors)
 
     @property
-    def effort(self) -> Signal:
-        """What that motor gives: the crank's torque (N.m), or the slide's force (N).  Raises MechanismError where there
-        is neither.
-        """
-        return driving([self.input_joint])[0]
+    def efforts(self) -> tuple[Signal, ...]:
+        """What those motors give: the crank's torque (N.m), the slide's force (N), or each joint's."""
+        return tuple(driving([self.input_joint] if self.cranked or self.sliding else self.motors))
 
     @property
     def drive_joint(self) -> Joint:

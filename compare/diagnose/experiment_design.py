@@ -65,8 +65,8 @@ def would_separate(model: Model, noise: dict[tuple[str, str], float], one: Fit, 
         )
     if best[0] > USEFUL:
         return best[1]
-    drive = f"the drive {model.mechanism.effort.component}"
-    sensors = f"a run like the first with any further sensor of a position, an angle, a reaction or {drive}"
+    drive = " or ".join(dict.fromkeys(effort.component for effort in model.mechanism.efforts))
+    sensors = f"a run like the first with any further sensor of a position, an angle, a reaction or the drive {drive}"
     return f"none of what was tried would: {'; '.join([*tried, sensors])}"
 
 
@@ -145,7 +145,7 @@ def _turned(load: Load, by: complex) -> Load:
 def _sensors(mechanism: Mechanism) -> list[Signal]:
     poses = [Signal.of("pose", b.name, component) for b in mechanism.bodies for component in POSE]
     cells = [Signal.of("reaction", j.name, axis) for j in mechanism.joints for axis in AXES]
-    return [*poses, mechanism.effort, *cells]
+    return [*poses, *mechanism.efforts, *cells]
 
 
 def _apart(
