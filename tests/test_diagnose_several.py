@@ -73,12 +73,13 @@ def bench(
     truth: Mechanism,
     offsets: Mapping[str, float] | None = None,
     seen: Sequence[str] = (),
+    ways: Sequence[tuple[float, float]] = WAYS,
 ) -> Path:
     """measured.toml of a case that is in truth another, in an engine: its motors, and where some bodies are; encoders
     read ``offsets`` (rad, m) too much.
     """
     m, runs, random = load(case), [], np.random.default_rng(5)
-    for k, way in enumerate(WAYS):
+    for k, way in enumerate(ways):
         courses = swung(m, way)
         knots = {name: (KNOTS, course(KNOTS)) for name, course in courses.items()}
         model = "contact" if truth.clearances else "ideal"
@@ -274,7 +275,8 @@ def test_clearance_of_a_five_bar_is_named_with_its_size(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("case", "maker"), [("3-rrr", "dart"), ("3-rpr", "pybullet")])
 def test_a_payload_on_a_platform_and_a_pin_s_damping_are_named(case: str, maker: str, tmp_path: Path) -> None:
     truth = loaded(load(case).with_joint("C3", damping=0.05), "platform", 0.15)
-    result = diagnosed(bench(tmp_path, case, maker, truth, seen=("platform_x", "platform_y")))
+    ways = WAYS[1:] if case == "3-rrr" else WAYS  # whose three loops take the longest to close
+    result = diagnosed(bench(tmp_path, case, maker, truth, seen=("platform_x", "platform_y"), ways=ways))
     found = sizes(result)
     assert set(found) == {("payload", "platform"), ("viscous_friction", "C3")}, result.statement
     assert found["payload", "platform"]["mass"].value == pytest.approx(0.06, rel=0.02)
