@@ -329,7 +329,7 @@ def timed(
     if along is not None:
         courses = of_path(path(along, "path"), assembly)
     else:
-        courses = of_file(path(course, "course"), assembly.mechanism)
+        courses = of_file(path(course, "course"), assembly)
     return times_within(courses, asked), courses
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -19,6 +22,7 @@ from compare.judge.signals import compared
 from maximal import Maximal
 from several_linkages import CASES, SHIPPED, TIMES, referee, splines, sprung, third_bar, waved
 
+POSE = (("x", "m"), ("y", "m"), ("angle", "rad"))
 ROUNDING = 1e-10  # of the largest of a signal's kind
 
 
@@ -224,6 +228,38 @@ def test_a_fault_of_several_drives_is_named_with_field_and_value(fault: str) -> 
     with pytest.raises(MechanismError) as error:
         loads(text.replace(old, new, 1))
     assert words in str(error.value)
+
+
+def table(path: Path, columns: Mapping[str, np.ndarray]) -> Path:
+    """A CSV file of columns (N,)."""
+    numbers = np.column_stack(list(columns.values()))
+    np.savetxt(path, numbers, "%.17g", delimiter=",", header=",".join(columns), comments="")
+    return path
+
+
+def test_angles_of_a_course_a_path_and_recorded_results_may_be_told_in_any_turn(tmp_path: Path) -> None:
+    m, time = load("3-rrr"), np.linspace(0.0, 0.6, 31)
+    own = {name: spline(time) for name, spline in splines(waved(m)).items()}
+    turns = {"A1": 2 * np.pi, "A2": -4 * np.pi, "A3": 0.0}
+    elsewhere = {f"position_{name} [rad]": own[name] + turn for name, turn in turns.items()}
+    middle = own["A3"][15]
+    elsewhere["position_A3 [rad]"] = np.mod(own["A3"] - middle, 2 * np.pi) + middle  # starts again on its way
+    plain = {f"position_{name} [rad]": values for name, values in own.items()}
+    found = [
+        lc.analyse(m, course=table(tmp_path / f"{name}.csv", {"time [s]": time, **columns}))
+        for name, columns in (("plain", plain), ("turned", elsewhere))
+    ]
+    for signal, values in found[0].signals.items():
+        assert np.abs(found[1].signals[signal] - values).max() < 1e-7 * max(1.0, np.abs(values).max()), signal
+    poses = {f"platform_{axis} [{unit}]": found[0].signals[f"platform_{axis}"] for axis, unit in POSE}
+    poses["platform_angle [rad]"] = poses["platform_angle [rad]"] - 2 * np.pi
+    along = lc.analyse(m, path=table(tmp_path / "path.csv", {"time [s]": time, **poses}))
+    for name in own:
+        told = along.signals[f"drive_torque_{name}"] - found[0].signals[f"drive_torque_{name}"]
+        assert np.abs(told[3:-3]).max() < 1e-3 * np.abs(found[0].signals[f"drive_torque_{name}"]).max(), name
+    given = {f"drive_torque_{name} [N.m]": found[0].signals[f"drive_torque_{name}"] for name in own}
+    result = lc.check(table(tmp_path / "results.csv", {"time [s]": time, **elsewhere, **given}), m)
+    assert result.verdict == "agrees"
 
 
 def test_one_of_several_drives_may_be_held() -> None:

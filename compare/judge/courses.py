@@ -13,8 +13,8 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.inverse import Coordinate, inverse
-from analytic.mechanism import Mechanism
-from analytic.mechanism.signals import Signal, position
+from analytic.kinematics.motion import kinematics
+from analytic.mechanism.signals import Signal, continued, position, turned_near
 from compare.judge.grid import GridError
 from compare.recorded.errors import DataError
 
@@ -101,10 +101,13 @@ def _as_far(assembly: Assembly, speeds: Mapping[str, float]) -> float:
     return SPARE * low
 
 
-def of_file(path: Path, mechanism: Mechanism) -> Courses:
-    """The courses of a file of time and ``position_<joint>`` of every driven joint.  Raises DataError."""
+def of_file(path: Path, assembly: Assembly) -> Courses:
+    """The courses of a file of time and ``position_<joint>`` of every driven joint, angles in whatever turn.  Raises
+    DataError.
+    """
     from compare.recorded.table import read_table
 
+    mechanism = assembly.mechanism
     table = read_table(path, mechanism)
     wanted = {joint.name: position(joint).name for joint in mechanism.motors}
     faults = [
@@ -121,7 +124,7 @@ def of_file(path: Path, mechanism: Mechanism) -> Courses:
         faults.append(f"{path.name}: begins at {table.time[0]:g} s; a course begins at 0 s or later")
     if faults:
         raise DataError(*faults)
-    return Courses({name: (table.time, table.values[signal]) for name, signal in wanted.items()})
+    return Courses({n: (table.time, assembly.on_its_turn(n, table.values[signal])) for n, signal in wanted.items()})
 
 
 def of_path(path: Path, assembly: Assembly) -> Courses:
@@ -153,12 +156,23 @@ def of_path(path: Path, assembly: Assembly) -> Courses:
     if faults:
         raise DataError(*faults)
     wanted = [Coordinate(signal.place, _axis(signal)) for signal in poses]
+    home = kinematics(assembly, assembly.inputs[:, None])
+    told = []
+    for coordinate, signal in zip(wanted, poses, strict=True):
+        values, angle = table.values[signal.name], coordinate.axis == "angle"
+        told.append(_turned(float(coordinate.value(home)[0]), values) if angle else values)
     try:
-        found = inverse(assembly, wanted, np.array([table.values[signal.name] for signal in poses]))
+        found = inverse(assembly, wanted, np.array(told))
     except AssemblyError as error:
         raise DataError(f"{path.name}: {error}") from None
     moved = {s.coordinates[i].joint: s.signs[i] * found.coordinates[i] for i in s.inputs}
     return Courses({name: (table.time, moved[name]) for name in (joint.name for joint in m.motors)})
+
+
+def _turned(home: float, angle: np.ndarray) -> np.ndarray:
+    """An angle (N,) without jumps by a turn, the first within half a turn of where a body is assembled."""
+    told = continued(angle)
+    return told + (turned_near(told[0], home) - told[0])
 
 
 def _axis(signal: Signal) -> Literal["x", "y", "angle"]:

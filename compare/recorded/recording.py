@@ -113,7 +113,8 @@ def _start(table: Table, mechanism: Mechanism) -> Start:
 
 def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism, motion: Motion) -> Recording:
     """A table of a linkage that no single crank moves: each driven joint's position is followed."""
-    table, where, s = _kept(table), Path(file).name, Assembly(mechanism).structure
+    table, where, assembly = _kept(table), Path(file).name, Assembly(mechanism)
+    s = assembly.structure
     if motion == "static":
         raise ArgumentError(
             "motion", f"{mechanism.name} is compared over time, in driven motion only; leave motion out"
@@ -141,7 +142,7 @@ def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism, motion:
         raise DataError(*faults)
     late, drives = rounding(table.time), {}
     for joint, signal in wanted.items():
-        values = table.values[signal]
+        values = assembly.on_its_turn(joint, table.values[signal])
         drives[joint] = followed_as_given(
             table.time, values, table.rounding(signal) + np.abs(np.gradient(values, table.time)) * late
         )

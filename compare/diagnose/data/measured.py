@@ -11,6 +11,7 @@ import difflib
 import math
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -154,6 +155,11 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tup
         if channel is not None:
             channels[column.signal.name] = channel
     _check_encoders(where, entry, mechanism, followed, table.values, channels)
+    if followed and not (mechanism.cranked or mechanism.sliding):
+        assembly = Assembly(mechanism)
+        for joint, encoder in zip(mechanism.motors, followed, strict=True):
+            values = frozen(assembly.on_its_turn(joint.name, channels[encoder].values))
+            channels[encoder] = replace(channels[encoder], values=values)
     if not set(channels) - set(followed):
         told = f" ({faults[-1].text})" if faults else ""
         raise MeasuredError(
