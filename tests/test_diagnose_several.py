@@ -233,6 +233,36 @@ def test_a_drive_that_is_left_free_is_named(tmp_path: Path) -> None:
         load_measured(path)
 
 
+# ---------------------------------------------------------------- one drive between moving bodies
+
+
+@pytest.mark.slow
+@pytest.mark.pybullet
+@pytest.mark.mujoco
+@pytest.mark.parametrize("bodies", [("coupler", "crank"), ("crank", "coupler")])
+def test_a_drive_between_moving_bodies_is_followed_whichever_is_told_first(
+    bodies: tuple[str, str], tmp_path: Path
+) -> None:
+    """A four-bar whose motor sits on its crank and turns the coupler; the follower's pin is damped."""
+    m = load("crank-rocker").with_clearances({}).rigid()
+    pin = m.joint("A").model_copy(update={"bodies": bodies})
+    joints = tuple(pin if joint.name == "A" else joint for joint in m.joints)
+    m = m.replace(name="motor on the crank", joints=joints, drives=({"joint": "A", "speed": "measured"},))
+    course = CubicSpline(KNOTS, Assembly(m).positions["A"] + 0.2 * np.sin(2.0 * KNOTS))
+    truth = m.with_joint("E", damping=0.2)
+    asked = Request(truth, "ideal", "driven", time=TIME, courses={"A": (KNOTS, course(KNOTS))})
+    torque = engine("pybullet").simulate(asked).signals["drive_torque"]
+    random = np.random.default_rng(2)
+    columns = {
+        "position_A [rad]": course(TIME) + random.normal(0.0, ENCODER["rad"], TIME.size),
+        "drive_torque [N.m]": torque + random.normal(0.0, SHARE * np.ptp(torque) / 2, TIME.size),
+    }
+    result = diagnosed(write_measured(tmp_path, dumps(m), [RunTable("swing", TIME, columns, FOLLOWS)]))
+    found = {(tie.name, tie.where) for effect in result.effects for tie in (effect, *effect.ambiguous_with)}
+    assert ("viscous_friction", "E") in found, result.statement
+    assert result.gap.after == pytest.approx(1.0, abs=0.1)
+
+
 # ---------------------------------------------------------------- platforms, from other engines
 
 

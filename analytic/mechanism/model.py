@@ -115,6 +115,11 @@ class Mechanism(Part):
         return joint.prismatic and GROUND in joint.bodies
 
     @property
+    def several(self) -> bool:
+        """Whether it moves by neither: by several drives, or one between moving bodies."""
+        return not (self.cranked or self.sliding)
+
+    @property
     def input_joint(self) -> Joint:
         """The joint that moves all else: the crank's, or the slide's.  Raises MechanismError where there is neither."""
         if self.sliding:
@@ -135,14 +140,12 @@ class Mechanism(Part):
     @property
     def encoders(self) -> tuple[Signal, ...]:
         """Where its motors are: :attr:`encoder` of a crank or a slide, else the position of each joint that has one."""
-        if self.cranked or self.sliding:
-            return (self.encoder,)
-        return tuple(position(joint) for joint in self.motors)
+        return tuple(position(joint) for joint in self.motors) if self.several else (self.encoder,)
 
     @property
     def efforts(self) -> tuple[Signal, ...]:
         """What those motors give: the crank's torque (N.m), the slide's force (N), or each joint's."""
-        return tuple(driving([self.input_joint] if self.cranked or self.sliding else self.motors))
+        return tuple(driving(self.motors if self.several else [self.input_joint]))
 
     @property
     def drive_joint(self) -> Joint:

@@ -39,7 +39,7 @@ SLOW = 0.2  # of a run's mean rate, below which a crank says little of the time
 
 @dataclass(frozen=True)
 class Motors:
-    """The motors of several drives, told together."""
+    """The motors of several drives, or of one between moving bodies, told together."""
 
     each: tuple[Motor, ...]
 
@@ -164,7 +164,7 @@ class Model:
         within = tuple((t.key, t.variant, tuple(v.values())) for t, v in hypothesis if not t.effect.sensor)
         runs = [self.measured.runs[r] for r, _ in asked]
         keys = [
-            (r, age, misread(run, hypothesis, self.rig.encoders), jitter_of(run, hypothesis), within)
+            (r, age, misread(run, hypothesis, self.rig), jitter_of(run, hypothesis), within)
             for (r, age), run in zip(asked, runs, strict=True)
         ]
         found = {key: self._kept[key] for key in keys if key in self._kept}
@@ -222,15 +222,15 @@ class Model:
                 crank = motor.crank(time, stiffness, torque, turns)
             # what the encoder reads is what says of the jitter: it is no reading beside it
             read = self._course(run, told) if jitter else shaft
-            seen.append(turned_by(run, read, hypothesis, self.rig.encoders).theta)
-            turned = turned_by(run, crank, hypothesis, self.rig.encoders)
+            seen.append(turned_by(run, read, hypothesis, self.rig).theta)
+            turned = turned_by(run, crank, hypothesis, self.rig)
             for lag in (term.effect.behind(turned, values) for term, values in hypothesis):
                 if lag is not None:
                     turned = Turning(turned.theta - lag.theta, turned.omega - lag.omega, turned.alpha - lag.alpha)
-            cranks.append(turned if turned.theta.ndim == 1 else _as_inputs(assembly, turned))
+            cranks.append(_as_inputs(assembly, turned) if mechanism.several else turned)
         # which forces are too faint for a direction is asked of each run by itself; several drives go on from one
         # sample to the next
-        if mechanism.displaced or len(self.rig.encoders) > 1:
+        if mechanism.displaced or mechanism.several:
             nears = [self._near(run, time) for run, time, _ in motions]
             found = [derived(assembly, crank, near) for crank, near in zip(cranks, nears, strict=True)]
         else:
@@ -247,7 +247,7 @@ class Model:
         sample takes longer than all else, and what effects make of it is near.  Raises AssemblyError.
         """
         key = (run.name, time.tobytes())
-        if len(self.rig.encoders) == 1:
+        if not self.mechanism.several:
             return None
         if key not in self._followed:
             if len(self._followed) > CACHED:
@@ -366,16 +366,16 @@ def sensed(hypothesis: Hypothesis, run: MeasuredRun, seen: Readings) -> dict[str
     return dict(seen)
 
 
-def turned_by(run: MeasuredRun, read: Turning, hypothesis: Hypothesis, encoders: Sequence[str]) -> Turning:
+def turned_by(run: MeasuredRun, read: Turning, hypothesis: Hypothesis, rig: Rig) -> Turning:
     """How a motor turns whose encoder reads this (N,), or several (k, N); of a run that follows none it is what was
     given.  Raises Impossible for an encoder that errs so much that it does not tell one angle from another.
     """
     for term, values in hypothesis if run.drive == "measured" else ():
         try:
-            if read.theta.ndim == 1:
+            if not rig.mechanism.several:
                 read = term.effect.motor(run.name, read, values)
             elif term.effect.misreads:
-                read = _one_turned(read, encoders.index(term.where), term, run.name, values)
+                read = _one_turned(read, rig.encoders.index(term.where), term, run.name, values)
         except ValueError as error:
             raise Impossible(f"{term.label}: {error}") from None
     return read
@@ -393,13 +393,12 @@ def _as_inputs(assembly: Assembly, moved: Turning) -> Turning:
     return Turning(*(assembly.inputs_at(dict(zip(joints, getattr(moved, part), strict=True))) for part in PARTS))
 
 
-def misread(run: MeasuredRun, hypothesis: Hypothesis, encoders: Sequence[str]) -> bytes:
+def misread(run: MeasuredRun, hypothesis: Hypothesis, rig: Rig) -> bytes:
     """What tells one motor from another that the same encoder's readings are followed by."""
     if run.drive != "measured":
         return b""
-    k = len(encoders)
-    read = ANYWHERE if k == 1 else Turning(*(np.tile(getattr(ANYWHERE, part), (k, 1)) for part in PARTS))
-    return turned_by(run, read, hypothesis, encoders).theta.tobytes()
+    each = Turning(*(np.tile(getattr(ANYWHERE, part), (len(rig.encoders), 1)) for part in PARTS))
+    return turned_by(run, each if rig.mechanism.several else ANYWHERE, hypothesis, rig).theta.tobytes()
 
 
 def jitter_of(run: MeasuredRun, hypothesis: Hypothesis) -> float:

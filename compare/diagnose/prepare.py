@@ -79,7 +79,7 @@ def followed(measured: Measured) -> tuple[dict[str, Motor | Motors], Measured]:
         if run.drive == "measured":
             each = tuple(course(run, encoder) for encoder in encoders)
             strays += [strayed(run, encoder, motor) for encoder, motor in zip(encoders, each, strict=True)]
-            courses[run.name] = each[0] if len(each) == 1 else Motors(each)
+            courses[run.name] = Motors(each) if measured.mechanism.several else each[0]
     measured = replace(measured, faults=(*measured.faults, *(fault for fault in strays if fault is not None)))
     return courses, _while_sliding(measured, courses) if measured.mechanism.sliding else measured
 

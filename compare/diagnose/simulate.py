@@ -115,7 +115,7 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
     if run.drive == "measured" or (drive is not None and drive.ripple is not None):
         mechanism = mechanism.replace(drive=fields | {"speed": "measured"})
         knots = _knots(times)
-        course = knots, turned_by(run, motor.at(knots), task.hypothesis, task.rig.encoders).theta
+        course = knots, turned_by(run, motor.at(knots), task.hypothesis, task.rig).theta
         if mechanism.sliding:  # times count from the first knot: late readings may ask for some before zero
             courses = {mechanism.input_joint.name: (knots - knots[0], course[1])}
             request = Request(mechanism, _joint_model(mechanism), "driven", time=times - knots[0], courses=courses)
@@ -129,7 +129,7 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
         )
     trace = _run(chosen, request)
     return trace, with_derived(trace.signals, mechanism) | {
-        task.rig.encoder: turned_by(run, motor.at(times), task.hypothesis, task.rig.encoders).theta
+        task.rig.encoder: turned_by(run, motor.at(times), task.hypothesis, task.rig).theta
     }
 
 
@@ -138,7 +138,7 @@ def _several(
 ) -> tuple[Trace, dict[str, np.ndarray]]:
     """Trace and signals at times (N,) s of a run in which several drives follow their encoders."""
     knots = _knots(times)
-    followed = [turned_by(task.run, motors.at(t), task.hypothesis, task.rig.encoders).theta for t in (knots, times)]
+    followed = [turned_by(task.run, motors.at(t), task.hypothesis, task.rig).theta for t in (knots, times)]
     moved = dict(zip((joint.name for joint in mechanism.motors), followed[0], strict=True))
     courses = {joint: (knots - knots[0], course) for joint, course in moved.items()}
     trace = _run(chosen, Request(mechanism, _joint_model(mechanism), "driven", time=times - knots[0], courses=courses))

@@ -155,7 +155,7 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tup
         if channel is not None:
             channels[column.signal.name] = channel
     _check_encoders(where, entry, mechanism, followed, table.values, channels)
-    if followed and not (mechanism.cranked or mechanism.sliding):
+    if followed and mechanism.several:
         assembly = Assembly(mechanism)
         for joint, encoder in zip(mechanism.motors, followed, strict=True):
             values = frozen(assembly.on_its_turn(joint.name, channels[encoder].values))
@@ -215,7 +215,7 @@ def _command(where: str, entry: Entry, mechanism: Mechanism) -> tuple[Drive, flo
         raise MeasuredError(
             f"{where}: drive_speed = 0; give the commanded speed in rad/s, or drive = 'measured' or 'free'"
         )
-    if not (mechanism.cranked or mechanism.sliding):
+    if mechanism.several:
         return _followed(where, entry, mechanism), None, None
     own = "free" if mechanism.drive is None else mechanism.drive.speed
     said = entry.drive or (own if entry.drive_speed is None else entry.drive_speed)
