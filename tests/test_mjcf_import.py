@@ -31,6 +31,55 @@ pytestmark = pytest.mark.mujoco
 ROOT = Path(__file__).parents[1]
 
 
+# ------------------------------------------------------------------ several motors
+
+ARM = """
+<mujoco model="arm"><compiler angle="radian"/><option gravity="0 -9.81 0"/>
+  <worldbody><body name="upper" euler="0 0 0.5">
+    <joint name="O" axis="0 0 1"/><inertial pos="0.13 0 0" mass="0.8" diaginertia="7e-3 7e-3 7e-3"/>
+    <body name="fore" pos="0.3 0 0" euler="0 0 -1.1">
+      <joint name="K" axis="0 0 -1" damping="0.02"/><inertial pos="0.1 0.02 0" mass="0.9" diaginertia="6e-3 6e-3 6e-3"/>
+      <body name="hand" pos="0.2 0 0"><joint name="S" type="slide" axis="1 0 0"/>
+        <inertial pos="0.01 0 0" mass="0.2" diaginertia="1e-4 1e-4 1e-4"/></body></body></body></worldbody>
+  <actuator><velocity joint="K" kv="10"/><motor joint="S"/><velocity joint="O" kv="10"/></actuator>
+  <keyframe><key ctrl="-1.5 0 2" qvel="2 -1.5 0.25"/></keyframe>
+</mujoco>"""
+
+
+def test_an_arm_s_every_motor_is_a_drive_with_its_keyframe_s_speed(tmp_path: Path) -> None:
+    """The elbow's axis points down, so that its coordinate turns back; its motors' torques are MuJoCo's own inverse
+    dynamics.
+    """
+    import mujoco
+    import numpy as np
+
+    (tmp_path / "arm.xml").write_text(ARM, encoding="utf-8")
+    m = lc.import_mjcf(tmp_path / "arm.xml").mechanism
+    assert {d.joint: d.speed for d in m.drives} == {"O": 2.0, "K": 1.5, "S": 0.25}
+    found = lc.analyse(m, times=np.array([0.0, 0.1]))
+    model = mujoco.MjModel.from_xml_string(ARM)
+    data = mujoco.MjData(model)
+    data.qvel[:] = 2.0, -1.5, 0.25
+    mujoco.mj_inverse(model, data)
+    shoulder, elbow, hand = data.qfrc_inverse
+    given = [found.signals[name][0] for name in ("drive_torque_O", "drive_torque_K", "drive_force_S")]
+    assert given == pytest.approx([shoulder, -elbow, hand], rel=1e-9)
+    assert lc.crosscheck(m, "mujoco", times=np.linspace(0.0, 0.3, 7)).verdict == "agrees"
+
+
+def test_motors_beyond_the_freedoms_are_left_out_and_speeds_that_are_not_said_are_assumed(tmp_path: Path) -> None:
+    more = PLAIN.replace("</actuator>", '<motor name="too many" joint="A"/></actuator>')
+    (tmp_path / "more.xml").write_text(more, encoding="utf-8")
+    found = lc.import_mjcf(tmp_path / "more.xml")
+    assert [d.joint for d in found.mechanism.drives] == ["D"]
+    assert any(note.startswith("actuator 'too many' is neither the drive's") for note in found.notes)
+    silent = ARM[: ARM.index("<keyframe>")] + "</mujoco>"
+    (tmp_path / "silent.xml").write_text(silent, encoding="utf-8")
+    found = lc.import_mjcf(tmp_path / "silent.xml")
+    assert {d.joint: d.speed for d in found.mechanism.drives} == {"O": 1.0, "K": 1.0, "S": 0.1}
+    assert any("its motor in joint S moves is not in the file" in note and "0.1 m/s" in note for note in found.notes)
+
+
 # ------------------------------------------------------------------ our own exports
 
 

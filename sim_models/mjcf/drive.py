@@ -1,7 +1,8 @@
 """What drives a MuJoCo model, and what else acts on it: a mechanism's drive, its loads, what it has no word for.
 
 A motor is a huge armature on a hinge of the ground, whose speed is the first keyframe's, or an actuator of such a
-hinge, whose speed is the first keyframe's control of a velocity servo, or the keyframe's speed of the hinge.
+hinge, whose speed is the first keyframe's control of a velocity servo, or the keyframe's speed of the hinge.  Where one
+motor leaves freedoms, actuators of other joints, slides too, are motors as well.
 """
 
 from __future__ import annotations
@@ -19,11 +20,14 @@ AT_SITE = int(mujoco.mjtTrn.mjTRN_SITE)
 AFFINE, STATELESS = int(mujoco.mjtBias.mjBIAS_AFFINE), int(mujoco.mjtDyn.mjDYN_NONE)
 FLYWHEEL = 1e4  # times the inertia of the whole linkage: an armature that no reaction slows down
 ASSUMED = 1.0  # rad/s, where the file does not say how fast its motor turns
+ASSUMED_SLIDE = 0.1  # m/s
 
 
 @dataclass(frozen=True)
 class Motor:
-    """A drive: its joint, its speed (rad/s, of the driven link; None: not said) and its actuator's number (or -1)."""
+    """A drive: its joint, its speed (rad/s of the link on the ground, else of the second link relative to the first; of
+    a slide m/s; None: not said) and its actuator's number (or -1).
+    """
 
     pin: Pin
     speed: float | None
@@ -57,6 +61,20 @@ def motor(planar: Planar) -> Motor | None:
     return None
 
 
+def motors(planar: Planar) -> list[Motor]:
+    """What may drive a model, the likeliest first: the one motor, then every actuator of another joint of its tree."""
+    first, m, found = motor(planar), planar.model, []
+    pins = {pin.joint: pin for pin in planar.pins if pin.joint >= 0}
+    taken = set() if first is None else {first.pin.joint}
+    for i in range(m.nu):
+        joint = int(m.actuator_trnid[i, 0])
+        if m.actuator_trntype[i] in AT_JOINT and joint in pins and joint not in taken:
+            pin = pins[joint]
+            taken.add(joint)
+            found.append(Motor(pin, _commanded(planar, i, pin) or _turning(planar, pin, joint), i))
+    return found if first is None else [first, *found]
+
+
 def flywheel(planar: Planar, pin: Pin) -> bool:
     """Whether a hinge has so large an armature that it turns on as it does, whatever the linkage does."""
     m = planar.model
@@ -74,8 +92,12 @@ def _turning(planar: Planar, pin: Pin, joint: int) -> float | None:
 
 
 def _driven_by(pin: Pin) -> float:
-    """What a hinge's speed is times for the driven link's, the ground being the other one."""
-    return pin.turn if pin.links[0] == 0 else -pin.turn
+    """What a joint's speed is times: of a hinge on the ground for the link's, else for the second link's relative to
+    the first's.
+    """
+    if pin.slides:
+        return 1.0
+    return -pin.turn if pin.links[1] == 0 else pin.turn
 
 
 def _commanded(planar: Planar, i: int, pin: Pin) -> float | None:

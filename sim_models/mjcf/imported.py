@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism, MechanismError
-from sim_models.mjcf.drive import ASSUMED, Push, flywheel, gravity, left_out, motor, push
+from sim_models.mjcf.drive import ASSUMED, ASSUMED_SLIDE, Motor, Push, flywheel, gravity, left_out, motors, push
 from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.laws import TendonLaw, acts, coefficients, law
 from sim_models.mjcf.planar import Frames, Pin, Planar, read
@@ -59,23 +60,11 @@ class _Writer:
         for pin in p.pins:
             for link, point in zip(pin.links, pin.points, strict=True):
                 self.points[link][pin.name] = self.xy(point)
-        loads = self._loads()
-        self.marked()
-        fields: dict[str, Any] = {
-            "name": p.name,
-            "gravity": _vector(p.plane.flat(gravity(self.m))),
-            "ground": {"points": self.points[0]},
-            "body": [self._body(k) for k in range(1, len(p.links))],
-            "joint": [self._joint(pin) for pin in p.pins],
-            "drive": self._drive(),
-            "assembly": {
-                link.name: _tidy(angle)
-                for link, angle in zip(p.links[1:], self.frames.angles[1:], strict=True)
-            },
-        }  # fmt: skip
-        if loads:
-            fields["load"] = loads
         try:
+            driving = self._driving()
+            loads = self._loads(driving)
+            self.marked()
+            fields = self._linkage() | {"drive": self._drives(driving)} | ({"load": loads} if loads else {})
             mechanism = Mechanism.model_validate(fields)
             Assembly(mechanism)
         except ValueError as error:
@@ -87,6 +76,21 @@ class _Writer:
         return Imported(mechanism, tuple(self.notes))
 
     # ------------------------------------------------------------------ parts
+
+    def _linkage(self) -> dict[str, Any]:
+        """Bodies and joints, as the mechanism file says them."""
+        p = self.p
+        return {
+            "name": p.name,
+            "gravity": _vector(p.plane.flat(gravity(self.m))),
+            "ground": {"points": self.points[0]},
+            "body": [self._body(k) for k in range(1, len(p.links))],
+            "joint": [self._joint(pin) for pin in p.pins],
+            "assembly": {
+                link.name: _tidy(angle)
+                for link, angle in zip(p.links[1:], self.frames.angles[1:], strict=True)
+            },
+        }  # fmt: skip
 
     def xy(self, z: complex) -> tuple[float, float]:
         """A point (m), without what rounding has left of it."""
@@ -176,25 +180,37 @@ class _Writer:
             found |= {"stiffness": stiffness, "rest_angle": _tidy(rest)}
         return self.acting(found)
 
-    def _drive(self) -> dict[str, Any]:
-        """The drive, or a release where nothing drives; what is assumed of it is noted."""
-        found = motor(self.p)
-        if found is None:
+    def _driving(self) -> list[Motor]:
+        """The motors that drive it: one, or of several as many as it has freedoms."""
+        found = motors(self.p)
+        if len(found) < 2:
+            return found
+        said = list(self.notes)
+        freedoms = len(Assembly(Mechanism.model_validate(self._linkage())).structure.inputs)
+        self.notes = said
+        return found[: max(freedoms, 1)]
+
+    def _drives(self, driving: Sequence[Motor]) -> list[dict[str, Any]]:
+        """The drives, or a release where nothing drives; what is assumed of them is noted."""
+        if not driving:
             grounded = [pin for pin in self.p.pins if 0 in pin.links and not pin.slides]
             if not grounded:
                 raise MjcfError(f"{self.p.said}: no hinge connects a body to the ground; give it one")
             self.notes.append("nothing drives it: it is released at its initial pose (drive.speed = 'free')")
-            return {"joint": grounded[0].name, "speed": "free"}
-        if found.speed is None:
-            self.notes.append(
-                "how fast its motor turns is not in the file (a keyframe would say it): drive.speed ="
-                f" {ASSUMED:g} rad/s is assumed, correct it"
-            )
-        return {"joint": found.pin.name, "speed": ASSUMED if found.speed is None else found.speed}
+            return [{"joint": grounded[0].name, "speed": "free"}]
+        for one in driving:
+            if one.speed is None:
+                assumed = f"{ASSUMED_SLIDE:g} m/s" if one.pin.slides else f"{ASSUMED:g} rad/s"
+                which = f" in joint {one.pin.name}" * (len(driving) > 1)
+                self.notes.append(
+                    f"how fast its motor{which} {'moves' if one.pin.slides else 'turns'} is not in the file (a keyframe"
+                    f" would say it): drive.speed = {assumed} is assumed, correct it"
+                )
+        return [{"joint": one.pin.name, "speed": _speed(one)} for one in driving]
 
-    def _loads(self) -> list[dict[str, Any]]:
-        """Constant forces by actuators; every other actuator but the drive's is noted."""
-        m, driving = self.m, motor(self.p)
+    def _loads(self, driving: Sequence[Motor]) -> list[dict[str, Any]]:
+        """Constant forces by actuators; every other actuator but the drives' is noted."""
+        m, own = self.m, {one.actuator for one in driving}
         found = []
         for i in range(m.nu):
             name = m.actuator(i).name
@@ -202,7 +218,7 @@ class _Writer:
             steady = push(self.p, i)
             if steady is not None:
                 found.append(self._load(steady))
-            elif driving is not None and i == driving.actuator:
+            elif i in own:
                 self.notes.append(f"{words} is the drive's; how it follows its command is left out")
             else:
                 self.notes.append(f"{words} is neither the drive's nor a constant force on a site, and left out")
@@ -256,6 +272,13 @@ class _Writer:
                     f"{said}: {body_words(m, b)} has gravcomp = {m.body_gravcomp[b]:g}, for which a mechanism file has"
                     " no word; take it out"
                 )
+
+
+def _speed(driving: Motor) -> float:
+    """How fast a motor moves (rad/s, m/s), as its file says, or as is assumed."""
+    if driving.speed is not None:
+        return driving.speed
+    return ASSUMED_SLIDE if driving.pin.slides else ASSUMED
 
 
 def _tidy(value: float) -> float:
