@@ -10,12 +10,14 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps, load
@@ -23,14 +25,18 @@ from commands import compare
 from compare.diagnose.begin import begin
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import MeasuredError
+from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.diagnose.predict import Term
 from compare.diagnose.prepare import followed, nominal
 from compare.diagnose.preview import preview
 from compare.diagnose.workflow import diagnose
 from compare.evidence.published.parallel_robot import FOLDER
 from compare.report.diagnosis_page import diagnosis_html
 from compare.report.diagnosis_text import diagnosis_md
-from compare.results.diagnosis import Diagnosis
+from compare.results.diagnosis import Diagnosis, Parameter
+from compare.results.sentences import own_values
 from measured_files import RunTable, write_measured
+from several_linkages import third_bar
 from sim_models.engine import Request, engine
 
 DATA = Path(os.environ.get("MEASURED_DATA", "")) / FOLDER
@@ -197,6 +203,7 @@ def test_a_rig_of_several_drives_knows_its_joints_travels_and_speeds(tmp_path: P
 
 
 REFUSED = {
+    "an angle": ({"drive": "measured", "drive_angle": 2.0}, r"drive_angle = 2 belongs to a drive_speed"),
     "not said": ({"noise": {"drive_torque_O": 0.01}}, r"say drive = 'measured'"),
     "free": ({"drive": "free"}, r"is free, and '2r-arm' is driven in O and K, whose runs follow position_O and"),
     "a speed": ({"drive_speed": 1.0}, r"is driven at 1, and"),
@@ -221,7 +228,7 @@ def test_an_encoder_that_is_missing_or_stands_still_is_named(tmp_path: Path) -> 
     k = rows[0].split(",").index("position_K [rad]")
     still = [",".join("0.5" if i == k else cell for i, cell in enumerate(row.split(","))) for row in rows[1:]]
     (tmp_path / "swing.csv").write_text("\n".join([rows[0], *still]), encoding="utf-8")
-    with pytest.raises(MeasuredError, match=r"'position_K' in swing\.csv does not move; check the encoder$"):
+    with pytest.raises(MeasuredError, match=r"'position_K' in swing\.csv does not move; each drive has to: check the"):
         load_measured(path)
 
 
@@ -229,8 +236,42 @@ def test_a_drive_that_is_left_free_is_named(tmp_path: Path) -> None:
     path = arm(tmp_path)
     text = (tmp_path / "nominal.toml").read_text(encoding="utf-8")
     (tmp_path / "nominal.toml").write_text(text.replace("speed = -2.0", 'speed = "free"'), encoding="utf-8")
-    with pytest.raises(MeasuredError, match=r"has 2 freedoms, and motors in O; .* give every \[\[drive\]\] a speed"):
+    with pytest.raises(MeasuredError, match=r"has 2 freedoms, and motors in O; .* give each a \[\[drive\]\]"):
         load_measured(path)
+    (tmp_path / "nominal.toml").write_text(dumps(load("2r-arm").replace(drives=())), encoding="utf-8")
+    measured = path.read_text(encoding="utf-8").replace('"measured"', '"free"')
+    path.write_text(measured, encoding="utf-8")
+    with pytest.raises(MeasuredError, match=r"'2r-arm' has 2 freedoms; a diagnosis of several follows a motor in each"):
+        load_measured(path)
+
+
+def test_zeros_of_each_run_say_of_which_encoder_they_are() -> None:
+    values = {f"offset@run{k}": Parameter(value=x, low=x, high=x, unit="rad") for k, x in enumerate((-0.006, 0.003))}
+    result = SimpleNamespace(mechanism=load("five-bar"), runs=())
+    own = own_values(result, "encoder_offset", "position_E", values)  # type: ignore[arg-type]
+    assert own is not None
+    assert own.called == "zero of the encoder for E position"
+
+
+def test_reactions_that_statics_does_not_determine_are_left_out_of_a_redundant_rig(tmp_path: Path) -> None:
+    m = third_bar()
+    turn = np.radians(20.0 + 30.0 * TIME)
+    found = lc.analyse(m, angles=turn)
+    random = np.random.default_rng(4)
+    columns = {"crank_angle [rad]": turn}
+    for signal, unit in (("drive_torque", "N.m"), ("coupler_x", "m")):
+        noise = 1e-3 * np.ptp(found.signals[signal])
+        columns[f"{signal} [{unit}]"] = found.signals[signal] + random.normal(0.0, noise, TIME.size)
+    columns["reaction_c2_x [N]"] = random.normal(0.0, 1.0, TIME.size)
+    turning = {"drive_speed": math.radians(30.0), "drive_angle": math.radians(20.0)}
+    measured = load_measured(write_measured(tmp_path, dumps(m), [RunTable("turn", TIME, columns, turning)]))
+    shown = preview(measured)
+    assert set(shown.runs[0].signals) == {"crank_angle", "drive_torque", "coupler_x"}
+    assert any("statics does not determine this reaction" in fault.text for fault in shown.faults)
+    rig, model = nominal(measured, m, {})
+    length = Term(VOCABULARY["link_length"], "bar")
+    assert "bar" in length.effect.places(rig)
+    assert model([[(length, {"length_error": 1e-3})]]) == [None]  # its loops do not close
 
 
 # ---------------------------------------------------------------- one drive between moving bodies

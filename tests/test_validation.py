@@ -251,3 +251,6 @@ def test_a_folder_of_data_that_is_not_there_is_refused(tmp_path: Path) -> None:
     done = compare("validation", "check", "--data", "nowhere", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "compare: --data nowhere: there is no such folder\n"
+    done = compare("validation", "check", "--data", ".", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "has none of adams-parallel-robot, emps" in done.stderr

@@ -74,6 +74,12 @@ def _there(data: Path | None) -> Path | None:
     """The folder, which exists.  Raises OptionError."""
     from compare.faults import OptionError
 
-    if data is not None and not data.is_dir():
+    if data is None:
+        return None
+    if not data.is_dir():
         raise OptionError(f"--data {data}: there is no such folder")
+    from compare.evidence.validation.published import FOLDERS
+
+    if not any((data / name).is_dir() for name in FOLDERS):
+        raise OptionError(f"--data {data}: has none of {', '.join(FOLDERS)}; give the folder that they are in")
     return data

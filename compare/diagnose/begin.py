@@ -127,7 +127,8 @@ def _run(name: str, one: Guessed, mechanism: Mechanism, folder: Path) -> str:
     if sigmas:
         lines.append(f"# noise = {{ {', '.join(sigmas)} }}    # one sigma; estimated, as it is if left out")
     lines += [
-        f"# no column was taken for {encoder.name}: say in [columns] which one is, if there is one"
+        f"# no column was taken for {encoder.name}: say in [columns] which one is"
+        + ("" if mechanism.several else ", if there is one")
         for encoder in mechanism.encoders
         if encoder.name not in one.values
     ]
@@ -137,7 +138,7 @@ def _run(name: str, one: Guessed, mechanism: Mechanism, folder: Path) -> str:
 def _drive(one: Guessed, mechanism: Mechanism) -> list[str]:
     """How a run was driven, as its encoder says."""
     if not mechanism.cranked:
-        what = "a slide" if mechanism.sliding else "several drives"
+        what = "a slide" if mechanism.sliding else "several drives" if len(mechanism.drives) > 1 else "such a drive"
         return [f'drive = "measured"    # the only kind of run of {what}']
     encoder, time = encoder_of(mechanism), one.values["time"]
     angle = one.values.get(encoder, np.zeros(0))

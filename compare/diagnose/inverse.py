@@ -17,6 +17,7 @@ from analytic.beyond_paper.drive import Turning
 from analytic.beyond_paper.freedom import Freedom
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.structure import StructureError
 from analytic.mechanism.signals import DRIVE_TORQUE
 from analytic.paper.kinetostatics import kinetostatics
 from compare.diagnose.data.quality import noise
@@ -70,7 +71,7 @@ class Backward:
         try:
             each = {loads: self.assembly(run, hypothesis) for loads, run in {r.loads: r for r in self.runs}.items()}
             freedoms = {loads: Freedom.of(assembly) for loads, assembly in each.items()}
-        except (Impossible, AssemblyError):
+        except (Impossible, AssemblyError, StructureError):
             return None
         return [self.readings(run, each[run.loads], freedoms[run.loads], self.motions[run.name]) for run in self.runs]
 

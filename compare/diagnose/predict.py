@@ -18,6 +18,7 @@ from analytic.beyond_paper.drive import Motor, Turning
 from analytic.beyond_paper.freedom import Freedom, swing
 from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
 from analytic.kinematics.motion import kinematics
+from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.paper.clearance import Displaced, displaced
 from analytic.paper.compliance import compliance
@@ -136,7 +137,7 @@ class Model:
         driven = [(r, age) for r, age in asked if self.measured.runs[r].drive != "free"]
         try:
             seen = dict(zip(driven, self._seen(hypothesis, driven), strict=True))
-        except (Impossible, AssemblyError, ComplianceError):
+        except (Impossible, AssemblyError, StructureError, ComplianceError):
             return None
         for r, age in asked:
             run = self.measured.runs[r]
@@ -310,7 +311,7 @@ class Model:
             try:
                 assembly = Assembly(self.altered(run, hypothesis).ideal())
                 self._tables[key] = assembly, Freedom.of(assembly)
-            except (Impossible, AssemblyError):
+            except (Impossible, AssemblyError, StructureError):
                 self._tables[key] = None
         return self._tables[key]
 

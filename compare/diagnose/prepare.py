@@ -16,6 +16,7 @@ from scipy.sparse import csr_array, diags_array
 from analytic.beyond_paper.drive import Motor
 from analytic.beyond_paper.freedom import Freedom
 from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import turned_near
@@ -266,7 +267,7 @@ def _explain_impossible(measured: Measured, mechanism: Mechanism, model: Model) 
                 Freedom.of(Assembly(model.altered(run, []).with_clearances({})))
             else:
                 model.signals(run, [], run.time)
-        except AssemblyError as error:
+        except (AssemblyError, StructureError) as error:
             raise MeasuredError(
                 f"{measured.source}: run {run.name!r} cannot be made by the nominal mechanism: {error}"
             ) from None
@@ -320,7 +321,7 @@ def _postures(
         return (np.linspace(*_reach(measured, courses), STOPS),)
     try:
         assembly = Assembly(mechanism)
-    except AssemblyError:
+    except (AssemblyError, StructureError):
         return ()  # what cannot be assembled is told when the nominal mechanism is to move
     found, joints = [], [joint.name for joint in mechanism.motors]
     for run in measured.runs:
@@ -365,11 +366,24 @@ def on_one_turn(measured: Measured) -> Measured:
     return replace(measured, runs=tuple(moved.get(run.name, run) for run in measured.runs))
 
 
+def sorted_out(measured: Measured, rig: Rig, model: Model) -> tuple[Measured, Rig, Model]:
+    """The measurement as the nominal model can judge it (:func:`unturned`), with its rig and model.  Raises
+    MeasuredError.
+    """
+    judged = unturned(measured, model, starts(measured))
+    if judged.sensors != measured.sensors:
+        rig = _rig(judged, model.mechanism, model.courses)
+    return judged, rig, Model(judged, rig, model.mechanism, model.courses)
+
+
 def unturned(measured: Measured, model: Model, starts: Mapping[Term, np.ndarray]) -> Measured:
-    """Measured angles moved by whole turns to where the model has them."""
+    """Measured angles moved by whole turns to where the model has them, without the reactions that it does not
+    determine.  Raises MeasuredError where nothing else was read.
+    """
     found = model([[(t, t.effect.values(model.rig, t.where, x)) for t, x in starts.items()]])[0]
     if found is None:
         return measured
+    measured = _determined(measured, found)
     runs = []
     for run, predicted in zip(measured.runs, found, strict=True):
         channels = {}
@@ -383,6 +397,24 @@ def unturned(measured: Measured, model: Model, starts: Mapping[Term, np.ndarray]
             channels[signal] = replace(channel, values=channel.values - turns) if turns else channel
         runs.append(replace(run, channels=channels))
     return replace(measured, runs=tuple(runs))
+
+
+def _determined(measured: Measured, predicted: Sequence[Mapping[str, np.ndarray]]) -> Measured:
+    """The measurement without the reactions that statics does not determine: those of which the model says nothing."""
+    runs, faults = [], list(measured.faults)
+    for run, said in zip(measured.runs, predicted, strict=True):
+        silent = [s for s, c in run.channels.items() if c.signal.kind == "reaction" and not np.isfinite(said[s]).any()]
+        for signal in silent:
+            text = (
+                f"{signal} of run {run.name!r} is left out: the linkage is held more often than it needs, and statics"
+                " does not determine this reaction"
+            )
+            faults.append(Fault(run.name, signal, "absent", run.time.size, text))
+        kept = {signal: channel for signal, channel in run.channels.items() if signal not in silent}
+        if silent and not set(kept) - {encoder.name for encoder in measured.mechanism.encoders}:
+            raise MeasuredError(f"{run.file}: {faults[-1].text}; add another sensor")
+        runs.append(replace(run, channels=kept))
+    return replace(measured, runs=tuple(runs), faults=tuple(faults))
 
 
 def considered(
@@ -429,7 +461,8 @@ def bounds(rig: Rig, tolerance: Mapping[str, float]) -> Bounds:
         high = np.full(low.size, math.inf)
         for i in range(low.size):
             p = effect.measured_by(i)
-            limit = _limit(effect, p, tolerance)
+            kind = "length" if p.quantity == "angle" and effect.unit(rig, term.where, p.name) == "m" else p.quantity
+            limit = _limit(effect, replace(p, quantity=kind), tolerance)
             if limit is not None and effect.blames(p.name):
                 middle = effect.middle(term.variant)
                 low[i], high[i] = max(low[i], -limit - middle), limit - middle

@@ -59,8 +59,7 @@ def _shown(data: Measured) -> Preview:
     mechanism = data.mechanism.rigid()
     courses, data = prepare.followed(prepare.thinned(data))
     rig, model = prepare.nominal(data, mechanism, courses)
-    data = prepare.unturned(data, model, prepare.starts(data))
-    model = Model(data, rig, mechanism, courses)
+    data, rig, model = prepare.sorted_out(data, rig, model)
     noise = {(run.name, s): c.noise for run in data.runs for s, c in run.channels.items()}
     fitter = Fitter(model, Data(data, noise), rig, prepare.bounds(rig, data.tolerance))
     base = begun(model, fitter)

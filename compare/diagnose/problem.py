@@ -145,8 +145,8 @@ class Problem:
         courses, measured = prepare.followed(prepare.thinned(measured))
         noise = {(run.name, s): c.noise for run in measured.runs for s, c in run.channels.items()}
         rig, model = prepare.nominal(measured, mechanism, courses)
-        measured = prepare.unturned(measured, model, prepare.starts(measured))
-        model = Model(measured, rig, mechanism, courses)
+        measured, rig, model = prepare.sorted_out(measured, rig, model)
+        noise = {key: size for key, size in noise.items() if key in measured.sensors}
         data = Data(measured, noise, prepare.shared(measured, noise, model))
         fitter = Fitter(model, data, rig, prepare.bounds(rig, measured.tolerance))
         terms, ruled_out = prepare.considered(

@@ -17,11 +17,12 @@ from typing import Literal
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.columns import Layout
 from analytic.mechanism.file import MechanismError, load, shipped_cases
-from analytic.mechanism.one_line import shown
+from analytic.mechanism.one_line import count, shown
 from analytic.mechanism.signals import wrapped
 from analytic.mechanism.units import listed
 from compare.diagnose.data.clipping import clipped
@@ -37,6 +38,7 @@ from compare.recorded.text import ROWS
 
 ASTRAY = math.radians(20.0)  # an encoder that far from its command throughout is no offset but a wrong drive_angle
 MULTIPLE = 2.0  # of the command, or its inverse: an encoder that turns beyond is not of this run
+OF_EACH = "a diagnosis of several follows a motor in each: give each a [[drive]] with a speed, or 'measured'"
 SAMPLES = 20_000  # of a run that are kept; more would tell little and take long to simulate
 # Ratios of the measured to the commanded speed that are a slip of units, and whose.
 SLIPS = {
@@ -162,9 +164,8 @@ def _run(path: Path, entry: Entry, mechanism: Mechanism, tables: _Tables) -> tup
             channels[encoder] = replace(channels[encoder], values=values)
     if not set(channels) - set(followed):
         told = f" ({faults[-1].text})" if faults else ""
-        raise MeasuredError(
-            f"{where}: {entry.file} has no usable signal{' besides the encoder' * bool(followed)}{told}; add a sensor"
-        )
+        beside = f" besides {'its encoders' if len(followed) > 1 else 'the encoder'}" if followed else ""
+        raise MeasuredError(f"{where}: {entry.file} has no usable signal{beside}{told}; add a sensor")
     if speed is not None and encoders[0] in channels:
         _check_speed(where, entry.file, table.time, channels[encoders[0]], speed, angle or 0.0)
     start = _start(entry, mechanism, table.time, channels) if drive == "free" else {}
@@ -189,19 +190,24 @@ def _check_encoders(
     entry: Entry,
     mechanism: Mechanism,
     followed: Sequence[str],
-    columns: Mapping[str, object],
+    columns: Mapping[str, np.ndarray],
     moving: Mapping[str, object] | None = None,
 ) -> None:
     """Every encoder that a run follows has a column, and moves."""
     instead = " or give drive_speed" if mechanism.cranked else ""
+    still = "each drive has to: check the encoder, or give a run" if mechanism.several else "check the encoder"
     for encoder in followed:
         if encoder not in columns:
             raise MeasuredError(
                 f"{where}: drive is measured, but {entry.file} has no column {encoder!r}; add the encoder{instead}"
             )
+        if not np.isfinite(columns[encoder]).any():
+            raise MeasuredError(
+                f"{where}: drive is measured, but {encoder!r} in {entry.file} is empty; fill it in{instead}"
+            )
         if moving is not None and encoder not in moving:
             raise MeasuredError(
-                f"{where}: drive is measured, but {encoder!r} in {entry.file} does not move; check the encoder{instead}"
+                f"{where}: drive is measured, but {encoder!r} in {entry.file} does not move; {still}{instead}"
             )
 
 
@@ -217,6 +223,7 @@ def _command(where: str, entry: Entry, mechanism: Mechanism) -> tuple[Drive, flo
         )
     if mechanism.several:
         return _followed(where, entry, mechanism), None, None
+    _check_freedoms(where, mechanism)
     own = "free" if mechanism.drive is None else mechanism.drive.speed
     said = entry.drive or (own if entry.drive_speed is None else entry.drive_speed)
     if mechanism.sliding and said != "measured":
@@ -253,15 +260,29 @@ def _followed(where: str, entry: Entry, mechanism: Mechanism) -> Literal["measur
             f"{where}: is {said}, and {mechanism.name!r} is driven in {moved}, whose runs follow {encoders}; say"
             " drive = 'measured'"
         )
+    if entry.drive_angle is not None:
+        raise MeasuredError(
+            f"{where}: drive_angle = {entry.drive_angle:g} belongs to a drive_speed, and the drive is measured; leave"
+            " it out"
+        )
     idle = [drive.joint for drive in mechanism.drives if drive.speed == "free"]
     freedoms = len(Assembly(mechanism).structure.inputs)
     if idle or freedoms > len(mechanism.motors):
         raise MeasuredError(
             f"{where}: {mechanism.name!r} has {freedoms} freedoms, and motors in"
-            f" {' and '.join(j.name for j in mechanism.motors) or 'none'}; a diagnosis of several follows a motor in"
-            " each: give every [[drive]] a speed, or 'measured'"
+            f" {' and '.join(j.name for j in mechanism.motors) or 'none'}; {OF_EACH}"
         )
     return "measured"
+
+
+def _check_freedoms(where: str, mechanism: Mechanism) -> None:
+    """A linkage that one crank moves, or nothing, has one freedom."""
+    try:
+        freedoms = len(Assembly(mechanism).structure.inputs)
+    except (AssemblyError, StructureError):
+        return  # that is told when it is to move
+    if freedoms > 1:
+        raise MeasuredError(f"{where}: {mechanism.name!r} has {freedoms} freedoms; {OF_EACH}")
 
 
 def _check_fields(where: str, entry: Entry, mechanism: Mechanism, drive: Drive) -> None:
@@ -374,7 +395,8 @@ def _held(run: str, table: Table, encoder: str) -> tuple[Table, list[Fault]]:
         return table, []
     lost = np.flatnonzero(~keep)
     text = (
-        f"run {run!r} follows {encoder}, which is absent for a while from {table.time[lost[0]]:.6g} s; {lost.size} rows"
+        f"run {run!r} follows {encoder}, which is absent for a while from {table.time[lost[0]]:.6g} s;"
+        f" {count(lost.size, 'row')}"
         " without it are left out"
     )
     return Table(table.columns, table.time[keep], {s: v[keep] for s, v in table.values.items()}), [

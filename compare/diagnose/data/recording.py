@@ -106,6 +106,11 @@ class Measured:
     source: str
 
     @cached_property
+    def sensors(self) -> frozenset[tuple[str, str]]:
+        """Every run's sensors, by run and signal."""
+        return frozenset((run.name, signal) for run in self.runs for signal in run.channels)
+
+    @cached_property
     def signals(self) -> Mapping[str, Signal]:
         """Every signal that the linkage can have, by name."""
         return named(self.mechanism.bodies, self.mechanism.joints, self.mechanism.drives)

@@ -23,6 +23,7 @@ from analytic.beyond_paper.drive import Turning
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.reach import usual_angles
+from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal, named
 from sim_models.engine import Engine
@@ -106,7 +107,7 @@ class Rig:
             assembly = Assembly(m)
             inputs = self.postures or (usual_angles(assembly),)
             motions = [kinematics(assembly, each) for each in inputs]
-        except AssemblyError:
+        except (AssemblyError, StructureError):
             return {}
         for joint in m.joints:
             moved = np.concatenate([motion.relative(joint) for motion in motions])

@@ -153,6 +153,11 @@ class EncoderHarmonic(Wave):
         return Growth(lambda a: {"amplitude": a, "harmonic": harmonic, "phase": phase}, 0.02, harmonic)
 
 
+def _judged(rig: Rig) -> Sequence[str]:
+    """The sensors that are judged: of several drives not the encoders, which every run follows."""
+    return [s for s in rig.signals if s not in rig.encoders] if rig.mechanism.several else rig.signals
+
+
 class OnSensor(Effect):
     """Effects on one sensor."""
 
@@ -224,7 +229,7 @@ class SensorGain(OnSensor):
     parameters = (Parameter("gain_error", "1", "gain", percent=True),)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return rig.signals
+        return _judged(rig)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-4,)
@@ -245,7 +250,7 @@ class SensorDelay(OnSensor):
     parameters = (Parameter("delay", "s", "time", 0.0),)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return rig.signals
+        return _judged(rig)
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-4 / rig.speed,)

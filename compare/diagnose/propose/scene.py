@@ -9,6 +9,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from analytic.kinematics.assembly import AssemblyError
+from analytic.kinematics.structure import StructureError
 from analytic.mechanism import GROUND, Body
 from analytic.mechanism.signals import wrapped
 from compare.diagnose.data.recording import MeasuredRun
@@ -62,7 +63,7 @@ class Scene:
             if there is None:
                 return None
             return cls._seen(fitter.rig, backward, data, there, backward.signals)
-        except (Impossible, AssemblyError):
+        except (Impossible, AssemblyError, StructureError):
             return None
 
     @classmethod

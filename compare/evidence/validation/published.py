@@ -20,6 +20,7 @@ from compare.results.validation import Apart, Held, Published
 from sim_models.engine import Request, Trace, declared, engine
 
 AXIS = "emps"
+FOLDERS = (robot.FOLDER, AXIS)
 DAMPING, FRICTION, OFFSET = 203.5, 20.39, -3.16  # N.s/m, N, N: of the axis
 ALLOWED = {"damping": 0.02, "friction_torque": 0.05, "bias": 0.05}  # shares
 
