@@ -250,7 +250,7 @@ def test_zeros_of_each_run_say_of_which_encoder_they_are() -> None:
     result = SimpleNamespace(mechanism=load("five-bar"), runs=())
     own = own_values(result, "encoder_offset", "position_E", values)  # type: ignore[arg-type]
     assert own is not None
-    assert own.called == "zero of the encoder for E position"
+    assert own.called == "encoder zero for E position"
 
 
 def test_reactions_that_statics_does_not_determine_are_left_out_of_a_redundant_rig(tmp_path: Path) -> None:

@@ -192,10 +192,9 @@ def own_values(result: Diagnosis, name: str, where: str, parameters: Mapping[str
     unit, factor = _unit(what, tuple(found.values()))
     signed = any(p.value < 0 for p in found.values())
     ends = [plainly(factor * end(p.value for p in found.values()), 2, signed) for end in (min, max)]
-    zero = "zero of the encoder for {}" if name == "encoder_offset" and result.mechanism.several else ZEROS.get(name)
-    called = (zero or name.replace("_", " ") + " of {}").format(
-        spoken(result, where) if name in VOCABULARY and VOCABULARY[name].place == "signal" else where
-    )
+    sensor = spoken(result, where) if name in VOCABULARY and VOCABULARY[name].place == "signal" else where
+    called = ZEROS.get(name, name.replace("_", " ") + " of {}")
+    called = called.format(sensor) + f" for {sensor}" * (result.mechanism.several and "{}" not in called)
     own = tuple((run, value, interval) for run, (_, value, interval) in zip(found, rows(parameters), strict=True))
     return OwnValues(called, f"{ends[0]} to {ends[1]}" + ("" if unit == "1" else f" {unit}"), own)
 
