@@ -166,6 +166,12 @@ def test_a_damped_elbow_and_the_shoulder_s_encoder_are_named_with_their_sizes(wo
 
 
 @pytest.mark.mujoco
+def test_an_effect_that_has_no_place_in_these_runs_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(MeasuredError, match=r"only drive_backlash is asked for: it has no place in these runs"):
+        diagnose(arm(tmp_path), "mujoco", only=["drive_backlash"], others=False, workers=1)
+
+
+@pytest.mark.mujoco
 def test_no_page_of_several_drives_speaks_of_a_crank(worn_arm: Diagnosis) -> None:
     assert "crank" not in diagnosis_md(worn_arm)
     page = diagnosis_html(worn_arm).partition("<script")[0]

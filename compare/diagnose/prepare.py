@@ -422,12 +422,18 @@ def considered(
 ) -> tuple[list[Term], dict[tuple[str, str], str]]:
     """The terms without variants that are beyond the tolerances, and why some of them are ruled out, by name and place.
 
-    Raises MeasuredError for names that are none.
+    Raises MeasuredError for names that are none, or that leave nothing.
     """
     possible = allowed(terms, tolerance, bounds)
     room = {t.key for t in possible}
     why = {t.key: "the tolerance leaves it no room" for t in terms if t.key not in room}
-    why |= ruled_out(terms, only, exclude)
+    out = ruled_out(terms, only, exclude)
+    if only and all(t.key in out for t in terms):
+        raise MeasuredError(
+            f"only {' and '.join(only)} is asked for: it has no place in these runs, or is excluded, and nothing is left"
+            " to look for; compare effects says where each may be"
+        )
+    why |= out
     return [t for t in terms if t in possible or t.key in why], why
 
 
