@@ -430,7 +430,7 @@ def considered(
     out = ruled_out(terms, only, exclude)
     if only and all(t.key in out for t in terms):
         raise MeasuredError(
-            f"only {' and '.join(only)} is asked for: it has no place in these runs, or is excluded, and nothing is left"
+            f"only {' and '.join(only)} is asked for: it has no place in these runs, or is excluded; nothing is left"
             " to look for; compare effects says where each may be"
         )
     why |= out
