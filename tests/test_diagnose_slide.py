@@ -230,6 +230,7 @@ def test_an_axis_that_lacks_nothing_has_no_gap(tmp_path: Path) -> None:
     assert (result.verdict, result.effects) == ("no gap", ()), result.statement
 
 
+@pytest.mark.slow
 def test_an_axis_told_the_other_way_round_has_the_same_sizes(tmp_path: Path, worn_axis: Diagnosis) -> None:
     """The joint goes from the carriage to the ground: its travel and the motor's force have the other sign."""
     found, same = sizes(diagnosed(axis(tmp_path, worn, bodies='"carriage", "ground"'))), sizes(worn_axis)
@@ -237,6 +238,7 @@ def test_an_axis_told_the_other_way_round_has_the_same_sizes(tmp_path: Path, wor
         assert found[key][name].value == pytest.approx(same[key][name].value, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_payload_on_an_axis_is_tied_with_the_gain_of_its_only_force(tmp_path: Path) -> None:
     """Beside a damper of unknown size the motor's force grows alike with the mass and with its own gain."""
     result = diagnosed(axis(tmp_path, lambda travel, speed: 30.0 * speed, mass=1.075 * MASS))
@@ -249,6 +251,7 @@ def test_a_payload_on_an_axis_is_tied_with_the_gain_of_its_only_force(tmp_path: 
     assert found["viscous_friction", "S"]["damping"].value == pytest.approx(30.0 / 1.075, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_spring_along_an_axis_is_named_with_its_rest(tmp_path: Path) -> None:
     result = diagnosed(axis(tmp_path, lambda travel, speed: 150.0 * (travel - 0.04)))
     found = sizes(result)
@@ -259,6 +262,7 @@ def test_a_spring_along_an_axis_is_named_with_its_rest(tmp_path: Path) -> None:
     assert spring["rest_angle"].value == pytest.approx(0.04, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_drag_along_an_axis_is_named(tmp_path: Path) -> None:
     result = diagnosed(axis(tmp_path, lambda travel, speed: 25.0 * speed * np.abs(speed)))
     assert set(sizes(result)) == {("drag", "S")}, result.statement
