@@ -46,8 +46,11 @@ def test_in_motion_the_torques_are_adams_within_one_percent_of_the_peak() -> Non
 @HERE
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SEVERAL)
-def test_engines_give_adams_torques_within_one_percent_of_the_peak(name: str) -> None:
+def test_engines_give_adams_torques_at_the_start_and_within_one_percent_of_the_peak(name: str) -> None:
     robot = recorded(DATA)
+    start = engine(name).simulate(robot.request_at_the_start())
+    for joint, torque in robot.torque.items():
+        assert np.abs(start.signals[f"drive_torque_{joint}"] - torque[robot.early]).max() < 0.1, joint
     trace = engine(name).simulate(robot.request())
     for joint, torque in robot.torque.items():
         off = trace.signals[f"drive_torque_{joint}"] - torque[robot.clear][::EVERY]

@@ -183,6 +183,9 @@ def _in_engines(rows: Mapping[str, Sequence[InEngine]]) -> Iterator[str]:
 
 
 def _published(sources: Sequence[Published]) -> Iterator[str]:
+    yield "What is off is the largest difference of any such figure, in its unit; without one, a share of the figure."
+    yield "`compare validation check --data DIR` makes all but the diagnosis again, where DIR has the files."
+    yield ""
     for k, source in enumerate(sources):
         yield from ([""] if k else [])
         yield f"**{source.name}.** {source.says}"

@@ -115,7 +115,7 @@ class Held(Part):
 
     figure: str
     unit: str
-    published: Annotated[FiniteFloat, Field(description="Its size, or the largest of them.")]
+    published: Annotated[FiniteFloat, Field(description="Its size, or the largest of them; of shares 1.")]
     apart: tuple[Apart, ...]
 
 

@@ -195,7 +195,7 @@ def _check_encoders(
 ) -> None:
     """Every encoder that a run follows has a column, and moves."""
     instead = " or give drive_speed" if mechanism.cranked else ""
-    still = "each drive has to: check the encoder, or give a run" if mechanism.several else "check the encoder"
+    still = "each drive has to: check the encoder, give another run" if mechanism.several else "check the encoder"
     for encoder in followed:
         if encoder not in columns:
             raise MeasuredError(

@@ -28,6 +28,7 @@ SMOOTH = 0.2  # s, from the start, that one polynomial follows
 END_OF_SPLINE = 0.05  # s: at its end a spline's second derivative is off by 1.1 % of the peak; beyond, by less than 1 %
 CORNERS = (2.5, 4.2)  # s, where the prescribed angles have corners in their second derivative
 BESIDE = 0.1  # s
+KNOTS = 201  # of the spline by which an engine follows that polynomial
 EVERY = 8  # samples, of which an engine is asked for one
 AT_REST = 131.237  # N.m, of both motors
 
@@ -56,11 +57,21 @@ class Recorded:
         """Which times (N,) are beyond the spline's beginning, and not beside a corner."""
         return (self.time >= END_OF_SPLINE) & np.all([np.abs(self.time - c) > BESIDE for c in CORNERS], axis=0)
 
+    @property
+    def beginning(self) -> Mapping[str, Polynomial]:
+        """The polynomial through each motor's early positions."""
+        return {name: Polynomial.fit(self.time[self.early], at[self.early], 4) for name, at in self.position.items()}
+
     def at_the_start(self) -> Reactions:
         """The analytic side while one polynomial follows the motion."""
-        fits = {name: Polynomial.fit(self.time[self.early], at[self.early], 4) for name, at in self.position.items()}
-        courses = {name: lambda t, order=0, fit=fit: fit.deriv(order)(t) for name, fit in fits.items()}
+        courses = {name: lambda t, order=0, fit=fit: fit.deriv(order)(t) for name, fit in self.beginning.items()}
         return driven_motion(Assembly(self.mechanism), self.time[self.early], courses)
+
+    def request_at_the_start(self) -> Request:
+        """What an engine is asked for while one polynomial follows the motion."""
+        knots = np.linspace(0.0, SMOOTH, KNOTS)
+        courses = {name: (knots, fit(knots)) for name, fit in self.beginning.items()}
+        return Request(self.mechanism, time=self.time[self.early], courses=courses)
 
     def in_motion(self) -> Reactions:
         """The analytic side along the splines through all samples."""

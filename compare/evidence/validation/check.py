@@ -17,7 +17,7 @@ from compare.evidence.validation.runs import run_all
 from compare.evidence.validation.scales import checked, scales
 from compare.files import output_folder
 from compare.results.document import Part
-from compare.results.validation import InEngine, Published, Validation, ValidationCheck, ValidationRun
+from compare.results.validation import Apart, InEngine, Published, Validation, ValidationCheck, ValidationRun
 
 WHERE = Path("reports")
 PAGE = "README.md"
@@ -128,27 +128,22 @@ def _along(old: InEngine | None, new: InEngine) -> Iterator[str]:
 
 def _held(stored: Sequence[Published], found: Sequence[Published]) -> Iterator[str]:
     """Published figures that are missed, or whose share of what is allowed is not as it was."""
-    before = {
-        (source.name, held.figure, apart.side): apart
-        for source in stored
-        for held in source.figures
-        for apart in held.apart
-    }
-    for source in found:
-        for held in source.figures:
-            for apart in held.apart:
-                where, old = (
-                    f"{source.name}, {held.figure}, {apart.side}",
-                    before.get((source.name, held.figure, apart.side)),
-                )
-                if apart.off > apart.allowed:
-                    yield f"{where}: is off by {apart.off:g}, and {apart.allowed:g} is allowed"
-                elif old is None:
-                    yield f"{where}: is new"
-                else:
-                    was, now = old.off / old.allowed, apart.off / apart.allowed
-                    if max(was, now) > max(FACTOR * min(was, now), NOTHING):
-                        yield f"{where}: was off by {old.off:g}, is off by {apart.off:g}"
+    before = _figures(stored)
+    for key, apart in _figures(found).items():
+        where, old = ", ".join(key), before.get(key)
+        if apart.off > apart.allowed:
+            yield f"{where}: is off by {apart.off:g}, and {apart.allowed:g} is allowed"
+        elif old is None:
+            yield f"{where}: is new"
+        else:
+            was, now = old.off / old.allowed, apart.off / apart.allowed
+            if max(was, now) > max(FACTOR * min(was, now), NOTHING):
+                yield f"{where}: was off by {old.off:g}, is off by {apart.off:g}"
+
+
+def _figures(sources: Sequence[Published]) -> dict[tuple[str, str, str], Apart]:
+    """Published figures by source, figure and side."""
+    return {(s.name, held.figure, apart.side): apart for s in sources for held in s.figures for apart in held.apart}
 
 
 def _moved(old: ValidationRun | None, new: ValidationRun | None) -> Iterator[str]:
