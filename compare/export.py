@@ -5,14 +5,16 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
+from analytic.kinematics.assembly import Assembly
 from compare.analyse import Angles, request
-from compare.arguments import Linkage, Metres, linkage, one_engine, path, rigidly_and_evenly_driven
+from compare.arguments import Linkage, Metres, Numbers, linkage, one_engine, rigidly_and_evenly_driven, timed
+from compare.arguments import path as named
 from compare.faults import ArgumentError
 from compare.files import OutputError, output_folder, write_together
 from sim_models.engine import JointModel, Motion, declared, engine, engine_names
 
 
-def export(
+def export(  # noqa: PLR0913 - what a person may ask, by name
     mechanism: Linkage = "paper",
     simulator: str = "mujoco",
     *,
@@ -20,25 +22,44 @@ def export(
     joint_model: JointModel = "ideal",
     motion: Motion = "driven",
     angles: Angles | None = None,
+    times: Numbers | None = None,
+    course: str | Path | None = None,
+    path: str | Path | None = None,
     clearance: Metres | None = None,
 ) -> list[Path]:
     """Write an engine's own model of a linkage into a folder, with ``run.py``, which runs it without this project, and
     ``expected.csv``, what it gave here; the files.
 
+    A linkage that no single crank moves runs at ``times`` (N,) s, its drives at their speeds, along the ``course`` of a
+    file or such that a platform follows a ``path``, as in :func:`compare.analyse.simulate`.
+
     Raises what :func:`compare.analyse.simulate` does, and OutputError.
     """
-    place = path(folder, "folder")
-    texts = exported(mechanism, simulator, joint_model=joint_model, motion=motion, angles=angles, clearance=clearance)
+    place = named(folder, "folder")
+    texts = exported(
+        mechanism,
+        simulator,
+        joint_model=joint_model,
+        motion=motion,
+        angles=angles,
+        times=times,
+        course=course,
+        path=path,
+        clearance=clearance,
+    )
     return write_together(output_folder(place, "folder"), texts)
 
 
-def exported(
+def exported(  # noqa: PLR0913 - what a person may ask, by name
     mechanism: Linkage,
     simulator: str,
     *,
     joint_model: JointModel,
     motion: Motion,
     angles: Angles | None,
+    times: Numbers | None,
+    course: str | Path | None,
+    path: str | Path | None,
     clearance: Metres | None,
 ) -> dict[str, str]:
     """The files of an export: text by name."""
@@ -48,7 +69,7 @@ def exported(
         can = ", ".join(name for name in engine_names() if declared(name).capabilities.export is not None)
         raise ArgumentError("simulator", f"{simulator}: its model cannot be exported; that of {can} can")
     m = rigidly_and_evenly_driven(linkage(mechanism, clearance))
-    asked = request(m, joint_model, motion, angles)
+    asked = request(m, joint_model, motion, angles, timed(Assembly(m), times, course, path))
     try:
         with tempfile.TemporaryDirectory() as draft:  # all of it is there before the first file is put in place
             return {file.name: file.read_text(encoding="utf-8") for file in chosen.export(asked, Path(draft))}

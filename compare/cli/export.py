@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from compare.cli.folders import Overwrite, refuse_others
-from compare.cli.options import JointChoice, Json, MotionChoice, Quiet, load_case, place
+from compare.cli.options import CourseFile, JointChoice, Json, MotionChoice, PathFile, Quiet, Times, load_case, place
 from compare.cli.publish import show
 from compare.faults import complaints
 
@@ -27,6 +27,9 @@ def export(
         str | None, typer.Option(metavar="JOINT=M,...", help="Radial clearances (m) in place of the case's own.")
     ] = None,
     angles: Annotated[str | None, typer.Option(metavar="START:STOP:STEP", help="Crank angles (deg).")] = None,
+    times: Times = None,
+    course: CourseFile = None,
+    path: PathFile = None,
     overwrite: Overwrite = False,
     json: Json = False,
     quiet: Quiet = False,
@@ -40,6 +43,7 @@ def export(
         from compare.arguments import one_engine
         from compare.export import exported
         from compare.files import made_folder, write_together
+        from compare.judge.courses import parse_times
         from compare.judge.grid import parse_angles
         from compare.results.export import Exported
         from sim_models.engine import declared
@@ -52,6 +56,9 @@ def export(
                 joint_model=joint.value,
                 motion=motion.value,
                 angles=parse_angles(angles) if angles is not None else None,
+                times=parse_times(times) if times is not None else None,
+                course=course,
+                path=path,
                 clearance=None,
             )
             refuse_others(folder, texts, overwrite)

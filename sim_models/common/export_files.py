@@ -12,10 +12,13 @@ import numpy as np
 from sim_models.engine import Trace
 
 
-def expected(trace: Trace, order: Iterable[int] | None = None) -> str:
-    """The trace as CSV with all digits, rows in this order; left out, in the order of passing."""
+def expected(trace: Trace, order: Iterable[int] | None = None, *, crank: bool = True) -> str:
+    """The trace as CSV with all digits, rows in this order; left out, in the order of passing.
+
+    Where no ``crank`` tells where the linkage is, there is no column of its angle.
+    """
     columns = {
-        "crank_angle": trace.crank_angle,
+        **({"crank_angle": trace.crank_angle} if crank else {}),
         **({} if trace.time is None else {"time": trace.time}),
         **trace.signals,
     }
