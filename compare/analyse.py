@@ -60,7 +60,8 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
     well (Eqs. 1-7), superposed as in Fig. 7c, in static motion.
 
     A linkage that no single crank moves is analysed at ``times`` (N,) s, its drives at their speeds, along the
-    ``course`` of a file or such that a platform follows a ``path``, as in :func:`compare.crosscheck.crosscheck`.
+    ``course`` of a file or such that a platform follows a ``path``, as in :func:`compare.crosscheck.crosscheck`; in
+    ``static`` motion at rest in each of those poses.
     Raises MechanismError, ArgumentError, AssemblyError or ComplianceError.
     """
     model, motion = one_of(model, MODELS, "model"), one_of(motion, MOTIONS, "motion")
@@ -72,7 +73,8 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
         moved = timed(assembly, times, course, path)
         if moved is not None:
             over_time(assembly, motion, angles=angles, compliance=compliance or None)
-            return _analysed(m, timed_reference(assembly, *moved, model, m.clearances), model, warned, moved[0])
+            side = timed_reference(assembly, *moved, motion, model, m.clearances)
+            return _analysed(m, side, model, warned, moved[0]).model_copy(update={"motion": motion})
         if motion == "driven" and m.speed is None:
             raise ArgumentError("motion", f"the drive of {m.name} has no constant speed; ask for static motion")
         if motion == "driven" and compliance:
@@ -161,7 +163,7 @@ def request(
     assembly = Assembly(m)
     if moved is not None:
         over_time(assembly, motion, angles=angles)
-        return Request(m, joint_model, time=moved[0], courses=moved[1].knots)
+        return Request(m, joint_model, motion, time=moved[0], courses=moved[1].knots)
     if m.speed is None and motion == "driven":
         if angles is not None:
             raise ArgumentError("angles", f"{m.name} swings freely and is reported over time; leave angles out")

@@ -135,7 +135,8 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
     case.  A linkage with several drives, or with one that turns no crank, is compared at ``times`` (N,) s: all drives
     start at the assembly's angles and go on at their speeds, or follow a ``course``, a file of time and
     ``position_<joint>``, or move a platform along a ``path``, a file of time and its ``<body>_x``, ``<body>_y``,
-    ``<body>_angle``; what has no drive moves freely.
+    ``<body>_angle``; what has no drive moves freely.  In ``static`` motion it rests, held by all its drives, in each of
+    those poses.
 
     Without a ``joint_model`` every one that an engine has is run, ideal first.  ``tolerances`` are a file's laid over
     the shipped ones, or :class:`~compare.judge.tolerances.Tolerances`.  With ``flexible`` bodies that have a modulus of
@@ -444,7 +445,8 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
 
 def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Reference:
     if job.time is not None and job.courses is not None:
-        return timed_reference(assembly, job.time, job.courses, job.model, {} if ideal else job.mechanism.clearances)
+        clearances = {} if ideal else job.mechanism.clearances
+        return timed_reference(assembly, job.time, job.courses, job.motion, job.model, clearances)
     if job.time is not None:
         return released_reference(assembly, job.time)
     side = measure(assembly, job.theta, job.motion, job.model, {} if ideal else job.mechanism.clearances)

@@ -104,6 +104,11 @@ class Structure:
         """Which of them move freely."""
         return tuple(k for k in range(len(self.inputs)) if k not in self.driven)
 
+    @property
+    def free_joints(self) -> tuple[str, ...]:
+        """The joints whose positions these are."""
+        return tuple(self.coordinates[self.inputs[k]].joint for k in self.free)
+
     def unit(self, i: int) -> Literal["rad", "m"]:
         """Unit of a coordinate."""
         return "rad" if self.coordinates[i].bodies else "m"

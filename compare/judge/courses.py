@@ -27,6 +27,7 @@ SAMPLES = 50
 SHORTEST = 1e-3  # s
 SPARE = 0.9  # of the way to where the drives get no farther
 KNOTS = 5  # of a straight line
+STANDSTILL = 1e-9  # of a course's largest rate: one that is no larger is rounding
 LEAST = 4  # rows of a file of courses: a cubic spline needs as many
 
 
@@ -44,6 +45,14 @@ class Courses:
         from scipy.interpolate import CubicSpline
 
         return {name: CubicSpline(*course) for name, course in self.knots.items()}
+
+    def directions(self, time: np.ndarray) -> dict[str, np.ndarray]:
+        """Rates (N,) rad/s, m/s at times (N,) s, by joint; 0 of a drive that is about to stand."""
+        found = {}
+        for name, spline in self.splines.items():
+            rate, top_speed = np.asarray(spline(time, 1)), np.abs(spline(spline.x, 1)).max()
+            found[name] = np.where(np.abs(rate) > STANDSTILL * top_speed, rate, 0.0)
+        return found
 
     def at(self, time: np.ndarray) -> dict[str, np.ndarray]:
         """Positions (N,) at times (N,) s, by joint."""
@@ -136,7 +145,7 @@ def of_path(path: Path, assembly: Assembly) -> Courses:
 
     table = read_table(path, m)
     poses = [c.signal for c in table.columns if c.signal.kind == "pose"]
-    free = [s.coordinates[s.inputs[k]].joint for k in s.free]
+    free = s.free_joints
     faults = []
     if len(poses) != len(s.inputs):
         given = ", ".join(signal.name for signal in poses) or "none"

@@ -188,13 +188,23 @@ def _side(
 
 
 def timed_reference(
-    assembly: Assembly, time: np.ndarray, courses: Courses, model: Model, clearances: Mapping[str, float]
+    assembly: Assembly,
+    time: np.ndarray,
+    courses: Courses,
+    motion: Motion,
+    model: Model,
+    clearances: Mapping[str, float],
 ) -> Reference:
     """The analytic model at times (N,) s of a linkage whose drives follow ``courses``, with these clearances (m).
 
-    What no drive moves moves freely, with ideal joints.  Raises AssemblyError.
+    In ``static`` motion every drive holds what it moves where its course has it, and only the direction of that course
+    is left of its rate: friction acts against it.  In driven motion what no drive moves moves freely, with ideal
+    joints.  Raises AssemblyError.
     """
     s, splines = assembly.structure, courses.splines
+    if motion == "static":
+        inputs, omega = (assembly.inputs_at(each) for each in (courses.at(time), courses.directions(time)))
+        return _side(assembly, Turning(inputs, omega, np.zeros(inputs.shape)), False, model, clearances)
     if s.free:
         found = free_motion(assembly, time, splines)
         signals = with_derived(found.signals(), assembly.mechanism)

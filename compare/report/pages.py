@@ -134,6 +134,8 @@ def _motion(run: Run, mechanism: Mechanism) -> str:
     """How a run moved, in words."""
     if not released(run, mechanism):
         return run.motion
+    if run.motion == "static":
+        return "static over time"
     moved = [drive.speed for drive in mechanism.drives if drive.speed != "free"]
     if not moved:
         return "swings freely"

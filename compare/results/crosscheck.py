@@ -266,8 +266,8 @@ class CrossCheck(Document):
 
     @property
     def over_time(self) -> bool:
-        """Whether the samples of its runs belong to times: the linkage swings freely and is not held at angles."""
-        return self.swings and all(run.motion == "driven" for run in self.runs)
+        """Whether the samples of its runs belong to times: no crank's angle says where the linkage is."""
+        return self.swings and all(run.time is not None for run in self.runs)
 
     def run(self, simulator: str | None = None, joint_model: str | None = None) -> Run:
         """The first run of that engine and joint model.  Raises KeyError with those that there are."""

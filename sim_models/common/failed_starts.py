@@ -101,9 +101,11 @@ def who(engine: str, request: Request) -> str:
 
 
 def where(request: Request, theta: float) -> str:
-    """A crank angle (rad) in words: one that was asked for, or one of the run's own; along courses, their start."""
+    """A crank angle (rad) in words: one that was asked for, or one of the run's own; along courses, their start, and at
+    rest on them a time (s).
+    """
     if request.courses is not None:
-        return "at the start of its courses"
+        return f"at {theta:.4g} s" if request.motion == "static" else "at the start of its courses"
     here, asked = f"at crank angle {np.degrees(theta):.4g} deg", np.degrees(request.crank_angle)
     if asked.size == 0 or asked.min() - SAME <= np.degrees(theta) <= asked.max() + SAME:
         return here

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from analytic.kinematics.structure import structure
 from sim_models.engine import Request, Unsupported
 
 
@@ -58,13 +59,12 @@ def _check_courses(request: Request) -> None:
     """Raise Unsupported where courses and drives do not go together, or reports are outside of them."""
     m, courses = request.mechanism, request.courses or {}
     driven = [joint.name for joint in m.motors]
-    if request.motion == "static":
-        raise Unsupported(f"{m.name}: what moves along courses is not at rest; use motion 'driven'")
     if sorted(courses) != sorted(driven):
         raise Unsupported(
             f"{m.name}: there are courses of {', '.join(courses) or 'no joint'}, and drives at"
             f" {', '.join(driven) or 'none'}; give each drive its course"
         )
+    _check_held(request)
     crank = {"stiffness": m.drive_stiffness, "half_gap": m.half_gap, "periodic_torque": m.periodic_torque}
     for field, given in (crank | {"ripple": m.drives[0].ripple if m.drives else None}).items():
         if given:
@@ -74,6 +74,15 @@ def _check_courses(request: Request) -> None:
         raise Unsupported(f"{m.name}: courses need report times, from 0 s on, in time, and no crank_angle")
     for course in courses.values():
         _check_spline(m.name, *course, report)
+
+
+def _check_held(request: Request) -> None:
+    """Raise Unsupported where an equilibrium is asked of a linkage that nothing holds."""
+    if request.motion == "static" and (loose := structure(request.mechanism).free_joints):
+        raise Unsupported(
+            f"{request.mechanism.name}: no drive holds joint {loose[0]!r} at rest; use motion 'driven', or give it a"
+            " drive and a course"
+        )
 
 
 def _check_course(request: Request) -> None:

@@ -275,6 +275,8 @@ def fastest(request: Request) -> float:
     A slide's is what it travels over the longest body, and how soon it gains its speed where that is sooner: an axis
     may be any number of lengths long.
     """
+    if request.motion == "static":  # in which nothing is fast
+        return 0.0
     rate = abs(request.start_speed)
     courses = dict(request.courses or {})
     if request.course is not None:

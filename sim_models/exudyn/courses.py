@@ -16,11 +16,12 @@ from sim_models.exudyn.laws import joint_creep
 from sim_models.exudyn.linkage import ExudynLinkage, Inertia
 from sim_models.exudyn.model import ExudynModel
 from sim_models.exudyn.motor import INSTANT
-from sim_models.exudyn.path import CoursePath
-from sim_models.exudyn.record import Record, travel
+from sim_models.exudyn.path import CoursePath, RestingPath
+from sim_models.exudyn.record import Record, join, travel
 from sim_models.exudyn.runs import Run, swing_step
 from sim_models.exudyn.steady import instants, passing
 
+PACE = 1.0  # rad/s of the fastest drive of an equilibrium, which only has a direction
 TURN_PER_STEP = 1e-3  # rad of the fastest body in a step, at most: loops that several motors hold give more
 
 
@@ -119,5 +120,39 @@ class CoursesRun(Run):
 
     def leading(self, sampled: Record) -> np.ndarray:
         """Position (N,) rad, m of the first input's joint."""
-        s = self.assembly.structure
-        return travel(self.m, sampled, self.m.joint(s.coordinates[s.inputs[0]].joint))
+        return first_input(self, sampled)
+
+
+class RestingRun(Run):
+    """A request for equilibria of a linkage that all of its drives hold where their courses have them.
+
+    Raises AssemblyError where the linkage cannot be there.
+    """
+
+    path: RestingPath
+
+    def __init__(self, request: Request) -> None:
+        super().__init__(request)
+        self.path = RestingPath(request, self.assembly)
+
+    def trace(self) -> Trace:
+        """Run the request."""
+        time = np.asarray(self.request.time, float)
+        order = np.argsort(time, kind="stable")
+        with own_start("exudyn", self.request, self.assembly):
+            equilibria = Equilibria(self.request, self.path, PACE)
+            found = join([equilibria.at(float(at)) for at in time[order]])
+            timed = replace(found, time=time[order])
+            self.check(self.judge.finite(timed), self.judge.joined(timed))
+            self.check(self.judge.in_assembly_mode(timed, self.path))
+        return self.report(found.rows(np.argsort(order)), found, time)
+
+    def leading(self, sampled: Record) -> np.ndarray:
+        """Position (N,) rad, m of the first input's joint."""
+        return first_input(self, sampled)
+
+
+def first_input(run: Run, sampled: Record) -> np.ndarray:
+    """Position (N,) rad, m of the first input's joint."""
+    s = run.assembly.structure
+    return travel(run.m, sampled, run.m.joint(s.coordinates[s.inputs[0]].joint))

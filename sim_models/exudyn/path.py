@@ -11,6 +11,7 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from sim_models.common.contact_laws import longest
+from sim_models.common.held import HeldPath
 from sim_models.common.motor import motors_of
 from sim_models.common.start import Pose, poses
 from sim_models.engine import Request
@@ -173,3 +174,30 @@ class CoursePath:
         whole = apart > 0.1 * apart.max()  # over shorter ones differences are rounding
         ways = np.concatenate([np.abs(np.diff(origins)) / size, np.abs(np.diff(angles))])
         return float((ways[:, whole] / apart[whole]).max())
+
+
+class RestingPath:
+    """A linkage that its drives hold where their courses have them, told by the time (s) on these."""
+
+    def __init__(self, request: Request, assembly: Assembly) -> None:
+        self.assembly, self.along = assembly, HeldPath(request, assembly)
+        self.held: tuple[str, ...] | None = self.along.names
+
+    @property
+    def start(self) -> float:
+        """Time (s) of the first of them."""
+        return self.along.begin
+
+    def poses(self, at: float, gaps: Mapping[str, complex] = NO_GAPS) -> dict[str, Pose]:
+        """At a time (s)."""
+        return self.along.poses(at, gaps)
+
+    def moving(self, at: float, speed: float, gaps: Mapping[str, complex] = NO_GAPS) -> dict[str, Pose]:
+        """At a time (s), going on as the courses then do, the fastest drive at ``speed`` (rad/s, or lengths of the
+        longest body per second).
+        """
+        return self.along.moving(at, speed, gaps)
+
+    def turned(self, record: Record, rows: np.ndarray) -> dict[str, np.ndarray]:
+        """At the recorded times."""
+        return {name: angle for name, (_, angle) in self.along.place(record.time[rows]).items()}

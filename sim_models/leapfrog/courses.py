@@ -12,7 +12,8 @@ from numpy.polynomial import Polynomial
 
 from analytic.kinematics.assembly import Assembly
 from sim_models.common.contact_laws import longest
-from sim_models.common.motor import Course, Motor, motor_of, motors_of
+from sim_models.common.held import HeldPath
+from sim_models.common.motor import ConstantSpeed, Course, Motor, motor_of, motors_of
 from sim_models.common.start import Pose, poses, substeps
 from sim_models.engine import Request
 
@@ -121,25 +122,40 @@ class Together:
         return float(np.abs(ways).max()) / float(times[1] - times[0])
 
 
-Path = Motor | Behind | Together
+@dataclass(frozen=True)
+class Resting:
+    """A linkage at rest whose drives hold it where their courses have them."""
+
+    along: HeldPath
+
+    constant_speed: ClassVar[bool] = True
+    top_speed: ClassVar[float] = 0.0
+    knot_spacing: ClassVar[float] = np.inf
+
+
+Path = Motor | Behind | Together | Resting
 
 
 def motion_of(request: Request, assembly: Assembly) -> Motor | Together | None:
     """What moves the linkage of a request that makes a run; None at rest, and where all of it moves freely.  Raises
     AssemblyError where a linkage cannot follow its courses.
     """
-    if request.courses is None:
+    if request.courses is None or request.motion == "static":
         return motor_of(request)
     return Together.of(request, assembly) if request.courses else None
 
 
 def told_angle(path: Path, time: float) -> float:
-    """A crank's angle (rad) at a time (s) of a path; NaN of what is no crank."""
+    """A crank's angle (rad) at a time (s) of a path; of what is no crank NaN, and at rest that time."""
+    if isinstance(path, Resting):
+        return time
     return float("nan") if isinstance(path, Together) else path.angle(time)
 
 
 def path_of(path: Path, joint: str) -> Motor | Behind:
-    """The path of one driven joint."""
+    """The path of one driven joint, which at rest goes nowhere."""
+    if isinstance(path, Resting):
+        return ConstantSpeed(0.0)
     return path.motors[joint] if isinstance(path, Together) else path
 
 
@@ -179,6 +195,8 @@ def moving(
 
 def still(assembly: Assembly, path: Path, time: float, gaps: Changes = NONE) -> dict[str, Pose]:
     """Pose of every moving body at a time (s) of a path, with these gaps (m), as if at rest.  Raises AssemblyError."""
+    if isinstance(path, Resting):
+        return path.along.poses(time, gaps)
     if not isinstance(path, Together):
         return poses(assembly, path.angle(time), gaps=lambda _: gaps)
     placed = path.place(assembly, np.array([time]), {name: np.array([gap]) for name, gap in gaps.items()})

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, Joint, Mechanism
-from sim_models.common.start import AT_REST, poses
+from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 
 SLIDING_ZONE = 1e-3  # of the drive's speed: relative speed below which Coulomb friction fades out
@@ -37,13 +38,11 @@ class JointLaws:
         slip = max(-1.0, min(1.0, rate / self.fades_below[j.name]))
         return j.spring(position) + j.damper(rate) - (j.dry(rate) + j.load_friction(load)) * slip
 
-    def set_sliding(self, assembly: Assembly, theta: float, direction: float) -> None:
-        """Let friction at rest oppose the ideal motion at this crank angle (rad), the crank turning in a direction
-        (1 or -1).
-        """
+    def set_sliding(self, motion: Callable[[], Mapping[str, Pose]]) -> None:
+        """Let friction at rest oppose a motion of the ideal linkage, of which only the direction matters."""
         if not any(j.rubs for j in self.joints):
             return
-        moving = poses(assembly, theta, direction) | {GROUND: AT_REST}
+        moving = {**motion(), GROUND: AT_REST}
         for j in self.joints:
             a, b = (moving[name] for name in j.bodies)
             self.sliding[j.name] = float(np.sign(round(travel(self.mechanism, j, a, b)[1], 9)))

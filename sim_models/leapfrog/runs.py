@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -13,14 +14,26 @@ from analytic.mechanism.signals import position
 from sim_models.common.backlash import Felt, Flanks
 from sim_models.common.contact_laws import TOO_DEEP, shortest_link
 from sim_models.common.failed_starts import own_start
+from sim_models.common.held import HeldPath
 from sim_models.common.journal import free_share
 from sim_models.common.motor import ConstantSpeed, Course, Motor, report_times
 from sim_models.common.rates import part_rates
 from sim_models.common.silence import silence
-from sim_models.common.start import check_steps
+from sim_models.common.start import Pose, check_steps, poses
 from sim_models.engine import Cause, Request, SimulationError, Trace, Unsupported, installed_version
 from sim_models.leapfrog.bodies import WARM_UP, LeapfrogWorld
-from sim_models.leapfrog.courses import Behind, Changes, Grid, Path, Together, moving, near, path_of
+from sim_models.leapfrog.courses import (
+    Behind,
+    Changes,
+    Grid,
+    Path,
+    Resting,
+    Together,
+    moving,
+    near,
+    path_of,
+    told_angle,
+)
 from sim_models.leapfrog.equilibria import Equilibria
 from sim_models.leapfrog.probe import PROBE, drive_inertia, forces_at
 from sim_models.leapfrog.steps import longest_step
@@ -30,6 +43,8 @@ AT_REST = 1e-9  # rad, of a crank on a spring
 OFF_COURSE = 1e-7  # rad, what a rigidly driven crank may be off its course
 FELT = 37  # instants of a run at which what a motor feels is asked for
 HEEDED_STEPS = 30  # before a report, in which friction settles where the motion does not depend on it
+# Signals at rest, of a world by its equilibria and those of rods, with its motor at an angle (rad), or at a time (s).
+Rest = Callable[[LeapfrogWorld, Equilibria, Equilibria | None, float], dict[str, float]]
 HELD = 1e-3  # of the largest reaction: what one-sided pins and rods may differ by where both hold the same equilibrium
 
 
@@ -69,27 +84,45 @@ def _ideal(request: Request) -> Request:
 
 
 def _static(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None) -> Trace:
-    asked = world.request.crank_angle
+    request, by_rods = world.request, 0
+    rest: Rest = _rest
+    asked, places = request.crank_angle, "angles"
+    if request.courses is not None:
+        asked, places, rest = np.asarray(request.time, float), "instants", _along(world)
     rows: list[dict[str, float]] = [{}] * asked.size
-    by_rods = 0
     for k in np.argsort(asked if world.speed >= 0 else -asked, kind="stable"):
-        rows[k] = _rest(world, found, rods, float(asked[k]))
+        rows[k] = rest(world, found, rods, float(asked[k]))
         by_rods += world.by_rods
-    trace = _trace(world, rows, asked, None, PROBE)
+    told, time = asked, None
+    if request.courses is not None:
+        told, time = np.array([row[_told(world)] for row in rows]), asked
+    trace = _trace(world, rows, told, time, PROBE)
     if by_rods:
-        trace = replace(trace, settings={**trace.settings, "read_from_rods": f"{by_rods} of {asked.size} angles"})
+        trace = replace(trace, settings={**trace.settings, "read_from_rods": f"{by_rods} of {asked.size} {places}"})
     gaps = {n: trace.signals[f"clearance_{n}_x"] + 1j * trace.signals[f"clearance_{n}_y"] for n in world.pins}
     free = {n: free_share(g, world.pins[n].clearance) for n, g in gaps.items()}
     return replace(trace, free_share=free, journal={n: np.column_stack([g.real, g.imag]) for n, g in gaps.items()})
+
+
+def _along(world: LeapfrogWorld) -> Rest:
+    """How to find signals at rest with the drives where their courses have them at a time (s)."""
+    path = Resting(HeldPath(world.request, world.assembly))
+
+    def rest(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None, time: float) -> dict[str, float]:
+        _slide(world, found, rods, lambda: path.along.moving(time, 1.0))
+        row = _seen(world, found, rods, path, time)
+        _check_depth(world, f"{time:.4g} s")
+        return row
+
+    return rest
 
 
 def _rest(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None, motor: float) -> dict[str, float]:
     """Signals at rest with the motor at an angle (rad), which a crank on a spring lags."""
     theta = motor
     for _ in range(50):
-        for each in (world, found.ideal, *([rods.world] if rods else [])):
-            each.laws.set_sliding(each.assembly, theta, -1.0 if each.speed < 0 else 1.0)
-        row = _one_sided(found, rods, theta) if rods else _still(world, theta, found.gaps(ConstantSpeed(theta), 0.0))
+        _slide(world, found, rods, partial(poses, world.assembly, theta, -1.0 if world.speed < 0 else 1.0))
+        row = _seen(world, found, rods, ConstantSpeed(theta), 0.0)
         _check_depth(world, _at_angle(theta))
         lagging = motor - world.behind(row["drive_torque"])
         if abs(lagging - theta) < AT_REST:
@@ -102,30 +135,45 @@ def _rest(world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None, moto
     )
 
 
-def _still(world: LeapfrogWorld, theta: float, gaps: Changes) -> dict[str, float]:
-    """Signals with the crank at rest at an angle (rad), and the pins off centre by these gaps (m)."""
+def _slide(
+    world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None, motion: Callable[[], Mapping[str, Pose]]
+) -> None:
+    """Let friction oppose a motion, in all that is at rest."""
+    for each in (world, found.ideal, *([rods.world] if rods else [])):
+        each.laws.set_sliding(motion)
+
+
+def _seen(
+    world: LeapfrogWorld, found: Equilibria, rods: Equilibria | None, path: Path, time: float
+) -> dict[str, float]:
+    """Signals at rest at a time (s) of a path that goes nowhere."""
+    return _one_sided(found, rods, path, time) if rods else _still(world, path, time, found.gaps(path, time))
+
+
+def _still(world: LeapfrogWorld, path: Path, time: float, gaps: Changes) -> dict[str, float]:
+    """Signals at rest at a time (s) of a path that goes nowhere, with the pins off centre by these gaps (m)."""
 
     def still() -> dict[str, float]:
-        world.approach(moving(world.assembly, ConstantSpeed(theta), 0.0, near(gaps, 0.0)), PROBE)
+        world.approach(moving(world.assembly, path, time, near(gaps, time)), PROBE)
         return world.observe(PROBE)
 
     return world.settled(still, lambda row: _reactions(row, world.loads))
 
 
-def _one_sided(found: Equilibria, rods: Equilibria, theta: float) -> dict[str, float]:
+def _one_sided(found: Equilibria, rods: Equilibria, path: Path, time: float) -> dict[str, float]:
     """Signals of pins that may leave their rims: their own, or, where the engine does not hold them there, those of
     rods, all of which pull.
     """
-    gaps = rods.gaps(ConstantSpeed(theta), 0.0)
-    sure, found.last = _still(rods.world, theta, gaps), dict(rods.last)
+    gaps = rods.gaps(path, time)
+    sure, found.last = _still(rods.world, path, time, gaps), dict(rods.last)
     forces = _reactions(sure, gaps)
     lifted = [name for name, gap in gaps.items() if (forces[name] * gap.conjugate()).real <= 0]
     if lifted:
         what = f"the only equilibrium found has the pin of joint {lifted[0]!r} pulled off its rim"
-        raise found.failed(Cause.PULLED, what, theta)
+        raise found.failed(Cause.PULLED, what, told_angle(path, time))
     with contextlib.suppress(SimulationError):
-        gaps = found.gaps(ConstantSpeed(theta), 0.0)
-    row = _still(found.world, theta, gaps)
+        gaps = found.gaps(path, time)
+    row = _still(found.world, path, time, gaps)
     apart = max(abs(force - forces[name]) for name, force in _reactions(row, gaps).items())
     found.world.by_rods = not apart < HELD * max(map(abs, forces.values()))
     return sure if found.world.by_rods else row

@@ -31,10 +31,12 @@ class MujocoEngine(Engine):
     def simulate(self, request: Request) -> Trace:
         """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""
         from sim_models.mujoco.runs import MujocoRun
-        from sim_models.mujoco.several import CoursesRun
+        from sim_models.mujoco.several import CoursesRun, RestingRun
 
         def run(asked: Request) -> Trace:
-            return (MujocoRun(asked) if asked.courses is None else CoursesRun(asked)).trace()
+            if asked.courses is None:
+                return MujocoRun(asked).trace()
+            return (RestingRun if asked.motion == "static" else CoursesRun)(asked).trace()
 
         with no_log_file():
             return simulate(self, request, run)

@@ -159,11 +159,12 @@ class Equilibria:
 
     def slip(self, theta: float) -> dict[str, float]:
         """Sign of each joint's relative velocity, second body less first, as the drive turns the ideal linkage."""
-        around = self.path.around(theta)
-        if around is None or not any(j.rubs or j.friction for j in self.mechanism.joints):
+        rubs = any(j.rubs or j.friction for j in self.mechanism.joints)
+        around = self.path.around(theta) if rubs else None
+        if around is None:
             return {j.name: 0.0 for j in self.mechanism.joints}
         link = self.ideal
-        back, ahead = (self.place(link, at) for at in around)
+        back, ahead = (link.placed(poses) for poses in around)
         moves = {j.name: float(link.between(j) @ (ahead - back)) for j in self.mechanism.joints}
         return {name: math.copysign(1.0, x) if abs(x) > STANDSTILL * SIDE else 0.0 for name, x in moves.items()}
 

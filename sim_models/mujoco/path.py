@@ -12,6 +12,7 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from sim_models.common.contact_laws import longest
+from sim_models.common.held import HeldPath
 from sim_models.common.motor import motors_of
 from sim_models.common.start import Pose, poses
 from sim_models.engine import Request
@@ -20,17 +21,20 @@ SIDE = 1e-4  # rad of a crank, or of the body that courses turn fastest, to wher
 GLIMPSES = 400  # instants of courses, at least, between which it is looked how fast they turn the bodies
 
 
+Poses = dict[str, Pose]  # of every moving body
+
+
 class Path(Protocol):
     """A motion, told by one number: a crank's angle (rad), or the time (s) on courses."""
 
     driven: tuple[str, ...] | None  # joints that follow courses, where these are not a crank's
     held: bool  # whether nothing is left to move freely
 
-    def poses(self, at: float, gaps: Mapping[str, complex] | None = None) -> dict[str, Pose]:
+    def poses(self, at: float, gaps: Mapping[str, complex] | None = None) -> Poses:
         """Pose of every moving body with these gaps (m) of its joints, as if at rest.  Raises AssemblyError."""
 
-    def around(self, at: float) -> tuple[float, float] | None:
-        """Where it comes from and where it goes, close by; None where it stands."""
+    def around(self, at: float) -> tuple[Poses, Poses] | None:
+        """Where the ideal linkage comes from and where it goes, close by; None where it stands."""
 
 
 class CrankPath:
@@ -42,16 +46,16 @@ class CrankPath:
     def __init__(self, assembly: Assembly, direction: float) -> None:
         self.assembly, self.direction = assembly, direction
 
-    def poses(self, at: float, gaps: Mapping[str, complex] | None = None) -> dict[str, Pose]:
+    def poses(self, at: float, gaps: Mapping[str, complex] | None = None) -> Poses:
         """At a crank angle (rad)."""
         return poses(self.assembly, at, gaps=lambda _: gaps or {})
 
-    def around(self, at: float) -> tuple[float, float] | None:
-        """Crank angles (rad) on either side."""
+    def around(self, at: float) -> tuple[Poses, Poses] | None:
+        """At crank angles (rad) on either side."""
         if self.direction == 0:
             return None
         h = math.copysign(SIDE, self.direction)
-        return at - h, at + h
+        return self.poses(at - h), self.poses(at + h)
 
 
 class CoursePath:
@@ -69,15 +73,15 @@ class CoursePath:
         self.begin = max((motor.begin for motor in self.motors.values()), default=0.0)
         self.top_speed = self._fastest(request)
 
-    def poses(self, at: float, gaps: Mapping[str, complex] | None = None) -> dict[str, Pose]:
+    def poses(self, at: float, gaps: Mapping[str, complex] | None = None) -> Poses:
         """At a time (s)."""
         origins, angles = self._placed(np.array([at]), gaps or {})
         bodies = self.assembly.structure.bodies
         return {name: Pose(complex(origins[b, 0]), float(angles[b, 0])) for b, name in enumerate(bodies) if b}
 
-    def around(self, at: float) -> tuple[float, float] | None:
-        """Times (s): a motion that begins from rest has no other side."""
-        return (at, at + SIDE / self.top_speed) if self.top_speed else None
+    def around(self, at: float) -> tuple[Poses, Poses] | None:
+        """At times (s) of which none is before: a motion that begins from rest has no other side."""
+        return (self.poses(at), self.poses(at + SIDE / self.top_speed)) if self.top_speed else None
 
     def _placed(self, times: np.ndarray, gaps: Mapping[str, complex]) -> tuple[np.ndarray, np.ndarray]:
         """Origins (bodies, N) m, complex, and angles (bodies, N) rad at times (N,) s."""
@@ -103,3 +107,23 @@ class CoursePath:
         origins, angles = self._placed(times, {})
         ways = np.concatenate([np.abs(np.diff(origins)) / size, np.abs(np.diff(angles))])
         return float(ways.max() / (times[1] - times[0]))
+
+
+class RestingPath:
+    """A linkage that its drives hold where their courses have them, told by the time (s) on these."""
+
+    held = True
+
+    def __init__(self, request: Request, assembly: Assembly) -> None:
+        self.along = HeldPath(request, assembly)
+        self.driven: tuple[str, ...] | None = self.along.names
+
+    def poses(self, at: float, gaps: Mapping[str, complex] | None = None) -> Poses:
+        """At a time (s)."""
+        return self.along.poses(at, gaps or {})
+
+    def around(self, at: float) -> tuple[Poses, Poses] | None:
+        """On either side of where it is at a time (s), as its drives then go on."""
+        if self.along.stands(at):
+            return None
+        return self.along.poses(at, beside=-SIDE), self.along.poses(at, beside=SIDE)

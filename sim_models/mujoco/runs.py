@@ -47,6 +47,7 @@ LANDING = 0.2  # of the time constant of a crank's landing, for a step
 HALVINGS = 5  # of the step, before a run with rigid joints coming apart is given up
 
 
+RESTING: Mapping[str, SettingValue] = {"step": None, "start": "equilibrium"}  # settings of a static run
 State = tuple[np.ndarray, np.ndarray]  # coordinates (nq,) and velocities (nv,)
 
 
@@ -98,6 +99,29 @@ class Run:
     def centred(self) -> bool:
         """Whether pins start in the middle of their bearings."""
         return self.request.start == "centred" and bool(self.laws)
+
+    def equilibria(self, along: np.ndarray) -> tuple[dict[str, np.ndarray], Log]:
+        """Signals (N,) of the equilibria at places (N,) on the path, and a log of the pins' paths there and between.
+
+        Raises SimulationError.
+        """
+        near = self.near(float(along[0]))
+        found = {at: self.at_rest(near, at) for at in along.tolist()}
+        log = Log.of(self.laws)
+        for at in _filled(along).tolist() if self.laws else ():
+            try:
+                seen = found[at] if at in found else near.at_rest(at)
+            except (SimulationError, AssemblyError):
+                continue  # only where one is asked for must one be; where there is none, the path has a gap
+            for name in self.laws:
+                log.gaps[name].append(complex(seen[f"clearance_{name}_x"], seen[f"clearance_{name}_y"]))
+                log.forces[name].append(math.hypot(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"]))
+        rows = [found[at] for at in along.tolist()]
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}, log
+
+    def at_rest(self, near: Equilibria, at: float) -> dict[str, float]:
+        """Signals of the equilibrium with the motors where they are at a place on the path.  Raises SimulationError."""
+        return near.at_rest(at)
 
     def light(self, near: Equilibria) -> MujocoLinkage:
         """The linkage as its pins feel it."""
@@ -236,23 +260,11 @@ class MujocoRun(Run):
     def static(self) -> Trace:
         """Equilibrium at each crank angle, and between them for the journals' paths."""
         theta = self.request.crank_angle
-        near = self.near(float(theta[0]))
-        found = {at: self.at_rest(near, at) for at in theta.tolist()}
-        log = Log.of(self.laws)
-        for at in _filled(theta).tolist() if self.laws else ():
-            try:
-                seen = found[at] if at in found else near.at_rest(at)
-            except (SimulationError, AssemblyError):
-                continue  # only requested angles must have an equilibrium; where there is none, the path has a gap
-            for name in self.laws:
-                log.gaps[name].append(complex(seen[f"clearance_{name}_x"], seen[f"clearance_{name}_y"]))
-                log.forces[name].append(math.hypot(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"]))
-        rows = [found[at] for at in theta.tolist()]
-        columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-        return self.report(theta, None, columns, log, {"step": None, "start": "equilibrium"})
+        columns, log = self.equilibria(theta)
+        return self.report(theta, None, columns, log, RESTING)
 
     def at_rest(self, near: Equilibria, theta: float) -> dict[str, float]:
-        """Signals of the equilibrium with the motor at an angle (rad).  Raises SimulationError."""
+        """The same of a crank whose drive may have backlash."""
         if self.flanks is None:
             return near.at_rest(theta)
         for flank in (1.0, -1.0):
@@ -342,13 +354,13 @@ def scatter(values: np.ndarray, order: np.ndarray) -> np.ndarray:
     return out
 
 
-def _filled(theta: np.ndarray) -> np.ndarray:
-    """The angles in order, with others between them: at least SAMPLES_AT_REST over their range."""
-    theta = np.unique(theta)
-    if theta.size < 2:
-        return theta
-    between = np.linspace(theta[0], theta[-1], SAMPLES_AT_REST)
-    return np.unique(np.concatenate([theta, between]))
+def _filled(along: np.ndarray) -> np.ndarray:
+    """Places on a path in order, with others between them: at least SAMPLES_AT_REST over their range."""
+    along = np.unique(along)
+    if along.size < 2:
+        return along
+    between = np.linspace(along[0], along[-1], SAMPLES_AT_REST)
+    return np.unique(np.concatenate([along, between]))
 
 
 def _on_spring(mechanism: Mechanism, stiffness: float) -> Mechanism:

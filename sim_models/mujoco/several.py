@@ -14,8 +14,8 @@ from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import AHEAD, AROUND, BESIDE, AlongCourses, spacing
-from sim_models.mujoco.path import CoursePath
-from sim_models.mujoco.runs import STATIC_STEP, Run, State, scatter
+from sim_models.mujoco.path import CoursePath, RestingPath
+from sim_models.mujoco.runs import RESTING, STATIC_STEP, Run, State, scatter
 from sim_models.mujoco.state import friction_torques, joint_forces, look, on_track, signals
 from sim_models.mujoco.steady import derivative
 
@@ -48,10 +48,7 @@ class CoursesRun(Run):
                 self.courses.begin, (q, v), self.again, step, time[order], float(time.min()) - self.courses.begin
             )
         columns = {name: scatter(values, order) for name, values in signals.items()}
-        trace = self.report(np.zeros(time.size), time, columns, log, {"step": step, "start": how})
-        trace, s = with_positions(self.mechanism, trace), self.assembly.structure
-        first = self.mechanism.joint(s.coordinates[s.inputs[0]].joint)
-        return replace(trace, crank_angle=trace.signals[position(first).name])
+        return led(self, self.report(np.zeros(time.size), time, columns, log, {"step": step, "start": how}))
 
     def begin(self, step: float | None = None) -> tuple[np.ndarray, np.ndarray, float, str]:
         """Coordinates, velocities, step (s; the longest that is in order, where none is given) and kind of start."""
@@ -98,3 +95,28 @@ class CoursesRun(Run):
         look(link)
         seen = signals(link, joint_forces(link, link.data.efc_force), friction_torques(link))
         return {name: near.rim(name, force or complex(1e-12)) for name, force in near.noted(seen).items()}
+
+
+class RestingRun(Run):
+    """A request for equilibria of a linkage that all of its drives hold where their courses have them.
+
+    Raises AssemblyError where the linkage cannot be there.
+    """
+
+    def __init__(self, request: Request) -> None:
+        super().__init__(request)
+        self.path = RestingPath(request, self.assembly)
+
+    def trace(self) -> Trace:
+        """Run the request."""
+        time = np.asarray(self.request.time, float)
+        with own_start("mujoco", self.request, self.assembly):
+            columns, log = self.equilibria(time)
+        return led(self, self.report(np.zeros(time.size), time, columns, log, RESTING))
+
+
+def led(run: Run, trace: Trace) -> Trace:
+    """A trace with the positions of its joints, that of the first input in the crank angle's place."""
+    trace, s = with_positions(run.mechanism, trace), run.assembly.structure
+    first = run.mechanism.joint(s.coordinates[s.inputs[0]].joint)
+    return replace(trace, crank_angle=trace.signals[position(first).name])
