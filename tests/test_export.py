@@ -99,10 +99,13 @@ def table(path: Path) -> dict[str, np.ndarray]:
     return dict(zip(header, np.array(rows, float).T, strict=True))
 
 
-def columns(trace: Trace) -> dict[str, np.ndarray]:
-    """The trace in the order of passing."""
-    own = {name: values for name, values in trace.signals.items() if not name.startswith("position_")}  # not exported
-    every = {"crank_angle": trace.crank_angle, **({} if trace.time is None else {"time": trace.time}), **own}
+def columns(trace: Trace, *, crank: bool = True) -> dict[str, np.ndarray]:
+    """The trace in the order of passing, as it is exported: where a crank tells where the linkage is, without the
+    joints' positions.
+    """
+    told = {"crank_angle": trace.crank_angle} if crank else {}
+    own = {name: values for name, values in trace.signals.items() if not (crank and name.startswith("position_"))}
+    every = {**told, **({} if trace.time is None else {"time": trace.time}), **own}
     order = np.arange(trace.crank_angle.size) if trace.time is None else np.argsort(trace.time)
     return {name: values[order] for name, values in every.items()}
 
@@ -142,7 +145,7 @@ def test_expected_values_are_the_trace_to_the_last_digit(name: str, exported: di
     written, truth = table(exported[name] / "expected.csv"), columns(ENGINE.simulate(REQUESTS[name]))
     assert list(written) == list(truth)
     for signal, values in truth.items():
-        np.testing.assert_array_equal(written[signal], values)
+        np.testing.assert_array_equal(written[signal], values, signal)
 
 
 def test_script_imports_mujoco_and_numpy_and_nothing_else(exported: dict[str, Path]) -> None:

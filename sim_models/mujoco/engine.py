@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from sim_models.common.simulate import export, simulate
-from sim_models.engine import FEATURES, JOINT_MODELS, MOTIONS, Capabilities, Engine, Request, Scope, Trace
+from sim_models.engine import FEATURES, HELD, JOINT_MODELS, MOTIONS, Capabilities, Engine, Request, Scope, Trace
 
 RUNS = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
 
@@ -25,7 +25,7 @@ class MujocoEngine(Engine):
     package = "mujoco"
     capabilities = Capabilities(
         rigid=Scope.of(RUNS),
-        export=Scope.of(RUNS, set(FEATURES) - {"load_friction", "backlash", "several_drives", "point_spring"}),
+        export=Scope.of(RUNS, set(FEATURES) - {"load_friction", "backlash"}, but=HELD),
     )
 
     def simulate(self, request: Request) -> Trace:

@@ -15,13 +15,15 @@ import numpy as np
 
 from analytic.mechanism import Joint
 from sim_models.common.export_files import expected, lines
-from sim_models.common.motor import Course
+from sim_models.common.motor import Course, Motor
 from sim_models.common.start import poses
 from sim_models.engine import Cause, Request
 from sim_models.mujoco.equilibrium import Equilibria, rest
 from sim_models.mujoco.mjcf import Setting
-from sim_models.mujoco.model import MujocoLinkage
+from sim_models.mujoco.model import Drive, MujocoLinkage
+from sim_models.mujoco.motor import SHORTEST
 from sim_models.mujoco.runs import STATIC_STEP, MujocoRun
+from sim_models.mujoco.several import CoursesRun
 from sim_models.mujoco.state import contact_rows
 
 CLOSED_BY = {"massless-link": "massless link", "spring-damper": "spring-damper", "contact": "contact"}
@@ -29,9 +31,12 @@ CLOSED_BY = {"massless-link": "massless link", "spring-damper": "spring-damper",
 
 def write(request: Request, folder: Path) -> list[Path]:
     """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError."""
-    run = MujocoRun(request)
+    run = MujocoRun(request) if request.courses is None else CoursesRun(request)
     trace = run.trace()
-    link, start = _equilibria(run) if request.motion == "static" else _stages(run)
+    if isinstance(run, MujocoRun) and request.motion == "static":
+        link, start = _equilibria(run)
+    else:
+        link, start = _stages(run)
     text = model_text(link)
     start = {
         "title": f"{request.mechanism.name}, {request.joint_model} joints, {request.motion}",
@@ -39,12 +44,14 @@ def write(request: Request, folder: Path) -> list[Path]:
         "motion": request.motion,
         "after_compiling": _beyond_mjcf(link.model, mujoco.MjModel.from_xml_string(text)),
         **_meaning(link),
+        "motors": _motors(run, link),
+        "told_by": _told_by(link),
         **start,
     }
     files = {
         "model.xml": _started(text, start),
         "start.json": lines(start),
-        "expected.csv": expected(trace),
+        "expected.csv": expected(trace, crank=request.courses is None),
         "run.py": (
             importlib.resources.files("sim_models.standalone").joinpath("mujoco_run.py").read_text(encoding="utf-8")
         ),
@@ -105,15 +112,16 @@ def _beyond_mjcf(ours: mujoco.MjModel, compiled: mujoco.MjModel) -> dict[str, An
 def _meaning(link: MujocoLinkage) -> dict[str, Any]:
     """What the names in the model stand for."""
     return {
-        "motor": "drive:motor" if link.description.compliant else link.mechanism.driven,
-        "driven": link.driven or None,
         "half_step": link.setting.stepped,
+        "shortest": SHORTEST * link.setting.step,
+        "efforts": link.efforts,
         "bodies": {
             b.body.name: {
                 "parent": b.parent,
                 "joint": b.joint.name if b.joint else None,
                 "hinges": list(link.description.forms[b.body.name]),
                 "fixed_angle": link.fixed_angle[b.body.name],
+                "drive": _drive(link.drives.get(b.body.name)),
             }
             for b in link.description.branches
         },
@@ -135,6 +143,7 @@ def _meaning(link: MujocoLinkage) -> dict[str, Any]:
             }
             for joint, form in (link.passive.joints.values() if link.passive else ())
         },
+        "springs": {f"spring:{i}": spring.bodies for i, spring in enumerate(link.mechanism.springs)},
         "periodic_torque": _periodic(link),
         "contacts": {
             name: {
@@ -148,6 +157,44 @@ def _meaning(link: MujocoLinkage) -> dict[str, Any]:
             for name, con in link.touch.items()
         },
     }
+
+
+def _drive(drive: Drive | None) -> dict[str, Any] | None:
+    """What a motor between a body and its parent gives its joint: the signal, its sign, and the axis of a slide."""
+    if drive is None:
+        return None
+    axis = drive.joint.direction if drive.joint.prismatic else 0j
+    return {
+        "signal": drive.signal,
+        "joint": drive.joint.name,
+        "sign": drive.sign,
+        "slides": drive.joint.prismatic,
+        "first": drive.joint.bodies[0],
+        "axis": [axis.real, axis.imag],
+    }
+
+
+def _motors(run: MujocoRun | CoursesRun, link: MujocoLinkage) -> list[dict[str, Any]]:
+    """The coordinate of each motor, and its course: knots (s) and cubics, highest power first, from each knot on."""
+    courses = [*run.courses.motors.values()] if isinstance(run, CoursesRun) else [run.motor] * len(link.motors)
+    return [
+        {"coordinate": link.names[motor], "course": _course(course, way)}
+        for motor, way, course in zip(link.motors, link.ways.tolist(), courses, strict=True)
+    ]
+
+
+def _course(motor: Motor | None, way: float) -> dict[str, Any] | None:
+    if not isinstance(motor, Course):
+        return None
+    return {"times": motor.knots.tolist(), "cubics": (way * motor.spline.c.T).tolist()}
+
+
+def _told_by(link: MujocoLinkage) -> str | None:
+    """The coordinate that says where a crank's linkage is: the motor's; of one on a course the crank's."""
+    if link.setting.driven is not None:
+        return None
+    turns_evenly = link.description.compliant and not link.setting.follows
+    return "drive:motor" if turns_evenly else link.mechanism.driven
 
 
 def _periodic(link: MujocoLinkage) -> dict[str, Any] | None:
@@ -171,14 +218,11 @@ def _closed_by(link: MujocoLinkage, joint: Joint) -> str:
     return "connect" if joint in link.description.closing else "tree"
 
 
-def _stages(run: MujocoRun) -> tuple[MujocoLinkage, dict[str, Any]]:
+def _stages(run: MujocoRun | CoursesRun) -> tuple[MujocoLinkage, dict[str, Any]]:
     """The model of a run that steps, its start, and its steps."""
     record = run.record
     state = {"time": record.time, "qpos": record.q.tolist(), "qvel": record.v.tolist()}
-    course = None
-    if isinstance(run.motor, Course):
-        course = {"times": run.motor.knots.tolist(), "cubics": run.motor.spline.c.T.tolist()}
-    return record.link, {**state, "course": course, "stages": record.stages}
+    return record.link, {**state, "stages": record.stages}
 
 
 def _equilibria(run: MujocoRun) -> tuple[MujocoLinkage, dict[str, Any]]:
@@ -193,7 +237,7 @@ def _equilibria(run: MujocoRun) -> tuple[MujocoLinkage, dict[str, Any]]:
     link = MujocoLinkage(run.mechanism, run.laws, poses(run.assembly, theta[0]), setting)
     for con in link.touch.values():
         con.friction = np.zeros(5)
-    return link, {"course": None, "equilibria": [_state(near, at) for at in theta]}
+    return link, {"equilibria": [_state(near, at) for at in theta]}
 
 
 def _state(near: Equilibria, theta: float) -> dict[str, Any]:

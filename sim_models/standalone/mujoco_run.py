@@ -12,19 +12,21 @@ its second.  What closes a joint:
     massless link   a bar between the two pin centres, as long as the clearance: it pulls and pushes
     spring-damper   a cord between them, as long as the clearance; beyond it stretches with K and C, and it never pushes
     contact         a journal in a bearing: one contact point where the circles touch, handed to MuJoCo's contact solver
-The motor is an armature so heavy that no reaction changes its speed.  One that follows a course, a piecewise cubic in
-start.json, is pushed by an actuator whose activation is the acceleration, and put where it belongs at the end of every
+A motor is an armature so heavy that no reaction changes its speed.  Those that follow courses, piecewise cubics in
+start.json, are pushed by actuators whose activation is the acceleration, and put where they belong at the end of every
 stage.
 """
 
 from __future__ import annotations
 
+import cmath
 import csv
 import json
 import math
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -46,7 +48,8 @@ class Simulation:
         for field, values in self.start["after_compiling"].items():
             getattr(self.model, field)[:] = values
         self.data = mujoco.MjData(self.model)
-        self.motor, self.course = self.model.joint(self.start["motor"]).id, self.start["course"]
+        self.motors = [self.model.joint(motor["coordinate"]).id for motor in self.start["motors"]]
+        self.courses = [motor["course"] for motor in self.start["motors"] if motor["course"]]  # of all motors, or none
         laws = {self.model.tendon(name).id: law for name, law in self.start["curved_laws"].items()}
         self.curved, self.wave = laws, self.start["periodic_torque"]
 
@@ -176,18 +179,15 @@ class Simulation:
         first.
         """
         model, data = self.model, self.data
-        out = {"crank_angle": data.qpos[self.motor], "time": data.time, "drive_torque": 0.0}
+        out = self.places(velocity) | dict.fromkeys(self.start["efforts"], 0.0)
         force_on, moment_on = dict.fromkeys(("ground", *self.bodies), 0j), dict.fromkeys(("ground", *self.bodies), 0.0)
 
         def act(body: str, force: complex, at: complex, torque: float = 0.0) -> None:
             force_on[body] += force
             moment_on[body] += torque + (at.conjugate() * force).imag  # about the ground's origin
 
-        for i in range(model.nu - bool(self.course)):  # loads are actuators of constant force
-            site, (fx, fy, *_, torque) = model.actuator_trnid[i, 0], model.actuator_gear[i]
-            act(model.body(model.site_bodyid[site]).name, complex(fx, fy), complex(*data.site_xpos[site, :2]), torque)
-        if self.wave:
-            act(self.wave["body"], 0j, 0j, self.wave_torque())
+        for given in self.applied():
+            act(*given)
         for joint, (force, at) in forces.items():
             first, second = self.joints[joint]["bodies"]
             torque = self.own_torque(joint) + friction.get(joint, 0.0)
@@ -195,37 +195,82 @@ class Simulation:
             act(second, force, at, torque)
             out[f"reaction_{joint}_x"], out[f"reaction_{joint}_y"] = force.real, force.imag
         for body, how in reversed(self.bodies.items()):
-            number, acceleration = model.body(body).id, np.zeros(6)
-            mujoco.mj_objectAcceleration(
-                model, data, mujoco.mjtObj.mjOBJ_BODY, number, acceleration, 0
-            )  # gravity is in it
-            com, hinges = complex(*data.xipos[number, :2]), [model.joint(name).id for name in how["hinges"]]
-            out[f"{body}_x"], out[f"{body}_y"] = data.site_xpos[model.site(f"marker of {body}").id, :2]
-            out[f"{body}_angle"], out[f"{body}_angular_velocity"] = (
-                how["fixed_angle"] + data.qpos[hinges].sum(),
-                velocity[hinges].sum(),
-            )
-            inertia = model.body_mass[number] * complex(*acceleration[3:5])
+            number, motion, joint, drive = model.body(body).id, np.zeros(6), how["joint"], how["drive"]
+            mujoco.mj_objectAcceleration(model, data, mujoco.mjtObj.mjOBJ_BODY, number, motion, 0)  # gravity is in it
+            inertia = model.body_mass[number] * complex(*motion[3:5])
             force = inertia - force_on[body]
-            moment = (
-                model.body_inertia[number, 2] * acceleration[2] + (com.conjugate() * inertia).imag - moment_on[body]
-            )
-            joint = how["joint"]
-            if joint is not None:  # else only joints with clearance hold this body
-                act(how["parent"], -force, 0j, -moment)
+            moment = model.body_inertia[number, 2] * motion[2] - moment_on[body]
+            moment += (complex(*data.xipos[number, :2]).conjugate() * inertia).imag
+            if joint is not None:
                 sign, at = 1 if self.joints[joint]["bodies"][1] == body else -1, self.pins(joint)[1]
+                act(how["parent"], -force, 0j, -moment)
                 moment -= (at.conjugate() * force).imag
                 out[f"reaction_{joint}_x"], out[f"reaction_{joint}_y"] = sign * force.real, sign * force.imag
                 out[f"reaction_{joint}_moment"] = sign * moment
                 moment -= sign * (self.own_torque(joint) + friction.get(joint, 0.0))
-            if body == self.start["driven"]:  # what turns it beside joint forces and the joint's own law
-                out["drive_torque"] = moment
-        if self.course:
-            out["crank_angle"] = out[f"{self.start['driven']}_angle"]
+            elif drive:  # only joints with clearance hold this body, but a motor turns it
+                act(how["parent"], 0j, 0j, -moment)
+            if drive:
+                out[drive["signal"]] = self.effort(drive, force, moment, friction)
+        return out
+
+    def applied(self) -> Iterator[tuple[str, complex, complex, float]]:
+        """Body, force, where it acts, and torque: of loads, springs between points, and what turns the crank over its
+        angle.
+        """
+        model, data = self.model, self.data
+        for i in range(model.nu - len(self.courses)):  # loads are actuators of constant force
+            site, (fx, fy, *_, torque) = model.actuator_trnid[i, 0], model.actuator_gear[i]
+            yield model.body(model.site_bodyid[site]).name, complex(fx, fy), complex(*data.site_xpos[site, :2]), torque
+        for name, (first, second) in self.start["springs"].items():
+            near, far = (complex(*data.site_xpos[model.site(f"{name}:{body}").id, :2]) for body in (first, second))
+            t = model.tendon(name).id
+            stretch = abs(far - near) - model.tendon_lengthspring[t, 0]
+            pull = model.tendon_stiffness[t] * stretch + model.tendon_damping[t] * data.ten_velocity[t]
+            force = pull * (far - near) / (abs(far - near) or 1.0)
+            yield first, force, near, 0.0
+            yield second, -force, far, 0.0
+        if self.wave:
+            yield self.wave["body"], 0j, 0j, self.wave_torque()
+
+    def effort(self, drive: Mapping[str, Any], force: complex, moment: float, friction: Mapping[str, float]) -> float:
+        """What a motor gives its joint's second body, of the force on the body farther out, and the moment that joint
+        and law leave over: the torque; along a slide the force, less the slide's own law.
+        """
+        if not drive["slides"]:
+            return float(drive["sign"] * moment)
+        axis, joint = complex(*drive["axis"]) * cmath.exp(1j * self.angle(drive["first"])), drive["joint"]
+        along = float(drive["sign"] * (axis.conjugate() * force).real)
+        return along - self.own_torque(joint) - friction.get(joint, 0.0)
+
+    def places(self, velocity: np.ndarray) -> dict[str, float]:
+        """Signals of where everything is, and how fast it turns."""
+        model, data = self.model, self.data
+        out = {"time": data.time}
+        if self.start["told_by"]:
+            out["crank_angle"] = data.qpos[model.joint(self.start["told_by"]).id]
+        for body, how in self.bodies.items():
+            hinges = [model.joint(name).id for name in how["hinges"]]
+            out[f"{body}_x"], out[f"{body}_y"] = data.site_xpos[model.site(f"marker of {body}").id, :2]
+            out[f"{body}_angle"], out[f"{body}_angular_velocity"] = self.angle(body), velocity[hinges].sum()
         for joint, how in self.joints.items():
             gap = self.pins(joint)[0] - self.pins(joint)[1] if how["clearance"] or self.soft(joint) else 0j
             out[f"clearance_{joint}_x"], out[f"clearance_{joint}_y"] = gap.real, gap.imag
+            out[f"position_{joint}"] = self.position(joint)
         return out
+
+    def angle(self, body: str) -> float:
+        """Angle of a body."""
+        how = self.bodies.get(body, {"fixed_angle": 0.0, "hinges": []})  # the ground's
+        return float(how["fixed_angle"] + sum(self.data.qpos[self.model.joint(name).id] for name in how["hinges"]))
+
+    def position(self, joint: str) -> float:
+        """Angle of a joint's second body on its first; of a slide, which is always one of the tree, its travel."""
+        if not self.joints[joint]["slides"]:
+            first, second = (self.angle(body) for body in self.joints[joint]["bodies"])
+            return second - first
+        body = next(name for name, how in self.bodies.items() if how["joint"] == joint)
+        return float(self.data.qpos[self.model.joint(f"{body}:slide").id])
 
     def driven(self) -> Iterator[dict[str, float]]:
         """Step from the start; the signals wherever they were asked for.
@@ -256,54 +301,55 @@ class Simulation:
             if asked:
                 yield self.signals(forces, data.qvel + lag * data.qacc, {})
 
-    def along(self, time: np.ndarray | float, order: int = 0) -> np.ndarray:
-        """The motor's angle on its course at these times, or the angle's derivative of that order."""
-        knots, pieces = (
-            np.array(self.course["times"]),
-            np.array(self.course["cubics"]),
-        )  # highest power first, from each piece's first time
-        piece = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(pieces) - 1)
-        cubic = pieces[piece].T
-        for _ in range(order):
-            cubic = cubic[:-1] * np.arange(len(cubic) - 1, 0, -1).reshape((-1,) + (1,) * (cubic.ndim - 1))
-        return np.polyval(cubic, time - knots[piece])
+    def along(self, times: np.ndarray, order: int = 0) -> np.ndarray:
+        """The motors' coordinates (N, motors) on their courses at times (N,), or their derivatives of that order."""
+        found = []
+        for course in self.courses:
+            knots, pieces = np.array(course["times"]), np.array(course["cubics"])  # highest power first
+            piece = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(pieces) - 1)
+            value, power = np.zeros(len(times)), np.ones(len(times))
+            for k, coefficient in enumerate(pieces[piece].T[::-1]):  # in this order: a push has the rounding, over h^2
+                if k >= order:
+                    value, power = value + coefficient * power * math.perm(k, order), power * (times - knots[piece])
+            found.append(value)
+        return np.column_stack(found)
 
     def place(self, time: float, lag: float) -> None:
-        """Put a motor where it belongs on its course, its velocity being ``lag`` older; at constant speed, if reactions
-        have moved it.
+        """Put the motors where they belong on their courses, velocities being ``lag`` older; one at constant speed, if
+        reactions have moved it.
         """
-        start = self.start
-        if start["driven"] and not self.course:
-            speed = start["qvel"][self.motor]
-            angle = start["qpos"][self.motor] + speed * (time - start["time"])
-            if abs(self.data.qpos[self.motor] - angle) > 1e-7:
-                self.data.qpos[self.motor], self.data.qvel[self.motor] = angle, speed
-        if self.course:
-            self.data.qpos[self.motor], self.data.act[0], self.data.ctrl[-1] = (
-                self.along(time),
-                self.along(time, 2),
-                0.0,
-            )
-            self.data.qvel[self.motor] = self.along(time, 1) - lag * self.along(time, 2)
+        data, start, now = self.data, self.start, np.array([time])
+        if self.courses:
+            acceleration = self.along(now, 2)[0]
+            data.qpos[self.motors], data.act[:], data.ctrl[-len(self.courses) :] = self.along(now)[0], acceleration, 0.0
+            data.qvel[self.motors] = self.along(now, 1)[0] - lag * acceleration
+            return
+        for motor in self.motors:
+            speed = start["qvel"][motor]
+            angle = start["qpos"][motor] + speed * (time - start["time"])
+            if abs(data.qpos[motor] - angle) > 1e-7:
+                data.qpos[motor], data.qvel[motor] = angle, speed
 
     def pushes(self, time: float, steps: int) -> Iterator[None]:
-        """Set, before each step, what keeps a motor on its course: an acceleration, or two, at either end of
+        """Set, before each step, what keeps motors on their courses: an acceleration, or two, at either end of
         the step.
         """
-        if not self.course:
+        if not self.courses:
             yield from [None] * steps
             return
         h = self.model.opt.timestep
         times = time + h * np.arange(-1, steps + 1)
         x, v = self.along(times), self.along(times[1:], 1)
         if self.start["half_step"]:  # each velocity is that between two positions
-            self.data.qvel[self.motor] = (x[1] - x[0]) / h
-            push, change = np.diff(x, 2) / h**2, np.zeros(steps)
+            self.data.qvel[self.motors] = (x[1] - x[0]) / h
+            push, change = np.diff(x, 2, axis=0) / h**2, np.zeros((steps, len(self.motors)))
+        elif h < self.start["shortest"]:  # of positions there would be nothing but rounding
+            push, change = np.diff(v, axis=0) / h, np.zeros((steps, len(self.motors)))
         else:  # the cubic with the course's angle and rate at either end
-            mean = np.diff(x[1:]) / h
+            mean = np.diff(x[1:], axis=0) / h
             push, change = (6 * mean - 4 * v[:-1] - 2 * v[1:]) / h, (6 * (v[:-1] + v[1:]) - 12 * mean) / h**2
         for k in range(steps):
-            self.data.act[0], self.data.ctrl[-1] = push[k], change[k]
+            self.data.act[:], self.data.ctrl[-len(self.courses) :] = push[k], change[k]
             yield
 
     def static(self) -> Iterator[dict[str, float]]:
