@@ -9,17 +9,20 @@ from sim_models.engine import Capabilities, Engine, Feature, Pair, Request, Scop
 
 PACKAGE = "mujoco"
 RUNS: tuple[Pair, ...] = (("ideal", "driven"), ("ideal", "static"))
-FEATURES: tuple[Feature, ...] = ("prismatic", "coulomb_friction", "viscous_friction", "joint_spring", "released")
+FEATURES: tuple[Feature, ...] = (
+    "prismatic", "coulomb_friction", "viscous_friction", "joint_spring", "released", "several_drives",
+)  # fmt: skip
 
 
 class MjcfEngine(Engine):
     """A file's model as it is: its masses, its time step, its solver, its soft constraints, its contacts.
 
-    Only the drive is imposed.  The hinge that the mechanism drives gets an armature of a million times the linkage's
-    inertia, which reactions hardly accelerate, and is put on its course, at constant speed, after every step; actuators
-    of that hinge are switched off, so that a servo of the file does not lag behind the request.  All others act with
-    control 0.  A run begins in
-    the state without transients that the file's own constraint rows give; statics are that state at rest.
+    Only the drives are imposed.  A hinge or slide that the mechanism drives gets an armature of a thousand times the
+    linkage's inertia or mass, which is pushed as its course accelerates and against what the linkage does to it, and is
+    put on its course after every step; actuators of that joint are switched off, so that a servo of the file does not
+    lag behind the request, and so are those of a drive that is free.  All others act with control 0.  A run begins in
+    the state without transients that the file's own constraint rows give, or where something moves freely with loops
+    closed; statics are that state at rest.
 
     A run is not held to the mechanism's balances, as other engines' are: that the file has other masses, or opens its
     loops, is for the cross-check to find.
@@ -36,6 +39,7 @@ class MjcfEngine(Engine):
         """Run one request.  Raises MjcfError, SimulationError, AssemblyError, or Unsupported where the file is not the
         mechanism's linkage.
         """
+        from sim_models.mjcf.courses import TheirCoursesRun
         from sim_models.mjcf.planar import read
         from sim_models.mjcf.runs import TheirRun
         from sim_models.mujoco.engine import no_log_file
@@ -43,7 +47,8 @@ class MjcfEngine(Engine):
         check_supported(self, request)
         check_request(request)
         with no_log_file():
-            return TheirRun(self.name, request, read(self.path)).trace()
+            made = TheirRun if request.courses is None else TheirCoursesRun
+            return made(self.name, request, read(self.path)).trace()
 
 
 def opened(path: str) -> MjcfEngine:

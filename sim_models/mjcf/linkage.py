@@ -2,91 +2,144 @@
 
 Reactions are MuJoCo's own: of a joint in the tree the interaction force ``cfrc_int`` of its child body, which
 ``mj_rnePostConstraint`` gives about the tree's centre of mass, less what an actuator on a site beyond the joint gives,
-which is not in it; of a ``connect`` its rows' ``efc_force``, which acts on the equality's first body.  The drive's
-torque is what the equation of motion of its hinge leaves over.
+which is not in it; of a ``connect`` its rows' ``efc_force``, which acts on the equality's first body.  A drive's torque
+or force is what the equation of motion of its joint leaves over.
 """
 
 from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
-from analytic.mechanism import GROUND, Mechanism
+from analytic.mechanism import GROUND, Joint, Mechanism
 from analytic.mechanism.parts import Body
-from sim_models.common.start import AT_REST, Pose, poses
+from analytic.mechanism.signals import driving
+from sim_models.common.start import AT_REST, Pose, poses_along
 from sim_models.engine import Unsupported
 from sim_models.mjcf.drive import AT_JOINT, AT_SITE, flywheel
 from sim_models.mjcf.laws import TendonLaw, acts, law
 from sim_models.mjcf.match import Match, match
 from sim_models.mjcf.planar import Frames, Pin, Planar
 
-# Times the whole linkage's inertia: the armature that stands for the motor.  At 1e12 MuJoCo's solver, which measures by
-# the forces that accelerate inertias, stops at once and leaves reactions a hundredfold too large (tolerance 1e-8).
-MOTOR = 1e6
+# Times the whole linkage's inertia, or mass: the armature that stands for a motor.  What reactions accelerate of it is
+# made up for (Steering); a larger one MuJoCo's solvers, which measure by the forces that accelerate inertias, do not
+# solve with: at 1e6 they stop at once and leave reactions of a 3-RPR a hundredth off (Newton, tolerance 1e-8).
+MOTOR = 1e3
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 TENDON_FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON)
 
 
-class TheirLinkage:
-    """A mechanism's match in a file, with its motor: the model's own numbers but for the driven hinge.
-
-    That hinge gets an armature that reactions hardly accelerate, is put on its course after every step, and loses its
-    own actuators; a released linkage only loses these, and a motor's armature.  Raises Unsupported where the file is
-    not the mechanism's linkage, or has what its forces cannot be read with.
+@dataclass(frozen=True)
+class Held:
+    """A joint that a motor holds: its position (rad, m; second body relative to the first) is ``way`` (1 or -1) times
+    its coordinate in MuJoCo less ``zero``; what the motor gives is reported as ``signal``, times ``sign``.
     """
 
-    def __init__(self, mechanism: Mechanism, planar: Planar, driven: bool) -> None:
+    signal: str
+    joint: str
+    dof: int
+    way: float
+    zero: float
+    sign: float
+
+
+class TheirLinkage:
+    """A mechanism's match in a file, with its motors: the model's own numbers but for the ``driven`` joints.
+
+    These get an armature, by which they are kept on their courses, and lose their own actuators; what is released only
+    loses these, and a motor's armature.  Raises Unsupported where the file is not the
+    mechanism's linkage, or has what its forces cannot be read with.
+    """
+
+    def __init__(self, mechanism: Mechanism, planar: Planar, driven: Sequence[Joint]) -> None:
         self.mechanism, self.planar, self.model = mechanism, planar, planar.model
         self.match: Match = match(mechanism, planar)
         self.assembly = Assembly(mechanism)
         self.data = mujoco.MjData(self.model)
         self.model.opt.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)  # the same numbers, as a matrix
-        self.crank = self.match.pins[mechanism.drive_joint.name]
-        if self.crank.joint < 0:
-            raise Unsupported(
-                f"{planar.said}: the drive's joint {mechanism.drive_joint.name!r} is a connect there, which nothing can"
-                " turn; make it a hinge, and close the loop in another joint"
-            )
-        self.motor = int(self.model.jnt_dofadr[self.crank.joint]) if driven else -1
-        self.armature = self.impose(driven)
+        self.armature = np.zeros(self.model.nv)  # that stands for motors, beside the file's own
+        self.impose(driven)
         self.laws: list[TendonLaw] = []
         self.check_readable()
         self.home = planar.at(planar.pose)
         self.spin = planar.spin
-        at_start = self.wanted(poses(self.assembly, self.assembly.start))
+        assembled = poses_along(self.assembly, {}, {})
+        at_start = self.wanted(assembled)
         self.turns = {
             id(pin): round((self.apart(pin, at_start) - self.planar.relative(pin, self.home)) / (2 * math.pi))
             for pin in planar.pins
             if not pin.slides
         }
-        start = self.placed(poses(self.assembly, self.assembly.start))
+        start = self.placed(assembled)
         self.zero = {
             body: self.ours(body, at_start[self.match.links[body]][1])
             - float(self.spin[self.match.links[body]] @ start)
             for body in mechanism.moving
         }
+        self.held = self.holding(driven, start)
+        self.dofs = np.array([one.dof for one in self.held], int)
 
     # ------------------------------------------------------------------ what is imposed
 
-    def impose(self, driven: bool) -> float:
-        """Put the motor in; says its armature (kg.m^2)."""
-        m, j = self.model, self.crank.joint
-        for i in range(m.nu):
-            if int(m.actuator_trntype[i]) in AT_JOINT and int(m.actuator_trnid[i, 0]) == j:
-                m.actuator_gainprm[i] = m.actuator_biasprm[i] = 0.0
-        dof = int(m.jnt_dofadr[j])
-        if driven:
-            links = self.planar.links[1:]
-            whole = sum(link.mass * self.planar.size**2 + link.inertia for link in links)
-            m.dof_armature[dof] = MOTOR * whole
-        elif flywheel(self.planar, self.crank):
-            m.dof_armature[dof] = 0.0
-        return float(m.dof_armature[dof])
+    def impose(self, driven: Sequence[Joint]) -> None:
+        """Put the motors in, in the place of the file's own; drives that move freely have none."""
+        m = self.model
+        links = self.planar.links[1:]
+        mass = sum(link.mass for link in links)
+        whole = mass * self.planar.size**2 + sum(link.inertia for link in links)
+        for joint in self.driveable():
+            pin, holds = self.match.pins[joint.name], joint in driven
+            if holds and pin.joint < 0:
+                raise Unsupported(
+                    f"{self.planar.said}: the drive's joint {joint.name!r} is a connect there, which nothing can turn;"
+                    " make it a hinge, and close the loop in another joint"
+                )
+            if pin.joint < 0:
+                continue
+            for i in range(m.nu):
+                if int(m.actuator_trntype[i]) in AT_JOINT and int(m.actuator_trnid[i, 0]) == pin.joint:
+                    m.actuator_gainprm[i] = m.actuator_biasprm[i] = 0.0
+            dof = int(m.jnt_dofadr[pin.joint])
+            if flywheel(self.planar, pin):
+                m.dof_armature[dof] = 0.0
+            if holds:
+                self.armature[dof] = MOTOR * (mass if pin.slides else whole)
+        m.dof_armature += self.armature
+
+    def driveable(self) -> list[Joint]:
+        """The joints of all drives, those that move freely among them; without a drive, the crank's."""
+        m = self.mechanism
+        if not m.drives:
+            return [m.drive_joint] if m.cranked else []
+        return [m.joint(drive.joint) for drive in m.drives]
+
+    def holding(self, driven: Sequence[Joint], start: np.ndarray) -> list[Held]:
+        """How the driven joints' positions are told by coordinates, which are ``start`` (nq,) at the assembly."""
+        found: list[Held] = []
+        for joint, signal in zip(driven, driving(driven) if driven else [], strict=True):
+            dof = int(self.model.jnt_dofadr[self.match.pins[joint.name].joint])
+            way = self.way(joint)
+            backwards = self.mechanism.cranked and joint.bodies[0] != GROUND  # what turns a crank is told of the crank
+            zero = float(start[dof]) - way * self.assembly.positions[joint.name]
+            found.append(Held(signal.name, joint.name, dof, way, zero, -1.0 if backwards else 1.0))
+        return found
+
+    def way(self, joint: Joint) -> float:
+        """1 where a joint's position grows with its coordinate in MuJoCo, else -1."""
+        pin = self.match.pins[joint.name]
+        swapped = -1.0 if self.match.swapped(joint) else 1.0
+        if not pin.slides:
+            return pin.turn * swapped
+        first = joint.bodies[0]
+        axis = pin.axis if swapped > 0 else pin.axis * cmath.exp(-1j * pin.angle)
+        along = self.match.frames[first].turn * joint.direction
+        return math.copysign(1.0, (axis * along.conjugate()).real) * swapped
 
     def check_readable(self) -> None:
         """Raise Unsupported for forces that MuJoCo does not tell to which body they belong."""
@@ -147,13 +200,6 @@ class TheirLinkage:
             q[self.model.jnt_qposadr[pin.joint]] += way
         return q
 
-    def turn_crank(self, theta: float, speed: float) -> None:
-        """Put the crank where its course has it: angle (rad) and speed (rad/s) of the driven body."""
-        k = self.match.links[self.mechanism.driven]
-        sense = float(self.spin[k, self.motor])  # the hinge is on the ground, and turns with its body or against it
-        self.data.qpos[self.model.jnt_qposadr[self.crank.joint]] = sense * (theta - self.zero[self.mechanism.driven])
-        self.data.qvel[self.motor] = sense * speed
-
     # ------------------------------------------------------------------ signals
 
     def rows(self, equality: int) -> np.ndarray:
@@ -213,17 +259,16 @@ class TheirLinkage:
             body = int(self.model.body_parentid[body])
         return body == child
 
-    def drive_torque(self) -> float:
-        """Torque (N.m) of the motor on the crank."""
-        if self.motor < 0:
-            return 0.0
-        m, d, dof = self.model, self.data, self.motor
+    def efforts(self) -> dict[str, float]:
+        """Torque (N.m) or force (N) of each motor on its joint's second body, of a crank's on the crank."""
+        if not self.held:
+            return {}
+        m, d = self.model, self.data
         inertia = np.zeros(m.nv)
         mujoco.mj_mulM(m, d, inertia, d.qacc)
-        known = d.qfrc_passive[dof] + d.qfrc_actuator[dof] + d.efc_J.reshape(d.nefc, m.nv)[:, dof] @ d.efc_force
-        left = inertia[dof] - self.armature * d.qacc[dof] + d.qfrc_bias[dof] - known
-        on_crank = self.crank.turn * (1.0 if self.crank.links[0] == 0 else -1.0)
-        return float(left * on_crank)
+        rows = d.efc_J.reshape(d.nefc, m.nv).T @ d.efc_force
+        left = inertia - self.armature * d.qacc + d.qfrc_bias - d.qfrc_passive - d.qfrc_actuator - rows
+        return {one.signal: float(one.sign * one.way * left[one.dof]) for one in self.held}
 
     def signals(self, velocity: np.ndarray) -> dict[str, float]:
         """All signals of the state in the data, whose forces MuJoCo has computed; ``velocity`` (nv,) is of the same
@@ -231,7 +276,7 @@ class TheirLinkage:
         """
         mujoco.mj_rnePostConstraint(self.model, self.data)
         pushed, frames = self.pushed(), self.planar.frames(self.data)
-        out = {"drive_torque": self.drive_torque()}
+        out = self.efforts()
         for joint in self.mechanism.joints:
             pin = self.match.pins[joint.name]
             force, moment = self.between(pin, pushed)

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
 
 from analytic.kinematics.assembly import AssemblyError
+from analytic.mechanism import GROUND, Joint
+from sim_models.common.motor import ConstantSpeed
 from sim_models.common.start import check_steps, poses
 from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace
 from sim_models.mjcf.linkage import EQUALITY, TheirLinkage
 from sim_models.mjcf.planar import Planar
 from sim_models.mjcf.start import DRY, Rest, rest
+from sim_models.mjcf.steering import Steering
 
 STENCIL = np.arange(-2, 3) * 1e-3  # rad, angles whose poses give the rates of the ideal linkage
 SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12e-3  # 1/rad, and the second derivative
@@ -30,12 +33,16 @@ class TheirRun:
 
     def __init__(self, name: str, request: Request, planar: Planar) -> None:
         self.name, self.request, self.planar = name, request, planar
-        self.link = TheirLinkage(request.mechanism, planar, driven=not request.released)
+        self.link = TheirLinkage(request.mechanism, planar, self.driven_joints())
         self.model, self.data = self.link.model, self.link.data
         self.step = float(self.model.opt.timestep)
         self.lag = 0.0 if int(self.model.opt.integrator) == RK4 else self.step / 2
         self.who = f"{name}: {request.mechanism.name}"
         self.most_contacts, self.open = 0, 0.0
+
+    def driven_joints(self) -> Sequence[Joint]:
+        """The joints that motors hold."""
+        return [] if self.request.released else [self.request.mechanism.drive_joint]
 
     def trace(self) -> Trace:
         """Run the request."""
@@ -51,8 +58,9 @@ class TheirRun:
         rows = []
         for theta in self.request.crank_angle.tolist():
             q = self.link.placed(poses(self.link.assembly, theta))
-            self.found(rest(self.link, q, still, still, 0.0), theta)
-            self.free_of_others(theta)
+            where = f"at crank angle {math.degrees(theta):.4g} deg"
+            self.found(rest(self.link, q, still, still, 0.0), where)
+            self.free_of_others(where)
             self.noted()
             rows.append(self.link.signals(still))
         return self.report(self.request.crank_angle, None, rows, {"step": None, "start": "equilibrium"})
@@ -64,7 +72,9 @@ class TheirRun:
         first = float(theta.min() if speed > 0 else theta.max())
         time, lead = (theta - first) / speed, self.lead(first, speed)
         begin = first - speed * lead
-        rows = self.march(*self.steady(begin, speed), time + lead, (begin, speed))
+        sense = 1.0 if self.request.mechanism.drive_joint.bodies[0] == GROUND else -1.0  # of the joint to its crank
+        motor = ConstantSpeed(sense * begin, sense * speed)
+        rows = self.march(*self.steady(begin, speed), time + lead, Steering(self.link, [motor], lag=self.lag))
         how: dict[str, SettingValue] = {"time_step": self.step, "start": "equilibrium", "lead_in": speed * lead}
         return self.report(theta, time, rows, how)
 
@@ -72,8 +82,7 @@ class TheirRun:
         """How long (s) before its first report (rad) a run begins: until what its start has left in soft rows is gone,
         as far as the linkage lets its crank come from there.
         """
-        periods = self.model.eq_solref[self.model.eq_active0.astype(bool), 0] if self.model.neq else np.zeros(0)
-        longest = min(LEAD * float(periods.max(initial=0.0)), 2 * math.pi / abs(speed))
+        longest = min(self.settling(), 2 * math.pi / abs(speed))
         for lead in (longest, longest / 2, longest / 4, longest / 8):
             try:
                 self.link.assembly.path(*sorted((first, first - speed * lead - math.copysign(MARGIN, speed))))
@@ -82,12 +91,18 @@ class TheirRun:
             return lead
         return 0.0
 
+    def settling(self) -> float:
+        """How long (s) it takes until what a start has left in soft rows is gone."""
+        periods = self.model.eq_solref[self.model.eq_active0.astype(bool), 0] if self.model.neq else np.zeros(0)
+        return LEAD * float(periods.max(initial=0.0))
+
     def free(self) -> Trace:
         """Released at the assembly angles, at rest or with the request's speed."""
         assert self.request.time is not None
         start, rate = self.link.assembly.start, self.request.start_speed
         q = np.array([self.link.placed(poses(self.link.assembly, start + side)) for side in STENCIL])
-        rows = self.march(q[2], SLOPE @ q * rate, self.request.time, None)
+        rows = self.march(q[2], SLOPE @ q * rate, self.request.time, Steering(self.link))
+        rows = [{"drive_torque": 0.0, **row} for row in rows]
         crank = np.array([row[f"{self.request.mechanism.driven}_angle"] for row in rows])
         return self.report(crank, self.request.time, rows, {"time_step": self.step, "start": "released"})
 
@@ -104,63 +119,46 @@ class TheirRun:
                 return here.q, v
             beside.append(found.q)
         rate = SLOPE @ np.array(beside) * speed
-        rate[self.link.motor] = v[self.link.motor]
+        rate[self.link.dofs] = v[self.link.dofs]
         return here.q, rate
 
     def ideal(self, theta: float, speed: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Coordinates, velocities and accelerations of the ideal linkage at a crank angle."""
         q = np.array([self.link.placed(poses(self.link.assembly, theta + side)) for side in STENCIL])
         v, a = SLOPE @ q * speed, BEND @ q * speed**2
-        a[self.link.motor] = 0.0
+        a[self.link.dofs] = 0.0
         return q[2], v, a
 
     # ------------------------------------------------------------------ steps
 
-    def march(
-        self, q: np.ndarray, v: np.ndarray, time: np.ndarray, course: tuple[float, float] | None
-    ) -> list[dict[str, float]]:
-        """Signals at times (N,) s of a run that begins at 0: those at the steps around each, joined by a cubic.
+    def march(self, q: np.ndarray, v: np.ndarray, time: np.ndarray, steering: Steering) -> list[dict[str, float]]:
+        """Signals at times (N,) s after the begin of a run, at true velocities v (nv,): those at the steps around each,
+        joined by a cubic.
 
         Raises SimulationError: the run diverged, came apart, or would take too long.
         """
-        m, d = self.model, self.data
+        m, d, dofs = self.model, self.data, self.link.dofs
         last = float(time.max())
         check_steps(self.who, last, self.step, remedy="give the file a larger timestep, or ask for less")
         mujoco.mj_resetData(m, d)
         d.qpos[:], d.qvel[:] = q, v
         if self.lag:
-            mujoco.mj_forward(m, d)
+            steering.look(0)
             d.qvel[:] -= self.lag * d.qacc
+            d.qvel[dofs] = steering.at(np.zeros(1), 1, -self.lag)[0]
         wanted = sorted({k for at in time.tolist() for k in self.around(at)})
         seen: dict[int, dict[str, float]] = {}
         now = 0
         for k in wanted:
-            self.advance(now, k, course)
+            steering.advance(now, k)
             now = k
-            mujoco.mj_forward(m, d)
+            steering.look(k)
             self.check(k * self.step)
             self.noted()
-            seen[k] = self.link.signals(self.velocity())
+            velocity = d.qvel + self.lag * d.qacc  # of the instant of the positions
+            velocity[dofs] = steering.at(np.array([float(k)]), 1)[0]
+            seen[k] = self.link.signals(velocity)
         return [self.joined(at, seen) for at in time.tolist()]
-
-    def advance(self, first: int, last: int, course: tuple[float, float] | None) -> None:
-        """Take the steps from one number to another; the crank is put on its course after each."""
-        if course is None:
-            if last > first:
-                mujoco.mj_step(self.model, self.data, nstep=last - first)
-            return
-        theta, speed = course
-        for k in range(first, last):
-            mujoco.mj_step(self.model, self.data)
-            self.link.turn_crank(theta + speed * (k + 1) * self.step, speed)
-
-    def velocity(self) -> np.ndarray:
-        """Velocities (nv,) of the same instant as the positions; those of semi-implicit Euler are half a step older."""
-        d = self.data
-        found = d.qvel + self.lag * d.qacc
-        if self.link.motor >= 0:
-            found[self.link.motor] = d.qvel[self.link.motor]
-        return found
 
     def around(self, at: float) -> tuple[int, ...]:
         """The steps whose signals say what they are at a time (s)."""
@@ -199,24 +197,23 @@ class TheirRun:
         self.most_contacts = max(self.most_contacts, int(self.data.ncon))
         self.open = max(self.open, self.link.parted())
 
-    def found(self, state: Rest | None, theta: float) -> None:
+    def found(self, state: Rest | None, where: str) -> None:
         """Raise SimulationError where there is no equilibrium."""
         if state is None:
             raise SimulationError(
-                f"{self.who}: no equilibrium was found at crank angle {math.degrees(theta):.4g} deg",
+                f"{self.who}: no equilibrium was found {where}",
                 Cause.NO_EQUILIBRIUM,
                 "look at the model there in MuJoCo's viewer",
             )
 
-    def free_of_others(self, theta: float) -> None:
+    def free_of_others(self, where: str) -> None:
         """Raise SimulationError where contacts or limits would take part in an equilibrium, which is without them."""
         d = self.data
         others = d.efc_type[(d.efc_type != EQUALITY) & ~np.isin(d.efc_type, DRY)]
         if others.size:
             kind = mujoco.mjtConstraint(int(others[0])).name.removeprefix("mjCNSTR_").split("_")[0].lower()
             raise SimulationError(
-                f"{self.who}: a {kind} of the model takes part at crank angle {math.degrees(theta):.4g} deg, which a"
-                " static run leaves out",
+                f"{self.who}: a {kind} of the model takes part {where}, which a static run leaves out",
                 Cause.NO_EQUILIBRIUM,
                 "take it out (of geoms by contype = conaffinity = 0), or run it driven",
             )

@@ -16,7 +16,7 @@ from sim_models.mjcf.linkage import EQUALITY, TheirLinkage
 NUDGE = 1e-7  # rad or m, of difference quotients
 SETTLED = 1e-10  # the same: Newton's last step
 ATTEMPTS = 30
-STANDSTILL = 1e-8  # of the motor's speed: a joint that turns no faster has no direction of slip
+STANDSTILL = 1e-8  # of the fastest joint's speed: one that turns no faster has no direction of slip
 DRY = (int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF), int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON))
 
 
@@ -29,13 +29,13 @@ class Rest:
 
 
 def rest(link: TheirLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, lag: float) -> Rest | None:
-    """The state in which the model has the accelerations ``a``, near coordinates q, the motor held; None where there
+    """The state in which the model has the accelerations ``a``, near coordinates q, the motors held; None where there
     is none.
 
     ``v`` are true velocities; MuJoCo's are older by ``lag`` (s).  The data is left at the state.
     """
     m = link.model
-    free = np.array([i for i in range(m.nv) if i != link.motor], int)
+    free = np.setdiff1d(np.arange(m.nv), link.dofs)
     n, q = free.size, q.copy()
     force = np.zeros(0)
     for _ in range(ATTEMPTS):

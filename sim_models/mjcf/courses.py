@@ -1,0 +1,114 @@
+"""Runs of somebody's MuJoCo model whose joints follow courses, or that moves freely with more freedom than a crank."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from analytic.kinematics.assembly import AssemblyError
+from analytic.mechanism import Joint
+from analytic.mechanism.signals import position
+from sim_models.common.failed_starts import own_start
+from sim_models.common.travel import with_positions
+from sim_models.engine import Request, SettingValue, Trace
+from sim_models.mjcf.planar import Planar
+from sim_models.mjcf.runs import BEND, SLOPE, STENCIL, TheirRun
+from sim_models.mjcf.start import rest
+from sim_models.mjcf.steering import Steering
+from sim_models.mujoco.path import CoursePath
+
+WITHIN = 4.0  # the instants of a stencil lie no farther apart than a fourth of the time between knots
+SIDE = float(STENCIL[-1] - STENCIL[-2])  # rad
+
+
+class TheirCoursesRun(TheirRun):
+    """A request with courses of its driven joints, or with none, where all moves freely.
+
+    Raises AssemblyError where the linkage cannot follow them.
+    """
+
+    def __init__(self, name: str, request: Request, planar: Planar) -> None:
+        super().__init__(name, request, planar)
+        self.path = CoursePath(request, self.link.assembly)
+        self.motors = [self.path.motors[one.joint] for one in self.link.held]
+        knots = min((motor.knot_spacing for motor in self.motors), default=np.inf)
+        # how fast (rad/s) the stencil of a crank's angles is passed, to be one of instants
+        self.pace = max(self.path.top_speed, WITHIN * SIDE / knots) or 1.0
+
+    def driven_joints(self) -> Sequence[Joint]:
+        return self.request.mechanism.motors
+
+    def trace(self) -> Trace:
+        """Run the request."""
+        assert self.request.time is not None
+        with own_start(self.name, self.request, self.link.assembly):
+            if self.request.motion == "static":
+                rows, how = self.held_at_rest(self.request.time)
+            else:
+                rows, how = self.along(self.request.time)
+        trace = self.report(np.zeros(self.request.time.size), self.request.time, rows, how)
+        trace, s = with_positions(self.request.mechanism, trace), self.link.assembly.structure
+        first = self.request.mechanism.joint(s.coordinates[s.inputs[0]].joint)
+        return replace(trace, crank_angle=trace.signals[position(first).name])
+
+    def held_at_rest(self, times: np.ndarray) -> tuple[list[dict[str, float]], dict[str, SettingValue]]:
+        """The equilibrium with the motors held where they are at each of the times (N,) s."""
+        still, rows = np.zeros(self.model.nv), []
+        for time in times.tolist():
+            where = f"where its drives are at {time:.4g} s"
+            self.found(rest(self.link, self.link.placed(self.path.poses(time)), still, still, 0.0), where)
+            self.free_of_others(where)
+            self.noted()
+            rows.append(self.link.signals(still))
+        return rows, {"step": None, "start": "equilibrium"}
+
+    def along(self, times: np.ndarray) -> tuple[list[dict[str, float]], dict[str, SettingValue]]:
+        """The motors move from the begin of their courses to the last of the times (N,) s: from a state without
+        transients, or where something moves freely from closed loops.
+        """
+        lead = self.early() if self.path.held else 0.0
+        begin = self.path.begin - lead
+        state = self.steady_along(begin) if self.path.held else self.ideal_along(begin)[:2]
+        rows = self.march(*state, times - begin, Steering(self.link, self.motors, begin, self.lag))
+        start = "equilibrium" if self.path.held else "released"
+        return rows, {"time_step": self.step, "start": start, "lead_in_time": lead}
+
+    def early(self) -> float:
+        """How long (s) before the courses' begin a run begins, on them drawn out backwards: until what its start has
+        left in soft rows is gone, but no longer than between knots, and as far as the linkage can come from there.
+        """
+        longest = min([self.settling(), *(motor.knot_spacing for motor in self.motors)])
+        for lead in (longest, longest / 2, longest / 4, longest / 8):
+            try:
+                for share in (0.5, 1.0):
+                    self.path.poses(self.path.begin - share * lead - 2 * self.apart)
+            except AssemblyError:
+                continue
+            return lead
+        return 0.0
+
+    def steady_along(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates and velocities in which the motors pass a time (s) on their courses without transients."""
+        q, v, _ = self.ideal_along(time)
+        found = [rest(self.link, *self.ideal_along(time + x), self.lag) for x in self.apart * np.arange(-2, 3)]
+        known = [each.q for each in found if each is not None]
+        if len(known) < len(found):
+            return q, v
+        rate = SLOPE @ np.array(known) * self.pace
+        rate[self.link.dofs] = v[self.link.dofs]
+        return known[2], rate
+
+    @property
+    def apart(self) -> float:
+        """Time (s) between the instants of the stencil."""
+        return SIDE / self.pace
+
+    def ideal_along(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Coordinates, velocities and accelerations of the ideal linkage at a time (s), as if nothing moved freely."""
+        q = np.array([self.link.placed(self.path.poses(time + x)) for x in self.apart * np.arange(-2, 3)])
+        v, a = SLOPE @ q * self.pace, BEND @ q * self.pace**2
+        steering = Steering(self.link, self.motors, time)
+        v[self.link.dofs], a[self.link.dofs] = (steering.at(np.zeros(1), order)[0] for order in (1, 2))
+        return q[2], v, a

@@ -1,0 +1,70 @@
+"""Motors in somebody's MuJoCo model: they push their armatures as their courses accelerate, and against what the
+linkage does to them, and are put on their courses after each step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from sim_models.common.motor import Motor
+from sim_models.mjcf.linkage import TheirLinkage
+
+LOOKS = 3  # at a state, until the motors' efforts are what they are there
+
+
+class Steering:
+    """A linkage's motors, by position of their joints, from ``begin`` (s) of their clock on, in the model's own steps.
+
+    ``lag`` (s) is how much older MuJoCo's velocities are than its positions.  Without motors nothing is put anywhere.
+    """
+
+    def __init__(self, link: TheirLinkage, motors: Sequence[Motor] = (), begin: float = 0.0, lag: float = 0.0) -> None:
+        self.link, self.motors, self.begin, self.lag = link, motors, begin, lag
+        self.step = float(link.model.opt.timestep)
+        self.ways = np.array([one.way for one in link.held])
+        self.zeros = np.array([one.zero for one in link.held])
+        self.armature = link.armature[link.dofs]
+        self.effort = np.zeros(len(link.held))  # what holds the armatures against the linkage
+
+    def at(self, steps: np.ndarray, order: int = 0, later: float = 0.0) -> np.ndarray:
+        """Coordinates (N, motors) so many steps (N,), and ``later`` (s), after the begin; or their derivatives."""
+        times = self.begin + self.step * steps + later
+        found = [motor.angles(times, order) for motor in self.motors]
+        turned = self.ways * np.array(found).reshape(len(self.motors), times.size).T
+        return np.asarray(turned + self.zeros if order == 0 else turned)
+
+    def look(self, step: int) -> None:
+        """Compute all of MuJoCo's state so many steps after the begin."""
+        m, d = self.link.model, self.link.data
+        if not self.motors:
+            mujoco.mj_forward(m, d)
+            return
+        push = self.armature * self.at(np.array([float(step)]), 2)[0]
+        for _ in range(LOOKS):
+            d.qfrc_applied[self.link.dofs] = push + self.effort
+            mujoco.mj_forward(m, d)
+            self.hold(push)
+
+    def hold(self, push: np.ndarray) -> None:
+        """Let the motors' efforts grow by what has kept the armatures from accelerating as they were pushed."""
+        self.effort += push - self.armature * self.link.data.qacc[self.link.dofs]
+
+    def advance(self, first: int, last: int) -> None:
+        """Take the steps from one number to another."""
+        m, d, dofs = self.link.model, self.link.data, self.link.dofs
+        if not self.motors:
+            if last > first:
+                mujoco.mj_step(m, d, nstep=last - first)
+            return
+        steps = np.arange(first, last, dtype=float)
+        # what takes the velocity from where it is told at the begin of a step to where it is told at its end
+        pushes = self.armature * self.at(steps, 2, self.step / 2 - self.lag)
+        places, rates = self.at(steps + 1), self.at(steps + 1, 1, -self.lag)
+        for push, place, rate in zip(pushes, places, rates, strict=True):
+            d.qfrc_applied[dofs] = push + self.effort
+            mujoco.mj_step(m, d)
+            self.hold(push)
+            d.qpos[dofs], d.qvel[dofs] = place, rate
