@@ -8,6 +8,7 @@ import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,9 @@ import pytest
 from analytic.mechanism import Drive, Mechanism
 from analytic.mechanism.file import load
 from linkages import curved_slider
-from sim_models.engine import JOINT_MODELS, Motion, Request, Unsupported
+from several_linkages import CASES, KNOTS, SHIPPED, referee, sprung, third_bar, waved
+from several_truths import SWINGING, turned_round
+from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Unsupported
 from sim_models.exudyn.engine import ENGINE
 from test_export import PAPER, SHORT, SLIDER, bare, columns, command, driven_by, table
 
@@ -30,6 +33,67 @@ ROCKER = load("crank-rocker").with_clearances({"B": 2e-4})
 TURN = np.radians([0.0, 90.0, 45.0, 90.0])
 CURVED = curved_slider()
 SOFT = PAPER.with_clearances({}).with_joint("A", radial_stiffness=1e5).with_joint("E", radial_stiffness=3e5)
+FEW = np.array([0.1, 0.0, 0.05])  # s
+ANGLES = np.radians(30.0) + 1.5 * KNOTS + 4.0 * KNOTS**2
+SPRING = {
+    "bodies": ("ground", "coupler"), "points": ("D", "B"), "stiffness": 200.0, "length": 0.05, "damping": 3.0
+}  # fmt: skip
+SPRUNG = PAPER.replace(springs=[SPRING])
+
+
+def measured(m: Mechanism, **drive: Any) -> Mechanism:
+    """The mechanism with a crank that follows a course."""
+    return m.replace(drives=(Drive(joint="D", speed="measured", **drive),))
+
+
+def freed(m: Mechanism, *joints: str) -> Mechanism:
+    """The mechanism with free drives in some joints."""
+    free = {joint: Drive(joint=joint, speed="free") for joint in joints}
+    return m.replace(drives=[free.get(drive.joint, drive) for drive in m.drives])
+
+
+def moved(m: Mechanism, joint_model: JointModel = "ideal", time: np.ndarray = FEW, **fields: Any) -> Request:
+    """A run along courses of all drives that are not free."""
+    courses = {name: course for name, course in waved(CASES[m.name]).items() if m.joint(name) in m.motors}
+    return Request(m, joint_model, time=time, courses=courses, **fields)
+
+
+def rubbed(m: Mechanism) -> Mechanism:
+    """The mechanism with friction, drag and a cubic spring in every joint."""
+    turning = {"friction_torque": 0.02, "static_torque": 0.03, "stribeck_speed": 0.1, "drag": 0.01, "cubic": 0.3}
+    for joint in m.joints:
+        law = {"friction": 0.5, "drag": 0.1, "cubic": 3.0} if joint.prismatic else turning
+        m = m.with_joint(joint.name, **law)
+    return m
+
+
+GAPS = {"five-bar": "P", "3-rrr": "C1", "3-rpr": "C1", "2r-arm": "K"}
+LATE = {  # courses that begin late, with knots of their own
+    "O": (np.linspace(7.0, 7.6, 31), -0.4 + np.linspace(0.0, 0.5, 31) ** 2),
+    "K": (np.linspace(7.013, 7.6, 47), 1.2 - np.linspace(0.0, 0.7, 47) ** 2),
+}
+SEVERAL = {
+    **{f"{name}, {model}": moved(CASES[name].with_clearances({pin: 2e-4}), model)
+       for name, pin in GAPS.items() for model in JOINT_MODELS},
+    **{f"{name}, springs and dampers": Request(sprung(CASES[name]), time=FEW, courses=waved(CASES[name]))
+       for name in SHIPPED},
+    **{f"{name}, every law of a joint": moved(rubbed(CASES[name])) for name in ("3-rpr", "five-bar")},
+    **{f"{name}, the other way round": moved(turned_round(CASES[name], *joints), time=FEW)
+       for name, joints in {"2r-arm": ("O", "K"), "five-bar": ("D", "A")}.items()},
+    "rods the other way round": Request(
+        turned_round(CASES["3-rpr"], "S1", "A2"), time=FEW, courses=waved(turned_round(CASES["3-rpr"], "S1", "A2"))
+    ),
+    "soft bearing": moved(CASES["five-bar"].with_joint("A", radial_stiffness=1e5)),
+    "impacts along courses": moved(CASES["five-bar"].with_clearances({"A": 2e-4}), "contact", start="centred"),
+    "late courses": Request(CASES["2r-arm"], time=np.array([7.4, 7.02, 7.58, 7.4]), courses=LATE),
+    **{f"elbow free, {model}": moved(freed(CASES["2r-arm"].with_clearances({"O": 2e-4}), "K"), model)
+       for model in JOINT_MODELS},
+    **{f"all free, {model}": moved(freed(CASES["2r-arm"].with_clearances({"K": 2e-4}), "O", "K"), model)
+       for model in JOINT_MODELS},
+    "one crank of two free": moved(freed(CASES["five-bar"], "E")),
+    "no drives": Request(SWINGING, time=FEW, courses={}),
+    "held more than once": Request(third_bar(), time=FEW, courses=waved(third_bar())),
+}  # fmt: skip
 REQUESTS = {
     **{
         f"paper, {model}, {motion}": Request(PAPER, model, motion, SHORT)
@@ -57,6 +121,12 @@ REQUESTS = {
     "released with a gap": Request(
         load("pendulum").with_clearances({"O": 5e-4}), "contact", time=np.array([0.0, 0.1, 0.2])
     ),
+    **{f"course, {model}": Request(measured(PAPER), model, time=FEW, course=(KNOTS, ANGLES)) for model in JOINT_MODELS},
+    "course, compliant drive": Request(measured(PAPER, stiffness=2e3), "contact", time=FEW, course=(KNOTS, ANGLES)),
+    **{f"spring between points, {m}": Request(SPRUNG, "contact", m, SHORT) for m in ("driven", "static")},
+    **{f"held more than once, {m}": Request(third_bar(), "ideal", m, SHORT) for m in ("driven", "static")},
+    "held more than once, with a gap": Request(third_bar().with_clearances({"f2": 1e-4}), "contact", "driven", SHORT),
+    **SEVERAL,
 }
 
 
@@ -73,6 +143,16 @@ def difference(found: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray])
     return worst
 
 
+def simulated(request: Request) -> dict[str, np.ndarray]:
+    """What is exported of a request: along courses there is no crank's angle, but the joints' positions."""
+    trace = ENGINE.simulate(request)
+    if request.courses is None:
+        return columns(trace)
+    assert trace.time is not None
+    order = np.argsort(trace.time, kind="stable")
+    return {name: values[order] for name, values in {"time": trace.time, **trace.signals}.items()}
+
+
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Every request's folder, after its script has run in bare Exudyn."""
@@ -85,14 +165,27 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.mark.parametrize("name", REQUESTS)
 def test_bare_exudyn_gives_the_same_numbers(name: str, exported: dict[str, Path]) -> None:
-    found, truth = table(exported[name] / "signals.csv"), columns(ENGINE.simulate(REQUESTS[name]))
+    found, truth = table(exported[name] / "signals.csv"), simulated(REQUESTS[name])
     assert found.keys() == truth.keys()
     assert difference(found, truth) < REPEATS.get(name, TOLERANCE)
     assert difference(table(exported[name] / "expected.csv"), truth) <= REPEATS.get(name, 0.0)  # 0: to the last digit
 
 
-def test_pins_of_the_impacting_run_do_fly_free() -> None:
-    assert 0 < ENGINE.simulate(REQUESTS["impacts"]).free_share["B"] < 1
+@pytest.mark.parametrize(("name", "joint"), [("impacts", "B"), ("impacts along courses", "A")])
+def test_pins_of_the_impacting_run_do_fly_free(name: str, joint: str) -> None:
+    assert 0 < ENGINE.simulate(REQUESTS[name]).free_share[joint] < 1
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_motors_of_the_bare_script_give_what_newton_and_euler_say(name: str, exported: dict[str, Path]) -> None:
+    """Against the referee in maximal coordinates, which knows no engine."""
+    found, m = table(exported[f"{name}, ideal"] / "signals.csv"), CASES[name].with_clearances({})
+    _, posed = referee(m, waved(m), found["time"])
+    most = max(abs(value) for p in posed for value in p.motors.values())
+    for joint in m.motors:
+        kind = "force" if joint.prismatic else "torque"
+        truth = np.array([p.motors[joint.name] for p in posed])
+        np.testing.assert_allclose(found[f"drive_{kind}_{joint.name}"], truth, rtol=0, atol=3e-6 * most)
 
 
 def test_script_imports_exudyn_and_numpy_and_nothing_else(exported: dict[str, Path]) -> None:
@@ -130,6 +223,7 @@ def test_equilibria_are_found_and_not_read_from_the_file(joint_model: str, tmp_p
         ("paper, massless-link, driven", '"force": [0.0, 50.0]', '"force": [0.0, 50.001]'),
         ("paper, spring-damper, static", '"referenceLength": 0.001', '"referenceLength": 0.0009999'),
         ("paper, contact, driven", '"contactStiffness": 10000000.0', '"contactStiffness": 9000000.0'),
+        ("spring between points, static", '"stiffness": 200.0', '"stiffness": 200.1'),
     ],
 )
 def test_a_model_that_was_tampered_with_shows(name: str, right: str, wrong: str, tmp_path: Path) -> None:
@@ -142,6 +236,35 @@ def test_a_model_that_was_tampered_with_shows(name: str, right: str, wrong: str,
     found, truth = (table(tmp_path / f"{side}.csv")["reaction_B_x"] for side in ("signals", "expected"))
     assert said == pytest.approx(float(np.abs(found - truth).max()), rel=0.05)
     assert said > 1e-6 * float(np.abs(truth).max())
+
+
+@pytest.mark.parametrize("name", ["3-rpr, ideal", "five-bar, ideal", "elbow free, contact"])
+def test_every_course_and_spring_is_followed_from_the_file(name: str, tmp_path: Path) -> None:
+    """Motors that go a thousandth faster, each alone, are a thousandth faster in what the script finds."""
+    ENGINE.export(REQUESTS[name], tmp_path)
+    text = (tmp_path / "model.json").read_text(encoding="utf-8")
+    for joint in json.loads(text)["drives"]:
+        model = json.loads(text)
+        course = model["drives"][joint]["course"]
+        course["cubics"] = [[1.001 * c for c in cubic] for cubic in course["cubics"]]
+        (tmp_path / "model.json").write_text(json.dumps(model), encoding="utf-8")
+        bare(tmp_path)
+        found, truth = (table(tmp_path / f"{side}.csv")[f"position_{joint}"] for side in ("signals", "expected"))
+        gone = truth[-1] - truth[0]
+        assert found[-1] - found[0] == pytest.approx(1.001 * gone, abs=1e-4 * abs(gone))
+
+
+def test_command_writes_a_linkage_of_several_drives(tmp_path: Path) -> None:
+    folder = tmp_path / "new"
+    status, *_ = command("--simulator", "exudyn", "--case", "3-rpr", "--times", "0:0.2:0.05", "--out", str(folder))
+    assert status == 0
+    assert "3-rpr, ideal joints, driven: 5 samples" in bare(folder)
+    found = table(folder / "signals.csv")
+    assert difference(found, table(folder / "expected.csv")) < TOLERANCE
+    assert "crank_angle" not in found
+    for drive in load("3-rpr").drives:
+        rate = np.diff(found[f"position_{drive.joint}"]) / 0.05
+        assert rate == pytest.approx(drive.speed, rel=1e-6)
 
 
 def test_command_writes_the_files_and_says_how_to_run_them(tmp_path: Path) -> None:

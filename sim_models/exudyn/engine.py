@@ -30,9 +30,11 @@ RUNS: tuple[Pair, ...] = tuple((model, motion) for model in JOINT_MODELS for mot
 BENDING: tuple[Pair, ...] = tuple((model, motion) for model in ("ideal", "contact") for motion in MOTIONS)
 # No law of a joint sees another's reaction; one-sided laws between a motor and its crank would be slow in Python.
 HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "backlash"}
-BEYOND: frozenset[Feature] = frozenset({"several_drives", "point_spring"})  # of beams and exports
+BEYOND: frozenset[Feature] = frozenset({"several_drives", "point_spring"})  # of beams
 # Friction of a pin on its rim falls to zero with its sliding speed: at rest there is none.
 AT_REST: frozenset[tuple[Feature, Pair]] = frozenset({("contact_friction", ("contact", "static"))})
+# Equilibria along courses are not exported.
+HELD: frozenset[tuple[Feature, Pair]] = frozenset(("several_drives", pair) for pair in RUNS if pair[1] == "static")
 
 
 class ExudynEngine(Engine):
@@ -43,7 +45,7 @@ class ExudynEngine(Engine):
     capabilities = Capabilities(
         rigid=Scope.of(RUNS, HAS, but=AT_REST),
         beams=Scope.of(BENDING, HAS - {"contact_friction", "drive_compliance", "soft_bearing", "released"} - BEYOND),
-        export=Scope.of(RUNS, HAS - {"course"} - BEYOND, but=AT_REST),
+        export=Scope.of(RUNS, HAS, but=AT_REST | HELD),
     )
 
     def simulate(self, request: Request) -> Trace:

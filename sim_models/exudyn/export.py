@@ -11,13 +11,16 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import MASS_CENTRE, Body, Joint
+from analytic.mechanism.signals import driving
 from sim_models.common.export_files import expected, lines
-from sim_models.engine import Request, Unsupported
+from sim_models.common.travel import with_positions
+from sim_models.engine import Request
+from sim_models.exudyn.courses import CoursesRun
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.linkage import HALVED, ExudynLinkage
-from sim_models.exudyn.motor import RunMotor
+from sim_models.exudyn.motor import INSTANT, RunMotor
 from sim_models.exudyn.record import Record
-from sim_models.exudyn.runs import ExudynRun
+from sim_models.exudyn.runs import ExudynRun, Run
 
 CONTACT = (
     "spheresRadii", "isHollowSphere1", "contactStiffness", "contactDamping", "impactModel", "restitutionCoefficient",
@@ -35,25 +38,25 @@ PARAMETERS = {  # what closes a joint: the numbers that make it, by Exudyn's nam
 
 def write(request: Request, folder: Path) -> list[Path]:
     """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError."""
-    run = _Remembered(request)
-    if run.redundant:
-        raise Unsupported(
-            f"exudyn: {request.mechanism.name}: joints hold its loops more than once, which its scripts in bare Exudyn"
-            " do not solve; leave out a joint that is not needed, or the export"
-        )
-    trace = run.trace()
-    linkage, motion = _at_rest(run) if request.motion == "static" else _moving(run)
+    several = request.courses is not None
+    run = _RememberedCourses(request) if several else _RememberedCrank(request)
+    trace = with_positions(run.m, run.trace()) if several else run.trace()
+    if isinstance(run, ExudynRun) and request.motion == "static":
+        linkage, motion = _at_rest(run)
+    else:
+        linkage, motion = _moving(run)
     model = {
         "title": f"{request.mechanism.name}, {request.joint_model} joints, {request.motion}",
         "version": f"{trace.simulator} {trace.version}",
         "motion": request.motion,
-        "crank": run.m.driven,
+        "crank": None if several else run.m.driven,
+        "redundant": run.redundant,
         **_parts(linkage),
         **motion,
     }
     files = {
         "model.json": lines(model),
-        "expected.csv": expected(trace),
+        "expected.csv": expected(trace, crank=not several),
         "run.py": (
             importlib.resources.files("sim_models.standalone").joinpath("exudyn_run.py").read_text(encoding="utf-8")
         ),
@@ -63,41 +66,56 @@ def write(request: Request, folder: Path) -> list[Path]:
     return [folder / name for name in files]
 
 
-class _Remembered(ExudynRun):
-    """A run that remembers its linkage, its stages (begin, end, steps, instants recorded), and the rows that it
-    reports.
+class _Remembered(Run):
+    """A run that remembers its linkage, its motors, when it reports (s), and its stages: begin, end (s), steps (0: it
+    settles in one), and whether they start with the accelerations of the one before.
     """
+
+    working: ExudynLinkage
+    turning: Sequence[RunMotor]
+    reports: np.ndarray
 
     def __init__(self, request: Request) -> None:
         super().__init__(request)
-        self.stages: list[tuple[float, float, int, int]] = []
-        self.marks = np.zeros(0, int)
-
-    def launch(self, motor: RunMotor | None) -> tuple[ExudynLinkage, float]:
-        self.linkage, longest = super().launch(motor)
-        self.stages.clear()  # those that led to the start
-        return self.linkage, longest
+        self.stages: list[tuple[float, float, int, bool]] = []
 
     def advance(self, linkage: ExudynLinkage, begin: float, end: float, count: int, onward: bool = False) -> Record:
         record = super().advance(linkage, begin, end, count, onward)
-        self.stages.append((begin, end, count, record.time.size))
+        self.stages.append((begin, end, count, onward))
         return record
 
     def march(
         self, linkage: ExudynLinkage, times: np.ndarray, longest: float, motors: Sequence[RunMotor] = ()
     ) -> tuple[Record, np.ndarray]:
-        history, self.marks = super().march(linkage, times, longest, motors)
-        return history, self.marks
+        self.working, self.turning, self.reports = linkage, motors, times
+        self.stages.clear()  # those that led to the start
+        return super().march(linkage, times, longest, motors)
+
+
+class _RememberedCrank(_Remembered, ExudynRun):
+    """The same of a crank's run."""
+
+
+class _RememberedCourses(_Remembered, CoursesRun):
+    """The same of a run of several drives, or of none."""
 
 
 def _moving(run: _Remembered) -> tuple[ExudynLinkage, dict[str, Any]]:
-    """The linkage of a run in time, its stages, and after which of them it is read (0: at the start)."""
-    plan: dict[str, Any] = {"halved": HALVED, "stages": [stage[:3] for stage in run.stages], "after_stage": None}
-    last = np.cumsum(
-        [0, *(size - 1 for *_, size in run.stages[1:])]
-    )  # row that ends a stage; of the first, an instant, its start is kept
-    after = np.searchsorted(last, run.marks)
-    return run.linkage, plan | {"after_stage": (after + (after > 0)).tolist()}
+    """The linkage of a run in time, its stages, after which of them it is read (0: at the start), and the run's time
+    (s) when the request's begins.
+    """
+    settles = any(not motor.steady for motor in run.turning)
+    first = 0.0 if settles else INSTANT  # a report until then is of the start
+    after = np.searchsorted([end for _, end, *_ in run.stages], run.reports) + 1
+    return run.working, {
+        "drive": _crank_drive(run.working, run.turning),
+        "drives": _own_drives(run.working, run.turning),
+        "halved": HALVED,
+        "residual": run.working.residual,
+        "time_0": float(next((motor.clock(np.zeros(1))[0] for motor in run.turning), 0.0)),
+        "stages": run.stages,
+        "after_stage": np.where(run.reports > first, after, 0).tolist(),
+    }
 
 
 def _at_rest(run: ExudynRun) -> tuple[ExudynLinkage, dict[str, Any]]:
@@ -121,7 +139,8 @@ def _at_rest(run: ExudynRun) -> tuple[ExudynLinkage, dict[str, Any]]:
                 },
             }
         )
-    return equilibria.real, {"residual": equilibria.real.residual, "equilibria": near}
+    drive = {"offset": equilibria.real.item("drive")["offset"]}
+    return equilibria.real, {"drive": drive, "drives": {}, "residual": equilibria.real.residual, "equilibria": near}
 
 
 def _parts(link: ExudynLinkage) -> dict[str, Any]:
@@ -138,7 +157,15 @@ def _parts(link: ExudynLinkage) -> dict[str, Any]:
             *({"body": load.body, "point": load.point, "force": load.force, "torque": load.torque} for load in m.loads),
         ],
         "joints": {joint.name: _joint(link, joint) for joint in m.joints},
-        "drive": _drive(link),
+        "springs": [
+            {
+                "ends": spring.ends,
+                "length": spring.length,
+                "stiffness": spring.stiffness,
+                "damping": spring.damping if link.model.motion == "driven" else 0.0,  # at rest it is a load
+            }
+            for spring in m.springs
+        ],
         "periodic_torque": m.periodic_torque and {"body": m.driven, **m.periodic_torque.model_dump()},
     }
 
@@ -199,18 +226,34 @@ def _closed_by(link: ExudynLinkage, joint: Joint) -> str:
     return link.model.joint_model
 
 
-def _drive(link: ExudynLinkage) -> dict[str, Any] | None:
-    """The motor, or None where the linkage is released; its shaft's angle (rad) and speed at the start, if a spring is
-    behind it.
+def _crank_drive(link: ExudynLinkage, motors: Sequence[RunMotor]) -> dict[str, Any] | None:
+    """A crank's motor, or None without one: its speed (rad/s) or its course, and if a spring is behind it the shaft's
+    angle (rad) and speed at the start.
     """
-    if link.model.motion == "driven" and link.m.speed is None:
+    if link.model.drive is None:
         return None
-    item = link.item("drive")
+    (motor,) = motors
+    moves = {"offset": float(motor.rate(0.0))} if motor.steady else {"course": _course(motor)}
     if not link.model.compliant:
-        return {"offset": item["offset"]}
+        return moves
+    item = link.item("drive")
     shaft = link.mbs.GetNode(link.mbs.GetMarker(item["markerNumbers"][1])["nodeNumber"])
-    speed = float(shaft["initialVelocities"][0])
-    return {"offset": speed, "shaft": [float(shaft["initialCoordinates"][0]), speed], "stiffness": item["stiffness"]}
+    start = [float(shaft["initialCoordinates"][0]), float(shaft["initialVelocities"][0])]
+    return {**moves, "shaft": start, "stiffness": item["stiffness"]}
+
+
+def _own_drives(link: ExudynLinkage, motors: Sequence[RunMotor]) -> dict[str, Any]:
+    """The motors between the two bodies of a joint, by joint: what each gives is called, and its course."""
+    joints = [link.m.joint(name) for name in link.model.drives or ()]
+    named = zip(joints, driving(joints), motors, strict=False)  # without joints there is a signal all the same
+    return {joint.name: {"signal": signal.name, "course": _course(motor)} for joint, signal, motor in named}
+
+
+def _course(motor: RunMotor) -> dict[str, Any]:
+    """Position (rad, m) over the run's time (s): from each of the times on a cubic in what has passed since, highest
+    power first.
+    """
+    return {"times": motor.path.x.tolist(), "cubics": motor.path.c.T.tolist()}
 
 
 def _pair(z: complex) -> list[float]:

@@ -1,7 +1,7 @@
 """A linkage with clearance in bare Exudyn: `python run.py` needs exudyn and numpy, and nothing else.
 
-model.json    bodies, loads, joints and drive, each to become an Exudyn item; how the linkage starts, and how it is
-              stepped
+model.json    bodies, loads, joints, springs and drives, each to become an Exudyn item; how the linkage starts, and how
+              it is stepped
 expected.csv  what the cross-check got; this script writes its own to signals.csv and prints the largest differences
 
 SI units and rad.  reaction_<joint> is the force of the joint's first body on its second.  A body's node is at its
@@ -16,14 +16,19 @@ What closes a joint:
                     force turns
     spring-damper   between the pin centres; beyond the clearance it pulls with max(0, K d + C d'), within it is slack
     contact         a journal in its bearing: one sphere in another, hollow one
+What moves the linkage is "drive", which turns one crank, or "drives", each between the two bodies of its joint; where
+both are missing it moves freely.
 """
 
 from __future__ import annotations
 
+import cmath
 import json
 import math
 import sys
-from collections.abc import Mapping
+from bisect import bisect
+from collections.abc import Callable, Mapping, Sequence
+from operator import mul
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +59,8 @@ class System:
         self.node: dict[str, Any] = {}
         self.sensor: dict[str, Any] = {}
         self.law: dict[str, Any] = {}  # of slides
-        self.still = self.coordinate(self.mbs.AddNode(item.NodePointGround()), 0)
+        self.node["ground"] = self.mbs.AddNode(item.NodePointGround())
+        self.still = self.coordinate(self.node["ground"], 0)
         for name, body in self.bodies.items():
             node = self.mbs.AddNode(
                 item.NodeRigidBody2D(initialCoordinates=body["start"], initialVelocities=body["rates"])
@@ -70,12 +76,20 @@ class System:
             self.add_slide(name, joint) if joint["closed_by"] == "slide" else self.add_pin(name, joint)
         if self.model["periodic_torque"]:
             self.add_wave(**self.model["periodic_torque"])
+        for spring in self.model["springs"]:
+            self.add_spring(**spring)
         self.motor = self.add_drive(**self.model["drive"]) if self.model["drive"] else None
+        for name, drive in self.model["drives"].items():
+            self.add_own_drive(name, self.joints[name], speed_along(**drive["course"]))
         self.mbs.Assemble()
 
     def coordinate(self, node: Any, number: int) -> Any:
-        """Marker of a node's coordinate; 2 is a body's angle."""
+        """Marker of a node's coordinate."""
         return self.mbs.AddMarker(item.MarkerNodeCoordinate(nodeNumber=node, coordinate=number))
+
+    def angle(self, body: str) -> Any:
+        """Marker of a body's angle."""
+        return self.still if body == "ground" else self.coordinate(self.node[body], 2)
 
     def marker(self, body: str, point: str, turn: float = 0.0) -> Any:
         """Marker at a body's point, its axes turned in the body."""
@@ -114,9 +128,7 @@ class System:
             self.set_force(closure, pull)
         self.sense(f"force {name}", item.SensorObject, "Force", objectNumber=closure)
         if "law" in joint:
-            angles = [
-                self.still if body == "ground" else self.coordinate(self.node[body], 2) for body in joint["bodies"]
-            ]
+            angles = [self.angle(body) for body in joint["bodies"]]
             curved = "curved" in joint
             plain = item.ObjectConnectorCoordinateSpringDamperExt
             kind = item.ObjectConnectorCoordinateSpringDamper if curved else plain
@@ -182,26 +194,42 @@ class System:
         def law(mbs: Any, t: Any, number: Any, angle: Any, rate: Any, k: Any, d: Any, rest: Any) -> Any:
             return -amplitude * exu.symbolic.sin(float(harmonic) * angle + phase)
 
-        ends = [self.still, self.coordinate(self.node[body], 2)]
+        ends = [self.still, self.angle(body)]
         self.set_force(self.mbs.AddObject(item.ObjectConnectorCoordinateSpringDamper(markerNumbers=ends)), law)
+
+    def add_spring(self, ends: list[list[str]], length: float, stiffness: float, damping: float) -> None:
+        """A spring and damper between points of two bodies."""
+        markers = [self.marker(body, point) for body, point in ends]
+        self.mbs.AddObject(
+            item.ObjectConnectorSpringDamper(
+                markerNumbers=markers, referenceLength=length, stiffness=stiffness, damping=damping
+            )
+        )
 
     def set_force(self, number: Any, force: Any) -> None:
         """Give a connector a force of its own, compiled by Exudyn."""
         compiled = CreateSymbolicUserFunction(self.mbs, force, "springForceUserFunction", number)
         self.mbs.SetObjectParameter(number, "springForceUserFunction", compiled)
 
-    def add_drive(self, offset: float, shaft: list[float] | None = None, stiffness: float = 0.0) -> Any:
-        """The motor holds the crank at an angle (at rest), at a speed, or a shaft at a speed that has a spring to the
-        crank.
+    def add_drive(
+        self,
+        offset: float = 0.0,
+        course: dict[str, Any] | None = None,
+        shaft: list[float] | None = None,
+        stiffness: float = 0.0,
+    ) -> Any:
+        """The motor holds the crank at an angle (at rest), or turns it at a speed or along a course; or a shaft that
+        has a spring to the crank.
         """
-        crank = held = self.coordinate(self.node[self.model["crank"]], 2)
+        crank = held = self.angle(self.model["crank"])
         if shaft is not None:
             node = self.mbs.AddNode(item.Node1D(initialCoordinates=shaft[:1], initialVelocities=shaft[1:]))
             self.mbs.AddObject(item.ObjectRotationalMass1D(physicsInertia=1.0, nodeNumber=node))
             held = self.coordinate(node, 0)
             self.sense("shaft", item.SensorNode, "Coordinates", nodeNumber=node)
+        moved = {"offsetUserFunction_t": called(speed_along(**course))} if course else {"offset": offset}
         holding = item.ObjectConnectorCoordinate(
-            markerNumbers=[self.still, held], offset=offset, velocityLevel=not self.static
+            markerNumbers=[self.still, held], velocityLevel=not self.static, **moved
         )
         motor = self.mbs.AddObject(holding)
         if shaft is not None:
@@ -211,6 +239,47 @@ class System:
         self.sense("drive", item.SensorObject, "Force", objectNumber=motor)
         return motor
 
+    def add_own_drive(self, name: str, joint: Mapping[str, Any], speed: Callable[[float], float]) -> None:
+        """A motor between the two bodies of a joint, which turns or pushes the second at a speed over time.
+
+        Exudyn's own prismatic joints cannot be moved where constraints are on velocity, so there is one for it.
+        """
+        bodies = joint["bodies"]
+        if joint["closed_by"] != "slide":
+            motor = item.ObjectConnectorCoordinate(
+                markerNumbers=[self.angle(body) for body in bodies],
+                velocityLevel=True,
+                offsetUserFunction_t=called(speed),
+            )
+        else:
+            gradient = self.gradient(name, joint)
+            moving = [f"scalingMarker{k}" for k, body in enumerate(bodies) if body != "ground"]
+            motor = item.ObjectConnectorCoordinateVector(
+                markerNumbers=[
+                    self.mbs.AddMarker(item.MarkerNodeCoordinates(nodeNumber=self.node[body])) for body in bodies
+                ],
+                **dict.fromkeys(moving, np.zeros((1, 3))),
+                offset=[0.0],
+                constraintUserFunction=lambda mbs, t, number, q, rate, _: [sum(map(mul, gradient(q), rate)) - speed(t)],
+                jacobianUserFunction=lambda mbs, t, number, q, rate, _: [gradient(q)],
+            )
+        self.sense(f"drive {name}", item.SensorObject, "Force", objectNumber=self.mbs.AddObject(motor))
+
+    def gradient(self, name: str, joint: Mapping[str, Any]) -> Callable[[Sequence[float]], list[float]]:
+        """Derivative of the travel along a slide by x, y and angle of each of its bodies that moves."""
+        first, second = (body != "ground" for body in joint["bodies"])
+        along, point = cmath.exp(1j * joint["direction"]), complex(*self.points[joint["bodies"][1]][name])
+
+        def gradient(q: Sequence[float]) -> list[float]:
+            x, y, angle = q[:3] if first else (0.0, 0.0, 0.0)
+            u, v, turn = q[-3:] if second else (0.0, 0.0, 0.0)
+            axis, arm = along * cmath.exp(1j * angle), point * cmath.exp(1j * turn)
+            seen = complex(u - x, v - y) + arm  # the second body's point, from the first's centre
+            near = [-axis.real, -axis.imag, (axis.conjugate() * seen).imag] if first else []
+            return near + ([axis.real, axis.imag, -(axis.conjugate() * arm).imag] if second else [])
+
+        return gradient
+
     def settings(self) -> Any:
         """Trapezoidal rule with constraints on velocity (index 2); at rest, Newton's method in one go.  No files."""
         s = exu.SimulationSettings()
@@ -219,21 +288,38 @@ class System:
         s.timeIntegration.adaptiveStep, s.timeIntegration.discontinuous.useRecommendedStepSize = True, False
         s.staticSolver.useLoadFactor = s.staticSolver.adaptiveStep = False
         s.staticSolver.newton.maxIterations, s.staticSolver.newton.relativeTolerance = 100, 1e-12
-        s.staticSolver.newton.absoluteTolerance = self.model.get("residual", 0.0)
+        s.staticSolver.newton.absoluteTolerance = self.model["residual"]
         s.staticSolver.discontinuous.maxIterations, s.staticSolver.discontinuous.ignoreMaxIterations = 20, False
+        if self.model["redundant"]:  # joints hold a loop more than once: what says nothing new is left out
+            s.linearSolver.solverType, s.linearSolver.ignoreSingularJacobian = exu.LinearSolverType.EigenDense, True
+        return s
+
+    def stage(self, begin: float, end: float, steps: int, onward: bool) -> Any:
+        """Settings for a number of equal steps, shorter where Newton's method stumbles over a contact.
+
+        Steps ``onward`` start with the accelerations of the one before, which Exudyn does not know of a course.  No
+        steps are a short one that settles what accelerations are: as Newmark's gamma of 1 has it, they are its change
+        of velocity.
+        """
+        s = self.settings()
+        time = s.timeIntegration
+        time.startTime, time.endTime, time.numberOfSteps = begin, end, max(steps, 1)
+        newmark = time.generalizedAlpha
+        newmark.computeInitialAccelerations = bool(steps) and not onward
+        if steps:
+            time.minimumStepSize = (end - begin) / steps / self.model["halved"]
+        else:
+            newmark.newmarkBeta, newmark.newmarkGamma = 0.5, 1.0
+        if onward:
+            time.newton.relativeTolerance, time.newton.absoluteTolerance = 1e-12, self.model["residual"]
         return s
 
     def driven(self) -> Signals:
         """Step through every stage; the signals after those of them for which model.json asks."""
         parts: list[Signals] = []
-        s = self.settings()
-        for begin, end, steps in self.model["stages"]:
-            s.timeIntegration.startTime, s.timeIntegration.endTime, s.timeIntegration.numberOfSteps = begin, end, steps
-            s.timeIntegration.minimumStepSize = (
-                (end - begin) / steps / self.model["halved"]
-            )  # where Newton's method stumbles over a contact
-            if not self.mbs.SolveDynamic(s, updateInitialValues=True, storeSolver=False):
-                sys.exit(f"Exudyn gave up between {begin} and {end} s")
+        for stage in self.model["stages"]:
+            if not self.mbs.SolveDynamic(self.stage(*stage), updateInitialValues=True, storeSolver=False):
+                sys.exit(f"Exudyn gave up between {stage[0]} and {stage[1]} s")
             stored = {
                 name: np.asarray(self.mbs.GetSensorStoredData(number))[bool(parts) :]
                 for name, number in self.sensor.items()
@@ -248,7 +334,7 @@ class System:
             [0, *np.cumsum([part["time"].size for part in parts]) - 1]
         )  # row of the start, and the last of every stage
         found = {name: values[last[self.model["after_stage"]]] for name, values in run.items()}
-        return found | {"time": found["time"] - (found["time"][0] if self.model["drive"] else 0.0)}
+        return found | {"time": found["time"] - self.model["time_0"]}
 
     def equilibria(self) -> Signals:
         """The signals of every equilibrium, found anew from where the bodies are put."""
@@ -288,12 +374,10 @@ class System:
         """All signals, from the sensors.  A constraint's force has one sign in Exudyn's static solver, the other in its
         dynamic one.
         """
-        sign, crank = 1.0 if self.static else -1.0, self.model["crank"]
-        out = {"crank_angle": seen[f"place {crank}"][:, 2], "time": time, "drive_torque": np.zeros(time.size)}
-        if "shaft" in seen:  # behind a spring the crank is not where its motor is asked to be
-            out["crank_angle"] = seen["shaft"][:, 0]
-        if self.motor is not None:
-            out["drive_torque"] = seen["drive"][:, 0] * (1.0 if "shaft" in self.model["drive"] else sign)
+        sign = 1.0 if self.static else -1.0
+        out = {"time": time, **(self.crank(seen, sign) if self.model["crank"] else {})}
+        for name, drive in self.model["drives"].items():
+            out[drive["signal"]] = sign * seen[f"drive {name}"][:, 0]
         centre, turn = (
             {"ground": np.zeros(1, complex)},
             {"ground": np.ones(1, complex)},
@@ -311,9 +395,15 @@ class System:
         for name, joint in self.joints.items():
             first, second = (centre[body] + complex(*self.points[body][name]) * turn[body] for body in joint["bodies"])
             value, how, gap = seen[f"force {name}"], joint["closed_by"], first - second
+            axis = np.exp(1j * joint.get("direction", 0.0)) * turn[joint["bodies"][0]]
+            if not self.model["crank"]:  # joints tell where the linkage is
+                start, end = (out.get(f"{body}_angle", np.zeros(time.size)) for body in joint["bodies"])
+                out[f"position_{name}"] = -(gap * axis.conj()).real if how == "slide" else end - start
             if how == "slide":
                 axial = -sum(seen[law][:, 0] for law in (f"law {name}", f"curved {name}") if law in seen)
-                force = (axial + 1j * sign * value[:, 1]) * np.exp(1j * joint["direction"]) * turn[joint["bodies"][0]]
+                if name in self.model["drives"]:
+                    axial = axial + sign * seen[f"drive {name}"][:, 0]
+                force = (axial + 1j * sign * value[:, 1]) * axis
                 out[f"reaction_{name}_moment"] = -sign * seen[f"moment {name}"][:, 2]
             elif how == "massless link":  # its force is the tension
                 force = value[:, 0] * gap / np.abs(gap)
@@ -322,6 +412,35 @@ class System:
             for vector, signal in ((force, "reaction"), (gap, "clearance")):
                 out |= {f"{signal}_{name}_x": vector.real, f"{signal}_{name}_y": vector.imag}
         return out
+
+    def crank(self, seen: Mapping[str, np.ndarray], sign: float) -> Signals:
+        """A crank's angle, or of one that is turned evenly through a spring its shaft's, and its motor's torque."""
+        drive, angle = self.model["drive"], seen[f"place {self.model['crank']}"][:, 2]
+        if drive is None:
+            return {"crank_angle": angle, "drive_torque": np.zeros(angle.size)}
+        if "shaft" in drive:
+            behind = angle if "course" in drive else seen["shaft"][:, 0]
+            return {"crank_angle": behind, "drive_torque": seen["drive"][:, 0]}
+        return {"crank_angle": angle, "drive_torque": sign * seen["drive"][:, 0]}
+
+
+def speed_along(times: list[float], cubics: list[list[float]]) -> Callable[[float], float]:
+    """Speed over time along a course: from each of the times on the position is a cubic in what has passed since, its
+    highest power first.
+    """
+    inner, rates = times[1:-1], [(3.0 * a, 2.0 * b, c) for a, b, c, _ in cubics]
+
+    def speed(time: float) -> float:
+        k = bisect(inner, time)
+        (a, b, c), passed = rates[k], time - times[k]
+        return (a * passed + b) * passed + c
+
+    return speed
+
+
+def called(speed: Callable[[float], float]) -> Callable[[Any, float, int, float], float]:
+    """A speed over time as Exudyn asks for it."""
+    return lambda mbs, t, number, offset: speed(t)
 
 
 def joined(parts: list[Signals]) -> Signals:
