@@ -13,10 +13,15 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from analytic.mechanism import GROUND, Joint
+from analytic.mechanism import GROUND, Joint, Spring
+from analytic.mechanism.signals import driving
 from sim_models.common.export_files import expected, lines
+from sim_models.common.motor import Course
+from sim_models.common.travel import with_positions
+from sim_models.common.tree import Branch
 from sim_models.engine import Request, Trace
 from sim_models.leapfrog.bodies import WARM_UP
+from sim_models.leapfrog.courses import path_of
 from sim_models.leapfrog.runs import run
 from sim_models.pybullet.parts import Planned, flat
 from sim_models.pybullet.world import FASTEST, STRENGTH, BulletWorld
@@ -93,12 +98,14 @@ def write(request: Request, folder: Path) -> list[Path]:
         return worlds[-1]
 
     trace = run(make, request, "pybullet")
+    if request.courses is not None:
+        trace = with_positions(request.mechanism, trace)
     world = worlds[0]  # another one only helps to find where the pins rest
     order = _order(trace, world.speed)
     files = {f"{world.part(number)}.urdf": urdf(world, number) for number in world.grown}
     files |= {
         "start.json": lines(_start(world, trace) | {"reports": _reports(world, order)}),
-        "expected.csv": expected(trace, order),
+        "expected.csv": expected(trace, order, crank=request.courses is None),
         "run.py": (
             importlib.resources.files("sim_models.standalone").joinpath("pybullet_run.py").read_text(encoding="utf-8")
         ),
@@ -146,7 +153,7 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
     m = world.mechanism
     physics = dict(world.physics)
     solver = physics.pop("constraintSolverType")
-    begin = world.grid.begin - WARM_UP * world.grid.step if world.grid else 0.0  # s
+    grid = {"begin": world.grid.begin, "warm_up": WARM_UP} if world.grid else {"begin": 0.0, "warm_up": 0}
     names = [name for name in dir(world.p) if name.startswith("CONSTRAINT_SOLVER") and getattr(world.p, name) == solver]
     return {
         "title": f"{m.name}, {trace.joint_model} joints, {trace.motion}",
@@ -158,14 +165,15 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
         "fastest": FASTEST,
         "gravity": m.gravity,
         "parts": [world.part(number) for number in world.grown],
-        "motor": {"link": m.driven, "speed": world.commands[0], "runs": world.held},
+        "puts_right": world.makes_up,
+        "crank": m.driven if world.request.courses is None else None,
+        "motors": _motors(world) if world.held else {},
+        "bodies": {branch.child: _body(world, branch) for branch in world.branches},
         "joints": {j.name: _joint(world, j) for j in m.joints},
         "constraints": _constraints(world),
         "laws": {j.name: _law(world, j) for j in world.laws.joints},
         "periodic_torque": m.periodic_torque and m.periodic_torque.model_dump(),
-        "markers": {
-            name: _from_com(world, name, "com") if name in m.moving else [0.0, 0.0] for name in world.names.values()
-        },
+        "springs": [_spring(world, spring) for spring in m.springs],
         "loads": [*_loads(world), *_weights(world)],
         "spring_dampers": {
             name: {"clearance": pin.clearance} | asdict(pin.contact)
@@ -173,8 +181,7 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
             if world.compliant
         },
         "runs": [
-            run | {"time": begin, "state": dict(zip(world.names.values(), run["state"], strict=True))}
-            for run in world.runs
+            run | grid | {"state": dict(zip(world.names.values(), run["state"], strict=True))} for run in world.runs
         ],
     }
 
@@ -183,11 +190,37 @@ def _from_com(world: RecordedWorld, body: str, point: str) -> list[float]:
     return flat(world.points[body, point] - world.links[body].centre)[:2]
 
 
+def _motors(world: RecordedWorld) -> dict[str, dict[str, Any]]:
+    """The motors by the link that each moves: the joint that it is in, and the sign of its position as the link's own
+    joint in Bullet has it.
+    """
+    result: dict[str, dict[str, Any]] = {}
+    signals = driving([each.joint for each in world.steered])
+    for each, signal, speed in zip(world.steered, signals, world.commands, strict=True):
+        path = path_of(world.motor, each.joint.name) if world.motor is not None else None
+        course = None
+        if isinstance(path, Course):
+            course = {"times": path.knots.tolist(), "cubics": path.spline.c.T.tolist()}
+        how = {"joint": each.joint.name, "sign": each.sign, "signal": signal.name, "speed": speed, "course": course}
+        result[each.child] = how
+    return result
+
+
+def _body(world: RecordedWorld, branch: Branch) -> dict[str, Any]:
+    """What a body is carried by, and how; without a joint it floats."""
+    joint = branch.joint.name if branch.joint else None
+    return {"parent": branch.parent, "joint": joint, "marker": _from_com(world, branch.child, "com")}
+
+
+def _spring(world: RecordedWorld, spring: Spring) -> dict[str, Any]:
+    ends = [(body, _from_com(world, body, point)) for body, point in spring.ends]
+    return {"ends": ends, "stiffness": spring.stiffness, "length": spring.length, "damping": spring.damping}
+
+
 def _joint(world: RecordedWorld, j: Joint) -> dict[str, Any]:
     return {
         "bodies": {body: _from_com(world, body, j.name) for body in j.bodies},
         "slides": flat(j.direction)[:2] if j.prismatic else None,
-        "carries": next((branch.child for branch in world.branches if branch.joint is j), None),
     }
 
 

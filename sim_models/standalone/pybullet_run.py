@@ -2,8 +2,8 @@
 
 <part>.urdf   bodies that hang on the ground in a tree of hinges and slides; one that floats has two weightless slides
               and a hinge
-start.json    the solver's settings, the point constraints that close loops, loads, joint laws, clearances, the motor,
-              and the runs
+start.json    the solver's settings, the point constraints that close loops, loads, springs, joint laws, clearances, the
+              motors (a course is a cubic spline, highest power first, from each piece's first time), and the runs
 expected.csv  what the cross-check got; this script writes its own to signals.csv and prints the largest differences
 
 SI units and rad.  A vector in the plane is complex, x + iy; reaction_<joint> is the force of the joint's first body on
@@ -14,7 +14,9 @@ its second.  What holds a joint together:
     strut          a URDF of its own between the pins, as long as the clearance, or (contact) with a limit there
     spring-damper  beyond the clearance max(0, K d + C d') along the gap, applied here as an external force in each step
 Bullet steps v += a h; x += v h.  A moving run reads that as a leapfrog: velocities belong to half a step before
-positions.  Its steps are equal; what is asked for between two of them follows from four by a cubic.
+positions.  Its steps are equal; what is asked for between two of them follows from four by a cubic.  Bullet reckons
+Coriolis and centrifugal forces with those older velocities; forces at the centres of mass make up for that where what
+moves freely would be led astray ("puts_right").
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+from bisect import bisect_right
 from cmath import exp
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
@@ -58,16 +61,22 @@ class LinkState(NamedTuple):
     spin: float = 0.0
 
 
+class Rates(NamedTuple):
+    """How a link moves: its com's velocity and acceleration, its angular velocity and acceleration."""
+
+    velocity: complex = 0j
+    acceleration: complex = 0j
+    spin: float = 0.0
+    spin_up: float = 0.0
+
+
 class World:
     """The linkage in PyBullet; its links are in the order of their trees, parents first."""
 
     def __init__(self) -> None:
         self.start: dict[str, Any] = json.loads((HERE / "start.json").read_text(encoding="utf-8"))
-        self.joints, self.motor, self.static = (
-            self.start["joints"],
-            self.start["motor"],
-            self.start["motion"] == "static",
-        )
+        self.joints, self.bodies, self.motors = (self.start[what] for what in ("joints", "bodies", "motors"))
+        self.static = self.start["motion"] == "static"
         self.links: dict[str, Link] = {}
         p.connect(p.DIRECT)
         p.setPhysicsEngineParameter(
@@ -81,11 +90,9 @@ class World:
             n: how["carries"] for n, how in zip(numbers, self.start["constraints"], strict=True) if how["carries"]
         }
         self.trailing = 0.0  # s by which velocities trail positions
-        if self.motor["runs"]:
-            motor = self.links[self.motor["link"]].at
-            p.setJointMotorControl2(
-                *motor, p.VELOCITY_CONTROL, targetVelocity=self.motor["speed"], force=self.start["strength"]
-            )
+        self.late: np.ndarray | None = None  # the joints' velocities as Bullet had them a step ago
+        for link, motor in self.motors.items():
+            self.run_motor(link, motor["speed"])
 
     def load(self, part: str) -> None:
         """Load a URDF.  PyBullet would take moments of inertia from collision shapes, and damp and brake the joints:
@@ -106,6 +113,12 @@ class World:
             self.links[names[k]] = Link(
                 (body, k), names[joint[16]], dynamics[0], dynamics[2][2], complex(*dynamics[3][:2]), slides, fixed_angle
             )
+
+    def run_motor(self, link: str, speed: float) -> None:
+        """Let the motor in the joint that carries a link run at a speed."""
+        p.setJointMotorControl2(
+            *self.links[link].at, p.VELOCITY_CONTROL, targetVelocity=speed, force=self.start["strength"]
+        )
 
     def constrain(self, first: str, second: str, pivots: list[list[float]]) -> int:
         """Hold a point of one link and a point of another together, each given from its link's com."""
@@ -147,46 +160,91 @@ class World:
         self.moment[body] += torque + ((at - self.places[body].com).conjugate() * force).imag  # about the com
 
     def push(self, body: str, at: complex, force: complex, torque: float = 0.0) -> None:
-        """Apply a force at a place, and a torque, in the next step."""
+        """Apply a force at a place, and a torque, in the next step, and count them."""
         self.act(body, at, force, torque)
         if body != "ground":
-            p.applyExternalForce(
-                *self.links[body].at, [force.real, force.imag, 0], [at.real, at.imag, 0], p.WORLD_FRAME
-            )
+            self.press(body, at, force)
             p.applyExternalTorque(*self.links[body].at, [0, 0, torque], p.WORLD_FRAME)
 
-    def step(self, h: float) -> None:
-        """Apply loads, the joints' laws and what acts in their clearance, and let Bullet make a step."""
+    def press(self, body: str, at: complex, force: complex) -> None:
+        """Apply a force at a place in the next step."""
+        p.applyExternalForce(*self.links[body].at, [force.real, force.imag, 0], [at.real, at.imag, 0], p.WORLD_FRAME)
+
+    def step(self, h: float, end: float) -> None:
+        """Apply what acts on the bodies, run the motors so that they are on their courses at the step's end, and let
+        Bullet make a step.
+        """
         self.look()
         self.force, self.moment = dict.fromkeys(self.places, 0j), dict.fromkeys(self.places, 0.0)
         self.forces: dict[str, complex] = {}  # of joints, on their second bodies
+        for joint, gap in self.start["spring_dampers"].items():
+            self.apply_spring_damper(joint, gap)
+        if self.start["puts_right"]:
+            self.put_right()
         self.forces_of_laws = {joint: self.apply_law(joint, law) for joint, law in self.start["laws"].items()}
-        wave, crank = self.start["periodic_torque"], self.motor["link"]
+        for spring in self.start["springs"]:
+            self.apply_spring(**spring)
+        wave, crank = self.start["periodic_torque"], self.start["crank"]
         if wave:  # over the crank's angle
             turn = wave["harmonic"] * self.places[crank].angle + wave["phase"]
             self.push(crank, self.places[crank].com, 0j, wave["amplitude"] * math.sin(turn))
         for load in self.start["loads"]:
             self.push(load["link"], self.point(load["link"], load["point"])[0], complex(*load["force"]), load["torque"])
-        for joint, gap in self.start["spring_dampers"].items():
-            first, second = self.joints[joint]["bodies"]
-            (a, a_rate), (b, b_rate) = self.pins(joint)
-            depth, normal = abs(a - b) - gap["clearance"], (a - b) / abs(a - b) if a != b else 0j
-            size = gap["stiffness"] * depth + gap["damping"] * (normal.conjugate() * (a_rate - b_rate)).real
-            force = self.forces[joint] = size * normal if depth > 0 and size > 0 else 0j
-            self.push(second, b, force)
-            self.push(first, a, -force)
+        for link, motor in self.motors.items():
+            if motor["course"]:
+                aim = motor["sign"] * on_course(end, **motor["course"])
+                self.run_motor(link, (aim - p.getJointState(*self.links[link].at)[0]) / h)
         p.setTimeStep(h)
         p.stepSimulation()
+
+    def put_right(self) -> None:
+        """Reckon the velocities of now, which Bullet has half a step late, and press against the inertia forces that it
+        gets wrong by that.
+        """
+        late = self.coordinates()[1]
+        now = late + (late - (late if self.late is None else self.late)) / 2
+        self.late, still = late, np.zeros(late.size)
+        before, rates = self.motion(late, still), self.motion(now, still)
+        for body in self.bodies:
+            wrong = rates[body].acceleration - before[body].acceleration
+            self.press(body, self.places[body].com, -self.links[body].mass * wrong)
+            self.places[body] = self.places[body]._replace(velocity=rates[body].velocity, spin=rates[body].spin)
+
+    def apply_spring_damper(self, joint: str, gap: Mapping[str, float]) -> None:
+        """What acts in a joint's clearance."""
+        first, second = self.joints[joint]["bodies"]
+        (a, a_rate), (b, b_rate) = self.pins(joint)
+        depth, normal = abs(a - b) - gap["clearance"], (a - b) / abs(a - b) if a != b else 0j
+        size = gap["stiffness"] * depth + gap["damping"] * (normal.conjugate() * (a_rate - b_rate)).real
+        force = self.forces[joint] = size * normal if depth > 0 and size > 0 else 0j
+        self.push(second, b, force)
+        self.push(first, a, -force)
+
+    def apply_spring(self, ends: list[Any], stiffness: float, length: float, damping: float) -> None:
+        """A spring, and a damper beside it, between points of two bodies."""
+        (a, a_rate), (b, b_rate) = (self.point(body, point) for body, point in ends)
+        along = (b - a) / abs(b - a) if a != b else 0j
+        rate = 0.0 if self.static else (along.conjugate() * (b_rate - a_rate)).real
+        pull = (stiffness * (abs(b - a) - length) + damping * rate) * along
+        self.push(ends[0][0], a, pull)
+        self.push(ends[1][0], b, -pull)
+
+    def travel(self, joint: str) -> tuple[float, float, complex]:
+        """Position of a joint, its rate, and the direction now in which it slides, if it does."""
+        (first, second), slides = self.joints[joint]["bodies"], self.joints[joint]["slides"]
+        a, b, ((p1, v1), (p2, v2)) = self.places[first], self.places[second], self.pins(joint)
+        if not slides:
+            return b.angle - a.angle, b.spin - a.spin, 0j
+        along = complex(*slides) * exp(1j * a.angle)
+        slip = v2 - v1 - 1j * a.spin * (p2 - p1)
+        return ((p2 - p1) * along.conjugate()).real, (slip * along.conjugate()).real, along
 
     def apply_law(self, joint: str, law: Mapping[str, float]) -> complex:
         """Dry friction, damper and spring of a joint, on its second body: a force along a slide (returned), or a torque
         about a hinge.
         """
-        (first, second), slides = self.joints[joint]["bodies"], self.joints[joint]["slides"]
-        a, b, ((p1, v1), (p2, v2)) = self.places[first], self.places[second], self.pins(joint)
-        along = complex(*slides) * exp(1j * a.angle) if slides else 0j
-        travel = ((p2 - p1) * along.conjugate()).real if slides else b.angle - a.angle
-        rate = ((v2 - v1 - 1j * a.spin * (p2 - p1)) * along.conjugate()).real if slides else b.spin - a.spin
+        (first, second), ((p1, _), (p2, _)) = self.joints[joint]["bodies"], self.pins(joint)
+        travel, rate, along = self.travel(joint)
         stretch = travel - law["rest"]
         size = -law["stiffness"] * stretch - law["cubic"] * stretch**3
         if self.static:  # friction acts against the drive
@@ -197,44 +255,31 @@ class World:
             size -= (
                 dry * max(-1.0, min(1.0, rate / law["fades_below"])) + (law["damping"] + law["drag"] * abs(rate)) * rate
             )
-        self.push(second, p2, size * along, 0.0 if slides else size)
-        self.push(first, p1 + travel * along, -size * along, 0.0 if slides else -size)
+        self.push(second, p2, size * along, 0.0 if along else size)
+        self.push(first, p1 + travel * along, -size * along, 0.0 if along else -size)
         return size * along
 
-    def report(self, h: float) -> dict[str, float]:
+    def report(self, h: float, end: float) -> dict[str, float]:
         """Make a step, and say how everything was at its beginning.  Forces in the trees follow body by body, tips
         first.
         """
         before = self.coordinates()[1]
-        self.step(h)
+        self.step(h, end)
         after, forces = self.coordinates()[1], self.forces
         for number, (joint, sign) in self.carriers.items():
             forces[joint] = sign * complex(*p.getConstraintState(number)[:2])
             for body, (at, _), side in zip(self.joints[joint]["bodies"], self.pins(joint), (-1, 1), strict=True):
                 self.act(body, at, side * forces[joint])
         change = (after - before) / h
-        motion = self.motion(change, before + self.trailing * change)
-        out = {"crank_angle": self.places[self.motor["link"]].angle, "drive_torque": 0.0}
-        for body, link in reversed(self.links.items()):
-            here, (acceleration, spin_up, spin) = self.places[body], motion[body]
-            marker = self.point(body, self.start["markers"][body])[0]
-            out |= {
-                f"{body}_x": marker.real,
-                f"{body}_y": marker.imag,
-                f"{body}_angle": here.angle,
-                f"{body}_angular_velocity": spin,
-            }
-            force = link.mass * (acceleration - complex(*self.start["gravity"])) - self.force[body]
-            moment = link.inertia * spin_up - self.moment[body]
-            joint = next((name for name, how in self.joints.items() if how["carries"] == body), None)
-            at = self.pins(joint)[1][0] if joint else here.hinge
-            moment -= ((at - here.com).conjugate() * force).imag
-            if body == self.motor["link"] and self.motor["runs"]:
-                out["drive_torque"] = moment
-            if joint:
-                sign = 1 if list(self.joints[joint]["bodies"])[1] == body else -1
-                forces[joint], out[f"reaction_{joint}_moment"] = sign * force, sign * moment
-            self.act(link.parent, at, -force, -moment)
+        motion = self.motion(before + self.trailing * change, change)
+        out = {"drive_torque": 0.0}  # of a crank that is let go
+        if self.start["crank"]:
+            out["crank_angle"] = self.places[self.start["crank"]].angle
+        for body, how in reversed(self.bodies.items()):
+            marker = self.point(body, how["marker"])[0]
+            out |= {f"{body}_x": marker.real, f"{body}_y": marker.imag}
+            out |= {f"{body}_angle": self.places[body].angle, f"{body}_angular_velocity": motion[body].spin}
+            out |= self.balance(body, motion[body])
         for joint in self.joints:
             gap, force = (
                 self.pins(joint)[0][0] - self.pins(joint)[1][0],
@@ -242,36 +287,75 @@ class World:
             )
             out |= {f"clearance_{joint}_x": gap.real, f"clearance_{joint}_y": gap.imag}
             out |= {f"reaction_{joint}_x": force.real, f"reaction_{joint}_y": force.imag}
+            out[f"position_{joint}"] = self.travel(joint)[0]
         return out
 
-    def motion(self, change: np.ndarray, rates: np.ndarray) -> dict[str, tuple[complex, float, float]]:
-        """Acceleration of every com, angular acceleration and angular velocity, from the joints' accelerations and
-        velocities.
+    def balance(self, body: str, moves: Rates) -> dict[str, float]:
+        """What the joint that carries a body, and the motor in it, must exert for it to move so; what carries it bears
+        that.
         """
-        found = {"ground": (0j, 0.0, 0.0)}
-        for (name, link), a, v in zip(self.links.items(), change, rates, strict=True):
-            here, (acceleration, spin_up, spin) = self.places[name], found[link.parent]
-            acceleration += (1j * spin_up - spin**2) * (here.hinge - self.places[link.parent].com)
+        link, here, how, out = self.links[body], self.places[body], self.bodies[body], dict[str, float]()
+        force = link.mass * (moves.acceleration - complex(*self.start["gravity"])) - self.force[body]
+        moment = link.inertia * moves.spin_up - self.moment[body]  # about the com
+        motor, joint = self.motors.get(body), how["joint"]
+        if motor:
+            at = self.point(body, self.joints[motor["joint"]]["bodies"][body])[0]
+            effort = motor["sign"] * (moment - ((at - here.com).conjugate() * force).imag)
+            if link.slides is not None:
+                effort = ((link.slides * exp(1j * here.angle)).conjugate() * force).real
+            out[motor["signal"]] = effort
+            if joint is None:  # the body floats, and only the motor acts between it and its parent
+                self.act(how["parent"], here.com, 0j, -motor["sign"] * effort)
+        if joint:
+            at = self.pins(joint)[1][0]
+            moment -= ((at - here.com).conjugate() * force).imag
+            sign = 1 if list(self.joints[joint]["bodies"])[1] == body else -1
+            self.forces[joint], out[f"reaction_{joint}_moment"] = sign * force, sign * moment
+            self.act(how["parent"], at, -force, -moment)
+        return out
+
+    def motion(self, rates: np.ndarray, change: np.ndarray) -> dict[str, Rates]:
+        """How every link moves, from the joints' velocities and accelerations."""
+        found = {"ground": Rates()}
+        for (name, link), v, a in zip(self.links.items(), rates, change, strict=True):
+            here, on = self.places[name], found[link.parent]
+            arm = here.hinge - self.places[link.parent].com
+            velocity = on.velocity + 1j * on.spin * arm
+            acceleration = on.acceleration + (1j * on.spin_up - on.spin**2) * arm
+            spin, spin_up = on.spin, on.spin_up
             if link.slides is None:
-                spin_up, spin = spin_up + a, spin + v
+                spin, spin_up = spin + v, spin_up + a
             else:
-                acceleration += (a + 2j * spin * v) * link.slides * exp(1j * here.angle)
-            found[name] = acceleration + (1j * spin_up - spin**2) * (here.com - here.hinge), spin_up, spin
+                along = link.slides * exp(1j * here.angle)
+                velocity, acceleration = velocity + v * along, acceleration + (a + 2j * spin * v) * along
+            arm = here.com - here.hinge
+            found[name] = Rates(
+                velocity + 1j * spin * arm, acceleration + (1j * spin_up - spin**2) * arm, spin, spin_up
+            )
         return found
 
     def run(self) -> Iterator[dict[str, float]]:
         """Every run's reports: a stage is a number of steps of one size, with or without a report at its beginning."""
         for run in self.start["runs"]:
-            time, self.sliding = run["time"], run["sliding"]
+            begin, number, self.sliding = run["begin"], -run["warm_up"], run["sliding"]
             for name, (position, velocity) in run["state"].items():
                 p.resetJointState(*self.links[name].at, position, velocity)
             self.trailing = 0.0 if self.static else run["stages"][0][1] / 2
             for steps, h, asked in run["stages"]:
-                if asked:
-                    yield {"time": time, **self.report(h)}
-                for _ in range(steps - asked):
-                    self.step(h)
-                time += steps * h
+                for k in range(steps):
+                    end = begin + (number + 1) * h
+                    if asked and k == 0:
+                        yield {"time": begin + number * h, **self.report(h, end)}
+                    else:
+                        self.step(h, end)
+                    number += 1
+
+
+def on_course(time: float, times: list[float], cubics: list[list[float]]) -> float:
+    """Where a course is at a time."""
+    k = min(max(bisect_right(times, time) - 1, 0), len(cubics) - 1)
+    (a, b, c, d), s = cubics[k], time - times[k]
+    return d + c * s + b * (s * s) + a * (s * s * s)
 
 
 def main() -> None:
