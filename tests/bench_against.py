@@ -7,64 +7,26 @@ Beside them a 3-RRR with all reactions along a long trajectory, and the memory t
 
 from __future__ import annotations
 
-import time
-import tracemalloc
 from collections.abc import Callable
 
 import numpy as np
 
 from analytic.compiled.run import CALLS
-from analytic.kinematics.assembly import Assembly
-from analytic.kinematics.motion import kinematics, kinematics_by_numpy
-from analytic.mechanism.file import load
-from analytic.paper.kinetostatics import kinetostatics, kinetostatics_by_numpy
+from compare.evidence.validation.speed import (
+    COUPLER,
+    CRANK,
+    FOLLOWER,
+    GROUND,
+    SPEED,
+    best,
+    beyond_results,
+    by_numpy,
+    crank_rocker,
+    parallel,
+    pylinkage,
+)
 
-R2, R3, R4, R1 = 0.05, 0.12, 0.10, 0.12
-SPEED = 31.41592653589793
 COUNTS = (1, 100, 10_000, 1_000_000)
-
-
-def ours(count: int) -> Callable[[], object]:
-    """Positions, velocities, accelerations, all reactions and the drive torque."""
-    assembly, theta = Assembly(load("crank-rocker")), np.arange(count) * (2 * np.pi / count)
-    return lambda: kinetostatics(kinematics(assembly, theta, SPEED))
-
-
-def by_numpy(count: int) -> Callable[[], object]:
-    """The same without the compiled code."""
-    assembly, theta = Assembly(load("crank-rocker")), np.arange(count) * (2 * np.pi / count)
-    return lambda: kinetostatics_by_numpy(kinematics_by_numpy(assembly, theta, SPEED))
-
-
-def parallel(count: int) -> Callable[[], object]:
-    """A 3-RRR followed along a trajectory of several minutes: positions, rates, all reactions, three torques."""
-    assembly, t = Assembly(load("3-rrr")), np.arange(count) * 2e-3
-    at = assembly.positions
-    inputs = assembly.inputs_at({name: at[name] + 0.2 * (np.sin(t + k) - np.sin(k)) for k, name in enumerate(at)})
-    rates = assembly.inputs_at({name: 0.2 * np.cos(t + k) for k, name in enumerate(at)})
-    return lambda: kinetostatics(kinematics(assembly, inputs, rates))
-
-
-def beyond_results(work: Callable[[], object]) -> float:
-    """MB at the most that a call needs beside what it returns."""
-    tracemalloc.start()
-    kept = work()
-    now, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    del kept
-    return (peak - now) / 1e6
-
-
-def pylinkage(count: int) -> Callable[[], object]:
-    """Positions only, by its compiled solver where numba is installed."""
-    from pylinkage import Crank, Ground, RRRDyad
-    from pylinkage.simulation import Linkage
-
-    near, far = Ground(0.0, 0.0), Ground(R1, 0.0)
-    crank = Crank(near, R2, 2 * np.pi / count)
-    linkage = Linkage([near, far, crank, RRRDyad(crank.output, far, R3, R4)])
-    linkage.compile()
-    return lambda: linkage.step_fast(count)
 
 
 def mechanism(count: int) -> Callable[[], object]:
@@ -72,8 +34,8 @@ def mechanism(count: int) -> Callable[[], object]:
     from mechanism import Mechanism, Vector, get_joints
 
     d, a, b, e = get_joints("D A B E")
-    crank, coupler, follower = Vector((d, a), r=R2), Vector((a, b), r=R3), Vector((e, b), r=R4)
-    ground = Vector((d, e), r=R1, theta=0, style="ground")
+    crank, coupler, follower = Vector((d, a), r=CRANK), Vector((a, b), r=COUPLER), Vector((e, b), r=FOLLOWER)
+    ground = Vector((d, e), r=GROUND, theta=0, style="ground")
 
     def loops(x: np.ndarray, i: float) -> np.ndarray:
         return np.asarray(crank(i) + coupler(x[0]) - follower(x[1]) - ground()).flatten()
@@ -91,23 +53,9 @@ def mechanism(count: int) -> Callable[[], object]:
     return found.iterate
 
 
-def best(works: dict[str, tuple[Callable[[], object], int]]) -> dict[str, float]:
-    """Microseconds per configuration, the best of five turns of three calls each: a turn's first call has others'
-    memory to clear.
-    """
-    found = dict.fromkeys(works, np.inf)
-    for _ in range(5):
-        for name, (work, count) in works.items():
-            for _ in range(3):
-                start = time.perf_counter()
-                work()
-                found[name] = min(found[name], (time.perf_counter() - start) / count * 1e6)
-    return found
-
-
 def main() -> None:
     """Print the table."""
-    works = {f"ours, {count}": (ours(count), count) for count in COUNTS}
+    works = {f"ours, {count}": (crank_rocker(count), count) for count in COUNTS}
     works |= {f"by numpy, {count}": (by_numpy(count), count) for count in COUNTS[:3]}
     works["3-RRR, 100000"] = parallel(100_000), 100_000
     for name in ("ours, 1", "ours, 100"):

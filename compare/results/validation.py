@@ -127,6 +127,15 @@ class Published(Part):
     figures: tuple[Held, ...]
 
 
+class Timed(Part):
+    """What one computation takes, on the machine that wrote the report, in one run of all of them."""
+
+    what: str
+    value: Positive
+    unit: Annotated[str, Field(description="us, s or MB; none for a ratio")]
+    wanted: Annotated[Positive | None, Field(description="At most; null where it is only told.")] = None
+
+
 class Validation(Stored):
     """The validation report: every shipped case in every engine, and what the paper's two approximations cost."""
 
@@ -165,6 +174,9 @@ class Validation(Stored):
     ] = {}
     published: Annotated[
         tuple[Published, ...], Field(description="Published figures, and how far this project is off them.")
+    ] = ()
+    speed: Annotated[
+        tuple[Timed, ...], Field(description="How fast it is; figures of one machine, which are not made again.")
     ] = ()
     _checks: dict[str, CrossCheck] = PrivateAttr(default_factory=dict)
 

@@ -16,6 +16,7 @@ from compare.crosscheck import Job, crosscheck_job
 from compare.evidence.baseline.runs import not_run, setups
 from compare.evidence.validation.published import published
 from compare.evidence.validation.scales import Scale, scale_rows
+from compare.evidence.validation.speed import timed
 from compare.evidence.validation.workspaces import SPIRALS, in_engines, workspaces
 from compare.judge.courses import Courses
 from compare.judge.discrepancy import load_tolerances
@@ -33,7 +34,8 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
     """Every shipped case in these engines, as the baselines set it up; one linkage at these scales; how far Eq. 8 and
     superposition are off, also over the workspaces of platforms; published figures, with those of the folder ``data``.
 
-    Unless ``whole``, the engines move one platform alone, and what takes minutes is left out of the published figures.
+    Unless ``whole``, the engines move one platform alone, what takes minutes is left out of the published figures, and
+    nothing is timed.
     """
     tolerances = load_tolerances()
     rows: list[ValidationRun] = []
@@ -67,6 +69,7 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
         workspaces=workspaces(),
         in_engines=in_engines(names, tuple(SPIRALS) if whole else tuple(SPIRALS)[:1]),
         published=published(names, data, whole),
+        speed=timed() if whole else (),
     )
     found.checks.update(checks)
     return found

@@ -41,12 +41,12 @@ def workspaces() -> dict[str, tuple[OverWorkspace, ...]]:
     """By case: Eq. 8 against the self-consistent equilibrium with every pin loose, at rest over the workspace."""
     found = {}
     for case, (output, grid) in WORKSPACES.items():
-        told = platform_accuracy(_loose(load(case)), outputs=output, workspace=grid)
+        told = platform_accuracy(loose(load(case)), outputs=output, workspace=grid)
         found[case] = tuple(_held(told, limit) for limit in HELD)
     return found
 
 
-def _loose(m: Mechanism) -> Mechanism:
+def loose(m: Mechanism) -> Mechanism:
     """Every pin with clearance."""
     return m.with_clearances({joint.name: CLEARANCE for joint in m.joints if not joint.prismatic})
 
@@ -92,7 +92,7 @@ class _Spiral:
     """A platform's slow way from where it is assembled outwards, at the angle that it has there."""
 
     def __init__(self, case: str) -> None:
-        self.mechanism = _loose(load(case))
+        self.mechanism = loose(load(case))
         self.assembly = Assembly(self.mechanism)
         s, (body, _, point) = self.assembly.structure, WORKSPACES[case][0].partition(".")
         pose = tuple(Coordinate(body, axis, point or "com") for axis in POSE)
