@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive, Mechanism
 from analytic.mechanism.file import load
 from linkages import curved_slider
+from maximal import Maximal
 from several_linkages import CASES, KNOTS, SHIPPED, referee, sprung, third_bar, waved
 from several_truths import SWINGING, turned_round
 from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Unsupported
@@ -93,6 +95,12 @@ SEVERAL = {
     "one crank of two free": moved(freed(CASES["five-bar"], "E")),
     "no drives": Request(SWINGING, time=FEW, courses={}),
     "held more than once": Request(third_bar(), time=FEW, courses=waved(third_bar())),
+    **{f"{name}, {model}, at rest": moved(CASES[name].with_clearances({pin: 2e-4}), model, motion="static")
+       for name, pin in GAPS.items() for model in JOINT_MODELS},
+    "springs, at rest": Request(sprung(CASES["3-rpr"]), motion="static", time=FEW, courses=waved(CASES["3-rpr"])),
+    "every law of a joint, at rest": moved(rubbed(CASES["3-rpr"]), motion="static"),
+    "soft bearing, at rest": moved(CASES["five-bar"].with_joint("A", radial_stiffness=1e5), motion="static"),
+    "held more than once, at rest": Request(third_bar(), motion="static", time=FEW, courses=waved(third_bar())),
 }  # fmt: skip
 REQUESTS = {
     **{
@@ -203,9 +211,28 @@ def test_script_writes_its_signals_and_nothing_else(exported: dict[str, Path]) -
     )
 
 
-@pytest.mark.parametrize("joint_model", JOINT_MODELS)
-def test_equilibria_are_found_and_not_read_from_the_file(joint_model: str, tmp_path: Path) -> None:
-    ENGINE.export(REQUESTS[f"paper, {joint_model}, static"], tmp_path)
+@pytest.mark.parametrize("name", SHIPPED)
+def test_motors_of_the_bare_script_hold_as_much_as_the_referee_says(name: str, exported: dict[str, Path]) -> None:
+    """Against the referee, with its courses standing still."""
+    found, m = table(exported[f"{name}, ideal, at rest"] / "signals.csv"), CASES[name].with_clearances({})
+    judge = Maximal(m, tuple(joint.name for joint in m.motors))
+    q, posed = judge.home(Assembly(m).positions), []
+    for k in range(found["time"].size):
+        posed.append(judge.driven_at(q, {j.name: (found[f"position_{j.name}"][k], 0.0, 0.0) for j in m.motors}))
+        q = posed[-1].q
+    most = max(abs(value) for p in posed for value in p.motors.values())
+    for joint in m.motors:
+        kind = "force" if joint.prismatic else "torque"
+        truth = np.array([p.motors[joint.name] for p in posed])
+        np.testing.assert_allclose(found[f"drive_{kind}_{joint.name}"], truth, rtol=0, atol=1e-8 * most)
+
+
+STATIC = [f"paper, {model}, static" for model in JOINT_MODELS]
+
+
+@pytest.mark.parametrize("name", [*STATIC, "3-rpr, ideal, at rest", "five-bar, contact, at rest"])
+def test_equilibria_are_found_and_not_read_from_the_file(name: str, tmp_path: Path) -> None:
+    ENGINE.export(REQUESTS[name], tmp_path)
     model = json.loads((tmp_path / "model.json").read_text(encoding="utf-8"))
     for near in model["equilibria"]:
         near["bodies"] = [value + 1e-8 * (-1) ** k for k, value in enumerate(near["bodies"])]
@@ -239,7 +266,7 @@ def test_a_model_that_was_tampered_with_shows(name: str, right: str, wrong: str,
 
 
 @pytest.mark.parametrize("name", ["3-rpr, ideal", "five-bar, ideal", "elbow free, contact"])
-def test_every_course_and_spring_is_followed_from_the_file(name: str, tmp_path: Path) -> None:
+def test_every_course_is_followed_from_the_file(name: str, tmp_path: Path) -> None:
     """Motors that go a thousandth faster, each alone, are a thousandth faster in what the script finds."""
     ENGINE.export(REQUESTS[name], tmp_path)
     text = (tmp_path / "model.json").read_text(encoding="utf-8")
@@ -252,6 +279,24 @@ def test_every_course_and_spring_is_followed_from_the_file(name: str, tmp_path: 
         found, truth = (table(tmp_path / f"{side}.csv")[f"position_{joint}"] for side in ("signals", "expected"))
         gone = truth[-1] - truth[0]
         assert found[-1] - found[0] == pytest.approx(1.001 * gone, abs=1e-4 * abs(gone))
+
+
+@pytest.mark.parametrize("name", ["3-rpr, ideal, at rest", "five-bar, contact, at rest"])
+def test_every_drive_is_held_where_the_file_says(name: str, tmp_path: Path) -> None:
+    """Each alone, held a thousandth of a radian or a tenth of a millimetre further, is found there, the others not."""
+    ENGINE.export(REQUESTS[name], tmp_path)
+    text = (tmp_path / "model.json").read_text(encoding="utf-8")
+    joints, m = [*json.loads(text)["drives"]], REQUESTS[name].mechanism
+    for joint in joints:
+        model, aside = json.loads(text), 1e-4 if m.joint(joint).prismatic else 1e-3
+        for near in model["equilibria"]:
+            near["held"][joint] += aside
+        (tmp_path / "model.json").write_text(json.dumps(model), encoding="utf-8")
+        bare(tmp_path)
+        found, truth = (table(tmp_path / f"{side}.csv") for side in ("signals", "expected"))
+        for other in joints:
+            gone = found[f"position_{other}"] - truth[f"position_{other}"]
+            np.testing.assert_allclose(gone, aside if other == joint else 0.0, rtol=0, atol=1e-9)
 
 
 def test_command_writes_a_linkage_of_several_drives(tmp_path: Path) -> None:

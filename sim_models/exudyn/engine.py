@@ -33,8 +33,6 @@ HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "backlash"}
 BEYOND: frozenset[Feature] = frozenset({"several_drives", "point_spring"})  # of beams
 # Friction of a pin on its rim falls to zero with its sliding speed: at rest there is none.
 AT_REST: frozenset[tuple[Feature, Pair]] = frozenset({("contact_friction", ("contact", "static"))})
-# Equilibria along courses are not exported.
-HELD: frozenset[tuple[Feature, Pair]] = frozenset(("several_drives", pair) for pair in RUNS if pair[1] == "static")
 
 
 class ExudynEngine(Engine):
@@ -45,7 +43,7 @@ class ExudynEngine(Engine):
     capabilities = Capabilities(
         rigid=Scope.of(RUNS, HAS, but=AT_REST),
         beams=Scope.of(BENDING, HAS - {"contact_friction", "drive_compliance", "soft_bearing", "released"} - BEYOND),
-        export=Scope.of(RUNS, HAS, but=AT_REST | HELD),
+        export=Scope.of(RUNS, HAS, but=AT_REST),
     )
 
     def simulate(self, request: Request) -> Trace:

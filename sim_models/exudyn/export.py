@@ -14,8 +14,8 @@ from analytic.mechanism import MASS_CENTRE, Body, Joint
 from analytic.mechanism.signals import driving
 from sim_models.common.export_files import expected, lines
 from sim_models.common.travel import with_positions
-from sim_models.engine import Request
-from sim_models.exudyn.courses import CoursesRun
+from sim_models.engine import Request, Trace
+from sim_models.exudyn.courses import PACE, CoursesRun, RestingRun
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.linkage import HALVED, ExudynLinkage
 from sim_models.exudyn.motor import INSTANT, RunMotor
@@ -39,18 +39,15 @@ PARAMETERS = {  # what closes a joint: the numbers that make it, by Exudyn's nam
 def write(request: Request, folder: Path) -> list[Path]:
     """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError."""
     several = request.courses is not None
-    run = _RememberedCourses(request) if several else _RememberedCrank(request)
-    trace = with_positions(run.m, run.trace()) if several else run.trace()
-    if isinstance(run, ExudynRun) and request.motion == "static":
-        linkage, motion = _at_rest(run)
-    else:
-        linkage, motion = _moving(run)
+    linkage, motion, trace = (_at_rest if request.motion == "static" else _moving)(request)
+    if several:
+        trace = with_positions(request.mechanism, trace)
     model = {
         "title": f"{request.mechanism.name}, {request.joint_model} joints, {request.motion}",
         "version": f"{trace.simulator} {trace.version}",
         "motion": request.motion,
-        "crank": None if several else run.m.driven,
-        "redundant": run.redundant,
+        "crank": None if several else request.mechanism.driven,
+        "redundant": linkage.model.redundant,
         **_parts(linkage),
         **motion,
     }
@@ -100,14 +97,16 @@ class _RememberedCourses(_Remembered, CoursesRun):
     """The same of a run of several drives, or of none."""
 
 
-def _moving(run: _Remembered) -> tuple[ExudynLinkage, dict[str, Any]]:
+def _moving(request: Request) -> tuple[ExudynLinkage, dict[str, Any], Trace]:
     """The linkage of a run in time, its stages, after which of them it is read (0: at the start), and the run's time
-    (s) when the request's begins.
+    (s) when the request's begins; and its trace.
     """
+    run = _RememberedCrank(request) if request.courses is None else _RememberedCourses(request)
+    trace = run.trace()
     settles = any(not motor.steady for motor in run.turning)
     first = 0.0 if settles else INSTANT  # a report until then is of the start
     after = np.searchsorted([end for _, end, *_ in run.stages], run.reports) + 1
-    return run.working, {
+    plan = {
         "drive": _crank_drive(run.working, run.turning),
         "drives": _own_drives(run.working, run.turning),
         "halved": HALVED,
@@ -116,21 +115,27 @@ def _moving(run: _Remembered) -> tuple[ExudynLinkage, dict[str, Any]]:
         "stages": run.stages,
         "after_stage": np.where(run.reports > first, after, 0).tolist(),
     }
+    return run.working, plan, trace
 
 
-def _at_rest(run: ExudynRun) -> tuple[ExudynLinkage, dict[str, Any]]:
-    """The linkage at rest, and where its bodies are put, and loaded with what besides the mechanism's loads, to find
-    each equilibrium.
+def _at_rest(request: Request) -> tuple[ExudynLinkage, dict[str, Any], Trace]:
+    """The linkage at rest, and where its bodies are held and put, and loaded with what besides the mechanism's loads,
+    to find each equilibrium; and its trace.
     """
-    equilibria = Equilibria(run.request, run.path, run.m.speed or 1.0)
+    run = ExudynRun(request) if request.courses is None else RestingRun(request)
+    trace = run.trace()
+    if isinstance(run, RestingRun):
+        equilibria, places = Equilibria(request, run.path, PACE), np.sort(np.asarray(request.time, float)).tolist()
+    else:
+        equilibria = Equilibria(request, run.path, run.m.speed or 1.0)
+        places = [equilibria.crank(motor) for motor in request.crank_angle.tolist()]
     near = []
-    for motor in run.request.crank_angle.tolist():
-        theta = equilibria.crank(motor)
-        equilibria.at(theta)
+    for at in places:
+        equilibria.at(at)
         link, initial = equilibria.real, equilibria.real.exu.ConfigurationType.Initial
         near.append(
             {
-                "crank_angle": theta,
+                **({"crank_angle": at} if request.courses is None else {"time": at, "held": dict(link.model.held)}),
                 "bodies": np.array(link.mbs.systemData.GetODE2Coordinates(initial)).tolist(),
                 "remembered": np.array(link.mbs.systemData.GetDataCoordinates(initial)).tolist(),
                 "loads": list(link.body_loads().values()),
@@ -139,8 +144,10 @@ def _at_rest(run: ExudynRun) -> tuple[ExudynLinkage, dict[str, Any]]:
                 },
             }
         )
-    drive = {"offset": equilibria.real.item("drive")["offset"]}
-    return equilibria.real, {"drive": drive, "drives": {}, "residual": equilibria.real.residual, "equilibria": near}
+    link = equilibria.real
+    drive = {"offset": link.item("drive")["offset"]} if request.courses is None else None
+    plan = {"drive": drive, "drives": _own_drives(link), "residual": link.residual, "equilibria": near}
+    return link, plan, trace
 
 
 def _parts(link: ExudynLinkage) -> dict[str, Any]:
@@ -242,11 +249,16 @@ def _crank_drive(link: ExudynLinkage, motors: Sequence[RunMotor]) -> dict[str, A
     return {**moves, "shaft": start, "stiffness": item["stiffness"]}
 
 
-def _own_drives(link: ExudynLinkage, motors: Sequence[RunMotor]) -> dict[str, Any]:
-    """The motors between the two bodies of a joint, by joint: what each gives is called, and its course."""
+def _own_drives(link: ExudynLinkage, motors: Sequence[RunMotor] = ()) -> dict[str, Any]:
+    """The motors between the two bodies of a joint, by joint: how what it gives is called, and its course; none at
+    rest.
+    """
     joints = [link.m.joint(name) for name in link.model.drives or ()]
-    named = zip(joints, driving(joints), motors, strict=False)  # without joints there is a signal all the same
-    return {joint.name: {"signal": signal.name, "course": _course(motor)} for joint, signal, motor in named}
+    named = zip(joints, driving(joints), strict=False)  # without joints there is a signal all the same
+    drives: dict[str, Any] = {joint.name: {"signal": signal.name, "course": None} for joint, signal in named}
+    for drive, motor in zip(drives.values(), motors, strict=False):
+        drive["course"] = _course(motor)
+    return drives
 
 
 def _course(motor: RunMotor) -> dict[str, Any]:

@@ -16,8 +16,8 @@ What closes a joint:
                     force turns
     spring-damper   between the pin centres; beyond the clearance it pulls with max(0, K d + C d'), within it is slack
     contact         a journal in its bearing: one sphere in another, hollow one
-What moves the linkage is "drive", which turns one crank, or "drives", each between the two bodies of its joint; where
-both are missing it moves freely.
+What moves or holds the linkage is "drive", which turns one crank, or "drives", each between the two bodies of its
+joint; where there are none it moves freely.
 """
 
 from __future__ import annotations
@@ -39,6 +39,8 @@ from exudyn.utilities import CreateSymbolicUserFunction
 
 HERE = Path(__file__).resolve().parent
 Signals = dict[str, np.ndarray]
+Speed = Callable[[float], float]  # over time
+Travel = tuple[float, list[float]]  # with its derivative by coordinates
 exu: Any = exudyn  # whose stubs leave out its symbolic functions
 
 
@@ -59,6 +61,8 @@ class System:
         self.node: dict[str, Any] = {}
         self.sensor: dict[str, Any] = {}
         self.law: dict[str, Any] = {}  # of slides
+        self.motors: dict[str, Any] = {}  # between bodies
+        self.held: dict[str, float] = {}  # where each of them holds its joint at rest
         self.node["ground"] = self.mbs.AddNode(item.NodePointGround())
         self.still = self.coordinate(self.node["ground"], 0)
         for name, body in self.bodies.items():
@@ -80,7 +84,7 @@ class System:
             self.add_spring(**spring)
         self.motor = self.add_drive(**self.model["drive"]) if self.model["drive"] else None
         for name, drive in self.model["drives"].items():
-            self.add_own_drive(name, self.joints[name], speed_along(**drive["course"]))
+            self.motors[name] = self.add_own_drive(name, self.joints[name], drive["course"])
         self.mbs.Assemble()
 
     def coordinate(self, node: Any, number: int) -> Any:
@@ -239,46 +243,59 @@ class System:
         self.sense("drive", item.SensorObject, "Force", objectNumber=motor)
         return motor
 
-    def add_own_drive(self, name: str, joint: Mapping[str, Any], speed: Callable[[float], float]) -> None:
-        """A motor between the two bodies of a joint, which turns or pushes the second at a speed over time.
+    def add_own_drive(self, name: str, joint: Mapping[str, Any], course: dict[str, Any] | None) -> Any:
+        """A motor between the two bodies of a joint, which turns or pushes the second along a course, or holds it.
 
         Exudyn's own prismatic joints cannot be moved where constraints are on velocity, so there is one for it.
         """
-        bodies = joint["bodies"]
-        if joint["closed_by"] != "slide":
-            motor = item.ObjectConnectorCoordinate(
-                markerNumbers=[self.angle(body) for body in bodies],
-                velocityLevel=True,
-                offsetUserFunction_t=called(speed),
-            )
+        bodies, speed = joint["bodies"], speed_along(**course) if course else None
+        if joint["closed_by"] == "slide":
+            motor = self.mbs.AddObject(self.pusher(name, bodies, self.travel(name, joint), speed))
         else:
-            gradient = self.gradient(name, joint)
-            moving = [f"scalingMarker{k}" for k, body in enumerate(bodies) if body != "ground"]
-            motor = item.ObjectConnectorCoordinateVector(
-                markerNumbers=[
-                    self.mbs.AddMarker(item.MarkerNodeCoordinates(nodeNumber=self.node[body])) for body in bodies
-                ],
-                **dict.fromkeys(moving, np.zeros((1, 3))),
-                offset=[0.0],
-                constraintUserFunction=lambda mbs, t, number, q, rate, _: [sum(map(mul, gradient(q), rate)) - speed(t)],
-                jacobianUserFunction=lambda mbs, t, number, q, rate, _: [gradient(q)],
-            )
-        self.sense(f"drive {name}", item.SensorObject, "Force", objectNumber=self.mbs.AddObject(motor))
+            moved = {"velocityLevel": True, "offsetUserFunction_t": called(speed)} if speed else {}
+            ends = [self.angle(body) for body in bodies]
+            motor = self.mbs.AddObject(item.ObjectConnectorCoordinate(markerNumbers=ends, **moved))
+        self.sense(f"drive {name}", item.SensorObject, "Force", objectNumber=motor)
+        return motor
 
-    def gradient(self, name: str, joint: Mapping[str, Any]) -> Callable[[Sequence[float]], list[float]]:
-        """Derivative of the travel along a slide by x, y and angle of each of its bodies that moves."""
+    def pusher(
+        self, name: str, bodies: list[str], travel: Callable[[Sequence[float]], Travel], speed: Speed | None
+    ) -> Any:
+        """A constraint on a slide's travel: that it changes at a speed, or is where it is held."""
+
+        def wrong(mbs: Any, t: float, number: int, q: Sequence[float], rate: Sequence[float], on_rate: bool) -> Any:
+            where, gradient = travel(q)
+            return [sum(map(mul, gradient, rate)) - speed(t) if speed else where - self.held[name]]
+
+        def jacobian(mbs: Any, t: float, number: int, q: Sequence[float], rate: Sequence[float], on_rate: bool) -> Any:
+            return [travel(q)[1]]
+
+        moving = [f"scalingMarker{k}" for k, body in enumerate(bodies) if body != "ground"]
+        ends = [self.mbs.AddMarker(item.MarkerNodeCoordinates(nodeNumber=self.node[body])) for body in bodies]
+        return item.ObjectConnectorCoordinateVector(
+            markerNumbers=ends,
+            **dict.fromkeys(moving, np.zeros((1, 3))),
+            offset=[0.0],
+            constraintUserFunction=wrong,
+            jacobianUserFunction=jacobian,
+        )
+
+    def travel(self, name: str, joint: Mapping[str, Any]) -> Callable[[Sequence[float]], Travel]:
+        """Travel along a slide, and its derivative by x, y and angle of each of its bodies that moves."""
         first, second = (body != "ground" for body in joint["bodies"])
-        along, point = cmath.exp(1j * joint["direction"]), complex(*self.points[joint["bodies"][1]][name])
+        along = cmath.exp(1j * joint["direction"])
+        near, far = (complex(*self.points[body][name]) for body in joint["bodies"])
 
-        def gradient(q: Sequence[float]) -> list[float]:
+        def travel(q: Sequence[float]) -> Travel:
             x, y, angle = q[:3] if first else (0.0, 0.0, 0.0)
             u, v, turn = q[-3:] if second else (0.0, 0.0, 0.0)
-            axis, arm = along * cmath.exp(1j * angle), point * cmath.exp(1j * turn)
+            axis, arm = along * cmath.exp(1j * angle), far * cmath.exp(1j * turn)
             seen = complex(u - x, v - y) + arm  # the second body's point, from the first's centre
-            near = [-axis.real, -axis.imag, (axis.conjugate() * seen).imag] if first else []
-            return near + ([axis.real, axis.imag, -(axis.conjugate() * arm).imag] if second else [])
+            gradient = [-axis.real, -axis.imag, (axis.conjugate() * seen).imag] if first else []
+            gradient += [axis.real, axis.imag, -(axis.conjugate() * arm).imag] if second else []
+            return (axis.conjugate() * seen).real - (along.conjugate() * near).real, gradient
 
-        return gradient
+        return travel
 
     def settings(self) -> Any:
         """Trapezoidal rule with constraints on velocity (index 2); at rest, Newton's method in one go.  No files."""
@@ -339,10 +356,10 @@ class System:
     def equilibria(self) -> Signals:
         """The signals of every equilibrium, found anew from where the bodies are put."""
         parts, initial = [], exu.ConfigurationType.Initial
-        for near in self.model["equilibria"]:
+        for row, near in enumerate(self.model["equilibria"]):
             self.mbs.systemData.SetODE2Coordinates(near["bodies"], initial)
             self.mbs.systemData.SetDataCoordinates(near["remembered"], initial)
-            self.mbs.SetObjectParameter(self.motor, "offset", near["crank_angle"])
+            self.hold(near)
             for (push, turn), (x, y, torque) in zip(
                 self.loads, near["loads"], strict=False
             ):  # weight, friction and damping
@@ -351,13 +368,22 @@ class System:
             for name, force in near["slides"].items():
                 self.mbs.SetObjectParameter(self.law[name], "force", force)
             if not any(self.at_rest(difference) for difference in (1e-7, 1e-8, 1e-9, 1e-10)):
-                sys.exit(f"Exudyn finds no equilibrium at crank angle {near['crank_angle']} rad")
+                sys.exit(f"Exudyn finds no equilibrium for row {row} of expected.csv")
             now = {
                 name: np.atleast_2d(np.asarray(self.mbs.GetSensorValues(number)))
                 for name, number in self.sensor.items()
             }
-            parts.append(self.signals(now, np.zeros(1)))
+            parts.append(self.signals(now, np.array([near.get("time", 0.0)])))
         return joined(parts)
+
+    def hold(self, near: Mapping[str, Any]) -> None:
+        """Hold the crank at its angle, or every driven joint where it is to be."""
+        if self.motor is not None:
+            self.mbs.SetObjectParameter(self.motor, "offset", near["crank_angle"])
+        self.held = near.get("held", {})
+        for name, where in self.held.items():
+            if self.joints[name]["closed_by"] != "slide":
+                self.mbs.SetObjectParameter(self.motors[name], "offset", where)
 
     def at_rest(self, difference: float) -> bool:
         """Newton's method, contacts differentiated by steps of that size (of a coordinate), which have to be smaller
@@ -424,7 +450,7 @@ class System:
         return {"crank_angle": angle, "drive_torque": sign * seen["drive"][:, 0]}
 
 
-def speed_along(times: list[float], cubics: list[list[float]]) -> Callable[[float], float]:
+def speed_along(times: list[float], cubics: list[list[float]]) -> Speed:
     """Speed over time along a course: from each of the times on the position is a cubic in what has passed since, its
     highest power first.
     """
@@ -438,7 +464,7 @@ def speed_along(times: list[float], cubics: list[list[float]]) -> Callable[[floa
     return speed
 
 
-def called(speed: Callable[[float], float]) -> Callable[[Any, float, int, float], float]:
+def called(speed: Speed) -> Callable[[Any, float, int, float], float]:
     """A speed over time as Exudyn asks for it."""
     return lambda mbs, t, number, offset: speed(t)
 
