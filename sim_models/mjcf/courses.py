@@ -21,6 +21,8 @@ from sim_models.mujoco.path import CoursePath
 
 WITHIN = 4.0  # the instants of a stencil lie no farther apart than a fourth of the time between knots
 SIDE = float(STENCIL[-1] - STENCIL[-2])  # rad
+HALVINGS = 8  # of a lead-in that is too long
+FASTER = 1.5  # times its top speed: a course that is drawn out too far
 
 
 class TheirCoursesRun(TheirRun):
@@ -77,17 +79,23 @@ class TheirCoursesRun(TheirRun):
 
     def early(self) -> float:
         """How long (s) before the courses' begin a run begins, on them drawn out backwards: until what its start has
-        left in soft rows is gone, but no longer than between knots, and as far as the linkage can come from there.
+        left in soft rows is gone, as far as motors then move no faster and the linkage can come from there.
         """
-        longest = min([self.settling(), *(motor.knot_spacing for motor in self.motors)])
-        for lead in (longest, longest / 2, longest / 4, longest / 8):
-            try:
-                for share in (0.5, 1.0):
-                    self.path.poses(self.path.begin - share * lead - 2 * self.apart)
-            except AssemblyError:
-                continue
-            return lead
-        return 0.0
+        longest = self.settling()
+        return next((lead for lead in longest / 2.0 ** np.arange(HALVINGS) if self.can_come(lead)), 0.0)
+
+    def can_come(self, lead: float) -> bool:
+        """Whether the motors, and the linkage, can come from so long (s) before the courses' begin."""
+        before = self.path.begin - lead * np.array([0.5, 1.0])
+        for motor in self.motors:
+            if np.abs(motor.angles(before, 1)).max() > FASTER * motor.top_speed:
+                return False
+        try:
+            for time in before.tolist():
+                self.path.poses(time - 2 * self.apart)
+        except AssemblyError:
+            return False
+        return True
 
     def steady_along(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates and velocities in which the motors pass a time (s) on their courses without transients."""

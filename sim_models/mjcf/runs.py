@@ -142,10 +142,9 @@ class TheirRun:
         check_steps(self.who, last, self.step, remedy="give the file a larger timestep, or ask for less")
         mujoco.mj_resetData(m, d)
         d.qpos[:], d.qvel[:] = q, v
-        if self.lag:
-            steering.look(0)
-            d.qvel[:] -= self.lag * d.qacc
-            d.qvel[dofs] = steering.at(np.zeros(1), 1, -self.lag)[0]
+        steering.start()
+        d.qvel[:] -= self.lag * d.qacc
+        d.qvel[dofs] = steering.at(np.zeros(1), 1, -self.lag)[0]
         wanted = sorted({k for at in time.tolist() for k in self.around(at)})
         seen: dict[int, dict[str, float]] = {}
         now = 0

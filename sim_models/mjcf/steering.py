@@ -12,7 +12,7 @@ import numpy as np
 from sim_models.common.motor import Motor
 from sim_models.mjcf.linkage import TheirLinkage
 
-LOOKS = 3  # at a state, until the motors' efforts are what they are there
+LOOKS = 3  # at a state, until the motors' efforts are those of that state
 
 
 class Steering:
@@ -27,7 +27,7 @@ class Steering:
         self.ways = np.array([one.way for one in link.held])
         self.zeros = np.array([one.zero for one in link.held])
         self.armature = link.armature[link.dofs]
-        self.effort = np.zeros(len(link.held))  # what holds the armatures against the linkage
+        self.effort = self.felt = np.zeros(len(link.held))
 
     def at(self, steps: np.ndarray, order: int = 0, later: float = 0.0) -> np.ndarray:
         """Coordinates (N, motors) so many steps (N,), and ``later`` (s), after the begin; or their derivatives."""
@@ -36,21 +36,25 @@ class Steering:
         turned = self.ways * np.array(found).reshape(len(self.motors), times.size).T
         return np.asarray(turned + self.zeros if order == 0 else turned)
 
-    def look(self, step: int) -> None:
-        """Compute all of MuJoCo's state so many steps after the begin."""
-        m, d = self.link.model, self.link.data
-        if not self.motors:
-            mujoco.mj_forward(m, d)
-            return
-        push = self.armature * self.at(np.array([float(step)]), 2)[0]
-        for _ in range(LOOKS):
-            d.qfrc_applied[self.link.dofs] = push + self.effort
-            mujoco.mj_forward(m, d)
-            self.hold(push)
+    def start(self) -> None:
+        """Compute all of MuJoCo's state at the begin, and hold against what the linkage does there."""
+        self.effort = self.felt = self.look(0)
 
-    def hold(self, push: np.ndarray) -> None:
-        """Let the motors' efforts grow by what has kept the armatures from accelerating as they were pushed."""
-        self.effort += push - self.armature * self.link.data.qacc[self.link.dofs]
+    def look(self, step: int) -> np.ndarray:
+        """Compute all of MuJoCo's state so many steps after the begin; what the linkage does there against the motors
+        (motors,), N.m or N.
+        """
+        m, d, effort = self.link.model, self.link.data, self.effort
+        push = self.armature * self.at(np.array([float(step)]), 2)[0]
+        for _ in range(LOOKS if self.motors else 1):
+            d.qfrc_applied[self.link.dofs] = push + effort
+            mujoco.mj_forward(m, d)
+            effort = effort + self.missed(push)
+        return effort
+
+    def missed(self, push: np.ndarray) -> np.ndarray:
+        """What has kept the armatures (motors,) from accelerating as they were pushed, N.m or N."""
+        return np.asarray(push - self.armature * self.link.data.qacc[self.link.dofs])
 
     def advance(self, first: int, last: int) -> None:
         """Take the steps from one number to another."""
@@ -66,5 +70,11 @@ class Steering:
         for push, place, rate in zip(pushes, places, rates, strict=True):
             d.qfrc_applied[dofs] = push + self.effort
             mujoco.mj_step(m, d)
-            self.hold(push)
+            self.hold(self.effort + self.missed(push))
             d.qpos[dofs], d.qvel[dofs] = place, rate
+
+    def hold(self, felt: np.ndarray) -> None:
+        """Hold in the next step against what was ``felt`` in this one, as it goes on: what is left is of second order
+        in the step.
+        """
+        self.effort, self.felt = 2.0 * felt - self.felt, felt
