@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from sim_models.common.simulate import export, simulate
-from sim_models.engine import FEATURES, HELD, Capabilities, Engine, Feature, Pair, Request, Scope, Trace
+from sim_models.engine import FEATURES, Capabilities, Engine, Feature, Pair, Request, Scope, Trace
 from sim_models.leapfrog.runs import run
 from sim_models.pybullet.world import BulletWorld
 
@@ -21,7 +21,7 @@ RUNS: tuple[Pair, ...] = (
 QUICKER: frozenset[tuple[Feature, Pair]] = frozenset({("load_friction", ("spring-damper", "driven"))})
 HAS: frozenset[Feature] = frozenset(FEATURES) - {"contact_friction"}
 # What an exported script does not do.
-UNWRITTEN: frozenset[Feature] = frozenset({"drive_compliance", "backlash", "soft_bearing", "load_friction"})
+UNWRITTEN: frozenset[Feature] = frozenset({"drive_compliance", "backlash", "load_friction"})
 
 
 class BulletEngine(Engine):
@@ -31,7 +31,7 @@ class BulletEngine(Engine):
     package = "pybullet"
     capabilities = Capabilities(
         rigid=Scope.of(RUNS, HAS, but=QUICKER),
-        export=Scope.of(RUNS, HAS - UNWRITTEN, but=HELD),
+        export=Scope.of(RUNS, HAS - UNWRITTEN),
     )
 
     def simulate(self, request: Request) -> Trace:

@@ -153,7 +153,6 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
     m = world.mechanism
     physics = dict(world.physics)
     solver = physics.pop("constraintSolverType")
-    grid = {"begin": world.grid.begin, "warm_up": WARM_UP} if world.grid else {"begin": 0.0, "warm_up": 0}
     names = [name for name in dir(world.p) if name.startswith("CONSTRAINT_SOLVER") and getattr(world.p, name) == solver]
     return {
         "title": f"{m.name}, {trace.joint_model} joints, {trace.motion}",
@@ -165,7 +164,7 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
         "fastest": FASTEST,
         "gravity": m.gravity,
         "parts": [world.part(number) for number in world.grown],
-        "puts_right": world.makes_up,
+        "puts_right": world.makes_up and not world.static,
         "crank": m.driven if world.request.courses is None else None,
         "motors": _motors(world) if world.held else {},
         "bodies": {branch.child: _body(world, branch) for branch in world.branches},
@@ -177,17 +176,26 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
         "loads": [*_loads(world), *_weights(world)],
         "spring_dampers": {
             name: {"clearance": pin.clearance} | asdict(pin.contact)
-            for name, pin in world.pins.items()
-            if world.compliant
+            for name, pin in ((world.pins if world.compliant else {}) | world.soft).items()
         },
         "runs": [
-            run | grid | {"state": dict(zip(world.names.values(), run["state"], strict=True))} for run in world.runs
+            run | when | {"state": dict(zip(world.names.values(), run["state"], strict=True))}
+            for run, when in zip(world.runs, _clock(world, trace), strict=True)
         ],
     }
 
 
 def _from_com(world: RecordedWorld, body: str, point: str) -> list[float]:
     return flat(world.points[body, point] - world.links[body].centre)[:2]
+
+
+def _clock(world: RecordedWorld, trace: Trace) -> list[dict[str, Any]]:
+    """Of every run, the time (s) at which it begins, and how many steps are made before: at rest, up to its report."""
+    if world.grid is not None:
+        return [{"begin": world.grid.begin, "warm_up": WARM_UP}]
+    begin = np.zeros(len(world.runs)) if trace.time is None else np.sort(trace.time)
+    steps = [sum(steps for steps, _, asked in run["stages"] if not asked) for run in world.runs]
+    return [{"begin": t, "warm_up": n} for t, n in zip(begin.tolist(), steps, strict=True)]
 
 
 def _motors(world: RecordedWorld) -> dict[str, dict[str, Any]]:
@@ -287,7 +295,8 @@ def _reports(world: RecordedWorld, order: list[int]) -> list[list[tuple[int, flo
 
 
 def _order(trace: Trace, speed: float) -> list[int]:
-    """Rows in the order of passing, each instant once."""
-    if trace.time is None:
-        return list(np.argsort(trace.crank_angle if speed >= 0 else -trace.crank_angle, kind="stable").tolist())
+    """Rows in the order of passing; what moves passes each instant once."""
+    if trace.motion == "static" or trace.time is None:
+        passed = trace.crank_angle * np.sign(speed or 1.0) if trace.time is None else trace.time
+        return list(np.argsort(passed, kind="stable").tolist())
     return list(np.unique(trace.time, return_index=True)[1].tolist())

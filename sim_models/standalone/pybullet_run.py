@@ -13,6 +13,7 @@ its second.  What holds a joint together:
     constraint     one of Bullet's point constraints
     strut          a URDF of its own between the pins, as long as the clearance, or (contact) with a limit there
     spring-damper  beyond the clearance max(0, K d + C d') along the gap, applied here as an external force in each step
+    soft bearing   K times the gap and C times its rate, applied in the same way
 Bullet steps v += a h; x += v h.  A moving run reads that as a leapfrog: velocities belong to half a step before
 positions.  Its steps are equal; what is asked for between two of them follows from four by a cubic.  Bullet reckons
 Coriolis and centrifugal forces with those older velocities; forces at the centres of mass make up for that where what
@@ -211,12 +212,16 @@ class World:
             self.places[body] = self.places[body]._replace(velocity=rates[body].velocity, spin=rates[body].spin)
 
     def apply_spring_damper(self, joint: str, gap: Mapping[str, float]) -> None:
-        """What acts in a joint's clearance."""
+        """What acts in a joint's clearance, or in its soft bearing."""
         first, second = self.joints[joint]["bodies"]
         (a, a_rate), (b, b_rate) = self.pins(joint)
-        depth, normal = abs(a - b) - gap["clearance"], (a - b) / abs(a - b) if a != b else 0j
-        size = gap["stiffness"] * depth + gap["damping"] * (normal.conjugate() * (a_rate - b_rate)).real
-        force = self.forces[joint] = size * normal if depth > 0 and size > 0 else 0j
+        if gap["clearance"]:
+            depth, normal = abs(a - b) - gap["clearance"], (a - b) / abs(a - b) if a != b else 0j
+            size = gap["stiffness"] * depth + gap["damping"] * (normal.conjugate() * (a_rate - b_rate)).real
+            force = size * normal if depth > 0 and size > 0 else 0j
+        else:
+            force = gap["stiffness"] * (a - b) + gap["damping"] * (a_rate - b_rate)
+        self.forces[joint] = force
         self.push(second, b, force)
         self.push(first, a, -force)
 
