@@ -88,8 +88,10 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
 
 
 def _analysed(m: Mechanism, side: Reference, model: Model, warned: Sequence[str], time: np.ndarray | None) -> Analysis:
-    """The result of a driven motion; over time its first input's position takes the crank angle's place."""
-    first = position(m.motors[0]).name if m.motors else ""
+    """The result of a driven motion; over time, without a crank its first input's position takes the place of the
+    crank's angle.
+    """
+    first = f"{m.driven}_angle" if m.cranked else position(m.motors[0]).name if m.motors else ""
     told = side.signals[first] if first in side.signals else np.zeros(next(iter(side.signals.values())).shape)
     found = Analysis(
         case=m.name,

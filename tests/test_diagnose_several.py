@@ -177,7 +177,9 @@ def test_no_page_of_several_drives_speaks_of_a_crank(worn_arm: Diagnosis) -> Non
     page = diagnosis_html(worn_arm).partition("<script")[0]
     assert "follows the measured drives" in page
     assert "crank" not in page
-    assert worn_arm.units()["crank_angle"] == "rad"
+    assert "crank_angle" not in worn_arm.rows()[0]
+    assert worn_arm.units()["position_O"] == "rad"
+    np.testing.assert_array_equal([row["position_O"] for row in worn_arm.rows()], worn_arm.runs[0].crank_angle)
 
 
 def test_the_arm_is_shown_before_its_diagnosis_and_begun_by_its_headings(tmp_path: Path) -> None:

@@ -170,6 +170,19 @@ def test_a_singular_pose_is_named_and_gives_no_number() -> None:
     assert np.all(np.isfinite(kinematics(assembly, assembly.inputs_at({n: q[:5] for n, q in stretched.items()})).theta))
 
 
+def test_a_free_redundant_linkage_that_swings_into_its_change_point_is_told_so() -> None:
+    start = dict.fromkeys(("crank", "follower"), 0.4) | dict.fromkeys(("coupler", "bar"), 0.0)
+    m = third_bar().replace(drives=(), loads=(), gravity=(-2.0, -9.81), assembly=start)
+    with pytest.raises(AssemblyError, match=r"change point at crank angle .*, where coupler and follower fall in line"):
+        lc.analyse(m, times=np.linspace(0.0, 2.0, 21))
+
+
+def test_the_crank_of_a_free_linkage_is_told_by_its_own_angle() -> None:
+    found = lc.analyse(third_bar().replace(drives=()), times=np.linspace(0.0, 0.3, 4))
+    np.testing.assert_array_equal(found.crank_angle, found.signals["crank_angle"])
+    assert np.ptp(found.crank_angle) > 0.01
+
+
 def test_motion_of_one_crank_is_the_same_by_time_and_by_angle() -> None:
     m = load("crank-rocker")
     times = np.linspace(0.0, 0.15, 7)

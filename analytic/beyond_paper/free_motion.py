@@ -116,7 +116,11 @@ class _FreeMotion:
         tries = np.zeros((len(self.joints), 1 + len(self.free)))
         tries[self.free, 1 + np.arange(len(self.free))] = 1.0
         here, fast, near = (np.tile(x, tries.shape[1]) for x in (inputs[:, None], speeds[:, None], self.last))
-        motion = kinematics(self.assembly, here, fast, pushes[:, None] + tries, path=Followed(near))
+        try:
+            motion = kinematics(self.assembly, here, fast, pushes[:, None] + tries, path=Followed(near))
+        except AssemblyError:  # a walk from the assembly on looks for the change point that a step went past
+            self.assembly.follow(np.column_stack([self.last[list(self.assembly.structure.inputs), 0], inputs]))
+            raise
         self.last = motion.coordinates[:, :1].copy()
         efforts = kinetostatics(motion).efforts[self.free]
         return np.asarray(-np.linalg.solve(efforts[:, 1:] - efforts[:, :1], efforts[:, 0]))

@@ -292,7 +292,7 @@ class DiagnosedRun(Part):
         Field(
             min_length=1,
             description="rad; the motor's as commanded or measured, in a free run the driven body's; where a slide"
-            " moves all else its travel, m",
+            " moves all else its travel, m; of several drives the position of the first",
         ),
     ]
     held_out: Annotated[
@@ -420,7 +420,7 @@ class Diagnosis(Document):
     def _rows(self) -> Iterator[Row]:
         names = dict.fromkeys(name for run in self.runs for name in run.signals)
         for run in self.runs:
-            columns = {"time": run.time, "crank_angle": run.crank_angle}
+            columns = {"time": run.time, self._told_by: run.crank_angle}
             for name in names:
                 channel = run.signals.get(name)
                 for side in ("measured", "before", "after"):
@@ -437,7 +437,12 @@ class Diagnosis(Document):
             for name, channel in run.signals.items()
             for side in ("measured", "before", "after")
         }
-        return {"time": "s", "crank_angle": self.mechanism.encoders[0].unit} | sides
+        return {"time": "s", self._told_by: self.mechanism.encoders[0].unit} | sides
+
+    @property
+    def _told_by(self) -> str:
+        """What says where the linkage is: the crank's angle; of several drives the position of the first."""
+        return self.mechanism.encoders[0].name if self.mechanism.several else "crank_angle"
 
     def __repr__(self) -> str:
         what = ", ".join(effect.key for effect in self.effects) or "nothing named"
