@@ -17,7 +17,8 @@ What closes a joint:
     spring-damper   between the pin centres; beyond the clearance it pulls with max(0, K d + C d'), within it is slack
     contact         a journal in its bearing: one sphere in another, hollow one
 What moves or holds the linkage is "drive", which turns one crank, or "drives", each between the two bodies of its
-joint; where there are none it moves freely.
+joint; where there are none it moves freely.  Where joints hold a loop more than once ("redundant"), statics does not
+determine every reaction: of those that balance, Exudyn's solver takes one.
 """
 
 from __future__ import annotations
@@ -244,10 +245,7 @@ class System:
         return motor
 
     def add_own_drive(self, name: str, joint: Mapping[str, Any], course: dict[str, Any] | None) -> Any:
-        """A motor between the two bodies of a joint, which turns or pushes the second along a course, or holds it.
-
-        Exudyn's own prismatic joints cannot be moved where constraints are on velocity, so there is one for it.
-        """
+        """A motor between the two bodies of a joint, which turns or pushes the second along a course, or holds it."""
         bodies, speed = joint["bodies"], speed_along(**course) if course else None
         if joint["closed_by"] == "slide":
             motor = self.mbs.AddObject(self.pusher(name, bodies, self.travel(name, joint), speed))
@@ -261,7 +259,9 @@ class System:
     def pusher(
         self, name: str, bodies: list[str], travel: Callable[[Sequence[float]], Travel], speed: Speed | None
     ) -> Any:
-        """A constraint on a slide's travel: that it changes at a speed, or is where it is held."""
+        """A constraint on a slide's travel, that it changes at a speed or is where it is held: Exudyn's own prismatic
+        joints cannot be moved where constraints are on velocity.
+        """
 
         def wrong(mbs: Any, t: float, number: int, q: Sequence[float], rate: Sequence[float], on_rate: bool) -> Any:
             where, gradient = travel(q)
@@ -332,7 +332,9 @@ class System:
         return s
 
     def driven(self) -> Signals:
-        """Step through every stage; the signals after those of them for which model.json asks."""
+        """Step through every stage; the signals after those of them for which model.json asks.  When the time of these
+        is 0, Exudyn's is ``time_0``.
+        """
         parts: list[Signals] = []
         for stage in self.model["stages"]:
             if not self.mbs.SolveDynamic(self.stage(*stage), updateInitialValues=True, storeSolver=False):
