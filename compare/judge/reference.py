@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -16,7 +16,7 @@ from analytic.kinematics.motion import Motion as Moving
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.reach import usual_angles
 from analytic.mechanism.one_line import count, one_line
-from analytic.mechanism.signals import named
+from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.kinetostatics import friction_turns
@@ -154,9 +154,16 @@ def _unsure(
 
 
 def _side(
-    assembly: Assembly, moving: Turning, inertia: bool, model: Model, clearances: Mapping[str, float]
+    assembly: Assembly,
+    moving: Turning,
+    inertia: bool,
+    model: Model,
+    clearances: Mapping[str, float],
+    held: Collection[str] = (),
 ) -> Reference:
-    """The analytic model along a motion of the crank, or of several inputs, flagged where friction has no direction."""
+    """The analytic model along a motion of the crank, or of several inputs, flagged where friction has no direction;
+    joints that are ``held`` have none.
+    """
     mechanism = assembly.mechanism
 
     def at(model: Model) -> Displaced:
@@ -182,6 +189,7 @@ def _side(
             order[signal.name] = OrderDifference(unit=unit, max=most.max, rms=most.rms, at_crank_angle=where)
     ideal = _angles(found.ideal.motion)
     turning = friction_turns(found.ideal.motion, REVERSAL if inertia else 0.0)
+    turning = {name: here for name, here in turning.items() if name not in held}
     loose, peaks = found.reactions.undetermined, largest(signals[model])
     side = Reference(signals[model], ideal, order, found.flags, peaks=peaks, undetermined=loose)
     return _without({i: why for i, why in _reversals(turning).items() if i not in found.flags}, side)
@@ -198,13 +206,14 @@ def timed_reference(
     """The analytic model at times (N,) s of a linkage whose drives follow ``courses``, with these clearances (m).
 
     In ``static`` motion every drive holds what it moves where its course has it, and only the direction of that course
-    is left of its rate: friction acts against it.  In driven motion what no drive moves moves freely, with ideal
+    is left of its rate: friction acts against it, and there is none in a drive that never moves.  In driven motion what no drive moves moves freely, with ideal
     joints.  Raises AssemblyError.
     """
     s, splines = assembly.structure, courses.splines
     if motion == "static":
         inputs, omega = (assembly.inputs_at(each) for each in (courses.at(time), courses.directions(time)))
-        return _side(assembly, Turning(inputs, omega, np.zeros(inputs.shape)), False, model, clearances)
+        moving = Turning(inputs, omega, np.zeros(inputs.shape))
+        return _at_rest(_side(assembly, moving, False, model, clearances, _held(assembly, courses)))
     if s.free:
         found = free_motion(assembly, time, splines)
         signals = with_derived(found.signals(), assembly.mechanism)
@@ -215,6 +224,19 @@ def timed_reference(
         assembly.inputs_at({name: spline(time, order) for name, spline in splines.items()}) for order in range(3)
     )
     return _side(assembly, Turning(inputs, omega, alpha), True, model, clearances)
+
+
+def _held(assembly: Assembly, courses: Courses) -> frozenset[str]:
+    """Joints that no course ever moves: those of drives that stand, and where all of them do every joint."""
+    standing = {name for name, (_, where) in courses.knots.items() if np.ptp(where) == 0}
+    moves = len(standing) < len(courses.knots)
+    return frozenset(standing if moves else (joint.name for joint in assembly.mechanism.joints))
+
+
+def _at_rest(side: Reference) -> Reference:
+    """A side whose bodies do not move: their rates are 0."""
+    rates = (Signal("rate", body, "angular_velocity").name for body in side.ideal_angles)
+    return replace(side, signals={**side.signals, **{name: np.zeros(side.signals[name].shape) for name in rates}})
 
 
 def _told(motion: Moving) -> np.ndarray:

@@ -134,6 +134,7 @@ class RestingRun(Run):
     def __init__(self, request: Request) -> None:
         super().__init__(request)
         self.path = RestingPath(request, self.assembly)
+        self.judge = replace(self.judge, motors={})  # instants are told by time
 
     def trace(self) -> Trace:
         """Run the request."""
