@@ -206,8 +206,8 @@ def timed_reference(
     """The analytic model at times (N,) s of a linkage whose drives follow ``courses``, with these clearances (m).
 
     In ``static`` motion every drive holds what it moves where its course has it, and only the direction of that course
-    is left of its rate: friction acts against it, and there is none in a drive that never moves.  In driven motion what no drive moves moves freely, with ideal
-    joints.  Raises AssemblyError.
+    is left of its rate: friction acts against it, and there is none in a drive that never moves.  In driven motion what
+    no drive moves moves freely, with ideal joints.  Raises AssemblyError.
     """
     s, splines = assembly.structure, courses.splines
     if motion == "static":
