@@ -20,7 +20,8 @@ from linkages import curved_slider
 from maximal import Maximal
 from several_linkages import CASES, KNOTS, SHIPPED, referee, sprung, third_bar, waved
 from several_truths import SWINGING, turned_round
-from sim_models.engine import JOINT_MODELS, JointModel, Motion, Request, Unsupported
+from sim_models.common.units import Units
+from sim_models.engine import JOINT_MODELS, MOTIONS, JointModel, Motion, Request, Unsupported
 from sim_models.exudyn.engine import ENGINE
 from test_export import PAPER, SHORT, SLIDER, bare, columns, command, driven_by, table
 
@@ -74,6 +75,8 @@ LATE = {  # courses that begin late, with knots of their own
     "O": (np.linspace(7.0, 7.6, 31), -0.4 + np.linspace(0.0, 0.5, 31) ** 2),
     "K": (np.linspace(7.013, 7.6, 47), 1.2 - np.linspace(0.0, 0.7, 47) ** 2),
 }
+TINY = Units(length=2.0**10, mass=2.0**20)  # a metre and a kilogram of the linkage are one of these
+HUGE = Units(length=2.0**-6, mass=2.0**-16)
 SEVERAL = {
     **{f"{name}, {model}": moved(CASES[name].with_clearances({pin: 2e-4}), model)
        for name, pin in GAPS.items() for model in JOINT_MODELS},
@@ -93,6 +96,9 @@ SEVERAL = {
     **{f"all free, {model}": moved(freed(CASES["2r-arm"].with_clearances({"K": 2e-4}), "O", "K"), model)
        for model in JOINT_MODELS},
     "one crank of two free": moved(freed(CASES["five-bar"], "E")),
+    **{f"{name}, tiny": TINY.request(moved(CASES[name].with_clearances({pin: 2e-4}), "contact"))
+       for name, pin in GAPS.items()},
+    **{f"3-rpr, huge, {motion}": HUGE.request(moved(CASES["3-rpr"], motion=motion)) for motion in MOTIONS},
     "no drives": Request(SWINGING, time=FEW, courses={}),
     "held more than once": Request(third_bar(), time=FEW, courses=waved(third_bar())),
     **{f"{name}, {model}, at rest": moved(CASES[name].with_clearances({pin: 2e-4}), model, motion="static")
@@ -131,8 +137,9 @@ REQUESTS = {
     ),
     **{f"course, {model}": Request(measured(PAPER), model, time=FEW, course=(KNOTS, ANGLES)) for model in JOINT_MODELS},
     "course, compliant drive": Request(measured(PAPER, stiffness=2e3), "contact", time=FEW, course=(KNOTS, ANGLES)),
-    **{f"spring between points, {m}": Request(SPRUNG, "contact", m, SHORT) for m in ("driven", "static")},
-    **{f"held more than once, {m}": Request(third_bar(), "ideal", m, SHORT) for m in ("driven", "static")},
+    **{f"spring between points, {m}": Request(SPRUNG, "contact", m, SHORT) for m in MOTIONS},
+    **{f"tiny, {m}": TINY.request(Request(SPRUNG, "spring-damper", m, SHORT)) for m in MOTIONS},
+    **{f"held more than once, {m}": Request(third_bar(), "ideal", m, SHORT) for m in MOTIONS},
     "held more than once, with a gap": Request(third_bar().with_clearances({"f2": 1e-4}), "contact", "driven", SHORT),
     **SEVERAL,
 }
@@ -177,6 +184,17 @@ def test_bare_exudyn_gives_the_same_numbers(name: str, exported: dict[str, Path]
     assert found.keys() == truth.keys()
     assert difference(found, truth) < REPEATS.get(name, TOLERANCE)
     assert difference(table(exported[name] / "expected.csv"), truth) <= REPEATS.get(name, 0.0)  # 0: to the last digit
+
+
+@pytest.mark.parametrize(("name", "units"), [("tiny", TINY), ("huge", HUGE)])
+def test_linkages_far_from_a_bench_are_exported_in_units_of_their_own(
+    name: str, units: Units, exported: dict[str, Path]
+) -> None:
+    folders = [folder for request, folder in exported.items() if name in request]
+    assert folders
+    for folder in folders:
+        model = json.loads((folder / "model.json").read_text(encoding="utf-8"))
+        assert np.sign(np.log(model["units"]["length"])) == -np.sign(np.log(units.length))
 
 
 @pytest.mark.parametrize(("name", "joint"), [("impacts", "B"), ("impacts along courses", "A")])

@@ -5,17 +5,19 @@ from __future__ import annotations
 import cmath
 import importlib.resources
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from analytic.mechanism import MASS_CENTRE, Body, Joint
-from analytic.mechanism.signals import driving
+from analytic.mechanism.signals import driving, position
 from sim_models.common.export_files import expected, lines
-from sim_models.common.travel import with_positions
+from sim_models.common.simulate import simulate
 from sim_models.engine import Request, Trace
 from sim_models.exudyn.courses import PACE, CoursesRun, RestingRun
+from sim_models.exudyn.engine import ENGINE
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.linkage import HALVED, ExudynLinkage
 from sim_models.exudyn.motor import INSTANT, RunMotor
@@ -37,23 +39,30 @@ PARAMETERS = {  # what closes a joint: the numbers that make it, by Exudyn's nam
 
 
 def write(request: Request, folder: Path) -> list[Path]:
-    """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError."""
-    several = request.courses is not None
-    linkage, motion, trace = (_at_rest if request.motion == "static" else _moving)(request)
-    if several:
-        trace = with_positions(request.mechanism, trace)
-    model = {
-        "title": f"{request.mechanism.name}, {request.joint_model} joints, {request.motion}",
+    """Run a request as the engine does, in units of the linkage's own and steps that make it plausible, and write what
+    repeats it into an existing folder.  Raises what :func:`sim_models.common.simulate.simulate` does, and OSError.
+    """
+    m, crank, model = request.mechanism, request.courses is None, dict[str, Any]()
+
+    def run(asked: Request) -> Trace:
+        linkage, motion, trace = (_at_rest if asked.motion == "static" else _moving)(asked)
+        model.update({"redundant": linkage.model.redundant, **_parts(linkage), **motion})
+        return trace
+
+    trace = simulate(ENGINE, request, run)  # the last that was run
+    if crank:  # where joints are says nothing new
+        places = {position(joint).name for joint in m.joints}
+        trace = replace(trace, signals={name: v for name, v in trace.signals.items() if name not in places})
+    head = {
+        "title": f"{m.name}, {request.joint_model} joints, {request.motion}",
         "version": f"{trace.simulator} {trace.version}",
+        "units": trace.settings["units"],
         "motion": request.motion,
-        "crank": None if several else request.mechanism.driven,
-        "redundant": linkage.model.redundant,
-        **_parts(linkage),
-        **motion,
+        "crank": m.driven if crank else None,
     }
     files = {
-        "model.json": lines(model),
-        "expected.csv": expected(trace, crank=not several),
+        "model.json": lines({**head, **model}),
+        "expected.csv": expected(trace, crank=crank),
         "run.py": (
             importlib.resources.files("sim_models.standalone").joinpath("exudyn_run.py").read_text(encoding="utf-8")
         ),
@@ -146,7 +155,7 @@ def _at_rest(request: Request) -> tuple[ExudynLinkage, dict[str, Any], Trace]:
         )
     link = equilibria.real
     drive = {"offset": link.item("drive")["offset"]} if request.courses is None else None
-    plan = {"drive": drive, "drives": _own_drives(link), "residual": link.residual, "equilibria": near}
+    plan = {"drive": drive, "drives": _own_drives(link), "residual": link.residual, "time_0": 0.0, "equilibria": near}
     return link, plan, trace
 
 

@@ -4,8 +4,10 @@ model.json    bodies, loads, joints, springs and drives, each to become an Exudy
               it is stepped
 expected.csv  what the cross-check got; this script writes its own to signals.csv and prints the largest differences
 
-SI units and rad.  reaction_<joint> is the force of the joint's first body on its second.  A body's node is at its
-centre of mass, and its points are measured from there, "com" too: it is where <body>_x and <body>_y are taken.
+Numbers in model.json are in its "units", of m, kg and s each, which are 1 unless the linkage is far too large or small
+for a solver's tolerances; signals are in SI units, and angles in rad.  reaction_<joint> is the force of the joint's
+first body on its second.  A body's node is at its centre of mass, and its points are measured from there, "com" too: it
+is where <body>_x and <body>_y are taken.
 What closes a joint:
     pin             an ideal joint (RevoluteJoint2D)
     soft bearing    a spring and damper between the two pin centres (CartesianSpringDamper)
@@ -55,6 +57,8 @@ class System:
             self.model["joints"],
             self.model["motion"] == "static",
         )
+        self.length, mass, self.time = (self.model["units"][of] for of in ("length", "mass", "time"))  # in SI
+        self.force, self.torque = mass * self.length / self.time**2, mass * self.length**2 / self.time**2
         self.points = {name: body["points"] for name, body in {"ground": self.model["ground"], **self.bodies}.items()}
         self.container = exu.SystemContainer()
         self.mbs = self.container.AddSystem()
@@ -332,9 +336,7 @@ class System:
         return s
 
     def driven(self) -> Signals:
-        """Step through every stage; the signals after those of them for which model.json asks.  When the time of these
-        is 0, Exudyn's is ``time_0``.
-        """
+        """Step through every stage; the signals after those of them for which model.json asks."""
         parts: list[Signals] = []
         for stage in self.model["stages"]:
             if not self.mbs.SolveDynamic(self.stage(*stage), updateInitialValues=True, storeSolver=False):
@@ -352,8 +354,7 @@ class System:
         last = np.array(
             [0, *np.cumsum([part["time"].size for part in parts]) - 1]
         )  # row of the start, and the last of every stage
-        found = {name: values[last[self.model["after_stage"]]] for name, values in run.items()}
-        return found | {"time": found["time"] - self.model["time_0"]}
+        return {name: values[last[self.model["after_stage"]]] for name, values in run.items()}
 
     def equilibria(self) -> Signals:
         """The signals of every equilibrium, found anew from where the bodies are put."""
@@ -399,13 +400,16 @@ class System:
             return False
 
     def signals(self, seen: Mapping[str, np.ndarray], time: np.ndarray) -> Signals:
-        """All signals, from the sensors.  A constraint's force has one sign in Exudyn's static solver, the other in its
-        dynamic one.
+        """All signals in SI, from the sensors; their time is 0 when Exudyn's is ``time_0``.
+
+        A constraint's force has one sign in Exudyn's static solver, the other in its dynamic one.
         """
         sign = 1.0 if self.static else -1.0
-        out = {"time": time, **(self.crank(seen, sign) if self.model["crank"] else {})}
+        out = self.crank(seen, sign) if self.model["crank"] else {}
+        out["time"] = (time - self.model["time_0"]) * self.time
         for name, drive in self.model["drives"].items():
-            out[drive["signal"]] = sign * seen[f"drive {name}"][:, 0]
+            size = self.force if self.joints[name]["closed_by"] == "slide" else self.torque
+            out[drive["signal"]] = size * sign * seen[f"drive {name}"][:, 0]
         centre, turn = (
             {"ground": np.zeros(1, complex)},
             {"ground": np.ones(1, complex)},
@@ -415,10 +419,10 @@ class System:
             centre[body], turn[body] = x + 1j * y, np.exp(1j * angle)
             com = centre[body] + complex(*self.points[body]["com"]) * turn[body]
             out |= {
-                f"{body}_x": com.real,
-                f"{body}_y": com.imag,
+                f"{body}_x": self.length * com.real,
+                f"{body}_y": self.length * com.imag,
                 f"{body}_angle": angle,
-                f"{body}_angular_velocity": rate,
+                f"{body}_angular_velocity": rate / self.time,
             }
         for name, joint in self.joints.items():
             first, second = (centre[body] + complex(*self.points[body][name]) * turn[body] for body in joint["bodies"])
@@ -426,18 +430,19 @@ class System:
             axis = np.exp(1j * joint.get("direction", 0.0)) * turn[joint["bodies"][0]]
             if not self.model["crank"]:  # joints tell where the linkage is
                 start, end = (out.get(f"{body}_angle", np.zeros(time.size)) for body in joint["bodies"])
-                out[f"position_{name}"] = -(gap * axis.conj()).real if how == "slide" else end - start
+                travel = -self.length * (gap * axis.conj()).real
+                out[f"position_{name}"] = travel if how == "slide" else end - start
             if how == "slide":
                 axial = -sum(seen[law][:, 0] for law in (f"law {name}", f"curved {name}") if law in seen)
                 if name in self.model["drives"]:
                     axial = axial + sign * seen[f"drive {name}"][:, 0]
                 force = (axial + 1j * sign * value[:, 1]) * axis
-                out[f"reaction_{name}_moment"] = -sign * seen[f"moment {name}"][:, 2]
+                out[f"reaction_{name}_moment"] = -self.torque * sign * seen[f"moment {name}"][:, 2]
             elif how == "massless link":  # its force is the tension
                 force = value[:, 0] * gap / np.abs(gap)
             else:
                 force = (sign if how == "pin" else -1.0) * (value[:, 0] + 1j * value[:, 1])
-            for vector, signal in ((force, "reaction"), (gap, "clearance")):
+            for vector, signal in ((self.force * force, "reaction"), (self.length * gap, "clearance")):
                 out |= {f"{signal}_{name}_x": vector.real, f"{signal}_{name}_y": vector.imag}
         return out
 
@@ -448,8 +453,8 @@ class System:
             return {"crank_angle": angle, "drive_torque": np.zeros(angle.size)}
         if "shaft" in drive:
             behind = angle if "course" in drive else seen["shaft"][:, 0]
-            return {"crank_angle": behind, "drive_torque": seen["drive"][:, 0]}
-        return {"crank_angle": angle, "drive_torque": sign * seen["drive"][:, 0]}
+            return {"crank_angle": behind, "drive_torque": self.torque * seen["drive"][:, 0]}
+        return {"crank_angle": angle, "drive_torque": self.torque * sign * seen["drive"][:, 0]}
 
 
 def speed_along(times: list[float], cubics: list[list[float]]) -> Speed:
