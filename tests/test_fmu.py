@@ -394,7 +394,7 @@ def test_without_a_map_it_says_what_to_write(fmu: Path, tmp_path: Path) -> None:
 
 MAPS: dict[str, tuple[tuple[str, str], str]] = {
     "no TOML": (('angle = "phi"', "angle = phi"), "cannot be read as TOML"),
-    "no inputs": (("[inputs]", "[input]"), "inputs is missing; add it"),
+    "no inputs": (("[inputs]", "[input]"), "input is not a field"),
     "another field": (('angle = "phi"', 'position = "phi"'), "inputs.position is not a field"),
     "no angle": (('angle = "phi"\n', ""), "the FMU is not told where its crank is"),
     "no such input": (('angle = "phi"', 'angle = "phy"'), "has no variable 'phy'; did you mean 'phi'"),
@@ -402,7 +402,7 @@ MAPS: dict[str, tuple[tuple[str, str], str]] = {
     "an input's unit": (('unit = "rad/s"', 'unit = "mm"'), "inputs.speed: it has unit 'mm', which is of another"),
     "an acceleration's unit": (
         ('acceleration = "alpha"', 'acceleration = { variable = "alpha", unit = "g" }'),
-        "an angular acceleration is given in rad/s2",
+        "it is given in rad/s2 or deg/s2",
     ),
     "no such column": (("B_x = {", "B_X = {"), "has no variable 'B_X'; did you mean 'B_x'"),
     "text as a column": (("B_x = {", "trouble = {"), "is of kind String; give one that is Real or Float64"),

@@ -6,11 +6,12 @@ Its signals are those of the map, which need not be all that a linkage has.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from sim_models.common.motor import motor_of, report_times
+from sim_models.common.motor import Motor, motor_of, motors_of, report_times
 from sim_models.common.requests import check_request
 from sim_models.engine import (
     FEATURES,
@@ -22,10 +23,11 @@ from sim_models.engine import (
     Scope,
     SettingValue,
     Trace,
+    Unsupported,
     check_supported,
 )
 from sim_models.fmu.description import Fmu, FmuError, described
-from sim_models.fmu.mapping import Map, beside, mapped
+from sim_models.fmu.mapping import Link, Map, Moved, beside, mapped
 from sim_models.fmu.run import run
 from sim_models.fmu.schedule import scheduled
 
@@ -47,11 +49,10 @@ class FmuEngine(Engine):
         """Run one request.  Raises SimulationError, Unsupported (FmuError for the FMU and its map)."""
         check_supported(self, request)
         check_request(request)
-        signals, motor = self.columns.signals(request.mechanism), motor_of(request)
-        assert motor is not None  # only what is driven is supported
-        times = report_times(request, motor)
-        plan = scheduled(self.columns, motor, times, request.step)
-        found = run(self.columns, plan, [link.variable for link in signals.values()])
+        drives, signals = self._drives(request), self.columns.signals(request.mechanism)
+        times = report_times(request, drives[0][1])
+        plan = scheduled(self.columns, drives, times, request.step)
+        found = run(self.columns, [links for links, _ in drives], plan, [link.variable for link in signals.values()])
         at = plan.place(times)
         settings: dict[str, SettingValue] = {"step": plan.step, "fmi": self.fmu.fmi, "map": str(self.columns.path)}
         return Trace(
@@ -59,11 +60,28 @@ class FmuEngine(Engine):
             version=self.fmu.made_by or "unknown",
             joint_model="ideal",
             motion="driven",
-            crank_angle=np.array(motor.angles(times) if request.time is not None else request.crank_angle, float),
+            crank_angle=np.array(
+                drives[0][1].angles(times) if request.time is not None else request.crank_angle, float
+            ),
             time=times,
             signals={name: link.si(found[at, k]) for k, (name, link) in enumerate(signals.items())},
             settings=settings,
         )
+
+    def _drives(self, request: Request) -> list[tuple[Mapping[Moved, Link], Motor]]:
+        """The inputs of each motor, and how it moves.  Raises FmuError, and Unsupported where there is none."""
+        m = request.mechanism
+        if request.courses is not None:
+            motors = motors_of(request)
+            if not motors:
+                raise Unsupported(f"{self.name}: {m.name} has no drive, and an FMU is driven; give it one")
+            links = self.columns.drives(m, motors)
+            return [(links[name], motor) for name, motor in motors.items()]
+        motor = motor_of(request)
+        assert motor is not None  # only what is driven is supported
+        if not self.columns.inputs:
+            raise FmuError(f"{self.columns.path}: has [drives], of several, and {m.name} has a crank; give [inputs]")
+        return [(self.columns.inputs, motor)]
 
 
 def opened(rest: str) -> FmuEngine:

@@ -9,6 +9,12 @@
     [parameters]
     "rod.m" = 0.21
 
+With several drives, in place of ``[inputs]``, a table for each driven joint, of its position (second body on first):
+
+    [drives.D]
+    position = "phi1"
+    speed = "omega1"
+
 For an input as for a column, ``sign * scale * number + offset`` in ``unit`` is the quantity here.  Without a unit that
 of the FMU holds, and SI where it has none.
 """
@@ -20,7 +26,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from pydantic import BeforeValidator, Field
@@ -32,15 +38,21 @@ from analytic.mechanism.signals import named
 from analytic.mechanism.units import DIMENSIONS, SI, Dimension, UnitError, factor
 from sim_models.fmu.description import NUMBERS, Fmu, FmuError, Variable
 
-InputName = Literal["angle", "speed", "acceleration", "start_angle"]
+Moved = Literal["position", "speed", "acceleration", "start"]
 Value = bool | int | float | str
-DIMENSION: dict[InputName, Dimension | None] = {
-    "angle": "angle",
+Units = Mapping[str, float]  # of what no sensor reads, with their factors
+TURNS: Mapping[Moved, Dimension | Units] = {
+    "position": "angle",
     "speed": "angular velocity",
-    "acceleration": None,  # no sensor reads one
-    "start_angle": "angle",
+    "acceleration": {"rad/s2": 1.0, "rad/s^2": 1.0, "deg/s2": math.radians(1.0), "deg/s^2": math.radians(1.0)},
+    "start": "angle",
 }
-ACCELERATIONS = {"rad/s2": 1.0, "rad/s^2": 1.0, "deg/s2": math.radians(1.0), "deg/s^2": math.radians(1.0)}
+SLIDES: Mapping[Moved, Dimension | Units] = {
+    "position": "length",
+    "speed": {"m/s": 1.0, "mm/s": 1e-3},
+    "acceleration": {"m/s2": 1.0, "m/s^2": 1.0, "mm/s2": 1e-3, "mm/s^2": 1e-3},
+    "start": "length",
+}
 LISTED = 30  # variables that a message lists
 
 
@@ -66,12 +78,22 @@ class Inputs(Part):
     start_angle: Input | None = None
 
 
+class Position(Part):
+    """The variables that say how one of several driven joints moves: its second body on its first (rad, or m)."""
+
+    position: Input | None = None
+    speed: Input | None = None
+    acceleration: Input | None = None
+    start_position: Input | None = None
+
+
 class MapFile(Part):
     """A map as it stands in its file.  ``step`` (s) is between communication points at most, ``lead_in`` (rad) how far
     the crank turns before its first angle.
     """
 
-    inputs: Inputs
+    inputs: Inputs | None = None
+    drives: Mapping[str, Position] = {}
     columns: Annotated[Mapping[str, Meaning | Literal["ignore"]], Field(min_length=1)]
     parameters: Mapping[str, Value] = {}
     step: Annotated[float, Field(gt=0)] | None = None
@@ -98,18 +120,38 @@ class Link:
 
 @dataclass(frozen=True)
 class Map:
-    """A map whose variables the FMU has; its columns wait for a mechanism (:meth:`signals`)."""
+    """A map whose variables the FMU has; its columns and several drives wait for a mechanism (:meth:`signals`,
+    :meth:`drives`).
+    """
 
     fmu: Fmu
     path: Path
     file: MapFile
-    inputs: Mapping[InputName, Link]
+    inputs: Mapping[Moved, Link]  # of a crank
     parameters: tuple[tuple[Variable, Value], ...]
 
     @property
     def step(self) -> float | None:
         """Time (s) between communication points at most, if it is given."""
         return self.file.step or self.fmu.step
+
+    def drives(self, mechanism: Mechanism, joints: Iterable[str]) -> dict[str, Mapping[Moved, Link]]:
+        """The inputs of each of these driven joints of a mechanism.  Raises FmuError."""
+        found: dict[str, Mapping[Moved, Link]] = {}
+        for name in joints:
+            if name not in self.file.drives:
+                told = ", ".join(self.file.drives) or "no driven joint"
+                why = f"{self.path}: drives: tells the FMU of {told}, but {mechanism.name} is driven in {name} too"
+                raise FmuError(f"{why}; give [drives.{name}] with its position")
+            kinds = SLIDES if mechanism.joint(name).prismatic else TURNS
+            found[name] = _links(self.fmu, self.path, f"drives.{name}", _told(self.file.drives[name]), kinds)
+        for name in self.file.drives:
+            if name not in found:
+                driven = ", ".join(found) or "no joint"
+                raise FmuError(
+                    f"{self.path}: drives.{shown(name)}: {mechanism.name} is driven in {driven}; leave it out"
+                )
+        return found
 
     def signals(self, mechanism: Mechanism) -> dict[str, Link]:
         """Which variable is which signal of a mechanism.  Raises FmuError."""
@@ -149,37 +191,84 @@ def mapped(fmu: Fmu, path: Path) -> Map:
             f" {_listed(fmu.named('parameter'))}"
         )
     file = read_map(path, MapFile)
-    inputs = dict(_inputs(fmu, path, file.inputs))
-    if "angle" not in inputs and not {"speed", "start_angle"} <= set(inputs):
-        raise FmuError(
-            f"{path}: inputs: the FMU is not told where its crank is; give angle, or speed with start_angle, the"
-            " variable that is its angle at the start"
-        )
+    inputs = _inputs(fmu, path, file)
     for column, meaning in file.columns.items():
         if meaning != "ignore":
             _variable(fmu, column, f"{path}: columns.{shown(column)}")
     return Map(fmu, path, file, inputs, tuple(_parameters(fmu, path, file.parameters)))
 
 
-def _inputs(fmu: Fmu, path: Path, given: Inputs) -> Iterator[tuple[InputName, Link]]:
-    told: dict[str, str] = {}
-    for name, kind in DIMENSION.items():
-        driven: Driven | None = getattr(given, name)
-        if driven is None:
-            continue
-        where = f"{path}: inputs.{name}"
-        variable = _variable(fmu, driven.variable, where)
-        if name != "start_angle" and variable.causality != "input":
-            hint = f"its inputs are {_listed(fmu.named('input'))}"
+def _inputs(fmu: Fmu, path: Path, file: MapFile) -> dict[Moved, Link]:
+    """The inputs of a crank; of several drives none, but each is told where it is.  Raises FmuError."""
+    if file.inputs is not None and file.drives:
+        raise FmuError(f"{path}: has [inputs], of a crank, and [drives], of several; leave one of them out")
+    found = {} if file.inputs is None else _links(fmu, path, "inputs", _told(file.inputs), TURNS)
+    if not file.drives and "position" not in found and not {"speed", "start"} <= set(found):
+        raise FmuError(
+            f"{path}: inputs: the FMU is not told where its crank is; give angle, or speed with start_angle, the"
+            " variable that is its angle at the start"
+        )
+    taken: dict[str, str] = {}
+    for name, drive in file.drives.items():
+        told = _told(drive)
+        if "position" not in told and not {"speed", "start"} <= set(told):
             raise FmuError(
-                f"{where}: {shown(variable.name)} is no input of {fmu.path.name}, but {variable.causality}; {hint}"
+                f"{path}: drives.{shown(name)}: the FMU is not told where it is; give position, or speed with"
+                " start_position, the variable that is its position at the start"
             )
-        if variable.name in told:
-            other = f"inputs.{told[variable.name]}"
+        for field, each in told.values():
+            where = f"drives.{name}.{field}"
+            _input(fmu, f"{path}: {where}", each.variable, field)
+            if taken.setdefault(each.variable, where) != where:
+                other = taken[each.variable]
+                raise FmuError(
+                    f"{path}: {where}: {shown(each.variable)} is that of {other} already; give each its own variable"
+                )
+    return found
+
+
+def _told(given: Inputs | Position) -> dict[Moved, tuple[str, Driven]]:
+    """What is given of a drive, each with the name of its field."""
+    names: Mapping[str, Moved] = {"angle": "position", "start_angle": "start", "start_position": "start"}
+    found: dict[Moved, tuple[str, Driven]] = {}
+    for field in type(given).model_fields:
+        driven = getattr(given, field)
+        if driven is not None:
+            found[names.get(field, cast("Moved", field))] = field, driven
+    return found
+
+
+def _links(
+    fmu: Fmu,
+    path: Path,
+    table: str,
+    told: Mapping[Moved, tuple[str, Driven]],
+    kinds: Mapping[Moved, Dimension | Units],
+) -> dict[Moved, Link]:
+    """The variables of a drive.  Raises FmuError."""
+    found: dict[Moved, Link] = {}
+    taken: dict[str, str] = {}
+    for name, (field, driven) in told.items():
+        where = f"{path}: {table}.{field}"
+        variable = _input(fmu, where, driven.variable, field)
+        if variable.name in taken:
+            other = f"{table}.{taken[variable.name]}"
             raise FmuError(f"{where}: {shown(variable.name)} is that of {other} already; give each its own variable")
-        told[variable.name] = name
-        scale = _factor(where, driven.unit, variable, kind)
-        yield name, Link(variable, driven.sign * driven.scale, driven.offset, scale)
+        taken[variable.name] = field
+        scale = _factor(where, driven.unit, variable, kinds[name])
+        found[name] = Link(variable, driven.sign * driven.scale, driven.offset, scale)
+    return found
+
+
+def _input(fmu: Fmu, where: str, name: str, field: str) -> Variable:
+    """A variable that a drive sets: an input, but for where it starts.  Raises FmuError."""
+    variable = _variable(fmu, name, where)
+    if not field.startswith("start") and variable.causality != "input":
+        hint = f"its inputs are {_listed(fmu.named('input'))}"
+        raise FmuError(
+            f"{where}: {shown(variable.name)} is no input of {fmu.path.name}, but {variable.causality}; {hint}"
+        )
+    return variable
 
 
 def _parameters(fmu: Fmu, path: Path, given: Mapping[str, Value]) -> Iterator[tuple[Variable, Value]]:
@@ -213,7 +302,7 @@ def _known(fmu: Fmu, name: str, where: str) -> Variable:
     return fmu.variables[name]
 
 
-def _factor(where: str, given: str | None, variable: Variable, kind: Dimension | None) -> float:
+def _factor(where: str, given: str | None, variable: Variable, kind: Dimension | Units) -> float:
     """What a number of a variable is multiplied by to be SI, ``unit`` as given or as the FMU has it.  Raises
     FmuError.
     """
@@ -229,7 +318,7 @@ def _factor(where: str, given: str | None, variable: Variable, kind: Dimension |
     return size
 
 
-def _declared(unit: str, kind: Dimension | None) -> float | None:
+def _declared(unit: str, kind: Dimension | Units) -> float | None:
     """The factor of a unit that an FMU declares: NaN if it is of another dimension, None if it says nothing here."""
     for each in (kind, *SI):
         try:
@@ -240,11 +329,12 @@ def _declared(unit: str, kind: Dimension | None) -> float | None:
     return None
 
 
-def _size(where: str, unit: str, kind: Dimension | None, said: str) -> float:
-    if kind is None:
-        if unit not in ACCELERATIONS:
-            raise FmuError(f"{where}: {said} unit {shown(unit)}; an angular acceleration is given in rad/s2 or deg/s2")
-        return ACCELERATIONS[unit]
+def _size(where: str, unit: str, kind: Dimension | Units, said: str) -> float:
+    if isinstance(kind, Mapping):
+        if unit not in kind:
+            accepted = " or ".join(each for each in kind if "^" not in each)
+            raise FmuError(f"{where}: {said} unit {shown(unit)}; it is given in {accepted}")
+        return kind[unit]
     try:
         return factor(unit, kind)
     except UnitError as error:

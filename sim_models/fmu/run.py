@@ -20,15 +20,16 @@ from analytic.mechanism.one_line import shown
 from sim_models.engine import Cause, SimulationError
 from sim_models.fmu import child
 from sim_models.fmu.description import Fmu, FmuError, Variable, unpacked
-from sim_models.fmu.mapping import InputName, Link, Map
+from sim_models.fmu.mapping import Link, Map, Moved
 from sim_models.fmu.schedule import Plan
 
 LONGEST = 600.0  # s that a run may take
 LOOK = "run it in the tool that made it to see why"
+TOLD: tuple[Moved, ...] = ("position", "speed", "acceleration")  # in the order of a plan's inputs
 SAID = 300  # characters of what an FMU says of its own failure
 
 
-def run(columns: Map, plan: Plan, signals: Sequence[Variable]) -> np.ndarray:
+def run(columns: Map, drives: Sequence[Mapping[Moved, Link]], plan: Plan, signals: Sequence[Variable]) -> np.ndarray:
     """What an FMU's variables are (N, signals) at the reported points of a plan, in the FMU's units.
 
     Raises FmuError where the FMU cannot be unpacked or its code not loaded, SimulationError where its run fails.
@@ -43,25 +44,25 @@ def run(columns: Map, plan: Plan, signals: Sequence[Variable]) -> np.ndarray:
             "guid": fmu.guid,
             "identifier": fmu.identifier,
             "parameters": [[each.kind, each.reference, value] for each, value in columns.parameters],
-            "inputs": [link.variable.reference for name, link in columns.inputs.items() if name != "start_angle"],
+            "inputs": [links[name].variable.reference for links in drives for name in TOLD if name in links],
             "kind": signals[0].kind,
             "outputs": [each.reference for each in signals],
             "reported": plan.reported.tolist(),
         }
-        job["parameters"] += _start(columns.inputs, plan)
+        job["parameters"] += [
+            [
+                links["start"].variable.kind,
+                links["start"].variable.reference,
+                float(links["start"].number(np.array(at))),
+            ]
+            for links, at in zip(drives, plan.starts, strict=True)
+            if "start" in links
+        ]
         (files / child.JOB).write_text(json.dumps(job), encoding="utf-8")
         np.save(files / child.POINTS, plan.points)
         np.save(files / child.INPUTS, plan.inputs)
         _wait(fmu, files)
         return _found(fmu, files, plan.points[plan.reported], signals)
-
-
-def _start(inputs: Mapping[InputName, Link], plan: Plan) -> list[list[object]]:
-    """The variable that is the crank's angle at the start."""
-    link = inputs.get("start_angle")
-    if link is None:
-        return []
-    return [[link.variable.kind, link.variable.reference, float(link.number(np.array(plan.start_angle)))]]
 
 
 def _wait(fmu: Fmu, files: Path) -> None:

@@ -7,13 +7,14 @@ mean over the step, which turns the crank as far as it has to turn.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from sim_models.common.motor import Motor
 from sim_models.fmu.description import FmuError
-from sim_models.fmu.mapping import InputName, Map
+from sim_models.fmu.mapping import Link, Map, Moved
 
 OF_A_TURN = 1000  # steps, where nobody says how long they are
 MOST = 1_500_000  # steps
@@ -26,14 +27,14 @@ WASTE = 4  # how many times as many steps are taken so that they are equal
 class Plan:
     """Communication points (P,) s from 0 on, which of them are reported, and the inputs (P, K) as the FMU is told them.
 
-    ``begin`` (s) is the motor's time at the first point; ``start_angle`` (rad) the driven body's angle there.
+    ``begin`` (s) is the motors' time at the first point; ``starts`` (rad, or m) are their positions there.
     """
 
     points: np.ndarray
     reported: np.ndarray
     inputs: np.ndarray
     begin: float
-    start_angle: float
+    starts: tuple[float, ...]
     step: float
 
     def place(self, times: np.ndarray) -> np.ndarray:
@@ -42,14 +43,19 @@ class Plan:
         return np.searchsorted((there[1:] + there[:-1]) / 2, wanted)
 
 
-def scheduled(columns: Map, motor: Motor, times: np.ndarray, step: float | None = None) -> Plan:
-    """The plan of a run that is reported at times (N,) s of its motor, in steps (s) of the map where none is given.
+def scheduled(
+    columns: Map, drives: Sequence[tuple[Mapping[Moved, Link], Motor]], times: np.ndarray, step: float | None = None
+) -> Plan:
+    """The plan of a run that is reported at times (N,) s of its motors, each with its inputs, in steps (s) of the map
+    where none is given.
 
     Raises FmuError.
     """
-    lead_in = columns.file.lead_in / motor.top_speed if motor.constant_speed else 0.0
-    begin = motor.begin - lead_in if motor.constant_speed else motor.begin
-    step = step or columns.step or 2 * np.pi / (motor.top_speed or 1.0) / OF_A_TURN
+    motors = [motor for _, motor in drives]
+    begin, top_speed = max(motor.begin for motor in motors), max(motor.top_speed for motor in motors)
+    if motors[0].constant_speed:
+        begin -= columns.file.lead_in / top_speed
+    step = step or columns.step or 2 * np.pi / (top_speed or 1.0) / OF_A_TURN
     wanted = np.unique(times - begin)
     wanted = wanted[np.concatenate([[True], np.diff(wanted) > SAME * step])]
     nodes = wanted if wanted[0] <= 0 else np.concatenate([[0.0], wanted])
@@ -67,9 +73,9 @@ def scheduled(columns: Map, motor: Motor, times: np.ndarray, step: float | None 
     return Plan(
         points=points,
         reported=reported,
-        inputs=_inputs(columns, motor, points + begin),
+        inputs=np.column_stack([told for links, motor in drives for told in _told(links, motor, points + begin)]),
         begin=begin,
-        start_angle=float(motor.angles(np.array([begin]))[0]),
+        starts=tuple(float(motor.angles(np.array([begin]))[0]) for motor in motors),
         step=float(np.diff(points).max(initial=0.0)),
     )
 
@@ -91,14 +97,15 @@ def _counts(columns: Map, gaps: np.ndarray, step: float) -> np.ndarray:
     return fewest
 
 
-def _inputs(columns: Map, motor: Motor, times: np.ndarray) -> np.ndarray:
-    """What the inputs (P, K) are told, in the order of the map; the start angle is none of them."""
-    rates: dict[InputName, np.ndarray] = {
-        "angle": motor.angles(times),
+def _told(links: Mapping[Moved, Link], motor: Motor, times: np.ndarray) -> Iterator[np.ndarray]:
+    """What the inputs of a motor (P,) are told, in the order of the map; where it starts is none of them."""
+    rates: dict[Moved, np.ndarray] = {
+        "position": motor.angles(times),
         "speed": motor.angles(times, 1),
         "acceleration": motor.angles(times, 2),
     }
-    if "angle" not in columns.inputs and times.size > 1:
-        rates["speed"] = np.concatenate([rates["speed"][:1], np.diff(rates["angle"]) / np.diff(times)])
-    told = [columns.inputs[name].number(values) for name, values in rates.items() if name in columns.inputs]
-    return np.column_stack(told)
+    if "position" not in links and times.size > 1:
+        rates["speed"] = np.concatenate([rates["speed"][:1], np.diff(rates["position"]) / np.diff(times)])
+    for name, values in rates.items():
+        if name in links:
+            yield links[name].number(values)
