@@ -66,6 +66,8 @@ STRETCHED = PAPER.replace(
     springs=[{"bodies": ("crank", "follower"), "points": ("A", "E"), "stiffness": 300.0, "length": 0.2, "damping": 2.0}]
 )
 SOFT_PIN = PAPER.with_joint("A", radial_stiffness=1e6)
+YIELDING = PAPER.replace(drive=Drive(joint="D", speed=20.0, stiffness=2000.0))
+GRIPPED = PAPER.with_joint("A", friction_radius=5e-3).with_joint("E", friction_radius=2e-3, friction_torque=0.05)
 KNOTS = np.linspace(0.0, 0.06, 9)  # s
 COURSE = {"course": (KNOTS, 0.5 + KNOTS + 20.0 * KNOTS**2), "time": np.array([0.01, 0.052, 0.03])}
 REQUESTS = {
@@ -95,6 +97,16 @@ REQUESTS = {
     "slider-crank with weight, contact, static": request(SLIDER.replace(gravity=(0.0, -9.81)), "contact", "static"),
     "spring between points": request(STRETCHED),
     "spring between points, contact, static": request(STRETCHED, "contact", "static"),
+    "friction that grows with reactions": request(GRIPPED),
+    "friction that grows with reactions, static": request(GRIPPED, "ideal", "static"),
+    "friction that grows with reactions, contact, static": request(GRIPPED, "contact", "static"),
+    "friction that grows with reactions, released": Request(
+        PENDULUM.with_joint("O", friction_radius=5e-3), time=np.array([0.03, 0.1, 0.2])
+    ),
+    "drive that yields": request(YIELDING),
+    "drive that yields, lead-in": request(YIELDING, degrees=(30, 31.234, 33), lead_in=0.1),
+    "drive that yields, spring-damper": request(YIELDING, "spring-damper"),
+    "drive that yields, course": Request(YIELDING, **COURSE),
     "soft bearing": request(SOFT_PIN),
     "soft bearing, static": request(SOFT_PIN, "ideal", "static"),
     "soft bearing beside a pin, spring-damper": request(SOFT_PIN, "spring-damper"),
@@ -171,6 +183,9 @@ FREE = {
     "gantry with a free slide": several(rubbing(driven_at(loads(GANTRY, "gantry"), X=0.2, Y="free", R=1.0))),
     "2r-arm, released": several(driven_at(ARM, O="free", K="free")),
     "five-bar with springs and dampers, released": several(sprung(FIVE_BAR).replace(drives=FREELY)),
+    "five-bar, one drive free, friction that grows with reactions": several(
+        driven_at(FIVE_BAR, D=2.0, E="free").with_joint("E", friction_radius=5e-3)
+    ),
     "five-bar, one drive free, spring-damper": several(
         driven_at(LOOSE, D=2.0, E="free"), "spring-damper", start="centred"
     ),
@@ -417,9 +432,13 @@ def test_what_cannot_be_exported_is_refused_in_one_sentence(
     assert not (tmp_path / "out").exists() or not list((tmp_path / "out").iterdir())
 
 
-def test_a_drive_that_yields_is_refused(tmp_path: Path) -> None:
-    assert PAPER.drive is not None
-    soft = PAPER.replace(drive=PAPER.drive.model_copy(update={"stiffness": 2000.0}))
+def test_a_drive_that_yields_is_refused_at_rest(tmp_path: Path) -> None:
     with pytest.raises(Unsupported, match=r"drive\.stiffness = 2000"):
-        ENGINE.export(request(soft), tmp_path)
+        ENGINE.export(request(YIELDING, "ideal", "static"), tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_backlash_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(Unsupported, match=r"drive\.half_gap = 0\.002"):
+        ENGINE.export(request(PAPER.replace(drive=Drive(joint="D", speed=20.0, half_gap=2e-3))), tmp_path)
     assert not list(tmp_path.iterdir())

@@ -20,8 +20,10 @@ RUNS: tuple[Pair, ...] = (
 # A pin that moves in its bearing changes its reaction, and with it such friction, too much from step to step.
 QUICKER: frozenset[tuple[Feature, Pair]] = frozenset({("load_friction", ("spring-damper", "driven"))})
 HAS: frozenset[Feature] = frozenset(FEATURES) - {"contact_friction"}
-# What an exported script does not do.
-UNWRITTEN: frozenset[Feature] = frozenset({"drive_compliance", "backlash", "load_friction"})
+# What an exported script does not do: backlash, nor at rest a drive that yields.
+UNWRITTEN: frozenset[tuple[Feature, Pair]] = frozenset(
+    {("drive_compliance", pair) for pair in RUNS if pair[1] == "static"} | {("backlash", pair) for pair in RUNS}
+)
 
 
 class BulletEngine(Engine):
@@ -31,7 +33,7 @@ class BulletEngine(Engine):
     package = "pybullet"
     capabilities = Capabilities(
         rigid=Scope.of(RUNS, HAS, but=QUICKER),
-        export=Scope.of(RUNS, HAS - UNWRITTEN),
+        export=Scope.of(RUNS, HAS, but=QUICKER | UNWRITTEN),
     )
 
     def simulate(self, request: Request) -> Trace:

@@ -5,10 +5,10 @@ got, expected.csv.
 from __future__ import annotations
 
 import importlib.resources
-from collections.abc import Iterable
-from dataclasses import asdict
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -16,17 +16,17 @@ import numpy as np
 from analytic.mechanism import GROUND, Joint, Spring
 from analytic.mechanism.signals import driving
 from sim_models.common.export_files import expected, lines
-from sim_models.common.motor import Course
+from sim_models.common.motor import ConstantSpeed, Course
 from sim_models.common.travel import with_positions
 from sim_models.common.tree import Branch
 from sim_models.engine import Request, Trace
-from sim_models.leapfrog.bodies import WARM_UP
 from sim_models.leapfrog.courses import path_of
 from sim_models.leapfrog.runs import run
 from sim_models.pybullet.parts import Planned, flat
 from sim_models.pybullet.world import FASTEST, STRENGTH, BulletWorld
 
 FREE = (1.0, -1.0)  # limits that Bullet takes for none
+T = TypeVar("T")
 
 
 class RecordedWorld(BulletWorld):
@@ -66,17 +66,30 @@ class RecordedWorld(BulletWorld):
 
     def _reset(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         super()._reset(positions, velocities)
-        self.run = {"state": list(zip(positions.tolist(), velocities.tolist(), strict=True)), "stages": []}
+        self._begin(positions.tolist(), velocities.tolist())
+
+    def hold(self, held: bool) -> None:
+        super().hold(held)
+        self._begin(*self._read())
+
+    def _begin(self, positions: list[float], velocities: list[float]) -> None:
+        """Begin a run with this state."""
+        state = list(zip(positions, velocities, strict=True))
+        self.run = {"state": state, "friction_loads": dict(self.loads), "stages": []}
 
     def advance(self, h: float) -> None:
         super().advance(h)
         stages = self.run["stages"]
-        if self.observing:
-            stages.append([1, h, True])
-        elif stages and stages[-1][1] == h:
+        if not self.observing and stages and stages[-1][1::2] == [h, self.heeding]:
             stages[-1][0] += 1
         else:
-            stages.append([1, h, False])
+            stages.append([1, h, self.observing, self.heeding])
+
+    def settled(self, evaluate: Callable[[], T], forces: Callable[[T], Mapping[str, complex]]) -> T:
+        before = len(self.runs)
+        found = super().settled(evaluate, forces)
+        del self.runs[before:-1]  # those with a friction that was not yet that of their reactions
+        return found
 
     def observe(self, h: float) -> dict[str, float]:
         if not self.runs or self.runs[-1] is not self.run:
@@ -101,6 +114,8 @@ def write(request: Request, folder: Path) -> list[Path]:
     if request.courses is not None:
         trace = with_positions(request.mechanism, trace)
     world = worlds[0]  # another one only helps to find where the pins rest
+    if world.drive_stiffness:  # where the crank is, not its motor
+        trace = replace(trace, crank_angle=trace.signals[f"{request.mechanism.driven}_angle"])
     order = _order(trace, world.speed)
     files = {f"{world.part(number)}.urdf": urdf(world, number) for number in world.grown}
     files |= {
@@ -167,6 +182,7 @@ def _start(world: RecordedWorld, trace: Trace) -> dict[str, Any]:
         "puts_right": world.makes_up and not world.static,
         "crank": m.driven if world.request.courses is None else None,
         "motors": _motors(world) if world.held else {},
+        "yielding": _yielding(world) if world.drive_stiffness and not world.held else None,
         "bodies": {branch.child: _body(world, branch) for branch in world.branches},
         "joints": {j.name: _joint(world, j) for j in m.joints},
         "constraints": _constraints(world),
@@ -192,9 +208,10 @@ def _from_com(world: RecordedWorld, body: str, point: str) -> list[float]:
 def _clock(world: RecordedWorld, trace: Trace) -> list[dict[str, Any]]:
     """Of every run, the time (s) at which it begins, and how many steps are made before: at rest, up to its report."""
     if world.grid is not None:
-        return [{"begin": world.grid.begin, "warm_up": WARM_UP}]
+        made = sum(stage[0] for stage in world.runs[0]["stages"])
+        return [{"begin": world.grid.begin, "warm_up": made - 1 - world.grid.last}]
     begin = np.zeros(len(world.runs)) if trace.time is None else np.sort(trace.time)
-    steps = [sum(steps for steps, _, asked in run["stages"] if not asked) for run in world.runs]
+    steps = [sum(steps for steps, _, asked, _ in run["stages"] if not asked) for run in world.runs]
     return [{"begin": t, "warm_up": n} for t, n in zip(begin.tolist(), steps, strict=True)]
 
 
@@ -205,13 +222,24 @@ def _motors(world: RecordedWorld) -> dict[str, dict[str, Any]]:
     result: dict[str, dict[str, Any]] = {}
     signals = driving([each.joint for each in world.steered])
     for each, signal, speed in zip(world.steered, signals, world.commands, strict=True):
-        path = path_of(world.motor, each.joint.name) if world.motor is not None else None
-        course = None
-        if isinstance(path, Course):
-            course = {"times": path.knots.tolist(), "cubics": path.spline.c.T.tolist()}
-        how = {"joint": each.joint.name, "sign": each.sign, "signal": signal.name, "speed": speed, "course": course}
-        result[each.child] = how
+        how = {"joint": each.joint.name, "sign": each.sign, "signal": signal.name, "speed": speed}
+        result[each.child] = how | {"course": _course(world, each.joint.name)}
     return result
+
+
+def _course(world: RecordedWorld, joint: str) -> dict[str, Any] | None:
+    """The cubics that a joint's motor follows; None where it keeps its speed, or is at rest."""
+    path = path_of(world.motor, joint) if world.motor is not None else None
+    return {"times": path.knots.tolist(), "cubics": path.spline.c.T.tolist()} if isinstance(path, Course) else None
+
+
+def _yielding(world: RecordedWorld) -> dict[str, Any]:
+    """The motor behind a crank that lags it, and what is between them (N.m/rad)."""
+    steady = world.motor
+    course = _course(world, world.mechanism.drive_joint.name)
+    if isinstance(steady, ConstantSpeed):
+        course = {"times": [0.0], "cubics": [[0.0, 0.0, steady.speed, steady.theta]]}
+    return {"stiffness": world.drive_stiffness, "course": course}
 
 
 def _body(world: RecordedWorld, branch: Branch) -> dict[str, Any]:
@@ -247,6 +275,7 @@ def _constraints(world: RecordedWorld) -> list[dict[str, Any]]:
 def _law(world: RecordedWorld, j: Joint) -> dict[str, float]:
     return {
         "friction": j.coulomb,
+        "friction_radius": j.friction_radius,
         "static": j.stiction,
         "stribeck_speed": j.stribeck_speed or 0.0,
         "fades_below": world.laws.fades_below[j.name],

@@ -91,6 +91,7 @@ class World:
             n: how["carries"] for n, how in zip(numbers, self.start["constraints"], strict=True) if how["carries"]
         }
         self.trailing = 0.0  # s by which velocities trail positions
+        self.motor_torque = 0.0  # on a crank that its motor does not hold
         self.late: np.ndarray | None = None  # the joints' velocities as Bullet had them a step ago
         for link, motor in self.motors.items():
             self.run_motor(link, motor["speed"])
@@ -171,7 +172,7 @@ class World:
         """Apply a force at a place in the next step."""
         p.applyExternalForce(*self.links[body].at, [force.real, force.imag, 0], [at.real, at.imag, 0], p.WORLD_FRAME)
 
-    def step(self, h: float, end: float) -> None:
+    def step(self, h: float, number: int) -> None:
         """Apply what acts on the bodies, run the motors so that they are on their courses at the step's end, and let
         Bullet make a step.
         """
@@ -185,18 +186,26 @@ class World:
         self.forces_of_laws = {joint: self.apply_law(joint, law) for joint, law in self.start["laws"].items()}
         for spring in self.start["springs"]:
             self.apply_spring(**spring)
-        wave, crank = self.start["periodic_torque"], self.start["crank"]
-        if wave:  # over the crank's angle
-            turn = wave["harmonic"] * self.places[crank].angle + wave["phase"]
-            self.push(crank, self.places[crank].com, 0j, wave["amplitude"] * math.sin(turn))
+        if self.start["crank"]:
+            self.turn_crank(self.begin + number * h)
         for load in self.start["loads"]:
             self.push(load["link"], self.point(load["link"], load["point"])[0], complex(*load["force"]), load["torque"])
         for link, motor in self.motors.items():
             if motor["course"]:
-                aim = motor["sign"] * on_course(end, **motor["course"])
+                aim = motor["sign"] * on_course(self.begin + (number + 1) * h, **motor["course"])
                 self.run_motor(link, (aim - p.getJointState(*self.links[link].at)[0]) / h)
         p.setTimeStep(h)
         p.stepSimulation()
+
+    def turn_crank(self, time: float) -> None:
+        """A crank's torque over its angle, and that of a motor which it lags, whose drive yields."""
+        crank, wave, soft = self.start["crank"], self.start["periodic_torque"], self.start["yielding"]
+        here = self.places[crank]
+        if wave:
+            self.push(crank, here.com, 0j, wave["amplitude"] * math.sin(wave["harmonic"] * here.angle + wave["phase"]))
+        if soft:
+            self.motor_torque = soft["stiffness"] * (on_course(time, **soft["course"]) - here.angle)
+            self.push(crank, here.com, 0j, self.motor_torque)
 
     def put_right(self) -> None:
         """Reckon the velocities of now, which Bullet has half a step late, and press against the inertia forces that it
@@ -252,11 +261,12 @@ class World:
         travel, rate, along = self.travel(joint)
         stretch = travel - law["rest"]
         size = -law["stiffness"] * stretch - law["cubic"] * stretch**3
+        grown = law["friction_radius"] * self.friction_loads.get(joint, 0.0)
         if self.static:  # friction acts against the drive
-            size -= law["static"] * self.sliding.get(joint, 0.0)
+            size -= (law["static"] + grown) * self.sliding.get(joint, 0.0)
         else:
             fallen = math.exp(-((rate / law["stribeck_speed"]) ** 2)) if law["stribeck_speed"] else 0.0
-            dry = law["friction"] + (law["static"] - law["friction"]) * fallen
+            dry = law["friction"] + (law["static"] - law["friction"]) * fallen + grown
             size -= (
                 dry * max(-1.0, min(1.0, rate / law["fades_below"])) + (law["damping"] + law["drag"] * abs(rate)) * rate
             )
@@ -264,20 +274,20 @@ class World:
         self.push(first, p1 + travel * along, -size * along, 0.0 if along else -size)
         return size * along
 
-    def report(self, h: float, end: float) -> dict[str, float]:
+    def report(self, h: float, number: int) -> dict[str, float]:
         """Make a step, and say how everything was at its beginning.  Forces in the trees follow body by body, tips
         first.
         """
         before = self.coordinates()[1]
-        self.step(h, end)
+        self.step(h, number)
         after, forces = self.coordinates()[1], self.forces
-        for number, (joint, sign) in self.carriers.items():
-            forces[joint] = sign * complex(*p.getConstraintState(number)[:2])
+        for constraint, (joint, sign) in self.carriers.items():
+            forces[joint] = sign * complex(*p.getConstraintState(constraint)[:2])
             for body, (at, _), side in zip(self.joints[joint]["bodies"], self.pins(joint), (-1, 1), strict=True):
                 self.act(body, at, side * forces[joint])
         change = (after - before) / h
         motion = self.motion(before + self.trailing * change, change)
-        out = {"drive_torque": 0.0}  # of a crank that is let go
+        out = {"time": self.begin + number * h, "drive_torque": self.motor_torque}
         if self.start["crank"]:
             out["crank_angle"] = self.places[self.start["crank"]].angle
         for body, how in reversed(self.bodies.items()):
@@ -340,20 +350,26 @@ class World:
         return found
 
     def run(self) -> Iterator[dict[str, float]]:
-        """Every run's reports: a stage is a number of steps of one size, with or without a report at its beginning."""
+        """Every run's reports: a stage is a number of steps of one size, with or without a report at its beginning, and
+        heeding the reactions with which friction grows, or not.
+        """
         for run in self.start["runs"]:
-            begin, number, self.sliding = run["begin"], -run["warm_up"], run["sliding"]
+            self.begin, number, self.sliding = run["begin"], -run["warm_up"], run["sliding"]
             for name, (position, velocity) in run["state"].items():
                 p.resetJointState(*self.links[name].at, position, velocity)
             self.trailing = 0.0 if self.static else run["stages"][0][1] / 2
-            for steps, h, asked in run["stages"]:
-                for k in range(steps):
-                    end = begin + (number + 1) * h
-                    if asked and k == 0:
-                        yield {"time": begin + number * h, **self.report(h, end)}
+            self.friction_loads = run["friction_loads"]
+            for steps, h, asked, heeding in run["stages"]:
+                for k in range(number, number + steps):
+                    if asked and k == number:
+                        yield self.report(h, k)
+                    elif heeding:
+                        self.report(h, k)
                     else:
-                        self.step(h, end)
-                    number += 1
+                        self.step(h, k)
+                    if heeding:
+                        self.friction_loads = {joint: abs(self.forces[joint]) for joint in self.friction_loads}
+                number += steps
 
 
 def on_course(time: float, times: list[float], cubics: list[list[float]]) -> float:
