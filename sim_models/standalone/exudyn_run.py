@@ -71,15 +71,7 @@ class System:
         self.node["ground"] = self.mbs.AddNode(item.NodePointGround())
         self.still = self.coordinate(self.node["ground"], 0)
         for name, body in self.bodies.items():
-            node = self.mbs.AddNode(
-                item.NodeRigidBody2D(initialCoordinates=body["start"], initialVelocities=body["rates"])
-            )
-            self.object[name] = self.mbs.AddObject(
-                item.ObjectRigidBody2D(mass=body["mass"], inertia=body["inertia"], nodeNumber=node)
-            )
-            self.sense(f"place {name}", item.SensorNode, "Coordinates", nodeNumber=node)
-            self.sense(f"speed {name}", item.SensorNode, "Coordinates_t", nodeNumber=node)
-            self.node[name] = node
+            self.add_body(name, body)
         self.loads = [self.add_load(**load) for load in self.model["loads"]]  # first the weights, one for each body
         for name, joint in self.joints.items():
             self.add_slide(name, joint) if joint["closed_by"] == "slide" else self.add_pin(name, joint)
@@ -91,6 +83,16 @@ class System:
         for name, drive in self.model["drives"].items():
             self.motors[name] = self.add_own_drive(name, self.joints[name], drive["course"])
         self.mbs.Assemble()
+
+    def add_body(self, name: str, body: Mapping[str, Any]) -> None:
+        """A body, with its node at its centre of mass."""
+        node = self.mbs.AddNode(item.NodeRigidBody2D(initialCoordinates=body["start"], initialVelocities=body["rates"]))
+        self.object[name] = self.mbs.AddObject(
+            item.ObjectRigidBody2D(mass=body["mass"], inertia=body["inertia"], nodeNumber=node)
+        )
+        self.sense(f"place {name}", item.SensorNode, "Coordinates", nodeNumber=node)
+        self.sense(f"speed {name}", item.SensorNode, "Coordinates_t", nodeNumber=node)
+        self.node[name] = node
 
     def coordinate(self, node: Any, number: int) -> Any:
         """Marker of a node's coordinate."""
