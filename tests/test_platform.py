@@ -15,13 +15,15 @@ from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
 from analytic.kinematics.inverse import Coordinate, inverse
 from analytic.kinematics.motion import Gap, kinematics
 from analytic.kinematics.workspace import workspace
-from analytic.mechanism import MASS_CENTRE, Mechanism
+from analytic.mechanism import MASS_CENTRE, Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
+from analytic.paper.compliance import compliance
 from analytic.paper.envelope import Output
-from analytic.paper.kinetostatics import kinetostatics
+from analytic.paper.kinetostatics import answers, kinetostatics
 from commands import compare
 from several_linkages import TIMES, splines, waved
+from test_compliance import referee
 
 POSE = {
     "five-bar": [Coordinate("left-arm", axis, "P") for axis in ("x", "y")],
@@ -29,6 +31,11 @@ POSE = {
     "3-rpr": [Coordinate("platform", axis) for axis in ("x", "y", "angle")],
     "2r-arm": [Coordinate("forearm", axis, "T") for axis in ("x", "y")],
 }
+
+
+STEEL = {"youngs_modulus": 2e11, "shear_modulus": 0.8e11, "section": (0.01, 0.01)}
+EA, EI = 2e11 * 1e-4, 2e11 * 1e-8 / 12  # N, N.m^2
+UNIT = {"x": (1.0, 0.0), "y": (1j, 0.0), "angle": (0.0, 1.0)}  # force, torque
 
 
 def outputs(name: str) -> list[Output]:
@@ -116,6 +123,52 @@ def test_first_order_is_off_by_the_square_of_the_gap() -> None:
         output = found.outputs["left-arm.P_x"]
         off.append(float(np.abs(output.nominal - output.equilibrium).max()))
     assert off[0] / off[1] == pytest.approx(4.0, rel=0.03)
+
+
+# ---------------------------------------------------------------- compliance
+
+
+def test_links_of_a_five_bar_bend_as_pynites_do() -> None:
+    m = load("five-bar").replace(gravity=(0.0, 0.0))
+    for body in m.bodies:
+        m = m.with_body(body.name, **STEEL)
+    assembly = Assembly(m)
+    inputs = inputs_of(assembly)
+    motion = kinematics(assembly, inputs, path=assembly.follow(inputs))
+    found = compliance(motion)
+    chains = [
+        [(body, p) for p in (a, "com", b)]
+        for body, a, b in (
+            ("left-crank", "D", "A"), ("left-arm", "A", "P"), ("right-crank", "E", "B"), ("right-arm", "B", "P"),
+        )
+    ]  # fmt: skip
+    held = {("left-crank", "D"): "clamp", ("right-crank", "E"): "clamp"}
+    for k in range(0, TIMES.size, 3):
+        part = motion.part(np.array([k]))
+        there = referee(part, chains, held, {("left-arm", "P"): -20j})
+        size = max(abs(value) for value in there.values())
+        for (body, point), value in there.items():
+            assert abs(found.displacement(body, point)[k] - value) < 1e-8 * size, (body, point)
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "angle"])
+def test_a_platform_on_three_legs_gives_by_castiglianos_theorem(axis: str) -> None:
+    """Cranks are clamped by their motors and bend, rods are pulled along, the platform is rigid."""
+    m = load("3-rrr").replace(gravity=(0.0, 0.0), loads=(Load(body="platform", point="com", force=(30.0, -40.0)),))
+    assembly = Assembly(m)
+    inputs = inputs_of(assembly)
+    motion = kinematics(assembly, inputs, path=assembly.follow(inputs))
+    d = Output("platform", axis)
+    real, unit = kinetostatics(motion, inertia=False).forces, answers(motion, "platform", MASS_CENTRE, *UNIT[axis])[0]
+    given = np.zeros(TIMES.size)
+    for leg in "123":
+        along = np.exp(1j * motion.angle(f"crank{leg}"))
+        crank, virtual = (-forces[f"B{leg}"] * along.conj() for forces in (real, unit))  # rod on crank
+        given += 0.14 * crank.real * virtual.real / EA + 0.14**3 / 3 * crank.imag * virtual.imag / EI
+        along = np.exp(1j * motion.angle(f"rod{leg}"))
+        rod, virtual = ((forces[f"C{leg}"] * along.conj()).real for forces in (real, unit))
+        given += 0.2 * rod * virtual / EA
+    assert np.abs(d.elastic(compliance(motion)) - given).max() < 1e-9 * np.abs(given).max()
 
 
 def test_a_five_bars_workspace_is_within_its_circles_and_its_drives_are_the_circles_angles() -> None:
