@@ -14,13 +14,15 @@ from typer.testing import CliRunner
 import linkage_crosscheck as lc
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Drive, Mechanism
+from analytic.mechanism.file import load
 from compare.cli.app import app
 from engine_checks import vector
 from mjcf_files import written
 from mjcf_several_files import ARM, FILES, FIVE_BAR, RK4, THREE_CRANKS, THREE_RPR, altered
-from several_linkages import KNOTS, Knots, referee, splines, waved
+from several_linkages import CASES, KNOTS, Knots, referee, splines, waved
 from several_truths import G, close, double_pendulum, turned_round
 from sim_models.engine import Motion, Request, Trace, Unsupported, engine
+from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.imported import imported
 
 pytestmark = pytest.mark.mujoco
@@ -273,6 +275,78 @@ def test_an_export_of_three_cranks_that_carry_a_platform_agrees(tmp_path: Path) 
     lc.export("3-rrr", "mujoco", folder=tmp_path / "out", times=TIMES[:3])
     result = lc.crosscheck("3-rrr", f"mjcf:{tmp_path / 'out' / 'model.xml'}", times=TIMES)
     assert result.verdict == "agrees", [(d.signal, d.max, d.tolerance) for d in result.runs[0].discrepancies]
+
+
+# ---------------------------------------------------------------- springs between points
+
+SPRING = (
+    '<spatial name="t" stiffness="40" damping="2" springlength="0.1"><site site="wall"/><site site="hand"/></spatial>'
+)
+SITES = {
+    "<worldbody>": '<worldbody><site name="wall" pos="-0.2 0.1 0"/>',
+    'diaginertia="6e-3 6e-3 6e-3"/>': 'diaginertia="6e-3 6e-3 6e-3"/><site name="hand" pos="0.25 0.02 0"/>',
+}
+
+
+def with_tendon(tendon: str) -> str:
+    """The arm with a tendon from the wall to its hand."""
+    return altered(ARM, RK4 | SITES | {"<actuator>": f"<tendon>{tendon}</tendon><actuator>"})
+
+
+def test_a_spring_between_points_is_read_and_pulls(tmp_path: Path) -> None:
+    path, m = read(tmp_path, with_tendon(SPRING))
+    (spring,) = m.springs
+    assert (spring.bodies, spring.stiffness, spring.length, spring.damping) == (("ground", "forearm"), 40.0, 0.1, 2.0)
+    assert [m.body(body).point(point) for body, point in spring.ends] == [-0.2 + 0.1j, 0.25 + 0.02j]
+    trace = run(path, m, waved(m))
+    agrees_with_the_referee(m, trace, waved(m), TIMES, 2e-5)
+    without = run(path, m.replace(springs=()), waved(m))
+    np.testing.assert_array_equal(without.signals["drive_torque_O"], trace.signals["drive_torque_O"])
+    changes: list[tuple[Motion, dict[str, float]]] = [("driven", {"damping": 4.0}), ("static", {"stiffness": 41.0})]
+    for motion, off in changes:
+        assert lc.crosscheck(m, f"mjcf:{path}", times=TIMES, motion=motion).verdict == "agrees"
+        other = m.replace(springs=(spring.model_copy(update=off),))
+        assert lc.crosscheck(other, f"mjcf:{path}", times=TIMES, motion=motion).verdict == "disagrees"
+
+
+@pytest.mark.parametrize("name", ["five-bar", "3-rpr"])
+def test_springs_survive_export_and_import(name: str, tmp_path: Path) -> None:
+    m = CASES[f"{name} with springs"]
+    lc.export(m, "mujoco", folder=tmp_path / "out", times=TIMES[:3])
+    path = tmp_path / "out" / "model.xml"
+    (spring,), (found,) = m.springs, imported(path).mechanism.springs
+    assert found.model_copy(update={"points": spring.points}) == spring
+    for read, mine in zip(found.ends, spring.ends, strict=True):
+        assert imported(path).mechanism.body(read[0]).point(read[1]) == pytest.approx(m.body(mine[0]).point(mine[1]))
+    result = lc.crosscheck(m, f"mjcf:{path}", times=TIMES)
+    assert result.verdict == "agrees", [(d.signal, d.max, d.tolerance) for d in result.runs[0].discrepancies]
+
+
+OTHER_TENDONS = {
+    "slack": SPRING.replace('"0.1"', '"0 0.1"'),
+    "dry": SPRING.replace("damping", "frictionloss"),
+    "over three sites": SPRING.replace("<site", '<site site="hand2"/><site', 1),
+    "out of the plane": SPRING.replace('"wall"', '"above"'),
+}
+
+
+@pytest.mark.parametrize("other", OTHER_TENDONS)
+def test_a_tendon_that_is_no_spring_between_points_is_refused(other: str, tmp_path: Path) -> None:
+    more = '<site name="above" pos="-0.2 0.1 0.1"/><site name="hand2" pos="0.3 0.1 0"/>'
+    path = written(tmp_path, {"": altered(with_tendon(OTHER_TENDONS[other]), {"<worldbody>": f"<worldbody>{more}"})})
+    with pytest.raises(MjcfError, match=r"tendon 't' .* nor a spring between two points of the plane"):
+        imported(path)
+    with pytest.raises(Unsupported, match="tendon 't' pulls between bodies"):
+        run(path, imported(written(tmp_path / "plain", {"": ARM})).mechanism, waved(load("2r-arm")))
+
+
+def test_springs_that_are_disabled_do_nothing(tmp_path: Path) -> None:
+    path, m = read(
+        tmp_path, altered(with_tendon(SPRING), {"/>\n  <worldbody": '><flag spring="disable"/></option>\n  <worldbody'})
+    )
+    (spring,) = m.springs
+    assert (spring.stiffness, spring.damping) == (0.0, 2.0)
+    assert lc.crosscheck(m, f"mjcf:{path}", times=TIMES).verdict == "agrees"
 
 
 # ---------------------------------------------------------------- what is refused

@@ -52,13 +52,18 @@ def motor(planar: Planar) -> Motor | None:
     m = planar.model
     for j, pin in grounded.items():
         if flywheel(planar, pin):
-            return Motor(pin, _turning(planar, pin, j), -1)
+            return Motor(pin, _turning(planar, pin, j), next(_acting(m, j), -1))
     for i in range(m.nu):
         if m.actuator_trntype[i] in AT_JOINT and m.actuator_trnid[i, 0] in grounded:
             pin = grounded[int(m.actuator_trnid[i, 0])]
             speed = _commanded(planar, i, pin)
             return Motor(pin, speed or _turning(planar, pin, pin.joint), i)
     return None
+
+
+def _acting(m: mujoco.MjModel, j: int) -> Iterator[int]:
+    """The actuators of a joint."""
+    return (i for i in range(m.nu) if m.actuator_trntype[i] in AT_JOINT and m.actuator_trnid[i, 0] == j)
 
 
 def motors(planar: Planar) -> list[Motor]:
@@ -76,11 +81,12 @@ def motors(planar: Planar) -> list[Motor]:
 
 
 def flywheel(planar: Planar, pin: Pin) -> bool:
-    """Whether a hinge has so large an armature that it turns on as it does, whatever the linkage does."""
+    """Whether a joint has so large an armature that it moves on as it does, whatever the linkage does."""
     m = planar.model
     links = planar.links[1:]
     size = max([planar.size, *(abs(p) for pin in planar.pins for p in pin.points)])
-    whole = sum(link.mass for link in links) * size**2 + sum(link.inertia for link in links)
+    whole = sum(link.mass for link in links) * (1.0 if pin.slides else size**2)
+    whole += 0.0 if pin.slides else sum(link.inertia for link in links)
     return bool(m.dof_armature[m.jnt_dofadr[pin.joint]] > FLYWHEEL * whole)
 
 

@@ -11,6 +11,7 @@ PACKAGE = "mujoco"
 RUNS: tuple[Pair, ...] = (("ideal", "driven"), ("ideal", "static"))
 FEATURES: tuple[Feature, ...] = (
     "prismatic", "coulomb_friction", "viscous_friction", "joint_spring", "released", "several_drives",
+    "point_spring",
 )  # fmt: skip
 
 

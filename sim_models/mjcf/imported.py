@@ -13,10 +13,10 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.structure import StructureError
-from analytic.mechanism import Mechanism, MechanismError
+from analytic.mechanism import MASS_CENTRE, Mechanism, MechanismError
 from sim_models.mjcf.drive import ASSUMED, ASSUMED_SLIDE, Motor, Push, flywheel, gravity, left_out, motors, push
 from sim_models.mjcf.errors import MjcfError
-from sim_models.mjcf.laws import TendonLaw, acts, coefficients, law
+from sim_models.mjcf.laws import PointSpring, TendonLaw, acts, coefficients, law, point_spring
 from sim_models.mjcf.planar import Frames, Pin, Planar, read
 from sim_models.mjcf.plane import body_words, joint_words
 from sim_models.mujoco.engine import no_log_file
@@ -52,6 +52,7 @@ class _Writer:
         self.notes = [f"the plane has {planar.plane}", *planar.notes]
         self.digits = DIGITS - math.ceil(math.log10(planar.size))
         self.tendons: list[TendonLaw] = []
+        self.springs: list[PointSpring] = []
         self.points: list[dict[str, tuple[float, float]]] = [{} for _ in planar.links]
 
     def imported(self) -> Imported:
@@ -62,9 +63,9 @@ class _Writer:
                 self.points[link][pin.name] = self.xy(point)
         try:
             driving = self._driving()
-            loads = self._loads(driving)
+            more = {"spring": self._springs(), "load": self._loads(driving)}
             self.marked()
-            fields = self._linkage() | {"drive": self._drives(driving)} | ({"load": loads} if loads else {})
+            fields = self._linkage() | {"drive": self._drives(driving)} | {k: some for k, some in more.items() if some}
             mechanism = Mechanism.model_validate(fields)
             Assembly(mechanism)
         except ValueError as error:
@@ -168,7 +169,7 @@ class _Writer:
         """Damping, friction and spring of a tree's joint."""
         m, dof = self.m, int(self.m.jnt_dofadr[pin.joint])
         words = joint_words(m, pin.joint)
-        if m.dof_armature[dof] and (pin.slides or 0 not in pin.links):
+        if m.dof_armature[dof] and (pin.slides or 0 not in pin.links) and not flywheel(self.p, pin):
             self.notes.append(f"the armature of {words}, {m.dof_armature[dof]:g}: left out, though it takes part")
         stiffness = float(m.jnt_stiffness[pin.joint])
         found = {"damping": float(m.dof_damping[dof]), "friction_torque": float(m.dof_frictionloss[dof])}
@@ -228,20 +229,38 @@ class _Writer:
 
     def _load(self, steady: Push) -> dict[str, Any]:
         """A load, at the point where it acts: the com, a joint, or a point that is named after the site."""
-        link, names = self.p.links[steady.link], self.points[steady.link]
-        near = SMALLEST * self.p.size
-        point = next((n for n, at in names.items() if abs(complex(*at) - steady.point) <= near), "")
-        if abs(steady.point - link.centre) <= near:
-            point = "com"
-        if not point:
-            point = f"load{steady.actuator}"
-            names[point] = self.xy(steady.point)
-        load: dict[str, Any] = {"body": link.name, "point": point}
+        point = self.point_at(steady.link, steady.point, f"load{steady.actuator}")
+        load: dict[str, Any] = {"body": self.p.links[steady.link].name, "point": point}
         if steady.force:
             load["force"] = _vector(steady.force)
         if steady.torque:
             load["torque"] = _tidy(steady.torque)
         return load
+
+    def point_at(self, link: int, place: complex, new: str) -> str:
+        """The name of a link's point at a place (m): com, one that it has, or a ``new`` one, which it is given."""
+        names, near = self.points[link], SMALLEST * self.p.size
+        if link and abs(place - self.p.links[link].centre) <= near:
+            return MASS_CENTRE
+        found = next((name for name, at in names.items() if abs(complex(*at) - place) <= near), new)
+        if found == new:
+            names[new] = self.xy(place)
+        return found
+
+    def _springs(self) -> list[dict[str, Any]]:
+        """Springs between points, those that act."""
+        m, found = self.m, []
+        for one in self.springs:
+            t = one.tendon
+            law = self.acting({"stiffness": float(m.tendon_stiffness[t]), "damping": float(m.tendon_damping[t])})
+            if not law:
+                continue
+            points = tuple(self.point_at(site.link, site.point, f"spring{t}") for site in one.sites)
+            bodies = tuple(self.p.links[site.link].name for site in one.sites)
+            length = float(m.tendon_lengthspring[t, 0]) if "stiffness" in law else 0.0
+            law = {"stiffness": law.get("stiffness", 0.0), "damping": law.get("damping", 0.0), "length": length}
+            found.append({"bodies": bodies, "points": points, **law})
+        return found
 
     def marked(self) -> None:
         """Add the sites ``name:link`` of a link that lie in no joint to its points."""
@@ -257,13 +276,15 @@ class _Writer:
         """Raise MjcfError for what acts on the links and a mechanism has no word for."""
         m, said = self.m, self.p.said
         for t in range(m.ntendon):
-            found = law(self.p, t)
+            found, spring = law(self.p, t), point_spring(self.p, t)
             if found is not None:
                 self.tendons.append(found)
+            elif spring is not None:
+                self.springs.append(spring)
             elif acts(m, t):
                 raise MjcfError(
                     f"{said}: tendon {m.tendon(t).name!r} has a spring, a damper, friction, inertia or a limit, and is"
-                    " no law of a joint; take these out"
+                    " no law of a joint, nor a spring between two points of the plane; take these out"
                 )
         down = self.p.plane.flat(gravity(m))
         for b in np.flatnonzero(m.body_gravcomp).tolist():

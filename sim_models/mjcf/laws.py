@@ -1,7 +1,7 @@
-"""Laws of joints that an MJCF file writes as fixed tendons, as this project's own exports do.
+"""Laws of joints, and springs between points, that an MJCF file writes as tendons, as this project's own exports do.
 
-The relative angle of any two links is a sum of hinge angles, so a tendon over hinges can be the spring, the damper or
-the friction of a joint that closes a loop.
+The relative angle of any two links is a sum of hinge angles, so a fixed tendon over hinges can be the spring, the
+damper or the friction of a joint that closes a loop.  A spatial one from site to site is a spring between points.
 """
 
 from __future__ import annotations
@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim_models.mjcf.planar import Pin, Planar
+from sim_models.mjcf.names import Site
+from sim_models.mjcf.planar import CLOSED, Pin, Planar, positioned
 
-OVER_JOINTS = int(mujoco.mjtWrap.mjWRAP_JOINT)
+OVER_JOINTS, FROM_SITE = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtWrap.mjWRAP_SITE)
 SAME = 1e-9  # of the largest coefficient
 
 
@@ -24,6 +25,14 @@ class TendonLaw:
     tendon: int
     pin: Pin
     scale: float
+
+
+@dataclass(frozen=True)
+class PointSpring:
+    """A tendon that is a spring, with a damper beside it, between two points: its sites, on two links."""
+
+    tendon: int
+    sites: tuple[Site, Site]
 
 
 def acts(m: mujoco.MjModel, t: int) -> bool:
@@ -52,6 +61,23 @@ def law(planar: Planar, t: int) -> TendonLaw | None:
         if scale and np.abs(form - scale * own).max() <= SAME * np.abs(form).max():
             return TendonLaw(t, pin, scale)
     return None
+
+
+def point_spring(planar: Planar, t: int) -> PointSpring | None:
+    """The spring between two points of the plane that a tendon is, if it is one, and they are apart at the start."""
+    m, plane, near = planar.model, planar.plane, CLOSED * planar.size
+    low, high = m.tendon_lengthspring[t]
+    wraps = range(m.tendon_adr[t], m.tendon_adr[t] + m.tendon_num[t])
+    if [int(m.wrap_type[w]) for w in wraps] != [FROM_SITE, FROM_SITE]:
+        return None
+    if _beyond(m, t) or m.tendon_frictionloss[t] or (m.tendon_stiffness[t] and low != high):
+        return None
+    first, second = (planar.sites[int(m.wrap_objid[w])] for w in wraps)
+    places = positioned(m, planar.pose).site_xpos
+    apart = places[second.number] - places[first.number]
+    if first.link == second.link or abs(plane.flat(apart)) <= near or abs(float(plane.normal @ apart)) > near:
+        return None
+    return PointSpring(t, (first, second))
 
 
 def coefficients(m: mujoco.MjModel, t: int) -> np.ndarray | None:

@@ -2,8 +2,8 @@
 
 Reactions are MuJoCo's own: of a joint in the tree the interaction force ``cfrc_int`` of its child body, which
 ``mj_rnePostConstraint`` gives about the tree's centre of mass, less what an actuator on a site beyond the joint gives,
-which is not in it; of a ``connect`` its rows' ``efc_force``, which acts on the equality's first body.  A drive's torque
-or force is what the equation of motion of its joint leaves over.
+which is not in it (what a tendon between sites gives is); of a ``connect`` its rows' ``efc_force``, which acts on the
+equality's first body.  A drive's torque or force is what the equation of motion of its joint leaves over.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from analytic.mechanism.signals import driving
 from sim_models.common.start import AT_REST, Pose, poses_along
 from sim_models.engine import Unsupported
 from sim_models.mjcf.drive import AT_JOINT, AT_SITE, flywheel
-from sim_models.mjcf.laws import TendonLaw, acts, law
+from sim_models.mjcf.laws import TendonLaw, acts, law, point_spring
 from sim_models.mjcf.match import Match, match
 from sim_models.mjcf.planar import Frames, Pin, Planar
 
@@ -33,6 +33,7 @@ from sim_models.mjcf.planar import Frames, Pin, Planar
 MOTOR = 1e3
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 TENDON_FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON)
+NO_SPRINGS, NO_DAMPERS = int(mujoco.mjtDisableBit.mjDSBL_SPRING), int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,7 @@ class TheirLinkage:
             found = law(self.planar, t)
             if found is not None and not found.pin.slides:
                 self.laws.append(found)
-            elif found is None and acts(m, t):
+            elif found is None and acts(m, t) and point_spring(self.planar, t) is None:
                 raise Unsupported(
                     f"{said}: tendon {m.tendon(t).name!r} pulls between bodies, which no reaction can be read with;"
                     " take its spring, damper, friction and limit out"
@@ -230,12 +231,18 @@ class TheirLinkage:
 
     def couple(self, one: TendonLaw) -> list[tuple[int, complex, float]]:
         """What a tendon that is the law of a hinge gives its two links."""
-        m, d, t = self.model, self.data, one.tendon
-        stretch = float(d.ten_length[t] - m.tendon_lengthspring[t, 0])
-        pull = -m.tendon_stiffness[t] * stretch - m.tendon_damping[t] * float(d.ten_velocity[t])
-        pull += float(d.efc_force[(d.efc_type == TENDON_FRICTION) & (d.efc_id == t)].sum())
+        d, t = self.data, one.tendon
+        pull = self.push_along(t) + float(d.efc_force[(d.efc_type == TENDON_FRICTION) & (d.efc_id == t)].sum())
         first, second = (self.planar.links[k].root for k in one.pin.links)
         return [(second, 0j, one.scale * pull), (first, 0j, -one.scale * pull)]
+
+    def push_along(self, t: int) -> float:
+        """What a tendon's spring and damper do to lengthen it, as MuJoCo's tendon force."""
+        m, d = self.model, self.data
+        off, stretch = m.opt.disableflags, float(d.ten_length[t] - m.tendon_lengthspring[t, 0])
+        spring = 0.0 if off & NO_SPRINGS else float(m.tendon_stiffness[t]) * stretch
+        damper = 0.0 if off & NO_DAMPERS else float(m.tendon_damping[t] * d.ten_velocity[t])
+        return -spring - damper
 
     def between(self, pin: Pin, pushed: list[tuple[int, complex, float]]) -> tuple[complex, float]:
         """Force (N) of a joint's first link on its second, and moment (N.m) about the plane's origin."""
