@@ -13,7 +13,7 @@ import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.structure import StructureError
-from analytic.mechanism import MASS_CENTRE, Mechanism, MechanismError
+from analytic.mechanism import Mechanism, MechanismError
 from sim_models.mjcf.drive import ASSUMED, ASSUMED_SLIDE, Motor, Push, flywheel, gravity, left_out, motors, push
 from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.laws import PointSpring, TendonLaw, acts, coefficients, law, point_spring
@@ -241,7 +241,7 @@ class _Writer:
         """The name of a link's point at a place (m): com, one that it has, or a ``new`` one, which it is given."""
         names, near = self.points[link], SMALLEST * self.p.size
         if link and abs(place - self.p.links[link].centre) <= near:
-            return MASS_CENTRE
+            return "com"
         found = next((name for name, at in names.items() if abs(complex(*at) - place) <= near), new)
         if found == new:
             names[new] = self.xy(place)
