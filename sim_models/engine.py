@@ -181,7 +181,9 @@ class Request:
     ``courses`` is for linkages that have more, or other, freedoms than a crank's: by driven joint the times (M,) s and
     its positions (M,) at them (second body relative to the first: rad, or m), which it follows on the cubic spline
     through them.  Joints with freedoms that have none start as the assembly has them, at rest (relative to a linkage
-    whose driven joints move as their courses do), and move freely; with an empty mapping all do.
+    whose driven joints move as their courses do), and move freely; with an empty mapping all do.  In ``static`` motion
+    the linkage rests at each time in ``time``, all its freedoms held by drives where their courses then have them;
+    friction acts against the way in which these go on.
     """
 
     mechanism: Mechanism

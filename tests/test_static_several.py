@@ -172,6 +172,23 @@ def test_how_fast_the_courses_are_does_not_matter(name: str) -> None:
         close(late.signals[signal], values, 1e-7 * max(1.0, np.abs(values).max()))
 
 
+@pytest.mark.parametrize("name", EACH)
+def test_few_times_are_reached_along_the_courses_not_across_a_change_point(name: str) -> None:
+    """Straight from the first pose to the last the arms of the five-bar would fall in line."""
+    m, knots = load("five-bar"), np.linspace(0.0, 2.0, 41)
+    ease = [x**2 * (3 - 2 * x) for x in (np.clip(knots - late, 0.0, 1.0) for late in (0.0, 1.0))]
+    courses = {"D": (knots, np.radians(120.0 + 120.0 * ease[0])), "E": (knots, np.radians(60.0 - 120.0 * ease[1]))}
+    fine = analysed(m, courses, np.linspace(0.0, 2.0, 21)).signals
+    late = analysed(m, courses, np.array([2.0])).signals
+    trace = rest(name, m, courses, np.array([2.0]))
+    for signal in ("left-arm_angle", "right-arm_angle", "drive_torque_D", "drive_torque_E", "reaction_P_x"):
+        close(late[signal], fine[signal][-1:], 1e-9)
+        close(trace.signals[signal], fine[signal][-1:], 1e-6)
+    straight = {joint: (knots, np.interp(knots, [0.0, 2.0], where[[0, -1]])) for joint, (_, where) in courses.items()}
+    with pytest.raises(AssemblyError, match="change point at D = 180 deg"):
+        analysed(m, straight, np.array([0.0, 2.0]))
+
+
 # ---------------------------------------------------------------- slow motion
 
 

@@ -28,7 +28,7 @@ Clearance = Annotated[
     str | None, typer.Option(metavar="JOINT=M,...", help="Radial clearances (m) in place of the case's own.")
 ]
 Angles = Annotated[str | None, typer.Option(metavar="START:STOP:STEP", help="Crank angles (deg).")]
-Motion = Annotated[MotionChoice, typer.Option(help="Crank at its speed, or equilibrium at each angle.")]
+Motion = Annotated[MotionChoice, typer.Option(help="Drives at work, or an equilibrium at each angle or time.")]
 Out = Annotated[
     Path | None,
     typer.Option(parser=place, metavar="PATH", help="Folder of the files [reports/<case>-..., then the options]."),

@@ -81,7 +81,7 @@ def compare(
         JointChoice | None, typer.Option(help="One joint model; left out, all that the engine has.")
     ] = None,
     motion: Annotated[
-        MotionChoice, typer.Option(help="Run the crank at its speed, or equilibrium at each angle.")
+        MotionChoice, typer.Option(help="Run the drives, or an equilibrium at each angle or time.")
     ] = MotionChoice.driven,
     clearance: Annotated[
         str | None, typer.Option(metavar="JOINT=M,...", help="Radial clearances (m) in place of the case's own.")

@@ -264,7 +264,8 @@ def failing_assumption(
     lost = {joint: share for joint, share in run.free_share.items() if share > 0}
     if lost:
         joint = max(lost, key=lambda name: lost[name])
-        of = "the crank angles" if run.motion == "static" else "the turn" if mechanism.cranked else "the motion"
+        turned = "the crank angles" if run.motion == "static" else "the turn"
+        of = turned if mechanism.cranked else "the poses" if run.motion == "static" else "the motion"
         also = "".join(f", {name} for {100 * lost[name]:.2g} %" for name in lost if name != joint)
         words = (
             f"{joint} loses contact for {100 * lost[joint]:.2g} % of {of}{also}; the analytic model presumes contact"

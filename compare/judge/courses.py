@@ -26,6 +26,7 @@ USUAL = 1.0  # s, as far as the drives get
 SAMPLES = 50
 SHORTEST = 1e-3  # s
 SPARE = 0.9  # of the way to where the drives get no farther
+GLIMPSES = 400  # instants of a course, at least, by which it is followed
 KNOTS = 5  # of a straight line
 STANDSTILL = 1e-9  # of a course's largest rate: one that is no larger is rounding
 LEAST = 4  # rows of a file of courses: a cubic spline needs as many
@@ -53,6 +54,13 @@ class Courses:
             rate, top_speed = np.asarray(spline(time, 1)), np.abs(spline(spline.x, 1)).max()
             found[name] = np.where(np.abs(rate) > STANDSTILL * top_speed, rate, 0.0)
         return found
+
+    def until(self, time: np.ndarray) -> np.ndarray:
+        """Times (M,) s of the way along the courses to the last of times (N,) s, these and the knots among them."""
+        begin, last = max(float(t[0]) for t, _ in self.knots.values()), float(time.max())
+        knots = np.concatenate([t for t, _ in self.knots.values()])
+        every = np.concatenate([time, knots, np.linspace(begin, last, GLIMPSES)])
+        return np.unique(every[(every >= begin) & (every <= last)])
 
     def at(self, time: np.ndarray) -> dict[str, np.ndarray]:
         """Positions (N,) at times (N,) s, by joint."""

@@ -11,7 +11,7 @@ import numpy as np
 from analytic.beyond_paper.drive import Turning
 from analytic.beyond_paper.free_motion import free_motion
 from analytic.beyond_paper.released import released
-from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
 from analytic.kinematics.motion import Motion as Moving
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.reach import usual_angles
@@ -160,9 +160,10 @@ def _side(
     model: Model,
     clearances: Mapping[str, float],
     held: Collection[str] = (),
+    near: Followed | None = None,
 ) -> Reference:
     """The analytic model along a motion of the crank, or of several inputs, flagged where friction has no direction;
-    joints that are ``held`` have none.
+    joints that are ``held`` have none.  ``near`` are the samples' coordinates, where they are known already.
     """
     mechanism = assembly.mechanism
 
@@ -175,6 +176,7 @@ def _side(
             model=model,
             inertia=inertia,
             clearances=clearances,
+            near=near,
         )
 
     models: tuple[Model, ...] = ("equilibrium", "first_order") if clearances else (model,)
@@ -212,8 +214,8 @@ def timed_reference(
     s, splines = assembly.structure, courses.splines
     if motion == "static":
         inputs, omega = (assembly.inputs_at(each) for each in (courses.at(time), courses.directions(time)))
-        moving = Turning(inputs, omega, np.zeros(inputs.shape))
-        return _at_rest(_side(assembly, moving, False, model, clearances, _held(assembly, courses)))
+        moving, near = Turning(inputs, omega, np.zeros(inputs.shape)), _on_the_way(assembly, time, courses)
+        return _at_rest(_side(assembly, moving, False, model, clearances, _held(assembly, courses), near))
     if s.free:
         found = free_motion(assembly, time, splines)
         signals = with_derived(found.signals(), assembly.mechanism)
@@ -223,7 +225,16 @@ def timed_reference(
     inputs, omega, alpha = (
         assembly.inputs_at({name: spline(time, order) for name, spline in splines.items()}) for order in range(3)
     )
-    return _side(assembly, Turning(inputs, omega, alpha), True, model, clearances)
+    near = _on_the_way(assembly, time, courses)
+    return _side(assembly, Turning(inputs, omega, alpha), True, model, clearances, near=near)
+
+
+def _on_the_way(assembly: Assembly, time: np.ndarray, courses: Courses) -> Followed:
+    """Coordinates at times (N,) s of the ideal linkage that follows its courses: few samples do not say by which way
+    it comes from one to the next.  Raises AssemblyError.
+    """
+    way = courses.until(time)
+    return Followed(assembly.follow(assembly.inputs_at(courses.at(way))).coordinates[:, np.searchsorted(way, time)])
 
 
 def _held(assembly: Assembly, courses: Courses) -> frozenset[str]:
