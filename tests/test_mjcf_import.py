@@ -80,6 +80,20 @@ def test_motors_beyond_the_freedoms_are_left_out_and_speeds_that_are_not_said_ar
     assert any("its motor in joint S moves is not in the file" in note and "0.1 m/s" in note for note in found.notes)
 
 
+def test_what_no_motor_moves_swings(tmp_path: Path) -> None:
+    """An acrobot, and a cart whose slide alone is on the ground; a loop that is switched off is another matter."""
+    acrobot = ARM[: ARM.index('<body name="hand"')] + "</body></body></worldbody>"
+    acrobot += '<actuator><motor joint="K"/></actuator></mujoco>'
+    found = imported(written(tmp_path, {"": acrobot}))
+    assert {d.joint: d.speed for d in found.mechanism.drives} == {"K": 1.0, "O": "free"}
+    assert any(note.startswith("no motor moves O: what swings there is left free") for note in found.notes)
+    cart = acrobot.replace('name="O" axis="0 0 1"', 'name="O" type="slide" axis="1 0 0"')
+    cart = cart[: cart.index("<actuator>")] + "</mujoco>"
+    found = imported(written(tmp_path, {"": cart}))
+    assert {d.joint: d.speed for d in found.mechanism.drives} == {"O": "free", "K": "free"}
+    assert any(note.startswith("nothing drives it") for note in found.notes)
+
+
 # ------------------------------------------------------------------ our own exports
 
 
@@ -433,7 +447,7 @@ REFUSED: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
         ("has no hinge",),
     ),
     "no loop is closed": (
-        PLAIN.replace('<connect name="B" site1="b2" site2="b3"/>', ""),
+        PLAIN.replace("<connect ", '<connect active="false" '),
         ("does not determine coupler, follower", "mobility 3", "hold or join what is free"),
     ),
     "no time step": (

@@ -232,6 +232,14 @@ def test_a_forearm_hangs_freely_on_a_driven_arm(tmp_path: Path) -> None:
     assert {"drive_torque"} <= {d.signal for d in result.runs[0].discrepancies}
 
 
+def test_an_acrobot_s_shoulder_swings_as_its_elbow_is_driven(tmp_path: Path) -> None:
+    path = written(tmp_path, {"": altered(ARM, RK4 | HANGING | {'<velocity joint="O" kv="10"/>': "", "2 1.5": "2"})})
+    status, result = imported_and_compared(path, *COMMAND)
+    assert status == 0, shares(result)
+    assert {"upper-arm_angle", "drive_torque"} <= set(shares(result))
+    assert np.ptp(result["runs"][0]["simulated"]["position_O"]) > 0.05
+
+
 def test_loops_with_one_drive_too_few_move_as_the_analytic_model_says(tmp_path: Path) -> None:
     path, m = read(tmp_path, altered(FIVE_BAR, RK4))
     m = m.replace(drives=(Drive(joint="D", speed=2.0), Drive(joint="E", speed="free")))

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
-from analytic.kinematics.structure import StructureError
+from analytic.kinematics.structure import StructureError, structure
 from analytic.mechanism import Mechanism, MechanismError
 from sim_models.mjcf.drive import ASSUMED, ASSUMED_SLIDE, Motor, Push, flywheel, gravity, left_out, motors, push
 from sim_models.mjcf.errors import MjcfError
@@ -62,10 +62,10 @@ class _Writer:
             for link, point in zip(pin.links, pin.points, strict=True):
                 self.points[link][pin.name] = self.xy(point)
         try:
-            driving = self._driving()
-            more = {"spring": self._springs(), "load": self._loads(driving)}
+            driving, free = self._driving()
+            acting = {"spring": self._springs(), "load": self._loads(driving)}
             self.marked()
-            fields = self._linkage() | {"drive": self._drives(driving)} | {k: some for k, some in more.items() if some}
+            fields = self._linkage() | {"drive": self._drives(driving, free), **{k: v for k, v in acting.items() if v}}
             mechanism = Mechanism.model_validate(fields)
             Assembly(mechanism)
         except ValueError as error:
@@ -181,24 +181,30 @@ class _Writer:
             found |= {"stiffness": stiffness, "rest_angle": _tidy(rest)}
         return self.acting(found)
 
-    def _driving(self) -> list[Motor]:
-        """The motors that drive it: one, or of several as many as it has freedoms."""
-        found = motors(self.p)
-        if len(found) < 2:
-            return found
-        said = list(self.notes)
-        freedoms = len(Assembly(Mechanism.model_validate(self._linkage())).structure.inputs)
+    def _driving(self) -> tuple[list[Motor], list[str]]:
+        """The motors that drive it, of several as many as it has freedoms, and the joints that then move freely: those
+        nearest to the ground.
+        """
+        found, said = motors(self.p), list(self.notes)
+        linkage = self._linkage()
         self.notes = said
-        return found[: max(freedoms, 1)]
+        freedoms = len(structure(Mechanism.model_validate(linkage)).inputs)
+        found = found[: max(freedoms, 1)]
+        if len(found) >= freedoms or not self.p.whole:
+            return found, []
+        held = [{"joint": one.pin.name, "speed": "free"} for one in found]
+        free = structure(Mechanism.model_validate(linkage | {"drive": held})).free_joints
+        return found, [name for name in free if name not in {one.pin.name for one in found}]
 
-    def _drives(self, driving: Sequence[Motor]) -> list[dict[str, Any]]:
-        """The drives, or a release where nothing drives; what is assumed of them is noted."""
-        if not driving:
-            grounded = [pin for pin in self.p.pins if 0 in pin.links and not pin.slides]
-            if not grounded:
-                raise MjcfError(f"{self.p.said}: no hinge connects a body to the ground; give it one")
+    def _drives(self, driving: Sequence[Motor], free: Sequence[str]) -> list[dict[str, Any]]:
+        """The drives, free ones where nothing drives; what is assumed of them is noted."""
+        if free and driving:
+            self.notes.append(
+                f"no motor moves {', '.join(free)}: what swings there is left free (drive.speed = 'free'); if nothing"
+                " is to, the file lacks a motor or what closes a loop"
+            )
+        elif free:
             self.notes.append("nothing drives it: it is released at its initial pose (drive.speed = 'free')")
-            return [{"joint": grounded[0].name, "speed": "free"}]
         for one in driving:
             if one.speed is None:
                 assumed = f"{ASSUMED_SLIDE:g} m/s" if one.pin.slides else f"{ASSUMED:g} rad/s"
@@ -207,7 +213,8 @@ class _Writer:
                     f"how fast its motor{which} {'moves' if one.pin.slides else 'turns'} is not in the file (a keyframe"
                     f" would say it): drive.speed = {assumed} is assumed, correct it"
                 )
-        return [{"joint": one.pin.name, "speed": _speed(one)} for one in driving]
+        moved = [{"joint": one.pin.name, "speed": _speed(one)} for one in driving]
+        return moved + [{"joint": name, "speed": "free"} for name in free]
 
     def _loads(self, driving: Sequence[Motor]) -> list[dict[str, Any]]:
         """Constant forces by actuators; every other actuator but the drives' is noted."""

@@ -110,6 +110,7 @@ class Planar:
     sites: list[Site]
     size: float  # m
     notes: list[str] = field(default_factory=list)
+    whole: bool = True  # all equalities of the file are active
 
     def frames(self, data: mujoco.MjData) -> Frames:
         """Where the links are in a state whose positions MuJoCo has computed."""
@@ -181,7 +182,7 @@ class _Reader:
         links = [self.link(k) for k in range(max(self.link_of) + 1)]
         self.found = Planar(
             self.said, self.names.title(self.path.stem), self.m, self.plane, self.pose, links, [], self.link_of,
-            [], self.size, self.notes,
+            [], self.size, self.notes, len(self.active) == self.m.neq,
         )  # fmt: skip
         self.frames = self.found.frames(self.data)
         self.found.sites[:] = (self.site(i) for i in range(self.m.nsite))
