@@ -442,3 +442,14 @@ def test_a_crank_held_along_its_course_rests_as_at_its_angles(name: str) -> None
     by_angle = engine(name).simulate(Request(m, "ideal", "static", angle))
     for signal, values in by_angle.signals.items():
         close(by_time.signals[signal], values, 1e-6 * max(1.0, np.abs(values).max()))
+
+
+@pytest.mark.exudyn
+def test_stiff_contact_in_every_pin_does_not_throw_exudyn_to_another_equilibrium() -> None:
+    """Its first try, with the largest step of its difference quotients, lands where bodies have turned twice."""
+    m = load("3-rpr").with_clearances({joint.name: 1e-5 for joint in load("3-rpr").joints if not joint.prismatic})
+    for joint in m.clearances:
+        m = m.with_joint(joint, contact_stiffness=1.6e9)
+    trace, side = rest("exudyn", m, waved(m), TIMES[4:5], "spring-damper"), analysed(m, waved(m), TIMES[4:5]).signals
+    for joint, given in efforts(side, m).items():
+        close(efforts(trace.signals, m)[joint], given, 1e-4 * np.abs(given).max())

@@ -16,7 +16,7 @@ from analytic.mechanism import GROUND, MASS_CENTRE
 from analytic.mechanism.signals import driving
 from sim_models.common.start import Pose
 from sim_models.exudyn.model import ExudynModel, gap_at, point_at
-from sim_models.exudyn.record import Record, locate
+from sim_models.exudyn.record import FLIPPED, Record, locate
 from sim_models.exudyn.settings import quiet_settings, static_settings
 
 if TYPE_CHECKING:
@@ -106,8 +106,14 @@ class ExudynLinkage:
         return 1e-9 + 1e-15 * max(map(model.stiffness, springs), default=0.0)
 
     def solve_static(self) -> bool:
-        """Static equilibrium from where the bodies were placed; False if Newton's method does not find one."""
-        return any(self._solve_static(difference) for difference in DIFFERENCES)
+        """Static equilibrium near where the bodies were placed; False if Newton's method does not find one."""
+        return any(self._solve_static(difference) and not self._strayed() for difference in DIFFERENCES)
+
+    def _strayed(self) -> bool:
+        """Whether a body has turned over on the way to the solution: stiff contact may throw Newton's method far."""
+        kinds = self.exu.ConfigurationType
+        begin, end = (np.array(self.mbs.systemData.GetODE2Coordinates(kind)) for kind in (kinds.Initial, kinds.Current))
+        return bool(np.abs(end - begin)[2 : 3 * len(self.m.bodies) : 3].max() > FLIPPED)
 
     def _solve_static(self, difference: float) -> bool:
         try:
