@@ -87,6 +87,25 @@ THREE_CRANKS = f"""
   <keyframe><key ctrl="2"/></keyframe>
 </mujoco>"""
 
+SLIDER_CRANK = f"""
+<mujoco model="slider-crank">
+  <option timestep="1e-4" gravity="1 -9.81 0" integrator="RK4"/>
+  <default><equality solref="2e-3 1" solimp="0.9999 0.9999 0.001 0.5 2"/></default>
+  <worldbody>
+    <body name="crank" euler="0 0 50"><joint name="O" axis="0 0 -1"/><geom {GEOM} fromto="0 0 0 0.05 0 0"/>
+      <body name="rod" pos="0.05 0 0" euler="0 0 -68.614"><joint name="A" axis="0 0 -1"/>
+        <geom {GEOM} fromto="0 0 0 0.12 0 0"/></body>
+    </body>
+    <body name="slider" pos="0.1458596 0 0" euler="0 0 90">
+      <joint name="S" type="slide" axis="0 -1 0" damping="2"/>
+      <geom type="sphere" size="0.02" density="7850" pos="0.01 0.02 0" contype="0" conaffinity="0"/>
+    </body>
+  </worldbody>
+  <equality><connect name="B" body1="slider" body2="rod" anchor="0 0 0"/></equality>
+  <actuator><velocity joint="S" kv="50"/></actuator>
+  <keyframe><key ctrl="-0.1"/></keyframe>
+</mujoco>"""
+
 FILES = {"five-bar": FIVE_BAR, "3-rpr": THREE_RPR, "arm": ARM}
 RK4 = {'<option timestep="2e-4"': '<option integrator="RK4" timestep="1e-4"', "8e-4 1": "2e-3 1"}  # of twenty steps
 

@@ -17,8 +17,8 @@ from analytic.mechanism import Drive, Mechanism
 from analytic.mechanism.file import load
 from compare.cli.app import app
 from engine_checks import vector
-from mjcf_files import written
-from mjcf_several_files import ARM, FILES, FIVE_BAR, RK4, THREE_CRANKS, THREE_RPR, altered
+from mjcf_files import PLAIN, written
+from mjcf_several_files import ARM, FILES, FIVE_BAR, RK4, SLIDER_CRANK, STIFF, THREE_CRANKS, THREE_RPR, altered
 from several_linkages import CASES, KNOTS, Knots, referee, splines, waved
 from several_truths import G, close, double_pendulum, turned_round
 from sim_models.engine import Motion, Request, Trace, Unsupported, engine
@@ -111,6 +111,25 @@ def test_a_course_is_followed(tmp_path: Path) -> None:
     status, result = imported_and_compared(path, "--course", str(as_table(tmp_path / "course.csv", table)))
     assert status == 0, shares(result)
     close(np.array(result["runs"][0]["simulated"]["position_E"]), courses["E"][1], 1e-12)
+
+
+def test_a_crank_follows_a_course_too(tmp_path: Path) -> None:
+    option = '<option timestep="2e-4"/>' + STIFF
+    path, m = read(tmp_path, altered(altered(PLAIN, {"<worldbody>": f"{option}<worldbody>"}), RK4))
+    courses = waved(m)
+    table = {"time (s)": KNOTS, "position_D (rad)": courses["D"][1]}
+    status, result = imported_and_compared(path, "--course", str(as_table(tmp_path / "course.csv", table)))
+    assert status == 0, shares(result)
+    assert "drive_torque" in shares(result)
+
+
+def test_a_slide_on_the_ground_is_driven(tmp_path: Path) -> None:
+    """A slider-crank by its slide, whose axis is against the mechanism's, and with a damper."""
+    path, m = read(tmp_path, SLIDER_CRANK)
+    assert [(d.joint, d.speed) for d in m.drives] == [("S", -0.1)]
+    trace = run(path, m, waved(m))
+    agrees_with_the_referee(m, trace, waved(m), TIMES, 2e-5)
+    assert lc.crosscheck(m, f"mjcf:{path}", times=TIMES).verdict == "agrees"
 
 
 def test_a_platform_follows_a_path(tmp_path: Path) -> None:

@@ -229,7 +229,10 @@ class _Writer:
             elif i in own:
                 self.notes.append(f"{words} is the drive's; how it follows its command is left out")
             else:
-                self.notes.append(f"{words} is neither the drive's nor a constant force on a site, and left out")
+                self.notes.append(
+                    f"{words} is neither the drive's nor a constant force on a site, and left out; in a run of the file"
+                    " it acts with control 0"
+                )
         if not found:
             self.notes.append("it has no loads")
         return found
