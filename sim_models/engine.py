@@ -57,12 +57,8 @@ IN_WORDS: Mapping[Feature, str] = {
     "several_drives": "motions of several freedoms, or of drives that turn no crank",
     "point_spring": "springs between points",
 }
-MOVING: frozenset[Feature] = frozenset(
-    {"viscous_friction", "drag", "course", "released"}
-)  # only runs that move have them
+MOVING: frozenset[Feature] = frozenset({"viscous_friction", "drag", "course", "released"})  # only what moves has them
 TOUCHING: frozenset[Feature] = frozenset({"contact_friction"})  # only contact has it
-# Equilibria along courses, of which no script that an engine exports knows.
-HELD: frozenset[tuple[Feature, Pair]] = frozenset(("several_drives", (model, "static")) for model in JOINT_MODELS)
 ENGINES: tuple[str, ...] = ("mujoco", "exudyn", "pybullet", "dart")  # built in
 # Engines that are somebody's own model: ``mjcf:linkage.xml`` is opened by the module behind the scheme, which has the
 # PACKAGE that it needs and ``opened(what)``, an Engine of that whole name.

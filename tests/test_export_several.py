@@ -10,10 +10,14 @@ import pytest
 from analytic.mechanism import Drive
 from analytic.mechanism.file import load
 from several_linkages import CASES, waved
+from sim_models.common.units import Units
 from sim_models.engine import ENGINES, JOINT_MODELS, Request, Unsupported, check_exported, declared, engine
 from test_export import bare, columns, command, difference, table
 
-TOLERANCE = 1e-11  # of the largest value of a signal's kind
+# of the largest value of a signal's kind; at rest contact makes forces of positions, and PyBullet's loops and free
+# motions amplify a rounding (a nudge of 2e-16 in its own forces does the same)
+TOLERANCE = {"driven": 1e-11, "static": 3e-9}
+IN_PYBULLET = 2e-8
 FEW = np.array([0.1, 0.02, 0.06])  # s
 REQUESTS = {
     **{f"{name}, along courses": Request(m, time=FEW, courses=waved(m)) for name, m in CASES.items()},
@@ -35,6 +39,15 @@ REQUESTS = {
         courses={"D": waved(CASES["five-bar"])["D"]},
     ),
     "all drives free": Request(CASES["2r-arm with springs"].replace(drives=()), time=FEW, courses={}),
+    "all drives held": Request(CASES["3-rpr with springs"], "ideal", "static", time=FEW, courses=waved(CASES["3-rpr"])),
+    "all drives held, with gaps": Request(
+        CASES["five-bar"].with_clearances({"A": 2e-4}), "contact", "static", time=FEW, courses=waved(CASES["five-bar"])
+    ),
+    "a thousandth of the size": Units(1e3, 1e6, 30.0).request(
+        Request(
+            CASES["five-bar"].with_clearances({"A": 2e-4}), "spring-damper", time=FEW, courses=waved(CASES["five-bar"])
+        )
+    ),
     "a crank along a course": Request(
         load("crank-rocker").with_clearances({}),
         time=FEW,
@@ -61,14 +74,15 @@ def exportable() -> list[object]:
 @pytest.mark.parametrize(("name", "title"), exportable())
 def test_bare_engine_gives_the_same_numbers(name: str, title: str, tmp_path: Path) -> None:
     request = REQUESTS[title]
+    tolerance = IN_PYBULLET if name == "pybullet" else TOLERANCE[request.motion]
     engine(name).export(request, tmp_path)
     bare(tmp_path)
     found, expected = (table(tmp_path / file) for file in ("signals.csv", "expected.csv"))
     truth = columns(engine(name).simulate(request), crank=request.courses is None)
     assert list(expected) == list(truth)
-    assert difference(expected, truth) <= TOLERANCE
+    assert difference(expected, truth) <= tolerance
     assert found.keys() == truth.keys()
-    assert difference(found, truth) < TOLERANCE
+    assert difference(found, truth) < tolerance
 
 
 @pytest.mark.mujoco

@@ -9,18 +9,22 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from sim_models.engine import Trace
+from analytic.mechanism.signals import position
+from sim_models.engine import Request, Trace
 
 
-def expected(trace: Trace, order: Iterable[int] | None = None, *, crank: bool = True) -> str:
-    """The trace as CSV with all digits, rows in this order; left out, in the order of passing.
+def expected(trace: Trace, request: Request, order: Iterable[int] | None = None) -> str:
+    """The trace of a request as CSV with all digits, rows in this order; left out, in the order of passing.
 
-    Where no ``crank`` tells where the linkage is, there is no column of its angle.
+    Where no crank tells where the linkage is, there is no column of its angle; where one does, none of the joints'
+    positions, which then say nothing new.
     """
+    crank = request.courses is None
+    told = {position(joint).name for joint in request.mechanism.joints} if crank else set()
     columns = {
         **({"crank_angle": trace.crank_angle} if crank else {}),
         **({} if trace.time is None else {"time": trace.time}),
-        **trace.signals,
+        **{name: values for name, values in trace.signals.items() if name not in told},
     }
     if order is None:
         order = range(trace.crank_angle.size) if trace.time is None else np.argsort(trace.time, kind="stable").tolist()

@@ -5,14 +5,13 @@ from __future__ import annotations
 import cmath
 import importlib.resources
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from analytic.mechanism import MASS_CENTRE, Body, Joint
-from analytic.mechanism.signals import driving, position
+from analytic.mechanism.signals import driving
 from sim_models.common.export_files import expected, lines
 from sim_models.common.simulate import simulate
 from sim_models.engine import Request, Trace
@@ -50,9 +49,6 @@ def write(request: Request, folder: Path) -> list[Path]:
         return trace
 
     trace = simulate(ENGINE, request, run)  # the last that was run
-    if crank:  # where joints are says nothing new
-        places = {position(joint).name for joint in m.joints}
-        trace = replace(trace, signals={name: v for name, v in trace.signals.items() if name not in places})
     head = {
         "title": f"{m.name}, {request.joint_model} joints, {request.motion}",
         "version": f"{trace.simulator} {trace.version}",
@@ -62,7 +58,7 @@ def write(request: Request, folder: Path) -> list[Path]:
     }
     files = {
         "model.json": lines({**head, **model}),
-        "expected.csv": expected(trace, crank=crank),
+        "expected.csv": expected(trace, request),
         "run.py": (
             importlib.resources.files("sim_models.standalone").joinpath("exudyn_run.py").read_text(encoding="utf-8")
         ),

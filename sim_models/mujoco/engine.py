@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from sim_models.common.simulate import export, simulate
-from sim_models.engine import FEATURES, HELD, JOINT_MODELS, MOTIONS, Capabilities, Engine, Request, Scope, Trace
+from sim_models.engine import FEATURES, JOINT_MODELS, MOTIONS, Capabilities, Engine, Request, Scope, Trace
 
 RUNS = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
 
@@ -25,21 +25,15 @@ class MujocoEngine(Engine):
     package = "mujoco"
     capabilities = Capabilities(
         rigid=Scope.of(RUNS),
-        export=Scope.of(RUNS, set(FEATURES) - {"load_friction", "backlash"}, but=HELD),
+        export=Scope.of(RUNS, set(FEATURES) - {"load_friction", "backlash"}),
     )
 
     def simulate(self, request: Request) -> Trace:
         """Run one request.  Raises SimulationError, Unsupported or AssemblyError."""
-        from sim_models.mujoco.runs import MujocoRun
-        from sim_models.mujoco.several import CoursesRun, RestingRun
-
-        def run(asked: Request) -> Trace:
-            if asked.courses is None:
-                return MujocoRun(asked).trace()
-            return (RestingRun if asked.motion == "static" else CoursesRun)(asked).trace()
+        from sim_models.mujoco.several import run_of
 
         with no_log_file():
-            return simulate(self, request, run)
+            return simulate(self, request, lambda asked: run_of(asked).trace())
 
     def export(self, request: Request, folder: Path) -> list[Path]:
         """Write a request, and what came of it, as a script that runs in bare MuJoCo.  Raises what

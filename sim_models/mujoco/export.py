@@ -16,42 +16,48 @@ import numpy as np
 from analytic.mechanism import Joint
 from sim_models.common.export_files import expected, lines
 from sim_models.common.motor import Course, Motor
-from sim_models.common.start import poses
-from sim_models.engine import Cause, Request
+from sim_models.common.simulate import simulate
+from sim_models.engine import Cause, Request, Trace
+from sim_models.mujoco.engine import ENGINE
 from sim_models.mujoco.equilibrium import Equilibria, rest
 from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import Drive, MujocoLinkage
 from sim_models.mujoco.motor import SHORTEST
 from sim_models.mujoco.runs import STATIC_STEP, MujocoRun
-from sim_models.mujoco.several import CoursesRun
+from sim_models.mujoco.several import CoursesRun, RestingRun, run_of
 from sim_models.mujoco.state import contact_rows
 
+AnyRun = MujocoRun | CoursesRun | RestingRun
 CLOSED_BY = {"massless-link": "massless link", "spring-damper": "spring-damper", "contact": "contact"}
 
 
 def write(request: Request, folder: Path) -> list[Path]:
-    """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError."""
-    run = MujocoRun(request) if request.courses is None else CoursesRun(request)
-    trace = run.trace()
-    if isinstance(run, MujocoRun) and request.motion == "static":
-        link, start = _equilibria(run)
-    else:
-        link, start = _stages(run)
-    text = model_text(link)
-    start = {
+    """Run a request as the engine does, in units of the linkage's own and steps that make it plausible, and write what
+    repeats it into an existing folder.  Raises what :func:`sim_models.common.simulate.simulate` does, and OSError.
+    """
+    model: dict[str, str] = {}
+    start: dict[str, Any] = {}
+
+    def run(asked: Request) -> Trace:
+        found = run_of(asked)
+        trace = found.trace()
+        link, how = _equilibria(found) if asked.motion == "static" else _stages(found)
+        model["text"] = text = model_text(link)
+        beyond = _beyond_mjcf(link.model, mujoco.MjModel.from_xml_string(text))
+        start.update({"after_compiling": beyond, **_meaning(link), "motors": _motors(found, link), **how})
+        return trace
+
+    trace = simulate(ENGINE, request, run)  # the last that was run
+    head = {
         "title": f"{request.mechanism.name}, {request.joint_model} joints, {request.motion}",
         "version": f"{trace.simulator} {trace.version}",
+        "units": trace.settings["units"],
         "motion": request.motion,
-        "after_compiling": _beyond_mjcf(link.model, mujoco.MjModel.from_xml_string(text)),
-        **_meaning(link),
-        "motors": _motors(run, link),
-        "told_by": _told_by(link),
-        **start,
     }
     files = {
-        "model.xml": _started(text, start),
-        "start.json": lines(start),
-        "expected.csv": expected(trace, crank=request.courses is None),
+        "model.xml": _started(model["text"], start),
+        "start.json": lines({**head, **start}),
+        "expected.csv": expected(trace, request),
         "run.py": (
             importlib.resources.files("sim_models.standalone").joinpath("mujoco_run.py").read_text(encoding="utf-8")
         ),
@@ -115,6 +121,7 @@ def _meaning(link: MujocoLinkage) -> dict[str, Any]:
         "half_step": link.setting.stepped,
         "shortest": SHORTEST * link.setting.step,
         "efforts": link.efforts,
+        "told_by": _told_by(link),
         "bodies": {
             b.body.name: {
                 "parent": b.parent,
@@ -174,9 +181,13 @@ def _drive(drive: Drive | None) -> dict[str, Any] | None:
     }
 
 
-def _motors(run: MujocoRun | CoursesRun, link: MujocoLinkage) -> list[dict[str, Any]]:
+def _motors(run: AnyRun, link: MujocoLinkage) -> list[dict[str, Any]]:
     """The coordinate of each motor, and its course: knots (s) and cubics, highest power first, from each knot on."""
-    courses = [*run.courses.motors.values()] if isinstance(run, CoursesRun) else [run.motor] * len(link.motors)
+    courses: list[Motor | None] = [None] * len(link.motors)
+    if isinstance(run, CoursesRun):
+        courses = [*run.courses.motors.values()]
+    elif isinstance(run, MujocoRun):
+        courses = [run.motor] * len(link.motors)
     return [
         {"coordinate": link.names[motor], "course": _course(course, way)}
         for motor, way, course in zip(link.motors, link.ways.tolist(), courses, strict=True)
@@ -218,26 +229,27 @@ def _closed_by(link: MujocoLinkage, joint: Joint) -> str:
     return "connect" if joint in link.description.closing else "tree"
 
 
-def _stages(run: MujocoRun | CoursesRun) -> tuple[MujocoLinkage, dict[str, Any]]:
+def _stages(run: AnyRun) -> tuple[MujocoLinkage, dict[str, Any]]:
     """The model of a run that steps, its start, and its steps."""
     record = run.record
     state = {"time": record.time, "qpos": record.q.tolist(), "qvel": record.v.tolist()}
     return record.link, {**state, "stages": record.stages}
 
 
-def _equilibria(run: MujocoRun) -> tuple[MujocoLinkage, dict[str, Any]]:
+def _equilibria(run: AnyRun) -> tuple[MujocoLinkage, dict[str, Any]]:
     """The model of a run at rest, and each equilibrium: coordinates, and dry friction as it acts against the drive's
-    direction.
+    direction; of several drives the time (s) as well.
 
     The model has no dry friction of its own, because a simulation at rest has none; what acts is handed over as forces.
     """
-    theta = run.request.crank_angle.tolist()
-    near = run.near(theta[0])
-    setting = Setting(run.request.joint_model, STATIC_STEP, friction=False)
-    link = MujocoLinkage(run.mechanism, run.laws, poses(run.assembly, theta[0]), setting)
+    times = run.request.time
+    places = run.request.crank_angle.tolist() if times is None else np.sort(times).tolist()
+    near, pose = run.near(places[0]), run.path.poses(places[0])
+    setting = Setting(run.request.joint_model, STATIC_STEP, friction=False, driven=run.path.driven)
+    link = MujocoLinkage(run.mechanism, run.laws, pose, setting)
     for con in link.touch.values():
         con.friction = np.zeros(5)
-    return link, {"equilibria": [_state(near, at) for at in theta]}
+    return link, {"equilibria": [_state(near, at) | ({} if times is None else {"time": at}) for at in places]}
 
 
 def _state(near: Equilibria, theta: float) -> dict[str, Any]:

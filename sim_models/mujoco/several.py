@@ -15,7 +15,7 @@ from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import AHEAD, AROUND, BESIDE, AlongCourses, spacing
 from sim_models.mujoco.path import CoursePath, RestingPath
-from sim_models.mujoco.runs import RESTING, STATIC_STEP, Run, State, scatter
+from sim_models.mujoco.runs import RESTING, STATIC_STEP, MujocoRun, Run, State, scatter
 from sim_models.mujoco.state import friction_torques, joint_forces, look, on_track, signals
 from sim_models.mujoco.steady import derivative
 
@@ -120,3 +120,10 @@ def led(run: Run, trace: Trace) -> Trace:
     trace, s = with_positions(run.mechanism, trace), run.assembly.structure
     first = run.mechanism.joint(s.coordinates[s.inputs[0]].joint)
     return replace(trace, crank_angle=trace.signals[position(first).name])
+
+
+def run_of(request: Request) -> MujocoRun | CoursesRun | RestingRun:
+    """A request on its way to a trace.  Raises AssemblyError."""
+    if request.courses is None:
+        return MujocoRun(request)
+    return (RestingRun if request.motion == "static" else CoursesRun)(request)

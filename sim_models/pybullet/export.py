@@ -17,11 +17,12 @@ from analytic.mechanism import GROUND, Joint, Spring
 from analytic.mechanism.signals import driving
 from sim_models.common.export_files import expected, lines
 from sim_models.common.motor import ConstantSpeed, Course
-from sim_models.common.travel import with_positions
+from sim_models.common.simulate import simulate
 from sim_models.common.tree import Branch
 from sim_models.engine import Request, Trace
 from sim_models.leapfrog.courses import path_of
 from sim_models.leapfrog.runs import run
+from sim_models.pybullet.engine import ENGINE
 from sim_models.pybullet.parts import Planned, flat
 from sim_models.pybullet.world import FASTEST, STRENGTH, BulletWorld
 
@@ -103,24 +104,33 @@ class RecordedWorld(BulletWorld):
 
 
 def write(request: Request, folder: Path) -> list[Path]:
-    """Run a request, and write what repeats it into an existing folder.  Raises what the run raises, and OSError."""
-    worlds: list[RecordedWorld] = []
+    """Run a request as the engine does, in units of the linkage's own and steps that make it plausible, and write what
+    repeats it into an existing folder.  Raises what :func:`sim_models.common.simulate.simulate` does, and OSError.
+    """
+    parts: dict[str, str] = {}
+    start: dict[str, Any] = {}
+    order: list[int] = []
 
-    def make(asked: Request) -> RecordedWorld:
-        worlds.append(RecordedWorld(asked))
-        return worlds[-1]
+    def recorded(asked: Request) -> Trace:
+        worlds: list[RecordedWorld] = []
 
-    trace = run(make, request, "pybullet")
-    if request.courses is not None:
-        trace = with_positions(request.mechanism, trace)
-    world = worlds[0]  # another one only helps to find where the pins rest
-    if world.drive_stiffness:  # where the crank is, not its motor
+        def make(one: Request) -> RecordedWorld:
+            worlds.append(RecordedWorld(one))
+            return worlds[-1]
+
+        trace = run(make, asked, "pybullet")
+        world = worlds[0]  # another one only helps to find where the pins rest
+        order[:] = _order(trace, world.speed)
+        parts.update({f"{world.part(number)}.urdf": urdf(world, number) for number in world.grown})
+        start.update(_start(world, trace) | {"reports": _reports(world, order)})
+        return trace
+
+    trace = simulate(ENGINE, request, recorded)  # the last that was run
+    if start["yielding"]:  # where the crank is, not its motor
         trace = replace(trace, crank_angle=trace.signals[f"{request.mechanism.driven}_angle"])
-    order = _order(trace, world.speed)
-    files = {f"{world.part(number)}.urdf": urdf(world, number) for number in world.grown}
-    files |= {
-        "start.json": lines(_start(world, trace) | {"reports": _reports(world, order)}),
-        "expected.csv": expected(trace, order, crank=request.courses is None),
+    files = parts | {
+        "start.json": lines(start | {"units": trace.settings["units"]}),
+        "expected.csv": expected(trace, request, order),
         "run.py": (
             importlib.resources.files("sim_models.standalone").joinpath("pybullet_run.py").read_text(encoding="utf-8")
         ),

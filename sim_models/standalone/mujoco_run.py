@@ -5,8 +5,9 @@ start.json    where it starts, how it is stepped, what closes each joint, and th
               attribute
 expected.csv  what the cross-check got; this script writes its own to signals.csv and prints the largest differences
 
-SI units and rad.  A vector in the plane is complex, x + iy; reaction_<joint> is the force of the joint's first body on
-its second.  What closes a joint:
+The model is in the "units" of start.json, of m, kg and s each, which are 1 unless the linkage is far too large or small
+for a solver's tolerances; signals are in SI units and rad.  A vector in the plane is complex, x + iy; reaction_<joint>
+is the force of the joint's first body on its second.  What closes a joint:
     connect         an ideal pin
     soft bearing    the same, whose solref is the spring and damper between the two pin centres
     massless link   a bar between the two pin centres, as long as the clearance: it pulls and pushes
@@ -43,6 +44,8 @@ class Simulation:
 
     def __init__(self) -> None:
         self.start = json.loads((HERE / "start.json").read_text(encoding="utf-8"))
+        self.length, mass, self.time = (self.start["units"][of] for of in ("length", "mass", "time"))  # in SI
+        self.force, self.torque = mass * self.length / self.time**2, mass * self.length**2 / self.time**2
         self.bodies, self.joints, self.contacts = (self.start[part] for part in ("bodies", "joints", "contacts"))
         self.model = mujoco.MjModel.from_xml_path(str(HERE / "model.xml"))
         for field, values in self.start["after_compiling"].items():
@@ -193,7 +196,7 @@ class Simulation:
             torque = self.own_torque(joint) + friction.get(joint, 0.0)
             act(first, -force, self.pins(joint)[0] if self.soft(joint) else at, -torque)
             act(second, force, at, torque)
-            out[f"reaction_{joint}_x"], out[f"reaction_{joint}_y"] = force.real, force.imag
+            out |= self.reaction(joint, force)
         for body, how in reversed(self.bodies.items()):
             number, motion, joint, drive = model.body(body).id, np.zeros(6), how["joint"], how["drive"]
             mujoco.mj_objectAcceleration(model, data, mujoco.mjtObj.mjOBJ_BODY, number, motion, 0)  # gravity is in it
@@ -205,14 +208,17 @@ class Simulation:
                 sign, at = 1 if self.joints[joint]["bodies"][1] == body else -1, self.pins(joint)[1]
                 act(how["parent"], -force, 0j, -moment)
                 moment -= (at.conjugate() * force).imag
-                out[f"reaction_{joint}_x"], out[f"reaction_{joint}_y"] = sign * force.real, sign * force.imag
-                out[f"reaction_{joint}_moment"] = sign * moment
+                out |= self.reaction(joint, sign * force) | {f"reaction_{joint}_moment": sign * moment * self.torque}
                 moment -= sign * (self.own_torque(joint) + friction.get(joint, 0.0))
             elif drive:  # only joints with clearance hold this body, but a motor turns it
                 act(how["parent"], 0j, 0j, -moment)
             if drive:
                 out[drive["signal"]] = self.effort(drive, force, moment, friction)
         return out
+
+    def reaction(self, joint: str, force: complex) -> dict[str, float]:
+        """Signals of the force of a joint's first body on its second."""
+        return {f"reaction_{joint}_x": force.real * self.force, f"reaction_{joint}_y": force.imag * self.force}
 
     def applied(self) -> Iterator[tuple[str, complex, complex, float]]:
         """Body, force, where it acts, and torque: of loads, springs between points, and what turns the crank over its
@@ -238,24 +244,25 @@ class Simulation:
         and law leave over: the torque; along a slide the force, less the slide's own law.
         """
         if not drive["slides"]:
-            return float(drive["sign"] * moment)
+            return float(drive["sign"] * moment * self.torque)
         axis, joint = complex(*drive["axis"]) * cmath.exp(1j * self.angle(drive["first"])), drive["joint"]
         along = float(drive["sign"] * (axis.conjugate() * force).real)
-        return along - self.own_torque(joint) - friction.get(joint, 0.0)
+        return (along - self.own_torque(joint) - friction.get(joint, 0.0)) * self.force
 
     def places(self, velocity: np.ndarray) -> dict[str, float]:
         """Signals of where everything is, and how fast it turns."""
         model, data = self.model, self.data
-        out = {"time": data.time}
+        out = {"time": data.time * self.time}
         if self.start["told_by"]:
             out["crank_angle"] = data.qpos[model.joint(self.start["told_by"]).id]
         for body, how in self.bodies.items():
             hinges = [model.joint(name).id for name in how["hinges"]]
-            out[f"{body}_x"], out[f"{body}_y"] = data.site_xpos[model.site(f"marker of {body}").id, :2]
-            out[f"{body}_angle"], out[f"{body}_angular_velocity"] = self.angle(body), velocity[hinges].sum()
+            out[f"{body}_x"], out[f"{body}_y"] = data.site_xpos[model.site(f"marker of {body}").id, :2] * self.length
+            out[f"{body}_angle"] = self.angle(body)
+            out[f"{body}_angular_velocity"] = velocity[hinges].sum() / self.time
         for joint, how in self.joints.items():
             gap = self.pins(joint)[0] - self.pins(joint)[1] if how["clearance"] or self.soft(joint) else 0j
-            out[f"clearance_{joint}_x"], out[f"clearance_{joint}_y"] = gap.real, gap.imag
+            out[f"clearance_{joint}_x"], out[f"clearance_{joint}_y"] = gap.real * self.length, gap.imag * self.length
             out[f"position_{joint}"] = self.position(joint)
         return out
 
@@ -270,7 +277,7 @@ class Simulation:
             first, second = (self.angle(body) for body in self.joints[joint]["bodies"])
             return second - first
         body = next(name for name, how in self.bodies.items() if how["joint"] == joint)
-        return float(self.data.qpos[self.model.joint(f"{body}:slide").id])
+        return float(self.data.qpos[self.model.joint(f"{body}:slide").id] * self.length)
 
     def driven(self) -> Iterator[dict[str, float]]:
         """Step from the start; the signals wherever they were asked for.
@@ -358,10 +365,8 @@ class Simulation:
         """
         largest = 0.0
         for state in self.start["equilibria"]:
-            self.data.qpos[:], self.data.qfrc_applied[:] = (
-                state["qpos"],
-                state["dry_friction"],
-            )  # friction acts against the drive's direction
+            self.data.time, self.data.qpos[:] = state.get("time", 0.0), state["qpos"]
+            self.data.qfrc_applied[:] = state["dry_friction"]  # which acts against the drives' directions
             forces = self.evaluate()
             for joint, share in state["sliding"].items():
                 forces[joint] = forces[joint][0] * complex(1, share), forces[joint][1]

@@ -6,8 +6,9 @@ start.json    the solver's settings, the point constraints that close loops, loa
               motors (a course is a cubic spline, highest power first, from each piece's first time), and the runs
 expected.csv  what the cross-check got; this script writes its own to signals.csv and prints the largest differences
 
-SI units and rad.  A vector in the plane is complex, x + iy; reaction_<joint> is the force of the joint's first body on
-its second.  What holds a joint together:
+Numbers are in the "units" of start.json, of m, kg and s each, which are 1 unless the linkage is far too large or small
+for a solver's tolerances; signals are in SI units and rad.  A vector in the plane is complex, x + iy; reaction_<joint>
+is the force of the joint's first body on its second.  What holds a joint together:
     tree           a joint of a URDF; its force is what Newton and Euler leave over (PyBullet's sensors are wrong in
                    longer chains)
     constraint     one of Bullet's point constraints
@@ -76,6 +77,8 @@ class World:
 
     def __init__(self) -> None:
         self.start: dict[str, Any] = json.loads((HERE / "start.json").read_text(encoding="utf-8"))
+        self.length, mass, self.time = (self.start["units"][of] for of in ("length", "mass", "time"))  # in SI
+        self.newton, self.torque = mass * self.length / self.time**2, mass * self.length**2 / self.time**2
         self.joints, self.bodies, self.motors = (self.start[what] for what in ("joints", "bodies", "motors"))
         self.static = self.start["motion"] == "static"
         self.links: dict[str, Link] = {}
@@ -287,22 +290,20 @@ class World:
                 self.act(body, at, side * forces[joint])
         change = (after - before) / h
         motion = self.motion(before + self.trailing * change, change)
-        out = {"time": self.begin + number * h, "drive_torque": self.motor_torque}
+        out = {"time": (self.begin + number * h) * self.time, "drive_torque": self.motor_torque * self.torque}
         if self.start["crank"]:
             out["crank_angle"] = self.places[self.start["crank"]].angle
         for body, how in reversed(self.bodies.items()):
-            marker = self.point(body, how["marker"])[0]
+            marker = self.point(body, how["marker"])[0] * self.length
             out |= {f"{body}_x": marker.real, f"{body}_y": marker.imag}
-            out |= {f"{body}_angle": self.places[body].angle, f"{body}_angular_velocity": motion[body].spin}
+            out |= {f"{body}_angle": self.places[body].angle, f"{body}_angular_velocity": motion[body].spin / self.time}
             out |= self.balance(body, motion[body])
         for joint in self.joints:
-            gap, force = (
-                self.pins(joint)[0][0] - self.pins(joint)[1][0],
-                forces[joint] + self.forces_of_laws.get(joint, 0j),
-            )
+            gap = (self.pins(joint)[0][0] - self.pins(joint)[1][0]) * self.length
+            force = (forces[joint] + self.forces_of_laws.get(joint, 0j)) * self.newton
             out |= {f"clearance_{joint}_x": gap.real, f"clearance_{joint}_y": gap.imag}
             out |= {f"reaction_{joint}_x": force.real, f"reaction_{joint}_y": force.imag}
-            out[f"position_{joint}"] = self.travel(joint)[0]
+            out[f"position_{joint}"] = self.travel(joint)[0] * (self.length if self.joints[joint]["slides"] else 1.0)
         return out
 
     def balance(self, body: str, moves: Rates) -> dict[str, float]:
@@ -318,14 +319,14 @@ class World:
             effort = motor["sign"] * (moment - ((at - here.com).conjugate() * force).imag)
             if link.slides is not None:
                 effort = ((link.slides * exp(1j * here.angle)).conjugate() * force).real
-            out[motor["signal"]] = effort
+            out[motor["signal"]] = effort * (self.torque if link.slides is None else self.newton)
             if joint is None:  # the body floats, and only the motor acts between it and its parent
                 self.act(how["parent"], here.com, 0j, -motor["sign"] * effort)
         if joint:
             at = self.pins(joint)[1][0]
             moment -= ((at - here.com).conjugate() * force).imag
             sign = 1 if list(self.joints[joint]["bodies"])[1] == body else -1
-            self.forces[joint], out[f"reaction_{joint}_moment"] = sign * force, sign * moment
+            self.forces[joint], out[f"reaction_{joint}_moment"] = sign * force, sign * moment * self.torque
             self.act(how["parent"], at, -force, -moment)
         return out
 
