@@ -48,6 +48,7 @@ REQUESTS = {
             CASES["five-bar"].with_clearances({"A": 2e-4}), "spring-damper", time=FEW, courses=waved(CASES["five-bar"])
         )
     ),
+    "a fast crank": Request(load("slider-crank"), crank_angle=np.radians([30.0, 40.0])),
     "a crank along a course": Request(
         load("crank-rocker").with_clearances({}),
         time=FEW,

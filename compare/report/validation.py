@@ -158,18 +158,22 @@ def _workspaces(rows: Mapping[str, Sequence[OverWorkspace]]) -> Iterator[str]:
 
 def _in_engines(rows: Mapping[str, Sequence[InEngine]]) -> Iterator[str]:
     yield (
-        "Real contact in every pin, in each engine that has it with several drives: the platform moves slowly along a"
-        " spiral"
+        "Real contact in every pin, in each engine that has it with several drives, along a spiral from where the"
+        " platform is"
     )
     yield (
-        "from where it is assembled (6 s, out to 50 or 60 mm). Told is what the analytic side is off the engine, as a"
-        " share of the"
+        "assembled (out to 50 or 60 mm): driven slowly (6 s), and at rest in poses of it. Told is what the analytic"
+        " side is off the"
     )
     yield (
-        "displacement. Pins without friction swing for a while where a reaction passes near zero; Exudyn's contact"
-        " yields by a"
+        "engine, as a share of the displacement. In motion pins without friction swing for a while where a reaction"
+        " passes near zero."
     )
-    yield "hundredth of the clearance. `compare validation check` makes the first platform again."
+    yield (
+        "Exudyn's contact, and at rest MuJoCo's, yields by force over its stiffness. `compare validation check` makes"
+        " the first"
+    )
+    yield "platform again."
     yield ""
     yield "| platform | engine | poses | equilibrium off: median | worst | Eq. 8 off: median | worst | flying |"
     yield "|---|---|--:|--:|--:|--:|--:|--:|"
@@ -177,7 +181,7 @@ def _in_engines(rows: Mapping[str, Sequence[InEngine]]) -> Iterator[str]:
         for r in mine:
             shares = (r.equilibrium, r.equilibrium_worst, r.first_order, r.first_order_worst, r.flies)
             cells = " | ".join(f"{100 * share:.2g} %" for share in shares)
-            yield f"| {case} | {r.simulator} | {r.poses} | {cells} |"
+            yield f"| {case} | {r.simulator}, {r.motion} | {r.poses} | {cells} |"
 
 
 def _published(sources: Sequence[Published]) -> Iterator[str]:

@@ -11,7 +11,7 @@ from analytic.mechanism.one_line import count
 from compare.results.crosscheck import CrossCheck
 from compare.results.document import Part, Row
 from compare.results.evidence import Remade, Stored
-from sim_models.engine import Cause
+from sim_models.engine import Cause, Motion
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
 NotNegative = Annotated[FiniteFloat, Field(ge=0)]
@@ -88,9 +88,12 @@ class OverWorkspace(Part):
 
 
 class InEngine(Part):
-    """A platform with loose pins that an engine with real contact moves slowly along a spiral, at poses along it."""
+    """A platform with loose pins in an engine with real contact, at poses along a spiral: moved slowly along it, or at
+    rest.
+    """
 
     simulator: str
+    motion: Motion
     poses: Annotated[int, Field(ge=1, description="How many.")]
     equilibrium: Annotated[
         NotNegative,
@@ -170,7 +173,7 @@ class Validation(Stored):
     ]
     in_engines: Annotated[
         Mapping[str, tuple[InEngine, ...]],
-        Field(description="By case: the same platform with real contact in its pins, moved slowly in an engine."),
+        Field(description="By case: the same platform with real contact in its pins, moved slowly or at rest."),
     ] = {}
     published: Annotated[
         tuple[Published, ...], Field(description="Published figures, and how far this project is off them.")

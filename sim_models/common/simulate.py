@@ -37,8 +37,9 @@ NUMPY = Path(np.__file__).parent  # where its errors are raised, which says noth
 MEND = "mend the engine, or use another simulator"
 
 
-def simulate(engine: Engine, request: Request, run: Callable[[Request], Trace]) -> Trace:
-    """A request's trace by an engine's ``run``, in shorter steps than its own where these leave it implausible.
+def simulate(engine: Engine, request: Request, run: Callable[[Request], Trace], seconds: bool = False) -> Trace:
+    """A request's trace by an engine's ``run``, in shorter steps than its own where these leave it implausible, and in
+    units of the linkage's own, of time in ``seconds`` if that is wanted.
 
     Raises Unsupported, what the run raises, Implausible for a run that cannot be right, and SimulationError for an
     answer that is no trace of the request, or that an engine of another package breaks off with an error of its own.
@@ -46,7 +47,7 @@ def simulate(engine: Engine, request: Request, run: Callable[[Request], Trace]) 
     check_supported(engine, request)
     check_request(request)
     run = partial(answered, engine.name, run=run)
-    trace = with_positions(request.mechanism, in_own_units(run, request))
+    trace = with_positions(request.mechanism, in_own_units(run, request, seconds))
     try:
         check(request, trace)
         return trace
@@ -55,7 +56,7 @@ def simulate(engine: Engine, request: Request, run: Callable[[Request], Trace]) 
         if request.step is not None or request.motion == "static" or not step:
             raise
         for halving in range(1, HALVINGS + 1):
-            found = _finer(run, replace(request, step=step / 2**halving))
+            found = _finer(run, replace(request, step=step / 2**halving), seconds)
             if found is not None:
                 return found
         raise implausible from None
@@ -117,10 +118,10 @@ def _lacking(request: Request, trace: Trace) -> Iterator[str]:
     yield from (f"rates of {body.name}" for body in m.bodies if trace.rates and body.name not in trace.rates)
 
 
-def _finer(run: Callable[[Request], Trace], request: Request) -> Trace | None:
+def _finer(run: Callable[[Request], Trace], request: Request, seconds: bool) -> Trace | None:
     """The trace of a run in a given step; None where it cannot be made, or is implausible too."""
     try:
-        trace = with_positions(request.mechanism, in_own_units(run, request))
+        trace = with_positions(request.mechanism, in_own_units(run, request, seconds))
         check(request, trace)
     except SimulationError:
         return None

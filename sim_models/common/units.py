@@ -231,8 +231,9 @@ class Units:
 SI = Units()
 
 
-def in_own_units(run: Callable[[Request], Trace], request: Request) -> Trace:
-    """Run a request in its linkage's own units; the trace is in SI, with the units in its settings.
+def in_own_units(run: Callable[[Request], Trace], request: Request, seconds: bool = False) -> Trace:
+    """Run a request in its linkage's own units, of time in ``seconds`` if that is wanted; the trace is in SI, with the
+    units in its settings.
 
     Joints with clearance that say nothing of their stiffness are given the project's default first.  Raises what the
     run raises; where units are not SI's, a SimulationError says in which its numbers are.
@@ -240,7 +241,7 @@ def in_own_units(run: Callable[[Request], Trace], request: Request) -> Trace:
     whole = with_stiffness(request)
     if request.motion == "static":
         whole = replace(whole, mechanism=with_equal_masses(whole.mechanism))
-    units = Units.of(whole)
+    units = replace(Units.of(whole), **({"time": 1.0} if seconds else {}))
     if units == SI:
         return units.trace(whole.mechanism, run(whole))
     try:

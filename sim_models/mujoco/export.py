@@ -33,7 +33,8 @@ CLOSED_BY = {"massless-link": "massless link", "spring-damper": "spring-damper",
 
 def write(request: Request, folder: Path) -> list[Path]:
     """Run a request as the engine does, in units of the linkage's own and steps that make it plausible, and write what
-    repeats it into an existing folder.  Raises what :func:`sim_models.common.simulate.simulate` does, and OSError.
+    repeats it into an existing folder.  Units of time stay seconds: the model of a fast linkage of usual size is in SI,
+    and others can read it.  Raises what :func:`sim_models.common.simulate.simulate` does, and OSError.
     """
     model: dict[str, str] = {}
     start: dict[str, Any] = {}
@@ -47,7 +48,7 @@ def write(request: Request, folder: Path) -> list[Path]:
         start.update({"after_compiling": beyond, **_meaning(link), "motors": _motors(found, link), **how})
         return trace
 
-    trace = simulate(ENGINE, request, run)  # the last that was run
+    trace = simulate(ENGINE, request, run, seconds=True)  # the last that was run
     head = {
         "title": f"{request.mechanism.name}, {request.joint_model} joints, {request.motion}",
         "version": f"{trace.simulator} {trace.version}",

@@ -94,9 +94,10 @@ def differences(stored: Validation, found: Validation) -> Iterator[str]:
         old, new = (report.workspaces.get(case, ()) for report in (stored, found))
         yield from _table(f"workspaces, {case}", old, new, ("holding",), ANALYTIC, 0.0)
     for case, rows in found.in_engines.items():
-        there = {row.simulator: row for row in stored.in_engines.get(case, ())}
+        there = {(row.simulator, row.motion): row for row in stored.in_engines.get(case, ())}
         for row in rows:
-            yield from (f"{case} in {row.simulator}, {what}" for what in _along(there.get(row.simulator), row))
+            was = there.get((row.simulator, row.motion))
+            yield from (f"{case} in {row.simulator}, {row.motion}, {what}" for what in _along(was, row))
     yield from _held(stored.published, found.published)
     if found.superposition:
         keys = ("clearance", "crank_angle")

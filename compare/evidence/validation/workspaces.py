@@ -22,7 +22,8 @@ from compare.results.crosscheck import Failure
 from compare.results.platform import PlatformAccuracy
 from compare.results.validation import InEngine, OverWorkspace
 from compare.runs import simulate_all
-from sim_models.engine import Request, SimulationError, Trace, declared
+from sim_models.engine import MOTIONS, Request, SimulationError, Trace, declared
+from sim_models.engine import Motion as MotionName
 
 CLEARANCE = 1e-4  # m, in every pin
 SQUARE: Grid = ((-0.2, 0.2, 41), (-0.2, 0.2, 41))
@@ -71,27 +72,35 @@ def _held(told: PlatformAccuracy, limit: float) -> OverWorkspace:
 
 
 def in_engines(names: Sequence[str], cases: Sequence[str] = tuple(SPIRALS)) -> dict[str, tuple[InEngine, ...]]:
-    """By case: every engine with contact in motion moves the platform slowly along a spiral, with every pin loose.
+    """By case: the platform with every pin loose at poses along a spiral, in every engine with contact: at rest, and
+    moved slowly from one to the next.
 
     Raises SimulationError where an engine fails.
     """
-    run = ("several_drives", ("contact", "driven"))
-    able = [name for name in names if run in declared(name).capabilities.rigid.features]
-    moved = [(case, name, _Spiral(case)) for case in cases for name in able]
+    able = [
+        (motion, name)
+        for motion in MOTIONS
+        for name in names
+        if ("several_drives", ("contact", motion)) in declared(name).capabilities.rigid.features
+    ]
+    moved = [(case, name, _Spiral(case, motion)) for case in cases for motion, name in able]
     tasks = [(name, spiral.request()) for _, name, spiral in moved]
     found: dict[int, InEngine] = {}
     for k, outcome in simulate_all(tasks, cores()):
         case, name, spiral = moved[k]
         if isinstance(outcome, Failure):
-            raise SimulationError(f"{case} along a spiral in {name}: {outcome.why}")
+            raise SimulationError(f"{case} along a spiral in {name}, {spiral.motion}: {outcome.why}")
         found[k] = spiral.told(outcome)
     return {case: tuple(found[k] for k in sorted(found) if moved[k][0] == case) for case in cases}
 
 
 class _Spiral:
-    """A platform's slow way from where it is assembled outwards, at the angle that it has there."""
+    """A platform's slow way from where it is assembled outwards, at the angle that it has there, driven along it or at
+    rest in poses of it.
+    """
 
-    def __init__(self, case: str) -> None:
+    def __init__(self, case: str, motion: MotionName) -> None:
+        self.motion: MotionName = motion
         self.mechanism = loose(load(case))
         self.assembly = Assembly(self.mechanism)
         s, (body, _, point) = self.assembly.structure, WORKSPACES[case][0].partition(".")
@@ -110,7 +119,7 @@ class _Spiral:
 
     def request(self) -> Request:
         """What an engine is asked for."""
-        return Request(self.mechanism, "contact", "driven", time=self.time, courses=self.courses.knots)
+        return Request(self.mechanism, "contact", self.motion, time=self.time, courses=self.courses.knots)
 
     def told(self, trace: Trace) -> InEngine:
         """How far the analytic side is off an engine."""
@@ -120,6 +129,7 @@ class _Spiral:
         }
         return InEngine(
             simulator=trace.simulator,
+            motion=self.motion,
             poses=engine.size,
             equilibrium=_digits(np.median(off["equilibrium"])),
             equilibrium_worst=_digits(off["equilibrium"].max()),
@@ -138,9 +148,11 @@ class _Spiral:
         return place - self.place(kinematics(self.assembly, inputs))
 
     def analytic(self, model: Model) -> np.ndarray:
-        """The same by the analytic model, with the inertia of the motion."""
+        """The same by the analytic model, with the inertia of the motion where there is one."""
         orders = ({n: s(self.time, order) for n, s in self.courses.splines.items()} for order in range(3))
         theta, omega, alpha = (self.assembly.inputs_at(each) for each in orders)
+        if self.motion == "static":
+            omega, alpha = np.zeros_like(omega), np.zeros_like(alpha)
         found = displaced(self.assembly, theta, omega, alpha=alpha, model=model)
         return self.place(found.configuration.motion) - self.place(found.ideal.motion)
 
