@@ -169,6 +169,16 @@ def test_a_course_is_followed_with_the_acceleration_that_it_has(fmu: Path, mappe
     assert turned.signals["crank_angle"] == pytest.approx(found.signals["crank_angle"], abs=1e-12)
 
 
+def test_a_crank_that_is_looked_at_over_time_is_told_its_angle(fmu: Path) -> None:
+    joint = CASE.drive_joint
+    turned = CASE.with_joint(joint.name, bodies=joint.bodies[::-1])  # its reaction is then the other body's
+    for m, other in ((CASE, set()), (turned, {f"reaction_{joint.name}_angle"})):
+        found = lc.crosscheck(m, simulators=f"fmu:{fmu}", times=np.linspace(0.0, 0.02, 5))
+        (run,) = found.runs
+        assert {d.signal for d in run.discrepancies if d.verdict == "disagrees"} == other
+        assert "drive_torque" in {d.signal for d in run.discrepancies}
+
+
 def test_a_finer_run_is_finer(fmu: Path, mapped: Callable[..., str]) -> None:
     assert trace(f"fmu:{fmu}").step == pytest.approx(1e-4, rel=0.1)
     assert trace(f"fmu:{fmu}", step=1e-5).step == pytest.approx(1e-5, rel=0.1)

@@ -21,6 +21,7 @@ from analytic.paper.kinetostatics import Reactions, kinetostatics
 from compare.judge.signals import compared
 from maximal import Maximal
 from several_linkages import CASES, SHIPPED, TIMES, referee, splines, sprung, third_bar, waved
+from sim_models.engine import ENGINES, MOTIONS, Motion
 
 POSE = (("x", "m"), ("y", "m"), ("angle", "rad"))
 ROUNDING = 1e-10  # of the largest of a signal's kind
@@ -175,6 +176,26 @@ def test_a_free_redundant_linkage_that_swings_into_its_change_point_is_told_so()
     m = third_bar().replace(drives=(), loads=(), gravity=(-2.0, -9.81), assembly=start)
     with pytest.raises(AssemblyError, match=r"change point at crank angle .*, where coupler and follower fall in line"):
         lc.analyse(m, times=np.linspace(0.0, 2.0, 21))
+
+
+def test_a_crank_that_is_its_joints_first_body_turns_as_its_drive_says_and_has_its_torque() -> None:
+    m, times = load("crank-rocker"), np.linspace(0.0, 0.1, 6)
+    turned = m.with_joint("D", bodies=m.joint("D").bodies[::-1])
+    found, wanted = (lc.analyse(one, times=times).signals for one in (turned, m))
+    for name, values in wanted.items():
+        sign = -1.0 if name in ("position_D", "reaction_D_x", "reaction_D_y") else 1.0
+        if name != "reaction_D_angle":
+            np.testing.assert_allclose(found[name], sign * values, atol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=getattr(pytest.mark, n)) for n in ENGINES])
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_so_does_it_in_every_engine(name: str, motion: Motion) -> None:
+    m = load("crank-rocker")
+    turned = m.with_joint("D", bodies=m.joint("D").bodies[::-1])
+    found = lc.crosscheck(turned, simulators=name, times=np.linspace(0.0, 0.1, 6), motion=motion)
+    assert found.verdict == "agrees"
+    assert "drive_torque" in {d.signal for d in found.runs[0].discrepancies}
 
 
 def test_the_crank_of_a_free_linkage_is_told_by_its_own_angle() -> None:

@@ -107,6 +107,13 @@ class Mechanism(Part):
         return len(self.drives) == 1 and not joint.prismatic and GROUND in joint.bodies
 
     @property
+    def crank_sign(self) -> float:
+        """Of what a motor does to the crank in what it does to its joint, and of the crank's angle in the joint's
+        position: -1 where the crank is the joint's first body; 1 where there is no crank.
+        """
+        return -1.0 if self.cranked and self.drive_joint.bodies[1] == GROUND else 1.0
+
+    @property
     def sliding(self) -> bool:
         """Whether it moves by a slide: its only drive moves a body along the ground, as a ball screw does."""
         if len(self.drives) != 1:

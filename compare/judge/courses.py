@@ -93,7 +93,7 @@ def at_their_speeds(assembly: Assembly, time: np.ndarray | None) -> tuple[np.nda
                 " (--course), or the drive a speed"
             )
         if not isinstance(drive.speed, str):
-            speeds[drive.joint] = drive.speed
+            speeds[drive.joint] = m.crank_sign * drive.speed
     end = float(time[-1]) if time is not None else _as_far(assembly, speeds)
     knots = np.linspace(0.0, max(end, SHORTEST), KNOTS)
     courses = Courses({name: (knots, assembly.positions[name] + speed * knots) for name, speed in speeds.items()})

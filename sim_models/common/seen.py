@@ -216,7 +216,7 @@ class Seen:
         A slide's motor acts along its axis, where its force is part of the reaction.
         """
         found: dict[str, np.ndarray] = {}
-        if self.request.courses is None:
+        if self.request.courses is None or (self.m.cranked and self.driven):
             torque, periodic = self.signal("drive_torque"), self.m.periodic_torque
             found[self.m.driven] = torque if periodic is None else torque + periodic.at(self.angle(self.m.driven))
             return found

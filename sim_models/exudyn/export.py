@@ -260,7 +260,9 @@ def _own_drives(link: ExudynLinkage, motors: Sequence[RunMotor] = ()) -> dict[st
     """
     joints = [link.m.joint(name) for name in link.model.drives or ()]
     named = zip(joints, driving(joints), strict=False)  # without joints there is a signal all the same
-    drives: dict[str, Any] = {joint.name: {"signal": signal.name, "course": None} for joint, signal in named}
+    drives: dict[str, Any] = {
+        joint.name: {"signal": signal.name, "sign": link.m.crank_sign, "course": None} for joint, signal in named
+    }
     for drive, motor in zip(drives.values(), motors, strict=False):
         drive["course"] = _course(motor)
     return drives

@@ -158,13 +158,22 @@ class Run:
             motion=r.motion,
             crank_angle=np.array(r.crank_angle, float) if r.crank_angle.size else self.leading(sampled),
             time=time,
-            signals=sampled.signals(),
+            signals=self.told(sampled),
             clearance=dict(self.clearance),
             free_share=free,
             journal={name: np.column_stack([dense.gap[name].real, dense.gap[name].imag]) for name in self.clearance},
             settings=self.settings(step),
             rates=sampled.rates(),
         )
+
+    def told(self, sampled: Record) -> dict[str, np.ndarray]:
+        """Signals at the sampled instants; along courses a drive is between its joint's bodies, and a crank's torque is
+        on the crank.
+        """
+        signals = sampled.signals()
+        if self.request.courses and self.m.crank_sign < 0:
+            signals["drive_torque"] = -signals["drive_torque"]
+        return signals
 
     def settings(self, step: float | None) -> dict[str, SettingValue]:
         r = self.request

@@ -410,7 +410,8 @@ class LeapfrogWorld(ABC):
             return {DRIVE_TORQUE: self.motor_torque}
         driven = [each.joint for each in self.steered]
         signals = [DRIVE_TORQUE] if self.request.courses is None else [signal.name for signal in driving(driven)]
-        return {signal: efforts[joint.name] for signal, joint in zip(signals, driven, strict=bool(driven))}
+        sign = 1.0 if self.request.courses is None else self.mechanism.crank_sign
+        return {signal: sign * efforts[joint.name] for signal, joint in zip(signals, driven, strict=bool(driven))}
 
     def _positions(self, here: Mapping[str, Pose]) -> dict[str, float]:
         """Positions (rad, m) of the joints of a linkage that is no crank's."""

@@ -147,8 +147,9 @@ class MujocoLinkage:
             return {self.driven: Drive("drive_torque", self.mechanism.drive_joint, 1.0)} if self.driven else {}
         driven = self.description.driven
         names = [signal.name for signal in driving([joint for joint, _ in driven])] if driven else []
+        crank = self.mechanism.crank_sign
         return {
-            b.body.name: Drive(name, joint, 1.0 if b.body.name == joint.bodies[1] else -1.0)
+            b.body.name: Drive(name, joint, crank * (1.0 if b.body.name == joint.bodies[1] else -1.0))
             for name, (joint, b) in zip(names, driven, strict=True)
         }
 

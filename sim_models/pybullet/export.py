@@ -232,7 +232,8 @@ def _motors(world: RecordedWorld) -> dict[str, dict[str, Any]]:
     result: dict[str, dict[str, Any]] = {}
     signals = driving([each.joint for each in world.steered])
     for each, signal, speed in zip(world.steered, signals, world.commands, strict=True):
-        how = {"joint": each.joint.name, "sign": each.sign, "signal": signal.name, "speed": speed}
+        gives = each.sign * (1.0 if world.request.courses is None else world.mechanism.crank_sign)
+        how = {"joint": each.joint.name, "sign": each.sign, "gives": gives, "signal": signal.name, "speed": speed}
         result[each.child] = how | {"course": _course(world, each.joint.name)}
     return result
 

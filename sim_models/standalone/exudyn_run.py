@@ -411,7 +411,7 @@ class System:
         out["time"] = (time - self.model["time_0"]) * self.time
         for name, drive in self.model["drives"].items():
             size = self.force if self.joints[name]["closed_by"] == "slide" else self.torque
-            out[drive["signal"]] = size * sign * seen[f"drive {name}"][:, 0]
+            out[drive["signal"]] = drive["sign"] * size * sign * seen[f"drive {name}"][:, 0]
         centre, turn = (
             {"ground": np.zeros(1, complex)},
             {"ground": np.ones(1, complex)},

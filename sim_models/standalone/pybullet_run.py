@@ -316,12 +316,12 @@ class World:
         motor, joint = self.motors.get(body), how["joint"]
         if motor:
             at = self.point(body, self.joints[motor["joint"]]["bodies"][body])[0]
-            effort = motor["sign"] * (moment - ((at - here.com).conjugate() * force).imag)
+            effort = motor["gives"] * (moment - ((at - here.com).conjugate() * force).imag)
             if link.slides is not None:
                 effort = ((link.slides * exp(1j * here.angle)).conjugate() * force).real
             out[motor["signal"]] = effort * (self.torque if link.slides is None else self.newton)
             if joint is None:  # the body floats, and only the motor acts between it and its parent
-                self.act(how["parent"], here.com, 0j, -motor["sign"] * effort)
+                self.act(how["parent"], here.com, 0j, -motor["gives"] * effort)
         if joint:
             at = self.pins(joint)[1][0]
             moment -= ((at - here.com).conjugate() * force).imag
