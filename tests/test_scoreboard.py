@@ -18,6 +18,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Load
 from analytic.mechanism.file import load
 from compare.cli.app import app
@@ -29,7 +30,7 @@ from compare.diagnose.fit import Fitter
 from compare.diagnose.predict import Term
 from compare.diagnose.problem import Options, Problem
 from compare.evidence.scoreboard import board as board_module
-from compare.evidence.scoreboard import check
+from compare.evidence.scoreboard import check, several
 from compare.evidence.scoreboard.bench.coarse import EFFECTS, effect_of
 from compare.evidence.scoreboard.bench.large import draw as draw_large
 from compare.evidence.scoreboard.bench.nuisances import encoder_zeros, of_channels
@@ -56,6 +57,7 @@ from compare.evidence.scoreboard.outside import EXCLUDED, OUTSIDE, UNNAMED, Outs
 from compare.evidence.scoreboard.record import make, make_set, recorded
 from compare.evidence.scoreboard.rigs import Experiment, Plan, Rejected, ideal
 from compare.evidence.scoreboard.score import BENCH, failed, opened, score
+from compare.evidence.scoreboard.several import Moves
 from compare.evidence.scoreboard.sizes import Planted, Sizer
 from compare.evidence.stored import read, status
 from compare.faults import Exit, OptionError
@@ -523,6 +525,11 @@ def said(
         (said((BIAS, []), verdict="ambiguous"), truth(kind="unnamed"), "wrong"),
         (said(verdict="no gap"), truth(kind="unnamed"), "missed"),
         (said((GAIN, [BIAS])), truth(BIAS, kind="machines"), "tie"),
+        (said((GAIN, [BIAS])), truth(BIAS, kind="several"), "tie"),
+        (said(verdict="no gap"), truth(BIAS, kind="several"), "missed"),
+        (said(verdict="no gap"), truth(kind="several"), "clear"),
+        (said(verdict="unexplained"), truth(kind="several"), "abstained"),
+        (said((BIAS, [])), truth(kind="several"), "false alarm"),
         (said((BIAS, [LENGTH]), verdict="ambiguous"), truth(BIAS, kind="alias"), "tie"),
         (said((BIAS, [])), truth(BIAS, kind="alias"), "incomplete"),
         (said((BIAS, [LENGTH]), verdict="ambiguous"), truth(BIAS, kind="alias", reversed_load=True), "wrong"),
@@ -838,7 +845,131 @@ def test_any_part_of_a_board_is_a_fair_sample() -> None:
         "machines": 50,
         "unnamed": 50,
     }
-    assert {kind_of(s) for s in order[new : new + 9]} == set(FULL) - {"machines", "unnamed"}
+    assert {kind_of(s) for s in order[new : new + 10]} == set(FULL) - {"machines", "unnamed"}
+
+
+# ---------------------------------------------------------------- sets with several drives
+
+
+def moves(case: str) -> Moves:
+    """Every drive of a shipped case to and fro, none as another."""
+    m = load(case)
+    at = Assembly(m).positions
+    waves = tuple(((0.1 * abs(at[j.name]), 3.0 + k, 0.4 * k), (0.02, 7.0, 2.0 + k)) for k, j in enumerate(m.motors))
+    if case == "3-rpr":
+        waves = tuple((first, (0.004, 7.0, phase)) for first, (_, _, phase) in waves)
+    middle = tuple(at[j.name] for j in m.motors)
+    return Moves("swing", 7.0, 0.0, np.linspace(0.0, 1.2, 301), None, True, middle, waves)
+
+
+def platform(case: str, *signals: str) -> Experiment:
+    """A shipped case, its encoders and efforts, and some other sensors."""
+    m, plan = load(case).rigid(), moves(case)
+    found = ideal(m, plan)
+    noise = {encoder.name: 2e-5 if encoder.unit == "rad" else 5e-6 for encoder in m.encoders}
+    noise |= {s: 2e-3 * float(np.ptp(found[s])) for s in (*(effort.name for effort in m.efforts), *signals)}
+    return Experiment(case, m, (plan,), noise, True, {})
+
+
+@pytest.mark.parametrize("case", several.CASES)
+def test_motors_rates_are_the_derivatives_of_where_they_are(case: str) -> None:
+    plan, h = moves(case), 1e-4
+    now, before, after = (plan.turning(plan.time + step) for step in (0.0, -h, h))
+    assert np.allclose((after.theta - before.theta) / (2 * h), now.omega, rtol=0, atol=1e-5)
+    assert np.allclose((after.omega - before.omega) / (2 * h), now.alpha, rtol=0, atol=1e-4)
+    assert set(platform(case).encoded(plan, plan.time)) == {encoder.name for encoder in load(case).encoders}
+
+
+@pytest.mark.parametrize("case", several.CASES)
+def test_several_motors_go_their_own_ways_and_are_all_measured(case: str) -> None:
+    found = several.draw_several(np.random.default_rng(3), [case], ["cell"], slow=False)
+    m = found.nominal
+    names = {signal.name for signal in (*m.encoders, *m.efforts)}
+    assert names < set(found.noise)
+    assert any(signal.startswith("reaction_") for signal in found.noise)
+    assert found.rig.encoders == tuple(encoder.name for encoder in m.encoders)
+    assert set(found.rig.travels) == {joint.name for joint in m.joints}
+    assert len(found.plans) in (2, 3)
+    for plan in found.plans:
+        assert plan.follows
+        assert several.SAMPLES[0] <= plan.time.size <= several.SAMPLES[1]
+        paths = plan.command(np.linspace(0.0, 10 * plan.time[-1], 3000))
+        assert np.all(np.ptp(paths, axis=1) > 0)
+        apart = np.corrcoef([*paths, *(np.roll(path, 300) for path in paths)])
+        assert np.abs(apart - np.eye(len(apart))).max() < 0.95  # neither as another, nor as itself some time ago
+
+
+ON_PLATFORMS = [
+    ("2r-arm", Planted("encoder_offset", "position_K", {"offset": 5e-3}), ()),
+    ("2r-arm", Planted("payload", "forearm", {"mass": 0.02, "along": 0.01, "normal": 0.02}), ("reaction_K_x",)),
+    *slow(
+        ("five-bar", Planted("sensor_delay", "right-arm_x", {"delay": 1e-2}), ("right-arm_x",)),
+        ("five-bar", Planted("sensor_frame", "A", {"rotation": 0.2}), ("reaction_A_x", "reaction_A_y")),
+        ("3-rrr", Planted("pivot_position", "A2", {"x": 1e-3, "y": -2e-3}), ("platform_x", "platform_angle")),
+        ("3-rpr", Planted("joint_spring", "S1", {"stiffness": 20.0, "rest_angle": 0.2}), ("platform_x",)),
+        ("3-rpr", Planted("encoder_offset", "position_S2", {"offset": 5e-4}), ("platform_y",)),
+    ),
+]
+
+
+@pytest.mark.parametrize(("case", "effect", "signals"), ON_PLATFORMS)
+def test_what_several_drives_record_is_what_the_vocabulary_means(
+    case: str, effect: Planted, signals: tuple[str, ...]
+) -> None:
+    rig = platform(case, *signals)
+    sizer = Sizer(rig)
+    truth = [(Term(VOCABULARY[effect.name], effect.where), effect.values)]
+    predicted, nominal = sizer.model(truth)([truth, []])
+    assert predicted is not None
+    assert nominal is not None
+    seen = readings(effect, rig=rig)[0]
+    judged = {s: sigma for s, sigma in rig.noise.items() if not s.startswith("position_")}
+    shown = max(float(np.abs(predicted[0][s] - nominal[0][s]).max()) / sigma for s, sigma in judged.items())
+    for signal, sigma in rig.noise.items():
+        assert np.abs(seen[signal] - predicted[0][signal]).max() < 0.02 * shown * sigma + 0.1 * sigma, signal
+    assert shown > 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("k", [5, *slow(1)])
+def test_one_seed_of_several_drives_is_one_set_and_one_in_six_is_empty(k: int, tmp_path: Path) -> None:
+    """The sealed truth leaves white noise of what another engine recorded."""
+    seed = FIRST["several"] + k
+    first, again = (make_set(seed, tmp_path / name, tmp_path / f"{name}-seal") for name in "ab")
+    assert first == again
+    files = sorted(path.name for path in (tmp_path / "a").iterdir())
+    assert all((tmp_path / "a" / f).read_bytes() == (tmp_path / "b" / f).read_bytes() for f in files)
+    assert first.kind == kind_of(seed) == "several"
+    assert [effect.name for effect in first.effects][:1] == [[], ["link_length"]][k != 5]
+    assert first.source.name != first.simulator
+    measured = load_measured(tmp_path / "a" / "measured.toml")
+    problem = Problem.of(measured, measured.mechanism, Options("mujoco", others=False, workers=1))
+    truth = [(Term(VOCABULARY[e.name], e.where), dict(e.parameters)) for e in first.effects]
+    (predicted,) = problem.model([truth])
+    assert predicted is not None
+    for run, seen in zip(problem.measured.runs, predicted, strict=True):
+        for signal, channel in run.channels.items():
+            if not signal.startswith("position_"):
+                rest = (channel.values - seen[signal]) / first.noise[signal]
+                assert 0.75 < float(np.sqrt(np.mean(rest**2))) < 1.3, (run.name, signal)
+
+
+def test_rows_of_several_drives_state_their_intervals_and_the_page_has_them() -> None:
+    good = score(said((BIAS, [])), truth(BIAS, kind="several"))
+    wrong = score(said((GAIN, [])), truth(BIAS, kind="several"))
+    empty = [score(said(verdict=v), truth(kind="several")) for v in ("no gap", "unexplained")]
+    assert [r.good for r in (good, wrong, *empty)] == [True, False, True, False]
+    found = board([good] * 9 + [wrong, *empty])
+    rows = {r.what: r for r in found.thresholds}
+    named = rows["several drives: exact or tie"]
+    assert (named.count, named.of, named.met) == (9, 10, True)
+    assert named.interval == pytest.approx((0.5958, 0.9821), abs=1e-4)
+    assert not rows["several drives: wrong"].met
+    assert (rows["several drives, empty: no gap"].count, rows["several drives, empty: no gap"].met) == (1, False)
+    assert not any("effect is distinguishable" in what for what in rows)
+    page = found.files()["README.md"]
+    assert "9 of 9 parameters are in their 95 % intervals" in page
+    assert "| nothing |" in page
 
 
 # ---------------------------------------------------------------- sets of the bench

@@ -45,6 +45,7 @@ def update(
     coloured: Annotated[int | None, typer.Option(min=0, help="Sets with drift, hum and filters [60].")] = None,
     per_run: Annotated[int | None, typer.Option(min=0, help="Sets with faults of sensors in each run [60].")] = None,
     large: Annotated[int | None, typer.Option(min=0, help="Sets in which large effects are missing [60].")] = None,
+    several: Annotated[int | None, typer.Option(min=0, help="Sets with several drives [60].")] = None,
     minutes: Annotated[
         float | None,
         typer.Option(min=1.0, help="Stop after about so long; sets not reached keep their scores of other code."),
@@ -61,7 +62,7 @@ def update(
         given = {"effects": effects, "none": none, "outside": outside, "alias": alias}
         given |= {"machines": machines, "unnamed": unnamed}
         given |= {"slightly-off": slightly_off, "coarse": coarse, "coloured": coloured}
-        given |= {"per-run": per_run, "large": large}
+        given |= {"per-run": per_run, "large": large, "several": several}
         with resumed(), progress_bar() as bar:
             board = update_scoreboard(
                 folder,

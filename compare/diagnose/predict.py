@@ -228,7 +228,7 @@ class Model:
             for lag in (term.effect.behind(turned, values) for term, values in hypothesis):
                 if lag is not None:
                     turned = Turning(turned.theta - lag.theta, turned.omega - lag.omega, turned.alpha - lag.alpha)
-            cranks.append(_as_inputs(assembly, turned) if mechanism.several else turned)
+            cranks.append(as_inputs(assembly, turned) if mechanism.several else turned)
         # which forces are too faint for a direction is asked of each run by itself; several drives go on from one
         # sample to the next
         if mechanism.displaced or mechanism.several:
@@ -254,7 +254,7 @@ class Model:
             if len(self._followed) > CACHED:
                 self._followed.clear()
             assembly = Assembly(self.mechanism)
-            self._followed[key] = assembly.follow(_as_inputs(assembly, self._course(run, time)).theta)
+            self._followed[key] = assembly.follow(as_inputs(assembly, self._course(run, time)).theta)
         return self._followed[key]
 
     def _course(self, run: MeasuredRun, time: np.ndarray) -> Turning:
@@ -388,7 +388,7 @@ def _one_turned(read: Turning, k: int, term: Term, run: str, values: Values) -> 
     return Turning(*(np.insert(np.delete(getattr(read, p), k, 0), k, getattr(one, p), 0) for p in PARTS))
 
 
-def _as_inputs(assembly: Assembly, moved: Turning) -> Turning:
+def as_inputs(assembly: Assembly, moved: Turning) -> Turning:
     """The motion of several motors (k, N) as that of the linkage's inputs."""
     joints = [joint.name for joint in assembly.mechanism.motors]
     return Turning(*(assembly.inputs_at(dict(zip(joints, getattr(moved, part), strict=True))) for part in PARTS))

@@ -114,6 +114,7 @@ def page(board: Scoreboard) -> str:
         "",
         "![Each set with effects: sigmas of its faintest signature, and what the best rival leaves](sizes.svg)",
         *_bench(results),
+        *_several([r for r in results if r.kind == "several"]),
         *_per_engine(board.by_simulator),
         *_errors(effects),
         *_failures(board.results),
@@ -229,6 +230,24 @@ def _verdicts(found: Mapping[str, Sequence[Scored]]) -> Iterator[str]:
     for name, verdicts in groups.items():
         if verdicts:
             yield f"| {name} | " + " | ".join(str(verdicts.count(c) or "") for c in columns) + " |"
+
+
+def _several(sets: Sequence[Scored]) -> Iterator[str]:
+    """Sets with several drives: what was named, by effect, linkage and engine, and how well its size was found."""
+    if not sets:
+        return
+    values = [p for r in sets for p in r.parameters]
+    yield from ("", "## Several drives", "")
+    yield "Every drive follows its encoder, along a course of its own; one set in six is empty. Where names are exact,"
+    yield f"{sum(p.covered for p in values)} of {count(len(values), 'parameter')} are in their 95 % intervals."
+    yield from _outcomes("Several drives, by effect", sets, _hidden_in)
+    yield from _outcomes("Several drives, by linkage", sets, lambda r: [r.case])
+    yield from _outcomes("Several drives, by diagnosing engine", sets, lambda r: [r.simulator])
+    yield from _outcomes("Several drives, by engine that made the data", sets, lambda r: [r.source])
+
+
+def _hidden_in(r: Scored) -> list[str]:
+    return [e.effect.split("@")[0] for e in r.truth] or ["nothing"]
 
 
 def _per_engine(by_simulator: Mapping[str, Sequence[Threshold]]) -> Iterator[str]:

@@ -26,7 +26,8 @@ Kind = Literal[
     "coloured",
     "per-run",
     "large",
-]  # fmt: skip - the last five are sets of the bench
+    "several",
+]  # fmt: skip - those before the last are sets of the bench
 Outcome = Literal[
     "exact", "tie", "clear", "abstained", "partly", "incomplete", "missed", "wrong", "false alarm", "failed"
 ]
@@ -261,7 +262,8 @@ class Threshold(Part):
     most: Share
     met: bool
     interval: Annotated[
-        tuple[Share, Share] | None, Field(description="95 % interval of the share (Wilson); rows of the bench.")
+        tuple[Share, Share] | None,
+        Field(description="95 % interval of the share (Wilson); rows of the bench, and of several drives."),
     ] = None
 
 

@@ -289,6 +289,9 @@ class JointSpring(Effect):
     @staticmethod
     def _rest(rig: Rig, where: str, draw: Draw) -> float:
         """Where a spring might rest: about the middle of its joint's travel (rad, or m)."""
+        if rig.mechanism.several:
+            low, high = rig.travels[where]
+            return float(draw.rng.uniform(low, high))
         signals, joint = draw.motion(), rig.mechanism.joint(where)
         first, second = joint.bodies
         if joint.prismatic:

@@ -33,6 +33,7 @@ FULL: dict[Kind, int] = {
     "machines": 30 * len(hidden_in("machines")),
     "unnamed": 150,
     **dict.fromkeys(BENCH, 60),
+    "several": 60,
 }
 NORMAL = 1.959964  # of a 95 % interval
 
@@ -192,6 +193,7 @@ def thresholds(results: Iterable[Scored]) -> tuple[Threshold, ...]:
         *_of_the_nameless(results),
         _share("clearance or length: as the load allows", sum(r.good for r in of("alias")), len(of("alias")), 1.0),
         *_of_the_bench(results),
+        *_of_several([r for r in results if r.kind == "several"]),
         _share("diagnosed at all", len(results) - _count(results, "failed"), len(results), 1.0),
     ]
     return tuple(row for row in rows if row is not None)
@@ -245,9 +247,25 @@ def _of_the_bench(results: Sequence[Scored]) -> list[Threshold | None]:
             (what, least, [r for r in sets if r.truth]),
             (empty, clear, [r for r in sets if not r.truth]),
         ):
-            row = _share(words, sum(r.good for r in found), len(found), share)
-            rows.append(row and row.model_copy(update={"interval": wilson(row.count, row.of)}))
+            rows.append(_sampled(_share(words, sum(r.good for r in found), len(found), share)))
     return rows
+
+
+def _of_several(sets: Sequence[Scored]) -> list[Threshold | None]:
+    """What is asked of sets with several drives."""
+    full = [r for r in sets if r.truth]
+    empty = [r for r in sets if not r.truth]
+    rows = [
+        _share("several drives: exact or tie", _count(full, "exact", "tie"), len(full), 0.90),
+        _share("several drives: wrong", _count(full, "wrong"), len(full), 0.0, 0.05),
+        _share("several drives, empty: no gap", _count(empty, "clear"), len(empty), 0.95),
+    ]
+    return [_sampled(row) for row in rows]
+
+
+def _sampled(row: Threshold | None) -> Threshold | None:
+    """A row with the interval of its share."""
+    return row and row.model_copy(update={"interval": wilson(row.count, row.of)})
 
 
 def wilson(count: int, of: int) -> tuple[float, float]:

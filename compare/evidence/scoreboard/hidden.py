@@ -21,6 +21,7 @@ from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.predict import Term, derived
 from compare.diagnose.residuals import Data
 from compare.diagnose.sensitivities import candidates, sensitivities
+from compare.evidence.scoreboard import several
 from compare.evidence.scoreboard.outside import OUTSIDE, UNNAMED, Course, Outside, draw_outside, resized
 from compare.evidence.scoreboard.rigs import (
     CASES,
@@ -49,12 +50,15 @@ FIRST: dict[Kind, int] = {
     "large": 440_000,
     "machines": 450_000,
     "unnamed": 460_000,
+    "several": 470_000,
 }
 # by seed
 DIAGNOSING = ("mujoco", "exudyn", "mujoco", "dart", "mujoco", "pybullet", "mujoco", "mujoco", "mujoco", "mujoco")
 ELSE = "mujoco"  # diagnoses where the engine of the seed is the only one that can make the data
 COUNTS = (0.6, 0.3, 0.1)  # of sets with one, two, three effects
 MAKERS = {"exudyn": 1.0, "mujoco": 1.0, "dart": 1.0, "pybullet": 0.25}  # engines that make data: the slower the rarer
+EVERY = 6  # the last of so many sets with several drives is empty
+TWO = 0.25  # of those sets, with two effects
 KEPT = 0.15  # of its peak: the reaction of a joint with clearance never falls below that
 MANY = 8  # sensors, with which the place of what has no name should be found
 UNDESCRIBED = (60.0, 160.0)  # sigmas that the best rival leaves of a thing outside the vocabulary
@@ -92,6 +96,8 @@ def draw(seed: int, attempt: int) -> Hidden:
         return _with_outside(seed, simulator, rng)
     if kind == "alias":
         return _with_alias(seed, simulator, rng)
+    if kind == "several":
+        return _with_several(seed, simulator, rng)
     experiment = draw_experiment(rng, list(CASES), (), False, True)
     return Hidden(seed, kind, experiment, draw_source(rng, simulator, ()), simulator)
 
@@ -133,19 +139,42 @@ def _with_effects(seed: int, simulator: str, rng: np.random.Generator) -> Hidden
     while len(effects) < count:
         able = [name for name, effect in vocabulary.items() if _goes_with(effect, effects)]
         effects.append(vocabulary[str(rng.choice(able))])
-    if set(makers(effects)) == {simulator}:
-        simulator = ELSE  # no other engine makes the data
     hiding = [effect.hiding for effect in effects]
     cases = [case for case in CASES if all(h.cases is None or case in h.cases for h in hiding)]
     sensors = [sensor for h in hiding for sensor in h.sensors]
     may_follow = not any(h.commanded for h in hiding)
     experiment = draw_experiment(rng, cases, sensors, any(h.in_contact for h in hiding), may_follow)
+    return _planted(seed, simulator, rng, effects, experiment)
+
+
+def _planted(
+    seed: int, simulator: str, rng: np.random.Generator, effects: Sequence[Effect], experiment: Experiment
+) -> Hidden:
+    """These effects somewhere in an experiment, as large as a hidden one is.  Raises Rejected."""
+    if set(makers(effects)) == {simulator}:
+        simulator = ELSE  # no other engine makes the data
     sizer = Sizer(experiment)
     truth: list[tuple[Term, Values]] = []
     for effect in effects:
         one = placed(effect, experiment, sizer.rig, rng, [t for t, _ in truth])
         truth.append((one.term, sizer.grown(one, draw_log(rng, SMALLEST, LARGEST))))
-    return Hidden(seed, kind, experiment, draw_source(rng, simulator, effects), simulator, tuple(sizer.judged(truth)))
+    source, judged = draw_source(rng, simulator, effects), tuple(sizer.judged(truth))
+    return Hidden(seed, kind_of(seed), experiment, source, simulator, judged)
+
+
+def _with_several(seed: int, simulator: str, rng: np.random.Generator) -> Hidden:
+    """A rig with several drives: nothing in every sixth set, else one effect, or two."""
+    k, names = seed - FIRST["several"], []
+    if k % EVERY < EVERY - 1:
+        names = [several.EFFECTS[(k - k // EVERY) % len(several.EFFECTS)]]
+        names += rng.choice(several.EFFECTS, size=int(rng.random() < TWO)).tolist()
+    effects = [VOCABULARY[name] for name in dict.fromkeys(names)]
+    if sum(effect.hiding.exclusive for effect in effects) > 1:
+        raise Rejected("no engine has both effects")
+    hiding = [effect.hiding for effect in effects]
+    sensors = [sensor for h in hiding for sensor in h.sensors]
+    experiment = several.draw_several(rng, several.CASES, sensors, any(h.in_contact for h in hiding))
+    return _planted(seed, simulator, rng, effects, experiment)
 
 
 def _goes_with(effect: Effect, effects: Sequence[Effect]) -> bool:

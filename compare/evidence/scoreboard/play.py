@@ -16,16 +16,25 @@ def run(name: str, m: Mechanism, plan: Plan, time: np.ndarray, course: Course | 
 
     Raises Rejected where a pin leaves its bearing.
     """
-    assert m.drive is not None
-    m = m.replace(drive=m.drive.model_copy(update={"speed": plan.speed, "ripple": None}))
     with_clearance: JointModel = "massless-link" if name == "exudyn" else "contact"
     joint_model: JointModel = with_clearance if m.clearances else "ideal"
-    if course is None:
+    if m.several:
+        grid = course_grid(plan, time)
+        courses = {joint.name: (grid - grid[0], at) for joint, at in zip(m.motors, plan.command(grid), strict=True)}
+        request = Request(m, joint_model, time=time - grid[0], courses=courses)
+    elif course is None:
+        m = _driven(m, plan)
         request = Request(m, joint_model, crank_angle=plan.command(time), lead_in=SETTLED if m.half_gap else 0.0)
     else:
-        grid = course_grid(plan, time)
+        m, grid = _driven(m, plan), course_grid(plan, time)
         request = Request(m, joint_model, time=time, course=(grid, course(grid)))
     trace = engine(name).simulate_flexible(request) if m.bends else engine(name).simulate(request)
     if any(trace.free_share.values()):
         raise Rejected(f"a pin flies free in {plan.name}")
     return trace
+
+
+def _driven(m: Mechanism, plan: Plan) -> Mechanism:
+    """A linkage whose one motor turns at the speed of a plan, evenly."""
+    assert m.drive is not None
+    return m.replace(drive=m.drive.model_copy(update={"speed": plan.speed, "ripple": None}))

@@ -89,27 +89,27 @@ def recorded(hidden: Hidden, plan: Plan) -> Readings:
 
 
 def moved(hidden: Hidden, plan: Plan, time: np.ndarray) -> Mapping[str, np.ndarray]:
-    """Every signal (N,) at times (N,) s, the encoder on the motor, by the engine that makes the data."""
+    """Every signal (N,) at times (N,) s, encoders on their motors, by the engine that makes the data."""
 
     def simulate(m: Mechanism, plan: Plan, time: np.ndarray, course: Course | None) -> Mapping[str, np.ndarray]:
         return run(hidden.source, m, plan, time, course).signals
 
-    encoder = hidden.experiment.encoder
+    motors = hidden.experiment.encoded(plan, time)
     if hidden.outside is not None:
         found = hidden.outside.signals(hidden.experiment.nominal, plan, time, simulate)
-        return {**found, encoder: plan.command(time)}
+        return {**found, **motors}
     m = hidden.experiment.nominal if plan.loads is None else hidden.experiment.nominal.replace(loads=plan.loads)
     for e in hidden.truth:
         m = VOCABULARY[e.name].on_mechanism(m, e.where, e.values)
-    ripple = m.drive.ripple if m.drive else None
+    ripple = m.drives[0].ripple if m.cranked and m.drives else None
     if ripple is None:
-        return {**simulate(m, plan, time, None), encoder: plan.command(time)}
+        return {**simulate(m, plan, time, None), **motors}
     a, h, p = ripple.amplitude, ripple.harmonic, ripple.phase
 
     def motor(t: np.ndarray) -> np.ndarray:
         return np.asarray(plan.command(t) + a * np.sin(h * plan.command(t) + p))
 
-    return {**simulate(m, plan, time, motor), encoder: motor(time)}
+    return {**simulate(m, plan, time, motor), hidden.experiment.encoder: motor(time)}
 
 
 def _offset(seen: Readings, run: str, where: str, v: Values) -> Readings:

@@ -15,8 +15,8 @@ from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.signals import AXES, Signal, Unit, named
 from compare.diagnose.data.recording import Channel, Drive, Measured, MeasuredRun
-from compare.diagnose.effects.effect import Rig
-from compare.diagnose.predict import derived
+from compare.diagnose.effects.effect import STOPS, Rig
+from compare.diagnose.predict import as_inputs, derived
 from compare.judge.grid import turns_fully
 
 CASES = {"crank-rocker": 0.45, "slider-crank": 0.3, "six-bar": 0.25}  # and how often each is drawn
@@ -25,6 +25,10 @@ LOADED = {
     "crank-rocker": ("coupler", 50.0),
     "slider-crank": ("slider", 60.0),
     "six-bar": ("coupler", 30.0),
+    "2r-arm": ("forearm", 10.0),
+    "five-bar": ("left-arm", 20.0),
+    "3-rrr": ("platform", 15.0),
+    "3-rpr": ("platform", 15.0),
 }  # body and force (N)
 SAMPLES = (120, 240)
 SENSORS = (5, 9)
@@ -48,8 +52,13 @@ class Plan:
     follows: bool = False
 
     def command(self, time: np.ndarray) -> np.ndarray:
-        """Commanded angle (rad) at times (N,) s."""
+        """Commanded angle (rad) at times (N,) s; of several motors (k, N) rad or m, in their order."""
         return self.angle + self.speed * time
+
+    def turning(self, time: np.ndarray) -> Turning:
+        """The same with its rates."""
+        theta = self.command(time)
+        return Turning(theta, np.full_like(theta, self.speed), np.zeros_like(theta))
 
 
 def course_grid(plan: Plan, time: np.ndarray) -> np.ndarray:
@@ -83,8 +92,13 @@ class Experiment:
 
     @property
     def encoder(self) -> str:
-        """The motor's encoder."""
+        """The encoder of the one motor."""
         return f"{self.nominal.driven}_angle"
+
+    def encoded(self, plan: Plan, time: np.ndarray) -> dict[str, np.ndarray]:
+        """Where every motor is at times (N,) s, by its encoder."""
+        at = np.atleast_2d(plan.command(time))
+        return {encoder.name: place for encoder, place in zip(self.nominal.encoders, at, strict=True)}
 
     @property
     def rig(self) -> Rig:
@@ -94,7 +108,8 @@ class Experiment:
         length = max(b.length for b in self.nominal.bodies)
         speed = max(abs(plan.speed) for plan in self.plans)
         force = max(np.abs(f).max() for plan in self.plans for f in _forces(self.nominal, plan).values())
-        return Rig(self.nominal, tuple(self.noise), names, names, following, length, float(force), speed, self.noise)
+        known = (self.nominal, tuple(self.noise), names, names, following, length, float(force), speed, self.noise)
+        return Rig(*known, postures=tuple(_posture(self.nominal, plan) for plan in self.plans if self.nominal.several))
 
     @cached_property
     def signals(self) -> Mapping[str, Signal]:
@@ -118,9 +133,15 @@ class Experiment:
 
 def ideal(mechanism: Mechanism, plan: Plan) -> dict[str, np.ndarray]:
     """Every signal (N,) of a nominal run, without sensors."""
-    theta = plan.command(plan.time)
-    m = mechanism if plan.loads is None else mechanism.replace(loads=plan.loads)
-    return derived(Assembly(m), Turning(theta, np.full_like(theta, plan.speed), np.zeros_like(theta)))
+    assembly = Assembly(mechanism if plan.loads is None else mechanism.replace(loads=plan.loads))
+    turning = plan.turning(plan.time)
+    return derived(assembly, as_inputs(assembly, turning) if mechanism.several else turning)
+
+
+def _posture(mechanism: Mechanism, plan: Plan) -> np.ndarray:
+    """Inputs (k, STOPS) of a linkage that several drives move, over a run."""
+    stops = np.linspace(plan.time[0], plan.time[-1], STOPS)
+    return np.asarray(as_inputs(Assembly(mechanism), plan.turning(stops)).theta)
 
 
 def _forces(mechanism: Mechanism, plan: Plan) -> dict[str, np.ndarray]:
@@ -162,8 +183,8 @@ def draw_experiment(
 
 
 def draw_mechanism(rng: np.random.Generator, case: str) -> Mechanism:
-    """A shipped case, scaled, with lengths and masses of its own; rigid.  Raises Rejected where its crank does not
-    turn.
+    """A shipped case, scaled, with lengths and masses of its own; rigid.  Raises Rejected where it has a crank that
+    does not turn.
     """
     m = load(case).rigid()
     scale, heavier = draw_log(rng, 0.7, 1.6), draw_log(rng, 0.6, 1.65)
@@ -190,7 +211,7 @@ def draw_mechanism(rng: np.random.Generator, case: str) -> Mechanism:
     )
     gravity = (0.0, -9.81) if rng.random() < 0.5 else (0.0, 0.0)
     found = m.replace(ground={"points": ground}, bodies=tuple(bodies), loads=tuple(loads), gravity=gravity)
-    if not turns_fully(Assembly(found)):
+    if found.cranked and not turns_fully(Assembly(found)):
         raise Rejected(f"{case}: the crank does not turn")
     return found
 
@@ -257,7 +278,7 @@ def draw_sensors(
 
 def draw_noise(rng: np.random.Generator, signal: Signal, peaks: dict[str, float]) -> float:
     """A sensor's 1-sigma, SI."""
-    if signal.kind == "pose":
+    if signal.kind in ("pose", "position"):
         return draw_log(rng, 2e-5, 1e-4) if signal.wraps else draw_log(rng, 5e-6, 2e-5)
     axes = [signal.sibling(axis) for axis in AXES] if signal.kind == "reaction" else [signal]
     return max(peaks[axis.name] for axis in axes) * draw_log(rng, 1e-3, 5e-3)

@@ -11,7 +11,8 @@
 ``abstained``    nothing is named, and a gap reported (also the right answer to what is outside the vocabulary)
 ``partly``       outside the vocabulary: something is named, and that it does not explain the data is said (where it is
                  said that it does, or may, the set is ``wrong``)
-``clear``, ``false alarm``   effect-free: nothing is named; something is
+``clear``, ``false alarm``   effect-free: nothing is named; something is (with several drives a gap that is reported is
+                 not clear either: ``abstained``)
 ``failed``       there was no diagnosis
 
 In sets of the bench what is slightly off and the faults of sensors that are truly there are never wrong when named, and
@@ -46,6 +47,7 @@ GOOD: dict[Kind, tuple[Outcome, ...]] = {
     "alias": ("exact", "tie"),
     "machines": ("exact", "tie"),
     "unnamed": ("abstained", "partly"),
+    "several": ("exact", "tie", "clear"),
 }
 NAMED: tuple[Kind, ...] = ("effects", "machines")  # sets of the vocabulary's effects
 NAMELESS: tuple[Kind, ...] = ("outside", "unnamed")  # sets of what it has no word for
@@ -132,8 +134,9 @@ def _of(truth: Truth, outcome: Outcome, verdict: str) -> Scored:
 def judged(truth: Truth, diagnosis: Diagnosis, found: Mapping[Key, set[Key]], true: set[Key]) -> Outcome:
     """The outcome."""
     kind, verdict = truth.kind, diagnosis.verdict
-    if kind == "none":
-        return "false alarm" if found else "clear"
+    if not true and truth.outside is None:
+        quiet = kind == "none" or verdict == "no gap"
+        return "false alarm" if found else "clear" if quiet else "abstained"
     if not found:
         return "missed" if verdict == "no gap" else "abstained"
     if kind in NAMELESS:

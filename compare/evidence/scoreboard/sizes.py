@@ -19,7 +19,7 @@ from analytic.beyond_paper.drive import Motor
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Readings, Rig, Values
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fit, Fitter
-from compare.diagnose.predict import Model, Term
+from compare.diagnose.predict import Model, Motors, Term
 from compare.diagnose.residuals import Data
 from compare.diagnose.sensitivities import candidates, sensitivities
 from compare.evidence.scoreboard.rigs import Experiment, Rejected, ideal
@@ -84,14 +84,15 @@ class Sizer:
         self.experiment, self.rig = experiment, experiment.rig
 
     def model(self, truth: Sequence[tuple[Term, Values]]) -> Model:
-        """The analytic model of the experiment; a run that follows its encoder follows it with its offset."""
-        courses = {}
+        """The analytic model of the experiment; a run that follows its encoders follows them with their offsets."""
+        courses: dict[str, Motor | Motors] = {}
         for plan in self.experiment.plans:
-            readings: Readings = {self.rig.encoder: plan.command(plan.time)}
+            readings: Readings = self.experiment.encoded(plan, plan.time)
             for term, values in truth:
                 if term.effect.misreads:
                     readings = term.effect.on_readings(readings, plan.name, term.where, values)
-            courses[plan.name] = Motor(course=CubicSpline(plan.time, readings[self.rig.encoder]))
+            each = tuple(Motor(course=CubicSpline(plan.time, readings[encoder])) for encoder in self.rig.encoders)
+            courses[plan.name] = Motors(each) if self.rig.mechanism.several else each[0]
         return Model(self.experiment.measured(), self.rig, self.experiment.nominal, courses)
 
     def data(self, truth: Sequence[tuple[Term, Values]]) -> tuple[Model, Data]:
