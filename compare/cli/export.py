@@ -21,7 +21,7 @@ def export(
     case: Annotated[str, typer.Option(help="Shipped case (see: compare cases) or a mechanism file.")] = "paper",
     joint: Annotated[JointChoice, typer.Option(help="What the joints with clearance are.")] = JointChoice.ideal,
     motion: Annotated[
-        MotionChoice, typer.Option(help="Run the crank at its speed, or equilibrium at each angle.")
+        MotionChoice, typer.Option(help="Driven, or equilibrium at each angle or time.")
     ] = MotionChoice.driven,
     clearance: Annotated[
         str | None, typer.Option(metavar="JOINT=M,...", help="Radial clearances (m) in place of the case's own.")
