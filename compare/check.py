@@ -48,6 +48,7 @@ from compare.judge.reference import (
     followed_reference,
     reference,
     released_reference,
+    timed_reference,
 )
 from compare.recorded.errors import DataError
 from compare.recorded.motion import (
@@ -92,8 +93,9 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
     ``results`` are CSV files (also Parquet, Feather, MAT) of signals; ``map`` says what their columns are where their
     headings do not.  In ``driven`` motion the analytic side follows the crank's angle over time; without that column it
     turns at ``drive.speed``; a linkage without a motor is let go in the state that the file begins with.  In ``static``
-    motion every row is an equilibrium.  ``simulators`` are engines that simulate the first file's motion beside.
-    ``joint_model`` says what the joints with clearance were: ``contact`` if it is left out.
+    motion every row is an equilibrium, of several drives at its time.  ``simulators`` are engines that simulate the
+    first file's motion beside.  ``joint_model`` says what the joints with clearance were: ``contact`` if it is left
+    out.
 
     Raises MechanismError, ArgumentError, ToleranceError, MapError, DataError with every fault of the files,
     AssemblyError, Unsupported or SimulatorMissing.
@@ -106,7 +108,7 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
         names, left_out = engines(simulators) if simulators is not None else ((), [])
         loose(given, chosen)
         model: JointModel = chosen or ("contact" if given.clearances else "ideal")
-        tables = _tables(result_files(results), given, layout, str(map), timed=motion == "driven")
+        tables = _tables(result_files(results), given, layout, str(map), timed=motion == "driven" or not given.cranked)
         recordings = [recording(name, file, table, given, motion, model) for name, file, table in tables]
     uneven = any(one.kind == "course" for one in recordings)
     m = _followed(given) if uneven and given.speed is not None else given
@@ -129,7 +131,7 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
             _with_rounding(side, one),
             _trace(one, m, model, motion),
         )
-        remarks += [*side.remarks, *_units(one, side), *_coarse(one, side, found.rules)]
+        remarks += [*side.remarks, *_units(one, side), *(_coarse(one, side, found.rules) if motion == "driven" else ())]
         if found.run.verdict == "disagrees" and one.kind == "angles" and motion == "driven" and one.time is None:
             remarks += _at_rest(one, m, model, analytic, job)
         ran += Ran((found,))
@@ -259,6 +261,9 @@ def _side(one: Recording, mechanism: Mechanism, motion: Motion, joint_model: Joi
         if isinstance(one.moved, Followed):
             return followed_reference(assembly, one.moved.moving, one.moved.errors, model, clearances)
         if isinstance(one.moved, FollowedDrives):
+            if motion == "static":
+                courses = Courses(one.moved.knots)
+                return timed_reference(assembly, one.moved.time, courses, motion, model, clearances)
             states = {name: (each.moving, each.errors) for name, each in one.moved.drives.items()}
             return followed_drives_reference(assembly, states, model, clearances)
         return reference(assembly, one.theta, motion, model, clearances, one.error)
@@ -287,11 +292,11 @@ def _trace(one: Recording, mechanism: Mechanism, joint_model: JointModel, motion
     settings: dict[str, str | float] = {"file": Path(one.file).name}
     if isinstance(one.moved, Followed):
         settings["acceleration_known_to"] = float(SURE * np.max(one.moved.errors.alpha))
-    if isinstance(one.moved, FollowedDrives):
+    if isinstance(one.moved, FollowedDrives) and motion == "driven":
         for name, each in one.moved.drives.items():
             settings[f"acceleration_known_to_{name}"] = float(SURE * np.max(each.errors.alpha))
     theta = one.table.values.get(encoder_of(mechanism), one.theta) if one.kind == "released" else one.theta
-    time = None if motion == "static" else one.time
+    time = None if motion == "static" and not isinstance(one.moved, FollowedDrives) else one.time
     return Trace(
         one.name,
         RECORDED,
@@ -375,7 +380,9 @@ def _engines(job: Job, one: Recording, joint_model: JointModel, progress: Progre
     if isinstance(one.moved, Followed | FollowedDrives):
         one = replace(one, moved=one.moved.smooth())
     side = _side(one, m, job.motion, joint_model, job.model)
-    if isinstance(one.moved, Followed | FollowedDrives):
+    if isinstance(one.moved, FollowedDrives):
+        request = one.moved.request(m, joint_model, job.motion)
+    elif isinstance(one.moved, Followed):
         request = one.moved.request(m, joint_model)
     elif isinstance(one.moved, Start):
         let_go = released_from(m.ideal(), one.moved.angle)

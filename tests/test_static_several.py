@@ -386,6 +386,18 @@ def test_one_side_by_itself_takes_courses_and_paths_at_rest(tmp_path: Path) -> N
 
 
 @pytest.mark.mujoco
+@pytest.mark.exudyn
+@pytest.mark.parametrize("case", ["five-bar", *slow("3-rpr")])
+def test_another_programs_equilibria_are_checked_by_their_positions(case: str, tmp_path: Path) -> None:
+    found = lc.simulate(case, "exudyn", times=np.linspace(0.0, 0.5, 11), motion="static")
+    text = found.files()["signals.csv"]
+    assert text.startswith("time [s],")
+    (tmp_path / "theirs.csv").write_text(text, encoding="utf-8")
+    checked = lc.check(tmp_path / "theirs.csv", case, motion="static", joint_model="ideal")
+    assert checked.verdict == "agrees"
+    assert lc.check(tmp_path / "theirs.csv", case, joint_model="ideal").verdict == "disagrees"
+
+
 def test_a_linkage_that_no_drive_holds_has_no_static_motion() -> None:
     m = load("2r-arm").replace(drives=[{"joint": "O", "speed": 2.0}, {"joint": "K", "speed": "free"}])
     words = r"motion: no drive of 2r-arm holds joint 'K'.*; leave motion out, or give that joint a \[\[drive\]\]"

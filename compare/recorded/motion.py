@@ -14,7 +14,7 @@ from analytic.beyond_paper.drive import Motor, Turning
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Mechanism
 from compare.diagnose.data.smooth import Smoother
-from sim_models.engine import JointModel, Request
+from sim_models.engine import JointModel, Motion, Request
 
 STRAIGHT = 1e-6  # rad: a crank that is off an even turning by no more turns evenly
 COARSEST = 0.02  # rad, half of the step of an encoder: angles farther apart are chosen, not rounded
@@ -73,9 +73,9 @@ class FollowedDrives:
         """The courses as times (M,) s and positions (M,) by joint."""
         return {name: one.knots for name, one in self.drives.items()}
 
-    def request(self, mechanism: Mechanism, joint_model: JointModel) -> Request:
-        """The same motion, asked of an engine."""
-        return Request(mechanism, joint_model, time=self.time, courses=self.knots)
+    def request(self, mechanism: Mechanism, joint_model: JointModel, motion: Motion = "driven") -> Request:
+        """The same motion, or rest in its poses, asked of an engine."""
+        return Request(mechanism, joint_model, motion, time=self.time, courses=self.knots)
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ def recording(
 ) -> Recording:
     """A table with the motion of the linkage in it.  Raises DataError or ArgumentError."""
     if not mechanism.cranked or len(Assembly(mechanism).structure.inputs) > 1:
-        return _of_drives(name, file, table, mechanism, motion)
+        return _of_drives(name, file, table, mechanism)
     encoder, where = encoder_of(mechanism), Path(file).name
     table = _kept(table)
     angle = table.values.get(encoder)
@@ -111,14 +111,10 @@ def _start(table: Table, mechanism: Mechanism) -> Start:
     return Start(angle, rate, (rounded[0] / SURE, rounded[1] / SURE))
 
 
-def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism, motion: Motion) -> Recording:
+def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism) -> Recording:
     """A table of a linkage that no single crank moves: each driven joint's position is followed."""
     table, where, assembly = _kept(table), Path(file).name, Assembly(mechanism)
     s = assembly.structure
-    if motion == "static":
-        raise ArgumentError(
-            "motion", f"{mechanism.name} is compared over time, in driven motion only; leave motion out"
-        )
     if s.free:
         joint = s.coordinates[s.inputs[s.free[0]]].joint
         raise DataError(f"{where}: joint {joint!r} of {mechanism.name} has no drive; only driven motion can be checked")

@@ -53,7 +53,8 @@ class _Side(Document):
     def rows(self) -> list[Row]:
         """A row for each crank angle, or time."""
         timed = {} if self.time is None else {"time": self.time}
-        columns = {"crank_angle": self.crank_angle, **timed, **self.signals}
+        told = {"crank_angle": self.crank_angle} if self.mechanism.cranked or not timed else {}
+        columns = {**told, **timed, **self.signals}
         return [dict(zip(columns, row, strict=True)) for row in zip(*map(listed, columns.values()), strict=True)]
 
     def _over(self) -> str:
