@@ -30,7 +30,13 @@ from compare.arguments import (
 from compare.faults import ArgumentError
 from compare.judge.courses import Courses
 from compare.judge.grid import FREE_TIME, turns_fully
-from compare.judge.reference import Reference, reference, timed_reference, with_flexible_links
+from compare.judge.reference import (
+    Reference,
+    reference,
+    timed_reference,
+    timed_with_flexible_links,
+    with_flexible_links,
+)
 from compare.judge.signals import with_derived
 from compare.results.analysis import Analysis, Simulation
 from compare.results.crosscheck import Path, Simulator
@@ -72,19 +78,28 @@ def analyse(  # noqa: PLR0913 - what a person may ask, by name
         assembly = Assembly(m)
         moved = timed(assembly, times, course, path)
         if moved is not None:
-            over_time(assembly, motion, angles=angles, compliance=compliance or None)
+            over_time(assembly, motion, angles)
+            _at_rest(motion, compliance)
             side = timed_reference(assembly, *moved, motion, model, m.clearances)
-            return _analysed(m, side, model, warned, moved[0]).model_copy(update={"motion": motion})
+            if compliance:
+                side = timed_with_flexible_links(side, assembly, *moved)
+            found = _analysed(m, side, model, warned, moved[0])
+            return found.model_copy(update={"motion": motion, "compliance": compliance})
         if motion == "driven" and m.speed is None:
             raise ArgumentError("motion", f"the drive of {m.name} has no constant speed; ask for static motion")
-        if motion == "driven" and compliance:
-            raise ArgumentError("compliance", "elastic displacement is found at rest; ask for static motion")
+        _at_rest(motion, compliance)
         theta = crank_angles(assembly, angles)
         side = reference(assembly, theta, motion, model, m.clearances)
         if compliance:
             side = with_flexible_links(side, assembly, theta)
     found = _analysed(m, side, model, warned, None)
     return found.model_copy(update={"motion": motion, "compliance": compliance, "crank_angle": theta})
+
+
+def _at_rest(motion: Motion, compliance: bool) -> None:
+    """Raises ArgumentError where links are to yield in a driven motion."""
+    if motion == "driven" and compliance:
+        raise ArgumentError("compliance", "elastic displacement is found at rest; ask for static motion")
 
 
 def _analysed(m: Mechanism, side: Reference, model: Model, warned: Sequence[str], time: np.ndarray | None) -> Analysis:
@@ -164,7 +179,7 @@ def request(
     loose(m, joint_model)
     assembly = Assembly(m)
     if moved is not None:
-        over_time(assembly, motion, angles=angles)
+        over_time(assembly, motion, angles)
         return Request(m, joint_model, motion, time=moved[0], courses=moved[1].knots)
     if m.speed is None and motion == "driven":
         if angles is not None:

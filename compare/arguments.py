@@ -333,19 +333,17 @@ def timed(
     return times_within(courses, asked), courses
 
 
-def over_time(assembly: Assembly, motion: Motion, **of_a_crank: object) -> None:
-    """Raises ArgumentError for what is asked of one crank, where a linkage is looked at over time, and for an
-    equilibrium of one that no drive holds.
+def over_time(assembly: Assembly, motion: Motion, angles: object) -> None:
+    """Raises ArgumentError for crank angles where a linkage is looked at over time, and for an equilibrium of one that
+    no drive holds.
     """
     name = f"{assembly.mechanism.name} is looked at over time"
     loose = assembly.structure.free_joints
     if motion == "static" and loose:
         what = f"no drive of {assembly.mechanism.name} holds joint {loose[0]!r}, so that there is no static motion"
         raise ArgumentError("motion", f"{what}; leave motion out, or give that joint a [[drive]] with a speed")
-    for argument, given in of_a_crank.items():
-        if given is not None:
-            remedy = "give times (s) in its place" if argument == "angles" else "leave it out"
-            raise ArgumentError(argument, f"{name}, and has none of this; {remedy}")
+    if angles is not None:
+        raise ArgumentError("angles", f"{name}, and has none of this; give times (s) in its place")
 
 
 def rigidly_and_evenly_driven(mechanism: Mechanism) -> Mechanism:

@@ -59,7 +59,14 @@ from compare.judge.discrepancy import (
 )
 from compare.judge.flexible import Beams, softened
 from compare.judge.grid import FREE_TIME, turns_fully
-from compare.judge.reference import Reference, reference, released_reference, timed_reference, with_flexible_links
+from compare.judge.reference import (
+    Reference,
+    reference,
+    released_reference,
+    timed_reference,
+    timed_with_flexible_links,
+    with_flexible_links,
+)
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
 from compare.judge.tolerances import Tolerances
 from compare.recorded.motion import SURE
@@ -200,7 +207,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
         moved = timed(assembly, times, course, path)
         released = moved is None and m.speed is None and motion == "driven"
         if moved is not None:
-            over_time(assembly, motion, angles=angles, flexible=flexible or None)
+            over_time(assembly, motion, angles)
         if released and angles is not None:
             raise ArgumentError("angles", f"{m.name} swings freely and is compared over time; leave angles out")
         if released or (moved is not None and assembly.structure.free):
@@ -446,7 +453,8 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
 def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Reference:
     if job.time is not None and job.courses is not None:
         clearances = {} if ideal else job.mechanism.clearances
-        return timed_reference(assembly, job.time, job.courses, job.motion, job.model, clearances)
+        side = timed_reference(assembly, job.time, job.courses, job.motion, job.model, clearances)
+        return timed_with_flexible_links(side, assembly, job.time, job.courses) if job.flexible else side
     if job.time is not None:
         return released_reference(assembly, job.time)
     side = measure(assembly, job.theta, job.motion, job.model, {} if ideal else job.mechanism.clearances)

@@ -252,7 +252,7 @@ def off(m: Mechanism, motion: Motion) -> dict[str, float]:
 @pytest.mark.parametrize("m", [m for m, _, _ in FLEXIBLE.values()] + [inverted_slider()], ids=lambda m: m.name)
 def test_accelerations_and_joint_laws_from_poses_are_those_of_the_differentiated_loops(m: Mechanism) -> None:
     theta = np.radians(np.arange(5.0, 365.0, 20.0))
-    found, exact = RigidMotion(Assembly(m), theta, 7.0, 30.0), kinematics(Assembly(m), theta, 7.0, 30.0)
+    found, exact = RigidMotion.of_crank(Assembly(m), theta, 7.0, 30.0), kinematics(Assembly(m), theta, 7.0, 30.0)
     for body in m.bodies:
         for ours, theirs in (
             (
@@ -279,9 +279,8 @@ def test_accelerations_and_joint_laws_from_poses_are_those_of_the_differentiated
 def test_a_joint_that_stands_still_has_no_friction() -> None:
     """At a dead centre the slide stops, with a rate that is nothing but rounding."""
     m = pushed_slider_crank()
-    before, at, after = RigidMotion(Assembly(m), np.radians([179.0, 180.0, 181.0]), 100.0).law(
-        m.joint("S"), moving=False
-    )
+    motion = RigidMotion.of_crank(Assembly(m), np.radians([179.0, 180.0, 181.0]), 100.0)
+    before, at, after = motion.law(m.joint("S"), moving=False)
     assert at == 0.0
     assert before == -after != 0.0
 

@@ -414,8 +414,6 @@ def test_a_linkage_that_no_drive_holds_has_no_static_motion() -> None:
 def test_what_is_asked_of_a_crank_is_refused_at_rest_too() -> None:
     with pytest.raises(ArgumentError, match="angles: five-bar is looked at over time"):
         lc.analyse("five-bar", motion="static", angles=[0.1])
-    with pytest.raises(ArgumentError, match="compliance: five-bar is looked at over time"):
-        lc.analyse("five-bar", motion="static", compliance=True)
 
 
 def test_a_request_of_the_command_is_static_with_its_courses() -> None:

@@ -44,6 +44,7 @@ class Compliance:
     theta: np.ndarray  # rad (N,)
     motions: Mapping[tuple[str, str], np.ndarray]  # (N, 6) by body and point: m and rad
     energy: np.ndarray  # J (N,): strain energy of bars and springs
+    positions: Mapping[str, np.ndarray]  # rad, or m, (N,) by joint: of its position, second body relative to first
 
     def __repr__(self) -> str:
         moved = largest(np.array([self.displacement(*place) for place in self.motions]), "m")
@@ -105,7 +106,7 @@ def compliance(
     n = motion.theta.size
     parts = [structure.solve(slice(i, i + BLOCK), load[i : i + BLOCK]) for i in range(0, n, BLOCK)]
     u, energy = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Compliance(structure.mechanism, motion.theta, structure.motions(u), energy)
+    return Compliance(structure.mechanism, motion.theta, structure.motions(u), energy, structure.positions(u))
 
 
 class _Structure:
@@ -292,6 +293,11 @@ class _Structure:
                 result[body, point] = np.zeros((len(u), 6))
                 result[body, point][:, self.kept] = (self.carry(arm) @ u[:, freedoms, None])[..., 0]
         return result
+
+    def positions(self, u: np.ndarray) -> dict[str, np.ndarray]:
+        """What displacements (N, n) make of every joint's position (N,), rad or m."""
+        free = {joint.name: self.kept.index(_free(joint)) for joint in self.mechanism.joints}
+        return {name: np.einsum("ni,ni->n", self.slips[name][:, axis], u) for name, axis in free.items()}
 
 
 def _free(joint: Joint) -> int:

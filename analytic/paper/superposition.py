@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly, Path
+from analytic.kinematics.assembly import Assembly, Followed, Path
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.one_line import angles, clearances, count, one_line
 from analytic.mechanism.signals import Signal, named
@@ -62,8 +62,9 @@ class Total:
 def superposed(signals: Mapping[str, np.ndarray], compliance: Compliance) -> dict[str, np.ndarray]:
     """Signals (N,) of a linkage of rigid parts, its clearances taken up or not, with its compliance added (Fig. 7c).
 
-    Bodies move and turn by their elastic displacement, and the pins move in their bearings by the give of the joints'
-    own springs (Eq. 4).  Reactions, torques and rates stay as they are: they change in second order only.
+    Bodies move and turn by their elastic displacement, joints turn and slide between the sections that they join, and
+    the pins move in their bearings by the give of the joints' own springs (Eq. 4).  Reactions, torques and rates stay
+    as they are: they change in second order only.
     """
     m, out = compliance.mechanism, dict(signals)
     for name, signal in named(m.bodies, m.joints, m.drives).items():
@@ -77,6 +78,8 @@ def elastic_part(signal: Signal, compliance: Compliance) -> np.ndarray | None:
     """What compliance adds to a signal (N,), in its unit; None where that is nothing, to first order."""
     if signal.component == "angle" and signal.kind in ("pose", "rotation"):
         return compliance.rotation(signal.place, compliance.mechanism.angle_point(signal.place))
+    if signal.kind == "position":
+        return compliance.positions[signal.place]
     if signal.kind == "pose":
         moved = compliance.displacement(signal.place)
     elif signal.kind == "clearance":
@@ -89,18 +92,20 @@ def elastic_part(signal: Signal, compliance: Compliance) -> np.ndarray | None:
 def total_displacement(
     assembly: Assembly,
     theta: np.ndarray,
-    omega: float = 1.0,
+    omega: np.ndarray | float = 1.0,
     *,
     model: Model = "first_order",
     inertia: bool = False,
     clearances: Mapping[str, float] | None = None,
+    near: Followed | None = None,
 ) -> Total:
     """Superpose clearance (``model``) and the ideal configuration's compliance at crank angles theta (N,) rad.
 
-    With ``first_order`` this is the paper's procedure.  Raises what :func:`analytic.paper.clearance.displaced` and
+    With ``first_order`` this is the paper's procedure.  Several inputs are (n_inputs, N), and ``near`` what they are in
+    :func:`analytic.paper.clearance.displaced`; their drives hold their joints.  Raises what that and
     :func:`analytic.paper.compliance.compliance` raise.
     """
-    moved = displaced(assembly, theta, omega, model=model, inertia=inertia, clearances=clearances)
+    moved = displaced(assembly, theta, omega, model=model, inertia=inertia, clearances=clearances, near=near)
     return Total(moved, compliance(moved.ideal.motion, inertia))
 
 

@@ -2,7 +2,9 @@
 
 The analytic side is of first order in the elastic displacement d.  A link whose two ends move by d each turns by up to
 2 d over its length.  That turn of the shortest link is the share of a force or a displacement that the superposition
-neglects; the turn's square is what it neglects of a body's angle.
+neglects; the turn's square is what it neglects of a body's angle.  A torque is the joint's force on a lever: of one
+that is small because the lever lies along the force, as of a link that hangs, it neglects that share of the force on a
+lever as long as the shortest link.
 """
 
 from __future__ import annotations
@@ -10,11 +12,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from analytic.mechanism import Mechanism
-from analytic.mechanism.signals import AXES, Signal
+from analytic.mechanism.signals import AXES, Signal, driving
 from compare.judge.discrepancy import Rule
 from compare.judge.reference import Reference
-from compare.judge.signals import DRIVE_TORQUE
 from sim_models.engine import (
     Capabilities,
     Engine,
@@ -76,13 +79,22 @@ def softened(
             found[name] = replace(rule, absolute=rule.absolute + force)
         elif rule.kind == "position":
             found[name] = replace(rule, absolute=rule.absolute + place**2)
+        elif rule.kind in ("torque", "force"):
+            lever = shortest if rule.kind == "torque" else 1.0
+            least = force * _carried(side, rule.signal.place or mechanism.drive_joint.name) * lever
+            found[name] = replace(rule, absolute=max(rule.absolute, least), relative=rule.relative + force)
         elif rule.kind == "rotation":
             found[name] = replace(rule, absolute=rule.absolute + place**2, relative=rule.relative + place)
         else:
             found[name] = replace(rule, relative=rule.relative + force)
     rounding = OF_LENGTH * max(body.length for body in mechanism.bodies)
-    of_place = replace(
-        rules[DRIVE_TORQUE.name], absolute=rounding, relative=OF_DISPLACEMENT + place, clearance=moved, window=0.0
-    )
+    of_drive = rules[driving(mechanism.motors)[0].name]
+    of_place = replace(of_drive, absolute=rounding, relative=OF_DISPLACEMENT + place, clearance=moved, window=0.0)
     places = [Signal("pose", body.name, axis) for body in mechanism.bodies for axis in AXES]
     return found | {signal.name: replace(of_place, signal=signal) for signal in places}
+
+
+def _carried(side: Reference, joint: str) -> float:
+    """The largest force (N) that a joint carries; 0 where statics does not determine it."""
+    name = Signal("reaction", joint, "magnitude").name
+    return max(side.peaks.get(name, 0.0), float(np.nanmax(np.abs(side.signals[name]), initial=0.0)))

@@ -213,8 +213,7 @@ def timed_reference(
     """
     s, splines = assembly.structure, courses.splines
     if motion == "static":
-        inputs, omega = (assembly.inputs_at(each) for each in (courses.at(time), courses.directions(time)))
-        moving, near = Turning(inputs, omega, np.zeros(inputs.shape)), _on_the_way(assembly, time, courses)
+        moving, near = _resting(assembly, time, courses)
         return _at_rest(_side(assembly, moving, False, model, clearances, _held(assembly, courses), near))
     if s.free:
         found = free_motion(assembly, time, splines)
@@ -227,6 +226,12 @@ def timed_reference(
     )
     near = _on_the_way(assembly, time, courses)
     return _side(assembly, Turning(inputs, omega, alpha), True, model, clearances, near=near)
+
+
+def _resting(assembly: Assembly, time: np.ndarray, courses: Courses) -> tuple[Turning, Followed]:
+    """The inputs at times (N,) s, with the direction in which they go on, and the coordinates there."""
+    inputs, omega = (assembly.inputs_at(each) for each in (courses.at(time), courses.directions(time)))
+    return Turning(inputs, omega, np.zeros(inputs.shape)), _on_the_way(assembly, time, courses)
 
 
 def _on_the_way(assembly: Assembly, time: np.ndarray, courses: Courses) -> Followed:
@@ -261,11 +266,21 @@ def _angles(motion: Moving) -> dict[str, np.ndarray]:
 
 
 def with_flexible_links(side: Reference, assembly: Assembly, theta: np.ndarray) -> Reference:
-    """The analytic side at rest with the elastic displacement of the ideal linkage added: the paper's superposition
-    (Fig. 7c, :func:`analytic.paper.superposition.superposed`).  Reactions keep their values and their peaks.
+    """The analytic side at rest at crank angles theta (N,) rad, with the elastic displacement of the ideal linkage
+    added: the paper's superposition (Fig. 7c, :func:`analytic.paper.superposition.superposed`).  Reactions keep their
+    values and their peaks.
     """
-    m = assembly.mechanism
-    found = compliance(kinematics(assembly, theta, m.speed or 1.0))
+    return _bent(side, kinematics(assembly, theta, assembly.mechanism.speed or 1.0))
+
+
+def timed_with_flexible_links(side: Reference, assembly: Assembly, time: np.ndarray, courses: Courses) -> Reference:
+    """The same of a side at rest at times (N,) s of its drives' courses, which hold their joints."""
+    resting, near = _resting(assembly, time, courses)
+    return _bent(side, kinematics(assembly, resting.theta, resting.omega, path=near))
+
+
+def _bent(side: Reference, ideal: Moving) -> Reference:
+    m, found = ideal.structure.mechanism, compliance(ideal)
     known = named(m.bodies, m.joints, m.drives)
     peaks = {name: peak for name, peak in side.peaks.items() if known[name].kind in ("reaction", "drive")}
     return replace(

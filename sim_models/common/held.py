@@ -86,6 +86,11 @@ class HeldPath:
         fastest = np.max([np.abs(rate) / self.scale[name] for name, rate in rates.items()], axis=0)
         return {name: rate / np.where(fastest > 0, fastest, 1.0) for name, rate in rates.items()}
 
+    def leading(self, times: np.ndarray) -> np.ndarray:
+        """Position (N,) rad, m of the first input's joint at times (N,) s."""
+        s = self.assembly.structure
+        return self.motors[s.coordinates[s.inputs[0]].joint].angles(times)
+
     def stands(self, at: float) -> bool:
         """Whether all drives stand at a time (s)."""
         return not any(rate.any() for rate in self.direction(np.array([at])).values())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -12,9 +12,11 @@ import numpy as np
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism
 from analytic.mechanism.bars import POISSON, division
 from analytic.mechanism.signals import turned_near
-from sim_models.common.contact_laws import PIN_RADIUS, STATIC_STIFFNESS
-from sim_models.common.start import Pose
+from sim_models.common.contact_laws import PIN_RADIUS
+from sim_models.common.start import AT_REST, Pose
+from sim_models.common.travel import travel
 from sim_models.engine import Unsupported
+from sim_models.exudyn.linkage import DIFFERENCES
 from sim_models.exudyn.settings import static_settings
 
 Element = Literal["euler-bernoulli", "timoshenko"]
@@ -66,9 +68,9 @@ def is_flexible(body: Body) -> bool:
 
 def pin_stiffness(joint: Joint) -> float:
     """Stiffness (N/m) of a pin pressed into its bearing: the contact's, else the joint's spring of Eq. 4, at most
-    STIFFEST.
+    STIFFEST; without either STIFFEST, as the usual contact at rest gives like a link that is pulled.
     """
-    spring = joint.elasticity.translation if joint.elasticity is not None else STATIC_STIFFNESS
+    spring = joint.elasticity.translation if joint.elasticity is not None else STIFFEST
     return min(joint.contact_stiffness or spring, STIFFEST)
 
 
@@ -80,8 +82,8 @@ def soft_stiffness(joint: Joint, force: float) -> float:
 
 
 class BeamModel:
-    """The linkage as an Exudyn system whose reference configuration is undeformed, under ``pushes`` besides nothing
-    else.
+    """The linkage as an Exudyn system whose reference configuration is undeformed, under ``pushes`` and nothing else,
+    with the joints that are ``held`` by drives where they are in ``start``.
 
     A link is the bars of :func:`analytic.mechanism.bars.division`: one along a straight link, a star welded at its hub
     otherwise; a com or marker that is not on a bar is carried by a rigid arm.
@@ -94,18 +96,17 @@ class BeamModel:
         clearance: Mapping[str, float],
         start: Mapping[str, Pose],
         pushes: Iterable[Push],
+        held: Collection[str],
     ) -> None:
         import exudyn
         import exudyn.itemInterface as items
 
         self.exu: Any = exudyn
         self.items, self.m, self.element, self.clearance, self.start = items, mechanism, element, clearance, start
+        self.held = held
         self._initial = exudyn.ConfigurationType.Initial
         self.container = exudyn.SystemContainer()
         self.mbs = self.container.AddSystem()
-        self.fixed = self.mbs.AddMarker(
-            items.MarkerNodeCoordinate(nodeNumber=self.mbs.AddNode(items.NodePointGround()), coordinate=0)
-        )
         self._marker: dict[tuple[str, str], Any] = {}
         self._arm: dict[
             tuple[str, str], complex
@@ -119,6 +120,7 @@ class BeamModel:
         for body in mechanism.bodies:
             (self._add_beams if is_flexible(body) else self._add_rigid)(body, start[body.name])
         self._joint = {joint.name: self._add_joint(joint) for joint in mechanism.joints}
+        self._drive = {j.name: self._add_drive(j) for j in mechanism.joints if j.name in held and not j.prismatic}
         for push in pushes:
             self._push(*push)
         self.mbs.Assemble()
@@ -139,8 +141,6 @@ class BeamModel:
             self._marker[body.name, name] = self._on_body(number, body.point(name))
             self._section[body.name, name] = node, cmath.exp(1j * pose.angle)
         self._rigid[body.name] = number
-        if body.name == self.m.driven:
-            self._hold(node, [(2, 1.0)], pose.angle)
 
     def _add_beams(self, body: Body, pose: Pose) -> None:
         parts, turn = division(body), cmath.exp(1j * pose.angle)
@@ -163,12 +163,6 @@ class BeamModel:
             self._section[body.name, name] = sections[k][0]
             self._marker[body.name, name] = self.mbs.AddMarker(self.items.MarkerNodeRigid(nodeNumber=sections[k][0][0]))
             self._arm[body.name, name] = arm * turn
-        if body.name == self.m.driven:
-            clamp, direction = self._section[body.name, self.m.drive_joint.name]
-            if self.element == "timoshenko":
-                self._hold(clamp, [(2, 1.0)])
-            else:  # the slope keeps its direction: no displacement of it across the axis
-                self._hold(clamp, [(2, -direction.imag), (3, direction.real)])
 
     def _beam(self, body: Body, start: complex, direction: complex, length: float, first: Any | None) -> list[Any]:
         """Nodes of a straight beam, made of equal elements; its first may be another beam's last."""
@@ -182,10 +176,14 @@ class BeamModel:
     def _weld(self, *sections: tuple[Any, complex]) -> None:
         """Join two sections in the same place rigidly, at the angle that they have."""
         ends = [self.mbs.AddMarker(self.items.MarkerNodeRigid(nodeNumber=node)) for node, _ in sections]
-        z = sections[0][1] / sections[1][1]
+        self._keep_angle(ends, [direction for _, direction in sections], [1, 1, 0, 0, 0, 1])
+
+    def _keep_angle(self, ends: list[Any], directions: list[complex], axes: list[int]) -> Any:
+        """A constraint along these axes that keeps the angle between two markers, of ``directions`` undeformed."""
+        z = directions[0] / directions[1]
         turn = np.array([[z.real, -z.imag, 0.0], [z.imag, z.real, 0.0], [0.0, 0.0, 1.0]])
-        self.mbs.AddObject(
-            self.items.ObjectJointGeneric(markerNumbers=ends, constrainedAxes=[1, 1, 0, 0, 0, 1], rotationMarker1=turn)
+        return self.mbs.AddObject(
+            self.items.ObjectJointGeneric(markerNumbers=ends, constrainedAxes=axes, rotationMarker1=turn)
         )
 
     def _node(self, place: complex, direction: complex) -> Any:
@@ -214,30 +212,9 @@ class BeamModel:
                 )
             )
 
-    def _hold(self, node: Any, parts: list[tuple[int, float]], value: float = 0.0) -> None:
-        """Hold a sum of factors times coordinates of a node (one or two of them)."""
-        (_, weight), *_ = parts = sorted(parts, key=lambda part: -abs(part[1]))
-        markers = [self.mbs.AddMarker(self.items.MarkerNodeCoordinate(nodeNumber=node, coordinate=c)) for c, _ in parts]
-        if len(parts) == 1:
-            self.mbs.AddObject(
-                self.items.ObjectConnectorCoordinate(markerNumbers=[self.fixed, markers[0]], offset=value / weight)
-            )
-        else:  # first + (second / weight) = 0, written as factor1 * second - first
-            factor = -parts[1][1] / weight
-            self.mbs.AddObject(
-                self.items.ObjectConnectorCoordinate(markerNumbers=markers, factor1=factor, offset=value / weight)
-            )
-
     def _add_joint(self, joint: Joint) -> Any:
         if joint.prismatic:
-            turns = cmath.phase(joint.direction), cmath.phase(joint.direction) - joint.angle
-            ends = [
-                self._on_body(self._rigid[body], self.m.body(body).point(joint.name), turn)
-                for body, turn in zip(joint.bodies, turns, strict=True)
-            ]
-            return self.mbs.AddObject(
-                self.items.ObjectJointGeneric(markerNumbers=ends, constrainedAxes=[0, 1, 0, 0, 0, 1])
-            )
+            return self._add_slide(joint)
         markers = [self._marker[body, joint.name] for body in joint.bodies]
         if joint.name in self.clearance:
             radius = joint.pin_radius or PIN_RADIUS
@@ -257,6 +234,28 @@ class BeamModel:
             )
         return self.mbs.AddObject(self.items.ObjectJointRevolute2D(markerNumbers=markers))
 
+    def _add_slide(self, joint: Joint) -> Any:
+        """A prismatic joint; a drive that holds it holds the second body's point on the first."""
+        held, placed = joint.name in self.held, {GROUND: AT_REST, **self.start}
+        far = travel(self.m, joint, *(placed[body] for body in joint.bodies))[0] if held else 0.0
+        turns = cmath.phase(joint.direction), cmath.phase(joint.direction) - joint.angle
+        ends = [
+            self._on_body(self._rigid[body], self.m.body(body).point(joint.name) + shift, turn)
+            for body, shift, turn in zip(joint.bodies, (far * joint.direction, 0.0), turns, strict=True)
+        ]
+        return self.mbs.AddObject(
+            self.items.ObjectJointGeneric(markerNumbers=ends, constrainedAxes=[int(held), 1, 0, 0, 0, 1])
+        )
+
+    def _add_drive(self, joint: Joint) -> Any:
+        """What holds the angle of a revolute joint: between the sections there."""
+        ends = [self._marker[body, joint.name] for body in joint.bodies]
+        return self._keep_angle(ends, [self._direction(body, joint.name) for body in joint.bodies], [0, 0, 0, 0, 0, 1])
+
+    def _direction(self, body: str, point: str) -> complex:
+        """Direction of the section that carries a point, or of a rigid body, undeformed."""
+        return 1 + 0j if body == GROUND else self._section[body, point][1]
+
     def _push(self, body: str, point: str, force: complex, torque: float) -> None:
         """A force (N) at a point and a torque (N.m); on an arm, which hardly turns, the force has a moment besides."""
         marker = self._marker[body, point]
@@ -271,8 +270,6 @@ class BeamModel:
 
         Contacts stiffen from ``soft`` (N/m, by joint) on, because Newton's method loses a stiff one's curvature.
         """
-        springs = [j.elasticity.translation for j in self.m.joints if j.elasticity is not None]
-        settings = static_settings(1e-8 + ROUNDING * max([*springs, *self._axial], default=0.0))
         stiff = {name: pin_stiffness(self.m.joint(name)) for name in self.clearance}
 
         def solved(share: float) -> bool:
@@ -280,26 +277,42 @@ class BeamModel:
                 self.mbs.SetObjectParameter(
                     self._joint[name], "contactStiffness", soft[name] * (number / soft[name]) ** share
                 )
-            try:
-                return bool(self.mbs.SolveStatic(settings, updateInitialValues=True, storeSolver=False)) and upright()
-            except self.exu.exudynCPP.SolverError:
-                return False
+            differences = DIFFERENCES if stiff else DIFFERENCES[:1]
+            return any(self._solve(difference, upright) for difference in differences)
 
         if all(soft[name] == number for name, number in stiff.items()):
             return solved(1.0)
-        share, step, state = 0.0, STIFFENING, self.mbs.systemData
+        share, step = 0.0, STIFFENING
         if not solved(share):
             return False
         while share < 1.0:
-            kept = state.GetSystemState(self._initial)
             if solved(min(share + step, 1.0)):
                 share += step
             elif step > SMALLEST_STIFFENING:
-                state.SetSystemState(kept, self._initial)
                 step /= 2
             else:
                 return False
         return True
+
+    def _solve(self, difference: float, upright: Callable[[], bool]) -> bool:
+        """Static equilibrium near where the linkage is; False, and back there, if there is none that is ``upright``."""
+        state = self.mbs.systemData
+        kept = state.GetSystemState(self._initial)
+        try:
+            settings = static_settings(self._residual, difference)
+            if self.mbs.SolveStatic(settings, updateInitialValues=True, storeSolver=False) and upright():
+                return True
+        except self.exu.exudynCPP.SolverError:
+            pass
+        state.SetSystemState(kept, self._initial)
+        return False
+
+    @property
+    def _residual(self) -> float:
+        """Force (N) that a solution may leave unbalanced."""
+        springs = [j.elasticity.translation for j in self.m.joints if j.elasticity is not None]
+        springs += [pin_stiffness(self.m.joint(name)) for name in self.clearance]
+        return 1e-8 + ROUNDING * max([*springs, *self._axial], default=0.0)
 
     # ---------------------------------------------------------------- reading
 
@@ -311,6 +324,8 @@ class BeamModel:
 
     def rotation(self, body: str, point: str) -> float:
         """Rotation (rad) of the section that carries a body's point, from the pose in which it started, undeformed."""
+        if body == GROUND:
+            return 0.0
         node, direction = self._section[body, point]
         moved = self.mbs.GetNodeOutput(node, self.exu.OutputVariableType.Coordinates)
         if body in self._rigid:
@@ -319,17 +334,18 @@ class BeamModel:
             return float(moved[2])
         return cmath.phase(1 + complex(moved[2], moved[3]) / direction)
 
+    def axis(self, joint: Joint) -> complex:
+        """Direction of a prismatic joint's axis."""
+        first = joint.bodies[0]
+        return joint.direction * self._direction(first, joint.name) * cmath.exp(1j * self.rotation(first, joint.name))
+
     def force(self, joint: Joint) -> complex:
-        """Force (N) of a joint's first body on its second; of a prismatic joint, what its guide carries."""
+        """Force (N) of a joint's first body on its second; of a prismatic joint, what its guide carries, and what a
+        drive gives that holds it.
+        """
         if joint.prismatic:
             value = self.mbs.GetObjectOutput(self._joint[joint.name], self.exu.OutputVariableType.ForceLocal)
-            first = joint.bodies[0]
-            turn = (
-                cmath.exp(1j * self.rotation(first, joint.name)) * self._section[first, joint.name][1]
-                if first != GROUND
-                else 1.0
-            )
-            return 1j * float(value[1]) * joint.direction * turn
+            return complex(self.drive(joint) if joint.name in self.held else 0.0, float(value[1])) * self.axis(joint)
         value = self.mbs.GetObjectOutput(self._joint[joint.name], self.exu.OutputVariableType.Force)
         sign = 1.0 if joint.name not in self.clearance and joint.elasticity is None else -1.0
         return sign * complex(value[0], value[1])
@@ -337,6 +353,13 @@ class BeamModel:
     def moment(self, joint: Joint) -> float:
         """Moment (N.m) of a prismatic joint on its second body, at that body's point."""
         return -float(self.mbs.GetObjectOutput(self._joint[joint.name], self.exu.OutputVariableType.TorqueLocal)[2])
+
+    def drive(self, joint: Joint) -> float:
+        """Torque (N.m), or force along a slide (N), on the second body of a joint of the drive that holds it."""
+        kinds = self.exu.OutputVariableType
+        if joint.prismatic:
+            return float(self.mbs.GetObjectOutput(self._joint[joint.name], kinds.ForceLocal)[0])
+        return -float(self.mbs.GetObjectOutput(self._drive[joint.name], kinds.TorqueLocal)[2])
 
 
 def _points(body: Body) -> tuple[str, ...]:

@@ -1,58 +1,88 @@
 """How the rigid linkage moves, for the loads that beams bear and what is read beside them: from the assembly's poses
 alone.
 
-Rates and accelerations are differences over five crank angles, as those of :func:`sim_models.common.start.poses`, so
+Rates and accelerations are differences over five poses, a crank's as those of :func:`sim_models.common.start.poses`, so
 that beams owe nothing to the analytic kinematics and kinetostatics that they are compared with.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint
+from sim_models.common.held import HeldPath
 from sim_models.common.start import poses
 from sim_models.common.travel import slide_travel
 from sim_models.exudyn.linkage import Inertia
 
-# rad from one crank angle to the next: a second derivative's rounding and the cut-off fifth order weigh about the same
+# rad from one crank angle to the next (of several drives, of the fastest): a second derivative's rounding and the
+# cut-off fifth order weigh about the same
 STENCIL = 2e-3
 FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / (12 * STENCIL)
 SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / (12 * STENCIL**2)
+ASIDE = STENCIL * np.arange(-2.0, 3.0)
 STANDSTILL = 1e-9  # of the crank's rate (of a slide: times the longest link): the rate of a joint that does not move
+
+Placed = Mapping[str, tuple[np.ndarray, np.ndarray]]  # origin (N,) m, complex, and angle (N,) rad by body
 
 
 class RigidMotion:
-    """The ideal rigid linkage at N crank angles ``theta`` (rad), its crank with a rate (rad/s) and acceleration
-    (rad/s^2).
+    """The ideal rigid linkage at N instants, with a ``rate`` and ``acceleration`` of what its poses are told by.
 
-    Arrays are (N,), vectors complex in the ground frame.  Raises AssemblyError where it cannot be assembled; if it
-    moves, two STENCIL around, too.
+    ``around`` are the origin (N,) m, complex, and angle (N,) rad of every moving body at five places in a row, STENCIL
+    apart, the instants in their middle.  Arrays are (N,), vectors complex in the ground frame.
     """
 
     def __init__(
         self,
         assembly: Assembly,
-        theta: np.ndarray,
+        around: Sequence[Placed],
         rate: np.ndarray | float = 0.0,
         acceleration: np.ndarray | float = 0.0,
     ) -> None:
-        self.m, self.theta = assembly.mechanism, theta
+        self.m = assembly.mechanism
+        names = [body.name for body in self.m.bodies]
+        still = np.zeros((len(around), around[0][names[0]][1].size))
         self._rate, self._acceleration = (
-            np.broadcast_to(np.asarray(x, float), theta.shape) for x in (rate, acceleration)
+            np.broadcast_to(np.asarray(x, float), still[0].shape) for x in (rate, acceleration)
         )
-        moves = np.any(self._rate) or np.any(self._acceleration)
-        around = theta + STENCIL * np.arange(-2.0, 3.0)[:, None] * moves
-        places = [[poses(assembly, float(at)) for at in row] for row in around]
-        still = np.zeros(around.shape)
-        self._origin = {
-            b.name: np.array([[pose[b.name].origin for pose in row] for row in places]) for b in self.m.bodies
-        } | {GROUND: still}
-        self._angle = {
-            b.name: np.array([[pose[b.name].angle for pose in row] for row in places]) for b in self.m.bodies
-        } | {GROUND: still}
+        self._origin = {name: np.array([placed[name][0] for placed in around]) for name in names} | {GROUND: still}
+        self._angle = {name: np.array([placed[name][1] for placed in around]) for name in names} | {GROUND: still}
+
+    @classmethod
+    def of_crank(
+        cls,
+        assembly: Assembly,
+        theta: np.ndarray,
+        rate: np.ndarray | float = 0.0,
+        acceleration: np.ndarray | float = 0.0,
+    ) -> RigidMotion:
+        """At crank angles (N,) rad, with the crank's rate (rad/s) and acceleration (rad/s^2).  Raises AssemblyError
+        where it cannot be assembled; if it moves, two STENCIL around, too.
+        """
+        moves = bool(np.any(rate) or np.any(acceleration))
+
+        def placed(theta: np.ndarray) -> Placed:
+            found = [poses(assembly, float(at)) for at in theta]
+            return {
+                b.name: (np.array([p[b.name].origin for p in found]), np.array([p[b.name].angle for p in found]))
+                for b in assembly.mechanism.bodies
+            }
+
+        return cls(assembly, [placed(theta + aside * moves) for aside in ASIDE], rate, acceleration)
+
+    @classmethod
+    def held(cls, along: HeldPath, times: np.ndarray) -> RigidMotion:
+        """Held by its drives at times (N,) s of their courses; its rates only give friction its direction, 1 being that
+        of the fastest drive.  Raises AssemblyError.
+        """
+        rubs = any(joint.rubs for joint in along.assembly.mechanism.joints)
+        around = [along.place(times, beside=float(aside) * rubs) for aside in ASIDE]
+        return cls(along.assembly, around, float(rubs))
 
     def position(self, body: str, point: str) -> np.ndarray:
         """Position (m) of a body's point."""

@@ -3,9 +3,9 @@
 Links with a modulus of elasticity are large-displacement planar beams, so that reactions follow the deformed, displaced
 linkage; the paper's superposition (Fig. 7c) is its first order.  Elements: ``euler-bernoulli`` is ANCFCable2D (no
 shear, as Eqs. 2-3), ``timoshenko`` the geometrically exact beam with three nodes and shear factor 5/6.  The crank's
-axis is held at the drive, weights and loads act at the com and at named points, and joints are the springs of Eq. 4 (or
-rigid).  A joint with clearance and joint model ``contact`` is a journal in its bearing whose contact is as stiff as the
-joint's spring.
+axis is held at the drive (of several drives, each holds its joint), weights and loads act at the com and at named
+points, and joints are the springs of Eq. 4 (or rigid).  A joint with clearance and joint model ``contact`` is a journal
+in its bearing whose contact is as stiff as the joint's spring.
 
 :func:`flexible` is how a harness asks for flexible links: it answers a request, of a mechanism whose flexible bodies
 have ``youngs_modulus``, as :meth:`sim_models.engine.Engine.simulate` does one for rigid links.
@@ -15,18 +15,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
-from analytic.mechanism.signals import turned_near
+from analytic.mechanism.signals import driving, position, turned_near
 from sim_models.common.contact_laws import pressed_to
-from sim_models.common.failed_starts import own_start
+from sim_models.common.failed_starts import own_start, where
 from sim_models.common.journal import free_share
 from sim_models.common.motor import motor_of, report_times
-from sim_models.common.start import poses
 from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace, Unsupported, installed_version
 from sim_models.exudyn.beam_model import (
     BeamModel,
@@ -37,8 +37,9 @@ from sim_models.exudyn.beam_model import (
     soft_stiffness,
 )
 from sim_models.exudyn.beam_motion import RigidMotion
+from sim_models.exudyn.courses import PACE
 from sim_models.exudyn.equilibria import Equilibria
-from sim_models.exudyn.path import CrankPath
+from sim_models.exudyn.path import CrankPath, RestingPath
 from sim_models.exudyn.record import FLIPPED
 from sim_models.exudyn.settings import console_off
 
@@ -80,12 +81,14 @@ def flexible_static(
 
 
 def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
-    """What a request's linkage shows with flexible links: an equilibrium at every crank angle, or instant of a course.
+    """What a request's linkage shows with flexible links: an equilibrium at every crank angle, or instant of its
+    courses.
 
     The motion is quasi-static: the crank is where the motor is, and in ``driven`` motion the links bear the inertia
     forces, dampers, springs and friction of the ideal rigid linkage, but do not vibrate; angular velocities are the
     rigid linkage's too.  A link on a ground joint has the angle of its section there, a floating one that of its
-    section at the com. With ``contact`` joints with clearance have it, with ``ideal`` clearances are ignored.
+    section at the com; a joint's position is that of its two sections.  With ``contact`` joints with clearance have it,
+    with ``ideal`` clearances are ignored.
 
     Raises Unsupported for other joint models, compliant and free drives, prismatic joints of flexible links and links
     whose joints do not lie on one line; SimulationError where no equilibrium is found, AssemblyError where the linkage
@@ -93,7 +96,7 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
     """
     beams = _Beams(request, element)
     with console_off(), own_start("exudyn", request, beams.assembly):
-        rows = [beams.signals(k) for k in range(beams.motion.theta.size)]
+        rows = [beams.signals(k) for k in range(beams.at.size)]
     signals = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     moving = request.motion == "driven"
     for body in request.mechanism.bodies:
@@ -115,7 +118,7 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
         version=installed_version("exudyn") or "unknown",
         joint_model=request.joint_model,
         motion=request.motion,
-        crank_angle=beams.motion.theta.copy(),
+        crank_angle=beams.told.copy(),
         time=beams.time,
         signals=signals,
         clearance=dict(size),
@@ -136,11 +139,18 @@ class _Beams:
         self.clearance = request.clearances
         self.moving = request.motion == "driven"
         self.assembly = Assembly(self.m)
-        theta, rate, acceleration, self.time = _crank(request)
-        self.motion = RigidMotion(self.assembly, theta, rate, acceleration)
-        self.law = {
-            j.name: self.motion.law(j, self.moving) for j in self.m.joints
-        }  # N.m (N along a slide) on the second body
+        if request.courses is None:
+            self.path: CrankPath | RestingPath = CrankPath(self.assembly)
+            self.at, rate, acceleration, self.time = _crank(request)
+            self.motion = RigidMotion.of_crank(self.assembly, self.at, rate, acceleration)
+            self.told, self.held = self.at, [self.m.drive_joint.name]
+        else:
+            self.path = RestingPath(request, self.assembly)
+            self.at = self.time = np.array(request.time, float)
+            self.motion = RigidMotion.held(self.path.along, self.at)
+            self.told, self.held = self.path.along.leading(self.at), [*self.path.along.names]
+        # N.m (N along a slide) on the second body
+        self.law = {j.name: self.motion.law(j, self.moving) for j in self.m.joints}
 
     def signals(self, k: int) -> dict[str, float]:
         """All signals but the angular velocities, at one instant."""
@@ -158,8 +168,11 @@ class _Beams:
             else:
                 gap = model.place(j.bodies[0], j.name) - model.place(j.bodies[1], j.name)
                 out |= {f"clearance_{j.name}_x": gap.real, f"clearance_{j.name}_y": gap.imag}
-        out["drive_torque"] = self._drive_torque(model, k)
-        return out
+            out[position(j).name] = self._position(model, j, k)
+        driven = [self.m.joint(name) for name in self.held]
+        return out | {
+            signal.name: self.m.crank_sign * model.drive(j) for signal, j in zip(driving(driven), driven, strict=True)
+        }
 
     def solved(self, k: int) -> BeamModel:
         """The linkage in equilibrium at one instant, in its assembly mode."""
@@ -168,14 +181,14 @@ class _Beams:
         gaps = {
             name: pressed_to(self.clearance[name], abs(force) / soft[name], force) for name, force in pressing.items()
         }
-        start = poses(self.assembly, float(self.motion.theta[k]), gaps=lambda _: gaps)
-        model = BeamModel(self.m, self.element, self.clearance, start, self._pushes(k))
+        start = self.path.poses(float(self.at[k]), gaps)
+        model = BeamModel(self.m, self.element, self.clearance, start, self._pushes(k), self.held)
         if not model.solve(
             soft, lambda: not any(abs(self._turned(model, body.name, k)) > FLIPPED for body in self.m.bodies)
         ):
             raise SimulationError(
-                f"exudyn {self.element} beams ({self.m.name}): no static equilibrium in the assembly mode found at"
-                f" crank angle {np.degrees(self.motion.theta[k]):.4g} deg",
+                f"exudyn {self.element} beams ({self.m.name}): no static equilibrium in the assembly mode found"
+                f" {where(self.request, float(self.at[k]))}",
                 Cause.NO_EQUILIBRIUM,
                 "use a smaller clearance, keep clear of change points, or check youngs_modulus, section and the loads",
             )
@@ -190,10 +203,29 @@ class _Beams:
         """Forces (N) of the rigid linkage that press its pins into their bearings."""
         if not self.clearance:
             return {}
-        rods = Equilibria(Request(self.m, "massless-link", "static"), CrankPath(self.assembly), self.m.speed or 1.0)
-        rate = float(self.motion.angular_velocity(self.m.driven)[k])
-        rigid = rods.at(float(self.motion.theta[k]), self.motion.inertia(k) if self.moving else None, rate)
+        if self.request.courses is None:
+            inertia = self.motion.inertia(k) if self.moving else None
+            rigid = self._rods.at(float(self.at[k]), inertia, float(self.motion.angular_velocity(self.m.driven)[k]))
+        else:
+            rigid = self._rods.at(float(self.at[k]))
         return {name: complex(rigid.force[name][0]) for name in self.clearance}
+
+    @cached_property
+    def _rods(self) -> Equilibria:
+        """The rigid linkage, each pin on a rod as long as its clearance."""
+        r = self.request
+        asked = Request(self.m, "massless-link", "static", time=r.time, courses=r.courses)
+        return Equilibria(asked, self.path, PACE if r.courses is not None else self.m.speed or 1.0)
+
+    def _position(self, model: BeamModel, joint: Joint, k: int) -> float:
+        """Angle (rad) of a joint's second section less its first's; of a slide, its travel (m)."""
+        first, second = joint.bodies
+        if joint.prismatic:
+            apart = model.place(second, joint.name) - model.place(first, joint.name)
+            return float((apart * model.axis(joint).conjugate()).real)
+        angles = [model.rotation(b, joint.name) + (model.start[b].angle if b != GROUND else 0.0) for b in joint.bodies]
+        apart = float(self.motion.angle(second)[k] - self.motion.angle(first)[k])
+        return float(turned_near(angles[1] - angles[0], apart))
 
     def _pushes(self, k: int) -> list[Push]:
         """Weights, loads, joint laws and inertia."""
@@ -201,10 +233,10 @@ class _Beams:
         if self.m.periodic_torque is not None:
             torque = float(self.m.periodic_torque.at(self.motion.angle(self.m.driven)[k]))
             pushes.append((self.m.driven, MASS_CENTRE, 0j, torque))
-        inertia = self.motion.inertia(k)
+        inertia = self.motion.inertia(k) if self.moving else None
         for b in self.m.bodies:
             force, torque = b.mass * complex(*self.m.gravity), 0.0
-            if self.moving:
+            if inertia is not None:
                 force -= b.mass * inertia.linear[b.name]
                 torque = -b.moment_of_inertia * inertia.angular[b.name]
             pushes.append((b.name, MASS_CENTRE, force, torque))
@@ -218,27 +250,6 @@ class _Beams:
     def _along(self, joint: Joint, k: int) -> complex:
         """Force (N) of a prismatic joint's spring, damper and friction on its second body."""
         return complex(self.law[joint.name][k] * joint.direction * np.exp(1j * self.motion.angle(joint.bodies[0])[k]))
-
-    def _drive_torque(self, model: BeamModel, k: int) -> float:
-        """What holds the crank against the moments about the drive of everything else on it, where the forces
-        now act.
-        """
-        crank, hub = self.m.driven, model.place(self.m.driven, self.m.drive_joint.name)
-
-        def moment(force: complex, body: str, point: str) -> float:
-            return float(((model.place(body, point) - hub).conjugate() * force).imag)
-
-        total = sum(
-            moment(force, body, point) + torque for body, point, force, torque in self._pushes(k) if body == crank
-        )
-        for j in self.m.joints:
-            if crank in j.bodies:
-                sign = 1.0 if j.bodies[1] == crank else -1.0
-                total += sign * (
-                    moment(model.force(j), j.bodies[1] if j.prismatic else crank, j.name)
-                    + (model.moment(j) if j.prismatic else 0.0)
-                )
-        return -total
 
 
 def _crank(request: Request) -> tuple[np.ndarray, np.ndarray | float, np.ndarray | float, np.ndarray | None]:

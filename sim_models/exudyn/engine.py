@@ -30,7 +30,13 @@ RUNS: tuple[Pair, ...] = tuple((model, motion) for model in JOINT_MODELS for mot
 BENDING: tuple[Pair, ...] = tuple((model, motion) for model in ("ideal", "contact") for motion in MOTIONS)
 # No law of a joint sees another's reaction; one-sided laws between a motor and its crank would be slow in Python.
 HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "backlash"}
-BEYOND: frozenset[Feature] = frozenset({"several_drives", "point_spring"})  # of beams
+BEYOND: frozenset[Feature] = frozenset(
+    {"contact_friction", "drive_compliance", "soft_bearing", "released", "point_spring"}
+)  # of beams
+# Inertia forces and rates of several drives are not worked out for beams.
+AT_REST_ALONE: frozenset[tuple[Feature, Pair]] = frozenset(
+    ("several_drives", pair) for pair in BENDING if pair[1] == "driven"
+)
 # Friction of a pin on its rim falls to zero with its sliding speed: at rest there is none.
 AT_REST: frozenset[tuple[Feature, Pair]] = frozenset({("contact_friction", ("contact", "static"))})
 
@@ -42,7 +48,7 @@ class ExudynEngine(Engine):
     package = "exudyn"
     capabilities = Capabilities(
         rigid=Scope.of(RUNS, HAS, but=AT_REST),
-        beams=Scope.of(BENDING, HAS - {"contact_friction", "drive_compliance", "soft_bearing", "released"} - BEYOND),
+        beams=Scope.of(BENDING, HAS - BEYOND, but=AT_REST_ALONE),
         export=Scope.of(RUNS, HAS, but=AT_REST),
     )
 
