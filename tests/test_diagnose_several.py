@@ -366,6 +366,18 @@ def test_a_payload_on_a_platform_and_a_pin_s_damping_are_named(case: str, maker:
 @pytest.mark.slow
 @pytest.mark.exudyn
 @pytest.mark.mujoco
+def test_a_faint_zero_of_an_encoder_is_among_all_that_a_platform_s_legs_might_be(tmp_path: Path) -> None:
+    """Some twenty lengths, pivots, clearances and zeros of its three legs move a platform as far."""
+    result = diagnosed(bench(tmp_path, "3-rrr", "exudyn", load("3-rrr"), {"A1": -3e-5}, ("platform_y",), WAYS[1:]))
+    (effect,) = result.effects
+    same = {(effect.name, effect.where), *((tie.name, tie.where) for tie in effect.ambiguous_with)}
+    assert ("encoder_offset", "position_A1") in same, result.statement
+    assert len(same) > 10
+
+
+@pytest.mark.slow
+@pytest.mark.exudyn
+@pytest.mark.mujoco
 def test_a_five_bar_that_lacks_nothing_has_no_gap(tmp_path: Path) -> None:
     result = diagnosed(bench(tmp_path, "five-bar", "exudyn", load("five-bar"), seen=("right-arm_x", "right-arm_y")))
     assert (result.verdict, result.effects) == ("no gap", ()), result.statement

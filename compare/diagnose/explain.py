@@ -30,7 +30,7 @@ from compare.results.diagnosis import Verdict
 
 TIE = 16.0  # of chi^2: two explanations closer than four sigmas are not told apart
 RICHER = 0.01  # chance that a richer explanation does better by luck
-RIVALS = 10  # fitted in full for each named effect
+RIVALS = 30  # fitted in full for each named effect: a platform of three legs has twenty that do as well
 EVEN = 1.05  # odds no larger are even
 NEAREST = 3  # fitted at least where the screen holds only near a fit
 SWAPS = 7  # of a named effect for a rival that does better
