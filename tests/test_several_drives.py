@@ -188,6 +188,7 @@ def test_a_crank_that_is_its_joints_first_body_turns_as_its_drive_says_and_has_i
             np.testing.assert_allclose(found[name], sign * values, atol=1e-9, err_msg=name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param(n, marks=getattr(pytest.mark, n)) for n in ENGINES])
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_so_does_it_in_every_engine(name: str, motion: Motion) -> None:

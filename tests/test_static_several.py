@@ -195,7 +195,7 @@ def test_few_times_are_reached_along_the_courses_not_across_a_change_point(name:
 @pytest.mark.parametrize(
     ("name", "slowed", "within"),
     [
-        pytest.param("mujoco", 1000.0, 1e-7, marks=pytest.mark.mujoco),
+        pytest.param("mujoco", 1000.0, 1e-7, marks=[pytest.mark.mujoco, pytest.mark.slow]),
         pytest.param("exudyn", 1000.0, 1e-7, marks=[pytest.mark.exudyn, pytest.mark.slow]),
     ],
 )
