@@ -14,6 +14,7 @@ import pytest
 
 import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import Motion, kinematics
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import dumps, load
 from analytic.paper.superposition import total_displacement
@@ -156,6 +157,116 @@ def test_forces_balance_on_the_bent_linkage() -> None:
     assert np.abs(total + weight - 20j).max() < 1e-6
 
 
+def legs(load_size: float, weight: float) -> Mechanism:
+    """A 3-RPR whose cylinders and rods bend, one of its rods pushed from the side."""
+    m = load("3-rpr").replace(
+        gravity=(0.0, -weight),
+        loads=(
+            Load(body="platform", point="C3", force=(0.6 * load_size, -0.8 * load_size)),
+            Load(body="rod1", point="com", force=(0.0, load_size)),
+        ),
+    )
+    for i in "123":
+        m = m.with_body(f"cylinder{i}", points={f"A{i}": (0.0, 0.0), f"S{i}": (0.08, 0.0)}, **STEEL)
+        m = m.with_body(f"rod{i}", points={f"S{i}": (-0.1, 0.0), f"C{i}": (0.0, 0.0)}, **STEEL)
+    return m
+
+
+@pytest.mark.parametrize(("load_size", "weight", "within"), [(SMALL, 0.1, 3e-5), (FULL, 10.0, 1e-3)])
+def test_cylinders_and_rods_bend_where_their_drives_hold_the_slides(
+    load_size: float, weight: float, within: float
+) -> None:
+    m = legs(load_size, weight)
+    seen, ours, rigid = beams(m), analysed(m), analysed(m, elastic=False)
+    elastic = np.abs(places(m, ours) - places(m, rigid)).max()
+    assert np.abs(places(m, seen) - places(m, ours)).max() < within * elastic
+    for signal in ("reaction_S1_moment", "reaction_S1_x", "reaction_C2_y"):
+        assert np.abs(seen[signal] - ours[signal]).max() < within * np.abs(ours[signal]).max(), signal
+    assert np.abs(efforts(m, seen) - efforts(m, ours)).max() < within * np.abs(efforts(m, ours)).max()
+
+
+def test_what_is_neglected_of_bending_slides_is_of_second_order() -> None:
+    full, more = (places(m, beams(m)) - places(m, analysed(m)) for m in (legs(FULL, 10.0), legs(4 * FULL, 40.0)))
+    assert np.abs(more - 16 * full).max() < 0.03 * np.abs(more).max()
+
+
+def test_a_drive_beside_its_links_axis_holds_it_too() -> None:
+    m = pushed("five-bar", SMALL)
+    m = m.with_body("left-crank", points={"D": (0.0, 0.003), "A": (0.1, 0.0), "tail": (-0.03, 0.0)})
+    seen, ours, rigid = beams(m), analysed(m), analysed(m, elastic=False)
+    elastic = np.abs(places(m, ours) - places(m, rigid)).max()
+    assert np.abs(places(m, seen) - places(m, ours)).max() < 2e-5 * elastic
+    np.testing.assert_allclose(seen["position_D"], Courses(waved(m)).at(TIMES)["D"], atol=1e-12)
+
+
+# ---------------------------------------------------------------- springs
+
+
+def at_one_time(m: Mechanism) -> tuple[Motion, np.ndarray, Courses]:
+    """The ideal linkage in one of its poses."""
+    assembly, time, courses = Assembly(m), TIMES[3:4], Courses(waved(m))
+    inputs = assembly.inputs_at(courses.at(time))
+    return kinematics(assembly, inputs, path=assembly.follow(inputs)), time, courses
+
+
+def sprung(kind: str, stiffness: float) -> Mechanism:
+    """A five-bar under a small load with a spring that is unloaded in one pose of the rigid linkage."""
+    m = pushed("five-bar", SMALL)
+    motion, _, _ = at_one_time(m)
+    if kind == "joint":
+        rest = float(motion.relative(m.joint("A"))[0])
+        return m.with_joint("A", stiffness=stiffness, rest_angle=rest)
+    bodies, points = (
+        (("ground", "left-arm"), ("D", "P")) if kind == "pin" else (("left-arm", "right-crank"), ("com", "B"))
+    )
+    near, far = (motion.position(body, point) for body, point in zip(bodies, points, strict=True))
+    length = float(abs(far - near)[0])
+    return m.replace(springs=[{"bodies": bodies, "points": points, "stiffness": stiffness, "length": length}])
+
+
+@pytest.mark.parametrize(
+    ("kind", "stiffness"), [("joint", 100.0), ("joint", 1e4), ("pin", 1e5), ("pin", 1e7), ("com", 1e6)]
+)
+def test_a_spring_carries_its_share_as_links_yield(kind: str, stiffness: float) -> None:
+    """Of forces too: a spring that is unloaded where the links are rigid takes load as they bend."""
+    m = sprung(kind, stiffness)
+    _, time, courses = at_one_time(m)
+    seen = flexible(Request(m, "ideal", "static", time=time, courses=courses.knots)).signals
+    side = timed_reference(Assembly(m), time, courses, "static", "equilibrium", {})
+    ours, rigid = timed_with_flexible_links(side, Assembly(m), time, courses).signals, side.signals
+    elastic = np.abs(places(m, ours) - places(m, rigid)).max()
+    assert np.abs(places(m, seen) - places(m, ours)).max() < 3e-5 * elastic
+    names = [name for name in ours if name.startswith(("reaction_", "drive_")) and name in seen]
+    assert max(abs(seen[name] - ours[name])[0] for name in names) < 1e-5
+    assert max(abs(rigid[name] - ours[name])[0] for name in names) > 5e-3  # N, N.m
+    name = "reaction_D_magnitude"
+    assert ours[name] == pytest.approx(np.hypot(seen["reaction_D_x"], seen["reaction_D_y"]), abs=1e-5)
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 1e3, 1e5, 1e7])
+def test_a_spring_at_the_tip_of_a_cantilever_shares_its_load(stiffness: float) -> None:
+    """By hand: F / (3 EI / L^3 + k), and what the wall carries."""
+    m = load("2r-arm").replace(gravity=(0.0, 0.0), loads=(Load(body="forearm", point="T", force=(0.0, -SMALL)),))
+    m = m.with_body("forearm", **STEEL).replace(
+        assembly={"upper-arm": 0.0, "forearm": 0.0}, ground={"points": {"O": (0.0, 0.0), "up": (0.55, 0.2)}}
+    )
+    m = m.replace(
+        springs=[{"bodies": ("ground", "forearm"), "points": ("up", "T"), "stiffness": stiffness, "length": 0.2}]
+    )
+    knots = np.linspace(0.0, 1.0, 5)
+    courses, time = Courses(dict.fromkeys("OK", (knots, 0.0 * knots))), np.array([0.5])
+    seen = flexible(Request(m, "ideal", "static", time=time, courses=courses.knots)).signals
+    side = timed_reference(Assembly(m), time, courses, "static", "equilibrium", {})
+    ours = timed_with_flexible_links(side, Assembly(m), time, courses).signals
+    carried = SMALL / (1 + stiffness * 0.25**3 / (3 * EI))
+    com = 0.19
+    moved = -carried * (com**2 * (3 * 0.25 - com) / 6) / EI
+    for found in (seen, ours):
+        assert found["forearm_y"][0] == pytest.approx(moved, rel=1e-5)
+        assert found["reaction_O_y"][0] == pytest.approx(carried, rel=1e-5)
+        assert found["drive_torque_K"][0] == pytest.approx(0.25 * carried, rel=1e-5)
+
+
 # ---------------------------------------------------------------- with clearance
 
 
@@ -272,9 +383,12 @@ def test_what_does_not_bend_over_time_is_refused_in_words() -> None:
     m = load("five-bar")
     with pytest.raises(Unsupported, match=r"motions of several freedoms.* among links that bend"):
         engine("exudyn").simulate_flexible(Request(m, "ideal", "driven", time=TIMES, courses=waved(m)))
-    slides = load("3-rpr").with_body("rod1", points={"S1": (0.0, 0.0), "C1": (0.1, 0.0)}, **STEEL)
-    with pytest.raises(Unsupported, match="joint 'S1' of 'rod1' is prismatic"):
-        engine("exudyn").simulate_flexible(Request(slides, "ideal", "static", time=TIMES, courses=waved(slides)))
+    yields = load("3-rpr").with_joint("S1", elasticity={"translation": 1e8, "rotation": 1e5})
+    with pytest.raises(Unsupported, match="leave out elasticity of joint 'S1'"):
+        engine("exudyn").simulate_flexible(Request(yields, "ideal", "static", time=TIMES, courses=waved(yields)))
+    paper = load("paper").replace(springs=[{"bodies": ("crank", "follower"), "points": ("A", "E"), "stiffness": 1.0}])
+    with pytest.raises(Unsupported, match="springs between points among links that bend"):
+        engine("exudyn").simulate_flexible(Request(paper, "ideal", "driven", np.array([0.5])))
 
 
 def test_a_free_drive_is_refused(tmp_path: Path) -> None:

@@ -22,10 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.kinematics.motion import Motion
-from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism
+from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism, Spring
 from analytic.mechanism.one_line import angles, largest, one_line
 from analytic.paper.frame import Bar, ComplianceError, beam_stiffness, frame
-from analytic.paper.kinetostatics import joint_law, kinetostatics, slip_sign
+from analytic.paper.kinetostatics import joint_law, kinetostatics, of_springs, slip_sign
 
 BLOCK = 128  # crank angles solved at once: their matrices stay in the processor's cache
 DEPENDENT = 1e-10  # of the largest singular value: constraints below it say nothing new
@@ -45,6 +45,7 @@ class Compliance:
     motions: Mapping[tuple[str, str], np.ndarray]  # (N, 6) by body and point: m and rad
     energy: np.ndarray  # J (N,): strain energy of bars and springs
     positions: Mapping[str, np.ndarray]  # rad, or m, (N,) by joint: of its position, second body relative to first
+    loads: Mapping[str, np.ndarray]  # N, N.m (N,) by signal: what springs that yield with the links change of them
 
     def __repr__(self) -> str:
         moved = largest(np.array([self.displacement(*place) for place in self.motions]), "m")
@@ -88,7 +89,7 @@ def compliance(
     """Elastic displacements under the forces that :func:`kinetostatics` sees too, with the crank held at the drive (Eq.
     7).
 
-    Those are weight, loads, joint springs, friction and, with ``inertia``, inertia and damping.  Further ``forces`` (N,
+    Those are weight, loads, springs, friction and, with ``inertia``, inertia and damping.  Further ``forces`` (N,
     complex, ground frame) and ``torques`` (N.m) act on bodies' coms; values are (N,) or constant.  The superposition of
     Fig. 7c wants the motion without gaps; in a motion with gaps each pin keeps its place in its bearing.
 
@@ -106,7 +107,8 @@ def compliance(
     n = motion.theta.size
     parts = [structure.solve(slice(i, i + BLOCK), load[i : i + BLOCK]) for i in range(0, n, BLOCK)]
     u, energy = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Compliance(structure.mechanism, motion.theta, structure.motions(u), energy, structure.positions(u))
+    at = structure.positions(u)
+    return Compliance(structure.mechanism, motion.theta, structure.motions(u), energy, at, structure.by_springs(u, at))
 
 
 class _Structure:
@@ -205,7 +207,44 @@ class _Structure:
             ties.append(slip[:, tied])
             if springs.any():
                 k += slip.swapaxes(1, 2) @ (springs[:, None] * slip)
+            if joint.cubic:
+                free = slip[:, [self.kept.index(_free(joint))]]
+                k += free.swapaxes(1, 2) @ (self.stiffening(joint)[block, None, None] * free)
+        for spring in self.mechanism.springs:
+            form = self.reach(spring)[block]
+            k += form.swapaxes(1, 2) @ self.held_by(spring)[block] @ form
         return k, np.concatenate(ties, axis=1)
+
+    def stiffening(self, joint: Joint) -> np.ndarray:
+        """How much stiffer (N,) than at rest a joint's cubic spring is in its place."""
+        return np.asarray(3 * joint.cubic * (self.motion.relative(joint) - joint.rest_angle) ** 2)
+
+    def reach(self, spring: Spring) -> np.ndarray:
+        """Form (N, 2, n) of how a spring's second point moves against its first, x and y."""
+        form = np.zeros((self.motion.theta.size, 2, self.size))
+        for (body, point), sign in zip(spring.ends, (-1, 1), strict=True):
+            if body != GROUND:
+                freedoms, arm = self.place(body, point)
+                form[:, :, freedoms] = sign * self.carry(arm)[:, :2]
+        return form
+
+    def pull(self, spring: Spring, inertia: bool) -> np.ndarray:
+        """Force (N,) N, complex, of a spring, and with ``inertia`` of its damper, on its first point."""
+        near, far = spring.ends
+        rate = self.motion.velocity(*far) - self.motion.velocity(*near) if inertia else 0j
+        return np.asarray(spring.pull(self.motion.position(*far) - self.motion.position(*near), np.asarray(rate)))
+
+    def held_by(self, spring: Spring) -> np.ndarray:
+        """Stiffness (N, 2, 2) of a spring between its points: along it its own, across it by the force that turns."""
+        near, far = (self.motion.position(*end) for end in spring.ends)
+        apart = far - near
+        along = apart / np.abs(apart)
+        across = (self.pull(spring, inertia=False) / apart).real
+        out = np.zeros((apart.size, 2, 2))
+        for i, u in enumerate((along.real, along.imag)):
+            for j, v in enumerate((along.real, along.imag)):
+                out[:, i, j] = spring.stiffness * u * v + across * ((i == j) - u * v)
+        return out
 
     def loads(self, inertia: bool, forces: Values, torques: Values) -> np.ndarray:
         """W (N, n): forces and moments on the nodes."""
@@ -230,6 +269,9 @@ class _Structure:
                 add(body.name, MASS_CENTRE, force, -body.moment_of_inertia * m.angular_acceleration(body.name))
         for given in self.mechanism.loads:
             add(given.body, given.point, complex(*given.force), given.torque)
+        for spring in self.mechanism.springs:
+            pull = self.pull(spring, inertia)
+            load += (np.array([pull.real, pull.imag]).T[:, None] @ -self.reach(spring))[:, 0]
         periodic = self.mechanism.periodic_torque
         if periodic is not None:
             add(self.mechanism.driven, MASS_CENTRE, 0.0, periodic.at(self.motion.theta))
@@ -298,6 +340,16 @@ class _Structure:
         """What displacements (N, n) make of every joint's position (N,), rad or m."""
         free = {joint.name: self.kept.index(_free(joint)) for joint in self.mechanism.joints}
         return {name: np.einsum("ni,ni->n", self.slips[name][:, axis], u) for name, axis in free.items()}
+
+    def by_springs(self, u: np.ndarray, positions: Values) -> dict[str, np.ndarray]:
+        """What springs ask more of joints and drives, N and N.m by signal, where displacements (N, n) take them."""
+        m = self.mechanism
+        laws = {j.name: -(j.stiffness + self.stiffening(j)) * positions[j.name] for j in m.joints if j.springy}
+        pulls = []
+        for spring in m.springs:
+            x, y = (self.held_by(spring) @ self.reach(spring) @ u[..., None])[..., 0].T
+            pulls.append((spring, x + 1j * y))
+        return of_springs(self.motion, laws, pulls).loads() if laws or pulls else {}
 
 
 def _free(joint: Joint) -> int:

@@ -7,7 +7,7 @@ reaction as the dual of its joint's gap.  For the four-bar this is Eq. 11 with i
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -17,7 +17,7 @@ from analytic.compiled import run
 from analytic.kinematics.closure import AssemblyError
 from analytic.kinematics.motion import BLOCK, Motion, blocks, self_stresses, solve_forces
 from analytic.kinematics.structure import Group, Structure
-from analytic.mechanism import MASS_CENTRE, Joint
+from analytic.mechanism import MASS_CENTRE, Joint, Spring
 from analytic.mechanism.one_line import angles, largest, one_line
 from analytic.mechanism.signals import Signal, driving, position
 
@@ -177,6 +177,25 @@ def answers(
     turning[s.body_column(body)] += torque
     forces, _, efforts = _carried(motion, work, turning, dict.fromkeys(s.slides, np.zeros(n)))
     return forces, efforts
+
+
+def of_springs(motion: Motion, laws: Mapping[str, np.ndarray], pulls: Sequence[tuple[Spring, np.ndarray]]) -> Reactions:
+    """What springs alone ask of joints and drives, at rest: no weight, no load, no other law of a joint.
+
+    ``laws`` are torques (N.m; prismatic: forces, N) (N,) on the second body of each joint that has one, ``pulls``
+    forces (N, x + iy) (N,) on the first point of springs between points.
+    """
+    s, n = motion.structure, motion.theta.size
+    work, turning = np.zeros((s.n_columns, n), complex), np.zeros((len(s.bodies), n))
+    for spring, pull in pulls:
+        for (body, point), sign in zip(spring.ends, (1.0, -1.0), strict=True):
+            work += sign * motion.assembly.form(body, point)[:, None] * np.conj(pull)
+    for name, law in laws.items():
+        if name not in s.slides:
+            for body, sign in zip(s.mechanism.joint(name).bodies, (-1.0, 1.0), strict=True):
+                turning[s.body_column(body)] += sign * law
+    along = {name: laws.get(name, np.zeros(n)) for name in s.slides}
+    return _told(motion, *_carried(motion, work, turning, along), _loose(motion))
 
 
 def _balance(

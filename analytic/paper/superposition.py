@@ -63,8 +63,9 @@ def superposed(signals: Mapping[str, np.ndarray], compliance: Compliance) -> dic
     """Signals (N,) of a linkage of rigid parts, its clearances taken up or not, with its compliance added (Fig. 7c).
 
     Bodies move and turn by their elastic displacement, joints turn and slide between the sections that they join, and
-    the pins move in their bearings by the give of the joints' own springs (Eq. 4).  Reactions, torques and rates stay
-    as they are: they change in second order only.
+    the pins move in their bearings by the give of the joints' own springs (Eq. 4).  Reactions and torques change by
+    what springs give that yield with the links; but for that they, and rates, change in second order only.  Directions
+    and sizes of reactions are left as they were.
     """
     m, out = compliance.mechanism, dict(signals)
     for name, signal in named(m.bodies, m.joints, m.drives).items():
@@ -78,6 +79,8 @@ def elastic_part(signal: Signal, compliance: Compliance) -> np.ndarray | None:
     """What compliance adds to a signal (N,), in its unit; None where that is nothing, to first order."""
     if signal.component == "angle" and signal.kind in ("pose", "rotation"):
         return compliance.rotation(signal.place, compliance.mechanism.angle_point(signal.place))
+    if signal.kind in ("reaction", "drive"):
+        return compliance.loads.get(signal.name)
     if signal.kind == "position":
         return compliance.positions[signal.place]
     if signal.kind == "pose":

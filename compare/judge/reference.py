@@ -285,7 +285,7 @@ def _bent(side: Reference, ideal: Moving) -> Reference:
     peaks = {name: peak for name, peak in side.peaks.items() if known[name].kind in ("reaction", "drive")}
     return replace(
         side,
-        signals=superposed(side.signals, found),
+        signals=with_derived(superposed(side.signals, found), m),
         peaks=peaks,
         elastic=max(float(np.abs(found.displacement(*place)).max()) for place in found.motions),
     )

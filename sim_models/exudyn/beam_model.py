@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
-from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism
+from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism, Spring
 from analytic.mechanism.bars import POISSON, division
 from analytic.mechanism.signals import turned_near
 from sim_models.common.contact_laws import PIN_RADIUS
@@ -30,18 +31,27 @@ STIFFEST = 1e10  # N/m of a contact, at most: Exudyn differentiates it numerical
 SOFT_DEPTH = 0.1  # of the clearance, to which a pin is pressed into a bearing that is soft at first
 STIFFENING = 0.25  # of the way from soft to stiff bearings, one solution after the other; halved where there is none
 SMALLEST_STIFFENING = 1 / 64
-BESIDE = 1e-6  # of a link's length: how far a joint may lie beside its axis
+ARM = 1e-12  # of a link's length: a point that is nearer to its bar is on it
 
 Push = tuple[str, str, complex, float]  # body, point, force (N) and torque (N.m)
+
+
+@dataclass(frozen=True)
+class Loads:
+    """What acts on a linkage of beams, where the rigid one is: ``pushes``, and by joint what its spring adds to that as
+    beams let it go elsewhere: stiffness there (N.m/rad, N/m), and position there (rad, m).
+    """
+
+    pushes: Sequence[Push] = ()
+    springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 def refuse_what_is_not_modelled(m: Mechanism) -> None:
     """Raise Unsupported, naming the body or joint, for what :class:`BeamModel` cannot be made of."""
     for joint in m.joints:
-        bent = [body.name for body in m.bodies if body.name in joint.bodies and is_flexible(body)]
-        if joint.prismatic and bent:
+        if joint.prismatic and joint.elasticity is not None:
             raise Unsupported(
-                f"{m.name}: beams are joined by revolute joints only; joint {joint.name!r} of {bent[0]!r} is prismatic"
+                f"{m.name}: the guides of a linkage of beams are rigid; leave out elasticity of joint {joint.name!r}"
             )
     if m.drive_stiffness is not None:
         raise Unsupported(f"{m.name}: the crank of a linkage of beams is held rigidly; leave out drive.stiffness")
@@ -53,12 +63,6 @@ def refuse_what_is_not_modelled(m: Mechanism) -> None:
                 f"{m.name}: body {body.name!r} is elastic but has section {body.section}; give its height and depth"
                 " in m"
             )
-        for name, (_, arm) in division(body).places.items():
-            if name in body.points and abs(arm) > BESIDE * body.length:
-                raise Unsupported(
-                    f"{m.name}: point {name!r} of body {body.name!r} lies {abs(arm):g} m beside its axis; a beam has"
-                    " its joints on it"
-                )
 
 
 def is_flexible(body: Body) -> bool:
@@ -82,11 +86,12 @@ def soft_stiffness(joint: Joint, force: float) -> float:
 
 
 class BeamModel:
-    """The linkage as an Exudyn system whose reference configuration is undeformed, under ``pushes`` and nothing else,
-    with the joints that are ``held`` by drives where they are in ``start``.
+    """The linkage as an Exudyn system whose reference configuration is undeformed, under these loads and its springs
+    between points, with the joints that are ``held`` by drives where they are in ``start``.
 
     A link is the bars of :func:`analytic.mechanism.bars.division`: one along a straight link, a star welded at its hub
-    otherwise; a com or marker that is not on a bar is carried by a rigid arm.
+    otherwise; a point that is not on a bar is carried by a rigid arm, and so are the guide and the slider of a
+    prismatic joint, which do not bend.
     """
 
     def __init__(
@@ -95,7 +100,7 @@ class BeamModel:
         element: Element,
         clearance: Mapping[str, float],
         start: Mapping[str, Pose],
-        pushes: Iterable[Push],
+        loads: Loads,
         held: Collection[str],
     ) -> None:
         import exudyn
@@ -103,15 +108,14 @@ class BeamModel:
 
         self.exu: Any = exudyn
         self.items, self.m, self.element, self.clearance, self.start = items, mechanism, element, clearance, start
-        self.held = held
+        self.held, self._springs = held, loads.springs
         self._initial = exudyn.ConfigurationType.Initial
         self.container = exudyn.SystemContainer()
         self.mbs = self.container.AddSystem()
         self._marker: dict[tuple[str, str], Any] = {}
-        self._arm: dict[
-            tuple[str, str], complex
-        ] = {}  # m, ground frame, from a point's marker to the point, undeformed
+        self._arm: dict[tuple[str, str], complex] = {}  # m, in the body, from a point's section to the point
         self._rigid: dict[str, Any] = {}
+        self._carriers: dict[tuple[str, str], Any] = {}
         self._axial: list[float] = []  # N/m, of the elements
         self._section: dict[tuple[str, str], tuple[Any, complex]] = {}  # a point's node, and its direction, undeformed
         ground = self._rigid[GROUND] = self.mbs.AddObject(items.ObjectGround())
@@ -121,7 +125,11 @@ class BeamModel:
             (self._add_beams if is_flexible(body) else self._add_rigid)(body, start[body.name])
         self._joint = {joint.name: self._add_joint(joint) for joint in mechanism.joints}
         self._drive = {j.name: self._add_drive(j) for j in mechanism.joints if j.name in held and not j.prismatic}
-        for push in pushes:
+        for name in loads.springs:
+            self._add_joint_spring(mechanism.joint(name))
+        for spring in mechanism.springs:
+            self._add_spring(spring)
+        for push in loads.pushes:
             self._push(*push)
         self.mbs.Assemble()
 
@@ -150,25 +158,28 @@ class BeamModel:
         for i, j in parts.bars:
             length = abs(parts.nodes[j] - parts.nodes[i])
             direction = (parts.nodes[j] - parts.nodes[i]) / length * turn
-            here = sections.setdefault(i, [])
-            shared = next((node for node, along in here if abs(along - direction) < BESIDE), None)
-            nodes = self._beam(body, pose.origin + parts.nodes[i] * turn, direction, length, shared)
-            if shared is None:
-                here.append((nodes[0], direction))
+            nodes = self._beam(body, pose.origin + parts.nodes[i] * turn, direction, length)
+            sections.setdefault(i, []).append((nodes[0], direction))
             sections.setdefault(j, []).append((nodes[-1], direction))
         for hub in sections.values():
             for other in hub[1:]:
                 self._weld(hub[0], other)
         for name, (k, arm) in parts.places.items():
             self._section[body.name, name] = sections[k][0]
-            self._marker[body.name, name] = self.mbs.AddMarker(self.items.MarkerNodeRigid(nodeNumber=sections[k][0][0]))
-            self._arm[body.name, name] = arm * turn
+            self._arm[body.name, name] = arm
+            if self._aside(body.name, name):
+                self._marker[body.name, name] = self._part(body.name, name)
+            else:
+                node = self.items.MarkerNodeRigid(nodeNumber=sections[k][0][0])
+                self._marker[body.name, name] = self.mbs.AddMarker(node)
 
-    def _beam(self, body: Body, start: complex, direction: complex, length: float, first: Any | None) -> list[Any]:
-        """Nodes of a straight beam, made of equal elements; its first may be another beam's last."""
+    def _beam(self, body: Body, start: complex, direction: complex, length: float) -> list[Any]:
+        """Nodes of a straight beam, made of equal elements.  Beams that go on as one have none in common: a slope that
+        two elements share would make them stretch alike, whatever pulls between them.
+        """
         step = 1 if self.element == "euler-bernoulli" else 2  # the exact beam has a node in the middle
         stations = np.linspace(0, length, SPAN_ELEMENTS * step + 1)
-        nodes = [self._node(start + x * direction, direction) if x or first is None else first for x in stations]
+        nodes = [self._node(start + x * direction, direction) for x in stations]
         for k in range(0, len(nodes) - 1, step):
             self._element(body, nodes[k : k + step + 1], length / SPAN_ELEMENTS)
         return nodes
@@ -180,8 +191,7 @@ class BeamModel:
 
     def _keep_angle(self, ends: list[Any], directions: list[complex], axes: list[int]) -> Any:
         """A constraint along these axes that keeps the angle between two markers, of ``directions`` undeformed."""
-        z = directions[0] / directions[1]
-        turn = np.array([[z.real, -z.imag, 0.0], [z.imag, z.real, 0.0], [0.0, 0.0, 1.0]])
+        turn = _turn(directions[0] / directions[1])
         return self.mbs.AddObject(
             self.items.ObjectJointGeneric(markerNumbers=ends, constrainedAxes=axes, rotationMarker1=turn)
         )
@@ -240,12 +250,61 @@ class BeamModel:
         far = travel(self.m, joint, *(placed[body] for body in joint.bodies))[0] if held else 0.0
         turns = cmath.phase(joint.direction), cmath.phase(joint.direction) - joint.angle
         ends = [
-            self._on_body(self._rigid[body], self.m.body(body).point(joint.name) + shift, turn)
-            for body, shift, turn in zip(joint.bodies, (far * joint.direction, 0.0), turns, strict=True)
+            self._part(body, joint.name, shift, turn)
+            for body, shift, turn in zip(joint.bodies, (far * joint.direction, 0j), turns, strict=True)
         ]
         return self.mbs.AddObject(
             self.items.ObjectJointGeneric(markerNumbers=ends, constrainedAxes=[int(held), 1, 0, 0, 0, 1])
         )
+
+    def _part(self, body: str, point: str, shift: complex = 0j, turn: float = 0.0) -> Any:
+        """Marker of what is rigidly at a body's point, ``shift`` (m) from it and turned (rad), both in the body."""
+        if body in self._rigid:
+            return self._on_body(self._rigid[body], self.m.body(body).point(point) + shift, turn)
+        if (body, point) not in self._carriers:
+            self._carriers[body, point] = self._carrier(body, point)
+        return self._on_body(self._carriers[body, point], self._arm[body, point] + shift, turn)
+
+    def _carrier(self, body: str, point: str) -> Any:
+        """A rigid body, along the axes of a body of beams, on the section that carries a point."""
+        node, direction = self._section[body, point]
+        angle, along = self.start[body].angle, cmath.exp(1j * self.start[body].angle)
+        place = self.start[body].origin + (self.m.body(body).point(point) - self._arm[body, point]) * along
+        moving = self.mbs.AddNode(self.items.NodeRigidBody2D(initialCoordinates=[place.real, place.imag, angle]))
+        number = self.mbs.AddObject(self.items.ObjectRigidBody2D(mass=1.0, inertia=1.0, nodeNumber=moving))  # at rest
+        ends = [self.mbs.AddMarker(self.items.MarkerNodeRigid(nodeNumber=node)), self._on_body(number, 0j)]
+        self._keep_angle(ends, [direction, along], [1, 1, 0, 0, 0, 1])
+        return number
+
+    def _add_spring(self, spring: Spring) -> None:
+        ends = [self._part(*end) for end in spring.ends]
+        connector = self.items.ObjectConnectorSpringDamper
+        self.mbs.AddObject(connector(markerNumbers=ends, referenceLength=spring.length, stiffness=spring.stiffness))
+
+    def _add_joint_spring(self, joint: Joint) -> None:
+        """What a joint's spring gives beside its push, which is that of the rigid linkage's position."""
+        stiffness, at = self._springs[joint.name]
+        if joint.prismatic:
+            turns = (cmath.phase(joint.direction), 0.0)
+            ends = [self._part(body, joint.name, turn=turn) for body, turn in zip(joint.bodies, turns, strict=True)]
+            kind = self.items.ObjectConnectorLinearSpringDamper
+            self.mbs.AddObject(kind(markerNumbers=ends, axisMarker0=[1.0, 0.0, 0.0], stiffness=stiffness, offset=at))
+            return
+        first, second = joint.bodies
+        turned = (self._angle(second) - self._angle(first)) - at  # of the undeformed linkage, from there
+        z = self._direction(first, joint.name) / self._direction(second, joint.name) * cmath.exp(1j * turned)
+        self.mbs.AddObject(
+            self.items.ObjectConnectorTorsionalSpringDamper(
+                markerNumbers=[self._marker[body, joint.name] for body in joint.bodies],
+                stiffness=stiffness,
+                rotationMarker1=_turn(z),
+            )
+        )
+
+    def spring(self, joint: Joint, position: float) -> float:
+        """What a joint's spring gives (N.m, N) on the second body at a position (rad, m), beside its push."""
+        stiffness, at = self._springs.get(joint.name, (0.0, 0.0))
+        return -stiffness * (position - at)
 
     def _add_drive(self, joint: Joint) -> Any:
         """What holds the angle of a revolute joint: between the sections there."""
@@ -253,13 +312,18 @@ class BeamModel:
         return self._keep_angle(ends, [self._direction(body, joint.name) for body in joint.bodies], [0, 0, 0, 0, 0, 1])
 
     def _direction(self, body: str, point: str) -> complex:
-        """Direction of the section that carries a point, or of a rigid body, undeformed."""
-        return 1 + 0j if body == GROUND else self._section[body, point][1]
+        """Direction of a point's marker, undeformed: of its section, or of a rigid body or arm."""
+        if body in self._rigid or self._aside(body, point):
+            return cmath.exp(1j * self._angle(body))
+        return self._section[body, point][1]
+
+    def _aside(self, body: str, point: str) -> bool:
+        """Whether a point of a body of beams is beside its bar, on a rigid arm."""
+        return abs(self._arm[body, point]) > ARM * self.m.moving[body].length
 
     def _push(self, body: str, point: str, force: complex, torque: float) -> None:
-        """A force (N) at a point and a torque (N.m); on an arm, which hardly turns, the force has a moment besides."""
+        """A force (N) at a point and a torque (N.m)."""
         marker = self._marker[body, point]
-        torque += (self._arm.get((body, point), 0j).conjugate() * force).imag
         if force:
             self.mbs.AddLoad(self.items.LoadForceVector(markerNumber=marker, loadVector=[force.real, force.imag, 0.0]))
         if torque:
@@ -319,8 +383,7 @@ class BeamModel:
     def place(self, body: str, point: str) -> complex:
         """Where a body's point is (m)."""
         x, y, _ = self.mbs.GetMarkerOutput(self._marker[body, point], self.exu.OutputVariableType.Position)
-        arm = self._arm.get((body, point), 0j)
-        return complex(x, y) + (arm * cmath.exp(1j * self.rotation(body, point)) if arm else 0j)
+        return complex(x, y)
 
     def rotation(self, body: str, point: str) -> float:
         """Rotation (rad) of the section that carries a body's point, from the pose in which it started, undeformed."""
@@ -337,7 +400,11 @@ class BeamModel:
     def axis(self, joint: Joint) -> complex:
         """Direction of a prismatic joint's axis."""
         first = joint.bodies[0]
-        return joint.direction * self._direction(first, joint.name) * cmath.exp(1j * self.rotation(first, joint.name))
+        return joint.direction * cmath.exp(1j * (self._angle(first) + self.rotation(first, joint.name)))
+
+    def _angle(self, body: str) -> float:
+        """Angle (rad) of an undeformed body."""
+        return 0.0 if body == GROUND else self.start[body].angle
 
     def force(self, joint: Joint) -> complex:
         """Force (N) of a joint's first body on its second; of a prismatic joint, what its guide carries, and what a
@@ -360,6 +427,11 @@ class BeamModel:
         if joint.prismatic:
             return float(self.mbs.GetObjectOutput(self._joint[joint.name], kinds.ForceLocal)[0])
         return -float(self.mbs.GetObjectOutput(self._drive[joint.name], kinds.TorqueLocal)[2])
+
+
+def _turn(z: complex) -> np.ndarray:
+    """Rotation by the angle of a number of length 1, (3, 3)."""
+    return np.array([[z.real, -z.imag, 0.0], [z.imag, z.real, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _points(body: Body) -> tuple[str, ...]:

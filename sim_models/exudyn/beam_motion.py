@@ -84,7 +84,7 @@ class RigidMotion:
         around = [along.place(times, beside=float(aside) * rubs) for aside in ASIDE]
         return cls(along.assembly, around, float(rubs))
 
-    def position(self, body: str, point: str) -> np.ndarray:
+    def place(self, body: str, point: str) -> np.ndarray:
         """Position (m) of a body's point."""
         return self._place(body, point)[2]
 
@@ -113,6 +113,10 @@ class RigidMotion:
         rate = np.where(np.abs(rate) < STANDSTILL * longest * np.abs(self._rate), 0.0, rate)
         slip = rate if moving else np.zeros_like(rate)
         return joint.spring(travel[2]) + joint.damper(slip) - joint.dry(slip) * np.sign(rate)
+
+    def position(self, joint: Joint) -> np.ndarray:
+        """Where a joint is: angle (rad) of its second body less its first's, or travel (m) of a slide."""
+        return np.asarray(self._travel(joint)[2])
 
     @cached_property
     def _linear(self) -> dict[str, np.ndarray]:

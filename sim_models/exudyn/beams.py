@@ -31,6 +31,7 @@ from sim_models.engine import Cause, Request, SettingValue, SimulationError, Tra
 from sim_models.exudyn.beam_model import (
     BeamModel,
     Element,
+    Loads,
     Push,
     pin_stiffness,
     refuse_what_is_not_modelled,
@@ -70,7 +71,7 @@ def flexible_static(
         model = at_rest.solved(0)
         named = [(b.name, point) for b in mechanism.bodies for point in (*b.points, "com")]
         moved = {
-            (body, point): model.place(body, point) - at_rest.motion.position(body, point)[0] for body, point in named
+            (body, point): model.place(body, point) - at_rest.motion.place(body, point)[0] for body, point in named
         }
         force = {joint.name: model.force(joint) for joint in mechanism.joints}
         gap = {
@@ -90,9 +91,8 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
     section at the com; a joint's position is that of its two sections.  With ``contact`` joints with clearance have it,
     with ``ideal`` clearances are ignored.
 
-    Raises Unsupported for other joint models, compliant and free drives, prismatic joints of flexible links and links
-    whose joints do not lie on one line; SimulationError where no equilibrium is found, AssemblyError where the linkage
-    cannot be assembled.
+    Raises Unsupported for other joint models, compliant and free drives and guides that yield; SimulationError where
+    no equilibrium is found, AssemblyError where the linkage cannot be assembled.
     """
     beams = _Beams(request, element)
     with console_off(), own_start("exudyn", request, beams.assembly):
@@ -160,15 +160,17 @@ class _Beams:
             at = model.place(body.name, "com")
             angle = float(self.motion.angle(body.name)[k]) + self._turned(model, body.name, k)
             out |= {f"{body.name}_x": at.real, f"{body.name}_y": at.imag, f"{body.name}_angle": angle}
-        force = {j.name: model.force(j) + (self._along(j, k) if j.prismatic else 0.0) for j in self.m.joints}
         for j in self.m.joints:
-            out |= {f"reaction_{j.name}_x": force[j.name].real, f"reaction_{j.name}_y": force[j.name].imag}
+            where_it_is, force = self._position(model, j, k), model.force(j)
+            if j.prismatic:
+                force += self._along(j, k) + model.spring(j, where_it_is) * model.axis(j)
+            out |= {f"reaction_{j.name}_x": force.real, f"reaction_{j.name}_y": force.imag}
+            out[position(j).name] = where_it_is
             if j.prismatic:
                 out[f"reaction_{j.name}_moment"] = model.moment(j)
             else:
                 gap = model.place(j.bodies[0], j.name) - model.place(j.bodies[1], j.name)
                 out |= {f"clearance_{j.name}_x": gap.real, f"clearance_{j.name}_y": gap.imag}
-            out[position(j).name] = self._position(model, j, k)
         driven = [self.m.joint(name) for name in self.held]
         return out | {
             signal.name: self.m.crank_sign * model.drive(j) for signal, j in zip(driving(driven), driven, strict=True)
@@ -182,7 +184,8 @@ class _Beams:
             name: pressed_to(self.clearance[name], abs(force) / soft[name], force) for name, force in pressing.items()
         }
         start = self.path.poses(float(self.at[k]), gaps)
-        model = BeamModel(self.m, self.element, self.clearance, start, self._pushes(k), self.held)
+        loads = Loads(self._pushes(k), self._springs(k))
+        model = BeamModel(self.m, self.element, self.clearance, start, loads, self.held)
         if not model.solve(
             soft, lambda: not any(abs(self._turned(model, body.name, k)) > FLIPPED for body in self.m.bodies)
         ):
@@ -224,8 +227,12 @@ class _Beams:
             apart = model.place(second, joint.name) - model.place(first, joint.name)
             return float((apart * model.axis(joint).conjugate()).real)
         angles = [model.rotation(b, joint.name) + (model.start[b].angle if b != GROUND else 0.0) for b in joint.bodies]
-        apart = float(self.motion.angle(second)[k] - self.motion.angle(first)[k])
-        return float(turned_near(angles[1] - angles[0], apart))
+        return float(turned_near(angles[1] - angles[0], self.motion.position(joint)[k]))
+
+    def _springs(self, k: int) -> dict[str, tuple[float, float]]:
+        """Stiffness of each joint's spring where the rigid linkage has it, and where that is."""
+        found = {j: float(self.motion.position(j)[k]) for j in self.m.joints if j.springy}
+        return {j.name: (j.stiffness + 3 * j.cubic * (at - j.rest_angle) ** 2, at) for j, at in found.items()}
 
     def _pushes(self, k: int) -> list[Push]:
         """Weights, loads, joint laws and inertia."""

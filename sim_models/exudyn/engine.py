@@ -30,12 +30,10 @@ RUNS: tuple[Pair, ...] = tuple((model, motion) for model in JOINT_MODELS for mot
 BENDING: tuple[Pair, ...] = tuple((model, motion) for model in ("ideal", "contact") for motion in MOTIONS)
 # No law of a joint sees another's reaction; one-sided laws between a motor and its crank would be slow in Python.
 HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "backlash"}
-BEYOND: frozenset[Feature] = frozenset(
-    {"contact_friction", "drive_compliance", "soft_bearing", "released", "point_spring"}
-)  # of beams
-# Inertia forces and rates of several drives are not worked out for beams.
+BEYOND: frozenset[Feature] = frozenset({"contact_friction", "drive_compliance", "soft_bearing", "released"})  # of beams
+# Of beams in motion: inertia forces of several drives, and dampers beside springs, are not worked out.
 AT_REST_ALONE: frozenset[tuple[Feature, Pair]] = frozenset(
-    ("several_drives", pair) for pair in BENDING if pair[1] == "driven"
+    (feature, pair) for feature in ("several_drives", "point_spring") for pair in BENDING if pair[1] == "driven"
 )
 # Friction of a pin on its rim falls to zero with its sliding speed: at rest there is none.
 AT_REST: frozenset[tuple[Feature, Pair]] = frozenset({("contact_friction", ("contact", "static"))})
