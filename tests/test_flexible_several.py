@@ -17,6 +17,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import Motion, kinematics
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import dumps, load
+from analytic.paper.frame import ComplianceError
 from analytic.paper.superposition import total_displacement
 from commands import compare
 from compare.crosscheck import Job, crosscheck_job
@@ -25,8 +26,8 @@ from compare.judge.courses import Courses
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.flexible import Beams
 from compare.judge.reference import timed_reference, timed_with_flexible_links
-from several_linkages import SHIPPED, TIMES, waved
-from sim_models.engine import Request, Trace, Unsupported, engine
+from several_linkages import SHIPPED, TIMES, third_bar, waved
+from sim_models.engine import Request, SimulationError, Trace, Unsupported, engine
 from sim_models.exudyn.beam_model import Element
 from sim_models.exudyn.beams import flexible
 
@@ -297,11 +298,11 @@ def test_a_total_displacement_of_several_drives_is_the_same_sum(name: str) -> No
 # ---------------------------------------------------------------- cross-checks
 
 
-def checked(m: Mechanism, joint_model: Any, resolve: Any = None) -> Any:
+def checked(m: Mechanism, joint_model: Any, resolve: Any = None, courses: Courses | None = None) -> Any:
     """A cross-check with flexible links."""
     job = Job(
         m, ("exudyn",), load_tolerances(None), "static",
-        time=TIMES, courses=Courses(waved(m)), joint_model=joint_model, flexible=True,
+        time=TIMES, courses=courses or Courses(waved(m)), joint_model=joint_model, flexible=True,
     )  # fmt: skip
     (run,) = crosscheck_job(job, resolve=resolve).runs
     return run
@@ -319,6 +320,55 @@ def test_beams_and_superposition_agree_under_the_cases_own_loads(name: str, join
     assert not outside(run)
     assert {f"{body.name}_{axis}" for body in m.bodies for axis in "xy"} <= {d.signal for d in run.discrepancies}
     np.testing.assert_array_equal(run.time, TIMES)
+
+
+@pytest.mark.parametrize("joint_model", ["ideal", "contact"])
+@pytest.mark.parametrize("name", SHIPPED)
+def test_friction_of_joints_bends_links_on_both_sides(name: str, joint_model: str) -> None:
+    m = steel(name).with_clearances(LOOSE[name])
+    for joint in m.joints:
+        m = m.with_joint(joint.name, friction_torque=1.0 if joint.prismatic else 0.02)
+    run = checked(m, joint_model)
+    assert not outside(run)
+    assert not run.flags
+    smooth = checked(steel(name).with_clearances(LOOSE[name]), joint_model)
+    more = efforts(m, run.simulated) - efforts(m, smooth.simulated)
+    assert np.abs(more).max() > 0.015  # N.m, N
+    assert np.abs(more - efforts(m, run.analytic) + efforts(m, smooth.analytic)).max() < 0.01 * np.abs(more).max()
+
+
+def slid(clearance: float = 0.0) -> tuple[Mechanism, Courses]:
+    """A slider-crank moved by its slide."""
+    m = load("slider-crank").replace(
+        gravity=(0.0, -9.81),
+        drive={"joint": "S", "speed": 0.01},
+        assembly={"crank": 1.0, "rod": -0.358, "slider": 0.0},
+        loads=(Load(body="crank", point="A", force=(5.0, -30.0)),),
+    )
+    for body in ("crank", "rod"):
+        m = m.with_body(body, **STEEL)
+    knots = np.linspace(0.0, 1.0, 5)
+    return m.with_clearances({"A": clearance}), Courses({"S": (knots, Assembly(m).positions["S"] + 0.01 * knots)})
+
+
+@pytest.mark.parametrize("clearance", [0.0, 1e-4])
+def test_a_linkage_that_a_slide_moves_bends(clearance: float) -> None:
+    m, courses = slid(clearance)
+    run = checked(m, "contact" if clearance else "ideal", courses=courses)
+    assert not outside(run)
+    assert "drive_force_S" in {d.signal for d in run.discrepancies}
+    rigid = timed_reference(Assembly(m), TIMES, courses, "static", "equilibrium", m.clearances).signals
+    assert np.abs(np.array(run.simulated["crank_y"]) - rigid["crank_y"]).max() > 5e-8  # m
+
+
+@pytest.mark.parametrize("rigid", [(), ("bar",), ("bar", "coupler")])
+def test_a_linkage_that_is_held_more_often_than_it_needs_bends(rigid: tuple[str, ...]) -> None:
+    m, knots = third_bar(), np.linspace(0.0, 1.0, 5)
+    for body in rigid:
+        m = m.with_body(body, youngs_modulus=None)
+    run = checked(m, "ideal", courses=Courses({"D": (knots, 0.5 + knots)}))
+    assert not outside(run)
+    assert {"coupler_y", "drive_torque"} <= {d.signal for d in run.discrepancies}
 
 
 class Softer:
@@ -370,6 +420,27 @@ def test_a_crank_over_time_bends_as_it_does_over_its_angle() -> None:
         np.testing.assert_allclose(over[name], values, atol=1e-7 * max(1.0, np.abs(values).max()), err_msg=name)
 
 
+def test_a_crank_that_is_its_joints_first_body_is_held_by_the_same_torque() -> None:
+    m, knots = load("paper"), np.linspace(0.0, 1.0, 5)
+    turned = m.with_joint("D", bodies=tuple(reversed(m.joint("D").bodies)))
+    one, other = (
+        flexible(Request(each, "ideal", "static", time=TIMES, courses={"D": (knots, sign * (0.5 + knots))})).signals
+        for each, sign in ((m, 1.0), (turned, -1.0))
+    )
+    for name in ("drive_torque", "coupler_y", "reaction_B_x"):  # joints' springs are of 2e11 N/m
+        np.testing.assert_allclose(other[name], one[name], rtol=5e-6)
+    np.testing.assert_allclose(other["position_D"], -one["position_D"], atol=1e-12)
+    np.testing.assert_allclose(other["reaction_D_x"], -one["reaction_D_x"], rtol=5e-6)
+
+
+def test_near_a_singular_posture_it_is_said_that_superposition_leaves_much_out() -> None:
+    words = "which is much near a singular posture"
+    near = lc.analyse("3-rrr", motion="static", times=[0.2, 1.0], compliance=True)
+    assert any(words in text and text.endswith("11.6") for text in near.warnings)
+    clear = lc.analyse("3-rrr", motion="static", times=[0.2, 0.8], compliance=True)
+    assert not any(words in text for text in clear.warnings)
+
+
 # ---------------------------------------------------------------- what is refused
 
 
@@ -398,3 +469,13 @@ def test_a_free_drive_is_refused(tmp_path: Path) -> None:
     done = compare("--case", "loose.toml", "--flexible", "--motion", "static", "--simulator", "exudyn", cwd=tmp_path)
     assert done.returncode == 2
     assert "no drive of five-bar holds joint" in done.stderr
+
+
+def test_links_that_cannot_bear_their_load_are_named_with_a_pose() -> None:
+    m = load("five-bar")
+    for body in m.bodies:
+        m = m.with_body(body.name, youngs_modulus=1e4, shear_modulus=None)
+    with pytest.raises(ComplianceError, match=r"means nothing at D = 120 deg; .* \(2 such poses\)"):
+        lc.analyse(m, motion="static", times=[0.0, 0.1], compliance=True)
+    with pytest.raises(SimulationError, match=r"no static equilibrium in the assembly mode found at 0\.03 s"):
+        beams(m)

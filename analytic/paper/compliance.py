@@ -23,7 +23,7 @@ import numpy as np
 
 from analytic.kinematics.motion import Motion
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism, Spring
-from analytic.mechanism.one_line import angles, largest, one_line
+from analytic.mechanism.one_line import angles, count, largest, one_line
 from analytic.paper.frame import Bar, ComplianceError, beam_stiffness, frame
 from analytic.paper.kinetostatics import joint_law, kinetostatics, of_springs, slip_sign
 
@@ -322,9 +322,18 @@ class _Structure:
 
     def refuse(self, theta: np.ndarray, why: str) -> None:
         raise ComplianceError(
-            f"{self.mechanism.name}: {why} at crank angle {np.degrees(theta[0]):.6g} deg ({theta.size} such angles); "
-            "keep clear of change points, or check youngs_modulus, section, elasticity and the loads"
+            f"{self.mechanism.name}: {why} at {self.where(float(theta[0]))}; keep clear of change points, or check"
+            f" youngs_modulus, section, elasticity and the loads ({count(theta.size, 'such pose')})"
         )
+
+    def where(self, theta: float) -> str:
+        """A pose in words, by the first input: a crank's angle, or the position of a joint."""
+        s, m = self.motion.structure, self.mechanism
+        if m.cranked and len(s.inputs) == 1:
+            return f"crank angle {np.degrees(theta):.6g} deg"
+        first = s.inputs[0]
+        joint, at = m.joint(s.coordinates[first].joint), s.signs[first] * theta
+        return f"{joint.name} = " + (f"{1e3 * at:.6g} mm" if joint.prismatic else f"{np.degrees(at):.6g} deg")
 
     def motions(self, u: np.ndarray) -> dict[tuple[str, str], np.ndarray]:
         """Motion (N, 6) of every point of every body."""

@@ -19,8 +19,9 @@ from analytic.mechanism.one_line import count, one_line
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
+from analytic.paper.envelope import condition
 from analytic.paper.kinetostatics import friction_turns
-from analytic.paper.superposition import superposed
+from analytic.paper.superposition import ILL_CONDITIONED, superposed
 from compare.judge.courses import Courses
 from compare.judge.discrepancy import difference, largest
 from compare.judge.signals import UNITS, compared, kind_of, with_derived
@@ -28,6 +29,10 @@ from compare.results.crosscheck import OrderDifference
 from sim_models.engine import Motion
 
 MOVED = ("theta", "omega", "alpha")  # parts of a motion
+NEAR_SINGULAR = (
+    "what links that bend change of forces is left out, which is much near a singular posture: the condition number of"
+    " the loops is up to"
+)
 REVERSAL = 5e-3  # rad of crank before and after a joint's sliding reverses, where simulations preslide or are in a step
 
 
@@ -40,6 +45,7 @@ class Reference:
     largest sizes at the linkage's usual crank angles; a signal without one is judged by its peak in the run.
     ``unsure`` (N,) is how far a signal may be off because the motion that it follows is known no better (rms).
     ``undetermined`` are the joints whose reactions statics does not determine: NaN, and compared with nothing.
+    ``cautions`` are sentences on numbers that stand but are not to be relied on.
     """
 
     signals: Mapping[str, np.ndarray]
@@ -50,14 +56,16 @@ class Reference:
     peaks: Mapping[str, float] = field(default_factory=dict)
     unsure: Mapping[str, np.ndarray] = field(default_factory=dict)
     undetermined: frozenset[str] = frozenset()
+    cautions: tuple[str, ...] = ()
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """What a reader has to know of it, in sentences."""
         if not self.undetermined:
-            return ()
+            return self.cautions
         joints = ", ".join(sorted(self.undetermined))
         return (
+            *self.cautions,
             f"statics does not determine the reactions of {joints}, as the linkage is held more often than it needs:"
             " they have no number, and are not compared; what the drives give is determined",
         )
@@ -280,7 +288,7 @@ def timed_with_flexible_links(side: Reference, assembly: Assembly, time: np.ndar
 
 
 def _bent(side: Reference, ideal: Moving) -> Reference:
-    m, found = ideal.structure.mechanism, compliance(ideal)
+    m, found, worst = ideal.structure.mechanism, compliance(ideal), float(condition(ideal).max())
     known = named(m.bodies, m.joints, m.drives)
     peaks = {name: peak for name, peak in side.peaks.items() if known[name].kind in ("reaction", "drive")}
     return replace(
@@ -288,6 +296,7 @@ def _bent(side: Reference, ideal: Moving) -> Reference:
         signals=with_derived(superposed(side.signals, found), m),
         peaks=peaks,
         elastic=max(float(np.abs(found.displacement(*place)).max()) for place in found.motions),
+        cautions=(*side.cautions, f"{NEAR_SINGULAR} {worst:.3g}") if worst > ILL_CONDITIONED else side.cautions,
     )
 
 
