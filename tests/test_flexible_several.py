@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -392,6 +393,23 @@ class Softer:
 def test_links_a_tenth_softer_on_one_side_are_noticed(name: str) -> None:
     found = outside(checked(steel(name), "ideal", Softer))
     assert {signal for signal in found if signal.endswith(("_x", "_y")) and not signal.startswith("reaction")}
+
+
+class Weaker(Softer):
+    """An engine that tells of torques and forces of drives a tenth less than there is."""
+
+    def simulate(self, request: Request) -> Trace:
+        trace = self.beams.simulate(request)
+        less = {name: (0.9 if name.startswith("drive_") else 1.0) * v for name, v in trace.signals.items()}
+        return replace(trace, signals=less)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_drives_a_tenth_weaker_on_one_side_are_noticed(name: str) -> None:
+    """Of a hanging link's torque, which is small, too."""
+    m = steel(name)
+    kinds = {drive.joint: "force" if m.joint(drive.joint).prismatic else "torque" for drive in m.drives}
+    assert outside(checked(m, "ideal", Weaker)) == {f"drive_{kind}_{joint}" for joint, kind in kinds.items()}
 
 
 def test_the_command_and_the_analysis_take_times(tmp_path: Path) -> None:
