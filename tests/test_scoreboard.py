@@ -216,6 +216,16 @@ def test_an_exact_alias_is_not_distinguishable_and_an_own_signature_is() -> None
     assert own.distinct > 20
 
 
+@pytest.mark.slow
+def test_two_effects_that_one_describes_are_told_from_two_that_need_both() -> None:
+    sizer = Sizer(experiment())
+    bias = Term(VOCABULARY["sensor_bias"], "drive_torque"), {"bias": 2e-3}
+    torque = Term(VOCABULARY["load_torque"], "crank"), {"torque": 1e-3}
+    damped = Term(VOCABULARY["viscous_friction"], "E"), {"damping": 5e-3}
+    assert sizer.together([bias, torque]) < 0.01
+    assert sizer.together([bias, damped]) > 5
+
+
 # ---------------------------------------------------------------- drawing
 
 

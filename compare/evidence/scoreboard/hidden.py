@@ -174,7 +174,11 @@ def _with_several(seed: int, simulator: str, rng: np.random.Generator) -> Hidden
     hiding = [effect.hiding for effect in effects]
     sensors = [sensor for h in hiding for sensor in h.sensors]
     experiment = several.draw_several(rng, several.CASES, sensors, any(h.in_contact for h in hiding))
-    return _planted(seed, simulator, rng, effects, experiment)
+    found = _planted(seed, simulator, rng, effects, experiment)
+    truth = [(Term(VOCABULARY[each.name], each.where), each.values) for each in found.truth]
+    if len(truth) > 1 and Sizer(experiment).together(truth) < SMALLEST:
+        raise Rejected("one effect describes both")
+    return found
 
 
 def _goes_with(effect: Effect, effects: Sequence[Effect]) -> bool:

@@ -157,6 +157,12 @@ class Sizer:
             )
         return out
 
+    def together(self, truth: Sequence[tuple[Term, Values]]) -> float:
+        """Sigmas of all effects together that the best single one leaves: of one that describes them all, few."""
+        model, data = self.data(truth)
+        fitter = Fitter(model, data, self.rig, self.bounds)
+        return self.rivalled(fitter, self.without(fitter, []), candidates(self.rig, VOCABULARY))[2]
+
     def bounds(self, term: Term) -> tuple[np.ndarray, np.ndarray]:
         """Physical bounds of natural coordinates."""
         low = term.effect.lowest(self.rig, term.where, term.variant)
