@@ -19,6 +19,7 @@ from compare.report.svg import draw
 from compare.results.crosscheck import CrossCheck
 from compare.results.validation import (
     AtScale,
+    Bent,
     Held,
     InEngine,
     OverWorkspace,
@@ -128,6 +129,8 @@ def page(found: Validation) -> str:
         lines += ["", *_in_engines(found.in_engines)]
     if found.superposition:
         lines += ["", "## How good superposition is (Fig. 7c)", "", *_superposed(found.superposition)]
+    if found.bent:
+        lines += ["", *_bent(found.bent)]
     if found.published:
         lines += ["", "## Held to what others found", "", *_published(found.published)]
     if found.speed:
@@ -236,6 +239,20 @@ def _superposed(rows: Sequence[Superposed]) -> Iterator[str]:
     for gap in dict.fromkeys(row.clearance for row in rows):
         cells = [f"{100 * r.equilibrium:.2f} / {100 * r.first_order:.2f} %" for r in rows if r.clearance == gap]
         yield f"| {1000 * gap:g} mm | " + " | ".join(cells) + " |"
+
+
+def _bent(rows: Sequence[Bent]) -> Iterator[str]:
+    yield (
+        "The same for platforms at rest under their own loads, at poses along a spiral, ideal or with"
+        f" {1000 * LOOSE:g} mm of real contact in"
+    )
+    yield "every pin: what superposition is off, as a share of the displacement of the platform's centre."
+    yield ""
+    yield "| platform | joints | poses | moved by at most | off: median | worst |"
+    yield "|---|---|--:|--:|--:|--:|"
+    for r in rows:
+        shares = f"{100 * r.off:.2g} % | {100 * r.off_worst:.2g} %"
+        yield f"| {r.case} | {r.joints} | {r.poses} | {1000 * r.displacement:.2g} mm | {shares} |"
 
 
 def _scales(rows: Sequence[AtScale]) -> Iterator[str]:

@@ -11,7 +11,7 @@ from analytic.mechanism.one_line import count
 from compare.results.crosscheck import CrossCheck
 from compare.results.document import Part, Row
 from compare.results.evidence import Remade, Stored
-from sim_models.engine import Cause, Motion
+from sim_models.engine import Cause, JointModel, Motion
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
 NotNegative = Annotated[FiniteFloat, Field(ge=0)]
@@ -105,6 +105,19 @@ class InEngine(Part):
     flies: Annotated[NotNegative, Field(description="Largest share of the motion in which a pin has no contact.")]
 
 
+class Bent(Part):
+    """A platform on links that bend, at rest at poses along a spiral: superposition beside beams."""
+
+    case: str
+    joints: JointModel
+    poses: Annotated[int, Field(ge=1, description="How many.")]
+    displacement: Annotated[
+        NotNegative, Field(description="Largest displacement of its centre from the ideal one (m).")
+    ]
+    off: Annotated[NotNegative, Field(description="What superposition is off, as a share of it: the median.")]
+    off_worst: Annotated[NotNegative, Field(description="The same at the worst pose.")]
+
+
 class Apart(Part):
     """How far one side is off a published figure."""
 
@@ -175,6 +188,9 @@ class Validation(Stored):
         Mapping[str, tuple[InEngine, ...]],
         Field(description="By case: the same platform with real contact in its pins, moved slowly or at rest."),
     ] = {}
+    bent: Annotated[
+        tuple[Bent, ...], Field(description="Platforms on links that bend: superposition against beams.")
+    ] = ()
     published: Annotated[
         tuple[Published, ...], Field(description="Published figures, and how far this project is off them.")
     ] = ()

@@ -17,7 +17,7 @@ from compare.evidence.validation.runs import run_all
 from compare.evidence.validation.scales import checked, scales
 from compare.files import output_folder
 from compare.results.document import Part
-from compare.results.validation import Apart, InEngine, Published, Validation, ValidationCheck, ValidationRun
+from compare.results.validation import Apart, Bent, InEngine, Published, Validation, ValidationCheck, ValidationRun
 
 WHERE = Path("reports")
 PAGE = "README.md"
@@ -99,6 +99,7 @@ def differences(stored: Validation, found: Validation) -> Iterator[str]:
             was = there.get((row.simulator, row.motion))
             yield from (f"{case} in {row.simulator}, {row.motion}, {what}" for what in _along(was, row))
     yield from _held(stored.published, found.published)
+    yield from _bends(stored.bent, found.bent)
     if found.superposition:
         keys = ("clearance", "crank_angle")
         yield from _table("superposition", stored.superposition, found.superposition, keys, 0.0, BEAMS)
@@ -114,6 +115,20 @@ def _at_scales(stored: Validation, found: Validation) -> Iterator[str]:
         if before.get(key) != after.get(key):
             where = f"at {key[0]:g} m, {key[1]:g} rad/s, mass ratio {key[2]:g}, {key[3]}, {key[4]}"
             yield f"{where}: was {before.get(key, 'not there')}, is {after.get(key, 'not there')}"
+
+
+def _bends(stored: Sequence[Bent], found: Sequence[Bent]) -> Iterator[str]:
+    """What changed of platforms on links that bend."""
+    before = {(row.case, row.joints): row for row in stored}
+    for row in found:
+        where, old = f"{row.case} on links that bend, {row.joints} joints", before.get((row.case, row.joints))
+        if old is None:
+            yield f"{where}: is new"
+            continue
+        for name in ("displacement", "off", "off_worst"):
+            was, now = getattr(old, name), getattr(row, name)
+            if max(was, now) > FACTOR * min(was, now):
+                yield f"{where}: {name} was {was:g}, is {now:g}"
 
 
 def _along(old: InEngine | None, new: InEngine) -> Iterator[str]:

@@ -14,6 +14,7 @@ from analytic.paper.superposition import total_displacement
 from compare.arguments import cores
 from compare.crosscheck import Job, crosscheck_job
 from compare.evidence.baseline.runs import not_run, setups
+from compare.evidence.validation.bending import bending
 from compare.evidence.validation.published import published
 from compare.evidence.validation.scales import Scale, scale_rows
 from compare.evidence.validation.speed import timed
@@ -68,6 +69,7 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
         superposition=superposition() if "exudyn" in names else (),
         workspaces=workspaces(),
         in_engines=in_engines(names, tuple(SPIRALS) if whole else tuple(SPIRALS)[:1]),
+        bent=bending(names),
         published=published(names, data, whole),
         speed=timed() if whole else (),
     )

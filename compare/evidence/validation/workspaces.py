@@ -83,7 +83,7 @@ def in_engines(names: Sequence[str], cases: Sequence[str] = tuple(SPIRALS)) -> d
         for name in names
         if ("several_drives", ("contact", motion)) in declared(name).capabilities.rigid.features
     ]
-    moved = [(case, name, _Spiral(case, motion)) for case in cases for motion, name in able]
+    moved = [(case, name, Spiral(case, motion)) for case in cases for motion, name in able]
     tasks = [(name, spiral.request()) for _, name, spiral in moved]
     found: dict[int, InEngine] = {}
     for k, outcome in simulate_all(tasks, cores()):
@@ -94,7 +94,7 @@ def in_engines(names: Sequence[str], cases: Sequence[str] = tuple(SPIRALS)) -> d
     return {case: tuple(found[k] for k in sorted(found) if moved[k][0] == case) for case in cases}
 
 
-class _Spiral:
+class Spiral:
     """A platform's slow way from where it is assembled outwards, at the angle that it has there, driven along it or at
     rest in poses of it.
     """
@@ -131,11 +131,11 @@ class _Spiral:
             simulator=trace.simulator,
             motion=self.motion,
             poses=engine.size,
-            equilibrium=_digits(np.median(off["equilibrium"])),
-            equilibrium_worst=_digits(off["equilibrium"].max()),
-            first_order=_digits(np.median(off["first_order"])),
-            first_order_worst=_digits(off["first_order"].max()),
-            flies=_digits(max(trace.free_share.values(), default=0.0)),
+            equilibrium=digits(np.median(off["equilibrium"])),
+            equilibrium_worst=digits(off["equilibrium"].max()),
+            first_order=digits(np.median(off["first_order"])),
+            first_order_worst=digits(off["first_order"].max()),
+            flies=digits(max(trace.free_share.values(), default=0.0)),
         )
 
     def simulated(self, signals: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -162,5 +162,5 @@ class _Spiral:
         return x + 1j * y
 
 
-def _digits(value: float) -> float:
+def digits(value: float) -> float:
     return float(f"{value:.1e}")
