@@ -24,7 +24,7 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.errors import MechanismError, quoted
 from analytic.mechanism.file import load
-from compare.faults import ArgumentError, DegreesWarning
+from compare.faults import ArgumentError, DegreesWarning, no_pin
 from compare.judge.courses import Courses, at_their_speeds, of_file, of_path, times_within
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import FARTHEST, chosen_angles
@@ -178,14 +178,12 @@ def metres(given: object, mechanism: Mechanism, called: str) -> dict[str, float]
     """Lengths (m) by revolute joint, checked.  Raises ArgumentError."""
     pins = [j.name for j in mechanism.joints if not j.prismatic]
     if not isinstance(given, Mapping):
-        example = {pins[-1]: 1e-4}
+        example = {(pins or ["B"])[-1]: 1e-4}
         raise ArgumentError(called, f"{quoted(given)} cannot be used; give metres by joint, such as {example}")
     found = {}
     for name, size in given.items():
         if name not in pins:
-            raise ArgumentError(
-                called, f"{name!r} is not a revolute joint of {mechanism.name}; they are {', '.join(pins)}"
-            )
+            raise ArgumentError(called, no_pin(name, pins, mechanism.name))
         if not isinstance(size, Real) or isinstance(size, bool) or not 0 <= float(size) < math.inf:
             raise ArgumentError(called, f"{name} = {quoted(size)}; give metres, 0 or more")
         found[name] = float(size)

@@ -7,7 +7,7 @@ linkage where the file begins; engines may be asked for the same motion, so that
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, AssemblyError
-from analytic.mechanism import Mechanism
+from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.columns import PLAIN, Layout, read_map
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.one_line import shown
-from analytic.mechanism.signals import Signal
+from analytic.mechanism.signals import Signal, driving, position
 from analytic.mechanism.units import dimension
 from analytic.paper.clearance import MODELS, Model
 from compare.arguments import (
@@ -48,6 +48,7 @@ from compare.judge.reference import (
     followed_reference,
     reference,
     released_reference,
+    silenced,
     timed_reference,
 )
 from compare.recorded.errors import DataError
@@ -131,7 +132,9 @@ def check(  # noqa: PLR0913 - what a person may ask, by name
             _with_rounding(side, one),
             _trace(one, m, model, motion),
         )
-        remarks += [*side.remarks, *_units(one, side), *(_coarse(one, side, found.rules) if motion == "driven" else ())]
+        remarks += [*side.remarks, *_units(one, side, m)]
+        if motion == "driven":
+            remarks += _coarse(one, side, found.rules, m)
         if found.run.verdict == "disagrees" and one.kind == "angles" and motion == "driven" and one.time is None:
             remarks += _at_rest(one, m, model, analytic, job)
         ran += Ran((found,))
@@ -262,13 +265,22 @@ def _side(one: Recording, mechanism: Mechanism, motion: Motion, joint_model: Joi
             return followed_reference(assembly, one.moved.moving, one.moved.errors, model, clearances)
         if isinstance(one.moved, FollowedDrives):
             if motion == "static":
-                courses = Courses(one.moved.knots)
-                return timed_reference(assembly, one.moved.time, courses, motion, model, clearances)
+                courses = Courses({n: (one.moved.time, each.moving.theta) for n, each in one.moved.drives.items()})
+                side = timed_reference(assembly, one.moved.time, courses, motion, model, clearances)
+                return silenced(side, _standing(one.moved, mechanism))
             states = {name: (each.moving, each.errors) for name, each in one.moved.drives.items()}
             return followed_drives_reference(assembly, states, model, clearances)
         return reference(assembly, one.theta, motion, model, clearances, one.error)
     except AssemblyError as error:
         raise DataError(f"{Path(one.file).name}: {error}; check the angles, their unit and their sign") from None
+
+
+def _standing(moved: FollowedDrives, mechanism: Mechanism) -> dict[str, np.ndarray]:
+    """Where (N,) a record says no more of a drive than that it stands, by what its motor gives where its joint rubs."""
+    given = zip(mechanism.motors, driving(mechanism.motors), strict=True)
+    named = {joint.name: signal.name for joint, signal in given if joint.rubs}
+    drives = {named[name]: each for name, each in moved.drives.items() if name in named}
+    return {name: np.abs(each.moving.omega) <= SURE * each.errors.omega for name, each in drives.items()}
 
 
 def _with_rounding(side: Reference, one: Recording) -> Reference:
@@ -311,7 +323,7 @@ def _trace(one: Recording, mechanism: Mechanism, joint_model: JointModel, motion
     )
 
 
-def _coarse(one: Recording, side: Reference, rules: Mapping[str, object]) -> list[str]:
+def _coarse(one: Recording, side: Reference, rules: Mapping[str, object], mechanism: Mechanism) -> list[str]:
     """A warning where the crank's recorded angles leave a signal open by more than it should differ by."""
     if not isinstance(one.moved, Followed | FollowedDrives) and not one.error:
         return []
@@ -335,9 +347,11 @@ def _coarse(one: Recording, side: Reference, rules: Mapping[str, object]) -> lis
     else:
         drives = {"its crank": one.moved}
     what, moved = max(drives.items(), key=lambda item: float(np.max(item[1].errors.alpha)))
+    slides = {"its crank"} if mechanism.sliding else {f"joint {j.name}" for j in mechanism.joints if j.prismatic}
+    unit = "m" if what in slides else "rad"
     known, most = SURE * float(np.max(moved.errors.alpha)), float(np.max(np.abs(moved.moving.alpha)))
     return [
-        f"{one.name}: {what} is recorded every {every:.3g} s, which tells its acceleration to {known:.2g} rad/s2 (of"
+        f"{one.name}: {what} is recorded every {every:.3g} s, which tells its acceleration to {known:.2g} {unit}/s2 (of"
         f" {most:.3g} at most), and so {left_open}: record it more often, or with more digits, for a closer check"
     ]
 
@@ -350,9 +364,31 @@ def _at_rest(one: Recording, mechanism: Mechanism, joint_model: JointModel, mode
     return [f"{one.name}: agrees with the linkage at rest; say --motion static"] * (again.run.verdict == "agrees")
 
 
-def _units(one: Recording, side: Reference) -> list[str]:
+def _drives_read(one: Recording, mechanism: Mechanism) -> Iterator[str]:
+    """A warning for each driven pin whose position is not what its bodies' angles say, but in another unit or sign."""
+    values = one.table.values
+    for joint in mechanism.motors:
+        angles = [np.zeros(1) if body == GROUND else values.get(f"{body}_angle") for body in joint.bodies]
+        name = position(joint).name
+        if joint.prismatic or name not in values or any(each is None for each in angles):
+            continue
+        turned = np.asarray(angles[1]) - np.asarray(angles[0])
+        here = np.isfinite(turned) & np.isfinite(values[name])
+        told = looks("angle", turned[here], values[name][here]) if np.sum(here) >= LEAST else None
+        if told is not None:
+            remedy = "say sign = -1 in a map" if told[1] == REVERSED else "say its unit in its heading, or in a map"
+            bodies = " and ".join(body for body in joint.bodies if body != GROUND)
+            yield (
+                f"{one.name}: {name} is {told[0]:.4g} times what the angle of {bodies} says (second body less first):"
+                f" it looks {told[1]}; {remedy}"
+            )
+
+
+def _units(one: Recording, side: Reference, mechanism: Mechanism) -> list[str]:
     """A warning for each signal that is the analytic one in another unit, or of the other sign."""
     found = []
+    if isinstance(one.moved, FollowedDrives) and (found := list(_drives_read(one, mechanism))):
+        return found  # what follows from them is off as well
     for column in one.table.columns:
         name, kind = column.signal.name, dimension(column.signal)
         values = one.table.values[name]

@@ -469,8 +469,10 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
     if trace.recorded:
         silent = {name: np.full(trace.crank_angle.shape, np.nan) for name in side.signals if name not in simulated}
         simulated |= silent
-    for values in simulated.values():
+    for name, values in simulated.items():
         values[list(side.flags)] = np.nan
+        if name in side.silent:
+            values[side.silent[name]] = np.nan
     theta = _told_along(job, trace)
     rules = _rules(job, side, trace, simulated)
     found = _discrepancies(job, side, trace, simulated, rules)
@@ -480,7 +482,8 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
     if len(side.flags) == theta.size:
         first, *others = dict.fromkeys(why for _, why in sorted(side.flags.items()))
         more = f", and {len(others)} such reasons more" * bool(others)
-        optional["reason"] = f"the analytic model has no answer at any crank angle: {first}{more}"
+        where = "time" if trace.time is not None and not job.mechanism.cranked else "crank angle"
+        optional["reason"] = f"the analytic model has no answer at any {where}: {first}{more}"
     run = Run(
         simulator=Simulator(name=trace.simulator, version=trace.version),
         joint_model=trace.joint_model,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
 from typing import Any
@@ -134,3 +134,10 @@ def stop(error: object, status: Exit) -> typer.Exit:
         middle = " ... " if len(text) > LONGEST else ""  # the file and the remedy are at the ends
         typer.echo(f"compare: {text[: LONGEST // 2] + middle + text[-LONGEST // 2 :] if middle else text}", err=True)
     return typer.Exit(status)
+
+
+def no_pin(name: str, pins: Sequence[str], linkage: str) -> str:
+    """What there is to say of a name that is none of a linkage's revolute joints."""
+    return f"{name!r} is not a revolute joint of {linkage}; " + (
+        f"they are {', '.join(pins)}" if pins else "it has none"
+    )

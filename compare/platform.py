@@ -69,6 +69,11 @@ def platform_accuracy(  # noqa: PLR0913 - what a person may ask, by name
         if angle is not None and not np.isfinite(number(angle, "angle", "rad")):
             raise ArgumentError("angle", f"{quoted(angle)} cannot be used; give a finite number (rad)")
         if workspace is not None:
+            for name, given in (("times", times), ("course", course), ("path", path)):
+                if given is not None:
+                    raise ArgumentError(
+                        name, "is of a motion, and a workspace is of poses at rest; leave one of them out"
+                    )
             found = _over_workspace(assembly, wanted, _grid(workspace), angle, steps)
         else:
             if angle is not None:

@@ -51,7 +51,7 @@ class Platform:
     @cached_property
     def directions(self) -> np.ndarray:
         """Where each pin's reaction points (pins, N), complex of length 1; NaN where there is none."""
-        forces = np.array([self.reactions.forces[pin] for pin in self.motion.structure.pins])
+        forces = _by_pin(self.motion, self.reactions.forces)
         size = np.abs(forces)
         with np.errstate(all="ignore"):
             return np.where(size > 0, forces / size, np.nan)
@@ -119,9 +119,15 @@ def platform(
         reactions,
         np.array([clearances.get(pin, 0.0) for pin in s.pins]),
         np.array([steps.get(joint, 0.0) for joint in joints]),
-        {d: np.array([forces[pin] for pin in s.pins]) for d, (forces, _) in found.items()},
+        {d: _by_pin(motion, forces) for d, (forces, _) in found.items()},
         {d: -signs[:, None] * efforts for d, (_, efforts) in found.items()},
     )
+
+
+def _by_pin(motion: Motion, forces: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Forces (pins, N) complex, of slides alone none."""
+    s = motion.structure
+    return np.array([forces[pin] for pin in s.pins], complex).reshape(len(s.pins), motion.theta.shape[-1])
 
 
 def _answer(motion: Motion, d: Output) -> tuple[Mapping[str, np.ndarray], np.ndarray]:

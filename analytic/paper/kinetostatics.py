@@ -387,14 +387,18 @@ def _direction(rate: np.ndarray, crank: np.ndarray) -> np.ndarray:
 
 def friction_turns(motion: Motion, within: float = 0.0) -> dict[str, np.ndarray]:
     """Where (N,) the Coulomb friction of each joint that has some lacks a direction: its slip reverses ``within`` so
-    many rad of crank angle, of a crank that turns evenly; with 0, only at the reversal itself.
+    many rad of crank angle, of a crank that turns evenly, or of the fastest input, of a slide's in lengths of the
+    longest body; with 0, only at the reversal itself.
     """
-    found = {}
-    for joint in motion.structure.mechanism.joints:
+    s, crank, found = motion.structure, motion.pace, {}
+    longest = max(body.length for body in s.mechanism.bodies) or 1.0
+    sizes = np.array([1.0 if s.unit(i) == "rad" else longest for i in s.inputs])[:, None]
+    turns = (np.abs(motion.rates[list(s.inputs)]) / sizes).max(axis=0)
+    for joint in s.mechanism.joints:
         if joint.rubs:
             rate, bend = motion.slip(joint)
-            crank = motion.pace
-            found[joint.name] = np.abs(rate) * crank <= np.maximum(DEAD_CENTRE * crank**2, within * np.abs(bend))
+            dead = np.abs(rate) * crank <= DEAD_CENTRE * crank**2
+            found[joint.name] = dead | (np.abs(rate) * turns <= within * np.abs(bend) if within else False)
     return found
 
 

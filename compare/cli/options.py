@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from compare.faults import OptionError, reason
+from compare.faults import OptionError, no_pin, reason
 
 if TYPE_CHECKING:
     from analytic.mechanism import Mechanism
@@ -76,11 +76,9 @@ def metres_by_joint(text: str, option: str, mechanism: Mechanism) -> dict[str, f
         try:
             size = float(value)
         except ValueError:
-            raise OptionError(f"{option} {part}: give JOINT=metres, such as {pins[-1]}=1e-4") from None
+            raise OptionError(f"{option} {part}: give JOINT=metres, such as {(pins or ['B'])[-1]}=1e-4") from None
         if name not in pins:
-            raise OptionError(
-                f"{option} {part}: {name!r} is not a revolute joint of {mechanism.name}; they are {', '.join(pins)}"
-            )
+            raise OptionError(f"{option} {part}: {no_pin(name, pins, mechanism.name)}")
         if not 0 <= size < float("inf"):
             raise OptionError(f"{option} {part}: give metres, 0 or more")
         found[name] = size

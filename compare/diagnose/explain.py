@@ -30,7 +30,7 @@ from compare.results.diagnosis import Verdict
 
 TIE = 16.0  # of chi^2: two explanations closer than four sigmas are not told apart
 RICHER = 0.01  # chance that a richer explanation does better by luck
-RIVALS = 30  # fitted in full for each named effect: a platform of three legs has twenty that do as well
+RIVALS = 10  # fitted in full for each named effect and drive: a platform of three legs has twenty that do as well
 EVEN = 1.05  # odds no larger are even
 NEAREST = 3  # fitted at least where the screen holds only near a fit
 SWAPS = 7  # of a named effect for a rival that does better
@@ -328,7 +328,7 @@ def rivalled(search: Search, fit: Fit, weights: np.ndarray, named: Named) -> Nam
             behind[alike] = min(behind.get(alike, (math.inf, "", k)), (less, term.label, k))
     margin = 2 * TIE / max(float(weights.min()), 1e-12) + 0.03 * named.chi2_gain / max(float(np.median(weights)), 1e-12)
     nearest = sorted(behind.values())
-    close = [b for b in nearest if b[0] < margin][:RIVALS]
+    close = [b for b in nearest if b[0] < margin][: RIVALS * len(search.rig.encoders)]
     ties: dict[tuple[str, str], tuple[Term, Fit]] = {}
     for _, _, k in close if len(close) > NEAREST or not search.nonlinear else nearest[:NEAREST]:
         rival = search.with_terms(fit, screen, [*others, screen.terms[k]])

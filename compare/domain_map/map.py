@@ -15,7 +15,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.one_line import count
 from compare.domain_map.cell import Task
-from compare.faults import ArgumentError
+from compare.faults import ArgumentError, no_pin
 from compare.judge.assumptions import ASSUMPTIONS
 from compare.judge.grid import default_angles, turns_fully
 from compare.judge.tolerances import Tolerances
@@ -69,9 +69,7 @@ def clearance_joints(mechanism: Mechanism, at: Sequence[str] | None) -> tuple[tu
     if at is not None:
         for name in at:
             if name not in pins:
-                raise ArgumentError(
-                    "joints", f"{name!r} is not a revolute joint of {mechanism.name}; they are {', '.join(pins)}"
-                )
+                raise ArgumentError("joints", no_pin(name, pins, mechanism.name))
         return tuple(dict.fromkeys(at)), "as asked"
     if mechanism.clearances:
         return tuple(mechanism.clearances), "the case's own"

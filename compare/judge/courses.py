@@ -17,6 +17,8 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism.signals import Signal, continued, position, turned_near
 from compare.judge.grid import GridError
 from compare.recorded.errors import DataError
+from sim_models.common.held import STANDSTILL
+from sim_models.common.motor import Course
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -28,7 +30,6 @@ SHORTEST = 1e-3  # s
 SPARE = 0.9  # of the way to where the drives get no farther
 GLIMPSES = 400  # instants of a course, at least, by which it is followed
 KNOTS = 5  # of a straight line
-STANDSTILL = 1e-9  # of a course's largest rate: one that is no larger is rounding
 LEAST = 4  # rows of a file of courses: a cubic spline needs as many
 
 
@@ -51,8 +52,8 @@ class Courses:
         """Rates (N,) rad/s, m/s at times (N,) s, by joint; 0 of a drive that is about to stand."""
         found = {}
         for name, spline in self.splines.items():
-            rate, top_speed = np.asarray(spline(time, 1)), np.abs(spline(spline.x, 1)).max()
-            found[name] = np.where(np.abs(rate) > STANDSTILL * top_speed, rate, 0.0)
+            rate = np.asarray(spline(time, 1))
+            found[name] = np.where(np.abs(rate) > STANDSTILL * Course(spline).top_speed, rate, 0.0)
         return found
 
     def until(self, time: np.ndarray) -> np.ndarray:

@@ -15,8 +15,9 @@ from analytic.kinematics.assembly import Assembly, AssemblyError, Followed
 from analytic.kinematics.motion import Motion as Moving
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.reach import usual_angles
+from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count, one_line
-from analytic.mechanism.signals import Signal, named
+from analytic.mechanism.signals import Signal, driving, named
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.envelope import condition
@@ -45,7 +46,8 @@ class Reference:
     largest sizes at the linkage's usual crank angles; a signal without one is judged by its peak in the run.
     ``unsure`` (N,) is how far a signal may be off because the motion that it follows is known no better (rms).
     ``undetermined`` are the joints whose reactions statics does not determine: NaN, and compared with nothing.
-    ``cautions`` are sentences on numbers that stand but are not to be relied on.
+    ``silent`` says by signal at which samples (N,) it alone has no number.  ``cautions`` are sentences on numbers that
+    stand but are not to be relied on.
     """
 
     signals: Mapping[str, np.ndarray]
@@ -56,16 +58,23 @@ class Reference:
     peaks: Mapping[str, float] = field(default_factory=dict)
     unsure: Mapping[str, np.ndarray] = field(default_factory=dict)
     undetermined: frozenset[str] = frozenset()
+    silent: Mapping[str, np.ndarray] = field(default_factory=dict)
     cautions: tuple[str, ...] = ()
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """What a reader has to know of it, in sentences."""
+        quiet = tuple(
+            f"{name} has no number at {int(here.sum())} of {count(here.size, 'sample')}: its joint stands or turns back"
+            " there, and its friction takes any part of it"
+            for name, here in self.silent.items()
+        )
         if not self.undetermined:
-            return self.cautions
+            return (*self.cautions, *quiet)
         joints = ", ".join(sorted(self.undetermined))
         return (
             *self.cautions,
+            *quiet,
             f"statics does not determine the reactions of {joints}, as the linkage is held more often than it needs:"
             " they have no number, and are not compared; what the drives give is determined",
         )
@@ -200,9 +209,12 @@ def _side(
     ideal = _angles(found.ideal.motion)
     turning = friction_turns(found.ideal.motion, REVERSAL if inertia else 0.0)
     turning = {name: here for name, here in turning.items() if name not in held}
+    own = _own_friction(mechanism, turning)
+    turning = {name: here for name, here in turning.items() if name not in own}
     loose, peaks = found.reactions.undetermined, largest(signals[model])
     side = Reference(signals[model], ideal, order, found.flags, peaks=peaks, undetermined=loose)
-    return _without({i: why for i, why in _reversals(turning).items() if i not in found.flags}, side)
+    side = _without({i: why for i, why in _reversals(turning).items() if i not in found.flags}, side)
+    return silenced(side, {signal.name: turned for signal, turned in own.values()})
 
 
 def timed_reference(
@@ -216,7 +228,7 @@ def timed_reference(
     """The analytic model at times (N,) s of a linkage whose drives follow ``courses``, with these clearances (m).
 
     In ``static`` motion every drive holds what it moves where its course has it, and only the direction of that course
-    is left of its rate: friction acts against it, and there is none in a drive that never moves.  In driven motion what
+    is left of its rate, against which friction acts; there is none in a drive that never moves.  In driven motion what
     no drive moves moves freely, with ideal joints.  Raises AssemblyError.
     """
     s, splines = assembly.structure, courses.splines
@@ -333,6 +345,25 @@ def _released(assembly: Assembly, time: np.ndarray, angle: float | None, rate: f
         int(i): "the linkage turns back here, and its friction has no direction" for i in np.flatnonzero(found.turning)
     }
     return _without(flags, Reference(signals, ideal, {}, {}))
+
+
+def _own_friction(mechanism: Mechanism, turning: Mapping[str, np.ndarray]) -> dict[str, tuple[Signal, np.ndarray]]:
+    """Of what turns back, by joint, what a motor drives: what it gives, and where (N,).  A motor and its joint's
+    friction act between the same two bodies, so that the rest of the linkage does not feel which of them does what.
+    """
+    if mechanism.cranked:  # whose samples at a dead centre say nothing, as ever
+        return {}
+    motors = mechanism.motors
+    given = zip(motors, driving(motors) if motors else (), strict=True)
+    return {joint.name: (signal, turning[joint.name]) for joint, signal in given if joint.name in turning}
+
+
+def silenced(side: Reference, where: Mapping[str, np.ndarray]) -> Reference:
+    """A side in which these signals have no number at some samples (N,), beside those where they had none."""
+    where = {name: here | side.silent.get(name, np.zeros(here.shape, bool)) for name, here in where.items()}
+    where = {name: here for name, here in where.items() if here.any()}
+    signals = {name: np.where(here, np.nan, side.signals[name]) for name, here in where.items()}
+    return replace(side, signals={**side.signals, **signals}, silent={**side.silent, **where})
 
 
 def _reversals(turning: Mapping[str, np.ndarray]) -> dict[int, str]:

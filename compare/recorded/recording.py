@@ -139,9 +139,10 @@ def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism) -> Reco
     late, drives = rounding(table.time), {}
     for joint, signal in wanted.items():
         values = assembly.on_its_turn(joint, table.values[signal])
-        drives[joint] = followed_as_given(
-            table.time, values, table.rounding(signal) + np.abs(np.gradient(values, table.time)) * late
-        )
+        exact = table.rounding(signal)  # a row's positions are those of its other signals, however late its time is
+        found = followed_as_given(table.time, values, exact + np.abs(np.gradient(values, table.time)) * late)
+        moving = replace(found.moving, theta=values)
+        drives[joint] = replace(found, moving=moving, errors=replace(found.errors, theta=exact / SURE))
     first = next(iter(drives.values()))
     return Recording(name, file, table, "courses", first.moving.theta, FollowedDrives(table.time, drives))
 

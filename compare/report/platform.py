@@ -65,7 +65,7 @@ def _facts(result: PlatformAccuracy) -> dict[str, str]:
     sizes = ", ".join(f"{joint} {1e3 * size:.4g} mm" for joint, size in result.clearance.items()) or "none"
     steps = ", ".join(f"{joint} {_step(result, joint, step)}" for joint, step in result.encoder_step.items()) or "none"
     reached = int(result.reached.sum())
-    where = f"{reached} of {count(result.reached.size, 'pose')}" if result.workspace else count(reached, "pose")
+    where = f"{reached} of {result.reached.size}" if result.workspace else f"{reached}"
     found = {"radial clearance": sizes, "encoder steps": steps, "poses": where}
     if result.workspace is not None and result.workspace.angle is not None:
         found["angle"] = f"{math.degrees(result.workspace.angle):.5g} deg"

@@ -17,7 +17,7 @@ from sim_models.common.start import Pose
 from sim_models.engine import Request
 
 GLIMPSES = 400  # instants of courses, at least, by which the linkage is followed
-STANDSTILL = 1e-9  # of a course's largest rate: a drive that is no faster stands
+STANDSTILL = 1e-6  # of a course's largest rate: a drive that is no faster stands, but for the ringing of its spline
 ASIDE = 1e-3  # rad, or longest bodies, of the fastest drive: from a pose to its neighbours, for rates
 BESIDE = np.arange(-2, 3)  # those neighbours
 SLOPE = np.array([1, -8, 0, 8, -1]) / 12  # of the rate of the quartic through values there
