@@ -609,9 +609,12 @@ def _their_own(runs: Sequence[Run]) -> Iterator[str]:
                 f"in steps of {step:g} s with {run.settings['integrator']}, ",
                 "a tenth of its timestep and solref",
             )
+        acts = [f"{run.settings[what]} {what}" for what in ("contacts", "limits") if what in run.settings]
+        own = f"with {' and '.join(acts)} of the file that act, " if acts else ""
+        loops = f"its loops open by up to {1e3 * opened:.2g} mm" if opened else "no loop opens"
         yield (
-            f"{run.title}: it runs as its file says, {how}and its loops open by up to {1e3 * opened:.2g} mm; before a"
-            f" mass or a length is blamed, try {ways} in the file"
+            f"{run.title}: it runs as its file says, {own}{how}and {loops}; before a mass or a length is blamed, try"
+            f" {ways} in the file"
         )
 
 

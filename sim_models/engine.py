@@ -115,7 +115,7 @@ _CAUSES: Mapping[Cause, tuple[str, str]] = {
     ),
     Cause.TOO_MANY_STEPS: (
         "it would take more steps than an engine is let take",
-        "raise drive.speed, use a larger clearance or a softer contact, ask for less, or use --motion static",
+        "ask for less, change drive.speed, use a larger clearance or a softer contact, or use --motion static",
     ),
     Cause.OFF_COURSE: ("the crank left its course", "use a smaller step"),
     Cause.RESONANCE: (

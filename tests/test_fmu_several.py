@@ -194,7 +194,10 @@ def test_a_slide_that_is_told_its_speed_goes_from_where_it_starts(fmu: Path, arm
 
 
 FAULTS = {
-    "a drive that is not told": (("[drives.S]", "[drives.T]"), "but polar arm is driven in S too; give [drives.S]"),
+    "a drive that is not told": (
+        ("[drives.S]", "[drives.T]"),
+        "drives.'T': polar arm has no such joint; they are O, S",
+    ),
     "no position": (('position = "phi"\n', ""), "the FMU is not told where it is; give position, or speed"),
     "one variable twice": (('speed = "omega"', 'speed = "phi"'), "drives.O.speed: 'phi' is that of drives.O.position"),
     "an output": (('speed = "omega"', 'speed = "torque"'), "drives.O.speed: 'torque' is no input"),
@@ -220,7 +223,7 @@ def test_a_map_of_several_drives_that_is_none_is_a_sentence(
 def test_a_drive_that_the_linkage_has_not_is_told(fmu: Path, arm: Mechanism, tmp_path: Path) -> None:
     text = "[drives.S]"
     more = (text, f'[drives.T]\nposition = "a"\n{text}')
-    with pytest.raises(Unsupported, match=r"drives.'T': polar arm is driven in O, S; leave it out"):
+    with pytest.raises(Unsupported, match=r"drives.'T': polar arm has no such joint; they are O, S"):
         lc.crosscheck(
             arm,
             simulators=named(fmu, tmp_path, ('acceleration = { variable = "a", unit = "mm/s2" }\n', ""), more),

@@ -126,6 +126,14 @@ def test_a_published_figure_that_is_missed_is_named_whatever_is_stored() -> None
     assert list(differences(missed, missed)) == [said]
 
 
+def test_the_report_says_how_fast_it_is_and_no_slower_than_is_wanted() -> None:
+    wanted = {row.what: row for row in STORED.speed if row.wanted is not None}
+    assert any("pylinkage" in what for what in wanted)
+    assert all(row.value <= row.wanted for row in wanted.values())
+    told = page(STORED).partition("## How fast it is")[2]
+    assert all(f"| {row.what} | {f'{row.value:g} {row.unit}'.strip()} |" in told for row in STORED.speed)
+
+
 def test_every_published_figure_of_the_committed_report_is_met() -> None:
     assert [source.name for source in STORED.published] == [
         "Andrews' squeezer",

@@ -4,6 +4,7 @@ one looks.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,9 @@ from sim_models.common.motor import Course
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
+
+    from analytic.mechanism import Mechanism
+    from compare.recorded.table import Table
 
 MOST_TIMES = 100_000
 USUAL = 1.0  # s, as far as the drives get
@@ -81,6 +85,20 @@ def parse_times(text: str) -> np.ndarray:
     return np.asarray(start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1))
 
 
+def _read(path: Path, mechanism: Mechanism) -> Table:
+    """A table, which no map stands beside.  Raises DataError."""
+    from compare.recorded.table import read_table
+
+    try:
+        return read_table(path, mechanism)
+    except DataError as error:
+        faults = (re.sub(r"say \[columns\] .* = \"ignore\"$", "leave the column out", each) for each in error.faults)
+        told = (
+            re.sub(r"; is it the header\? if so, say in .*$", "; give its columns such names", each) for each in faults
+        )
+        raise DataError(*told) from None
+
+
 def at_their_speeds(assembly: Assembly, time: np.ndarray | None) -> tuple[np.ndarray, Courses]:
     """Times (N,) s, by default as far as the drives get, and the courses at the drives' constant speeds from the
     assembly on.  Raises GridError where a drive has no speed.
@@ -123,10 +141,8 @@ def of_file(path: Path, assembly: Assembly) -> Courses:
     """The courses of a file of time and ``position_<joint>`` of every driven joint, angles in whatever turn.  Raises
     DataError.
     """
-    from compare.recorded.table import read_table
-
     mechanism = assembly.mechanism
-    table = read_table(path, mechanism)
+    table = _read(path, mechanism)
     wanted = {joint.name: position(joint).name for joint in mechanism.motors}
     faults = [
         f"{path.name}: has no column {signal!r}; a course gives time and a position of each driven joint"
@@ -150,9 +166,7 @@ def of_path(path: Path, assembly: Assembly) -> Courses:
     many as the linkage has inputs, each with a drive.  Raises DataError.
     """
     m, s = assembly.mechanism, assembly.structure
-    from compare.recorded.table import read_table
-
-    table = read_table(path, m)
+    table = _read(path, m)
     poses = [c.signal for c in table.columns if c.signal.kind == "pose"]
     free = s.free_joints
     faults = []

@@ -117,7 +117,10 @@ def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism) -> Reco
     s = assembly.structure
     if s.free:
         joint = s.coordinates[s.inputs[s.free[0]]].joint
-        raise DataError(f"{where}: joint {joint!r} of {mechanism.name} has no drive; only driven motion can be checked")
+        raise DataError(
+            f"{where}: joint {joint!r} of {mechanism.name} moves freely; of several freedoms only driven motion can be"
+            " checked"
+        )
     wanted = {s.coordinates[i].joint: position(mechanism.joint(s.coordinates[i].joint)).name for i in s.inputs}
     faults = [
         f"{where}: has no column {signal!r}, and nothing else says where joint {joint!r} is; add it, or say in a map"

@@ -76,7 +76,7 @@ class FmuEngine(Engine):
         if request.courses is not None:
             motors = motors_of(request)
             if not motors:
-                raise Unsupported(f"{self.name}: {m.name} has no drive, and an FMU is driven; give it one")
+                raise Unsupported(f"fmu:{self.fmu.path}: {m.name} has no drive, and an FMU is driven; give it one")
             if m.cranked and self.columns.inputs:  # a crank over time: its angle, of what is its joint's position
                 (course,) = request.courses.values()
                 return [(self.columns.inputs, Course(CubicSpline(course[0], m.crank_sign * np.asarray(course[1]))))]

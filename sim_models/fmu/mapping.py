@@ -138,6 +138,11 @@ class Map:
     def drives(self, mechanism: Mechanism, joints: Iterable[str]) -> dict[str, Mapping[Moved, Link]]:
         """The inputs of each of these driven joints of a mechanism.  Raises FmuError."""
         found: dict[str, Mapping[Moved, Link]] = {}
+        known = [joint.name for joint in mechanism.joints]
+        for name in self.file.drives:
+            if name not in known:
+                why = f"{mechanism.name} has no such joint; they are {', '.join(known)}"
+                raise FmuError(f"{self.path}: drives.{shown(name)}: {why}")
         for name in joints:
             if name not in self.file.drives:
                 told = ", ".join(self.file.drives) or "no driven joint"
@@ -185,7 +190,8 @@ def mapped(fmu: Fmu, path: Path) -> Map:
     """The map of an FMU.  Raises MapError for the file and FmuError for what the FMU does not have."""
     if not path.exists():
         raise FmuError(
-            f'{path}: there is no such map; write one with [inputs] angle = "..." or speed = "...", and [columns] "..."'
+            f'{path}: there is no such map; write one with [inputs] angle = "..." or speed = "..." (with several drives'
+            ' for each a table [drives.<joint>] with its position = "..."), and [columns] "..."'
             f' = {{ signal = "reaction_B_x", unit = "N" }} (or name it with --map): the inputs of {fmu.path.name}'
             f" are {_listed(fmu.named('input'))}; its outputs {_listed(fmu.named('output'))}; its parameters"
             f" {_listed(fmu.named('parameter'))}"

@@ -25,6 +25,7 @@ LEAD = 6.0  # time constants of the softest loop
 MARGIN = 5e-3  # rad that are left to where the linkage locks
 ON_TIME = 1e-6  # of a step: a report that is nearer to one is at it
 PARTED = 0.2  # of the linkage's size: a loop that opens by more is none
+LIMITS = (int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT), int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON))
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 
 
@@ -38,7 +39,7 @@ class TheirRun:
         self.step = float(self.model.opt.timestep)
         self.lag = 0.0 if int(self.model.opt.integrator) == RK4 else self.step / 2
         self.who = f"{name}: {request.mechanism.name}"
-        self.most_contacts, self.open = 0, 0.0
+        self.most_contacts, self.most_limits, self.open = 0, 0, 0.0
 
     def driven_joints(self) -> Sequence[Joint]:
         """The joints that motors hold."""
@@ -192,8 +193,9 @@ class TheirRun:
             raise SimulationError(f"{when} a loop is open by {parted:.3g} m", Cause.CAME_APART, own)
 
     def noted(self) -> None:
-        """Note how many contacts there are, and how far (m) loops are open."""
+        """Note how many contacts and limits act, and how far (m) loops are open."""
         self.most_contacts = max(self.most_contacts, int(self.data.ncon))
+        self.most_limits = max(self.most_limits, int(np.isin(self.data.efc_type, LIMITS).sum()))
         self.open = max(self.open, self.link.parted())
 
     def found(self, state: Rest | None, where: str) -> None:
@@ -229,6 +231,8 @@ class TheirRun:
         }
         if self.most_contacts:
             settings["contacts"] = self.most_contacts
+        if self.most_limits:
+            settings["limits"] = self.most_limits
         return Trace(
             simulator=self.name,
             version=f"in MuJoCo {mujoco.__version__}",
