@@ -65,6 +65,22 @@ def third_bar(beside: float = 0.0) -> Mechanism:
     )
 
 
+GANTRY = """
+name = "gantry"
+gravity = [0.0, -9.81]
+ground = { points = { X = [0.0, 0.0] } }
+body = [
+    { name = "car", points = { X = [0.0, 0.0], Y = [0.0, 0.0] }, mass = 2.0, com = [0.0, 0.0], inertia = 0.01 },
+    { name = "tool", points = { Y = [0.0, 0.0], tip = [0.2, 0.0] }, mass = 0.5, com = [0.0, 0.0], inertia = 1e-3 }
+]
+joint = [
+    { name = "X", type = "prismatic", bodies = ["ground", "car"], axis = [1.0, 0.0] },
+    { name = "Y", type = "prismatic", bodies = ["car", "tool"], axis = [0.0, 1.0] }
+]
+drive = [{ joint = "X", speed = 0.1 }, { joint = "Y", speed = 0.05 }]
+assembly = { car = 0.0, tool = 0.0 }
+"""  # slides alone
+
 CASES: dict[str, Mechanism] = {name: load(name) for name in SHIPPED}
 CASES |= {m.name: m for m in (sprung(load(name)) for name in SHIPPED)}
 CASES["parallelogram"] = third_bar()

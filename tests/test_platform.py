@@ -16,13 +16,14 @@ from analytic.kinematics.inverse import Coordinate, inverse
 from analytic.kinematics.motion import Gap, kinematics
 from analytic.kinematics.workspace import workspace
 from analytic.mechanism import MASS_CENTRE, Load, Mechanism
-from analytic.mechanism.file import load
+from analytic.mechanism.file import load, loads
 from analytic.paper.clearance import displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.envelope import Output
 from analytic.paper.kinetostatics import answers, kinetostatics
 from commands import compare
-from several_linkages import TIMES, splines, waved
+from compare.faults import ArgumentError
+from several_linkages import GANTRY, TIMES, splines, waved
 from test_compliance import referee
 
 POSE = {
@@ -169,6 +170,22 @@ def test_a_platform_on_three_legs_gives_by_castiglianos_theorem(axis: str) -> No
         rod, virtual = ((forces[f"C{leg}"] * along.conj()).real for forces in (real, unit))
         given += 0.2 * rod * virtual / EA
     assert np.abs(d.elastic(compliance(motion)) - given).max() < 1e-9 * np.abs(given).max()
+
+
+def test_a_platform_on_slides_alone_is_as_accurate_as_their_encoders() -> None:
+    m = loads(GANTRY)
+    grid = ((0.0, 0.2, 5), (0.0, 0.1, 3))
+    for where in ({}, {"workspace": grid}):
+        found = lc.platform_accuracy(m, outputs=["tool"], encoder_step={"X": 1e-4}, **where)
+        assert found.outputs["tool_x"].resolution.max() == pytest.approx(5e-5)
+        assert not found.outputs["tool_y"].resolution.any()
+        assert not found.outputs["tool_x"].worst_case.any()
+
+
+@pytest.mark.parametrize("motion", [{"times": [0.0, 0.1]}, {"course": "none.csv"}, {"path": "none.csv"}])
+def test_a_motion_is_refused_beside_a_workspace(motion: dict[str, object]) -> None:
+    with pytest.raises(ArgumentError, match=f"{next(iter(motion))}: is of a motion, and a workspace is of poses"):
+        lc.platform_accuracy("five-bar", outputs=["left-arm.P"], workspace=((0, 0.1, 3), (0.1, 0.2, 3)), **motion)
 
 
 def test_a_five_bars_workspace_is_within_its_circles_and_its_drives_are_the_circles_angles() -> None:

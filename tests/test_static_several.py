@@ -398,6 +398,35 @@ def test_another_programs_equilibria_are_checked_by_their_positions(case: str, t
     assert lc.check(tmp_path / "theirs.csv", case, joint_model="ideal").verdict == "disagrees"
 
 
+@pytest.mark.exudyn
+def test_positions_of_a_checked_file_are_as_exact_as_they_are_written(tmp_path: Path) -> None:
+    """Though its times have three decimals, and a body is off by a hundredth of a millimetre."""
+    found = lc.simulate("five-bar", "exudyn", times=np.round(np.linspace(0.0, 0.5, 101), 3))
+    lines = found.files()["signals.csv"].splitlines()
+    place = lines[0].split(",").index("left-arm_x [m]")
+    rows = [line.split(",") for line in lines[1:]]
+    assert all(len(row[0]) <= 5 for row in rows)
+    for off, verdict in ((0.0, "agrees"), (1e-5, "disagrees")):
+        wrong = [
+            [*row[:place], repr(float(row[place]) + off * (k == 50)), *row[place + 1 :]] for k, row in enumerate(rows)
+        ]
+        (tmp_path / "theirs.csv").write_text("\n".join([lines[0], *map(",".join, wrong)]) + "\n", encoding="utf-8")
+        assert lc.check(tmp_path / "theirs.csv", "five-bar", joint_model="ideal").verdict == verdict
+
+
+@pytest.mark.exudyn
+def test_a_driven_position_of_the_other_sign_is_told_by_its_bodies_angles(tmp_path: Path) -> None:
+    found = lc.simulate("five-bar", "exudyn", times=np.linspace(0.0, 0.5, 21))
+    lines = found.files()["signals.csv"].splitlines()
+    place = lines[0].split(",").index("position_D [rad]")
+    rows = [line.split(",") for line in lines[1:]]
+    wrong = [[*row[:place], repr(-float(row[place])), *row[place + 1 :]] for row in rows]
+    (tmp_path / "theirs.csv").write_text("\n".join([lines[0], *map(",".join, wrong)]) + "\n", encoding="utf-8")
+    said = lc.check(tmp_path / "theirs.csv", "five-bar", joint_model="ideal").warnings
+    assert any("position_D is -1 times what the angle of left-crank says" in each for each in said)
+    assert not any("left-crank_angle is" in each for each in said)
+
+
 def test_a_linkage_that_no_drive_holds_has_no_static_motion() -> None:
     m = load("2r-arm").replace(drives=[{"joint": "O", "speed": 2.0}, {"joint": "K", "speed": "free"}])
     words = r"motion: no drive of 2r-arm holds joint 'K'.*; leave motion out, or give that joint a \[\[drive\]\]"
