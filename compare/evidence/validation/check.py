@@ -57,12 +57,12 @@ def update_validation(folder: str | Path = WHERE, data: Path | None = None) -> V
     ``data`` the figures that rest on it are those of the stored report.  Raises OutputError.
     """
     output_folder(Path(folder), "--reports")
+    stored = read(Validation, folder).published if (Path(folder) / Validation.file).is_file() else ()
     names, _ = asked("all")
     found = run_all(names, scales(), data, whole=True)
-    if (Path(folder) / Validation.file).is_file():
-        known = {source.name for source in found.published}
-        kept = tuple(source for source in read(Validation, folder).published if source.name not in known)
-        found = found.model_copy(update={"published": (*found.published, *kept)})
+    known = {source.name for source in found.published}
+    kept = tuple(source for source in stored if source.name not in known)
+    found = found.model_copy(update={"published": (*found.published, *kept)})
     store(found, folder, "--reports")
     return found
 
