@@ -361,7 +361,9 @@ def test_a_run_without_end_is_refused_before_it_begins(
     name: str, joint_model: JointModel, speed: float, clearance: float
 ) -> None:
     m = at_speed(load("paper"), speed=speed).with_clearances({"B": clearance})
-    with pytest.raises(SimulationError, match=r"would take .* steps of .* s, and .* are the most; raise drive\.speed"):
+    with pytest.raises(
+        SimulationError, match=r"would take .* steps of .* s, and .* are the most; ask for less, change drive\.speed"
+    ):
         engine(name).simulate(Request(m, joint_model, "driven", np.radians([20.0, 160.0])))
 
 

@@ -163,4 +163,5 @@ class Spiral:
 
 
 def digits(value: float) -> float:
+    """A number to two digits."""
     return float(f"{value:.1e}")
