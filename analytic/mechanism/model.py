@@ -108,8 +108,8 @@ class Mechanism(Part):
 
     @property
     def crank_sign(self) -> float:
-        """Of what a motor does to the crank in what it does to its joint, and of the crank's angle in the joint's
-        position: -1 where the crank is the joint's first body; 1 where there is no crank.
+        """Sign of the crank's angle in its joint's position, and of the torque on the crank in that on the joint's
+        second body: -1 where the crank is the joint's first body, else 1, also where there is no crank.
         """
         return -1.0 if self.cranked and self.drive_joint.bodies[1] == GROUND else 1.0
 

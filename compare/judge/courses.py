@@ -4,7 +4,6 @@ one looks.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,21 +17,17 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism.signals import Signal, continued, position, turned_near
 from compare.judge.grid import GridError
 from compare.recorded.errors import DataError
-from sim_models.common.held import STANDSTILL
+from sim_models.common.held import GLIMPSES, STANDSTILL
 from sim_models.common.motor import Course
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
-
-    from analytic.mechanism import Mechanism
-    from compare.recorded.table import Table
 
 MOST_TIMES = 100_000
 USUAL = 1.0  # s, as far as the drives get
 SAMPLES = 50
 SHORTEST = 1e-3  # s
 SPARE = 0.9  # of the way to where the drives get no farther
-GLIMPSES = 400  # instants of a course, at least, by which it is followed
 KNOTS = 5  # of a straight line
 LEAST = 4  # rows of a file of courses: a cubic spline needs as many
 
@@ -85,20 +80,6 @@ def parse_times(text: str) -> np.ndarray:
     return np.asarray(start + step * np.arange(int(np.floor((stop - start) / step + 1e-9)) + 1))
 
 
-def _read(path: Path, mechanism: Mechanism) -> Table:
-    """A table, which no map stands beside.  Raises DataError."""
-    from compare.recorded.table import read_table
-
-    try:
-        return read_table(path, mechanism)
-    except DataError as error:
-        faults = (re.sub(r"say \[columns\] .* = \"ignore\"$", "leave the column out", each) for each in error.faults)
-        told = (
-            re.sub(r"; is it the header\? if so, say in .*$", "; give its columns such names", each) for each in faults
-        )
-        raise DataError(*told) from None
-
-
 def at_their_speeds(assembly: Assembly, time: np.ndarray | None) -> tuple[np.ndarray, Courses]:
     """Times (N,) s, by default as far as the drives get, and the courses at the drives' constant speeds from the
     assembly on.  Raises GridError where a drive has no speed.
@@ -141,8 +122,10 @@ def of_file(path: Path, assembly: Assembly) -> Courses:
     """The courses of a file of time and ``position_<joint>`` of every driven joint, angles in whatever turn.  Raises
     DataError.
     """
+    from compare.recorded.table import read_table
+
     mechanism = assembly.mechanism
-    table = _read(path, mechanism)
+    table = read_table(path, mechanism, mappable=False)
     wanted = {joint.name: position(joint).name for joint in mechanism.motors}
     faults = [
         f"{path.name}: has no column {signal!r}; a course gives time and a position of each driven joint"
@@ -165,8 +148,10 @@ def of_path(path: Path, assembly: Assembly) -> Courses:
     """The courses that move a platform along a file of time and its ``<body>_x``, ``<body>_y``, ``<body>_angle``, as
     many as the linkage has inputs, each with a drive.  Raises DataError.
     """
+    from compare.recorded.table import read_table
+
     m, s = assembly.mechanism, assembly.structure
-    table = _read(path, m)
+    table = read_table(path, m, mappable=False)
     poses = [c.signal for c in table.columns if c.signal.kind == "pose"]
     free = s.free_joints
     faults = []

@@ -80,8 +80,8 @@ class Headings:
 class Names:
     """The signals that a file of a mechanism may have, by whatever it may call them."""
 
-    def __init__(self, mechanism: Mechanism, layout: Layout) -> None:
-        self.mechanism, self.layout = mechanism, layout
+    def __init__(self, mechanism: Mechanism, layout: Layout, mappable: bool = True) -> None:
+        self.mechanism, self.layout, self.mappable = mechanism, layout, mappable
         self.known = {TIME.name: TIME, **readable(mechanism)}
         self._folded: dict[str, Signal | None] = {}
         for name, signal in self.known.items():
@@ -213,9 +213,8 @@ def read_headings(cells: Sequence[str], units: Mapping[int, str], names: Names, 
     if not others and not faults:
         rest = [cell for cell in cells if time is None or cell != cells[time.place]]
         what = f"none of {_listed(rest)} is a signal of {names.mechanism.name!r}" if rest else "has no column but time"
-        faults.append(
-            f"{where}: {what}; is it the header? if so, say in [columns] which they are, such as {_examples(names)}"
-        )
+        remedy = f"say in [columns] which they are, such as {_examples(names)}"
+        faults.append(f"{where}: {what}; is it the header? if so, {remedy if names.mappable else 'rename its columns'}")
     return Headings(time, others, tuple(notes), tuple(faults), tuple(cells), frozenset(used))
 
 
@@ -245,9 +244,10 @@ def _named(at: str, place: int, cell: str, units: Mapping[int, str], names: Name
     near = names.nearest(name) if name else None
     if near is None:
         return None
+    remedy = f'say [columns] {shown(cell)} = "ignore"' if names.mappable else "leave the column out"
     return (
         f"{at}, {shown(name)}, is not a signal of {names.mechanism.name!r}; did you mean {near!r}; if it is something"
-        f' else, say [columns] {shown(cell)} = "ignore"'
+        f" else, {remedy}"
     )
 
 

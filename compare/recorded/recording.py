@@ -116,11 +116,8 @@ def _of_drives(name: str, file: str, table: Table, mechanism: Mechanism) -> Reco
     table, where, assembly = _kept(table), Path(file).name, Assembly(mechanism)
     s = assembly.structure
     if s.free:
-        joint = s.coordinates[s.inputs[s.free[0]]].joint
-        raise DataError(
-            f"{where}: joint {joint!r} of {mechanism.name} moves freely; of several freedoms only driven motion can be"
-            " checked"
-        )
+        loose = f"joint {s.free_joints[0]!r} of {mechanism.name} moves freely"
+        raise DataError(f"{where}: {loose}; of several freedoms only driven motion can be checked")
     wanted = {s.coordinates[i].joint: position(mechanism.joint(s.coordinates[i].joint)).name for i in s.inputs}
     faults = [
         f"{where}: has no column {signal!r}, and nothing else says where joint {joint!r} is; add it, or say in a map"

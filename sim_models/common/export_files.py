@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import importlib.resources
 import io
 import json
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 import numpy as np
 
@@ -33,6 +35,16 @@ def expected(trace: Trace, request: Request, order: Iterable[int] | None = None)
     table.writerow(columns)
     table.writerows([repr(float(values[i])) for values in columns.values()] for i in order)
     return text.getvalue()
+
+
+def written(folder: Path, files: Mapping[str, str], script: str) -> list[Path]:
+    """Texts, and as ``run.py`` the script of :mod:`sim_models.standalone`, as files in an existing folder.  Raises
+    OSError.
+    """
+    run = importlib.resources.files("sim_models.standalone").joinpath(script).read_text(encoding="utf-8")
+    for name, content in {**files, "run.py": run}.items():
+        (folder / name).write_text(content, encoding="utf-8", newline="\n")
+    return [folder / name for name in (*files, "run.py")]
 
 
 def lines(model: Mapping[str, object]) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import cmath
-import importlib.resources
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from analytic.mechanism import MASS_CENTRE, Body, Joint
 from analytic.mechanism.signals import driving
-from sim_models.common.export_files import expected, lines
+from sim_models.common.export_files import expected, lines, written
 from sim_models.common.simulate import simulate
 from sim_models.engine import Request, Trace
 from sim_models.exudyn.courses import PACE, CoursesRun, RestingRun
@@ -59,13 +58,8 @@ def write(request: Request, folder: Path) -> list[Path]:
     files = {
         "model.json": lines({**head, **model}),
         "expected.csv": expected(trace, request),
-        "run.py": (
-            importlib.resources.files("sim_models.standalone").joinpath("exudyn_run.py").read_text(encoding="utf-8")
-        ),
     }
-    for name, content in files.items():
-        (folder / name).write_text(content, encoding="utf-8", newline="\n")
-    return [folder / name for name in files]
+    return written(folder, files, "exudyn_run.py")
 
 
 class _Remembered(Run):

@@ -70,16 +70,16 @@ class FmuEngine(Engine):
 
     def _drives(self, request: Request) -> list[tuple[Mapping[Moved, Link], Motor]]:
         """The inputs of each motor, and how it moves.  Raises FmuError, and Unsupported where there is none."""
-        from scipy.interpolate import CubicSpline  # here: importing it takes a quarter of a second
-
         m = request.mechanism
         if request.courses is not None:
             motors = motors_of(request)
             if not motors:
                 raise Unsupported(f"fmu:{self.fmu.path}: {m.name} has no drive, and an FMU is driven; give it one")
             if m.cranked and self.columns.inputs:  # a crank over time: its angle, of what is its joint's position
-                (course,) = request.courses.values()
-                return [(self.columns.inputs, Course(CubicSpline(course[0], m.crank_sign * np.asarray(course[1]))))]
+                from scipy.interpolate import CubicSpline  # here: importing it takes a quarter of a second
+
+                ((time, position),) = request.courses.values()
+                return [(self.columns.inputs, Course(CubicSpline(time, m.crank_sign * np.asarray(position))))]
             links = self.columns.drives(m, motors)
             return [(links[name], motor) for name, motor in motors.items()]
         motor = motor_of(request)

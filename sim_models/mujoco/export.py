@@ -4,7 +4,6 @@ expected.csv.
 
 from __future__ import annotations
 
-import importlib.resources
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ import mujoco
 import numpy as np
 
 from analytic.mechanism import Joint
-from sim_models.common.export_files import expected, lines
+from sim_models.common.export_files import expected, lines, written
 from sim_models.common.motor import Course, Motor
 from sim_models.common.simulate import simulate
 from sim_models.engine import Cause, Request, Trace
@@ -59,13 +58,8 @@ def write(request: Request, folder: Path) -> list[Path]:
         "model.xml": _started(model["text"], start),
         "start.json": lines({**head, **start}),
         "expected.csv": expected(trace, request),
-        "run.py": (
-            importlib.resources.files("sim_models.standalone").joinpath("mujoco_run.py").read_text(encoding="utf-8")
-        ),
     }
-    for name, content in files.items():
-        (folder / name).write_text(content, encoding="utf-8", newline="\n")
-    return [folder / name for name in files]
+    return written(folder, files, "mujoco_run.py")
 
 
 def model_text(link: MujocoLinkage) -> str:

@@ -4,7 +4,6 @@ got, expected.csv.
 
 from __future__ import annotations
 
-import importlib.resources
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Joint, Spring
 from analytic.mechanism.signals import driving
-from sim_models.common.export_files import expected, lines
+from sim_models.common.export_files import expected, lines, written
 from sim_models.common.motor import ConstantSpeed, Course
 from sim_models.common.simulate import simulate
 from sim_models.common.tree import Branch
@@ -131,13 +130,8 @@ def write(request: Request, folder: Path) -> list[Path]:
     files = parts | {
         "start.json": lines(start | {"units": trace.settings["units"]}),
         "expected.csv": expected(trace, request, order),
-        "run.py": (
-            importlib.resources.files("sim_models.standalone").joinpath("pybullet_run.py").read_text(encoding="utf-8")
-        ),
     }
-    for name, content in files.items():
-        (folder / name).write_text(content, encoding="utf-8", newline="\n")
-    return [folder / name for name in files]
+    return written(folder, files, "pybullet_run.py")
 
 
 def urdf(world: RecordedWorld, number: int) -> str:
