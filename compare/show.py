@@ -249,7 +249,7 @@ def _equations(run: Run, signal: Signal, over_time: bool) -> Iterator[Equation]:
         yield from _forces(run)
     else:
         yield from _motion(run, signal)
-    if _bends(run) and signal.kind not in ("reaction", "drive"):
+    if run.bends and signal.kind not in ("reaction", "drive"):
         yield BENT
 
 
@@ -279,17 +279,12 @@ def _motion(run: Run, signal: Signal) -> Iterator[Equation]:
             yield Equation(words=f"displaced by {gap.words}", module=gap.module)
 
 
-def _bends(run: Run) -> bool:
-    """Whether the links of a run were made of beams."""
-    return "links" in run.settings
-
-
 def _engine_module(run: Run) -> str | None:
     """Where the engine of a run is coded, if it is one that is known here: a file of this project, or the module of
     another package.
     """
     if run.simulator.name in ENGINES:
-        return f"sim_models/{run.simulator.name}/{'beams' if _bends(run) else 'engine'}.py"
+        return f"sim_models/{run.simulator.name}/{'beams' if run.bends else 'engine'}.py"
     scheme, _ = scheme_of(run.simulator.name)
     if scheme:
         return f"{SCHEMES[scheme].replace('.', '/')}.py"

@@ -119,4 +119,6 @@ def test_all_simulators_are_those_that_bend(tmp_path: Path) -> None:
     done = compare("--simulator", "all", "--motion", "static", "--clearance", "B=0", "--flexible", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "left out: simulator 'mujoco' has rigid links only" in done.stderr
-    assert (tmp_path / "out" / "report.html").exists()
+    for page in ("report.html", "report.md"):
+        text = (tmp_path / "out" / page).read_text(encoding="utf-8")
+        assert "compliance of links and joints superposed" in text, page

@@ -46,7 +46,8 @@ def render(
         "models": (
             [MODELS.get(name, name) for name in _once(run.analytic_model for run in runs if run.clearance != "none")]
             or ["ideal linkage"]
-        ),
+        )
+        + ["compliance of links and joints superposed"] * any(run.bends for run in runs),
         "clearance": "; ".join(_once(run.clearance for run in runs if run.clearance != "none")) or "none",
         "by_engine": [
             (name, _worst_first(run for run in runs if run.simulator == name))

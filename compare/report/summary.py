@@ -96,6 +96,7 @@ class ShownRun:
     joint_model: str
     motion: str
     analytic_model: str
+    bends: bool  # whether links are beams
     clearance: str
     verdict: str
     rows: tuple[Row, ...]
@@ -231,6 +232,7 @@ def _run(index: int, run: results.Run, mechanism: Mechanism, signals: Mapping[st
         joint_model=run.joint_model,
         motion=run.motion,
         analytic_model=run.analytic_model,
+        bends=run.bends,
         clearance=clearance or "none",
         verdict=run.verdict,
         rows=tuple(sorted((_row(d, run, mechanism, signals) for d in run.discrepancies), key=place)),

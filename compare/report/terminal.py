@@ -60,6 +60,8 @@ def _notes(runs: tuple[ShownRun, ...]) -> list[str]:
         return []
     models = ", ".join(dict.fromkeys(run.analytic_model.replace("_", " ") for run in runs))
     notes = [f"analytic model: {models}; differences are simulated minus analytic"]
+    if any(run.bends for run in runs):
+        notes.append("with the compliance of links and joints superposed; tolerances have what that neglects on top")
     notes += [f"compared at {span}" for span in dict.fromkeys(run.span for run in runs) if span]
     notes += [f"{run.title}: {row.quantity.label}: {row.reason}" for run in runs for row in run.rows if row.reason]
     notes += [

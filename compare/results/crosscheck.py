@@ -122,7 +122,7 @@ class Run(Part):
             min_length=1, description="rad; where no crank moves the linkage, the first drive's position (rad, or m)."
         ),
     ]
-    time: Annotated[Grid | None, Field(min_length=1, description="s, in driven runs")] = None
+    time: Annotated[Grid | None, Field(min_length=1, description="s, in driven runs and over time at rest")] = None
     drive_position: Annotated[
         Mapping[str, Grid],
         Field(description="Position (rad, or m) of each driven joint, where the drives are not one crank's."),
@@ -166,6 +166,11 @@ class Run(Part):
     def title(self) -> str:
         """How the run is called everywhere."""
         return f"{self.simulator.name}, {self.joint_model}"
+
+    @property
+    def bends(self) -> bool:
+        """Whether its links were made of beams; the analytic side is then a superposition (Fig. 7c)."""
+        return "links" in self.settings
 
     def difference(self, signal: Signal) -> np.ndarray:
         """Simulated minus analytic (N,) of a signal, SI; angles modulo a turn.  Raises KeyError."""
