@@ -22,7 +22,7 @@ from numba import njit, types
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
-LANES = 504  # not a power of two: rows so far apart would share their places in the processor's cache
+LANES = 120  # not a power of two: rows so far apart would share their places in the processor's cache
 CHANGE_POINT = 1e-5  # as analytic.kinematics.assembly's, of the sine itself
 AGREE = 1e-6  # as analytic.kinematics.closure's
 DEAD_CENTRE = 1e-12  # as analytic.paper.kinetostatics'
@@ -137,6 +137,23 @@ def _view(context: Any, work: Any, k: Any) -> Any:
 _row: Callable[[np.ndarray, int], np.ndarray] = cast(Any, intrinsic)(_view)
 
 
+def _uncounted(context: Any, array: Any) -> Any:
+    """The same array without its count of references, which each operation would raise and lower for all it is given:
+    that takes longer than the operation.  Whoever calls a kernel holds its arrays.
+    """
+
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        given = context.make_array(array)(context, builder, arguments[0])
+        out = context.make_array(array)(context, builder)
+        populate_array(out, given.data, given.shape, given.strides, given.itemsize, None)
+        return out._getvalue()
+
+    return array(array), build
+
+
+_bare: Callable[[np.ndarray], np.ndarray] = cast(Any, intrinsic)(_uncounted)
+
+
 # ---------------------------------------------------------------- moving and adding rows
 
 
@@ -170,14 +187,16 @@ def _store(op: np.ndarray, data: tuple[np.ndarray, ...], work: np.ndarray, first
 
 @_merged
 def _bracket(known: np.ndarray, x: float, at: int) -> int:
-    """The last place of increasing numbers that is no larger than x; ``at`` is where the one before was."""
-    last = known.size - 1
-    if at < last and known[at] <= x:
-        if x < known[at + 1]:
+    """The last place but one or before of increasing numbers that is no larger than x, or the first; ``at`` is where
+    the one before was.
+    """
+    last = known.size - 2
+    if known[at] <= x:
+        if at == last or x < known[at + 1]:
             return at
-        if at + 1 < last and x < known[at + 2]:
+        if at + 1 == last or x < known[at + 2]:
             return at + 1
-    low, high = 0, last
+    low, high = 0, last + 1
     while high - low > 1:
         middle = (low + high) // 2
         if known[middle] <= x:
@@ -192,23 +211,37 @@ def _near(op: np.ndarray, tables: tuple[np.ndarray, np.ndarray], path: np.ndarra
     """Interpolate the path (1 + coordinates, M), the crank's angle first, at the crank's angles; ends are kept."""
     terms, factors = tables
     angle, known = _row(work, op[1]), path[0]
-    last, at = known.size - 1, 0
+    if known.size == 1 or op[2] == op[3]:
+        for k in range(op[2], op[3]):
+            out, value = _row(work, terms[k]), path[int(factors[2 * k]), 0]
+            for j in range(n):
+                out[j] = value
+        return
+    place, at = _row(work, terms[op[2]]), 0  # along the path, in samples; the last coordinate that is written
     for j in range(n):
         at = _bracket(known, angle[j], at)
-        right = min(at + 1, last)
-        share = (angle[j] - known[at]) / (known[right] - known[at]) if right > at else 0.0
-        share = min(max(share, 0.0), 1.0)
-        for k in range(op[2], op[3]):
-            values = path[int(factors[2 * k])]
-            work[terms[k] * LANES + j] = values[at] + share * (values[right] - values[at])
+        share = (angle[j] - known[at]) / (known[at + 1] - known[at])
+        place[j] = at + min(max(share, 0.0), 1.0)
+    last = known.size - 2
+    for k in range(op[3] - 1, op[2] - 1, -1):
+        out, values = _row(work, terms[k]), path[int(factors[2 * k])]
+        for j in range(n):
+            left = min(int(place[j]), last)
+            out[j] = values[left] + (place[j] - left) * (values[left + 1] - values[left])
 
 
 @_inner
 def _sum_real(op: np.ndarray, terms: np.ndarray, factors: np.ndarray, work: np.ndarray, n: int) -> None:
-    out = _row(work, op[1])
-    for j in range(n):
-        out[j] = 0.0
-    for t in range(op[2], op[3]):
+    out, begin = _row(work, op[1]), op[2]
+    if begin < op[3] and terms[begin] >= 0:
+        a, x = factors[2 * begin], _row(work, terms[begin])
+        for j in range(n):
+            out[j] = a * x[j]
+        begin += 1
+    else:
+        for j in range(n):
+            out[j] = 0.0
+    for t in range(begin, op[3]):
         a = factors[2 * t]
         if terms[t] < 0:
             for j in range(n):
@@ -220,33 +253,21 @@ def _sum_real(op: np.ndarray, terms: np.ndarray, factors: np.ndarray, work: np.n
 
 
 @_merged
-def _first(out: np.ndarray, k: int, a: float, b: float, work: np.ndarray, n: int) -> None:
-    """The first term of a sum."""
-    if k < 0:
-        for j in range(n):
-            out[j] = a
-            out[LANES + j] = b
-        return
-    x = _row(work, k)
+def _first(out: np.ndarray, x: np.ndarray, a: float, b: float, c: float, d: float, n: int) -> None:
+    """The first row of a sum, and its constant."""
     if b == 0.0:
         for j in range(n):
-            out[j] = a * x[j]
-            out[LANES + j] = a * x[LANES + j]
+            out[j] = a * x[j] + c
+            out[LANES + j] = a * x[LANES + j] + d
     else:
         for j in range(n):
             real, imag = x[j], x[LANES + j]
-            out[j] = a * real - b * imag
-            out[LANES + j] = a * imag + b * real
+            out[j] = a * real - b * imag + c
+            out[LANES + j] = a * imag + b * real + d
 
 
 @_merged
-def _add(out: np.ndarray, k: int, a: float, b: float, work: np.ndarray, n: int) -> None:
-    if k < 0:
-        for j in range(n):
-            out[j] += a
-            out[LANES + j] += b
-        return
-    x = _row(work, k)
+def _add(out: np.ndarray, x: np.ndarray, a: float, b: float, n: int) -> None:
     if b == 0.0:
         for j in range(n):
             out[j] += a * x[j]
@@ -260,12 +281,19 @@ def _add(out: np.ndarray, k: int, a: float, b: float, work: np.ndarray, n: int) 
 
 @_inner
 def _sum(op: np.ndarray, terms: np.ndarray, factors: np.ndarray, work: np.ndarray, n: int) -> None:
-    out, begin = _row(work, op[1]), op[2]
+    out, begin, end, c, d = _row(work, op[1]), op[2], op[3], 0.0, 0.0
     if op[0] == SUM:
-        _first(out, terms[begin], factors[2 * begin], factors[2 * begin + 1], work, n)
+        if terms[end - 1] < 0:  # a constant is the last of them
+            end -= 1
+            c, d = factors[2 * end], factors[2 * end + 1]
+        if begin == end:
+            for j in range(n):
+                out[j], out[LANES + j] = c, d
+            return
+        _first(out, _row(work, terms[begin]), factors[2 * begin], factors[2 * begin + 1], c, d, n)
         begin += 1
-    for t in range(begin, op[3]):
-        _add(out, terms[t], factors[2 * t], factors[2 * t + 1], work, n)
+    for t in range(begin, end):
+        _add(out, _row(work, terms[t]), factors[2 * t], factors[2 * t + 1], n)
 
 
 @_merged
@@ -1182,7 +1210,7 @@ def carry_out_dyads(  # noqa: PLR0913
     program: np.ndarray,
     terms: np.ndarray,
     factors: np.ndarray,
-    rows: int,
+    work: np.ndarray,
     u: np.ndarray,
     w: np.ndarray,
     q: np.ndarray,
@@ -1196,8 +1224,8 @@ def carry_out_dyads(  # noqa: PLR0913
     """What :func:`carry_out` does with a program that has no larger group: apart, because it is compiled in half the
     time.
     """
-    data = (u, w, q, c, v, a, reals, complexes, near)
-    work = np.empty(rows * LANES)
+    program, terms, factors, work = _bare(program), _bare(terms), _bare(factors), _bare(work)
+    data = (_bare(u), _bare(w), _bare(q), _bare(c), _bare(v), _bare(a), _bare(reals), _bare(complexes), _bare(near))
     for first in range(0, u.shape[1], LANES):
         n = min(LANES, u.shape[1] - first)
         for k in range(program.shape[0]):
@@ -1212,7 +1240,7 @@ def carry_out(  # noqa: PLR0913
     terms: np.ndarray,
     groups: np.ndarray,
     factors: np.ndarray,
-    rows: int,
+    work: np.ndarray,
     u: np.ndarray,
     w: np.ndarray,
     q: np.ndarray,
@@ -1228,7 +1256,7 @@ def carry_out(  # noqa: PLR0913
     dyads: np.ndarray,
     regular: np.ndarray,
 ) -> bool:
-    """Carry out a program that uses so many rows for all N configurations, or a walk's; whether it went well.
+    """Carry out a program, in rows that are ``work``'s, for all N configurations, or a walk's; whether it went well.
 
     Coordinates and their derivatives are (n, N), columns and theirs (n_columns, 2 N), other results likewise; ``near``
     is a crank's path (1 + n, M), or coordinates (n, N) that are near.
@@ -1237,21 +1265,22 @@ def carry_out(  # noqa: PLR0913
     the inputs ``w`` (n_inputs, N), reached one after the other with steps of ``strides`` (n_inputs,) at most; the other
     arrays and numbers are analytic.compiled.program.Way's.
     """
-    data = (u, w, q, c, v, a, reals, complexes, near)
-    work = np.empty(rows * LANES)
+    program, terms, groups, factors, work = _bare(program), _bare(terms), _bare(groups), _bare(factors), _bare(work)
+    data = (_bare(u), _bare(w), _bare(q), _bare(c), _bare(v), _bare(a), _bare(reals), _bare(complexes), _bare(near))
+    home, strides, places, dyads, regular = _bare(home), _bare(strides), _bare(places), _bare(dyads), _bare(regular)
     walking = home.size > 0
     state = _start(strides.size, home, places, dyads.size)
     signs, first, n = np.empty(regular.size), 0, 0
     for k in range(regular.size):
         signs[k] = 0.0
     while True:
-        n = _next(places, (w, strides), state, work) if walking else min(LANES, u.shape[1] - first)
+        n = _next(places, (data[1], strides), state, work) if walking else min(LANES, u.shape[1] - first)
         if n <= 0:
             return True
         if not _carry_out(program, (terms, groups), factors, data, work, first, n):
             return False
         if walking:
-            if not _after(places, (dyads, regular), state, signs, work, u):
+            if not _after(places, (dyads, regular), state, signs, work, data[0]):
                 return False
         else:
             first += LANES

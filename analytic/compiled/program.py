@@ -38,10 +38,14 @@ class Program:
         """Whether all its groups are dyads."""
         return not np.any(self.operations[:, 0] >= op.GUESS_ROOTS)
 
-    @cached_property
-    def numbers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, int]:
-        """All of it, in a kernel's order."""
-        return self.operations, self.terms, self.groups, self.factors, self.rows
+    @property
+    def numbers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """All that is written, in a kernel's order."""
+        return self.operations, self.terms, self.groups, self.factors
+
+    def work(self) -> np.ndarray:
+        """Memory for its rows."""
+        return np.empty(self.rows * op.LANES)
 
     def __repr__(self) -> str:
         return f"Program({len(self.operations)} operations on {self.rows} rows)"
@@ -400,8 +404,9 @@ class Motion(Linkage):
         self.w.add(codes[known], columns[k], value, column)
 
     def store(self) -> None:
-        """Store all that has been found."""
-        s, w = self.s, self.w
+        """Store all that has been found; columns that do not move have derivatives of zero."""
+        s, w, still = self.s, self.w, self.w.complex_row()
+        w.sum(still, ())
         for array, rows in ((COORDINATES, self.u), (RATES, self.spin), (ACCELERATIONS, self.bend)):
             for i in range(len(s.coordinates)):
                 if i not in s.inputs:
@@ -414,9 +419,8 @@ class Motion(Linkage):
             (COLUMN_ACCELERATIONS, self.column_accelerations),
         )
         for array, columns in every:
-            for k, row in columns.items():
-                if k < self.first_gap:
-                    w.add(op.STORE_COMPLEX, row, array, k)
+            for k in range(self.first_gap):
+                w.add(op.STORE_COMPLEX, columns.get(k, still), array, k)
 
 
 def partial(link: Linkage, i: int, form: np.ndarray, rows: Mapping[int, int]) -> list[tuple[int, complex]]:

@@ -83,8 +83,8 @@ def _carry_out(program: Program, *data: np.ndarray, walk: tuple[np.ndarray, ...]
         return False
     dyads, every = kernels
     if program.simple and walk is NO_WALK:
-        return dyads(program.operations, program.terms, program.factors, program.rows, *data)
-    return every(*program.numbers, *data, *walk)
+        return dyads(program.operations, program.terms, program.factors, program.work(), *data)
+    return every(*program.numbers, program.work(), *data, *walk)
 
 
 Derivatives = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -114,13 +114,14 @@ def moved(
     ``gaps`` are those of revolute joints by name, with their rates and accelerations.  None where that cannot be done.
     """
     s, own, n = assembly.structure, programs_of(assembly), inputs.shape[1]
-    coordinates, columns = np.empty((3, len(s.coordinates), n)), np.zeros((3, s.n_columns, n), complex)
+    coordinates, columns = np.empty((3, len(s.coordinates), n)), np.empty((3, s.n_columns, n), complex)
     given = s.inputs[0] if len(s.inputs) == 1 else list(s.inputs)
     for order, values in enumerate((inputs, *rates)):
         coordinates[order, given] = values
     near = _near(assembly, own, coordinates[0, given], path) if n else None
     if near is None:
         return None
+    columns[:, len(s.bodies) + len(s.slides) :] = 0.0
     for name, gap in gaps.items():
         for order, amount in enumerate(gap):
             columns[order, s.gap_column(name)] = amount
