@@ -8,11 +8,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from analytic.mechanism.file import load, shipped_cases
 from commands import compare, without
 from compare.evidence.stored import other_versions, read, stale_page
 from compare.evidence.validation.check import REMEDY, differences, looked_at
+from compare.evidence.validation.files import apart
 from compare.evidence.validation.runs import first_order
 from compare.evidence.validation.scales import checked
 from compare.faults import OptionError
@@ -20,6 +23,7 @@ from compare.report.validation import drawn, page
 from compare.results.validation import Validation, ValidationCheck
 from document_faults import faults
 from sample_result import as_document, sample_result
+from sim_models.engine import declared
 
 REPORTS = Path(__file__).parents[1] / "reports"
 CONTENT = json.loads((REPORTS / "validation.json").read_text(encoding="utf-8"))
@@ -109,6 +113,11 @@ TAMPERED: dict[str, tuple[tuple[Any, ...], Any, str]] = {
         0.1,
         "five-bar on links that bend, ideal joints: off_worst was 0.1, is 0.00064",
     ),
+    "a file that is run as an engine": (
+        ("carried", 0, "simulated"),
+        0.5,
+        "2r-arm exported from mujoco: simulated, share of a tolerance was 0.5, is",
+    ),
     "a published figure": (
         ("published", 0, "figures", 0, "apart", 0, "off"),
         9e-7,
@@ -131,7 +140,31 @@ def test_a_published_figure_that_is_missed_is_named_whatever_is_stored() -> None
     assert list(differences(missed, missed)) == [said]
 
 
+@pytest.mark.parametrize("what", ["alone", "imported"])
+def test_what_a_file_loses_is_named_whatever_is_stored(what: str) -> None:
+    lost = Validation.model_validate(changed("carried", 0, what, value=2e-6))
+    said = f"2r-arm exported from mujoco: {what} is off by 2e-06 of the largest value, and 1e-06 is allowed"
+    assert list(differences(lost, lost)) == [said]
+
+
+def test_every_parallel_linkage_is_carried_in_files_of_every_engine_that_writes_them() -> None:
+    several = [case for case in shipped_cases() if len(load(case).drives) > 1]
+    can = [name for name in STORED.versions if declared(name).capabilities.export is not None]
+    assert [(row.case, row.simulator) for row in STORED.carried] == [(case, name) for case in several for name in can]
+    assert all(row.checked < 1.0 and (row.simulated or 0.0) < 1.0 for row in STORED.carried)
+
+
+def test_a_table_that_differs_in_one_number_is_apart() -> None:
+    table = {"drive_torque_A": np.array([1.0, -4.0]), "reaction_A_x": np.array([0.0, 1.0])}
+    off = table | {"reaction_A_x": np.array([0.0, 1.5])}
+    assert apart(table, table) == 0.0
+    assert apart(table, off) == 0.5
+    assert apart(table, off | {"drive_torque_A": np.array([3.0, -4.0])}) == 0.5  # 2 of 4
+    assert apart(table, off | {"drive_torque_A": np.array([1.0, 4.0])}) == 2.0
+
+
 def test_the_report_says_how_fast_it_is_beside_what_is_wanted() -> None:
+    assert all(row.value <= row.wanted for row in STORED.speed if row.wanted is not None)
     assert {row.wanted for row in STORED.speed if row.unit == "us"} == {None, 10.0, 60.0}
     assert any("pylinkage" in row.what for row in STORED.speed)
     told = page(STORED).partition("## How fast it is")[2]

@@ -1,7 +1,7 @@
 """Kernels that carry out a linkage's program (:mod:`analytic.compiled.program`), compiled by numba and kept on disk.
 
 A program works on *rows* of LANES numbers, one number for each of as many configurations: a real row, or two rows for
-a complex one, real part first.  All rows of most linkages fit the processor's second cache, and a batch of any size
+a complex one, real part first.  The rows of a small linkage fit the processor's first cache, and a batch of any size
 needs no memory beyond them and its results.  An operation is a row of integers: its code, then what it reads and
 writes.  Which rows a sum adds up, and with what factors, is in ``terms`` and ``factors``; every linkage is carried out
 by the same compiled code.
@@ -187,8 +187,8 @@ def _store(op: np.ndarray, data: tuple[np.ndarray, ...], work: np.ndarray, first
 
 @_merged
 def _bracket(known: np.ndarray, x: float, at: int) -> int:
-    """The last place but one or before of increasing numbers that is no larger than x, or the first; ``at`` is where
-    the one before was.
+    """Left end of the interval of increasing numbers in which x lies, of the first or last one for an x beyond them;
+    ``at`` is that of the x before.
     """
     last = known.size - 2
     if known[at] <= x:

@@ -99,8 +99,12 @@ class Writer:
         self.add(op.SUM_REAL, out, *self.list_terms(terms))
 
     def sum(self, out: int, terms: Iterable[tuple[int, complex]], more: bool = False) -> None:
-        """Write a sum into a complex row, or add it to what is there."""
-        self.add(op.ADD if more else op.SUM, out, *self.list_terms([*terms] or [(CONSTANT, 0.0)]))
+        """Write a sum, whose constant is the last term if it has one, into a complex row; or add rows to what is
+        there.
+        """
+        found = [*terms] or [(CONSTANT, 0.0)]
+        assert all(row != CONSTANT for row, _ in (found if more else found[:-1]))
+        self.add(op.ADD if more else op.SUM, out, *self.list_terms(found))
 
     def program(self) -> Program:
         """What has been written."""

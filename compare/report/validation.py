@@ -20,6 +20,7 @@ from compare.results.crosscheck import CrossCheck
 from compare.results.validation import (
     AtScale,
     Bent,
+    Carried,
     Held,
     InEngine,
     OverWorkspace,
@@ -131,6 +132,8 @@ def page(found: Validation) -> str:
         lines += ["", "## How good superposition is (Fig. 7c)", "", *_superposed(found.superposition)]
     if found.bent:
         lines += ["", *_bent(found.bent)]
+    if found.carried:
+        lines += ["", "## What files carry of linkages with several drives", "", *_carried(found.carried)]
     if found.published:
         lines += ["", "## Held to what others found", "", *_published(found.published)]
     if found.speed:
@@ -253,6 +256,29 @@ def _bent(rows: Sequence[Bent]) -> Iterator[str]:
     for r in rows:
         shares = f"{100 * r.off:.2g} % | {100 * r.off_worst:.2g} %"
         yield f"| {r.case} | {r.joints} | {r.poses} | {1000 * r.displacement:.2g} mm | {shares} |"
+
+
+def _carried(rows: Sequence[Carried]) -> Iterator[str]:
+    yield (
+        "Each is exported; its script runs without this project, and what it writes is held to the run here (largest"
+        " difference, as a"
+    )
+    yield (
+        "share of the largest value) and, by `compare check`, to the analytic model (largest share of a tolerance)."
+        " MuJoCo's file is also"
+    )
+    yield (
+        "imported: how far its reactions and drives are off the exported linkage's, and what the file, run as `mjcf:`,"
+        " uses of a tolerance."
+    )
+    yield "Effects that are hidden in such linkages, and found again: [scoreboard](scoreboard/README.md)."
+    yield ""
+    yield "| linkage | model of | run alone: off | checked | imported: off | run as mjcf |"
+    yield "|---|---|--:|--:|--:|--:|"
+    for r in rows:
+        off = ["" if x is None else f"{x:.0e}" for x in (r.alone, r.imported)]
+        of = ["" if x is None else f"{100 * x:.2g} %" for x in (r.checked, r.simulated)]
+        yield f"| {r.case} | {r.simulator} | {off[0]} | {of[0]} | {off[1]} | {of[1]} |"
 
 
 def _scales(rows: Sequence[AtScale]) -> Iterator[str]:

@@ -118,6 +118,26 @@ class Bent(Part):
     off_worst: Annotated[NotNegative, Field(description="The same at the worst pose.")]
 
 
+class Carried(Part):
+    """A linkage of several drives in files that one program writes and another one reads."""
+
+    case: str
+    simulator: Annotated[str, Field(description="Whose model was exported.")]
+    alone: Annotated[
+        NotNegative,
+        Field(description="What its script gives without this project is off the run: a share of the largest value."),
+    ]
+    checked: Annotated[
+        NotNegative, Field(description="Share of a tolerance, of what the script wrote, by compare check.")
+    ]
+    imported: Annotated[
+        NotNegative | None, Field(description="What reactions and drives of the MJCF file, read again, are off.")
+    ] = None
+    simulated: Annotated[
+        NotNegative | None, Field(description="Share of a tolerance, of the MJCF file as an engine of its own.")
+    ] = None
+
+
 class Apart(Part):
     """How far one side is off a published figure."""
 
@@ -190,6 +210,9 @@ class Validation(Stored):
     ] = {}
     bent: Annotated[
         tuple[Bent, ...], Field(description="Platforms on links that bend: superposition against beams.")
+    ] = ()
+    carried: Annotated[
+        tuple[Carried, ...], Field(description="Linkages of several drives exported, imported and checked.")
     ] = ()
     published: Annotated[
         tuple[Published, ...], Field(description="Published figures, and how far this project is off them.")

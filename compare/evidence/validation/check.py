@@ -17,7 +17,16 @@ from compare.evidence.validation.runs import run_all
 from compare.evidence.validation.scales import checked, scales
 from compare.files import output_folder
 from compare.results.document import Part
-from compare.results.validation import Apart, Bent, InEngine, Published, Validation, ValidationCheck, ValidationRun
+from compare.results.validation import (
+    Apart,
+    Bent,
+    Carried,
+    InEngine,
+    Published,
+    Validation,
+    ValidationCheck,
+    ValidationRun,
+)
 
 WHERE = Path("reports")
 PAGE = "README.md"
@@ -27,6 +36,7 @@ CLEAR = 1e-2  # from here on one signal is nearest to its tolerance, and not by 
 FACTOR = 2.0  # by which a share may change: 0.14 and 0.16 are 0.1 and 0.2 to one digit
 ANALYTIC = 1e-6  # relative: what is computed without an engine
 NOTHING = 0.1  # of what is allowed: a published figure that is met so well is met
+FILES = 1e-6  # of the largest value: what is carried in files may lose
 BEAMS = 1e-5  # of the displacement: a tenth of the last digit of the page
 
 
@@ -100,6 +110,7 @@ def differences(stored: Validation, found: Validation) -> Iterator[str]:
             yield from (f"{case} in {row.simulator}, {row.motion}, {what}" for what in _along(was, row))
     yield from _held(stored.published, found.published)
     yield from _bends(stored.bent, found.bent)
+    yield from _in_files(stored.carried, found.carried)
     if found.superposition:
         keys = ("clearance", "crank_angle")
         yield from _table("superposition", stored.superposition, found.superposition, keys, 0.0, BEAMS)
@@ -129,6 +140,23 @@ def _bends(stored: Sequence[Bent], found: Sequence[Bent]) -> Iterator[str]:
             was, now = getattr(old, name), getattr(row, name)
             if max(was, now) > FACTOR * min(was, now):
                 yield f"{where}: {name} was {was:g}, is {now:g}"
+
+
+def _in_files(stored: Sequence[Carried], found: Sequence[Carried]) -> Iterator[str]:
+    """What files lose, and shares of tolerances that are not as they were."""
+    before = {(row.case, row.simulator): row for row in stored}
+    for row in found:
+        where, old = f"{row.case} exported from {row.simulator}", before.get((row.case, row.simulator))
+        if old is None:
+            yield f"{where}: is new"
+            continue
+        for name, lost in (("alone", row.alone), ("imported", row.imported or 0.0)):
+            if lost > FILES:
+                yield f"{where}: {name} is off by {lost:g} of the largest value, and {FILES:g} is allowed"
+        for name in ("checked", "simulated"):
+            was, now = getattr(old, name) or 0.0, getattr(row, name) or 0.0
+            if max(was, now) > max(FACTOR * min(was, now), ROUNDING):
+                yield f"{where}: {name}, share of a tolerance was {was:g}, is {now:g}"
 
 
 def _along(old: InEngine | None, new: InEngine) -> Iterator[str]:

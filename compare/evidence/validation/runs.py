@@ -15,6 +15,7 @@ from compare.arguments import cores
 from compare.crosscheck import Job, crosscheck_job
 from compare.evidence.baseline.runs import not_run, setups
 from compare.evidence.validation.bending import bending
+from compare.evidence.validation.files import carried
 from compare.evidence.validation.published import published
 from compare.evidence.validation.scales import Scale, scale_rows
 from compare.evidence.validation.speed import timed
@@ -70,6 +71,7 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
         workspaces=workspaces(),
         in_engines=in_engines(names, tuple(SPIRALS) if whole else tuple(SPIRALS)[:1]),
         bent=bending(names),
+        carried=carried(names),
         published=published(names, data, whole),
         speed=timed() if whole else (),
     )

@@ -1,0 +1,105 @@
+"""Linkages of several drives in files: exported models run without this project, what they write checked, and MJCF
+files read again and simulated.
+"""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from analytic.mechanism import Mechanism
+from analytic.mechanism.columns import Layout, Meaning
+from analytic.mechanism.file import load, shipped_cases
+from analytic.mechanism.signals import named
+from compare.analyse import analyse
+from compare.check import check
+from compare.crosscheck import crosscheck
+from compare.evidence.validation.workspaces import digits
+from compare.export import export
+from compare.imported import import_mjcf
+from compare.results.crosscheck import CrossCheck
+from compare.results.validation import Carried
+from sim_models.engine import SimulationError, declared
+
+TIMES = np.linspace(0.0, 0.4, 81)  # s, at the speeds that the cases have
+LEAST = {"angle": 1.0, "velocity": 1.0, "clearance": 1e-3}  # rad, rad/s, m: what smaller numbers are measured by
+
+
+def carried(names: Sequence[str]) -> tuple[Carried, ...]:
+    """Every shipped case of several drives, exported from each of these engines that can.  Raises SimulationError where
+    an exported script fails.
+    """
+    able = [name for name in names if declared(name).capabilities.export is not None]
+    several = [case for case in shipped_cases() if len(load(case).drives) > 1]
+    return tuple(_carried(case, name) for case in several for name in able)
+
+
+def _carried(case: str, name: str) -> Carried:
+    m = load(case)
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        export(m, name, folder=place, times=TIMES)
+        done = subprocess.run(  # -I: nothing but what is installed
+            [sys.executable, "-I", "run.py"], cwd=place, capture_output=True, text=True, check=False
+        )
+        if done.returncode:
+            raise SimulationError(f"{case} exported from {name}: run.py failed: {done.stderr[-300:]}")
+        imported, simulated = _mjcf(m, place / "model.xml") if name == "mujoco" else (None, None)
+        return Carried(
+            case=case,
+            simulator=name,
+            alone=digits(apart(_table(place / "expected.csv"), _table(place / "signals.csv"))),
+            checked=_share(check(place / "signals.csv", m, map=_layout(m, place / "signals.csv"))),
+            imported=imported,
+            simulated=simulated,
+        )
+
+
+def _mjcf(m: Mechanism, file: Path) -> tuple[float, float]:
+    """How far reactions and drives of the linkage that an MJCF file holds are off those of the one that was exported;
+    and what the file as an engine uses up of a tolerance, held to the linkage that it holds.
+    """
+    again = import_mjcf(file).mechanism
+    ours, theirs = (
+        {n: v for n, v in analyse(x, times=TIMES).signals.items() if n.startswith("drive_") or n.endswith("magnitude")}
+        for x in (m, again)
+    )
+    simulated = crosscheck(again, simulators=f"mjcf:{file}", times=TIMES)
+    return digits(apart(ours, theirs)), _share(simulated)
+
+
+def apart(one: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray]) -> float:
+    """Largest difference of two tables, as a share of the largest value among a vector's components."""
+    worst = 0.0
+    for name, values in one.items():
+        scale = max(float(np.abs(one[n]).max()) for n in one if n.rstrip("xy") == name.rstrip("xy"))
+        scale = max([scale, *(size for kind, size in LEAST.items() if kind in name)])
+        worst = max(worst, float(np.abs(other[name] - values).max()) / (scale or 1.0))
+    return worst
+
+
+def _share(result: CrossCheck) -> float:
+    """The largest share of a tolerance.  Raises SimulationError where there is none."""
+    shares = [d.share or 0.0 for run in result.runs for d in run.discrepancies]
+    if not shares or result.failures:
+        raise SimulationError(f"{result.case}: nothing could be compared of what was carried in files")
+    return digits(max(shares))
+
+
+def _layout(m: Mechanism, file: Path) -> Layout:
+    """What the columns of an exported model's results are."""
+    known = named(m.bodies, m.joints, m.drives)
+    units = {"time": "s"} | {name: known[name].unit for name in _table(file) if name in known}
+    return Layout(columns={name: Meaning(signal=name, unit=unit) for name, unit in units.items()})
+
+
+def _table(file: Path) -> dict[str, np.ndarray]:
+    with file.open(encoding="utf-8", newline="") as lines:
+        header, *rows = csv.reader(lines)
+    return dict(zip(header, np.array(rows, float).T, strict=True))
