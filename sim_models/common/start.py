@@ -83,7 +83,8 @@ def _bodies(
     s = assembly.structure
     u = assembly.coordinates(inputs, gap)
     origins = s.origins @ assembly.columns(u, gap)
-    angles = [u[list(turned)].sum(axis=0) + held for turned, held in zip(s.turned, s.held_at, strict=True)]
+    still = np.zeros(u.shape[1])
+    angles = [sum((u[i] for i in turned), still) + held for turned, held in zip(s.turned, s.held_at, strict=True)]
     return {name: (origins[b], angles[b]) for b, name in enumerate(s.bodies) if b}
 
 
