@@ -6,7 +6,6 @@ import ast
 import json
 import shlex
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ import pytest
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Drive, Mechanism
 from analytic.mechanism.file import load
+from compare.evidence.validation.files import apart
 from linkages import curved_slider
 from maximal import Maximal
 from several_linkages import CASES, KNOTS, SHIPPED, referee, sprung, third_bar, waved
@@ -145,19 +145,6 @@ REQUESTS = {
 }
 
 
-def difference(found: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray]) -> float:
-    """Largest difference, of the largest value among a vector's components; at least of 1 rad, 1 rad/s or a gap of 1
-    mm.
-    """
-    least = {"angle": 1.0, "velocity": 1.0, "clearance": 1e-3}  # an ideal joint's gap is what rounding makes of 0
-    worst = 0.0
-    for name, values in truth.items():
-        scale = max(float(np.abs(truth[n]).max()) for n in truth if n.rstrip("xy") == name.rstrip("xy"))
-        scale = max([scale, *(size for kind, size in least.items() if kind in name)])
-        worst = max(worst, float(np.abs(found[name] - values).max()) / (scale or 1.0))
-    return worst
-
-
 def simulated(request: Request) -> dict[str, np.ndarray]:
     """What is exported of a request: along courses there is no crank's angle, but the joints' positions."""
     trace = ENGINE.simulate(request)
@@ -182,8 +169,8 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def test_bare_exudyn_gives_the_same_numbers(name: str, exported: dict[str, Path]) -> None:
     found, truth = table(exported[name] / "signals.csv"), simulated(REQUESTS[name])
     assert found.keys() == truth.keys()
-    assert difference(found, truth) < REPEATS.get(name, TOLERANCE)
-    assert difference(table(exported[name] / "expected.csv"), truth) <= REPEATS.get(name, 0.0)  # 0: to the last digit
+    assert apart(found, truth) < REPEATS.get(name, TOLERANCE)
+    assert apart(table(exported[name] / "expected.csv"), truth) <= REPEATS.get(name, 0.0)  # 0: to the last digit
 
 
 @pytest.mark.parametrize(("name", "units"), [("tiny", TINY), ("huge", HUGE)])
@@ -257,7 +244,7 @@ def test_equilibria_are_found_and_not_read_from_the_file(name: str, tmp_path: Pa
     (tmp_path / "model.json").write_text(json.dumps(model), encoding="utf-8")
     bare(tmp_path)
     assert (
-        difference(table(tmp_path / "signals.csv"), table(tmp_path / "expected.csv")) < model["residual"]
+        apart(table(tmp_path / "signals.csv"), table(tmp_path / "expected.csv")) < model["residual"]
     )  # N, of some 50 N
 
 
@@ -323,7 +310,7 @@ def test_command_writes_a_linkage_of_several_drives(tmp_path: Path) -> None:
     assert status == 0
     assert "3-rpr, ideal joints, driven: 5 samples" in bare(folder)
     found = table(folder / "signals.csv")
-    assert difference(found, table(folder / "expected.csv")) < TOLERANCE
+    assert apart(found, table(folder / "expected.csv")) < TOLERANCE
     assert "crank_angle" not in found
     for drive in load("3-rpr").drives:
         rate = np.diff(found[f"position_{drive.joint}"]) / 0.05
@@ -339,7 +326,7 @@ def test_command_writes_the_files_and_says_how_to_run_them(tmp_path: Path) -> No
     assert said.splitlines()[-1].endswith(f"python {shlex.quote(str(folder / 'run.py'))}")
     assert "exudyn" in said.splitlines()[-1]
     assert "crank-rocker, contact joints, driven: 3 samples" in bare(folder)
-    assert difference(table(folder / "signals.csv"), table(folder / "expected.csv")) < TOLERANCE
+    assert apart(table(folder / "signals.csv"), table(folder / "expected.csv")) < TOLERANCE
     model = json.loads((folder / "model.json").read_text(encoding="utf-8"))
     assert model["stages"][1][1] == pytest.approx(2 * np.pi / ROCKER.speed)  # the turn in which it settles
 

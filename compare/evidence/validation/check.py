@@ -10,6 +10,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from compare.arguments import Simulators
 from compare.evidence.stored import asked, other_versions, read, stale_page, store
@@ -38,6 +39,8 @@ ANALYTIC = 1e-6  # relative: what is computed without an engine
 NOTHING = 0.1  # of what is allowed: a published figure that is met so well is met
 FILES = 1e-6  # of the largest value: what is carried in files may lose
 BEAMS = 1e-5  # of the displacement: a tenth of the last digit of the page
+
+P = TypeVar("P", bound=Part)
 
 
 def check_validation(
@@ -132,42 +135,41 @@ def _bends(stored: Sequence[Bent], found: Sequence[Bent]) -> Iterator[str]:
     """What changed of platforms on links that bend."""
     before = {(row.case, row.joints): row for row in stored}
     for row in found:
-        where, old = f"{row.case} on links that bend, {row.joints} joints", before.get((row.case, row.joints))
-        if old is None:
-            yield f"{where}: is new"
-            continue
-        for name in ("displacement", "off", "off_worst"):
-            was, now = getattr(old, name), getattr(row, name)
-            if max(was, now) > FACTOR * min(was, now):
-                yield f"{where}: {name} was {was:g}, is {now:g}"
+        where = f"{row.case} on links that bend, {row.joints} joints"
+        changed = _changed(before.get((row.case, row.joints)), row, ("displacement", "off", "off_worst"))
+        yield from (f"{where}: {what}" for what in changed)
 
 
 def _in_files(stored: Sequence[Carried], found: Sequence[Carried]) -> Iterator[str]:
-    """What files lose, and shares of tolerances that are not as they were."""
+    """What files lose, and shares of tolerances that are too large or not as they were."""
     before = {(row.case, row.simulator): row for row in stored}
     for row in found:
-        where, old = f"{row.case} exported from {row.simulator}", before.get((row.case, row.simulator))
-        if old is None:
-            yield f"{where}: is new"
-            continue
+        where = f"{row.case} exported from {row.simulator}"
         for name, lost in (("alone", row.alone), ("imported", row.imported or 0.0)):
             if lost > FILES:
                 yield f"{where}: {name} is off by {lost:g} of the largest value, and {FILES:g} is allowed"
-        for name in ("checked", "simulated"):
-            was, now = getattr(old, name) or 0.0, getattr(row, name) or 0.0
-            if max(was, now) > max(FACTOR * min(was, now), ROUNDING):
-                yield f"{where}: {name}, share of a tolerance was {was:g}, is {now:g}"
+        for name, share in (("checked", row.checked), ("simulated", row.simulated or 0.0)):
+            if share > 1.0:
+                yield f"{where}: {name} disagrees, with {share:g} of a tolerance"
+        changed = _changed(before.get((row.case, row.simulator)), row, ("checked", "simulated"), ROUNDING)
+        yield from (f"{where}: {what}" for what in changed)
 
 
 def _along(old: InEngine | None, new: InEngine) -> Iterator[str]:
     """What changed of an engine's motion of a platform."""
+    names = ("equilibrium", "equilibrium_worst", "first_order", "first_order_worst")
+    yield from (f"along a spiral: {what}" for what in _changed(old, new, names, ROUNDING))
+
+
+def _changed(old: P | None, new: P, names: Sequence[str], least: float = 0.0) -> Iterator[str]:
+    """Numbers of a row that are not as they were; what is below ``least`` is rounding."""
     if old is None:
-        yield "along a spiral: is new"
+        yield "is new"
         return
-    for name in ("equilibrium", "equilibrium_worst", "first_order", "first_order_worst"):
-        was, now = getattr(old, name), getattr(new, name)
-        if max(was, now) > max(FACTOR * min(was, now), ROUNDING):
-            yield f"along a spiral: {name} was {was:g}, is {now:g}"
+    for name in names:
+        was, now = getattr(old, name) or 0.0, getattr(new, name) or 0.0
+        if max(was, now) > max(FACTOR * min(was, now), least):
+            yield f"{name} was {was:g}, is {now:g}"
 
 
 def _held(stored: Sequence[Published], found: Sequence[Published]) -> Iterator[str]:
