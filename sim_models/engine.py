@@ -32,6 +32,7 @@ Feature = Literal[
     "prismatic", "coulomb_friction", "stribeck_friction", "load_friction", "viscous_friction", "drag",
     "joint_spring", "nonlinear_spring", "contact_friction", "drive_compliance", "backlash", "periodic_torque",
     "soft_bearing", "course", "released", "several_drives", "point_spring",
+    "contact_law",
 ]  # fmt: skip
 Pair = tuple[JointModel, Motion]
 SettingValue = str | bool | int | float | None | Mapping[str, float]
@@ -56,9 +57,15 @@ IN_WORDS: Mapping[Feature, str] = {
     "released": "released linkages",
     "several_drives": "motions of several freedoms, or of drives that turn no crank",
     "point_spring": "springs between points",
+    "contact_law": "contact laws by name",
 }
-MOVING: frozenset[Feature] = frozenset({"viscous_friction", "drag", "course", "released"})  # only what moves has them
-TOUCHING: frozenset[Feature] = frozenset({"contact_friction"})  # only contact has it
+MOVING: frozenset[Feature] = frozenset(
+    {"viscous_friction", "drag", "course", "released", "contact_law"}
+)  # only what moves has them
+TOUCHING: Mapping[Feature, frozenset[JointModel]] = {
+    "contact_friction": frozenset({"contact"}),
+    "contact_law": frozenset({"contact", "spring-damper"}),
+}  # only these joint models have them
 ENGINES: tuple[str, ...] = ("mujoco", "exudyn", "pybullet", "dart")  # built in
 # Engines that are somebody's own model: ``mjcf:linkage.xml`` is opened by the module behind the scheme, which has the
 # PACKAGE that it needs and ``opened(what)``, an Engine of that whole name.
@@ -172,7 +179,8 @@ class Request:
     ``course`` replaces the constant speed: times (M,) s, strictly increasing, and the motor's angles (M,) rad at them,
     which the motor follows on the cubic spline through them (:class:`sim_models.common.motor.Course`); reports are then
     at ``time`` (N,) s, within the course, and ``crank_angle`` is empty.  ``lead_in`` (rad) is how far the crank turns
-    before its first angle.  ``step`` (s) replaces the engine's own choice.
+    before its first angle, ``beyond`` (rad) how far it turns after its last one.  ``watched`` asks for every step from
+    the first angle on (:class:`Watched`).  ``step`` (s) replaces the engine's own choice.
 
     ``courses`` is for linkages that have more, or other, freedoms than a crank's: by driven joint the times (M,) s and
     its positions (M,) at them (second body relative to the first: rad, or m), which it follows on the cubic spline
@@ -194,6 +202,8 @@ class Request:
     course: tuple[np.ndarray, np.ndarray] | None = None
     courses: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None
     assumed: frozenset[str] = frozenset()
+    beyond: float = 0.0
+    watched: bool = False
 
     @property
     def clearances(self) -> dict[str, float]:
@@ -231,6 +241,25 @@ class Rates:
 
 
 @dataclass(frozen=True)
+class Watched:
+    """Every step of a driven run from its first report on, whether anybody asked for a report there or not: (M,)
+    instants, SI units, ground frame.
+
+    ``time`` (s) is the trace's.  By moving body: ``place`` (m) and ``velocity`` (m/s) of its centre of mass, complex,
+    ``angle`` (rad, continued) and ``angular_velocity`` (rad/s); by joint with clearance: the ``force`` (N, complex) of
+    its first body on its second.  ``torque`` (N.m) is the motor's on the driven body.  All at the same instants.
+    """
+
+    time: np.ndarray
+    place: Mapping[str, np.ndarray]
+    velocity: Mapping[str, np.ndarray]
+    angle: Mapping[str, np.ndarray]
+    angular_velocity: Mapping[str, np.ndarray]
+    force: Mapping[str, np.ndarray]
+    torque: np.ndarray
+
+
+@dataclass(frozen=True)
 class Trace:
     """What a simulation saw, at the requested crank angles (or times) and in their order; with ``courses``,
     ``crank_angle`` is the position of the first input (see :attr:`analytic.kinematics.structure.Structure.inputs`).
@@ -245,7 +274,7 @@ class Trace:
     ``journal`` maps each joint with clearance to its densely sampled path (M, 2) in m; ``free_share`` to the share of
     time (driven) or of angles (static) that its pin spent off the wall, by its distance
     (:func:`sim_models.common.journal.free_share`). ``settings`` are the numbers used, a mapping by joint where each has
-    its own.
+    its own.  ``watched`` is every step, where the request asked for it and the engine watches such runs.
     """
 
     simulator: str
@@ -261,6 +290,7 @@ class Trace:
     settings: Mapping[str, SettingValue] = field(default_factory=dict)
     rates: Mapping[str, Rates] = field(default_factory=dict)
     recorded: bool = False
+    watched: Watched | None = None
 
     def __post_init__(self) -> None:
         for name, values in self.signals.items():
@@ -315,7 +345,7 @@ class Scope:
 def sensible(feature: Feature, pair: Pair) -> bool:
     """Whether a run of this joint model and motion can have a feature at all."""
     model, motion = pair
-    return (motion == "driven" or feature not in MOVING) and (model == "contact" or feature not in TOUCHING)
+    return (motion == "driven" or feature not in MOVING) and model in TOUCHING.get(feature, JOINT_MODELS)
 
 
 @dataclass(frozen=True)
@@ -506,6 +536,7 @@ def needed(request: Request) -> dict[Feature, str]:
         at = f"of joint {joint.name!r}"
         soft = joint.radial_stiffness
         rubs = touching and not joint.prismatic and bool(joint.clearance and joint.friction)
+        named = moving and joint.contact_law is not None and joint.name in request.clearances
         asked: tuple[tuple[Feature, bool, str], ...] = (
             ("prismatic", joint.prismatic, f"the prismatic joint {joint.name!r}"),
             ("coulomb_friction", bool(joint.coulomb), f"friction_torque = {joint.coulomb:g} {at}"),
@@ -517,6 +548,7 @@ def needed(request: Request) -> dict[Feature, str]:
             ("nonlinear_spring", bool(joint.cubic), f"cubic = {joint.cubic:g} {at}"),
             ("contact_friction", rubs, f"friction = {joint.friction:g} {at}"),
             ("soft_bearing", soft is not None, f"radial_stiffness = {soft or 0:g} {at}"),
+            ("contact_law", named, f"contact_law = {joint.contact_law!r} {at}"),
         )
         found |= {feature: what for feature, has, what in asked if has and feature not in found}
     if m.drive_stiffness:

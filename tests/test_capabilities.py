@@ -62,6 +62,8 @@ def mechanism(model: JointModel, feature: Feature | None) -> Mechanism:
     m = m.with_clearances({} if model == "ideal" else {"B": 5e-4})
     if feature == "contact_friction":
         return m.with_joint("B", friction=0.15, pin_radius=0.02)
+    if feature == "contact_law":
+        return m.with_joint("B", contact_law="flores", restitution=0.8)
     laws = {"coulomb_friction": {"friction_torque": 0.2}, "viscous_friction": {"damping": 0.05}}
     laws["load_friction"] = {"friction_radius": 5e-3}
     laws["joint_spring"] = {"stiffness": 3.0, "rest_angle": 0.2}
@@ -95,7 +97,8 @@ def request(pair: Pair, feature: Feature | None) -> Request:
     if feature == "several_drives":
         courses = {"D": (KNOTS, COURSE + np.radians(120.0) - FIRST), "E": (KNOTS, np.radians(60.0) - 3.0 * KNOTS)}
         return Request(m, model, motion, time=TIMES, courses=courses)
-    return Request(m, model, motion, FIRST + np.array([0.0, 0.06, 0.1]))
+    start = "centred" if feature == "contact_law" else "steady"  # it shows where pins strike
+    return Request(m, model, motion, FIRST + np.array([0.0, 0.06, 0.1]), start=start)
 
 
 def bending(asked: Request) -> Request:
@@ -195,7 +198,8 @@ def test_what_is_declared_runs_and_shows(
     assert all(np.all(np.isfinite(values)) for values in seen.values())
     if feature is not None:
         alters = feature not in ("prismatic", "course", "released", "several_drives", "drive_compliance", "backlash")
-        without = answer(name, what, request(pair, None), tmp_path / "without") if alters else {}
+        plain = replace(request(pair, None), start=asked.start)
+        without = answer(name, what, plain, tmp_path / "without") if alters else {}
         assert shows(feature, pair, seen, without)
 
 

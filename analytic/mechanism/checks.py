@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from analytic.mechanism.parts import GROUND, SMALLEST, Body, Drive, Ground, Joint, Load, Spring
 from analytic.mechanism.signals import signals
 
+LEAST_RESTITUTION = 0.01  # of a law with hysteresis, two of which divide by it
 LARGEST_PLAUSIBLE_LENGTH = 20.0  # m; a linkage larger than this was probably entered in millimetres
 Parts = Mapping[str, Body | Ground]  # the ground and the moving bodies by name
 
@@ -55,12 +56,30 @@ def check_joint(joint: Joint, parts: Parts) -> None:
     elif joint.axis is not None or joint.angle:
         raise ValueError(f"{where}axis and angle belong to a prismatic joint; leave them out of a revolute one")
     _check_stribeck(joint, where)
+    _check_contact_law(joint, where)
     for body in (parts[name] for name in joint.bodies):
         if isinstance(body, Body) and len(body.points) > 1 and 0 < body.length <= joint.clearance:
             raise ValueError(
                 f"{where}clearance = {joint.clearance} m is not smaller than body {body.name!r} ({body.length:g} m);"
                 " give the radial clearance in m"
             )
+
+
+def _check_contact_law(joint: Joint, where: str) -> None:
+    """Laws with hysteresis are told their restitution, by which some of them divide."""
+    law = joint.contact_law
+    if law is None or law == "kelvin-voigt":
+        return
+    if joint.contact_damping is not None:
+        raise ValueError(
+            f"{where}contact_damping = {joint.contact_damping:g} belongs to contact_law \"kelvin-voigt\"; give {law}"
+            " a restitution in its place"
+        )
+    if joint.restitution is not None and joint.restitution < LEAST_RESTITUTION:
+        raise ValueError(
+            f"{where}restitution = {joint.restitution:g} is too small for contact_law {law!r}; give at least"
+            f" {LEAST_RESTITUTION:g}, or \"kelvin-voigt\""
+        )
 
 
 def _check_stribeck(joint: Joint, where: str) -> None:

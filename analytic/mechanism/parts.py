@@ -55,6 +55,7 @@ def _divisible(value: float) -> float:
     return value
 
 
+ContactLaw = Literal["kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "gonthier"]
 LARGEST = 1e40  # in any SI unit: beyond all linkages, and its powers that occur are still finite
 FARTHEST = 1e4  # rad, of an assembly angle: 1600 turns
 MASS_CENTRE = "centre of mass"  # name of that point of a body; "com" names its marker, which may lie elsewhere
@@ -165,6 +166,7 @@ class Joint(Part):
     contact_stiffness: Positive | None = None  # N/m
     contact_damping: NotNegative | None = None  # N.s/m
     restitution: Annotated[float, Field(ge=0, le=1)] | None = None
+    contact_law: ContactLaw | None = None  # how a pin in motion is pushed back; left out: each engine's own
     friction_torque: NotNegative = 0.0  # N.m (prismatic: N), constant Coulomb
     static_torque: NotNegative | None = None  # N.m (prismatic: N), dry friction of the slowest slip (Stribeck)
     stribeck_speed: Positive | None = None  # rad/s (prismatic: m/s), at which it has fallen most of the way

@@ -1,6 +1,8 @@
-"""Contact parameters that every engine shares: Kelvin-Voigt stiffness and damping of a clearance joint.
+"""Contact parameters that every engine shares: stiffness and damping of a clearance joint, and laws by name.
 
-A journal that penetrates its bearing by d at rate d' is pushed back with max(0, K d + C d').
+A journal that penetrates its bearing by d at rate d' is pushed back with max(0, K d + C d') (Kelvin and Voigt), or with
+max(0, K d (1 + chi d'/v0)), v0 being the speed at which it touched.  No law pulls.  What each law delivers of the
+restitution that it is asked for is :func:`delivered`.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ import math
 from dataclasses import dataclass
 
 from analytic.mechanism import Body, Joint, Mechanism
+from analytic.mechanism.parts import ContactLaw
 from sim_models.engine import Motion
 
 STATIC_STIFFNESS = 1e8  # N/m, where the mechanism gives none and nothing moves
@@ -22,6 +25,7 @@ DAMPING_RATIO = 0.5  # of the lighter link on that stiffness, where the mechanis
 BEARING_RATIO = 0.01  # the same of a soft bearing
 TOO_DEEP = 0.1  # of the shortest link at a joint: a pin that is deeper in its bearing is in none
 PIN_RADIUS = 0.01  # m, where the mechanism gives none; matters only with friction
+SLOWEST_TOUCH = 1e-3  # of the linkage's length times its rate: slower touches are damped as one of that speed
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,99 @@ class KelvinVoigt:
     def give(self, force: float) -> float:
         """How far (m) it yields under a steady force (N)."""
         return force / self.stiffness
+
+
+@dataclass(frozen=True)
+class NamedLaw:
+    """A law of contact by its name: stiffness (N/m), damping (N.s/m, of Kelvin and Voigt alone), hysteresis factor chi
+    (of the others), and the least speed of touching (m/s) that these reckon with.
+
+    ``asked`` is the restitution that the mechanism asks for, or its damping's.
+    """
+
+    name: ContactLaw
+    stiffness: float
+    damping: float
+    hysteresis: float
+    slowest: float
+    asked: float
+
+    def size(self, depth: float, rate: float, touched: float) -> float:
+        """Force (N) of a pin that is this deep (m; negative: off the wall) at this rate (m/s), and that touched the
+        wall at the speed ``touched`` (m/s).
+        """
+        if depth <= 0:
+            return 0.0
+        return max(0.0, self.stiffness * depth + self.damping_at(depth, touched) * rate)
+
+    def damping_at(self, depth: float, touched: float) -> float:
+        """Damping (N.s/m) of a pin that is this deep (m) and touched at that speed (m/s)."""
+        if self.name == "kelvin-voigt":
+            return self.damping
+        return self.stiffness * max(depth, 0.0) * self.hysteresis / max(touched, self.slowest)
+
+    @property
+    def words(self) -> str:
+        """The law, as results tell it."""
+        if self.name == "kelvin-voigt":
+            return "kelvin-voigt: max(0, K d + C d')"
+        return f"{self.name}: max(0, K d (1 + {self.hysteresis:.4g} d'/v0))"
+
+
+def named_law(mechanism: Mechanism, joint: Joint, motion: Motion) -> NamedLaw | None:
+    """The law of a joint's contact that the mechanism names; None where it leaves that to the engine, or at rest.
+
+    What it is made of is :func:`contact_parameters`.  Without a ``restitution`` the laws with hysteresis are asked for
+    that of DAMPING_RATIO.
+    """
+    if joint.contact_law is None or motion == "static":
+        return None
+    made = contact_parameters(mechanism, joint, motion)
+    if joint.restitution is not None:
+        asked = joint.restitution
+    else:
+        asked = restitution(made.damping / (2 * math.sqrt(made.stiffness * lighter_mass(mechanism, joint))))
+    voigt = joint.contact_law == "kelvin-voigt"
+    return NamedLaw(
+        joint.contact_law,
+        made.stiffness,
+        made.damping if voigt else 0.0,
+        0.0 if voigt else hysteresis(joint.contact_law, asked),
+        SLOWEST_TOUCH * longest(mechanism) * turning_rate(mechanism, motion),
+        asked,
+    )
+
+
+def hysteresis(law: ContactLaw, asked: float) -> float:
+    """Factor chi in F = K d (1 + chi d'/v0) of a law that is asked for a restitution.
+
+    Hunt and Crossley 1975, Lankarani and Nikravesh 1990, Flores et al. 2011, Gonthier et al. 2004.
+    """
+    match law:
+        case "hunt-crossley":
+            return 1.5 * (1 - asked)
+        case "lankarani-nikravesh":
+            return 0.75 * (1 - asked**2)
+        case "flores":
+            return 1.6 * (1 - asked) / asked
+        case "gonthier":
+            return (1 - asked**2) / asked
+        case _:
+            return 0.0
+
+
+def delivered(chi: float) -> float:
+    """Restitution e that F = K d^n (1 + chi d'/v0) delivers, whatever K, n, the mass and the speed: the root of
+    chi (1 + e) = ln[(1 + chi)/(1 - chi e)].
+    """
+    if chi <= 0:
+        return 1.0
+    low, high = 0.0, min(1.0, 1 / chi)
+    for _ in range(80):
+        e = (low + high) / 2
+        left = math.log1p(chi) - math.log1p(-chi * e) if chi * e < 1 else math.inf
+        low, high = (e, high) if left < chi * (1 + e) else (low, e)
+    return (low + high) / 2
 
 
 def contact_parameters(mechanism: Mechanism, joint: Joint, motion: Motion) -> KelvinVoigt:

@@ -13,6 +13,7 @@ def check_request(request: Request) -> None:
     name = request.mechanism.name
     _check_links(request)
     _check_bearings(request)
+    _check_beyond(request)
     if request.courses is not None:
         _check_courses(request)
         return
@@ -36,6 +37,19 @@ def check_request(request: Request) -> None:
         )
     elif request.crank_angle.size == 0:
         raise Unsupported(f"{name}: there is no crank angle to report at; give request.crank_angle, at least one")
+
+
+def _check_beyond(request: Request) -> None:
+    """Raise Unsupported where a run is to go on after its reports, or to be watched, that no crank's speed moves."""
+    turned = request.motion == "driven" and request.course is None and request.courses is None and not request.released
+    if not turned and (request.beyond or request.watched):
+        what = f"beyond = {request.beyond:g} rad" if request.beyond else "watched"
+        raise Unsupported(
+            f"{request.mechanism.name}: only a crank that turns at its drive's speed goes on beyond its reports, and is"
+            f" watched; leave out {what}"
+        )
+    if not request.beyond >= 0:
+        raise Unsupported(f"{request.mechanism.name}: beyond = {request.beyond:g} rad is negative; give 0 or more")
 
 
 def _check_bearings(request: Request) -> None:

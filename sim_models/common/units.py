@@ -22,7 +22,7 @@ from analytic.mechanism.signals import Unit, named
 from sim_models.common.contact_laws import default_stiffness, heaviest, longest, power_of_two, turning_rate
 from sim_models.common.failed_starts import TooSoft
 from sim_models.common.weights import with_equal_masses
-from sim_models.engine import Cause, Rates, Request, SettingValue, SimulationError, Trace
+from sim_models.engine import Cause, Rates, Request, SettingValue, SimulationError, Trace, Watched
 
 # What an engine is at home with, in SI: where a linkage lies within, its units are SI's; else it is brought to the
 # middle.
@@ -205,9 +205,22 @@ class Units:
             time=None if t.time is None else t.time * self.time,
             signals={name: values * self.size(OF_UNIT[known[name].unit]) for name, values in t.signals.items()},
             rates={body: self._rates(rates) for body, rates in t.rates.items()},
+            watched=None if t.watched is None else self._watched(t.watched),
             clearance={name: c * self.length for name, c in t.clearance.items()},
             journal={name: path * self.length for name, path in t.journal.items()},
             settings={name: self._setting(name, value) for name, value in t.settings.items()} | {"units": own},
+        )
+
+    def _watched(self, w: Watched) -> Watched:
+        speed, rate, force, torque = (self.size(d) for d in (SPEED, RATE, FORCE, TORQUE))
+        return Watched(
+            w.time * self.time,
+            {body: at * self.length for body, at in w.place.items()},
+            {body: v * speed for body, v in w.velocity.items()},
+            dict(w.angle),
+            {body: spin * rate for body, spin in w.angular_velocity.items()},
+            {joint: f * force for joint, f in w.force.items()},
+            w.torque * torque,
         )
 
     def _rates(self, r: Rates) -> Rates:

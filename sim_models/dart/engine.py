@@ -22,7 +22,7 @@ class DartEngine(Engine):
     capabilities = Capabilities(
         rigid=Scope.of(
             ((model, motion) for model in MODELS for motion in MOTIONS),
-            set(FEATURES) - {"contact_friction"},
+            set(FEATURES) - {"contact_friction", "contact_law"},
             but=QUICKER,
         )
     )

@@ -29,7 +29,7 @@ from sim_models.exudyn.settings import console_off
 RUNS: tuple[Pair, ...] = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
 BENDING: tuple[Pair, ...] = tuple((model, motion) for model in ("ideal", "contact") for motion in MOTIONS)
 # No law of a joint sees another's reaction; one-sided laws between a motor and its crank would be slow in Python.
-HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "backlash"}
+HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "backlash", "contact_law"}
 BEYOND: frozenset[Feature] = frozenset({"contact_friction", "drive_compliance", "soft_bearing", "released"})  # of beams
 # Of beams in motion: inertia forces of several drives, and dampers beside springs, are not worked out.
 AT_REST_ALONE: frozenset[tuple[Feature, Pair]] = frozenset(

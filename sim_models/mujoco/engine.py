@@ -24,8 +24,8 @@ class MujocoEngine(Engine):
     name = "mujoco"
     package = "mujoco"
     capabilities = Capabilities(
-        rigid=Scope.of(RUNS),
-        export=Scope.of(RUNS, set(FEATURES) - {"load_friction", "backlash"}),
+        rigid=Scope.of(RUNS, set(FEATURES) - {"contact_law"}),
+        export=Scope.of(RUNS, set(FEATURES) - {"load_friction", "backlash", "contact_law"}),
     )
 
     def simulate(self, request: Request) -> Trace:
