@@ -72,13 +72,13 @@ def _check_contact_law(joint: Joint, where: str) -> None:
         return
     if joint.contact_damping is not None:
         raise ValueError(
-            f"{where}contact_damping = {joint.contact_damping:g} belongs to contact_law \"kelvin-voigt\"; give {law}"
+            f'{where}contact_damping = {joint.contact_damping:g} belongs to contact_law "kelvin-voigt"; give {law}'
             " a restitution in its place"
         )
     if joint.restitution is not None and joint.restitution < LEAST_RESTITUTION:
         raise ValueError(
             f"{where}restitution = {joint.restitution:g} is too small for contact_law {law!r}; give at least"
-            f" {LEAST_RESTITUTION:g}, or \"kelvin-voigt\""
+            f' {LEAST_RESTITUTION:g}, or "kelvin-voigt"'
         )
 
 
