@@ -40,12 +40,14 @@ from compare.arguments import (
     processes,
     rigidly_and_evenly_driven,
     timed,
+    whole,
     with_map,
 )
 from compare.faults import ArgumentError
 from compare.judge.assumptions import failing_assumption
 from compare.judge.attribution import attribute
 from compare.judge.closer import SOFT, Judged, beyond_rim, settle, stiff_enough
+from compare.judge.contact import TURN
 from compare.judge.courses import Courses
 from compare.judge.discrepancy import (
     Discrepancy,
@@ -59,6 +61,7 @@ from compare.judge.discrepancy import (
 )
 from compare.judge.flexible import Beams, softened
 from compare.judge.grid import FREE_TIME, turns_fully
+from compare.judge.longer import prolong, span
 from compare.judge.reference import (
     Reference,
     reference,
@@ -68,11 +71,13 @@ from compare.judge.reference import (
     with_flexible_links,
 )
 from compare.judge.signals import compared, recorded, with_derived, with_rotations
+from compare.judge.statistics import held_together
 from compare.judge.tolerances import Tolerances
 from compare.recorded.motion import SURE
+from compare.results.contact import Compared
 from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict
 from compare.results.crosscheck import Discrepancy as Judgement
-from compare.runs import Resolve, simulate_all
+from compare.runs import Counted, Resolve, simulate_all
 from sim_models.engine import (
     JOINT_MODELS,
     MOTIONS,
@@ -87,6 +92,8 @@ from sim_models.engine import (
     installed_version,
 )
 
+STRIKING: tuple[JointModel, ...] = ("contact", "spring-damper")  # whose pins may leave their walls
+REVOLUTIONS = 32  # at the utmost, of a run whose pins strike
 Progress = Callable[[str, int, int], None]
 Measure = Callable[[Assembly, np.ndarray, Motion, Model, Mapping[str, float]], Reference]
 
@@ -99,6 +106,7 @@ class Job:
     ``beside`` are signals that are judged too, as a file of results has them.
     ``as_it_is`` takes every run as it comes, where others are looked at more closely (:mod:`compare.judge.closer`).
     With ``flexible`` bodies that have a modulus of elasticity bend, in static motion; else all are rigid.
+    Contact is watched over so many ``revolutions`` at the utmost (0: not at all) as its statistics need to converge.
     """
 
     mechanism: Mechanism
@@ -116,6 +124,7 @@ class Job:
     as_it_is: bool = False
     beside: tuple[str, ...] = ()
     courses: Courses | None = None
+    revolutions: int = 0
 
 
 def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
@@ -133,6 +142,7 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
     flexible: bool = False,
     tolerances: ToleranceFile | None = None,
     map: str | FilePath | None = None,
+    revolutions: int = REVOLUTIONS,
     workers: int | None = None,
     progress: Progress = lambda what, done, total: None,
 ) -> CrossCheck:
@@ -149,6 +159,9 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
     the shipped ones, or :class:`~compare.judge.tolerances.Tolerances`.  With ``flexible`` bodies that have a modulus of
     elasticity bend, in static motion.  ``map`` is the map of a simulator that is somebody's model file, such as
     ``fmu:linkage.fmu``.  With several engines the runs are spread over ``workers`` processes, one a core by default.
+
+    A run in which pins strike their walls goes on for as many revolutions as its statistics need to converge, at most
+    ``revolutions``; engines are then compared by these (``result.statistics``).
 
     Raises MechanismError, ArgumentError, ToleranceError, AssemblyError, Unsupported or SimulatorMissing; a simulation
     that fails is among the result's ``failures``.
@@ -167,6 +180,7 @@ def crosscheck(  # noqa: PLR0913 - what a person may ask, by name
         flexible=flexible,
         tolerances=tolerances,
         map=map,
+        revolutions=revolutions,
         workers=workers,
     )
     return crosscheck_job(job, progress)
@@ -187,6 +201,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
     flexible: bool = False,
     tolerances: ToleranceFile | None = None,
     map: str | FilePath | None = None,
+    revolutions: int = REVOLUTIONS,
     workers: int | None = None,
 ) -> Job:
     """The job that a question comes to.  Warns, and raises, as :func:`crosscheck` does; nothing is simulated yet."""
@@ -228,6 +243,7 @@ def question(  # noqa: PLR0913 - what a person may ask, by name
         model=analytic,
         warnings=(*warned, *left_out),
         flexible=flexible,
+        revolutions=whole(revolutions, "revolutions", 0),
     )
 
 
@@ -375,11 +391,10 @@ def run_all(
 
     first = {i: judged(job, side(t), t) for i, t in enumerate(traces) if isinstance(t, Trace)}
     again = dict(enumerate(request for _, request in tasks))
-    settled: Mapping[int, Judged | Failure] = (
-        first
-        if job.flexible or job.as_it_is
-        else settle(first, again, simulate_again, lambda t: judged(job, side(t), t))
-    )
+    settled: Mapping[int, Judged | Failure] = first
+    if not (job.flexible or job.as_it_is):
+        settled, again = settle(first, again, simulate_again, lambda t: judged(job, side(t), t))
+        settled = prolong(settled, again, simulate_again, lambda t: judged(job, side(t), t), job.revolutions)
     failed += [one for one in settled.values() if isinstance(one, Failure)]
     return Ran(tuple(one for one in settled.values() if isinstance(one, Judged)), tuple(failed), tuple(left_out))
 
@@ -390,9 +405,10 @@ def concluded(job: Job, ran: Ran, alike: Callable[[Run], bool] = lambda run: Tru
     """
     judged = [(one.run, one.rules) for one in ran.judged]
     runs = tuple(run for run, _ in judged)
+    statistics = held_together(runs, job.tolerances)
     result = CrossCheck(
         case=job.mechanism.name,
-        verdict=_verdict(runs, ran.failures),
+        verdict=_verdict(runs, ran.failures, statistics),
         command=job.command,
         versions=_versions(runs),
         mechanism=job.mechanism,
@@ -413,6 +429,8 @@ def concluded(job: Job, ran: Ran, alike: Callable[[Run], bool] = lambda run: Tru
     )
     if printed:
         result = result.model_copy(update={"printed": printed})
+    if statistics:
+        result = result.model_copy(update={"statistics": statistics})
     together = [(run, rules) for run, rules in judged if alike(run)]
     if len({run.simulator.name for run, _ in together}) < 2:
         return result
@@ -444,10 +462,18 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
         courses = job.courses.knots
         return [Request(job.mechanism, m, job.motion, time=job.time, courses=courses) for m in models]
     settle = 2 * np.pi if job.motion == "driven" and not released and turns_fully(assembly) else 0.0
-    return [
+    found = [
         Request(job.mechanism, m, job.motion, job.theta, job.time, lead_in=0.0 if m == "ideal" else settle)
         for m in models
     ]
+    return [watched(r, settle > 0) if job.revolutions and r.joint_model in STRIKING else r for r in found]
+
+
+def watched(request: Request, turns: bool) -> Request:
+    """A request of a driven run with every step of it told, to the end of a revolution where its crank ``turns``."""
+    if request.motion != "driven" or request.released:
+        return request
+    return replace(request, watched=True, beyond=max(TURN - span(request), 0.0) if turns else 0.0)
 
 
 def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Reference:
@@ -462,23 +488,25 @@ def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Refere
 
 
 def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]:
-    """Both sides of one run, flagged samples blanked on both, and the verdict; and the rules by which it was judged."""
-    simulated = with_derived(trace.signals, job.mechanism)
+    """Both sides of one run, and the verdict on all samples but the flagged ones; and the rules by which it was
+    judged.
+    """
+    seen = with_derived(trace.signals, job.mechanism)
     if trace.clearance:
-        simulated = with_rotations(simulated, side.ideal_angles)
+        seen = with_rotations(seen, side.ideal_angles)
     if trace.recorded:
-        silent = {name: np.full(trace.crank_angle.shape, np.nan) for name in side.signals if name not in simulated}
-        simulated |= silent
-    for name, values in simulated.items():
-        values[list(side.flags)] = np.nan
-        if name in side.silent:
-            values[side.silent[name]] = np.nan
+        seen |= {name: np.full(trace.crank_angle.shape, np.nan) for name in side.signals if name not in seen}
+    for name, here in side.silent.items():
+        seen[name][here] = np.nan
+    simulated = _without_flagged(seen, side)
     theta = _told_along(job, trace)
     rules = _rules(job, side, trace, simulated)
     found = _discrepancies(job, side, trace, simulated, rules)
     optional: dict[str, Any] = {} if trace.time is None else {"time": trace.time}
     if job.courses is not None and job.time is not None:
         optional["drive_position"] = job.courses.at(job.time)
+    if isinstance(trace, Counted) and trace.contact is not None:
+        optional["contact"] = trace.contact
     if len(side.flags) == theta.size:
         first, *others = dict.fromkeys(why for _, why in sorted(side.flags.items()))
         more = f", and {len(others)} such reasons more" * bool(others)
@@ -494,7 +522,7 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
         crank_angle=theta,
         flags={str(i): why for i, why in sorted(side.flags.items())},
         analytic=dict(side.signals),
-        simulated=simulated,
+        simulated=seen,
         discrepancies=tuple(_public(d, theta) for d in found),
         verdict="disagrees" if any(d.verdict == "disagrees" for d in found) else "agrees" if found else "unjudged",
         order_difference=dict(side.order_difference),
@@ -503,6 +531,14 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
         **optional,
     )
     return run, rules
+
+
+def _without_flagged(seen: Mapping[str, np.ndarray], side: Reference) -> dict[str, np.ndarray]:
+    """Signals (N,) without a number where the analytic model has no answer."""
+    found = {name: np.array(values) for name, values in seen.items()}
+    for values in found.values():
+        values[list(side.flags)] = np.nan
+    return found
 
 
 def _told_along(job: Job, trace: Trace) -> np.ndarray:
@@ -514,9 +550,11 @@ def _told_along(job: Job, trace: Trace) -> np.ndarray:
     return trace.crank_angle
 
 
-def _verdict(runs: Sequence[Run], failures: Sequence[Failure]) -> Verdict:
-    """Of the whole result: what has failed or is not judged neither agrees nor disagrees."""
-    verdicts = {run.verdict for run in runs}
+def _verdict(runs: Sequence[Run], failures: Sequence[Failure], statistics: Sequence[Compared] = ()) -> Verdict:
+    """Of the whole result: what has failed or is not judged neither agrees nor disagrees, but for statistics that are
+    not.
+    """
+    verdicts = {run.verdict for run in runs} | {one.verdict for one in statistics if one.verdict == "disagrees"}
     if "disagrees" in verdicts:
         return "disagrees"
     return "unjudged" if failures or not runs or "unjudged" in verdicts else "agrees"

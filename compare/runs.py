@@ -5,10 +5,13 @@ rest.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields
 from functools import partial
 
 import numpy as np
 
+from compare.judge.contact import contact, ideal_peaks
+from compare.results.contact import Contact
 from compare.results.crosscheck import Failure
 from compare.sweep import Died, spread
 from sim_models.common.simulate import answered
@@ -27,6 +30,21 @@ Resolve = Callable[[str], Engine]
 Numbered = tuple[int, str, Request]
 
 
+@dataclass(frozen=True)
+class Counted(Trace):
+    """A trace that was watched, and what contact did in it in place of its every step."""
+
+    contact: Contact | None = None
+
+
+def counted(request: Request, trace: Trace) -> Trace:
+    """A trace with what contact did in it, which is little, in place of its every step, which is much."""
+    if trace.watched is None:
+        return trace
+    told = {f.name: getattr(trace, f.name) for f in fields(Trace)} | {"watched": None}
+    return Counted(**told, contact=contact(request.mechanism, trace, ideal_peaks(request.mechanism)))
+
+
 def failure(simulator: str, run: Request | Trace, why: str, cause: Cause | None = None) -> Failure:
     """What is reported of a run that has no result."""
     return Failure(simulator=simulator, joint_model=run.joint_model, why=why, cause=cause)
@@ -37,7 +55,7 @@ def simulate(simulator: str, request: Request, resolve: Resolve = engine) -> Tra
     overflow, an answer that is no trace.
     """
     try:
-        return answered(simulator, request, resolve(simulator).simulate)
+        return counted(request, answered(simulator, request, resolve(simulator).simulate))
     except (SimulationError, Unsupported) as error:
         return failure(simulator, request, str(error), error.cause)
     except SimulatorMissing as error:

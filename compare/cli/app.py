@@ -100,6 +100,12 @@ def compare(
     map: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Map of fmu:FILE [FILE's name with .map.toml].")
     ] = None,
+    revolutions: Annotated[
+        int,
+        typer.Option(
+            min=0, help="Most revolutions of a run whose pins strike their walls; it ends once its averages are known."
+        ),
+    ] = 32,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -154,6 +160,7 @@ def compare(
             flexible=flexible,
             tolerances=tolerances,
             map=map,
+            revolutions=revolutions,
         )
         beside = ("junit.xml", "signals.csv")
         with made_folder(result_folder(context, mechanism.name, "result.json", out, overwrite, beside)) as folder:

@@ -66,7 +66,7 @@ class Examined:
     @cached_property
     def verdicts(self) -> list[tuple[Discrepancy, np.ndarray]]:
         """Every compared signal of the run, and the angles (N,) at which it is within tolerance."""
-        return list(self.judged(self.run.simulated, self.run.analytic))
+        return list(self.judged(self.run.comparable, self.run.analytic))
 
     @cached_property
     def agreeing(self) -> np.ndarray:

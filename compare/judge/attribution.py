@@ -103,9 +103,11 @@ def attribute(judged: Sequence[tuple[Run, Mapping[str, Rule]]]) -> Attribution:
         group = [run for run in runs if run.joint_model == joint_model]
         rules = [rule for run, rule in judged if run.joint_model == joint_model]
         theta, analytic = group[0].crank_angle, group[0].analytic
+        alike = np.all([before_impact(run) for run in group], axis=0)
         for name in dict.fromkeys(name for rule in rules for name in rule):
             having = [rule[name] for rule in rules if name in rule]
             signal, tolerance = having[0].signal, np.max([rule.tolerance(analytic) for rule in having], axis=0)
+            tolerance = np.where(alike, tolerance, np.nan)
             engines = {
                 run.simulator.name: run.simulated[name] for run, rule in zip(group, rules, strict=True) if name in rule
             }
@@ -121,6 +123,20 @@ def attribute(judged: Sequence[tuple[Run, Mapping[str, Rule]]]) -> Attribution:
     odd = odd_one_out(apart)
     differ = any(run.verdict == "disagrees" for run in runs)
     return Attribution(widest, odd, _words(odd, apart, differ) if widest else "nothing could be compared")
+
+
+def before_impact(run: Run) -> np.ndarray:
+    """At which samples (N,) of a run its pins have not struck yet, so that it may be compared sample by sample: at none
+    where the crank has made a turn before, in which they struck as well.
+    """
+    if run.contact is None or not run.contact.struck:
+        return np.ones(run.crank_angle.size, bool)
+    if run.contact.revolutions >= 1:
+        return np.zeros(run.crank_angle.size, bool)
+    first = min(
+        abs(j.first_impact - run.crank_angle[0]) for j in run.contact.joints.values() if j.first_impact is not None
+    )
+    return np.abs(run.crank_angle - run.crank_angle[0]) < first
 
 
 def _words(odd: str | None, apart: Sequence[Apart], differ: bool) -> str:

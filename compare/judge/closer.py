@@ -70,8 +70,9 @@ def settle(
     requests: Mapping[int, Request],
     simulate: Callable[[Mapping[int, Request]], Mapping[int, Trace | Failure]],
     judge: Callable[[Trace], Judged],
-) -> dict[int, Judged | Failure]:
-    """The runs; those that disagree by little are made again until they agree, no longer change, or have failed.
+) -> tuple[dict[int, Judged | Failure], dict[int, Request]]:
+    """The runs, and what each of them was asked in the end; those that disagree by little are made again until they
+    agree, no longer change, or have failed.
 
     ``requests`` are those of the runs that may be made again.
     """
@@ -104,7 +105,8 @@ def settle(
                 settled[i] = _undecided(
                     one, f"it was {before[i].share / one.share:.1f} times that in a coarser run, and still falls"
                 )
-    return {i: _too_soft(one) if isinstance(one, Judged) and one.soft > HIDDEN else one for i, one in settled.items()}
+    ended = {i: _too_soft(one) if isinstance(one, Judged) and one.soft > HIDDEN else one for i, one in settled.items()}
+    return ended, asked
 
 
 def beyond_rim(run: Run) -> dict[str, float]:

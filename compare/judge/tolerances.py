@@ -19,6 +19,7 @@ from analytic.mechanism.file import describe
 from analytic.mechanism.reading import ReadingError, read_toml
 from analytic.paper.clearance import Model
 from compare.judge.signals import Kind, compared
+from compare.results.contact import StatisticName
 from sim_models.engine import ENGINES, JointModel, Motion, scheme_of
 
 NotNegative = Annotated[float, Field(ge=0)]
@@ -95,12 +96,27 @@ class Known(_Part):
         )
 
 
+class _Statistics(_Part):
+    free_share: Line | None = None
+    impacts: Line | None = None
+    impulse: Line | None = None
+    approach_speed: Line | None = None
+    rms_force: Line | None = None
+    peak_force: Line | None = None
+    high_peak: Line | None = None
+    restitution_loss: Line | None = None
+    friction_loss: Line | None = None
+    wear: Line | None = None
+    penetration: Line | None = None
+
+
 class _File(_Part):
     floor: Share | None = None
     noise: Share | None = None
     rest: NotNegative | None = None
     static: _Models | None = None
     driven: _Models | None = None
+    statistics: _Statistics | None = None
     known: list[Known] = []
 
 
@@ -112,6 +128,7 @@ class Tolerances(_Part):
     rest: NotNegative
     static: Mapping[JointModel, Mapping[Kind, Line]]
     driven: Mapping[JointModel, Mapping[Kind, Line]]
+    statistics: Mapping[StatisticName, Line] = {}
     known: Annotated[tuple[Known, ...], Several] = ()
 
     def line(self, motion: Motion, joint_model: JointModel, kind: Kind) -> Line:
@@ -173,7 +190,14 @@ def _joined(shipped: _File, over: _File) -> Tolerances:
     for motion in MOTIONS:
         for model, given in _lines(getattr(over, motion)).items():
             lines[motion][model] = {**lines[motion].get(model, {}), **given}
-    return Tolerances.model_validate({**numbers, **lines, "known": (*shipped.known, *over.known)})
+    statistics = {
+        name: getattr(file.statistics, name)
+        for file in (shipped, over)
+        if file.statistics is not None
+        for name in file.statistics.model_fields_set
+    }
+    known = (*shipped.known, *over.known)
+    return Tolerances.model_validate({**numbers, **lines, "statistics": statistics, "known": known})
 
 
 def _lines(models: _Models | None) -> dict[str, dict[str, Line]]:

@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, FiniteFloat, model_vali
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
+from compare.results.contact import Compared, Contact
 from compare.results.document import Document, Grid, Mechanism, Number, Part, Row, Series, Share, Text, listed
 from sim_models.engine import Cause, JointModel, Motion, SettingValue
 
@@ -130,7 +131,8 @@ class Run(Part):
     flags: Annotated[
         Mapping[Index, Text],
         Field(
-            description="Why the analytic model has no answer, by index into crank_angle; both sides are null there."
+            description="Why the analytic model has no answer, by index into crank_angle; it is null there, and nothing"
+            " is compared."
         ),
     ]
     analytic: Signals
@@ -149,6 +151,9 @@ class Run(Part):
         Mapping[str, Share],
         Field(description="Share of the time (static: of the angles) that each pin is without contact."),
     ]
+    contact: Annotated[
+        Contact | None, Field(description="What contact did, in driven runs in which a pin may leave its wall.")
+    ] = None
 
     @model_validator(mode="after")
     def _whole(self) -> Run:
@@ -171,6 +176,15 @@ class Run(Part):
     def bends(self) -> bool:
         """Whether its links were made of beams; the analytic side is then a superposition (Fig. 7c)."""
         return "links" in self.settings
+
+    @property
+    def comparable(self) -> dict[str, np.ndarray]:
+        """The simulated signals, without a number where the analytic model has no answer."""
+        flagged = [int(i) for i in self.flags]
+        found = {name: np.array(values) for name, values in self.simulated.items()}
+        for values in found.values():
+            values[flagged] = np.nan
+        return found
 
     def difference(self, signal: Signal) -> np.ndarray:
         """Simulated minus analytic (N,) of a signal, SI; angles modulo a turn.  Raises KeyError."""
@@ -239,7 +253,10 @@ class CrossCheck(Document):
 
     case: Annotated[str, Field(description="Name of the mechanism.")]
     verdict: Annotated[
-        Verdict, Field(description="disagrees if any run does; else unjudged if any run is, or has failed.")
+        Verdict,
+        Field(
+            description="disagrees if any run does, or a statistic of two; else unjudged if any run is, or has failed."
+        ),
     ]
     command: Annotated[str, Field(description="The command that made this file.")]
     versions: Annotated[Mapping[str, str], Field(description="Version by package.", min_length=1)]
@@ -255,6 +272,10 @@ class CrossCheck(Document):
         str | None, Field(description="With several engines: analytic or the engine that stands apart.")
     ] = None
     words: Annotated[str, Field(description="The same in a sentence.")] = ""
+    statistics: Annotated[
+        tuple[Compared, ...],
+        Field(description="Of runs in which pins strike: each average over revolutions of one held against another's."),
+    ] = ()
     printed: Annotated[
         tuple[Printed, ...], Field(description="Of the paper's own case: what the paper prints of it.")
     ] = ()

@@ -1,0 +1,294 @@
+"""What contact did in a watched run, joint by joint and over its revolutions, and whether that has converged."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.motion import kinematics
+from analytic.kinematics.reach import usual_angles
+from analytic.mechanism import Mechanism
+from analytic.mechanism.one_line import count
+from analytic.paper.kinetostatics import kinetostatics
+from compare.judge.statistics import needed, statistic
+from compare.judge.watched import PinCourse, Run, integral, taken
+from compare.results.contact import (
+    Balance,
+    Contact,
+    Impacts,
+    JointContact,
+    Orbit,
+    Profile,
+    Section,
+    Statistic,
+    StatisticName,
+)
+from sim_models.common.journal import free_share
+from sim_models.engine import Trace
+
+TURN = 2 * math.pi
+BINS = 72  # of a turn
+HIGH = 0.9  # quantile of the revolutions' peaks
+KNOWN = 0.05  # of a figure: half the width of its interval, where it has converged
+LEAST = 0.005  # the same of shares of the time, at least
+WANTED: tuple[StatisticName, ...] = ("free_share", "rms_force", "peak_force", "restitution_loss")
+REPEATS = 1e-2  # of the clearance, and of the pin's largest speed: how near it comes back to where it was
+FAINT = 0.1  # of the energy that impacts bring along: a smaller loss need not be known any better
+LONGEST_PERIOD = 8  # revolutions
+ORBIT_POINTS = 1500
+
+
+@dataclass(frozen=True)
+class Blow:
+    """One impact: instants [begin, end), the time (s) at which the pin reached its wall and its speed (m/s) there."""
+
+    begin: int
+    end: int
+    time: float
+    speed: float
+
+
+def contact(mechanism: Mechanism, trace: Trace, ideal: Mapping[str, float]) -> Contact | None:
+    """What contact did in a run that was watched; ``ideal`` (N) are the ideal linkage's largest reactions by joint."""
+    if trace.watched is None or not trace.clearance:
+        return None
+    m = mechanism.with_clearances(dict(trace.clearance))
+    run = Run(m, trace.watched)
+    margins = trace.settings.get("contact_margin")
+    pins = {
+        name: run.pin(m.joint(name), float(margins.get(name, 0.0)) if isinstance(margins, Mapping) else 0.0)
+        for name in trace.clearance
+    }
+    marks = revolutions(run.turned)
+    joints = {name: joint_contact(run, pin, marks, ideal.get(name, math.nan)) for name, pin in pins.items()}
+    whole = marks.size - 1
+    periods = [_period(joint.section, pins[name]) for name, joint in joints.items()]
+    converged, words = _converged(joints, whole, float(run.turned[-1]) / TURN)
+    return Contact(
+        revolutions=float(run.turned[-1]) / TURN,
+        converged=converged,
+        period=None if None in periods else math.lcm(*(each for each in periods if each)),
+        words=words,
+        energy=balance(run, pins, marks),
+        joints=joints,
+    )
+
+
+def ideal_peaks(mechanism: Mechanism) -> dict[str, float]:
+    """The largest reaction (N) by joint of the ideal linkage in motion, at its usual crank angles."""
+    assembly = Assembly(mechanism.with_clearances({}))
+    motion = kinematics(assembly, usual_angles(assembly), mechanism.speed or 1.0)
+    return {name: float(np.abs(force).max()) for name, force in kinetostatics(motion).forces.items()}
+
+
+def revolutions(turned: np.ndarray) -> np.ndarray:
+    """The instants at which whole revolutions begin and end, of a crank that has turned (M,) rad; of a run without one,
+    its first and last.
+    """
+    whole = int(turned[-1] / TURN + 1e-6)
+    if not whole:
+        return np.array([0, turned.size - 1])
+    return np.minimum(np.searchsorted(turned, TURN * np.arange(whole + 1) - 1e-9), turned.size - 1)
+
+
+def blows(pin: PinCourse, time: np.ndarray) -> Iterator[Blow]:
+    """The impacts of a pin: it was off its wall, and is at it.  One ends when the pin is no longer pushed, or begins to
+    press anew.
+    """
+    state = np.where(pin.touching, 1, np.where(pin.free, -1, 0))
+    known = np.flatnonzero(state)
+    begins = [int(k) for j, k in pairwise(known.tolist()) if state[j] < 0 < state[k]]
+    distance = np.abs(pin.gap)
+    for begin, until in pairwise([*begins, time.size]):
+        pushed, rate = pin.push[begin:until] > 0, pin.rate[begin:until]
+        ended = np.flatnonzero((pushed[:-1] & ~pushed[1:]) | ((rate[:-1] <= 0) & (rate[1:] > 0) & pushed[1:]))
+        end = begin + int(ended[0]) + 2 if ended.size else until
+        before = max(begin - 1, 0)
+        rise = distance[begin] - distance[before]
+        part = float(np.clip((pin.wall - distance[before]) / rise, 0.0, 1.0)) if rise > 0 else 0.0
+        step = time[begin] - time[before]
+        gained = (rate_at(pin, before) - rate_at(pin, before - 1)) * part
+        yield Blow(begin, min(end, until), float(time[before] + part * step), float(rate_at(pin, before) + gained))
+
+
+def rate_at(pin: PinCourse, instant: int) -> float:
+    """How fast (m/s) a pin's gap grows at an instant, or at the first one."""
+    return float(pin.rate[max(instant, 0)])
+
+
+def joint_contact(run: Run, pin: PinCourse, marks: np.ndarray, ideal: float) -> JointContact:
+    """Contact of one joint: its figures by revolution between the ``marks``, and all its impacts."""
+    time, spans = run.time, list(pairwise(marks.tolist()))
+    struck = list(blows(pin, time))
+    normal, slid = np.maximum(pin.push, 0.0), np.abs(pin.slip)
+    angle = run.watched.angle[run.m.driven]
+    impulse, absorbed = integral(normal, time), integral(pin.push * pin.rate, time)
+    impulses = np.array([impulse[b.end - 1] - impulse[max(b.begin - 1, 0)] for b in struck])
+    energies = np.array([absorbed[b.end - 1] - absorbed[max(b.begin - 1, 0)] for b in struck])
+    begins, speeds = np.array([b.begin for b in struck], int), np.array([b.speed for b in struck])
+    size, depth = np.hypot(pin.push, pin.rub), pin.depth
+    squared, rubbed, worn = (integral(values, time) for values in (size**2, -pin.rub * pin.slip, normal * slid))
+
+    def within(values: np.ndarray, first: int, last: int) -> np.ndarray:
+        return values[(begins >= first) & (begins < last)]
+
+    by: dict[StatisticName, list[float]] = {}
+    for first, last in spans:
+        here, lasts = slice(first, last + 1), float(time[last] - time[first])
+        row: dict[StatisticName, float] = {
+            "free_share": free_share(pin.gap[here], pin.wall, time[here]),
+            "impacts": float(within(begins, first, last).size),
+            "impulse": float(within(impulses, first, last).sum()),
+            "approach_speed": float(within(speeds, first, last).max(initial=0.0)),
+            "rms_force": math.sqrt(max(float(squared[last] - squared[first]), 0.0) / lasts),
+            "peak_force": float(size[here].max()),
+            "restitution_loss": float(absorbed[last] - absorbed[first]),
+            "friction_loss": float(rubbed[last] - rubbed[first]),
+            "wear": float(worn[last] - worn[first]),
+            "penetration": float(depth[here].max()),
+        }
+        for name, value in row.items():
+            by.setdefault(name, []).append(value)
+    statistics: dict[StatisticName, Statistic] = {name: statistic(np.array(values)) for name, values in by.items()}
+    statistics["high_peak"] = statistic(np.array(by["peak_force"]), HIGH)
+    at = marks[:-1]
+    return JointContact(
+        statistics=statistics,
+        peak_ratio=float(size.max()) / ideal if ideal > 0 else None,
+        first_impact=float(angle[begins[0]]) if begins.size else None,
+        impacts=Impacts(crank_angle=angle[begins], approach_speed=speeds, impulse=impulses, energy=energies),
+        profile=_profile(angle, time, size, pin, begins, float(run.turned[-1]) / TURN),
+        orbit=_orbit(pin, size, angle, slice(*_last(spans))),
+        section=Section(
+            x=pin.gap.real[at], y=pin.gap.imag[at], velocity_x=pin.drift.real[at], velocity_y=pin.drift.imag[at]
+        ),
+    )
+
+
+def balance(run: Run, pins: Mapping[str, PinCourse], marks: np.ndarray) -> Balance | None:
+    """The energy of a run's whole revolutions; None where what its joints take is not known."""
+    if run.joints is None:
+        return None
+    here = slice(int(marks[0]), int(marks[-1]) + 1)
+    time = run.time[here]
+
+    def over(power: np.ndarray) -> float:
+        return float(integral(power[here], time)[-1])
+
+    given, contacts, joints = over(run.motor + run.applied), over(taken(pins)), over(run.joints)
+    kept = float(run.kinetic[here][-1] - run.kinetic[here][0])
+    return Balance(
+        put_in=given,
+        lost_in_contact=contacts,
+        lost_in_joints=joints,
+        kept=kept,
+        missing=given - contacts - joints - kept,
+        turned_over=over(np.abs(run.motor)),
+    )
+
+
+def more_revolutions(found: Contact) -> float:
+    """How many revolutions a run should have for its statistics to converge; no more than it has where they have."""
+    if found.converged:
+        return found.revolutions
+    times = max(needed(*pair) for joint in found.joints.values() for pair in _wanted(joint))
+    return found.revolutions * min(max(times, 2.0), 8.0)
+
+
+def _wanted(joint: JointContact) -> Iterator[tuple[Statistic, float]]:
+    """Each figure that has to converge, and how narrow half of its interval is to be."""
+    for name in WANTED:
+        found = joint.statistics[name]
+        size = abs(found.value or 0.0)
+        if name == "restitution_loss":  # small beside what the impacts bring along, it says nothing
+            size = max(size, FAINT * _brought(joint))
+        yield found, max(KNOWN * size, LEAST if name == "free_share" else 0.0)
+
+
+def _brought(joint: JointContact) -> float:
+    """Energy (J) that the impacts of a revolution bring along, or thereabouts."""
+    impulse, speed = (joint.statistics[name].value or 0.0 for name in ("impulse", "approach_speed"))
+    return impulse * speed / 2
+
+
+def _converged(joints: Mapping[str, JointContact], whole: int, turns: float) -> tuple[bool, str]:
+    """Whether the statistics of a run would change no more, and that in words."""
+    if all(not joint.impacts.crank_angle.size for joint in joints.values()):
+        free = any((joint.statistics["free_share"].value or 0.0) > 0 for joint in joints.values())
+        if not free:
+            return True, f"no pin leaves its wall in {turns:.3g} revolutions"
+    if turns < 1 - 1e-6:
+        return False, "the crank makes no whole revolution, so that there are no averages"
+    wide = [
+        (name, key, found)
+        for name, joint in joints.items()
+        for key, (found, wanted) in zip(WANTED, _wanted(joint), strict=True)
+        if found.half_width is None or found.half_width > wanted
+    ]
+    told = count(whole, "revolution")
+    if not wide:
+        return True, f"averages over {told} are known to {100 * KNOWN:g} %"
+    name, key, found = max(wide, key=lambda one: (one[2].half_width or math.inf) / (abs(one[2].value or 0.0) or 1.0))
+    if found.half_width is None:
+        return False, f"{told} are too few for averages"
+    share = 100 * found.half_width / abs(found.value) if found.value else math.inf
+    return False, f"after {told} {key} of {name} is known to {share:.2g} % only"
+
+
+def _last(spans: list[tuple[int, int]]) -> tuple[int, int]:
+    first, last = spans[-1]
+    return first, last + 1
+
+
+def _orbit(pin: PinCourse, size: np.ndarray, angle: np.ndarray, here: slice) -> Orbit:
+    """The path of a pin in some instants, thinned; where it is pushed hardest is kept."""
+    x, force = pin.gap[here], size[here]
+    pieces = np.array_split(np.arange(x.size), min(ORBIT_POINTS // 2, x.size))
+    kept = np.unique([k for piece in pieces for k in (int(piece[0]), int(piece[np.argmax(force[piece])]))])
+    return Orbit(x=x.real[kept], y=x.imag[kept], force=force[kept], crank_angle=angle[here][kept])
+
+
+def _profile(
+    angle: np.ndarray, time: np.ndarray, size: np.ndarray, pin: PinCourse, begins: np.ndarray, turns: float
+) -> Profile:
+    """Contact over the crank angle, all revolutions together; every instant counts by the time around it."""
+    which = np.minimum((np.mod(angle, TURN) / TURN * BINS).astype(int), BINS - 1)
+    lasts = np.gradient(time) if time.size > 1 else np.ones(1)
+    total = np.bincount(which, lasts, BINS)
+    seen = np.where(total > 0, total, np.nan)
+    low, high = np.full(BINS, np.nan), np.full(BINS, np.nan)
+    order = np.lexsort((size, which))
+    edges = np.searchsorted(which[order], np.arange(BINS + 1))
+    for k, (first, last) in enumerate(pairwise(edges.tolist())):
+        if last > first:
+            here = order[first:last]
+            share = np.cumsum(lasts[here]) / lasts[here].sum()
+            low[k], high[k] = size[here][np.searchsorted(share, (0.05, 0.95)).clip(max=here.size - 1)]
+    return Profile(
+        crank_angle=(np.arange(BINS) + 0.5) * TURN / BINS,
+        free_share=np.bincount(which, lasts * pin.free, BINS) / seen,
+        impacts=np.bincount(which[begins], minlength=BINS) / max(turns, 1.0),
+        mean_force=np.bincount(which, lasts * size, BINS) / seen,
+        low_force=low,
+        high_force=high,
+    )
+
+
+def _period(section: Section, pin: PinCourse) -> int | None:
+    """After how many revolutions a pin is back where it was, as fast, throughout the second half of a run; None: not in
+    a few, or too little of the run is left to tell.
+    """
+    fastest = float(np.abs(pin.drift).max()) or 1.0
+    state = (section.x + 1j * section.y) / pin.clearance, (section.velocity_x + 1j * section.velocity_y) / fastest
+    halves = [values[values.size // 2 :] for values in state]
+    for period in range(1, LONGEST_PERIOD + 1):
+        if halves[0].size < 2 * period + 1:
+            return None
+        if all(np.all(np.abs(half[period:] - half[:-period]) < REPEATS) for half in halves):
+            return period
+    return None

@@ -1,0 +1,183 @@
+"""A watched run in the words of contact: how each pin moves in its bearing and is pushed, and the run's energy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
+from sim_models.common.contact_laws import PIN_RADIUS
+from sim_models.common.journal import OFF_WALL
+from sim_models.engine import Watched
+
+TINY = 1e-300  # m, in place of a gap of nothing
+SLOW = 1e-2  # of a joint's fastest turning: friction is not reckoned with below, where engines let it fade
+
+
+def dot(a: np.ndarray, b: np.ndarray | complex) -> np.ndarray:
+    """Inner product of vectors a and b, (M,)."""
+    return np.asarray((np.conj(a) * b).real)
+
+
+def integral(values: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Integral (M,) of values (M,) over time (M,) s from the first instant, by the trapezoidal rule."""
+    return np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) / 2 * np.diff(time))])
+
+
+@dataclass(frozen=True)
+class PinCourse:
+    """One pin with clearance over a run, (M,) instants.
+
+    ``gap`` (m, complex) is the first pin centre minus the second, ``rate`` (m/s) how fast it grows outwards, ``push``
+    (N) the normal force, ``rub`` (N) friction on the second body along the wall and ``slip`` (m/s) how the second body
+    slides there on the first.  ``wall`` (m) is where the pin begins to be pushed.
+    """
+
+    gap: np.ndarray
+    drift: np.ndarray  # m/s, complex: rate of the gap
+    rate: np.ndarray
+    push: np.ndarray
+    rub: np.ndarray
+    slip: np.ndarray
+    clearance: float
+    wall: float
+
+    @property
+    def free(self) -> np.ndarray:
+        """Whether the pin is off its wall, (M,), as :func:`sim_models.common.journal.free_share` has it."""
+        return np.abs(self.gap) < self.wall * (1 - OFF_WALL)
+
+    @property
+    def touching(self) -> np.ndarray:
+        """Whether the pin is at its wall or pushed, (M,)."""
+        return (np.abs(self.gap) >= self.wall) | (self.push > 0)
+
+    @property
+    def depth(self) -> np.ndarray:
+        """How deep (M,) m it is in its wall; 0 where it is off."""
+        return np.maximum(np.abs(self.gap) - self.clearance, 0.0)
+
+
+class Run:
+    """A watched run of a linkage with a crank, at its M instants.  Complex numbers are x + iy in the ground frame."""
+
+    def __init__(self, mechanism: Mechanism, watched: Watched) -> None:
+        self.m, self.watched, self.time = mechanism, watched, watched.time
+        self.turned = np.abs(watched.angle[mechanism.driven] - watched.angle[mechanism.driven][0])  # rad
+
+    def arm(self, body: str, point: str) -> np.ndarray:
+        """From a body's centre of mass, or the ground's origin, to one of its points, (M,) m."""
+        if body == GROUND:
+            return np.full(self.time.size, self.m.ground.point(point))
+        here = self.m.moving[body]
+        return (here.point(point) - here.point(MASS_CENTRE)) * np.exp(1j * self.watched.angle[body])
+
+    def place(self, body: str, point: str) -> np.ndarray:
+        """Where a body's point is, (M,) m."""
+        return self.arm(body, point) + (0.0 if body == GROUND else self.watched.place[body])
+
+    def velocity(self, body: str, arm: np.ndarray) -> np.ndarray:
+        """Velocity (M,) m/s of a body at an arm (M,) m from its centre of mass."""
+        if body == GROUND:
+            return np.zeros(self.time.size, complex)
+        return self.watched.velocity[body] + 1j * self.spin(body) * arm
+
+    def spin(self, body: str) -> np.ndarray:
+        """Angular velocity (M,) rad/s of a body."""
+        return np.zeros(self.time.size) if body == GROUND else self.watched.angular_velocity[body]
+
+    def angle(self, body: str) -> np.ndarray:
+        """Angle (M,) rad of a body."""
+        return np.zeros(self.time.size) if body == GROUND else self.watched.angle[body]
+
+    def pin(self, joint: Joint, margin: float = 0.0) -> PinCourse:
+        """The course of a joint's pin; it begins to be pushed a ``margin`` (m) before its wall."""
+        first, second = joint.bodies
+        arms = [self.arm(body, joint.name) for body in joint.bodies]
+        gap = self.place(first, joint.name) - self.place(second, joint.name)
+        drift = self.velocity(first, arms[0]) - self.velocity(second, arms[1])
+        outwards = gap / np.maximum(np.abs(gap), TINY)
+        rim = outwards * ((joint.pin_radius or PIN_RADIUS) + joint.clearance)
+        slip = self.velocity(second, arms[1] + rim) - self.velocity(first, arms[0] - gap + rim)
+        force = self.watched.force[joint.name]
+        return PinCourse(
+            gap=gap,
+            drift=drift,
+            rate=dot(outwards, drift),
+            push=dot(outwards, force),
+            rub=dot(1j * outwards, force),
+            slip=dot(1j * outwards, slip),
+            clearance=joint.clearance,
+            wall=joint.clearance - margin,
+        )
+
+    # ---------------------------------------------------------------- energy
+
+    @cached_property
+    def kinetic(self) -> np.ndarray:
+        """Kinetic energy (M,) J of all bodies."""
+        w = self.watched
+        return np.sum(
+            [
+                (b.mass * np.abs(w.velocity[b.name]) ** 2 + b.moment_of_inertia * w.angular_velocity[b.name] ** 2) / 2
+                for b in self.m.bodies
+            ],
+            axis=0,
+        )
+
+    @cached_property
+    def motor(self) -> np.ndarray:
+        """Power (M,) W of the motor."""
+        return self.watched.torque * self.spin(self.m.driven)
+
+    @cached_property
+    def applied(self) -> np.ndarray:
+        """Power (M,) W of gravity, loads, springs between points and what turns the crank over its angle."""
+        m, w = self.m, self.watched
+        power = sum((b.mass * dot(w.velocity[b.name], complex(*m.gravity)) for b in m.bodies), np.zeros(self.time.size))
+        for load in m.loads:
+            at = self.velocity(load.body, self.arm(load.body, load.point))
+            power = power + dot(at, complex(*load.force)) + load.torque * self.spin(load.body)
+        for spring in m.springs:
+            near, far = spring.ends
+            moving = [self.velocity(body, self.arm(body, point)) for body, point in (near, far)]
+            pull = spring.pull(self.place(*far) - self.place(*near), moving[1] - moving[0])
+            power = power + dot(moving[0] - moving[1], pull)
+        if m.periodic_torque is not None:
+            power = power + m.periodic_torque.at(self.angle(m.driven)) * self.spin(m.driven)
+        return power
+
+    @cached_property
+    def joints(self) -> np.ndarray | None:
+        """Power (M,) W that springs, dampers and friction of the joints take; None where friction grows with reactions
+        that were not watched.
+        """
+        power = np.zeros(self.time.size)
+        for joint in self.m.joints:
+            if not joint.has_law:
+                continue
+            if joint.friction_radius:
+                return None
+            position, rate = self._moved(joint)
+            dry = joint.dry(rate) * np.clip(rate / (SLOW * float(np.abs(rate).max()) or 1.0), -1, 1)
+            power = power - (joint.spring(position) + joint.damper(rate) - dry) * rate
+        return power
+
+    def _moved(self, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
+        """Position (M,) rad, m of a joint and its rate."""
+        first, second = joint.bodies
+        if not joint.prismatic:
+            return self.angle(second) - self.angle(first), self.spin(second) - self.spin(first)
+        along = joint.direction * np.exp(1j * self.angle(first))
+        apart = self.place(second, joint.name) - self.place(first, joint.name)
+        there = self.arm(first, joint.name) + apart  # the first body's material where the second's point is
+        slip = self.velocity(second, self.arm(second, joint.name)) - self.velocity(first, there)
+        return dot(along, apart), dot(along, slip)
+
+
+def taken(pins: Mapping[str, PinCourse]) -> np.ndarray:
+    """Power (M,) W that the contacts take, by normal forces and by friction."""
+    return np.sum([pin.push * pin.rate - pin.rub * pin.slip for pin in pins.values()], axis=0)
