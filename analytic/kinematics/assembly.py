@@ -11,6 +11,7 @@ no such table: :meth:`Assembly.follow` walks from one sample to the next.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -28,7 +29,7 @@ from analytic.kinematics.closure import (
     solve_dyad,
     with_travels,
 )
-from analytic.kinematics.structure import Coordinate, Group, Structure, StructureError, structure
+from analytic.kinematics.structure import Coordinate, Group, Rest, Rests, Structure, StructureError, structure
 from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.one_line import angles, one_line
 from analytic.mechanism.signals import continued, turned_near, wrapped
@@ -78,12 +79,14 @@ class Assembly:
         self.mechanism = mechanism
         self.structure: Structure = structure(mechanism)
         self._guess()  # a missing angle is that, whatever else may be wrong
+        self._whole = False
         try:
             self._build()
         except AssemblyError as error:
             if not self.structure.one_too_many:
                 raise
             self.structure = structure(mechanism, whole=True)
+            self._whole = True
             try:
                 self._build()
             except AssemblyError:
@@ -94,12 +97,24 @@ class Assembly:
         self.start = mechanism.assembly[mechanism.driven] if mechanism.cranked else float("nan")
         self.turning = tuple(_turning(s, c) for c in s.coordinates)  # columns that turn with each coordinate
         self._forms: dict[tuple[str, str], np.ndarray] = {}
+        self._resting: dict[tuple[tuple[str, Rest], ...], Assembly] = {}
         self.branch: dict[Group, float] = {}  # which of a dyad's two postures: 1 or -1
         home = self._assemble(self._guess())[:, None]
         self.home = home  # (n, 1) coordinates of the assembly
         self._path = Path(home[0], home)  # of a crank, as far as it has been walked
         if s.one_too_many:
             self._check_moves()
+
+    def resting(self, rests: Rests) -> Assembly:
+        """The same linkage in the same assembly mode with its blocks in their guides as ``rests`` says, by joint."""
+        if not rests:
+            return self
+        key = tuple(sorted(rests.items()))
+        if key not in self._resting:
+            found = copy.copy(self)
+            found.structure, found._forms, found._resting = structure(self.mechanism, self._whole, rests), {}, {}
+            self._resting[key] = found
+        return self._resting[key]
 
     @property
     def inputs(self) -> np.ndarray:

@@ -6,7 +6,7 @@ solved after the ones it hangs on.  Gaps of joints with clearance enter as known
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +34,11 @@ class Gap:
     value: np.ndarray
     rate: np.ndarray | float = 0.0
     acceleration: np.ndarray | float = 0.0
+
+    def part(self, at: slice | np.ndarray) -> Gap:
+        """The same at some of the samples."""
+        rate, acceleration = (x[at] if isinstance(x, np.ndarray) else x for x in (self.rate, self.acceleration))
+        return Gap(self.value[at], rate, acceleration)
 
     def __repr__(self) -> str:
         return one_line(self, count(np.size(self.value), "value"), largest(self.value, "m"))
@@ -123,6 +128,15 @@ class Motion:
         first, second = joint.bodies
         return self.angle(second) - self.angle(first)
 
+    def play(self, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
+        """How far (m, x + iy) a prismatic joint's first point lies off its second, normal to the axis, and the angle
+        (rad) of the guide on its first body less the block's.
+        """
+        first, second = joint.bodies
+        normal = 1j * joint.direction * self.columns[self.structure.body_column(first)]
+        apart = self.position(first, joint.name) - self.position(second, joint.name)
+        return (apart * np.conj(normal)).real * normal, self.angle(first) + joint.angle - self.angle(second)
+
     def slip(self, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
         """Rate and acceleration of a joint's second body on its first: rad/s and rad/s^2, or m/s and m/s^2."""
         if joint.prismatic:
@@ -147,6 +161,61 @@ class Motion:
         if len(turned) == 1:
             return values[turned[0]]
         return values[list(turned)].sum(axis=0)  # zero of the ground, or a body that slides hold parallel to it
+
+
+@dataclass(frozen=True)
+class Pieced(Motion):
+    """A motion whose samples are of several assemblies of one linkage, in which its blocks rest differently in their
+    guides; ``pieces`` are each one's samples (indices) and motion.  Its own arrays are theirs, in order.
+    """
+
+    pieces: Sequence[tuple[np.ndarray, Motion]] = ()
+
+    @classmethod
+    def of(cls, assembly: Assembly, pieces: Sequence[tuple[np.ndarray, Motion]]) -> Pieced:
+        """The motion that these pieces make up."""
+        n = sum(where.size for where, _ in pieces)
+
+        def whole(array: Callable[[Motion], np.ndarray]) -> np.ndarray:
+            return joined([(where, array(motion)) for where, motion in pieces], n)
+
+        coordinates = whole(lambda m: m.coordinates), whole(lambda m: m.rates), whole(lambda m: m.accelerations)
+        columns = whole(lambda m: m.columns), whole(lambda m: m.column_rates), whole(lambda m: m.column_accelerations)
+        jacobians = Jacobians(assembly.structure, columns[0])
+        return cls(assembly, whole(lambda m: m.theta), *coordinates, *columns, jacobians, True, pieces)
+
+    @property
+    def compiled(self) -> bool:
+        """Its pieces may be, it is not."""
+        return False
+
+    def position(self, body: str, point: str = "com") -> np.ndarray:
+        """Position (m) of a body's point."""
+        return self._joined(lambda m: m.position(body, point))
+
+    def velocity(self, body: str, point: str = "com") -> np.ndarray:
+        """Velocity (m/s) of a body's point."""
+        return self._joined(lambda m: m.velocity(body, point))
+
+    def acceleration(self, body: str, point: str = "com") -> np.ndarray:
+        """Acceleration (m/s^2) of a body's point."""
+        return self._joined(lambda m: m.acceleration(body, point))
+
+    def angle(self, body: str) -> np.ndarray:
+        """Angle (rad) of a body, continued from the assembly angle."""
+        return self._joined(lambda m: m.angle(body))
+
+    def _joined(self, of: Callable[[Motion], np.ndarray]) -> np.ndarray:
+        return joined([(where, of(motion)) for where, motion in self.pieces], self.theta.size)
+
+
+def joined(parts: Sequence[tuple[np.ndarray, np.ndarray]], n: int) -> np.ndarray:
+    """An array (..., n) of which each part (..., k) holds the samples with those indices (k,)."""
+    first = parts[0][1]
+    out = np.empty((*first.shape[:-1], n), first.dtype)
+    for where, values in parts:
+        out[..., where] = values
+    return out
 
 
 class Jacobians(Mapping[Group, np.ndarray]):

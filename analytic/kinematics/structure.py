@@ -41,6 +41,21 @@ class StructureError(Error, ValueError):
 
 
 @dataclass(frozen=True)
+class Rest:
+    """Where a block rests in its guide, beside the line through its joint's first point: its point's ``offset`` (m)
+    along the axis turned by a right angle, and its ``tilt`` (rad) beyond the joint's angle; the second body relative to
+    the first.
+    """
+
+    offset: float
+    tilt: float
+
+
+Rests = Mapping[str, Rest]
+CENTRED: Rests = {}
+
+
+@dataclass(frozen=True)
 class Coordinate:
     """A variable of the motion: an angle with which bodies turn, or the travel of a prismatic joint."""
 
@@ -148,14 +163,15 @@ class Structure:
         return form
 
 
-def structure(mechanism: Mechanism, whole: bool = False) -> Structure:
+def structure(mechanism: Mechanism, whole: bool = False, rests: Rests = CENTRED) -> Structure:
     """Decompose a linkage; ``whole`` puts all that its drives do not move alone into one group, whatever its parts.
+    Blocks lie in their guides as ``rests`` says, by joint; all others are centred.
 
     Raises StructureError where its drives do not go together, or it cannot move.
     """
     given = [drive.joint for drive in mechanism.drives] or ([mechanism.drive_joint.name] if mechanism.cranked else [])
-    free = _Builder(mechanism, given, whole).left_free()
-    return _Builder(mechanism, given + free, whole).build()
+    free = _Builder(mechanism, given, whole, rests).left_free()
+    return _Builder(mechanism, given + free, whole, rests).build()
 
 
 def reached(start: str, along: Mapping[str, set[str]]) -> set[str]:
@@ -206,9 +222,9 @@ def _spend(joint: Joint, spent: Mapping[str, list[Joint]], tried: set[str]) -> b
 
 
 class _Builder:
-    def __init__(self, mechanism: Mechanism, given: list[str], whole: bool) -> None:
+    def __init__(self, mechanism: Mechanism, given: list[str], whole: bool, rests: Rests) -> None:
         self.m = mechanism
-        self.given, self.whole = given, whole
+        self.given, self.whole, self.rests = given, whole, rests
         self.bodies = (GROUND, *(b.name for b in mechanism.bodies))
         self.slides = tuple(j.name for j in mechanism.joints if j.prismatic)
         self.pins = tuple(j.name for j in mechanism.joints if not j.prismatic)
@@ -386,11 +402,14 @@ class _Builder:
         if joint.prismatic:
             column = len(self.bodies) + self.slides.index(joint.name)
             form[column] += sign * joint.direction
+            rest = self.rests.get(joint.name)
+            if rest is not None:
+                form[self.bodies.index(first)] += sign * 1j * joint.direction * rest.offset
         else:
             form[len(self.bodies) + len(self.slides) + self.pins.index(joint.name)] -= sign
         self.turned[child] = ()
         if joint.prismatic or given:  # it turns with what it hangs on
-            self.held_at[b] = self.held_at[a] + (sign * joint.angle if joint.prismatic else 0.0)
+            self.held_at[b] = self.held_at[a] + (sign * self.held(joint) if joint.prismatic else 0.0)
             self.turned[child] = self.turned[parent]
             for i in self.turned[parent]:
                 turning = self.coordinates[i]
@@ -407,6 +426,11 @@ class _Builder:
         self.origins[b] = form
         self.tree[child] = (parent, joint)
         self.unused.remove(joint)
+
+    def held(self, joint: Joint) -> float:
+        """Angle (rad) at which a prismatic joint holds its second body on its first."""
+        rest = self.rests.get(joint.name)
+        return joint.angle if rest is None else joint.angle + rest.tilt
 
     def closure(self, joint: Joint) -> np.ndarray:
         """Form that vanishes where a loop closes: first pin minus second pin minus gap."""

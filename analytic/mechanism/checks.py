@@ -53,8 +53,8 @@ def check_joint(joint: Joint, parts: Parts) -> None:
         raise ValueError(f"{where}bodies are both {joint.bodies[0]!r}; a joint connects two bodies")
     if joint.prismatic:
         _check_prismatic(joint, where)
-    elif joint.axis is not None or joint.angle:
-        raise ValueError(f"{where}axis and angle belong to a prismatic joint; leave them out of a revolute one")
+    elif joint.axis is not None or joint.angle or joint.guide is not None:
+        raise ValueError(f"{where}axis, angle and guide belong to a prismatic joint; leave them out of a revolute one")
     _check_stribeck(joint, where)
     _check_contact_law(joint, where)
     for body in (parts[name] for name in joint.bodies):
@@ -96,8 +96,7 @@ def _check_stribeck(joint: Joint, where: str) -> None:
 def _check_prismatic(joint: Joint, where: str) -> None:
     if joint.axis is None or abs(complex(*joint.axis)) == 0:
         raise ValueError(f"{where}axis is {joint.axis}; a prismatic joint needs a direction [x, y] that is not zero")
-    if joint.clearance:
-        raise ValueError(f"{where}clearance is {joint.clearance}; only a revolute joint has one, leave it out")
+    _check_guide(joint, where)
     if joint.radial_stiffness is not None:
         raise ValueError(
             f"{where}radial_stiffness is {joint.radial_stiffness}; only a revolute joint has one, leave it out"
@@ -110,6 +109,23 @@ def _check_prismatic(joint: Joint, where: str) -> None:
     if joint.friction and joint.friction_torque:
         raise ValueError(
             f"{where}friction and friction_torque are both given; for a prismatic joint both mean N, keep one"
+        )
+
+
+def _check_guide(joint: Joint, where: str) -> None:
+    """A block with clearance has a size, and cannot turn over in its guide."""
+    if joint.guide is None:
+        if joint.clearance:
+            raise ValueError(
+                f"{where}clearance = {joint.clearance:g} m of a prismatic joint needs the size of its block; give guide"
+                " = [length, height] (m)"
+            )
+        return
+    length, height = joint.guide
+    if 2 * joint.clearance >= math.hypot(length, height) - height:
+        raise ValueError(
+            f"{where}a block of guide = [{length:g}, {height:g}] m turns over in its guide with clearance ="
+            f" {joint.clearance:g} m; give half the play, or the block's size, in m"
         )
 
 
@@ -208,10 +224,11 @@ def check_body(body: Body, joints: Iterable[Joint]) -> None:
         )
 
 
-def warn_of_millimetres(mechanism: str, parts: Parts) -> None:
+def warn_of_millimetres(mechanism: str, parts: Parts, joints: Iterable[Joint]) -> None:
     """Warn of a length that no linkage has; ``mechanism`` is its name."""
     lengths = [(f"{b.name}.points.{n}", abs(complex(*p))) for b in parts.values() for n, p in b.points.items()]
     lengths += [(f"{b.name}.section", max(b.section)) for b in parts.values() if isinstance(b, Body)]
+    lengths += [(f"{j.name}.guide", max(j.guide)) for j in joints if j.guide is not None]
     name, largest = max(lengths, key=lambda item: item[1])
     if largest > LARGEST_PLAUSIBLE_LENGTH:
         warnings.warn(

@@ -203,8 +203,13 @@ class Mechanism(Part):
 
     @property
     def clearances(self) -> dict[str, float]:
-        """Radial clearance (m) of each joint that has one."""
+        """Clearance (m) of each joint that has one: radial, or half the play of a block in its guide."""
         return {j.name: j.clearance for j in self.joints if j.clearance > 0}
+
+    @property
+    def loose_guides(self) -> dict[str, float]:
+        """Those of them that are prismatic: half the play (m)."""
+        return {j.name: j.clearance for j in self.joints if j.clearance > 0 and j.prismatic}
 
     @property
     def soft_bearings(self) -> dict[str, float]:
@@ -261,7 +266,7 @@ class Mechanism(Part):
         return self.replace(bodies=self._edited("body", self.bodies, name, fields))
 
     def with_clearances(self, clearances: Mapping[str, float]) -> Mechanism:
-        """A checked copy with exactly these radial clearances (m); every other joint is ideal.  Raises
+        """A checked copy with exactly these clearances (m); every other joint is ideal.  Raises
         MechanismError.
         """
         if not isinstance(clearances, Mapping):
@@ -318,7 +323,7 @@ class Mechanism(Part):
         check_assembly(self.assembly, self.moving, self.driven if self.cranked else None)
         for body in self.bodies:
             check_body(body, self.joints)
-        warn_of_millimetres(self.name, self.parts)
+        warn_of_millimetres(self.name, self.parts, self.joints)
         warn_of_degrees(self.name, self.assembly)
         return self
 

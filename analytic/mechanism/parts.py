@@ -160,7 +160,8 @@ class Joint(Part):
     bodies: Annotated[tuple[Name, Name], BeforeValidator(as_tuple)]
     axis: Vector | None = None  # prismatic: direction of sliding in the first body's frame
     angle: Number = 0.0  # rad, prismatic: the second body's angle minus the first's
-    clearance: Annotated[NotNegative, AfterValidator(_divisible)] = 0.0  # m, radial
+    clearance: Annotated[NotNegative, AfterValidator(_divisible)] = 0.0  # m, radial; prismatic: half the block's play
+    guide: Annotated[tuple[Positive, Positive], BeforeValidator(as_tuple)] | None = None  # m, prismatic: length, height
     pin_radius: Positive | None = None  # m
     friction: NotNegative = 0.0  # revolute: Coulomb coefficient in contact; prismatic: N, as friction_torque
     contact_stiffness: Positive | None = None  # N/m

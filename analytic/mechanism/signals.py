@@ -35,6 +35,7 @@ _UNITS: dict[tuple[Kind, Component], Unit] = {
     ("reaction", "moment"): "N.m",
     ("clearance", "x"): "m",
     ("clearance", "y"): "m",
+    ("clearance", "angle"): "rad",
     ("position", "angle"): "rad",
     ("position", "travel"): "m",
     ("drive", "torque"): "N.m",
@@ -106,15 +107,24 @@ def signals(bodies: Iterable[Body], joints: Iterable[Joint], drives: Iterable[Dr
         yield from (Signal("reaction", joint.name, component) for component in REACTION)
         if joint.prismatic:
             yield Signal("reaction", joint.name, "moment")
-        else:
-            yield Signal("clearance", joint.name, "x")
-            yield Signal("clearance", joint.name, "y")
+        yield from play(joint)
     for body in bodies:
         yield Signal("rotation", body.name, "angle")
         yield from (Signal("pose", body.name, component) for component in POSE)
         yield Signal("rate", body.name, "angular_velocity")
     yield from (position(joint) for joint in known.values())
     yield from driving([known[drive.joint] for drive in drives if drive.speed != "free"])
+
+
+def play(joint: Joint) -> Iterator[Signal]:
+    """What a joint with clearance moves by: first pin centre minus second; of a block in its guide also the angle of
+    the guide minus the block's.  None of a prismatic joint without ``guide``.
+    """
+    if not joint.prismatic or joint.guide is not None:
+        yield Signal.of("clearance", joint.name, "x")
+        yield Signal.of("clearance", joint.name, "y")
+    if joint.guide is not None:
+        yield Signal.of("clearance", joint.name, "angle")
 
 
 def position(joint: Joint) -> Signal:

@@ -17,7 +17,7 @@ not depend on the other angles asked for.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, get_args
 
@@ -28,7 +28,8 @@ from analytic.kinematics.motion import Gap, kinematics
 from analytic.kinematics.reach import usual_angles
 from analytic.mechanism.one_line import angles, clearances, one_line
 from analytic.mechanism.signals import Signal, wrapped
-from analytic.paper.kinetostatics import Reactions, kinetostatics
+from analytic.paper.guide import Block, placed
+from analytic.paper.kinetostatics import Reactions, kinetostatics, pieced
 
 Model = Literal["first_order", "equilibrium"]
 MODELS: tuple[Model, ...] = get_args(Model)
@@ -43,6 +44,7 @@ SETTLED = 1e-12  # rad
 PASSES = 40
 NUDGE = 1e-4  # rad
 UNSTABLE = "the equilibrium found is not stable: the pins would leave it"
+TRIES = 6  # of how blocks rest
 SHORTER = 6  # times that a step of the search is halved at most
 
 
@@ -62,6 +64,10 @@ class Displaced:
     ideal: Reactions
     flags: Mapping[int, str]
     faint: Mapping[str, float]  # N, of every revolute joint: a reaction no larger has no direction; with clearance only
+    # of prismatic joints with clearance: the angle (N,) rad of the guide less the block's, and how the block rests
+    # (see analytic.paper.guide)
+    tilts: Mapping[str, np.ndarray] = field(default_factory=dict)
+    rests: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         motion = self.ideal.motion
@@ -104,7 +110,9 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     """
     drive = np.concatenate(np.broadcast_arrays(np.atleast_2d(np.asarray(theta, float)), omega, alpha)).astype(float)
     m, k = assembly.mechanism, len(assembly.structure.inputs)
-    sizes = {name: c for name, c in (m.clearances if clearances is None else clearances).items() if c > 0}
+    loose = {name: c for name, c in (m.clearances if clearances is None else clearances).items() if c > 0}
+    blocks = {name: Block.of(m, name, c) for name, c in loose.items() if m.joint(name).prismatic}
+    sizes = {name: c for name, c in loose.items() if name not in blocks}
     give = {name: 1 / k for name, k in (m.soft_bearings if stiffnesses is None else stiffnesses).items()}
     turning = bool(inertia and np.any(drive[k:]))
     reach = (2 * STENCIL if give else STENCIL) if turning and (sizes or give) else 0.0
@@ -114,14 +122,11 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     else:  # with each sample goes where the linkage is near it
         drive = np.concatenate([drive, (near or assembly.follow(drive[:k])).coordinates])
 
-    def solve(drive: np.ndarray, gaps: Mapping[str, Gap] | None = None) -> Reactions:
-        theta, omega, alpha, here = np.split(drive, (k, 2 * k, 3 * k))
-        return kinetostatics(kinematics(assembly, theta, omega, alpha, gaps, path or Followed(here)), inertia)
-
+    solve = _Solve(assembly, inertia, path, blocks, model == "equilibrium", len(drive))
     ideal = solve(drive)
-    if not (sizes or give):
+    if not (loose or give):
         return Displaced(model, {}, ideal, ideal, ideal, {}, {})
-    check_determined(ideal, (*sizes, *give))
+    check_determined(ideal, (*loose, *give))
     faint = {}
     if sizes:
         faint = faint_reactions(assembly, drive[1], drive[2], inertia) if path else _faint(ideal, np.median)
@@ -129,10 +134,85 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     longest = max(b.length for b in m.bodies) or 1.0
     pace = np.array([1.0 if assembly.structure.unit(i) == "rad" else longest for i in assembly.structure.inputs])
     pins = _Pins(sizes, give, longest, solve, model, pace)
+    found = Displaced(model, {}, ideal, ideal, ideal, flags, faint)
+    return (_with_blocks if blocks else _taken_up)(pins, drive, found, turning)
+
+
+@dataclass(frozen=True)
+class _Solve:
+    """Reactions of the linkage for drive (rows, N): its inputs, their rates and accelerations, what else goes with each
+    sample, and below those ``rows`` how each block rests in its guide; they may be left out, and are centred then.
+    """
+
+    assembly: Assembly
+    inertia: bool
+    path: Path | None
+    blocks: Mapping[str, Block]
+    finite: bool  # whether a tilted block touches with its finite clearance, or to first order
+    rows: int
+
+    def __call__(self, drive: np.ndarray, gaps: Mapping[str, Gap] | None = None) -> Reactions:
+        """With gaps of the pins."""
+        if len(drive) == self.rows:
+            return self.part(self.assembly, drive, gaps)
+        ways, which = np.unique(drive[self.rows :], axis=1, return_inverse=True)
+        linkages = [self.assembly.resting(placed(self.blocks, way, self.finite)) for way in ways.T]
+        if len(linkages) == 1:
+            return self.part(linkages[0], drive, gaps)
+        pieces = []
+        for way, linkage in enumerate(linkages):
+            at = np.flatnonzero(which == way)
+            own = {name: gap.part(at) for name, gap in (gaps or {}).items()}
+            pieces.append((at, self.part(linkage, drive[:, at], own)))
+        return pieced(self.assembly, pieces)
+
+    def part(self, linkage: Assembly, drive: np.ndarray, gaps: Mapping[str, Gap] | None) -> Reactions:
+        """Those of samples in which all blocks rest in one way."""
+        k = len(self.assembly.structure.inputs)
+        theta, omega, alpha, here = np.split(drive[: self.rows], (k, 2 * k, 3 * k))
+        motion = kinematics(linkage, theta, omega, alpha, gaps, self.path or Followed(here))
+        return kinetostatics(motion, self.inertia)
+
+
+def _with_blocks(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool) -> Displaced:
+    """``found`` with blocks and pins where they come to rest."""
+    blocks, ideal = pins.solve.blocks, found.ideal
+    border = _on_the_border(pins.solve, ideal, drive)
+    found = replace(found, flags={**border, **found.flags})
+    how = np.array([block.rests(ideal) for block in blocks.values()])
+    flagged = np.isin(np.arange(how.shape[1]), list(border))
+    for _ in range(TRIES):
+        moved = _taken_up(pins, np.vstack([drive, how]), found, turning)
+        stay = np.array([block.stays(h, moved.configuration) for block, h in zip(blocks.values(), how, strict=True)])
+        if found.model == "first_order" or np.all(stay | flagged):
+            break
+        there = np.array([block.rests(moved.configuration) for block in blocks.values()])
+        how, before = np.where(stay, how, there), how
+    else:
+        how, flags = before, dict(moved.flags)
+        for name, steady in zip(blocks, stay, strict=True):
+            for i in np.flatnonzero(~steady):
+                flags.setdefault(int(i), f"no rest was found of the block of {name}: it would stand on one corner")
+        moved = replace(moved, flags=flags)
+    play = {name: moved.configuration.motion.play(block.joint) for name, block in blocks.items()}
+    return replace(
+        moved,
+        gaps={**moved.gaps, **{name: gap for name, (gap, _) in play.items()}},
+        tilts={name: tilt for name, (_, tilt) in play.items()},
+        rests=dict(zip(blocks, how, strict=True)),
+    )
+
+
+def _taken_up(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool) -> Displaced:
+    """``found`` with its pins where they come to rest, and so its reactions and flags."""
+    model, ideal, flags, solve = found.model, found.ideal, dict(found.flags), pins.solve
+    if not (pins.sizes or pins.give):
+        configuration = solve(drive, None)
+        return replace(found, configuration=configuration, reactions=ideal if model == "first_order" else configuration)
     toward = pins.told(ideal)
     rates = None
     x, learnt = pins.settled(drive, toward)
-    for order in range((2 if give else 1) * turning):
+    for order in range((2 if pins.give else 1) * turning):
         rates = _rates(pins, drive, x, toward, learnt, order)
         steady, (x, _) = x, pins.settled(drive, x, rates, learnt)
         off = _unsteady(pins, steady, x) if order == 0 else _swaying(pins, steady, x)
@@ -144,9 +224,10 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     reactions = ideal if model == "first_order" else configuration
     if model == "equilibrium":
         flags |= {i: why for i, why in _unsettled(pins, configuration, x).items() if i not in flags}
-        if not inertia:
+        if not solve.inertia:
             flags |= {i: UNSTABLE for i in np.flatnonzero(pins.leave(drive, x)).tolist() if i not in flags}
-    return Displaced(model, {name: g.value for name, g in gaps.items()}, reactions, configuration, ideal, flags, faint)
+    places = {name: g.value for name, g in gaps.items()}
+    return replace(found, gaps=places, reactions=reactions, configuration=configuration, flags=flags)
 
 
 def check_determined(found: Reactions, joints: Iterable[str]) -> None:
@@ -172,6 +253,28 @@ def faint_reactions(assembly: Assembly, omega: np.ndarray, alpha: np.ndarray, in
     return _faint(kinetostatics(kinematics(assembly, usual_angles(assembly), fastest, hardest), inertia), np.max)
 
 
+def _on_the_border(solve: _Solve, ideal: Reactions, drive: np.ndarray) -> dict[int, str]:
+    """Angles at which a block passes from one rest to another: the work on the way to both is nearly the same, or next
+    to none.
+    """
+    usual = ideal
+    if solve.path is not None:
+        fastest, hardest = (float(x[np.argmax(np.abs(x))]) for x in drive[1:3])
+        motion = kinematics(solve.assembly, usual_angles(solve.assembly), fastest, hardest)
+        usual = kinetostatics(motion, solve.inertia)
+    flags: dict[int, str] = {}
+    largest = max(float(np.abs(force).max()) for force in usual.forces.values())
+    for name, block in solve.blocks.items():
+        work = np.maximum(*block.work(usual))
+        peak = float(np.median(work) if solve.path is None else work.max())
+        apart = np.abs(np.subtract(*block.work(ideal)))
+        for i in np.flatnonzero(apart <= max(NO_DIRECTION * peak, ROUNDING * largest * block.clearance)):
+            flags.setdefault(
+                int(i), f"the block of {name} passes from one rest to another: what presses it is too little to tell"
+            )
+    return flags
+
+
 def _faint(found: Reactions, usual: Callable[[np.ndarray], np.floating]) -> dict[str, float]:
     """By revolute joint the reaction (N) up to which it has no direction, a share of its ``usual`` size in ``found``.
 
@@ -184,9 +287,8 @@ def _faint(found: Reactions, usual: Callable[[np.ndarray], np.floating]) -> dict
 
 @dataclass(frozen=True)
 class _Pins:
-    """The pins that leave their bearings' centres; ``solve`` gives the reactions for drive (rows, N): inputs, their
-    rates and accelerations, and what else goes with each sample.  ``pace`` (inputs,) is what of each is as much as a
-    radian of crank.
+    """The pins that leave their bearings' centres; ``pace`` (inputs,) is what of each input is as much as a radian of
+    crank.
 
     What is sought of them is x (N, K): the direction (rad) of each with clearance, how far each of those gives whose
     bearing is soft, and then the gap's two components of each without clearance, both over ``length`` (m).
@@ -195,7 +297,7 @@ class _Pins:
     sizes: Mapping[str, float]  # m, radial clearance
     give: Mapping[str, float]  # m/N, of soft bearings
     length: float
-    solve: Callable[[np.ndarray, Mapping[str, Gap] | None], Reactions]
+    solve: _Solve
     model: Model
     pace: np.ndarray
 
@@ -333,7 +435,7 @@ def _rates(
         for t in (-moment, moment)
     ]
     beside, learnt = np.hstack(sides), np.tile(learnt, (2, 1, 1))
-    there = pins.told(pins.solve(beside, None))
+    there = pins.told(pins.solve(beside[: pins.solve.rows], None))
     around, _ = pins.settled(beside, there + np.tile(x - toward, (2, 1)), inverse=learnt)
     if order:
         around, _ = pins.settled(beside, around, _rates(pins, beside, around, there, learnt, order - 1), learnt)

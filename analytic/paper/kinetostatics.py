@@ -7,19 +7,20 @@ reaction as the dual of its joint's gap.  For the four-bar this is Eq. 11 with i
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
 
 from analytic.compiled import run
+from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.closure import AssemblyError
-from analytic.kinematics.motion import BLOCK, Motion, blocks, self_stresses, solve_forces
+from analytic.kinematics.motion import BLOCK, Motion, Pieced, blocks, joined, self_stresses, solve_forces
 from analytic.kinematics.structure import Group, Structure
 from analytic.mechanism import MASS_CENTRE, Joint, Spring
 from analytic.mechanism.one_line import angles, largest, one_line
-from analytic.mechanism.signals import Signal, driving, position
+from analytic.mechanism.signals import Signal, driving, play, position
 
 SETTLED = 1e-12  # of the largest reaction's friction: the last step that is worth taking
 PASSES = 60  # of Newton's method
@@ -73,6 +74,10 @@ class Reactions:
             yield Signal.of("clearance", joint, "x"), gap.real
             yield Signal.of("clearance", joint, "y"), gap.imag
         for one in s.mechanism.joints:
+            if one.prismatic and one.guide is not None:
+                gap, tilt = m.play(one)
+                yield from zip(play(one), (gap.real, gap.imag, tilt), strict=True)
+        for one in s.mechanism.joints:
             yield position(one), m.relative(one)
         if len(s.inputs) == 1 and s.mechanism.cranked:
             yield Signal.of("drive", "", "torque"), self.drive_torque
@@ -120,6 +125,28 @@ def kinetostatics_by_numpy(motion: Motion, inertia: bool = True, grip: np.ndarra
             for name, values in part.items():
                 whole[name][block] = values
     return _told(motion, *found, drives, loose)
+
+
+def pieced(assembly: Assembly, pieces: Sequence[tuple[np.ndarray, Reactions]]) -> Reactions:
+    """Reactions of a motion of several assemblies of one linkage, each of which has the samples with those indices."""
+    n = sum(where.size for where, _ in pieces)
+
+    def whole(array: Callable[[Reactions], np.ndarray]) -> np.ndarray:
+        return joined([(where, array(found)) for where, found in pieces], n)
+
+    def each(arrays: Callable[[Reactions], Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
+        parts = [(where, arrays(found)) for where, found in pieces]
+        return {name: joined([(where, part[name]) for where, part in parts], n) for name in parts[0][1]}
+
+    return Reactions(
+        Pieced.of(assembly, [(where, found.motion) for where, found in pieces]),
+        each(lambda found: found.forces),
+        each(lambda found: found.moments),
+        whole(lambda found: found.drive_torque),
+        each(lambda found: found.drive_loads),
+        frozenset().union(*(found.undetermined for _, found in pieces)),
+        whole(lambda found: found.efforts),
+    )
 
 
 def _loose(motion: Motion) -> frozenset[str]:

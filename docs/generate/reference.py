@@ -207,8 +207,12 @@ MEANING = {
     ("reaction", "angle"): "its direction from the ground's x axis: the paper's &gamma;",
     ("reaction", "magnitude"): "its size",
     ("reaction", "moment"): "prismatic joints: moment on the second body, about that body's point",
-    ("clearance", "x"): "revolute joints: first pin's centre minus the second's, ground frame: the paper's &epsilon;",
+    (
+        "clearance",
+        "x",
+    ): "first pin's centre minus the second's, ground frame: the paper's &epsilon;; of a block that across its guide",
     ("clearance", "y"): "the same",
+    ("clearance", "angle"): "prismatic joints with a guide: the guide's angle less that of the block in it",
     (
         "rotation",
         "angle",
@@ -268,6 +272,11 @@ MEANS = {
     ("Joint", "name"): "also the name of the point in both of its bodies",
     ("Joint", "type"): '`"revolute"` or `"prismatic"`',
     ("Joint", "bodies"): "the two bodies (or `ground`); the reaction is the force of the first on the second",
+    (
+        "Joint",
+        "guide",
+    ): "m, prismatic: length along the axis and height of the block, which is the second body's, about its"
+    " point; the guide's walls are on the first body, farther out by the clearance",
     ("Joint", "restitution"): "share of its speed with which a pin leaves the wall, 0 to 1",
     ("Joint", "elasticity"): "Eq. 4, see below; left out: rigid",
     ("Elasticity", "translation"): "N/m along x, y and z",

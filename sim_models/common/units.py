@@ -55,7 +55,13 @@ BODY = {
     "youngs_modulus": PRESSURE,
     "shear_modulus": PRESSURE,
 }
-JOINT = {"clearance": LENGTH, "pin_radius": LENGTH, "contact_stiffness": STIFFNESS, "contact_damping": DAMPING}
+JOINT = {
+    "clearance": LENGTH,
+    "guide": LENGTH,
+    "pin_radius": LENGTH,
+    "contact_stiffness": STIFFNESS,
+    "contact_damping": DAMPING,
+}
 REVOLUTE = {
     "radial_stiffness": STIFFNESS,
     "friction_torque": TORQUE,
