@@ -53,7 +53,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analytic.mechanism import GROUND, Joint
-from analytic.mechanism.signals import position
+from analytic.mechanism.signals import position, wrapped
 from sim_models.common.balances import balances
 from sim_models.common.contact_laws import TOO_DEEP, bearing, shortest_link
 from sim_models.common.motor import motors_of
@@ -203,6 +203,9 @@ def slides(seen: Seen) -> Iterator[Miss]:
     for joint in seen.m.joints:
         if not joint.prismatic:
             continue
+        if joint.name in seen.trace.clearance:
+            yield from played(seen, joint)
+            continue
         first = joint.bodies[0]
         along, what = joint.direction * np.exp(1j * seen.angle(first)), f"slide {joint.name!r}"
         yield Miss("turned", f"the bodies of {what} turn against each other", np.abs(seen.turned(joint)), 1.0, "rad")
@@ -223,6 +226,16 @@ def slides(seen: Seen) -> Iterator[Miss]:
             yield Miss(
                 "jolt", f"the block of {what} accelerates off its line", np.abs(off), acceleration, "m/s^2", REST
             )
+
+
+def played(seen: Seen, joint: Joint) -> Iterator[Miss]:
+    """Clearance signals that are not where a block is in its guide."""
+    across, size = seen.across(joint), seen.trace.clearance[joint.name]
+    off = np.abs(dot(across, seen.gap(joint)) * across - seen.vector(f"clearance_{joint.name}"))
+    what = f"of joint {joint.name!r} is not that of its block"
+    yield Miss("signal", f"the displacement {what}", off, size, "m")
+    turned = np.abs(wrapped(seen.turned(joint) + seen.signal(f"clearance_{joint.name}_angle")))
+    yield Miss("signal", f"the tilt {what}", turned * seen.size, size, "m")
 
 
 def closure(seen: Seen) -> Iterator[Miss]:
@@ -324,10 +337,27 @@ def crank(seen: Seen) -> Iterator[Miss]:
             )
 
 
+def guides(seen: Seen, joint: Joint, clearance: float) -> Iterator[Miss]:
+    """Blocks that are not in their guides, or that walls push which they do not touch."""
+    guide = seen.guide(joint)
+    assert guide is not None  # a mechanism with clearance in a prismatic joint has it
+    across, what = seen.across(joint), f"joint {joint.name!r}"
+    reach = guide.reach(dot(across, seen.gap(joint)), seen.turned(joint))
+    deep = np.maximum(reach - clearance, 0.0)
+    yield Miss("bearing", f"the block of {what} leaves its guide", deep, min(joint.guide or ()), "m")
+    force, moment = np.abs(dot(across, seen.reaction(joint))), np.abs(seen.signal(f"reaction_{joint.name}_moment"))
+    pushed, peak = force + moment / guide.length, float(np.abs(seen.reaction(joint)).max(initial=0.0))
+    loose = np.where(reach < (1 - FREE) * clearance, pushed, 0.0)
+    yield Miss("loose", f"the free block of {what} is pushed", loose, max(peak, float(pushed.max())), "N", seen.nothing)
+
+
 def bearings(seen: Seen) -> Iterator[Miss]:
     """Pins that are not in their bearings, or pushed otherwise than by them."""
     for name, clearance in seen.trace.clearance.items():
         joint = seen.m.joint(name)
+        if joint.prismatic:
+            yield from guides(seen, joint, clearance)
+            continue
         gap, force, what = seen.gap(joint), seen.reaction(joint), f"joint {name!r}"
         path = np.hypot(*seen.trace.journal[name].T) if name in seen.trace.journal else np.zeros(0)
         deep, peak = np.concatenate([np.abs(gap), path]) - clearance, float(np.abs(force).max(initial=0.0))

@@ -122,7 +122,13 @@ def _check_spline(name: str, time: np.ndarray, angle: np.ndarray, report: np.nda
 
 
 def _check_links(request: Request) -> None:
-    """Raise Unsupported for massless links that are to start shorter than they are."""
+    """Raise Unsupported for massless links that are to start shorter than they are, or to hold a block."""
+    blocks = [name for name in request.mechanism.loose_guides if name in request.clearances]
+    if request.joint_model == "massless-link" and blocks:
+        raise Unsupported(
+            f"{request.mechanism.name}: a massless link holds a pin, and joint {blocks[0]!r} is a block in a guide;"
+            " use joint model contact"
+        )
     centred = request.motion == "driven" and request.start == "centred" and request.clearances
     if request.joint_model == "massless-link" and centred:
         raise Unsupported(

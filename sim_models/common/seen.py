@@ -13,6 +13,7 @@ import numpy as np
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint
 from analytic.mechanism.signals import driving, wrapped
 from sim_models.common.contact_laws import PIN_RADIUS, contact_parameters, longest
+from sim_models.common.guide import Guide
 from sim_models.engine import Request, Trace
 
 FADING = 1e-2  # of the largest angular speed: slower joints may have let their Coulomb friction fade
@@ -159,6 +160,14 @@ class Seen:
         first, second = joint.bodies
         return wrapped(self.angle(second) - self.angle(first) - joint.angle)
 
+    def guide(self, joint: Joint) -> Guide | None:
+        """The guide of a joint whose block has clearance in this run."""
+        return Guide.of(joint) if joint.prismatic and joint.name in self.trace.clearance else None
+
+    def across(self, joint: Joint) -> np.ndarray:
+        """Unit vector (N,) across a prismatic joint's axis."""
+        return 1j * joint.direction * np.exp(1j * self.angle(joint.bodies[0]))
+
     def acts_at(self, joint: Joint, body: str) -> np.ndarray:
         """Where a joint's reaction acts on one of its bodies (N,) m: at its own pin, a slide's at the second's
         point, friction's where the pin touches.
@@ -189,9 +198,15 @@ class Seen:
             or not step
         ):
             return np.zeros(self.count)
-        gap = self.gap(joint)
-        inwards = step * np.abs(dot(gap, self.slip(joint))) / np.maximum(np.abs(gap), TINY)
+        gap, guide = self.gap(joint), self.guide(joint)
         stiffness = contact_parameters(self.m, joint, self.request.motion).stiffness
+        if guide is not None:  # of whichever corners
+            first, second = joint.bodies
+            spin = np.abs(self.spin(second) - self.spin(first))
+            inwards = step * (np.abs(dot(self.across(joint), self.slip(joint))) + guide.length / 2 * spin)
+            near = np.abs(guide.reach(dot(self.across(joint), gap), self.turned(joint)) - joint.clearance) <= inwards
+            return np.where(near, 2 * stiffness * inwards, 0.0)
+        inwards = step * np.abs(dot(gap, self.slip(joint))) / np.maximum(np.abs(gap), TINY)
         return np.where(np.abs(np.abs(gap) - joint.clearance) <= inwards, stiffness * inwards, 0.0)
 
     def turning(self, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
