@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from compare.judge.contact import contact, ideal_peaks
+from compare.judge.contact import contact_in, ideal_peaks
 from compare.results.contact import Contact
 from compare.results.crosscheck import Failure
 from compare.sweep import Died, spread
@@ -42,7 +42,7 @@ def counted(request: Request, trace: Trace) -> Trace:
     if trace.watched is None:
         return trace
     told = {f.name: getattr(trace, f.name) for f in fields(Trace)} | {"watched": None}
-    return Counted(**told, contact=contact(request.mechanism, trace, ideal_peaks(request.mechanism)))
+    return Counted(**told, contact=contact_in(trace, request.mechanism, ideal_peaks(request.mechanism)))
 
 
 def failure(simulator: str, run: Request | Trace, why: str, cause: Cause | None = None) -> Failure:

@@ -9,7 +9,7 @@ import pytest
 
 from analytic.mechanism import GROUND
 from analytic.mechanism.file import load
-from compare.judge.contact import contact, more_revolutions, revolutions
+from compare.judge.contact import contact_in, more_revolutions, revolutions
 from compare.judge.statistics import statistic
 from compare.judge.watched import Run, integral
 from sim_models.engine import Trace, Watched
@@ -55,7 +55,7 @@ def told(watched: Watched, settings: dict | None = None):
         simulator="prescribed", version="1", joint_model="contact", motion="driven", crank_angle=np.zeros(1),
         time=np.zeros(1), signals={}, clearance={"B": CLEARANCE}, settings=settings or {}, watched=watched,
     )  # fmt: skip
-    return contact(ROCKER, trace, {"B": 40.0})
+    return contact_in(trace, ROCKER, {"B": 40.0})
 
 
 def bouncing(phase: np.ndarray) -> np.ndarray:

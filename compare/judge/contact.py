@@ -29,7 +29,7 @@ from compare.results.contact import (
     StatisticName,
 )
 from sim_models.common.journal import free_share
-from sim_models.engine import Trace
+from sim_models.engine import Trace, Watched
 
 TURN = 2 * math.pi
 BINS = 72  # of a turn
@@ -53,17 +53,25 @@ class Blow:
     speed: float
 
 
-def contact(mechanism: Mechanism, trace: Trace, ideal: Mapping[str, float]) -> Contact | None:
-    """What contact did in a run that was watched; ``ideal`` (N) are the ideal linkage's largest reactions by joint."""
+def contact_in(trace: Trace, mechanism: Mechanism, ideal: Mapping[str, float]) -> Contact | None:
+    """What contact did in a run of a mechanism, if it was watched; see :func:`contact`."""
     if trace.watched is None or not trace.clearance:
         return None
-    m = mechanism.with_clearances(dict(trace.clearance))
-    run = Run(m, trace.watched)
     margins = trace.settings.get("contact_margin")
-    pins = {
-        name: run.pin(m.joint(name), float(margins.get(name, 0.0)) if isinstance(margins, Mapping) else 0.0)
-        for name in trace.clearance
-    }
+    own = {name: float(m) for name, m in margins.items()} if isinstance(margins, Mapping) else {}
+    return contact(mechanism.with_clearances(dict(trace.clearance)), trace.watched, ideal, own)
+
+
+def contact(
+    m: Mechanism, watched: Watched, ideal: Mapping[str, float], margins: Mapping[str, float] | None = None
+) -> Contact:
+    """What contact did at every step of a run, in the joints of a mechanism that have clearance.
+
+    ``ideal`` (N) are the ideal linkage's largest reactions by joint, ``margins`` (m) how far before its wall a pin
+    begins to be pushed.
+    """
+    run = Run(m, watched)
+    pins = {name: run.pin(m.joint(name), (margins or {}).get(name, 0.0)) for name in m.clearances}
     marks = revolutions(run.turned)
     joints = {name: joint_contact(run, pin, marks, ideal.get(name, math.nan)) for name, pin in pins.items()}
     whole = marks.size - 1
