@@ -132,6 +132,11 @@ def accuracy_at(
     loads, and AssemblyError.
     """
     mechanism = assembly.mechanism
+    if nonlinear and mechanism.loose_guides:
+        name = next(iter(mechanism.loose_guides))
+        raise ArgumentError(
+            "nonlinear", f"joint {name} is a block in its guide, which goes to first order; leave it out"
+        )
     for joint, tolerance in tolerances.items():
         if tolerance > mechanism.joint(joint).clearance:
             limit = f"the joint's clearance, {mechanism.joint(joint).clearance:g} m"
@@ -139,7 +144,9 @@ def accuracy_at(
                 "clearance_tolerance", f"{joint}={tolerance:g} is more than {limit}; a clearance cannot be negative"
             )
     found = accuracy_of(assembly, theta, outputs, mechanism.clearances, mechanism.speed or 1.0, inertia)
-    drawn = draw(found.clearances, np.array([tolerances.get(pin, 0.0) for pin in found.pins]), samples, seed)
+    drawn = draw(
+        found.clearances, np.array([tolerances.get(pin, 0.0) for pin in found.pins]), samples, seed, found.blocks
+    )
     population = Population(
         assembly, found.total.clearance.ideal.motion, found.path, found.unit_reactions, found.directions
     )

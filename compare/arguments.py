@@ -160,7 +160,7 @@ def linkage(given: Linkage, clearance: Metres | None = None) -> Mechanism:
 
 
 def with_clearance(mechanism: Mechanism, clearance: Metres, called: str = "clearance") -> Mechanism:
-    """The mechanism with exactly these radial clearances (m).  Raises ArgumentError."""
+    """The mechanism with exactly these clearances (m).  Raises ArgumentError."""
     try:
         return mechanism.with_clearances(metres(clearance, mechanism, called))
     except MechanismError as error:
@@ -175,15 +175,15 @@ def loose(mechanism: Mechanism, joint_model: JointModel | None) -> None:
 
 
 def metres(given: object, mechanism: Mechanism, called: str) -> dict[str, float]:
-    """Lengths (m) by revolute joint, checked.  Raises ArgumentError."""
+    """Lengths (m) by joint that may have clearance, checked.  Raises ArgumentError."""
     pins = [j.name for j in mechanism.joints if not j.prismatic]
     if not isinstance(given, Mapping):
         example = {(pins or ["B"])[-1]: 1e-4}
         raise ArgumentError(called, f"{quoted(given)} cannot be used; give metres by joint, such as {example}")
     found = {}
     for name, size in given.items():
-        if name not in pins:
-            raise ArgumentError(called, no_pin(name, pins, mechanism.name))
+        if name not in mechanism.may_be_loose:
+            raise ArgumentError(called, no_pin(name, pins, mechanism))
         if not isinstance(size, Real) or isinstance(size, bool) or not 0 <= float(size) < math.inf:
             raise ArgumentError(called, f"{name} = {quoted(size)}; give metres, 0 or more")
         found[name] = float(size)

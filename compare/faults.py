@@ -7,12 +7,15 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from analytic.errors import Error
 from compare.recorded.errors import said
+
+if TYPE_CHECKING:
+    from analytic.mechanism import Mechanism
 
 LONGEST = 1000  # characters of a sentence; what is longer repeats somebody's file
 
@@ -136,8 +139,15 @@ def stop(error: object, status: Exit) -> typer.Exit:
     return typer.Exit(status)
 
 
-def no_pin(name: str, pins: Sequence[str], linkage: str) -> str:
-    """What there is to say of a name that is none of a linkage's revolute joints."""
-    return f"{name!r} is not a revolute joint of {linkage}; " + (
+def no_pin(name: str, pins: Sequence[str], linkage: Mechanism) -> str:
+    """What there is to say of a name that is none of these joints of a linkage, its revolute ones."""
+    joint = next((j for j in linkage.joints if j.name == name), None)
+    if joint is not None and joint.prismatic and joint.guide is None:
+        return (
+            f"{name!r} is a prismatic joint of {linkage.name}; give it guide = [length, height] (m) of its block first"
+        )
+    if joint is not None and joint.prismatic:
+        return f"{name!r} is a prismatic joint of {linkage.name}, whose clearance is not examined here; leave it out"
+    return f"{name!r} is not a revolute joint of {linkage.name}; " + (
         f"they are {', '.join(pins)}" if pins else "it has none"
     )

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from analytic.beyond_paper.monte_carlo import draw
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.structure import Rest
 from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from analytic.paper.clearance import displaced
+from analytic.paper.envelope import Output
 from analytic.paper.guide import Block
 from analytic.paper.kinetostatics import kinetostatics
+from analytic.paper.superposition import accuracy
+from compare.accuracy import accuracy as compare_accuracy
+from compare.domain_map.validity import validity
+from compare.faults import ArgumentError
 from linkages import inverted_slider
 from marks import slow
 
@@ -237,3 +244,62 @@ def test_what_makes_no_guide_is_refused(joint: str, fields: dict[str, object], w
     with pytest.raises(MechanismError) as caught:
         load("slider-crank").with_joint(joint, **fields)
     assert all(word in str(caught.value) for word in words), str(caught.value)
+
+
+OUTPUTS = (Output("slider", "x"), Output("rod", "x"), Output("rod", "y"), Output("rod", "angle"))
+
+
+@pytest.mark.parametrize("name", ["tilted", "flat on the upper wall", "either, by the angle"])
+def test_an_output_moves_by_unit_reactions_times_where_the_block_rests(name: str) -> None:
+    """Superposition, force by height and moment by tilt, against closing the linkage with a tiny clearance."""
+    m = slider_crank(LOADS[name], 1e-7)
+    found = accuracy(Assembly(m), ANGLES, OUTPUTS, m.clearances)
+    for d in OUTPUTS:
+        np.testing.assert_allclose(found.nominal(d), found.equilibrium(d), atol=2e-5 * found.worst_case(d).max())
+        assert np.all(np.abs(found.nominal(d)) <= found.worst_case(d) * (1 + 1e-12))
+
+
+def test_the_worst_case_is_the_farthest_of_the_four_corners() -> None:
+    m = slider_crank(LOADS["tilted"]).with_clearances({"S": 1e-7, "B": 1e-7})
+    found = accuracy(Assembly(m), ANGLES, OUTPUTS, m.clearances)
+    rows = {d: found.unit_reactions[d][list(found.pins).index("S")] for d in OUTPUTS}
+    ideal = kinematics(Assembly(m), ANGLES)
+    moved = []
+    for rest in (Rest(-1e-7, 0.0), Rest(1e-7, 0.0), Rest(0.0, -2e-6), Rest(0.0, 2e-6)):
+        motion = kinematics(Assembly(m).resting({"S": rest}), ANGLES)
+        moved.append([d.value(motion) - d.value(ideal) for d in OUTPUTS])
+    for d, ways in zip(OUTPUTS, np.array(moved).transpose(1, 0, 2), strict=True):
+        by_block = np.abs(ways).max(axis=0)
+        by_pin = 1e-7 * np.abs(found.unit_reactions[d][list(found.pins).index("B")])
+        np.testing.assert_allclose(found.worst_case(d), by_block + by_pin, rtol=1e-4, atol=1e-13)
+        np.testing.assert_allclose(found.sensitivity(d)["S"], by_block / 1e-7, rtol=1e-4, atol=1e-6)
+        np.testing.assert_allclose(1e-7 * rows[d].real, ways[0], rtol=1e-4, atol=1e-13)
+    x, y = OUTPUTS[1:3]
+    far = np.abs(found.farthest(x, y))
+    assert np.all(far >= np.maximum(found.worst_case(x), found.worst_case(y)) * (1 - 1e-9))
+    assert np.all(far <= np.hypot(found.worst_case(x), found.worst_case(y)) * (1 + 1e-9))
+
+
+def test_samples_of_a_block_lie_in_its_four_corners() -> None:
+    drawn = draw(np.array([1e-4, 1e-4]), np.zeros(2), 40_000, seed=3, blocks=1)
+    corners, counts = np.unique(np.round(drawn.directions[1], 9), return_counts=True)
+    assert corners.size == 4
+    assert counts.min() > 9_700
+    assert np.unique(drawn.directions[0]).size > 30_000
+
+
+@pytest.mark.parametrize(
+    ("asked", "says"),
+    [
+        (lambda m: compare_accuracy(m, nonlinear=True), "joint S is a block"),
+        (
+            lambda m: validity(m, speeds=[10.0], clearances=[1e-4], joints=["S"]),
+            "not examined here",
+        ),
+        (lambda m: compare_accuracy(m, clearance={"X": 1e-4}), "not a revolute joint"),
+        (lambda m: compare_accuracy(m.with_joint("S", guide=None, clearance=0.0), clearance={"S": 1e-4}), "guide ="),
+    ],
+)
+def test_what_is_not_worked_out_of_blocks_is_refused_in_a_sentence(asked: Callable[..., object], says: str) -> None:
+    with pytest.raises(ArgumentError, match=says):
+        asked(slider_crank(LOADS["tilted"], 1e-4))

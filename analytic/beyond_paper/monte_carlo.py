@@ -44,14 +44,16 @@ class Samples:
         return self.tolerances**2 / 3
 
 
-def draw(clearances: np.ndarray, tolerances: np.ndarray, samples: int, seed: int) -> Samples:
+def draw(clearances: np.ndarray, tolerances: np.ndarray, samples: int, seed: int, blocks: int = 0) -> Samples:
     """Draw linkages; ``clearances`` and ``tolerances`` (joints,) are radial, in m, tolerances no larger than
-    clearances.
+    clearances.  The last so many joints are ``blocks``, which lie in one of four corners.
     """
     rng = np.random.default_rng(seed)
     shape = (clearances.size, samples)
     sizes = clearances[:, None] + tolerances[:, None] * rng.uniform(-1.0, 1.0, shape)
-    return Samples(clearances, tolerances, sizes, np.exp(2j * np.pi * rng.random(shape)))
+    turns = rng.random(shape)
+    turns[len(turns) - blocks :] = np.floor(4 * turns[len(turns) - blocks :]) / 4
+    return Samples(clearances, tolerances, sizes, np.exp(2j * np.pi * turns))
 
 
 @dataclass(frozen=True)

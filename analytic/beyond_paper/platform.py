@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from analytic.kinematics.closure import AssemblyError
 from analytic.kinematics.motion import Motion
 from analytic.mechanism.one_line import count, one_line
 from analytic.paper.clearance import check_determined
@@ -111,6 +112,13 @@ def platform(
     """
     motion = reactions.motion
     s = motion.structure
+    blocks = [name for name, size in clearances.items() if size > 0 and name in s.slides]
+    if blocks:
+        raise AssemblyError(
+            f"{s.mechanism.name}: the errors of several drives are not worked out with clearance in prismatic joint"
+            f" {blocks[0]!r}",
+            remedy="leave that out",
+        )
     check_determined(reactions, [name for name, size in clearances.items() if size > 0])
     joints = [s.coordinates[i].joint for i in s.inputs]
     found = {d: _answer(motion, d) for d in outputs}

@@ -207,6 +207,11 @@ class Mechanism(Part):
         return {j.name: j.clearance for j in self.joints if j.clearance > 0}
 
     @property
+    def may_be_loose(self) -> list[str]:
+        """The joints that may have clearance: those that turn, and blocks whose size is known in their guides."""
+        return [j.name for j in self.joints if not j.prismatic or j.guide is not None]
+
+    @property
     def loose_guides(self) -> dict[str, float]:
         """Those of them that are prismatic: half the play (m)."""
         return {j.name: j.clearance for j in self.joints if j.clearance > 0 and j.prismatic}

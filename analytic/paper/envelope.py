@@ -10,6 +10,10 @@ linkage, so
 All that follows is made of R_i; |R_i| is the output's sensitivity to joint i (m/m, or rad/m for an angle).  It is
 found by the other half of the same duality, as the velocity of the output while the gap opens at unit rate. Arrays of R
 are (joints, N) complex: its ground-frame components as x + iy, at N crank angles.
+
+A block in its guide goes as a pin, with y + i (L/2) phi for its gap and N + i M/(L/2) for R
+(:mod:`analytic.paper.guide`), but that its gap is bound by a square on its corner, not a circle: its sensitivity is the
+larger component of R.
 """
 
 from __future__ import annotations
@@ -23,7 +27,8 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly, Path
 from analytic.kinematics.motion import Gap, Motion, kinematics
 from analytic.paper.compliance import Compliance
-from analytic.paper.kinetostatics import Reactions
+from analytic.paper.guide import Block
+from analytic.paper.kinetostatics import Reactions, answered
 
 DIRECTIONS = np.exp(1j * np.linspace(0.0, np.pi, 91)[:-1])  # where the search for the farthest point starts
 ASCENTS = 30
@@ -67,6 +72,11 @@ class Output:
             else self._part(motion.velocity(self.body, self.point))
         )
 
+    @property
+    def load(self) -> tuple[str, complex, float]:
+        """A unit load along it: point, force (x + iy) and torque."""
+        return (self.point, 0j, 1.0) if self.axis == "angle" else (self.point, 1.0 if self.axis == "x" else 1j, 0.0)
+
     def elastic(self, compliance: Compliance) -> np.ndarray:
         """Its displacement (N,) by compliance."""
         if self.axis == "angle":
@@ -78,10 +88,14 @@ class Output:
 
 
 def unit_reactions(
-    assembly: Assembly, theta: np.ndarray, outputs: Iterable[Output], path: Path | None = None
+    assembly: Assembly,
+    theta: np.ndarray,
+    outputs: Iterable[Output],
+    path: Path | None = None,
+    blocks: Iterable[Block] = (),
 ) -> dict[Output, np.ndarray]:
-    """R (joints, N) of every revolute joint, in the structure's order of pins, for each output at crank angles theta
-    (N,) rad.
+    """R (joints, N) of every revolute joint, in the structure's order of pins, and then of these blocks, for each
+    output at crank angles theta (N,) rad.
 
     In N/N for a point, in N/(N.m) for an angle.  Raises AssemblyError as :func:`analytic.kinematics.motion.kinematics`
     does.
@@ -91,7 +105,14 @@ def unit_reactions(
         [kinematics(assembly, theta, gaps={pin: Gap(closed, closed + d)}, path=path) for d in (1.0, 1j)]
         for pin in assembly.structure.pins
     ]
-    return {d: np.array([d.rate(along_x) + 1j * d.rate(along_y) for along_x, along_y in opening]) for d in outputs}
+    found = {d: [d.rate(along_x) + 1j * d.rate(along_y) for along_x, along_y in opening] for d in outputs}
+    every = tuple(blocks)
+    if every:
+        still = kinematics(assembly, theta, path=path)
+        for d, rows in found.items():
+            forces, moments, _ = answered(still, d.body, *d.load)
+            rows += [block.push(still, forces[block.joint.name], moments[block.joint.name]) for block in every]
+    return {d: np.array(rows) for d, rows in found.items()}
 
 
 def displacement(reactions: np.ndarray, gaps: np.ndarray) -> np.ndarray:
@@ -99,24 +120,34 @@ def displacement(reactions: np.ndarray, gaps: np.ndarray) -> np.ndarray:
     return np.sum(reactions.real * gaps.real + reactions.imag * gaps.imag, axis=0)
 
 
-def worst_case(reactions: np.ndarray, clearances: np.ndarray) -> np.ndarray:
-    """Largest displacement (N,) of an output, to either side, that clearances (joints,) m allow: sum c |R|."""
-    return clearances @ np.abs(reactions)
+def sizes(reactions: np.ndarray, blocks: int = 0) -> np.ndarray:
+    """Sensitivities (joints, N): |R| of pins, of the last so many, which are blocks, the larger component."""
+    pins, rest = np.split(reactions, [len(reactions) - blocks])
+    return np.concatenate([np.abs(pins), np.maximum(np.abs(rest.real), np.abs(rest.imag))])
 
 
-def farthest(along_x: np.ndarray, along_y: np.ndarray, clearances: np.ndarray) -> np.ndarray:
+def worst_case(reactions: np.ndarray, clearances: np.ndarray, blocks: int = 0) -> np.ndarray:
+    """Largest displacement (N,) of an output, to either side, that clearances (joints,) m allow: sum c |R|; the last
+    ``blocks`` joints are blocks.
+    """
+    return clearances @ sizes(reactions, blocks)
+
+
+def farthest(along_x: np.ndarray, along_y: np.ndarray, clearances: np.ndarray, blocks: int = 0) -> np.ndarray:
     """Farthest displacement (N,) complex of a point that clearances (joints,) allow; its opposite is as far.
 
     The displacements that are possible are the Minkowski sum of one ellipse a joint, whose farthest point along a
     direction is known.  Following that point's own direction can only lead farther out, so it climbs to a local
     maximum; starting all round finds the largest.
     """
-    sizes = clearances[:, None, None]
+    far_out = clearances[:, None, None]
 
     def support(direction: np.ndarray) -> np.ndarray:
         """The farthest point (starts, N) along each direction (starts, N)."""
         pull = along_x[:, None] * direction.real + along_y[:, None] * direction.imag  # R along the direction
-        gaps = sizes * pull / np.maximum(np.abs(pull), np.finfo(float).tiny)
+        gaps = far_out * pull / np.maximum(np.abs(pull), np.finfo(float).tiny)
+        if blocks:
+            gaps[-blocks:] = far_out[-blocks:] * corner(pull[-blocks:])
         return displacement(along_x[:, None], gaps) + 1j * displacement(along_y[:, None], gaps)
 
     start = np.broadcast_to(DIRECTIONS[:, None], (DIRECTIONS.size, along_x.shape[1]))
@@ -128,8 +159,16 @@ def farthest(along_x: np.ndarray, along_y: np.ndarray, clearances: np.ndarray) -
     return far[0]
 
 
+def corner(pull: np.ndarray) -> np.ndarray:
+    """The corner of a block's square, as a unit of y + i (L/2) phi, that is farthest along a pull, any shape."""
+    flat = np.abs(pull.real) >= np.abs(pull.imag)
+    return np.asarray(np.where(flat, np.copysign(1.0, pull.real), 1j * np.copysign(1.0, pull.imag)))
+
+
 def rim_spread(reactions: np.ndarray, mean_square: np.ndarray) -> np.ndarray:
-    """Standard deviation (N,) of an output whose contacts are anywhere on the rim: sigma^2 = 1/2 sum E[c^2] |R|^2."""
+    """Standard deviation (N,) of an output whose contacts are anywhere on the rim, of blocks in any corner:
+    sigma^2 = 1/2 sum E[c^2] |R|^2.
+    """
     return np.sqrt(0.5 * mean_square @ np.abs(reactions) ** 2)
 
 
@@ -211,6 +250,7 @@ __all__ = [
     "farthest",
     "rim_spread",
     "side_changes",
+    "sizes",
     "transmission",
     "unit_reactions",
     "worst_case",

@@ -62,34 +62,38 @@ class Block:
         """Distance (m) along the axis from the block's point to the corners that touch when it is tilted."""
         return (self.length * math.cos(self.tilt) - self.height * math.sin(self.tilt)) / 2
 
-    def across(self, found: Reactions) -> np.ndarray:
-        """Force (N,) N of the guide on the block, or of the joint's first body on its second, normal to the axis."""
-        return (found.forces[self.joint.name] * np.conj(self.normal(found.motion))).real
-
-    def normal(self, motion: Motion) -> np.ndarray:
+    def across(self, motion: Motion) -> np.ndarray:
         """Unit vector (N,) across the guide: the axis turned by a right angle."""
         along = motion.columns[motion.structure.body_column(self.joint.bodies[0])]
         return 1j * self.joint.direction * along
 
+    def push(self, motion: Motion, force: np.ndarray, moment: np.ndarray) -> np.ndarray:
+        """Force (N,) N across the guide plus i times moment (N.m) over L/2: what these do of work on the block's place
+        y + i (L/2) phi, each with each; of the joint's reaction, or of one to a unit load.
+        """
+        return (force * np.conj(self.across(motion))).real + 2j / self.length * moment
+
+    def pushed(self, found: Reactions) -> np.ndarray:
+        """The same of the joint's own reaction."""
+        return self.push(found.motion, found.forces[self.joint.name], found.moments[self.joint.name])
+
     def work(self, found: Reactions) -> tuple[np.ndarray, np.ndarray]:
         """Work (N,) N.m that force and moment do on the way from the middle to where they rest flat, and tilted."""
-        lean = 2 * self.clearance / self.length
-        return self.clearance * np.abs(self.across(found)), lean * np.abs(found.moments[self.joint.name])
+        push = self.clearance * self.pushed(found)
+        return np.abs(push.real), np.abs(push.imag)
 
     def rests(self, found: Reactions) -> np.ndarray:
         """How (N,) the block rests under these reactions, to first order: FLAT or TILTED, with a sign."""
-        flat, tilted = self.work(found)
-        force, moment = self.across(found), found.moments[self.joint.name]
-        return np.where(flat >= tilted, FLAT * np.copysign(1.0, force), TILTED * np.copysign(1.0, moment))
+        push = self.pushed(found)
+        flat = np.abs(push.real) >= np.abs(push.imag)
+        return np.where(flat, FLAT * np.copysign(1.0, push.real), TILTED * np.copysign(1.0, push.imag))
 
     def stays(self, how: np.ndarray, found: Reactions) -> np.ndarray:
         """Whether (N,) all corners on which a block rests ``how`` (N,) push it, under these reactions of the linkage
         that it displaces.
         """
-        force, moment = (
-            np.copysign(1.0, how) * self.across(found),
-            np.copysign(1.0, how) * found.moments[self.joint.name],
-        )
+        push = np.copysign(1.0, how) * self.pushed(found)
+        force, moment = push.real, self.length / 2 * push.imag
         flat = (force > 0) & (np.abs(moment) <= self.length / 2 * force)
         tilted = (moment > 0) & (self.lever * np.abs(force) <= moment)
         return np.where(np.abs(how) == FLAT, flat, tilted)
@@ -104,3 +108,8 @@ class Block:
 def placed(blocks: Mapping[str, Block], how: np.ndarray, finite: bool) -> Rests:
     """Where blocks rest that rest ``how`` (blocks,)."""
     return {name: block.place(each, finite) for (name, block), each in zip(blocks.items(), how.tolist(), strict=True)}
+
+
+def direction(how: np.ndarray) -> np.ndarray:
+    """Where (N,) blocks are that rest ``how`` (N,), as a unit of y + i (L/2) phi."""
+    return np.copysign(1.0, how) * np.where(np.abs(how) == FLAT, 1.0, 1j)

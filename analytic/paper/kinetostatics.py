@@ -198,12 +198,19 @@ def answers(
     """Reactions (N,) complex by joint, and what moves each input (inputs, N), of a force (N, x + iy) at a body's point
     and a torque (N.m) on it alone, at rest: no weight, no load, no law of a joint.
     """
+    forces, _, efforts = answered(motion, body, point, force, torque)
+    return forces, efforts
+
+
+def answered(
+    motion: Motion, body: str, point: str = "com", force: complex = 0j, torque: float = 0.0
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
+    """The same with the moments (N,) N.m of prismatic joints in between."""
     s, n = motion.structure, motion.theta.size
     work, turning = np.zeros((s.n_columns, n), complex), np.zeros((len(s.bodies), n))
     work += (motion.assembly.form(body, point) * np.conj(force))[:, None]
     turning[s.body_column(body)] += torque
-    forces, _, efforts = _carried(motion, work, turning, dict.fromkeys(s.slides, np.zeros(n)))
-    return forces, efforts
+    return _carried(motion, work, turning, dict.fromkeys(s.slides, np.zeros(n)))
 
 
 def of_springs(motion: Motion, laws: Mapping[str, np.ndarray], pulls: Sequence[tuple[Spring, np.ndarray]]) -> Reactions:

@@ -22,9 +22,11 @@ from analytic.paper.envelope import (
     displacement,
     farthest,
     side_changes,
+    sizes,
     unit_reactions,
     worst_case,
 )
+from analytic.paper.guide import Block, direction
 from analytic.paper.kinetostatics import kinetostatics
 
 SWEEP_STEP = np.radians(0.25)  # crank angle between looks for a contact that changes side
@@ -86,6 +88,8 @@ def elastic_part(signal: Signal, compliance: Compliance) -> np.ndarray | None:
     if signal.kind == "pose":
         moved = compliance.displacement(signal.place)
     elif signal.kind == "clearance":
+        if compliance.mechanism.joint(signal.place).prismatic:  # a block keeps its rest
+            return None
         moved = compliance.give(signal.place)
     else:
         return None
@@ -124,7 +128,8 @@ class Accuracy:
     assembly: Assembly
     path: Path
     total: Total  # its clearance part is the equilibrium with the finite gaps
-    pins: tuple[str, ...]
+    pins: tuple[str, ...]  # and then the blocks with clearance
+    blocks: int  # so many of the last of them
     clearances: np.ndarray  # (pins,) m
     unit_reactions: Mapping[Output, np.ndarray]  # (pins, N) complex
     directions: np.ndarray  # (pins, N) complex of length 1: where the ideal linkage's reactions press; see _directions
@@ -158,11 +163,11 @@ class Accuracy:
 
     def worst_case(self, d: Output) -> np.ndarray:
         """Largest displacement to either side, wherever the pins lie within their clearance: sum c |R|."""
-        return worst_case(self.unit_reactions[d], self.clearances)
+        return worst_case(self.unit_reactions[d], self.clearances, self.blocks)
 
     def sensitivity(self, d: Output) -> dict[str, np.ndarray]:
-        """|R| of every revolute joint, with or without clearance: displacement per clearance."""
-        return dict(zip(self.pins, np.abs(self.unit_reactions[d]), strict=True))
+        """|R| of every revolute joint, with or without clearance, and of blocks with: displacement per clearance."""
+        return dict(zip(self.pins, sizes(self.unit_reactions[d], self.blocks), strict=True))
 
     def compliance(self, d: Output) -> np.ndarray:
         """Elastic displacement of the ideal configuration."""
@@ -174,7 +179,7 @@ class Accuracy:
 
     def farthest(self, x: Output, y: Output) -> np.ndarray:
         """Farthest displacement of a point, x + iy, in any direction of the plane; complex (N,)."""
-        return farthest(self.unit_reactions[x], self.unit_reactions[y], self.clearances)
+        return farthest(self.unit_reactions[x], self.unit_reactions[y], self.clearances, self.blocks)
 
     @property
     def cautions(self) -> dict[int, str]:
@@ -213,23 +218,27 @@ def accuracy(
     moved = total.clearance
     changes = side_changes(
         kinetostatics(kinematics(assembly, sweep, omega, path=path), inertia),
-        clearances,
+        {name: c for name, c in clearances.items() if not assembly.mechanism.joint(name).prismatic},
         moved.faint,
         _whole_turn(theta),
     )
-    pins = assembly.structure.pins
-    sizes = np.array([clearances.get(pin, 0.0) for pin in pins])
+    m = assembly.mechanism
+    blocks = {name: Block.of(m, name, c) for name, c in clearances.items() if c > 0 and m.joint(name).prismatic}
+    pins = (*assembly.structure.pins, *blocks)
     crossings = np.array([change.crank_angle for change in changes])
     return Accuracy(
         assembly=assembly,
         path=path,
         total=total,
         pins=pins,
-        clearances=sizes,
-        unit_reactions=unit_reactions(assembly, theta, outputs, path),
+        blocks=len(blocks),
+        clearances=np.array([clearances.get(pin, 0.0) for pin in pins]),
+        unit_reactions=unit_reactions(assembly, theta, outputs, path, blocks.values()),
         directions=np.array(
             [
-                _directions(moved.ideal.forces[pin], moved.faint[pin])
+                direction(blocks[pin].rests(moved.ideal))
+                if pin in blocks
+                else _directions(moved.ideal.forces[pin], moved.faint[pin])
                 if pin in moved.faint and clearances.get(pin)
                 else np.zeros(theta.size)
                 for pin in pins

@@ -66,7 +66,7 @@ class ModelChoice(StrEnum):
 
 
 def metres_by_joint(text: str, option: str, mechanism: Mechanism) -> dict[str, float]:
-    """``B=1e-4,E=2e-4`` as metres by revolute joint.  Raises OptionError."""
+    """``B=1e-4,E=2e-4`` as metres by joint that may have clearance.  Raises OptionError."""
     pins = [j.name for j in mechanism.joints if not j.prismatic]
     found: dict[str, float] = {}
     for part in text.split(","):
@@ -77,8 +77,8 @@ def metres_by_joint(text: str, option: str, mechanism: Mechanism) -> dict[str, f
             size = float(value)
         except ValueError:
             raise OptionError(f"{option} {part}: give JOINT=metres, such as {(pins or ['B'])[-1]}=1e-4") from None
-        if name not in pins:
-            raise OptionError(f"{option} {part}: {no_pin(name, pins, mechanism.name)}")
+        if name not in mechanism.may_be_loose:
+            raise OptionError(f"{option} {part}: {no_pin(name, pins, mechanism)}")
         if not 0 <= size < float("inf"):
             raise OptionError(f"{option} {part}: give metres, 0 or more")
         found[name] = size

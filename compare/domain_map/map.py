@@ -69,10 +69,11 @@ def clearance_joints(mechanism: Mechanism, at: Sequence[str] | None) -> tuple[tu
     if at is not None:
         for name in at:
             if name not in pins:
-                raise ArgumentError("joints", no_pin(name, pins, mechanism.name))
+                raise ArgumentError("joints", no_pin(name, pins, mechanism))
         return tuple(dict.fromkeys(at)), "as asked"
-    if mechanism.clearances:
-        return tuple(mechanism.clearances), "the case's own"
+    own = tuple(name for name in mechanism.clearances if name in pins)
+    if own:
+        return own, "the case's own"
     away = _distances(mechanism)
     far = max(
         pins,

@@ -273,7 +273,8 @@ def failing_assumption(
         return Because(assumption="contact", joint=joint, words=words)
     if run.analytic_model == "first_order" and _first_order_costs(run):
         return Because(assumption="first-order", joint=None, words=_first_order_words(run))
-    if run.motion != "driven" or len(run.flags) == run.crank_angle.size:
+    blocks = any(mechanism.joint(name).prismatic for name in run.clearance)  # whose rests no assumption's cost has
+    if run.motion != "driven" or len(run.flags) == run.crank_angle.size or blocks:
         return None
     examined = Examined(mechanism, run.crank_angle, run, tolerances, courses)
     cause = examined.cause

@@ -115,6 +115,8 @@ def beyond_rim(run: Run) -> dict[str, float]:
     """
     found = {}
     for joint, clearance in run.clearance.items():
+        if Signal("clearance", joint, "angle").name in run.simulated:  # a block's corners are not its point
+            continue
         sides = [Signal("clearance", joint, axis).name for axis in AXES]
         path = [np.hypot(*(run.simulated[side] for side in sides))]
         path += [np.hypot(seen.x, seen.y) for name, seen in run.journal.items() if name == joint]

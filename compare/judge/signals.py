@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from analytic.mechanism import Mechanism
-from analytic.mechanism.signals import AXES, Component, Signal, continued, driving
+from analytic.mechanism.signals import AXES, Component, Signal, continued, driving, play
 from analytic.mechanism.signals import Kind as Quantity
 
 Unit = Literal["rad", "N", "m", "N.m", "rad/s"]
@@ -32,6 +32,7 @@ _KINDS: dict[tuple[Quantity, Component], Kind] = {
     ("reaction", "moment"): "torque",
     ("clearance", "x"): "displacement",
     ("clearance", "y"): "displacement",
+    ("clearance", "angle"): "rotation",
     ("rotation", "angle"): "rotation",
     ("pose", "angle"): "position",
     ("pose", "x"): "place",
@@ -97,8 +98,7 @@ def _compared(mechanism: Mechanism, displaced: set[str]) -> Iterator[Signal]:
         if joint.prismatic:
             yield Signal("reaction", joint.name, "moment")
         if joint.name in displaced:
-            yield Signal("clearance", joint.name, "x")
-            yield Signal("clearance", joint.name, "y")
+            yield from play(joint)
     for body in mechanism.bodies:
         if not displaced:
             yield Signal("pose", body.name, "angle")

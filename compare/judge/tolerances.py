@@ -219,8 +219,8 @@ def known_differences(
 
 def check_known(tolerances: Tolerances, mechanism: Mechanism) -> None:
     """Refuse a known difference of this case whose signal is never compared.  Raises ToleranceError."""
-    pins = [j.name for j in mechanism.joints if not j.prismatic]
-    signals = dict.fromkeys(signal.name for signal in (*compared(mechanism, ()), *compared(mechanism, pins)))
+    every = (*compared(mechanism, ()), *compared(mechanism, mechanism.may_be_loose))
+    signals = dict.fromkeys(signal.name for signal in every)
     for known in tolerances.known:
         if known.case == mechanism.name and known.signal not in signals:
             raise ToleranceError(

@@ -1,8 +1,8 @@
 """A block with clearance in its guide: where its corners are, and how far they are from the walls.
 
 The block is on the second body of a prismatic joint, about its point; the guide's walls are on the first.  Across is
-the joint's axis turned by a right angle; the block's height y (m) is its point's across from the line through the first's
-point, its tilt (rad) its angle beyond that at which the joint would hold it.
+the joint's axis turned by a right angle.  The block's height y (m) is its point's across, from the line through the
+first's point; its tilt (rad) is its angle beyond that at which the joint would hold it.
 """
 
 from __future__ import annotations
