@@ -73,7 +73,8 @@ def quantities(mechanism: Mechanism) -> dict[str, Quantity]:
     Names are looked up, not parsed: a body may be called ``reaction_B`` and a joint may have any letters.
     """
     found = []
-    for j in (joint.name for joint in mechanism.joints):
+    for joint in mechanism.joints:
+        j = joint.name
         found += [
             (f"reaction_{j}_angle", "reaction angle", GAMMA, f"at {j}", "rad"),
             (f"reaction_{j}_magnitude", "reaction force", "|F|", f"at {j}", "N"),
@@ -83,6 +84,7 @@ def quantities(mechanism: Mechanism) -> dict[str, Quantity]:
             (f"clearance_{j}_x", "displacement x", "", f"in {j}", "m"),
             (f"clearance_{j}_y", "displacement y", "", f"in {j}", "m"),
         ]
+        found += [(f"clearance_{j}_angle", "tilt", "", f"in {j}", "rad")] if joint.guide is not None else []
     for b in (body.name for body in mechanism.bodies):
         found += [
             (f"{b}_rotation", "rotation", "ψ", f"of {b}", "rad"),

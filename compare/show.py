@@ -154,7 +154,7 @@ def _acts(mechanism: Mechanism, signal: Signal) -> str:
         return ""
     first, second = joint.bodies
     if signal.kind == "clearance":
-        return f"pin centre of {first} minus that of {second}"
+        return f"{'angle' if signal.component == 'angle' else 'pin centre'} of {first} minus that of {second}"
     return f"{'moment' if signal.component == 'moment' else 'force'} of {first} on {second}"
 
 
