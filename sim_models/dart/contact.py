@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from dartpy.collision import Contact
     from dartpy.dynamics import BodyNode
 
+REBOUND = 0.1  # m/s, DART's own: a pin that would leave its rim more slowly stays there
 RIM = 1e-9  # of the clearance: how far inside the rim a pin counts as touching
 # of the clearance: a pin pressed to the rim in the last step that is no farther inside has not been lifted off
 HOLD = 1e-2
@@ -42,8 +43,8 @@ class Bearing:
 
     The anvil, a larger sphere, is put where the journal meets its circle before each step, so the contact has the place
     and the normal of a circle in a circle at the positions from which DART starts the step.  What happens in contact is
-    DART's: no speed into the bearing, and Newton's restitution above 0.1 m/s.  Friction is left out (DART's default is
-    1).
+    DART's: no speed into the bearing, and Newton's restitution where that gives a rebound faster than REBOUND.
+    Friction is left out (DART's default is 1).
     """
 
     def __init__(

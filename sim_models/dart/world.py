@@ -22,7 +22,7 @@ import numpy as np
 from analytic.mechanism import GROUND, Joint
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
-from sim_models.dart.contact import FLOOR, Bearing, plane, rebound, vector
+from sim_models.dart.contact import FLOOR, REBOUND, Bearing, plane, rebound, vector
 from sim_models.engine import Request, SettingValue
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.courses import assembled
@@ -87,14 +87,20 @@ class DartWorld(LeapfrogWorld):
             skeleton.enableAdjacentBodyCheck()
         if request.joint_model == "contact":
             self.bearings = {name: self._bearing(name, FLOOR * k) for k, name in enumerate(self.pins, 1)}
+        if self.held and request.courses is None:
+            driven = self.mechanism.driven
+            alone = self.nodes[driven].getSkeleton().getNumDofs() == 1
+            self.closes_driven = any(driven in joint.bodies for joint in self.closing)
+            bears = any(driven in self.mechanism.joint(name).bodies for name in self.bearings)
+            self.looks_back = alone and (self.closes_driven or bears)  # see _forgotten
 
     def settings(self) -> dict[str, SettingValue]:
         if not self.bearings:
             return super().settings()
-        return {
-            "contact_law": "rigid, Newton's restitution",
-            "restitution": {name: bearing.restitution for name, bearing in self.bearings.items()},
-        }
+        bounce = {name: bearing.restitution for name, bearing in self.bearings.items()}
+        slowest = {name: REBOUND / share for name, share in bounce.items() if share and not self.static}
+        law: dict[str, SettingValue] = {"contact_law": "rigid, Newton's restitution", "restitution": bounce}
+        return law | ({"minimum_impact_speed": slowest} if slowest else {})
 
     # ---------------------------------------------------------------- building
 
@@ -217,6 +223,16 @@ class DartWorld(LeapfrogWorld):
         rate = first.getLinearVelocity() - second.getLinearVelocity()
         return plane(gap), plane(rate)
 
+    def positions(self) -> np.ndarray:
+        return np.concatenate([skeleton.getPositions() for skeleton in self.skeletons])
+
+    def columns(self, body: str) -> list[int]:
+        root = self.roots[body]
+        tree = self.skeletons.index(root.getSkeleton())
+        before = sum(skeleton.getNumDofs() for skeleton in self.skeletons[:tree])
+        parts = [self.carriages[body], root] if body in self.carriages else [root]
+        return [before + part.getIndexInSkeleton(k) for part in parts for k in range(part.getNumDofs())]
+
     def velocities(self) -> np.ndarray:
         return np.concatenate([skeleton.getVelocities() for skeleton in self.skeletons])
 
@@ -289,6 +305,13 @@ class DartWorld(LeapfrogWorld):
             if joint.prismatic:
                 moments[joint.name] = moment
         return forces, moments, {self.mechanism.drive_joint.name: torque} if self.held else {}
+
+    def effort(self) -> float:
+        moment = -float(self.roots[self.mechanism.driven].getWrenchToChildBodyNode()[2])
+        if not self.looks_back:
+            return moment
+        closing = self._closing_forces() if self.closes_driven else {}
+        return moment - self._forgotten(self.pin_forces | closing)[1]
 
     def _closing_forces(self) -> dict[str, complex]:
         """Forces of the pins that close loops, from the generalised forces that DART's constraints exerted."""

@@ -14,6 +14,7 @@ import cmath
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -22,7 +23,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Spring
 from analytic.mechanism.signals import DRIVE_TORQUE, driving, position
 from sim_models.common.backlash import Flanks, side
-from sim_models.common.contact_laws import bearing, contact_parameters, longest
+from sim_models.common.contact_laws import bearing, contact_parameters, longest, named_law
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
@@ -30,8 +31,10 @@ from sim_models.engine import Cause, Request, SettingValue, SimulationError
 from sim_models.leapfrog.balance import Balance
 from sim_models.leapfrog.courses import Grid, Path, motion_of, path_of
 from sim_models.leapfrog.laws import JointLaws
+from sim_models.leapfrog.mobility import mobility
 from sim_models.leapfrog.parts import Pin, Steered, coordinates, moving_body, spanning_tree
 from sim_models.leapfrog.rates import body_rates, centre_rates, turning
+from sim_models.leapfrog.striking import Striking, told
 
 HEEDED = 1e-7  # of the largest reaction that friction grows with: what it may still change by
 HEEDINGS = 100  # times that friction is found anew from the reactions that it changes
@@ -49,6 +52,7 @@ class LeapfrogWorld(ABC):
     one_sided = False  # whether its pins rest on rigid rims that they may leave
     by_rods = False  # whether what was last seen of such pins is that of rods of the clearance's length in their place
     balances = False  # whether reactions are found by each body's balance
+    looks_back = False  # whether what its motor exerts is read with the poses before the step
     settling = 1  # steps after which the engine's constraints exert what they should
 
     def __init__(self, request: Request) -> None:
@@ -66,8 +70,14 @@ class LeapfrogWorld(ABC):
         self.points = {(GROUND, name): m.ground.point(name) for name in m.ground.points}  # m, in the body's frame
         self.points |= {(b.name, name): b.point(name) for b in m.bodies for name in (*b.points, "com", MASS_CENTRE)}
         self.pins = {
-            name: Pin(m.joint(name), clearance, contact_parameters(m, m.joint(name), request.motion))
+            name: Pin(j, clearance, contact_parameters(m, j, request.motion), named_law(m, j, request.motion))
             for name, clearance in request.clearances.items()
+            for j in [m.joint(name)]
+        }
+        named = {name: pin.law for name, pin in self.pins.items() if pin.law is not None and self.compliant}
+        self.striking = {
+            name: Striking(law, self.pins[name].clearance, partial(self._yields, self.pins[name].joint))
+            for name, law in named.items()
         }
         self.soft = {name: Pin(m.joint(name), 0.0, bearing(m, m.joint(name))) for name in request.bearings}
         reach = moving_body(m, m.driven).length if request.courses is None else longest(m)
@@ -120,6 +130,20 @@ class LeapfrogWorld(ABC):
     @abstractmethod
     def velocities(self) -> np.ndarray:
         """The engine's own velocities (n,)."""
+
+    @abstractmethod
+    def positions(self) -> np.ndarray:
+        """The engine's own positions (n,), which :meth:`velocities` are the rates of."""
+
+    @abstractmethod
+    def columns(self, body: str) -> list[int]:
+        """Which of them are the coordinates of a moving body's branch, in the order of
+        :func:`sim_models.leapfrog.parts.coordinates`.
+        """
+
+    @abstractmethod
+    def effort(self) -> float:
+        """What the motor exerted on the driven body in the last step (N.m), as the engine has it, while it is held."""
 
     @abstractmethod
     def set_velocities(self, velocities: np.ndarray) -> None:
@@ -245,6 +269,8 @@ class LeapfrogWorld(ABC):
         if not self.compliant or not self.pins:
             return {}
         contacts = [pin.contact for pin in self.pins.values()]
+        if self.striking:
+            return told(self.mechanism, self.pins)
         return {
             "contact_law": "Kelvin-Voigt, max(0, K d + C d')",
             "contact_stiffness": min(c.stiffness for c in contacts),
@@ -286,7 +312,12 @@ class LeapfrogWorld(ABC):
         if self.request.joint_model == "spring-damper":
             for name, pin in self.pins.items():
                 self.pin_gaps[name], rate = self.gap(name)
-                force = self.pin_forces[name] = pin.spring_damper(self.pin_gaps[name], rate)
+                striking = self.striking.get(name) if self.trailing else None  # before the run, nothing has struck
+                if striking is None:
+                    force = pin.spring_damper(self.pin_gaps[name], rate)
+                else:
+                    force = striking.push(self.pin_gaps[name], rate, self.trailing)
+                self.pin_forces[name] = force
                 if force:
                     self.pull(pin.joint, force)
         for name, pin in self.soft.items():
@@ -439,6 +470,7 @@ class LeapfrogWorld(ABC):
         self.step(h)
         change = self.velocities() - before
         self.place(bodies)
+        self.forget()
         speeds = self.velocities()
         self.shift(-WARM_UP * h * (speeds - WARM_UP / 2 * change))
         self.set_velocities(speeds - (WARM_UP + 0.5) * change)
@@ -447,11 +479,24 @@ class LeapfrogWorld(ABC):
         for self.aim in aims:
             self.step(h)
 
+    def _yields(self, joint: Joint) -> np.ndarray:
+        """(2, 2) 1/kg: how a joint's gap accelerates under a force, as the bodies are now."""
+        held = [each.joint for each in self.steered] if self.held else []
+        closed = [j for j in self.mechanism.joints if j.name not in self.pins and j.name not in self.soft]
+        bodies = {body.name: self.pose(body.name) for body in self.mechanism.bodies}
+        return mobility(self.mechanism, bodies, joint, closed, held)
+
+    def forget(self) -> None:
+        """Take the pins as just placed: none has touched its wall."""
+        for each in self.striking.values():
+            each.forget()
+
     def approach(self, bodies: Mapping[str, Pose], h: float, spin_up: Sequence[float] = ()) -> None:
         """Place the bodies a few steps (s) before these poses, and step; what is steered accelerates by ``spin_up``
         (rad/s^2, m/s^2).
         """
         self.place(bodies)
+        self.forget()
         self.spin_up = spin_up
         for k, each in enumerate(spin_up):
             self.commands[k] -= (self.settling - 1) * each * h

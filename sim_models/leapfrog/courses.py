@@ -230,10 +230,12 @@ class Grid:
     lead: int  # steps before the first report
     nodes: np.ndarray  # (N, 4) steps whose beginnings a report is made of
     weights: np.ndarray  # (N, 4)
+    beyond: int = 0  # steps after the last that a report needs
 
     @classmethod
-    def of(cls, times: np.ndarray, begin: float, longest: float, early: bool) -> Grid:
-        """A grid of steps no longer than ``longest`` (s) for reports at times (N,) s, none before ``begin`` (s).
+    def of(cls, times: np.ndarray, begin: float, longest: float, early: bool, beyond: float = 0.0) -> Grid:
+        """A grid of steps no longer than ``longest`` (s) for reports at times (N,) s, none before ``begin`` (s), that
+        goes on ``beyond`` them (s).
 
         A grid that may begin up to a step ``early`` has a step at the first report, and at all that are equally far
         apart.
@@ -248,12 +250,17 @@ class Grid:
         nodes = np.maximum(np.floor(place).astype(int) - 1, 0)[:, None] + np.arange(4)
         nodes = np.where(close[:, None], np.rint(place).astype(int)[:, None], nodes)
         weights = np.where(close[:, None], np.eye(4)[0], _lagrange(place - nodes[:, 0]))
-        return cls(start, step, lead, nodes, weights)
+        return cls(start, step, lead, nodes, weights, int(np.ceil(beyond / step - ON_GRID)))
+
+    @property
+    def reported(self) -> int:
+        """The last step that a report needs."""
+        return int(self.nodes.max())
 
     @property
     def last(self) -> int:
-        """The last step that a report needs."""
-        return int(self.nodes.max())
+        """The last step."""
+        return self.reported + self.beyond
 
     def rows(self, seen: Mapping[int, Mapping[str, float]]) -> list[dict[str, float]]:
         """Signals at the reports, from those at the steps."""

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from analytic.mechanism import GROUND, Body, Joint, Mechanism
-from sim_models.common.contact_laws import KelvinVoigt
+from sim_models.common.contact_laws import KelvinVoigt, NamedLaw
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch, grown, without_loops
@@ -22,11 +22,14 @@ def moving_body(m: Mechanism, name: str) -> Body:
 
 @dataclass(frozen=True)
 class Pin:
-    """A revolute joint with clearance (m) and what its contact is made of; without clearance, its soft bearing."""
+    """A revolute joint with clearance (m), what its contact is made of, and the law that the mechanism names for it;
+    without clearance, its soft bearing.
+    """
 
     joint: Joint
     clearance: float
     contact: KelvinVoigt
+    law: NamedLaw | None = None
 
     def spring(self, gap: complex, rate: complex) -> complex:
         """Force (N) on the second body of a soft bearing: K gap + C rate (m, m/s)."""

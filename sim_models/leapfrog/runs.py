@@ -37,6 +37,7 @@ from sim_models.leapfrog.courses import (
 from sim_models.leapfrog.equilibria import Equilibria
 from sim_models.leapfrog.probe import PROBE, drive_inertia, forces_at
 from sim_models.leapfrog.steps import longest_step
+from sim_models.leapfrog.watch import Watch
 
 JOURNAL_SAMPLES = 4000  # at least, where a run has as many steps
 AT_REST = 1e-9  # rad, of a crank on a spring
@@ -229,19 +230,24 @@ def _moving(world: LeapfrogWorld, found: Equilibria) -> Trace:
         world.flanks = Flanks.of(world.mechanism, felt, plan.motor.top_speed)
         world.drive_stiffness = world.flanks.stiffness
     longest = request.step or longest_step(world, plan.motor, plan.begin, found.peaks(plan.motor, plan.seen))
+    beyond = request.beyond / plan.motor.top_speed if request.beyond else 0.0
     check_steps(
-        f"{world.engine} {request.joint_model} ({world.mechanism.name})", float(plan.times.max()) - plan.begin, longest
+        f"{world.engine} {request.joint_model} ({world.mechanism.name})",
+        float(plan.times.max()) - plan.begin + beyond,
+        longest,
     )
     early = world.motor is not None and not world.free
-    grid = world.grid = Grid.of(plan.times, plan.begin, longest, early)
+    grid = world.grid = Grid.of(plan.times, plan.begin, longest, early, beyond)
     _start(world, found, plan, grid)
-    tally = Tally(world, max(1, (grid.last - grid.lead) // JOURNAL_SAMPLES))
-    rows = grid.rows(_follow(world, plan, grid, tally))
+    tally = Tally(world, max(1, (grid.reported - grid.lead) // JOURNAL_SAMPLES))
+    watch = Watch.of(world, grid) if request.watched else None
+    rows = grid.rows(_follow(world, plan, grid, tally, watch))
     if world.motor is not None and world.held:
         _check_course(world, plan, rows)
     theta = np.array([row[_told(world)] for row in rows])
     trace = _trace(world, rows, request.crank_angle if request.crank_angle.size else theta, plan.times, grid.step)
-    return replace(trace, free_share=tally.free_share(), journal=tally.journal())
+    watched = watch.watched() if watch is not None else None
+    return replace(trace, free_share=tally.free_share(), journal=tally.journal(), watched=watched)
 
 
 def _told(world: LeapfrogWorld) -> str:
@@ -295,7 +301,9 @@ def _start(world: LeapfrogWorld, found: Equilibria, plan: Plan, grid: Grid) -> N
         world.hold(False)
 
 
-def _follow(world: LeapfrogWorld, plan: Plan, grid: Grid, tally: Tally) -> dict[int, dict[str, float]]:
+def _follow(
+    world: LeapfrogWorld, plan: Plan, grid: Grid, tally: Tally, watch: Watch | None
+) -> dict[int, dict[str, float]]:
     """Signals at the beginnings of the grid's steps that reports need."""
     seen: dict[int, dict[str, float]] = {}
     wanted = set(grid.nodes.ravel().tolist())
@@ -306,13 +314,17 @@ def _follow(world: LeapfrogWorld, plan: Plan, grid: Grid, tally: Tally) -> dict[
     aims: Sequence[Sequence[float] | None] = world.aims(plan.motor, times) if steers else [None] * times.size
     for k, world.aim in enumerate(aims):
         world.heeding = bool(world.loads) and (feels or not wanted.isdisjoint(range(k + 1, k + HEEDED_STEPS)))
+        if watch is not None and k == grid.lead:
+            watch.begin()
         if k in wanted:
             seen[k] = world.observe(grid.step)
             _check_depth(world, _near(world, seen[k], grid.begin + k * grid.step))
         else:
             world.step(grid.step)
-        if k >= grid.lead:
+        if grid.lead <= k <= grid.reported:
             tally.add()
+        if watch is not None and k >= grid.lead:
+            watch.add(k - grid.lead)
     return seen
 
 

@@ -253,6 +253,12 @@ class BulletWorld(LeapfrogWorld):
             self.poses = {GROUND: AT_REST}
         return self.state
 
+    def positions(self) -> np.ndarray:
+        return np.array(self._read()[0])
+
+    def columns(self, body: str) -> list[int]:
+        return self.own[body]
+
     def velocities(self) -> np.ndarray:
         return np.array(self._read()[1])
 
@@ -346,6 +352,10 @@ class BulletWorld(LeapfrogWorld):
             self.p.applyExternalForce(
                 strut.number, part, flat(-weight), at, self.p.WORLD_FRAME, physicsClientId=self.client
             )
+
+    def effort(self) -> float:
+        body, index = self.freedoms[self.own[self.mechanism.driven][-1]]
+        return float(self.p.getJointState(body, index, self.client)[3])
 
     def tension(self, tie: Tie) -> complex:
         """Force (N) of a tie on its second body in the last step."""

@@ -1,0 +1,81 @@
+"""How readily the gap of a joint with clearance gives way to a force, in a linkage of rigid bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from analytic.mechanism import MASS_CENTRE, Joint, Mechanism
+from sim_models.common.contact_laws import longest
+from sim_models.common.start import AT_REST, Pose
+
+TRIFLE = 1e-6  # of a body's mass on the longest body: a slide's block may have no moment of inertia
+SINGULAR = 1e-9  # of the largest: what a joint asks that others ask already
+
+
+def mobility(
+    m: Mechanism, bodies: Mapping[str, Pose], joint: Joint, closed: Iterable[Joint], held: Iterable[Joint]
+) -> np.ndarray:
+    """(2, 2) 1/kg, ground frame: acceleration of a joint's second pin from its first under a force on the second, and
+    the opposite on the first, in these poses.
+
+    The joints ``closed`` stay so, and the motors in those ``held`` do not give way.  All others are loose.
+    """
+    least = TRIFLE * longest(m) ** 2
+    sizes = [(body.mass, body.mass, max(body.moment_of_inertia, least * body.mass)) for body in m.bodies]
+    free = 1 / np.ravel(sizes)
+    apart = _apart(m, bodies, joint)
+    rows = [row for each in closed for row in _closing(m, bodies, each)] + [_moving(m, bodies, each) for each in held]
+    bare = apart * free @ apart.T
+    if not rows:
+        return np.asarray(bare)
+    ties = np.array(rows)
+    ties /= np.sqrt(ties * ties @ free)[:, None]
+    between = ties * free @ apart.T
+    return np.asarray(bare - between.T @ np.linalg.pinv(ties * free @ ties.T, rcond=SINGULAR, hermitian=True) @ between)
+
+
+def _apart(m: Mechanism, bodies: Mapping[str, Pose], joint: Joint) -> np.ndarray:
+    """(2, 3 bodies): velocity of a joint's second body less the first's where the second's point is, by the velocities
+    (x, y) of all mass centres and the bodies' angular velocities.
+    """
+    second = joint.bodies[1]
+    at = bodies.get(second, AT_REST)
+    place = at.origin + m.body(second).point(joint.name) * np.exp(1j * at.angle)
+    rows = np.zeros((2, 3 * len(m.bodies)))
+    for k, body in enumerate(m.bodies):
+        if body.name in joint.bodies:
+            here = bodies[body.name]
+            arm = place - here.origin - body.point(MASS_CENTRE) * np.exp(1j * here.angle)
+            sign = 1.0 if body.name == second else -1.0
+            rows[:, 3 * k : 3 * k + 3] = sign * np.array([[1.0, 0.0, -arm.imag], [0.0, 1.0, arm.real]])
+    return rows
+
+
+def _turning(m: Mechanism, joint: Joint) -> np.ndarray:
+    """(3 bodies,): angular velocity of a joint's second body less the first's, by the same."""
+    signs = {joint.bodies[0]: -1.0, joint.bodies[1]: 1.0}
+    return np.array([part for body in m.bodies for part in (0.0, 0.0, signs.get(body.name, 0.0))])
+
+
+def _along(bodies: Mapping[str, Pose], joint: Joint) -> complex:
+    """Direction of a slide, ground frame."""
+    return complex(joint.direction * np.exp(1j * bodies.get(joint.bodies[0], AT_REST).angle))
+
+
+def _closing(m: Mechanism, bodies: Mapping[str, Pose], joint: Joint) -> list[np.ndarray]:
+    """What does not move in a closed joint, by the same."""
+    x, y = _apart(m, bodies, joint)
+    if not joint.prismatic:
+        return [x, y]
+    across = 1j * _along(bodies, joint)
+    return [across.real * x + across.imag * y, _turning(m, joint)]
+
+
+def _moving(m: Mechanism, bodies: Mapping[str, Pose], joint: Joint) -> np.ndarray:
+    """What a motor in a joint moves, by the same."""
+    if not joint.prismatic:
+        return _turning(m, joint)
+    (x, y), along = _apart(m, bodies, joint), _along(bodies, joint)
+    return np.asarray(along.real * x + along.imag * y)

@@ -1,0 +1,112 @@
+"""Every step of a run of a :class:`~sim_models.leapfrog.bodies.LeapfrogWorld`, as the instants from which it started.
+
+While the run lasts, an engine's own coordinates are kept; places and velocities follow from them afterwards, for all
+instants at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic.mechanism import GROUND, MASS_CENTRE
+from sim_models.common.tree import Branch
+from sim_models.engine import Watched
+from sim_models.leapfrog.bodies import LeapfrogWorld
+from sim_models.leapfrog.courses import Grid
+
+
+@dataclass(frozen=True)
+class Track:
+    """Where a body's origin is (m, x + iy), its angle (rad), and their rates, at (M,) instants."""
+
+    place: np.ndarray
+    angle: np.ndarray
+    velocity: np.ndarray
+    spin: np.ndarray
+
+    def carried(self, arm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Place and velocity of a point that is this far (m, x + iy) from the origin."""
+        return self.place + arm, self.velocity + 1j * self.spin * arm
+
+
+@dataclass(frozen=True)
+class Watch:
+    """What is kept of (M,) steps."""
+
+    world: LeapfrogWorld
+    time: np.ndarray  # s, at which they start
+    positions: np.ndarray  # (M + 1, n) of the engine's own, there and after the last
+    velocities: np.ndarray  # (M + 1, n) half a step before each, and after the last
+    forces: np.ndarray  # (M, joints with clearance) N, complex
+    torque: np.ndarray  # N.m
+
+    @classmethod
+    def of(cls, world: LeapfrogWorld, grid: Grid) -> Watch:
+        """A watch over a grid's steps from the first report on."""
+        steps = np.arange(grid.lead, grid.last + 1)
+        positions, velocities = np.zeros((2, steps.size + 1, world.velocities().size))
+        forces = np.zeros((steps.size, len(world.pins)), complex)
+        return cls(world, grid.begin + grid.step * steps, positions, velocities, forces, np.zeros(steps.size))
+
+    def begin(self) -> None:
+        """Take in where the first step starts."""
+        self._note(0)
+
+    def add(self, k: int) -> None:
+        """Take in the step that was just made, the k-th."""
+        world = self.world
+        self.forces[k] = [world.pin_forces[name] for name in world.pins]
+        self.torque[k] = world.effort() if world.held else world.motor_torque
+        self._note(k + 1)
+
+    def _note(self, k: int) -> None:
+        self.positions[k], self.velocities[k] = self.world.positions(), self.world.velocities()
+        if self.world.looks_back:
+            self.world.before_observing()
+
+    def watched(self) -> Watched:
+        """All of it."""
+        tracks = self._tracks()
+        centres = {
+            name: track.carried(self.world.points[name, MASS_CENTRE] * np.exp(1j * track.angle))
+            for name, track in tracks.items()
+        }
+        return Watched(
+            self.time,
+            {name: place for name, (place, _) in centres.items()},
+            {name: velocity for name, (_, velocity) in centres.items()},
+            {name: track.angle for name, track in tracks.items()},
+            {name: track.spin for name, track in tracks.items()},
+            dict(zip(self.world.pins, self.forces.T, strict=True)),
+            self.torque,
+        )
+
+    def _tracks(self) -> dict[str, Track]:
+        """Every moving body's, from the coordinates of its branch."""
+        positions, rates = self.positions[:-1], (self.velocities[:-1] + self.velocities[1:]) / 2
+        still = np.zeros(self.time.size)
+        tracks = {GROUND: Track(still + 0j, still, still + 0j, still)}
+        for branch in self.world.branches:
+            own = self.world.columns(branch.child)
+            tracks[branch.child] = self._track(branch, tracks[branch.parent], positions[:, own].T, rates[:, own].T)
+        return {body.name: tracks[body.name] for body in self.world.mechanism.bodies}
+
+    def _track(self, branch: Branch, base: Track, q: np.ndarray, v: np.ndarray) -> Track:
+        """A body's track from its parent's and the coordinates (k, M) of its branch and their rates."""
+        turned, joint = np.exp(1j * base.angle), branch.joint
+        if joint is None:
+            place, velocity = base.carried((q[0] + 1j * q[1]) * turned)
+            return Track(place, base.angle + q[2], velocity + (v[0] + 1j * v[1]) * turned, base.spin + v[2])
+        arm = self.world.points[branch.parent, joint.name] * turned
+        if joint.prismatic:
+            angle, spin = base.angle + branch.fixed_angle, base.spin
+            along = branch.axis * np.exp(1j * angle)
+            place, velocity = base.carried(arm + along * q[0])
+            velocity = velocity + along * v[0]
+        else:
+            angle, spin = base.angle + q[0], base.spin + v[0]
+            place, velocity = base.carried(arm)
+        pin = self.world.points[branch.child, joint.name] * np.exp(1j * angle)
+        return Track(place - pin, angle, velocity - 1j * spin * pin, spin)
