@@ -13,7 +13,10 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism.file import load
 from analytic.paper.clearance import displaced
 from compare.judge.signals import compared, with_derived
+from compare.judge.statistics import held_together
+from compare.judge.tolerances import load_tolerances
 from compare.results.crosscheck import CrossCheck
+from test_contact_statistics import BOUNCES, CLEARANCE, bouncing, prescribed, springs, told
 
 ERROR = {"ideal": 1e-7, "massless-link": 2e-6, "spring-damper": 3e-5, "contact": 4e-4}  # of a signal's peak
 DELIVERED = {"rad": 2e-3, "N": 0.1, "m": 2e-5, "N.m": 0.02}  # tolerances
@@ -139,6 +142,29 @@ def swinging() -> dict[str, Any]:
     return result | fields | {"verdict": ideal["verdict"], "runs": [ideal]}
 
 
+def rattling(louder: float = 1.0, turns: tuple[int, int] = (24, 24)) -> CrossCheck:
+    """Two engines whose contact runs have a pin that goes from wall to wall in B, pressed as chance has it; the second
+    ``louder``, each over some ``turns``.  Where the analytic model has no answer they have values all the same.
+    """
+    content = sample_result("crank-rocker", {"B": CLEARANCE}, ("mujoco", "exudyn"))
+    for run in content["runs"]:
+        run["simulated"] = {name: _filled(values) for name, values in run["simulated"].items()}
+    document = as_document(content)
+    runs = list(document.runs)
+    for seed, (loud, n) in enumerate(zip((1.0, louder), turns, strict=True)):
+        heights = loud * np.random.default_rng(seed).uniform(1.0, 1.2, 1 + BOUNCES * max(turns))
+
+        def pressed(phase: np.ndarray, heights: np.ndarray = heights) -> np.ndarray:
+            return heights[(phase * BOUNCES / math.tau).astype(int)] * springs(phase)
+
+        k = next(i for i, r in enumerate(runs) if r.joint_model == "contact" and r.contact is None)
+        runs[k] = runs[k].model_copy(update={"contact": told(prescribed(n, bouncing, pressed, 4000 * n))})
+    held = held_together(runs, load_tolerances())
+    wrong = any(one.verdict == "disagrees" for one in held)
+    verdict = "disagrees" if wrong else document.verdict
+    return document.model_copy(update={"runs": tuple(runs), "statistics": held, "verdict": verdict})
+
+
 def _disturbed(values: np.ndarray, error: float, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     ripple = np.sin(7 * theta + rng.uniform(0, math.tau)) * (1 + 0.3 * rng.standard_normal(theta.size))
     return values + error * np.nanmax(np.abs(values)) * ripple if np.isfinite(values).any() else values
@@ -168,6 +194,11 @@ def _discrepancy(signal: str, unit: str, gap: np.ndarray, theta: np.ndarray) -> 
         "tolerance": tolerance,
         "verdict": "agrees" if within else "disagrees",
     }
+
+
+def _filled(values: list[float | None]) -> list[float]:
+    known = [k for k, v in enumerate(values) if v is not None]
+    return np.interp(np.arange(len(values)), known, [v for v in values if v is not None]).tolist()  # type: ignore[no-any-return]
 
 
 def _listed(values: np.ndarray) -> list[float | None]:

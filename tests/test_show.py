@@ -149,9 +149,9 @@ def test_a_free_drive_is_asked_for_by_its_time() -> None:
         shown("reaction_O_angle", 30, swinging())
 
 
-def test_a_flagged_angle_has_a_reason_and_no_number() -> None:
+def test_a_flagged_angle_has_a_reason_and_no_analytic_number() -> None:
     text = shown("reaction_B_angle", 30, flagged(), joint="contact")
-    assert "flagged       no number on either side: the reaction at B passes near zero" in text
+    assert "flagged       no analytic number: the reaction at B passes near zero" in text
     assert "simulated     " not in text
 
 

@@ -243,9 +243,9 @@ def _converged(joints: Mapping[str, JointContact], whole: int, turns: float) -> 
         return True, f"averages over {told} are known to {100 * KNOWN:g} %"
     name, key, found = max(wide, key=lambda one: (one[2].half_width or math.inf) / (abs(one[2].value or 0.0) or 1.0))
     if found.half_width is None:
-        return False, f"{told} are too few for averages"
+        return False, f"{told} {'is' if whole == 1 else 'are'} too few for averages"
     share = 100 * found.half_width / abs(found.value) if found.value else math.inf
-    return False, f"after {told} {key} of {name} is known to {share:.2g} % only"
+    return False, f"after {told} the {key.replace('_', ' ')} of {name} is known to {share:.2g} % only"
 
 
 def _last(spans: list[tuple[int, int]]) -> tuple[int, int]:

@@ -12,6 +12,7 @@ from compare.results.crosscheck import Failure
 from sim_models.engine import Request, Trace
 
 ROUNDS = 3
+SHORT = 1e-6  # of a revolution, by which an engine's steps may end before it
 
 
 def prolong(
@@ -36,7 +37,7 @@ def prolong(
 
 def _longer(request: Request, one: Judged | Failure, most: float) -> Request | None:
     """The request of a longer run; None where that is no use, or not allowed."""
-    if isinstance(one, Failure) or one.run.contact is None or one.run.contact.revolutions < 1:
+    if isinstance(one, Failure) or one.run.contact is None or one.run.contact.revolutions < 1 - SHORT:
         return None
     found = one.run.contact
     turns = min(math.ceil(more_revolutions(found)), most)

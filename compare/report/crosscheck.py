@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from compare.quantities import plain
+from compare.report.contact_figures import contact_figures
 from compare.report.figures import figures
 from compare.report.junit import junit
 from compare.report.linkage import linkage_figure
@@ -27,7 +28,7 @@ __all__ = ["files", "plot", "print_table", "summary_html"]
 def files(result: CrossCheck) -> dict[str, str]:
     """The report: report.html, report.md, junit.xml, signals.csv and the figures, text by file name."""
     summary = summarise(result)
-    shown = figures(result, summary)
+    shown = [*figures(result, summary), *contact_figures(result)]
     linkage = linkage_figure(result, summary)
     drawings = {figure.name: draw(figure) for figure in [*([linkage] if linkage else []), *shown]}
     names = {name: f"{re.sub(r'[^A-Za-z0-9_-]', '_', name)}.svg" for name in drawings}

@@ -19,7 +19,7 @@ from compare.results.document import listed
 
 JOURNAL_POINTS = 3000  # about as many points as a drawn journal path keeps
 Numbers = tuple[float | None, ...]
-Mark = Literal["line", "dashed", "marker", "link", "joint", "pivot"]
+Mark = Literal["line", "dashed", "marker", "band", "link", "joint", "pivot"]
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,8 @@ class Axis:
 
 @dataclass(frozen=True)
 class Series:
-    """Points in the axes' units, None where there is none.  ``role`` picks the colour, ``mark`` how it is drawn.
+    """Points in the axes' units, None where there is none.  ``role`` picks the colour, ``mark`` how it is drawn: a
+    ``band`` goes along its upper edge and back along its lower one.
 
     ``level`` tells several simulators of one joint model apart.  A series that does not ``scale`` has no say in the
     range of the axes; one without a ``name`` is not in the legend.
@@ -195,12 +196,17 @@ def same_turn(angles: Numbers, reference: Numbers, turn: float = 360.0) -> Numbe
     """Angles each shifted by whole turns to within half a turn of the reference's at its sample, so that their
     difference is the one judged.
 
-    Where only one of the two is known, or the reference is of other samples, an angle stays.
+    Where the reference has none, an angle lies beside the last one; where it is of other samples, angles stay.
     """
     if len(reference) != len(angles):
         return angles
-    pairs = zip(angles, reference, strict=True)
-    return tuple(a if a is None or r is None else a - turn * round((a - r) / turn) for a, r in pairs)
+    out: list[float | None] = []
+    last = next((r for r in reference if r is not None), None)
+    for a, r in zip(angles, reference, strict=True):
+        last = last if r is None else r
+        out.append(a if a is None or last is None else a - turn * round((a - last) / turn))
+        last = last if out[-1] is None else out[-1]
+    return tuple(out)
 
 
 def _span(values: Numbers, quantity: Quantity) -> str:
@@ -216,13 +222,7 @@ def journal_path(result: CrossCheck, summary: Summary, joint: str) -> Figure:
     """Path of one joint's journal within its clearance circle, and the analytic points on the rim."""
     runs = [run for run in result.runs if _path(run, joint)]
     radius = 1e3 * runs[0].clearance[joint]
-    turn = [2 * math.pi * k / 120 for k in range(121)]
-    rim = Series(
-        "clearance circle",
-        scaled(math.cos(a) * radius for a in turn),
-        scaled(math.sin(a) * radius for a in turn),
-        "frame",
-    )
+    rim = clearance_circle(radius)
     paths = []
     for run in runs:
         x, y = thinned(run.journal[joint].x, run.journal[joint].y, 1e-3 * radius)
@@ -248,6 +248,13 @@ def journal_path(result: CrossCheck, summary: Summary, joint: str) -> Figure:
         "plane",
         "; ".join(share),
     )
+
+
+def clearance_circle(radius: float) -> Series:
+    """The circle of a ``radius`` (mm) that a pin has in its bearing."""
+    turn = [2 * math.pi * k / 120 for k in range(121)]
+    x, y = scaled(math.cos(a) * radius for a in turn), scaled(math.sin(a) * radius for a in turn)
+    return Series("clearance circle", x, y, "frame")
 
 
 def thinned(x: np.ndarray, y: np.ndarray, step: float) -> tuple[list[float], list[float]]:

@@ -1,4 +1,4 @@
-"""The verdicts as a JUnit file: a suite for each run, a case for each signal."""
+"""The verdicts as a JUnit file: a suite for each run, a case for each signal; one for statistics of contact."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
+from compare.quantities import plain
+from compare.report.contact import ASCII, Held, Pair
 from compare.report.summary import Row, ShownRun, Summary
 from compare.report.svg import NOT_XML
 
@@ -14,7 +16,13 @@ def junit(summary: Summary) -> str:
     """JUnit XML: a disagreement is a failure with its numbers, and so is a run that is not judged; a known difference
     passes and says so.
     """
-    suites = [_suite(summary.case, run) for run in summary.runs] + [_failed(summary)] * bool(summary.failures)
+    suites = [_suite(summary.case, run) for run in summary.runs]
+    if summary.contact.pairs:
+        cases = [_held(summary.case, pair, row) for pair in summary.contact.pairs for row in pair.rows]
+        suites.append(_of_cases("contact statistics", cases))
+    if summary.contact.runs:
+        _tell_contact(suites, summary)
+    suites += [_failed(summary)] * bool(summary.failures)
     return _text(f"cross-check of {summary.case}", suites)
 
 
@@ -80,6 +88,27 @@ def _failed(summary: Summary) -> ElementTree.Element:
         )
         ElementTree.SubElement(case, "error", _clean({"message": why, "type": "simulation"}))
     return suite
+
+
+def _held(case: str, pair: Pair, row: Held) -> Case:
+    """A statistic of contact of two engines; what is not judged passes, and says why."""
+    place = f"{case}.{'-'.join(pair.between)}.{pair.joint_model}.{row.joint}"
+    said = row.sentence().translate(ASCII)
+    if row.verdict == "disagrees":
+        return Case(place, row.name, failure=said, kind="disagreement")
+    return Case(place, row.name, said=f"{said}; not judged: {row.reason}" if row.reason else said)
+
+
+def _tell_contact(suites: Sequence[ElementTree.Element], summary: Summary) -> None:
+    """What contact did in each run, in words and numbers, in the output of its suite."""
+    by_title = {run.title: suite for run, suite in zip(summary.runs, suites, strict=False)}
+    for run in summary.contact.runs:
+        lines = [run.sentence]
+        for table in (table for table in summary.contact.tables if run.run in table.runs):
+            k = table.runs.index(run.run)
+            lines += [f"{table.joint}: {m.title.translate(ASCII)} {values[k].said(plain)}" for m, values in table.rows]
+        element = ElementTree.SubElement(by_title[run.run], "system-out")
+        element.text = NOT_XML.sub("", "\n".join(lines))
 
 
 def _unjudged(case: str, run: ShownRun) -> ElementTree.Element:

@@ -19,6 +19,7 @@ from compare.report.summary import MODELS, REAL, WORDS, ShownRun, Summary, frame
 from compare.results.crosscheck import CrossCheck, Run
 from compare.results.document import as_written
 
+OF_CONTACT = ("orbit_", "contact_force_", "regimes_", "section_")  # figures that stand in the section on contact
 SIGNS = {"agrees": "✓", "disagrees": "✗", "known": "≈", "unjudged": "?", "failed": "✗"}
 
 
@@ -36,6 +37,7 @@ def render(
         "result": result,
         "summary": summary,
         "figures": list(figures),
+        "of_contact": [figure.name for figure in figures if figure.name.startswith(OF_CONTACT)],
         "linkage": linkage,
         "files": files,
         "words": WORDS,

@@ -91,19 +91,26 @@ def _place(result: Provenance, run: Sample) -> str:
 
 def _explained(result: Provenance, run: Sample) -> Iterator[str]:
     if run.flag:
-        yield f"  flagged       no number on either side: {run.flag}"
+        yield f"  flagged       no analytic number: {run.flag}"
+        if run.simulated.value is not None:
+            yield from _simulated(result, run)
         return
     yield f"  analytic      {_both(run.analytic.value, result.unit)}"
     for equation in run.analytic.equations:
         yield INDENT + equation.words + (f"; {equation.module}" if equation.module else "")
     yield from _components(run.analytic, result.unit)
+    yield from _simulated(result, run)
+    if run.difference is not None:
+        yield f"  difference    {_both(run.difference, result.unit, '+')}, simulated minus analytic{_less(result, run)}"
+    yield from _verdict(result, run)
+
+
+def _simulated(result: Provenance, run: Sample) -> Iterator[str]:
+    """What the engine has, and with which settings."""
     yield f"  simulated     {_both(run.simulated.value, result.unit)}"
     absent = "recorded" if run.simulator.recorded else "an engine that is not installed here"
     yield f"{INDENT}{run.simulated.module or absent}; {_settings(run)}"
     yield from _components(run.simulated, result.unit)
-    if run.difference is not None:
-        yield f"  difference    {_both(run.difference, result.unit, '+')}, simulated minus analytic{_less(result, run)}"
-    yield from _verdict(result, run)
 
 
 def _less(result: Provenance, run: Sample) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from compare.quantities import Quantity, key_signals, number, plain, quantities, shown
+from compare.report.contact import NO_CONTACT, Contact, told
 from compare.results import crosscheck as results
 from compare.results.crosscheck import CrossCheck
 from sim_models.engine import SettingValue
@@ -135,6 +136,7 @@ class Summary:
     failures: tuple[str, ...]  # runs that have no result, and why
     printed: tuple[Printed, ...]
     why: str  # which assumption of the analytic model fails, and where; empty where none is known to
+    contact: Contact  # what it did in the runs that were watched
 
     def keys(self, all_joints: bool, mechanism: Mechanism) -> list[Quantity]:
         """The signals of a short table: the paper's own, for these joints or for all, what a file of results has, and
@@ -168,11 +170,24 @@ def summarise(result: CrossCheck) -> Summary:
         if name in signals
     )
     failures = tuple(failure.why for failure in result.failures)
-    verdict = "failed" if failures and all(run.verdict == "agrees" for run in runs) else result.verdict
-    said = headline(runs, len(failures))
+    contact = told(result)
+    speaks_against = any(pair.wrong for pair in contact.pairs) or any(run.verdict != "agrees" for run in runs)
+    verdict = "failed" if failures and not speaks_against else result.verdict
+    said = headline(runs, len(failures), contact=contact)
     printed = tuple(_printed(signals[one.signal], one) for one in result.printed)
     return Summary(
-        result.case, verdict, said, runs, signals, tuple(joints), spread, result.words, failures, printed, why(runs)
+        result.case,
+        verdict,
+        said,
+        runs,
+        signals,
+        tuple(joints),
+        spread,
+        result.words,
+        failures,
+        printed,
+        why(runs),
+        contact,
     )
 
 
@@ -334,11 +349,18 @@ def _where(at: float | None, run: results.Run, mechanism: Mechanism) -> str:
     return f"{plain(math.degrees(at), 4)} deg"
 
 
-def headline(runs: tuple[ShownRun, ...], failures: int = 0, say: Callable[..., str] = number) -> str:
+def headline(
+    runs: tuple[ShownRun, ...],
+    failures: int = 0,
+    say: Callable[..., str] = number,
+    contact: Contact = NO_CONTACT,
+) -> str:
     """The verdict in a few sentences: runs that failed or are not judged, comparisons that disagree, and the worst (or
-    closest) by its tolerance.
+    closest) by its tolerance; and what the engines' statistics of contact say of each other.
     """
-    return " ".join(_sentences(runs, failures, say)) if runs else "No simulation came to its end: nothing was compared."
+    if not runs:
+        return "No simulation came to its end: nothing was compared."
+    return " ".join(filter(None, [*_sentences(runs, failures, say), contact.headline(say)]))
 
 
 def _sentences(runs: tuple[ShownRun, ...], failures: int, say: Callable[..., str]) -> Iterator[str]:

@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 from zlib import crc32
 
 from compare.quantities import SUPERSCRIPT
-from compare.report.figures import Axis, Figure, Numbers, Series
+from compare.report.figures import Axis, Figure, Mark, Numbers, Series
 
 WIDTH, HEIGHT, TALLEST = 720.0, 420.0, 640.0
 LEFT, RIGHT, BOTTOM, LINE = 76.0, 18.0, 52.0, 20.0
@@ -21,6 +21,11 @@ COLOURS = {  # the page's style sheet has the same, with lighter ones for a dark
     "massless-link": "#0067a5",
     "spring-damper": "#c2500a",
     "contact": "#00795c",
+    "free": "#a9b0ba",  # a pin without contact, and four bands of force (plasma, darker where more)
+    "force-1": "#e79a2b",
+    "force-2": "#d4546b",
+    "force-3": "#8b2d91",
+    "force-4": "#251270",
 }
 DASHES = ("", "7 4", "2 3", "9 3 2 3")  # a simulator each
 SHAPES = {"ideal": "plus", "massless-link": "circle", "spring-damper": "square", "contact": "cross", "analytic": "dot"}
@@ -176,7 +181,8 @@ def _drawn_legend(lines: list[list[tuple[Series, float]]]) -> list[str]:
             y = 42 + LINE * i
             key = Series("", (at + 12,), (y,), series.role, series.mark, series.level)
             if series.mark != "marker":
-                key = Series("", (at, at + 24), (y, y), series.role, series.mark, series.level)
+                mark: Mark = "link" if series.mark == "band" else series.mark
+                key = Series("", (at, at + 24), (y, y), series.role, mark, series.level)
             same = Scale(0, 1, 0, 1)
             out += [f'<g fill="none">{_series(key, same, same)}</g>', _text(series.name, at + 30, y + 4)]
     return out
@@ -199,6 +205,8 @@ def _series(s: Series, x: Scale, y: Scale) -> str:
         )
         inside = "none" if s.mark == "marker" else "#fff"
         return f'<path d="{points}" stroke="{colour}" stroke-width="1.6" fill="{inside}"/>'
+    if s.mark == "band":
+        return f'<path d="{_line(s.x, s.y, x, y)}Z" fill="{colour}" fill-opacity="0.2"/>'
     width = {"link": 7.0, "dashed": 1.6}.get(s.mark, 2.0 if s.role == "analytic" else 1.7)
     dash = "6 4" if s.mark == "dashed" else DASHES[s.level % len(DASHES)]
     faint = ' stroke-opacity="0.4"' if s.mark == "link" else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal
 
 from rich.console import Console
@@ -11,9 +12,18 @@ from rich.text import Text
 
 from analytic.mechanism.one_line import count
 from compare.quantities import plain
+from compare.report.contact import ASCII, Contact, Value
 from compare.report.summary import WORDS, ShownRun, headline, summarise
+from compare.results.contact import StatisticName
 from compare.results.crosscheck import CrossCheck
 
+MAIN: Mapping[StatisticName, str] = {  # what a terminal has room for, and how a column is headed
+    "free_share": "free %",
+    "impacts": "impacts",
+    "rms_force": "rms N",
+    "peak_force": "peak N",
+    "restitution_loss": "lost mJ",
+}
 LOUD = ("disagrees", "unjudged", "failed")
 COLOUR = {"agrees": "green", "known": "yellow", **dict.fromkeys(LOUD, "bold red")}
 
@@ -41,13 +51,48 @@ def print_table(result: CrossCheck, console: Console) -> None:
         console.print(table)
     for line in _notes(summary.runs):
         console.print(escape(line), soft_wrap=False)
+    _print_contact(summary.contact, console)
     if summary.between:
         console.print(escape(f"between engines: {summary.between}"))
     for why in summary.failures:
         console.print(escape(f"failed: {why}"))
-    said = headline(summary.runs, len(summary.failures), plain).replace("·", ".")
+    said = headline(summary.runs, len(summary.failures), plain, summary.contact).translate(ASCII)
     because = f" {summary.why}" if summary.why else ""
     console.print(Text.assemble((f"{summary.case}: ", "bold"), _word(summary.verdict), f".{because} {said}"))
+
+
+def _print_contact(contact: Contact, console: Console) -> None:
+    """Contact in each run in a line, its main figures joint by joint where a pin strikes, and what disagrees."""
+    for run in contact.runs:
+        console.print(escape(f"{run.run}: {run.sentence}"))
+    striking = {run.run for run in contact.runs if run.struck}
+    for table in contact.tables:
+        rows = [k for k, run in enumerate(table.runs) if run in striking]
+        shown = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+        shown.add_column(f"contact in {table.joint}")
+        for name in MAIN:
+            shown.add_column(MAIN[name], justify="right", no_wrap=True)
+        for k in rows:
+            shown.add_row(Text(table.runs[k]), *(_within(table.of(name)[k]) for name in MAIN))
+        if rows:
+            console.print(shown)
+    for pair in contact.pairs:
+        console.print(escape(f"statistics of {pair.title}: {pair.sentence}"))
+        for row in pair.wrong:
+            console.print(escape(f"  {row.sentence().translate(ASCII)}: "), _word(row.verdict), sep="")
+
+
+def _within(value: Value) -> str:
+    """A statistic and half the width of its interval: ``10.5 +-1.3``, ``2922 +-499``, ``0 +-0.01``."""
+    if value.value is None or value.low is None or value.high is None:
+        return _short(value.value, 3)
+    half = (value.high - value.low) / 2
+    return f"{_short(0.0 if 10 * abs(value.value) < half else value.value, 3)} +-{_short(half, 2)}"
+
+
+def _short(value: float | None, digits: int) -> str:
+    """A number to some digits, without a power of ten where it is large."""
+    return f"{value:.0f}" if value is not None and 10**digits <= abs(value) < 1e6 else plain(value, digits)
 
 
 def _word(verdict: str) -> Text:

@@ -103,7 +103,7 @@ class Chart {
       const button = html("button", {type: "button", "aria-pressed": String(!this.hidden.has(s.name)), title: "Show or hide"}, this.legend);
       const key = svg("svg", {width: 26, height: 16, "aria-hidden": "true"}, button);
       const line = s.mark === "marker" ? {x: [13], y: [8]} : {x: [1, 25], y: [8, 8]};
-      this.drawSeries({...s, ...line, labels: []}, key, (v) => v, (v) => v);
+      this.drawSeries({...s, ...line, mark: s.mark === "band" ? "link" : s.mark, labels: []}, key, (v) => v, (v) => v);
       button.append(s.name);
       button.addEventListener("click", () => {
         if (!this.hidden.delete(s.name)) this.hidden.add(s.name);
@@ -222,7 +222,7 @@ class Chart {
       pen = both ? "L" : "M";
     });
     const line = svg("path", {d}, group);
-    if (s.mark !== "dashed" && DASHES[s.level % 4]) line.setAttribute("stroke-dasharray", DASHES[s.level % 4]);
+    if (!["dashed", "band"].includes(s.mark) && DASHES[s.level % 4]) line.setAttribute("stroke-dasharray", DASHES[s.level % 4]);
   }
 
   // ------------------------------------------------------------------ reading and zooming
@@ -316,8 +316,9 @@ class Chart {
     const nearest = series.flatMap((s) => s.x.filter(known)).reduce((best, v) => (best === null || Math.abs(v - at) < Math.abs(best - at) ? v : best), null);
     if (nearest === null) return null;
     const points = series.flatMap((s) => {
-      const i = s.x.indexOf(nearest);
-      return i < 0 || !known(s.y[i]) ? [] : [{x: nearest, y: s.y[i], role: s.role, name: s.name, text: `${number(s.y[i])} ${this.figure.y.unit}`}];
+      const i = s.x.indexOf(nearest), end = s.x.lastIndexOf(nearest);
+      const low = s.mark === "band" && end > i ? `${number(s.y[end])} to ` : "";
+      return i < 0 || !known(s.y[i]) ? [] : [{x: nearest, y: s.y[i], role: s.role, name: s.name, text: `${low}${number(s.y[i])} ${this.figure.y.unit}`}];
     });
     return {x: nearest, title: `${this.figure.x.label} ${number(nearest)} ${this.figure.x.unit}`, points};
   }

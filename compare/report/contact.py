@@ -1,0 +1,267 @@
+"""What contact did, as a reader takes it in: averages over revolutions with their intervals; engines held together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from analytic.mechanism.one_line import count
+from compare.quantities import number, plain
+from compare.results.contact import MEANING, STATISTICS, UNITS, Balance, Compared, JointContact, StatisticName
+from compare.results.contact import Contact as Found
+from compare.results.crosscheck import CrossCheck
+
+NAMES: Mapping[StatisticName, str] = {
+    "impacts": "impacts per revolution",
+    "rms_force": "RMS force",
+    "impulse": "impulse of impacts",
+    "restitution_loss": "lost by impacts",
+    "friction_loss": "lost by friction",
+    "high_peak": "peak force, 9 of 10 below",
+}
+READ: Mapping[StatisticName, tuple[str, float]] = {  # unit that a person reads, factor from SI
+    "free_share": ("%", 1e2),
+    "impacts": ("", 1.0),
+    "impulse": ("mN·s", 1e3),
+    "approach_speed": ("mm/s", 1e3),
+    "restitution_loss": ("mJ", 1e3),
+    "friction_loss": ("mJ", 1e3),
+    "wear": ("N·mm", 1e3),
+    "penetration": ("µm", 1e6),
+}
+LEAST_TO_REPEAT = 5  # revolutions, below which nothing tells whether a motion repeats itself
+ASCII = str.maketrans({"·": ".", "µ": "u"})  # of units
+ROUNDING = 1e-6  # of the energy lost in contact: a smaller loss is an engine's rounding, and read as 0
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A statistic as people read it: ``factor`` times the SI value is in ``unit``; ``meaning`` says what it is."""
+
+    name: str
+    unit: str
+    factor: float
+    meaning: str
+
+    @property
+    def title(self) -> str:
+        """Its name as a row begins with it, and its unit."""
+        return f"{self.name[:1].upper()}{self.name[1:]}" + (f" ({self.unit})" if self.unit else "")
+
+
+MEASURES: Mapping[StatisticName, Measure] = {
+    name: Measure(NAMES.get(name, name.replace("_", " ")), *READ.get(name, (UNITS[name], 1.0)), MEANING[name])
+    for name in STATISTICS
+}
+PEAK_RATIO = Measure("peak over ideal reaction", "", 1.0, "largest force of the run over the ideal linkage's largest")
+
+
+@dataclass(frozen=True)
+class Value:
+    """A statistic of a run, in its measure's unit, with the ends of its 95 % interval; None where there is none."""
+
+    value: float | None
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def known(self) -> bool:
+        """Whether it has an interval."""
+        return self.low is not None and self.high is not None
+
+    def said(self, say: Callable[..., str] = number) -> str:
+        """Value and interval: ``10.5 (9.27 to 11.8)``."""
+        return say(self.value) + (f" ({say(self.low)} to {say(self.high)})" if self.known else "")
+
+
+@dataclass(frozen=True)
+class Told:
+    """Contact in one run, in words: how far it was watched, whether it repeats itself, what its energy misses."""
+
+    run: str
+    converged: bool
+    averages: str
+    repeats: str
+    energy: str
+    struck: bool
+
+    @property
+    def sentence(self) -> str:
+        """All of it."""
+        return "; ".join(part for part in (self.averages, self.repeats, self.energy) if part)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Every statistic of one joint, a column of values for each run in which it was watched."""
+
+    joint: str
+    runs: tuple[str, ...]
+    rows: tuple[tuple[Measure, tuple[Value, ...]], ...]
+
+    def of(self, name: StatisticName) -> tuple[Value, ...]:
+        """One statistic's values, run by run."""
+        return dict(self.rows)[MEASURES[name]]
+
+
+@dataclass(frozen=True)
+class Held:
+    """A statistic of two runs, held against each other, in its measure's unit."""
+
+    measure: Measure
+    name: StatisticName
+    joint: str
+    values: tuple[float | None, float | None]
+    difference: float | None
+    allowed: float | None
+    verdict: str
+    reason: str
+
+    def sentence(self, say: Callable[..., str] = plain) -> str:
+        """The row in words: ``free share of B: 10.5 and 8.94 %, may differ by 2.1``."""
+        one, other = map(say, self.values)
+        unit = f" {self.measure.unit}" if self.measure.unit else ""
+        return f"{self.measure.name} of {self.joint}: {one} and {other}{unit}, may differ by {say(self.allowed)}"
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two engines with one joint model: their statistics that were judged, and once why others were not."""
+
+    between: tuple[str, str]
+    joint_model: str
+    rows: tuple[Held, ...]  # every one of them
+    unjudged: tuple[str, ...]  # reasons
+
+    @property
+    def title(self) -> str:
+        """Who they are."""
+        return f"{' and '.join(self.between)}, {self.joint_model}"
+
+    @property
+    def judged(self) -> list[Held]:
+        """Rows with a verdict."""
+        return [row for row in self.rows if row.verdict != "unjudged"]
+
+    @property
+    def wrong(self) -> list[Held]:
+        """Rows that disagree."""
+        return [row for row in self.rows if row.verdict == "disagrees"]
+
+    @property
+    def verdict(self) -> str:
+        """Of all its rows."""
+        return "disagrees" if self.wrong else "agrees" if self.judged else "unjudged"
+
+    @property
+    def sentence(self) -> str:
+        """How many of its statistics agree, and why others are not judged."""
+        agree = f"{len(self.judged) - len(self.wrong)} of {count(len(self.judged), 'statistic')} agree"
+        others = [f"not judged: {reason}" for reason in self.unjudged]
+        return "; ".join([agree] * bool(self.judged) + others)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """What contact did in all runs of a result."""
+
+    runs: tuple[Told, ...] = ()
+    tables: tuple[Table, ...] = ()
+    pairs: tuple[Pair, ...] = ()
+
+    @property
+    def measures(self) -> list[Measure]:
+        """What the tables tell, in order."""
+        return [measure for measure, _ in self.tables[0].rows] if self.tables else []
+
+    def headline(self, say: Callable[..., str] = number) -> str:
+        """What two engines' statistics say of each other, in a sentence; empty where nothing was held together."""
+        judged = [(pair, row) for pair in self.pairs for row in pair.judged]
+        wrong = [(pair, row) for pair, row in judged if row.verdict == "disagrees"]
+        if not self.pairs:
+            return ""
+        if not judged:
+            return "No statistics of contact were judged between engines."
+        if not wrong:
+            return f"All {len(judged)} judged statistics of contact agree between engines."
+        pair, row = max(wrong, key=lambda one: abs(one[1].difference or 0.0) / (one[1].allowed or 1e-300))
+        some = f"{len(wrong)} of {count(len(judged), 'statistic')} of contact"
+        verb = "disagrees" if len(wrong) == 1 else "disagree"
+        return f"{some} {verb} between engines, worst {row.sentence(say)} ({pair.title})."
+
+
+NO_CONTACT = Contact()
+
+
+def told(result: CrossCheck) -> Contact:
+    """What contact did in all runs of a result."""
+    watched = [(run.title, run.contact) for run in result.runs if run.contact is not None]
+    joints = dict.fromkeys(joint for _, found in watched for joint in found.joints)
+    return Contact(
+        tuple(_run(title, found) for title, found in watched),
+        tuple(
+            _table(joint, [(title, found.joints[joint]) for title, found in watched if joint in found.joints])
+            for joint in joints
+        ),
+        tuple(_pairs(result.statistics)),
+    )
+
+
+def _run(title: str, found: Found) -> Told:
+    struck = found.struck
+    return Told(
+        run=title,
+        converged=found.converged,
+        averages=found.words,
+        repeats=_repeats(found) if struck else "",
+        energy=_energy(found.energy) if struck else "",
+        struck=struck,
+    )
+
+
+def _repeats(found: Found) -> str:
+    if found.period is not None:
+        return (
+            f"the motion repeats itself every {count(found.period, 'revolution') if found.period > 1 else 'revolution'}"
+        )
+    if found.revolutions < LEAST_TO_REPEAT:
+        return "too few revolutions to tell whether the motion repeats itself"
+    return "the motion does not repeat itself"
+
+
+def _energy(energy: Balance | None) -> str:
+    if energy is None:
+        return "energy is not balanced, as friction of a joint grows with its load"
+    if energy.share is None:
+        return ""
+    return f"energy is balanced to {plain(100 * energy.share, 2)} % of what the motor turns over"
+
+
+def _table(joint: str, runs: Sequence[tuple[str, JointContact]]) -> Table:
+    rows = [(MEASURES[name], tuple(_value(one, name) for _, one in runs)) for name in STATISTICS]
+    rows.append((PEAK_RATIO, tuple(Value(one.peak_ratio) for _, one in runs)))
+    return Table(joint, tuple(title for title, _ in runs), tuple(rows))
+
+
+def _value(joint: JointContact, name: StatisticName) -> Value:
+    found, factor = joint.statistics[name], MEASURES[name].factor
+    lost = max(abs(joint.statistics[loss].value or 0.0) for loss in ("restitution_loss", "friction_loss"))
+    if name == "friction_loss" and abs(found.value or 0.0) < ROUNDING * lost:
+        return Value(0.0)
+    return Value(*(None if v is None else factor * v for v in (found.value, found.low, found.high)))
+
+
+def _pairs(statistics: Sequence[Compared]) -> Iterator[Pair]:
+    together: dict[tuple[tuple[str, str], str], list[Compared]] = {}
+    for one in statistics:
+        together.setdefault((one.between, one.joint_model), []).append(one)
+    for (between, joint_model), mine in together.items():
+        reasons = dict.fromkeys(one.reason for one in mine if one.verdict == "unjudged")
+        yield Pair(between, joint_model, tuple(map(_held, mine)), tuple(reasons))
+
+
+def _held(one: Compared) -> Held:
+    measure = MEASURES[one.statistic]
+    a, b, allowed = (None if v is None else measure.factor * v for v in (*one.values, one.allowed))
+    difference = None if a is None or b is None else a - b
+    return Held(measure, one.statistic, one.joint, (a, b), difference, allowed, one.verdict, one.reason)

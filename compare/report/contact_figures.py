@@ -1,0 +1,157 @@
+"""Figures of contact: where a pin went and how hard it pressed, over a turn and once a revolution."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from compare.quantities import number
+from compare.report.figures import Axis, Figure, Numbers, Series, clearance_circle, scaled, simulators
+from compare.report.summary import REAL
+from compare.results.contact import JointContact, Orbit
+from compare.results.crosscheck import CrossCheck, Run
+
+ENGINES = ("contact", "massless-link", "spring-damper", "ideal")  # colours of engines, which share a joint model here
+QUANTILES = (0.5, 0.8, 0.95)  # of the forces of a path, at which its colours change
+NOTHING = 1e-6  # of the largest force: less is none
+CRANK = Axis("crank angle θ₂", "deg")
+ACROSS = (Axis("displacement x", "mm"), Axis("displacement y", "mm"))
+
+
+def contact_figures(result: CrossCheck) -> list[Figure]:
+    """Four figures for each joint whose pin leaves its wall in a run: path by force, force, regimes, section; of the
+    runs with the most real joints.
+    """
+    striking = [run for run in result.runs if run.contact is not None and run.contact.struck]
+    joints = dict.fromkeys(name for run in striking if run.contact for name in run.contact.joints)
+    return [figure for joint in joints for figure in _of(result, striking, joint)]
+
+
+def _of(result: CrossCheck, striking: list[Run], joint: str) -> Iterator[Figure]:
+    runs = [(run, found) for run in striking if run.contact and (found := run.contact.joints.get(joint))]
+    runs = [(run, found) for run, found in runs if found.first_impact is not None]
+    if not runs:
+        return
+    first, found = min(runs, key=lambda one: REAL.index(one[0].joint_model))
+    runs = [(run, one) for run, one in runs if run.joint_model == first.joint_model]
+    yield orbit(first, joint, found.orbit)
+    yield force(result, runs, joint)
+    yield regimes(result, runs, joint)
+    yield section(result, runs, joint)
+
+
+def orbit(run: Run, joint: str, path: Orbit) -> Figure:
+    """The last revolution of a pin in its bearing, in colours by the force there."""
+    edges, largest = bands(path.force), float(np.max(path.force, initial=0.0))
+    pressed = path.force > NOTHING * largest
+    level = np.where(pressed, 1 + np.digitize(path.force, edges), 0)
+    level = np.maximum(level[:-1], level[1:])  # of each piece of the path
+    ends = [number(edge, 2) for edge in edges] + [number(largest)]
+    names = ["without force", f"below {ends[0]} N", *(f"{a} to {b} N" for a, b in pairwise(ends))]
+    shown = [
+        Series(name, *_pieces(path, level == k), "free" if k == 0 else f"force-{k}")
+        for k, name in enumerate(names)
+        if np.any(level == k)
+    ]
+    title = f"Last revolution of the pin in {joint}, by force"
+    text = f"{title}, {run.title}, up to {number(largest)} N."
+    rim = clearance_circle(1e3 * run.clearance[joint])
+    return Figure(f"orbit_{joint}", title, text, *ACROSS, (rim, *shown), "plane", f"Of {run.title}.")
+
+
+def bands(force: np.ndarray) -> list[float]:
+    """Forces (N), to two digits and growing, at which the colours of a path change."""
+    pressed = force[force > NOTHING * np.max(force, initial=0.0)]
+    if not pressed.size:
+        return []
+    return sorted({float(f"{value:.2g}") for value in np.quantile(pressed, QUANTILES)} - {0.0})
+
+
+def _pieces(path: Orbit, chosen: np.ndarray) -> tuple[Numbers, Numbers]:
+    """The chosen pieces (n - 1,) of a path of n points in mm, None between those that do not follow each other."""
+    ends = np.concatenate([[False], chosen]) | np.concatenate([chosen, [False]])
+    gone = ends & ~np.concatenate([chosen, [False]])  # the last point of a piece that ends
+    order = np.flatnonzero(ends)
+    xs, ys = [], []
+    for k in order.tolist():
+        xs.append(float(path.x[k]))
+        ys.append(float(path.y[k]))
+        if gone[k]:
+            xs.append(math.nan)
+            ys.append(math.nan)
+    return scaled(xs, 1e3), scaled(ys, 1e3)
+
+
+def role(result: CrossCheck, run: Run) -> str:
+    """The colour of an engine."""
+    return ENGINES[simulators(result).index(run.simulator.name) % len(ENGINES)]
+
+
+def force(result: CrossCheck, runs: list[tuple[Run, JointContact]], joint: str) -> Figure:
+    """Contact force over the crank angle: each run's mean, the band of 5 to 95 % of the time of the first, and the
+    analytic reaction.
+    """
+    first, found = runs[0][0], runs[0][1].profile
+    there = np.isfinite(found.low_force) & np.isfinite(found.high_force)
+    x = np.degrees(found.crank_angle[there])
+    edge = np.concatenate([x, x[::-1]])
+    high_low = np.concatenate([found.high_force[there], found.low_force[there][::-1]])
+    name = f"5 to 95 % of the time, {first.title}"
+    band = Series(name, scaled(edge), scaled(high_low), role(result, first), "band")
+    means = [
+        Series(f"mean, {run.title}", _degrees(one), scaled(one.profile.mean_force), role(result, run))
+        for run, one in runs
+    ]
+    name = f"reaction_{joint}_magnitude"
+    turn = np.mod(np.degrees(first.crank_angle), 360.0)
+    order = np.argsort(turn)
+    analytic = Series(
+        f"analytic, {first.analytic_model.replace('_', ' ')}",
+        scaled(turn[order]),
+        scaled(first.analytic[name][order]) if name in first.analytic else (),
+        "analytic",
+    )
+    title = f"Contact force in {joint}"
+    said = [f"{s.name} up to {number(max((v for v in s.y if v is not None), default=None))} N" for s in means]
+    text = f"{title} over the crank angle, all revolutions together: {'; '.join(said)}."
+    series = (band, *means, *([analytic] if analytic.y else []))
+    note = "All revolutions together; the analytic side has no answer where its line is broken."
+    return Figure(f"contact_force_{joint}", title, text, CRANK, Axis("force", "N"), series, note=note)
+
+
+def _degrees(one: JointContact) -> Numbers:
+    return scaled(np.degrees(one.profile.crank_angle))
+
+
+def regimes(result: CrossCheck, runs: list[tuple[Run, JointContact]], joint: str) -> Figure:
+    """When a pin is off its wall (lines), and when it strikes (marks), over the crank angle."""
+    series = []
+    for run, one in runs:
+        struck = np.where(one.profile.impacts > 0, one.profile.impacts, np.nan)
+        colour, free = role(result, run), scaled(one.profile.free_share, 100.0)
+        series.append(Series(f"free, {run.title}", _degrees(one), free, colour))
+        series.append(Series(f"impacts, {run.title}", _degrees(one), scaled(struck, 100.0), colour, "marker"))
+    step = 360.0 / runs[0][1].profile.crank_angle.size
+    title = f"When the pin in {joint} is free, and when it strikes"
+    text = f"{title}, over the crank angle: share of the time, and impacts in each {step:g} deg of 100 revolutions."
+    note = f"Lines: share of the time that the pin is off its wall. Marks: impacts in {step:g} deg, of 100 revolutions."
+    return Figure(
+        f"regimes_{joint}", title, text, CRANK, Axis("free; impacts in 100 revolutions", "%"), tuple(series), note=note
+    )
+
+
+def section(result: CrossCheck, runs: list[tuple[Run, JointContact]], joint: str) -> Figure:
+    """Where a pin is once a revolution: few points where its motion repeats itself, a cloud where it is chaotic."""
+    points = [
+        Series(run.title, scaled(one.section.x, 1e3), scaled(one.section.y, 1e3), role(result, run), "marker")
+        for run, one in runs
+    ]
+    at = number(math.degrees(float(runs[0][0].crank_angle[0])), 4)
+    title = f"The pin in {joint} once a revolution"
+    text = f"{title}, at {at} deg of the crank: {', '.join(f'{s.name} {len(s.x)} points' for s in points)}."
+    note = f"At {at} deg of the crank. A motion that repeats itself has few places, a chaotic one has many."
+    rim = clearance_circle(1e3 * runs[0][0].clearance[joint])
+    return Figure(f"section_{joint}", title, text, *ACROSS, (rim, *points), "plane", note)
