@@ -4,7 +4,7 @@
 1e10 N/m); ``spring-damper`` pushes with max(0, K d + C d') outside the gap; ``contact`` is a journal in its bearing
 (ObjectContactSphereSphere): K d + C d' where the mechanism gives ``contact_damping``, else a restitution law. That
 damping also pulls while the pin leaves, which the spring-damper's does not: with many impacts the pin is free 4-6 %
-less.
+less.  Where the mechanism names a ``contact_law``, both are :mod:`sim_models.exudyn.named_contact`, which never pulls.
 """
 
 from __future__ import annotations
@@ -29,8 +29,11 @@ from sim_models.exudyn.settings import console_off
 RUNS: tuple[Pair, ...] = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
 BENDING: tuple[Pair, ...] = tuple((model, motion) for model in ("ideal", "contact") for motion in MOTIONS)
 # No law of a joint sees another's reaction; one-sided laws between a motor and its crank would be slow in Python.
-HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "backlash", "contact_law"}
-BEYOND: frozenset[Feature] = frozenset({"contact_friction", "drive_compliance", "soft_bearing", "released"})  # of beams
+HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "backlash"}
+WRITTEN = HAS - {"contact_law"}  # in exports: a memory of touches is no part of a model file
+BEYOND: frozenset[Feature] = frozenset(
+    {"contact_law", "contact_friction", "drive_compliance", "soft_bearing", "released"}
+)  # of beams
 # Of beams in motion: inertia forces of several drives, and dampers beside springs, are not worked out.
 AT_REST_ALONE: frozenset[tuple[Feature, Pair]] = frozenset(
     (feature, pair) for feature in ("several_drives", "point_spring") for pair in BENDING if pair[1] == "driven"
@@ -47,7 +50,7 @@ class ExudynEngine(Engine):
     capabilities = Capabilities(
         rigid=Scope.of(RUNS, HAS, but=AT_REST),
         beams=Scope.of(BENDING, HAS - BEYOND, but=AT_REST_ALONE),
-        export=Scope.of(RUNS, HAS, but=AT_REST),
+        export=Scope.of(RUNS, WRITTEN, but=AT_REST),
     )
 
     def simulate(self, request: Request) -> Trace:

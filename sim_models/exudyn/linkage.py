@@ -235,6 +235,9 @@ class ExudynLinkage:
                 )  # the multiplier is the tension
             else:
                 force[joint.name] = -(value[:, 0] + 1j * value[:, 1])
+                if joint.name in self.model.rubs:
+                    rubbed = self.model.rubs[joint.name].on_second(raw[f"rub {joint.name}"])
+                    force[joint.name] = force[joint.name] + rubbed
         moved = [self.m.joint(name) for name in self.model.drives or ()]
         loads = {signal.name: load for signal, load in zip(driving(moved), drives.values(), strict=False)}
         marker = {body: locate(self.m, com, angle, body, "com") for body in com}

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism, Spring
-from sim_models.common.contact_laws import PIN_RADIUS, bearing, contact_parameters
+from sim_models.common.contact_laws import PIN_RADIUS, NamedLaw, bearing, contact_parameters, named_law
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
 from sim_models.engine import JointModel, Motion, Request
 from sim_models.exudyn.laws import CONTACT_CREEP, MINIMUM_IMPACT_SPEED, contact_restitution, hysteresis, joint_creep
 from sim_models.exudyn.motor import RunMotor
+from sim_models.exudyn.named_contact import End, Memory, Rub, before_steps, push_back
 from sim_models.exudyn.slides import Slide
 
 ROD_STIFFNESS = (
@@ -60,6 +61,9 @@ class ExudynModel:
         self.laws = {
             name: contact_parameters(mechanism, mechanism.joint(name), contact_for or motion) for name in self.clearance
         }
+        self.named = named_laws(mechanism, joint_model, motion)
+        self.memories: list[tuple[Any, Memory]] = []  # of laws by name: connector, and how fast its pin touched
+        self.rubs: dict[str, Rub] = {}  # friction beside a law by name
         self.bearings = {
             name: bearing(mechanism, mechanism.joint(name)) for name in Request(mechanism, joint_model).bearings
         }
@@ -94,6 +98,8 @@ class ExudynModel:
             self.drives = {name: self._add_own_drive(mechanism.joint(name), by) for name, by in drives.items()}
             self.hold(start)
         self.mbs.Assemble()
+        if self.memories:
+            self.mbs.SetPreStepUserFunction(before_steps(exudyn, self.memories))
 
     @property
     def size(self) -> float:
@@ -189,6 +195,8 @@ class ExudynModel:
             number = self.mbs.AddObject(spring(markerNumbers=markers, stiffness=stiffness, damping=damping))
         elif joint.name not in self.clearance:
             number = self.mbs.AddObject(self.items.ObjectJointRevolute2D(markerNumbers=markers))
+        elif joint.name in self.named:
+            number = self._add_named_contact(joint, markers, self.named[joint.name])
         elif self.joint_model == "contact":
             spin = [start[body].angular_velocity if body != GROUND else 0.0 for body in joint.bodies]
             number = self._add_contact(
@@ -258,6 +266,44 @@ class ExudynModel:
         compiled = CreateSymbolicUserFunction(self.mbs, push_back, "springForceUserFunction", number)
         self.mbs.SetObjectParameter(number, "springForceUserFunction", compiled)
         return number
+
+    def _add_named_contact(self, joint: Joint, markers: list[Any], law: NamedLaw) -> Any:
+        from exudyn.utilities import CreateSymbolicUserFunction
+
+        symbolic = self.exu.symbolic
+        memory = Memory(symbolic, joint.name, law, joint.clearance) if law.hysteresis else None
+
+        def pushing(mbs: Any, t: Any, item: Any, stretch: Any, rate: Any, k: Any, d: Any, force: Any) -> Any:
+            return push_back(symbolic, law, memory, stretch, rate)
+
+        number = self.mbs.AddObject(
+            self.items.ObjectConnectorSpringDamper(
+                markerNumbers=markers, referenceLength=joint.clearance, stiffness=law.stiffness, damping=law.damping,
+                springForceUserFunction=pushing,
+            )
+        )  # fmt: skip
+        compiled = CreateSymbolicUserFunction(self.mbs, pushing, "springForceUserFunction", number)
+        self.mbs.SetObjectParameter(number, "springForceUserFunction", compiled)
+        if memory is not None:
+            self.memories.append((number, memory))
+        if joint.friction and self.joint_model == "contact":
+            self._add_rub(joint, law, memory)
+        return number
+
+    def _add_rub(self, joint: Joint, law: NamedLaw, memory: Memory | None) -> None:
+        """Friction of a pin in its bearing beside a law by name."""
+        moving = [body for body in joint.bodies if body != GROUND]
+        first, second = (
+            End(self.m.ground.point(joint.name), None)
+            if body == GROUND
+            else End(self.m.body(body).point(joint.name) - self.m.body(body).point(MASS_CENTRE), 3 * moving.index(body))
+            for body in joint.bodies
+        )
+        rim = (joint.pin_radius or PIN_RADIUS) + joint.clearance
+        rub = Rub(law, memory, joint.clearance, joint.friction, rim, (first, second))
+        number = rub.add(self.exu, self.mbs, self.items, [self.nodes[body] for body in moving])
+        self.rubs[joint.name] = rub
+        self._sense(f"rub {joint.name}", self.items.SensorBody, "Force", bodyNumber=number)
 
     def _add_rod(self, joint: Joint, markers: list[Any]) -> Any:
         if self.motion == "static":
@@ -443,6 +489,14 @@ class ExudynModel:
         shaft = self.mbs.AddNode(self.items.Node1D(initialCoordinates=[angle], initialVelocities=[speed]))
         self.mbs.AddObject(self.items.ObjectRotationalMass1D(physicsInertia=1.0, nodeNumber=shaft))
         return self._coordinate(shaft, 0)
+
+
+def named_laws(mechanism: Mechanism, joint_model: JointModel, motion: Motion) -> dict[str, NamedLaw]:
+    """The laws that the mechanism names of joints with clearance in contact, where the linkage moves."""
+    if joint_model not in ("contact", "spring-damper"):
+        return {}
+    found = {name: named_law(mechanism, mechanism.joint(name), motion) for name in mechanism.clearances}
+    return {name: law for name, law in found.items() if law is not None}
 
 
 def _called(speed: Callable[[float], float]) -> Callable[[Any, float, int, float], float]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Mechanism
 from analytic.mechanism.signals import DRIVE_TORQUE
 from sim_models.common.contact_laws import TOO_DEEP, shortest_link
 from sim_models.common.travel import slide_travel
-from sim_models.engine import Rates
+from sim_models.engine import Rates, Watched
 from sim_models.exudyn.motor import RunMotor
 from sim_models.exudyn.path import Path
 
@@ -83,17 +83,42 @@ class Record:
             for body, v in self.velocity.items()
         }
 
+    def watched(self, loose: Iterable[str], motor: RunMotor) -> Watched:
+        """What of it is watched, with the forces of these joints, on its crank's motor's own clock."""
+        return Watched(
+            time=self.time + motor.first - motor.begins,
+            place=self.com,
+            velocity=self.velocity,
+            angle=self.angle,
+            angular_velocity=self.angular_velocity,
+            force={name: self.force[name] for name in loose},
+            torque=self.drive_torque,
+        )
+
+
+Series = TypeVar("Series", "Record", Watched)
+
+
+def join_watched(parts: Sequence[Watched]) -> Watched:
+    """What was watched, one after the other."""
+    return _joined(Watched, parts)
+
 
 def join(records: Sequence[Record]) -> Record:
     """Records one after the other."""
+    return _joined(Record, records)
+
+
+def _joined(kind: type[Series], records: Sequence[Series]) -> Series:
+    """Arrays, and mappings of arrays, one after the other."""
     parts: list[Any] = []
-    for f in fields(Record):
+    for f in fields(kind):
         each = [getattr(record, f.name) for record in records]
         single = isinstance(each[0], np.ndarray)
         parts.append(
             np.concatenate(each) if single else {name: np.concatenate([e[name] for e in each]) for name in each[0]}
         )
-    return Record(*parts)
+    return kind(*parts)
 
 
 def locate(

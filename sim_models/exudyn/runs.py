@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain, pairwise
 
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
-from sim_models.common.contact_laws import contact_parameters, lighter_mass
+from sim_models.common.contact_laws import (
+    KelvinVoigt,
+    NamedLaw,
+    contact_parameters,
+    delivered,
+    lighter_mass,
+    restitution,
+)
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
 from sim_models.common.motor import Motor, motor_of, report_times
@@ -25,15 +34,17 @@ from sim_models.engine import (
 from sim_models.exudyn.equilibria import Equilibria
 from sim_models.exudyn.laws import MINIMUM_IMPACT_SPEED, contact_restitution, joint_creep
 from sim_models.exudyn.linkage import ExudynLinkage, Inertia
-from sim_models.exudyn.model import ExudynModel
+from sim_models.exudyn.model import ExudynModel, named_laws
 from sim_models.exudyn.motor import INSTANT, SETTLING, RunMotor
+from sim_models.exudyn.named_contact import said
 from sim_models.exudyn.path import CrankPath, Path, redundant
-from sim_models.exudyn.record import Judge, Record, join
+from sim_models.exudyn.record import Judge, Record, join, join_watched
 from sim_models.exudyn.steady import steady_start
 
 TURN_PER_STEP = 2e-3  # rad of crank angle in a step, at most
 SWING_PER_STEP = 5e-4  # rad, of a released linkage's time scale: it has no motor to keep its phase
 MOST_STEPS = 500_000  # all of which are kept
+MOST_STEPS_BEYOND = 4_000_000  # of those after the reports, about 200 bytes are kept where they are watched
 STEPS_PER_PERIOD = 40  # of the lighter link on a contact's stiffness, or hanging on a massless link
 STEPS_PER_SPRING = 400  # of the lighter link on a spring between points, which nothing damps
 
@@ -55,6 +66,7 @@ class Run:
         self.clearance = request.clearances
         compliant = self.clearance if request.joint_model in ("spring-damper", "contact") else {}
         self.contact = {name: contact_parameters(self.m, self.m.joint(name), request.motion) for name in compliant}
+        self.named = named_laws(self.m, request.joint_model, request.motion)
         self.bearings = request.bearings
         loose = {**self.clearance, **dict.fromkeys(self.bearings, 0.0)}
         self.judge = Judge(self.m, loose, {name: law.stiffness for name, law in self.contact.items()} | self.bearings)
@@ -89,12 +101,7 @@ class Run:
         self, linkage: ExudynLinkage, times: np.ndarray, longest: float, motors: Sequence[RunMotor] = ()
     ) -> tuple[Record, np.ndarray]:
         """Integrate from 0 through all times (s, sorted): every step, and the row of each time."""
-        check_steps(
-            f"exudyn {self.request.joint_model} {self.request.motion} ({self.m.name})",
-            float(times[-1]),
-            longest,
-            MOST_STEPS,
-        )
+        check_steps(self.who, float(times[-1]), longest, MOST_STEPS)
         parts, clock = [self.advance(linkage, 0.0, INSTANT, 1).rows(slice(0, 1))], INSTANT
         onward, stops = any(not motor.steady for motor in motors), np.unique(times)
         if onward:
@@ -114,6 +121,11 @@ class Run:
             rows.append(rows[-1] + parts[-1].time.size)
         return join(parts), np.array(rows)[np.searchsorted(ends, times)]
 
+    @property
+    def who(self) -> str:
+        """What is run, in words."""
+        return f"exudyn {self.request.joint_model} {self.request.motion} ({self.m.name})"
+
     def advance(self, linkage: ExudynLinkage, begin: float, end: float, count: int, onward: bool = False) -> Record:
         """Integrate in ``count`` steps, or settle in one (count 0)."""
         if not (linkage.advance(begin, end, count, onward) if count else linkage.settle(begin, end)):
@@ -132,9 +144,8 @@ class Run:
         raise NotImplementedError(f"{type(self).__name__} has to say what moves its linkage")
 
     def failure(self, why: str) -> SimulationError:
-        r = self.request
         return SimulationError(
-            f"exudyn {r.joint_model} {r.motion} ({self.m.name}): {why}",
+            f"{self.who}: {why}",
             Cause.DIVERGED,
             "use a smaller step or a softer, more damped contact",
         )
@@ -181,11 +192,25 @@ class Run:
             "solver": "static Newton" if r.motion == "static" else "trapezoidal rule, index 2",
             "step": step,
         }
-        laws = self.contact
-        if not laws:
+        if not self.contact:
             return used
+        used["contact_stiffness"] = min(law.stiffness for law in self.contact.values())
+        unnamed = {name: law for name, law in self.contact.items() if name not in self.named}
+        if unnamed:
+            used |= self._unnamed(unnamed)
+        for key, value in (self._named() if self.named else {}).items():
+            there = used.get(key)
+            if isinstance(there, Mapping) and isinstance(value, Mapping):
+                value = {**there, **value}
+            elif isinstance(there, str):
+                value = f"{there}; {value}"
+            used[key] = value
+        return used
+
+    def _unnamed(self, laws: Mapping[str, KelvinVoigt]) -> dict[str, SettingValue]:
+        """Of joints whose law the mechanism leaves to the engine."""
+        r, used = self.request, dict[str, SettingValue]()
         joints = {name: self.m.joint(name) for name in laws}
-        used["contact_stiffness"] = min(law.stiffness for law in laws.values())
         linear = {
             name
             for name, joint in joints.items()
@@ -201,6 +226,25 @@ class Run:
             name: contact_restitution(self.m, joints[name], laws[name]) for name in joints if name not in linear
         }
         return used | ({"restitution": bouncing} if bouncing else {})
+
+    def _named(self) -> dict[str, SettingValue]:
+        """Of joints whose law the mechanism names."""
+        laws = self.named
+        damping = {name: law.damping for name, law in sorted(laws.items()) if not law.hysteresis}
+        used: dict[str, SettingValue] = {"contact_law": said(laws, len(self.contact))}
+        if any(damping.values()):
+            used["contact_damping"] = damping
+        return used | {
+            "minimum_impact_speed": min(law.slowest for law in laws.values()),
+            "restitution": {name: law.asked for name, law in laws.items()},
+            "restitution_delivered": {name: self._delivered(name, law) for name, law in laws.items()},
+        }
+
+    def _delivered(self, name: str, law: NamedLaw) -> float:
+        """Restitution that a law by name delivers; that of Kelvin and Voigt, for the lighter of the joint's links."""
+        if law.name != "kelvin-voigt":
+            return delivered(law.hysteresis)
+        return restitution(law.damping / (2 * math.sqrt(law.stiffness * lighter_mass(self.m, self.m.joint(name)))))
 
 
 class ExudynRun(Run):
@@ -237,11 +281,31 @@ class ExudynRun(Run):
         if self.m.drive_stiffness is not None:
             self.judge = replace(self.judge, motor=turned)
         linkage, longest = self.launch(turned)
+        beyond = self.request.beyond / abs(self.m.speed or 1.0)
+        check_steps(self.who, beyond, longest, MOST_STEPS_BEYOND)
         history, marks = self.march(linkage, passing[order], longest, [turned])
         self.check(self.judge.energy(history), self.judge.in_assembly_mode(history, self.path))
-        return self.report(
-            history.rows(marks[np.argsort(order)]), history.rows(slice(int(marks[0]), None)), time, longest
-        )
+        seen = history.rows(slice(int(marks[0]), None))
+        trace = self.report(history.rows(marks[np.argsort(order)]), seen, time, longest)
+        onward = self.onward(linkage, float(passing.max()), beyond, longest)
+        if not self.request.watched:
+            deque(onward, maxlen=0)
+            return trace
+        watched = [record.watched(self.clearance, turned) for record in chain([seen], onward)]
+        watched[0].time[marks - marks[0]] = time[order]  # without the rounding of sums of steps
+        return replace(trace, watched=join_watched(watched))
+
+    def onward(self, linkage: ExudynLinkage, begin: float, beyond: float, longest: float) -> Iterator[Record]:
+        """Every step of a time ``beyond`` (s) the reports, a revolution at a time: Exudyn keeps what its sensors see in
+        one integration.
+        """
+        if not beyond:
+            return
+        pieces = math.ceil(self.request.beyond / (2 * math.pi) - 1e-9)
+        for start, end in pairwise(np.linspace(begin, begin + beyond, pieces + 1).tolist()):
+            record = self.advance(linkage, start, end, substeps(end - start, longest)[0]).rows(slice(1, None))
+            self.check(self.judge.energy(record), self.judge.in_assembly_mode(record, self.path))
+            yield record
 
     def released(self) -> Trace:
         time = report_times(self.request, None)

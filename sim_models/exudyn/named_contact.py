@@ -1,0 +1,165 @@
+"""Contact laws by name in Exudyn: functions that it compiles, and the memory of how fast a pin came to its wall.
+
+Exudyn's own contact of spheres pulls as a pin leaves; these do not.  The force max(0, K d (1 + chi d'/v0)) acts between
+the pin centres (ObjectConnectorSpringDamper as long as the clearance), friction where the pin touches
+(ObjectGenericODE2 on the nodes of the two bodies).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sim_models.common.contact_laws import NamedLaw
+from sim_models.exudyn.laws import CONTACT_CREEP
+
+TINY = 1e-300  # m, in place of a gap of no length
+
+
+class Memory:
+    """How a law with hysteresis remembers its touch: ``gain`` (s/m) is chi/v0, a variable in compiled functions.
+
+    A pin that starts on its wall has come there as slowly as the law reckons with.
+    """
+
+    def __init__(self, symbolic: Any, joint: str, law: NamedLaw, clearance: float) -> None:
+        self.law, self.clearance = law, clearance
+        self.gain = symbolic.Real(f"gain {joint}", law.hysteresis / law.slowest)
+
+    def see(self, apart: complex, rate: complex) -> None:
+        """Pin centres (m, m/s) at the start of a step: off the wall, it may be the one in which the pin touches."""
+        distance = abs(apart)
+        if distance <= self.clearance:
+            speed = (apart.conjugate() * rate).real / max(distance, TINY)
+            self.gain.SetValue(self.law.hysteresis / max(speed, self.law.slowest))
+
+
+def before_steps(exu: Any, memories: Sequence[tuple[Any, Memory]]) -> Callable[[Any, float], bool]:
+    """What Exudyn does before each step, for the connectors of these memories."""
+    apart, rate = exu.OutputVariableType.Displacement, exu.OutputVariableType.Velocity
+
+    def look(mbs: Any, t: float) -> bool:
+        for number, memory in memories:
+            (x, y, _), (u, v, _) = (mbs.GetObjectOutput(number, kind).tolist() for kind in (apart, rate))
+            memory.see(complex(x, y), complex(u, v))
+        return True
+
+    return look
+
+
+def push_back(symbolic: Any, law: NamedLaw, memory: Memory | None, stretch: Any, rate: Any) -> Any:
+    """The force (N) of a pin so far (m) beyond its clearance, at this rate (m/s), symbolic."""
+    if memory is not None:
+        return symbolic.max(law.stiffness * symbolic.max(stretch, 0.0) * (1.0 + memory.gain * rate), 0.0)
+    pushed = symbolic.max(law.stiffness * stretch + law.damping * rate, 0.0)
+    return symbolic.IfThenElse(stretch > 0.0, pushed, symbolic.Real(0.0))
+
+
+@dataclass(frozen=True)
+class End:
+    """A joint's end in a body: the pin centre ``arm`` (m) from the centre of mass, in the body's frame, which is at
+    ``row`` of the coordinates; of the ground, the pin's place (m), and None.
+    """
+
+    arm: complex
+    row: int | None
+
+
+@dataclass(frozen=True)
+class Rub:
+    """Coulomb friction of a pin in its bearing, at the rim (radius ``rim``, m, about the second's pin centre); it
+    fades where the pin slides more slowly than CONTACT_CREEP.
+    """
+
+    law: NamedLaw
+    memory: Memory | None
+    clearance: float
+    friction: float
+    rim: float
+    ends: tuple[End, End]
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates: three of each moving body."""
+        return 3 * sum(end.row is not None for end in self.ends)
+
+    def add(self, exu: Any, mbs: Any, items: Any, nodes: list[Any]) -> Any:
+        """Add it to a system, on the nodes of the moving bodies; the object's number.
+
+        Exudyn's helper for symbolic functions does not know how many coordinates there are.
+        """
+        symbolic, name = exu.symbolic, "forceUserFunction"
+        number = mbs.AddObject(
+            items.ObjectGenericODE2(
+                nodeNumbers=nodes, massMatrix=np.zeros((self.size, self.size)), forceUserFunction=lambda *_: []
+            )
+        )
+        before = symbolic.GetRecording()
+        symbolic.SetRecording(True)
+        t, item = symbolic.Real("t", 0.0), symbolic.Real("item", 0)
+        q, q_t = (symbolic.Vector(each, [0.0] * self.size) for each in ("q", "q_t"))
+        force = self.force(symbolic, q, q_t)
+        symbolic.SetRecording(before)
+        compiled = symbolic.UserFunction()
+        described = {
+            "functionName": "rub",
+            "argList": [mbs, t, item, q, q_t],
+            "argTypeList": ["MainSystem", "Real", "Index", "StdVector", "StdVector"],
+            "returnValue": force,
+            "returnType": "StdVector",
+        }
+        compiled.SetUserFunctionFromDict(mbs, described, name, number, "None")
+        mbs.SetObjectParameter(number, name, compiled)
+        return number
+
+    def force(self, symbolic: Any, q: Any, q_t: Any) -> Any:
+        """Generalised forces (N, N, N.m of each moving body) at these coordinates and rates, symbolic.
+
+        An expression is computed as often as it is written: hence what all have in common stands before a vector.
+        """
+        (a1, b1, x1, y1, u1, v1, w1), (a2, b2, x2, y2, u2, v2, w2) = (_pin(symbolic, end, q, q_t) for end in self.ends)
+        x, y, u, v = x1 - x2, y1 - y2, u1 - u2, v1 - v2
+        apart = symbolic.max(symbolic.sqrt(x * x + y * y), TINY)
+        rate, sliding = (x * u + y * v) / apart, (x * v - y * u) / apart
+        push = push_back(symbolic, self.law, self.memory, apart - self.clearance, rate)
+        slip = sliding + (w1 - w2) * self.rim - w1 * apart
+        fading = symbolic.max(symbolic.min(slip * (1 / CONTACT_CREEP), 1.0), -1.0)
+        first = [-y, x, a1 * x + b1 * y + (self.rim - apart) * apart]  # across the gap, times its length
+        second = [y, -x, -(a2 * x + b2 * y + self.rim * apart)]
+        moved = [
+            part for end, parts in zip(self.ends, (first, second), strict=True) if end.row is not None for part in parts
+        ]
+        return symbolic.Vector(moved) * (push * fading * (-self.friction) / apart)
+
+    def on_second(self, sensed: np.ndarray) -> np.ndarray:
+        """Force (M,) N, complex, on the second body, from Exudyn's generalised ones (M, size), which it has to the
+        left of its equations.
+        """
+        first, second = (end.row for end in self.ends)
+        row, sign = (first, 1.0) if second is None else (second, -1.0)
+        assert row is not None
+        return np.asarray(sign * (sensed[:, row] + 1j * sensed[:, row + 1]))
+
+
+def _pin(symbolic: Any, end: End, q: Any, q_t: Any) -> tuple[Any, ...]:
+    """A pin centre's x, y (m) from its body's centre of mass and from the origin, the rates of these (m/s), and its
+    body's angular velocity (rad/s), symbolic.
+    """
+    x, y = end.arm.real, end.arm.imag
+    if end.row is None:
+        still = symbolic.Real(0.0)
+        return still, still, symbolic.Real(x), symbolic.Real(y), still, still, still
+    c, s, w = symbolic.cos(q[end.row + 2]), symbolic.sin(q[end.row + 2]), q_t[end.row + 2]
+    a, b = x * c - y * s, x * s + y * c
+    return a, b, q[end.row] + a, q[end.row + 1] + b, q_t[end.row] - w * b, q_t[end.row + 1] + w * a, w
+
+
+def said(laws: Mapping[str, NamedLaw], among: int) -> str:
+    """The laws of these joints ``among`` so many with clearance, as results tell them."""
+    words = {law.words for law in laws.values()}
+    if len(words) == 1 and among == len(laws):
+        return words.pop()
+    return "; ".join(f"{name}: {law.words}" for name, law in laws.items())
