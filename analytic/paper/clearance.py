@@ -45,6 +45,7 @@ PASSES = 40
 NUDGE = 1e-4  # rad
 UNSTABLE = "the equilibrium found is not stable: the pins would leave it"
 TRIES = 6  # of how blocks rest
+LANDS = 1.5  # times as long as a block is on its way, until it rests
 SHORTER = 6  # times that a step of the search is halved at most
 
 
@@ -115,7 +116,7 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     sizes = {name: c for name, c in loose.items() if name not in blocks}
     give = {name: 1 / k for name, k in (m.soft_bearings if stiffnesses is None else stiffnesses).items()}
     turning = bool(inertia and np.any(drive[k:]))
-    reach = (2 * STENCIL if give else STENCIL) if turning and (sizes or give) else 0.0
+    reach = (2 * STENCIL if give else STENCIL) if turning and (loose or give) else 0.0
     path: Path | None = None
     if k == 1 and m.cranked:
         path = assembly.path(drive[0].min() - reach, drive[0].max() + reach)
@@ -178,6 +179,8 @@ def _with_blocks(pins: _Pins, drive: np.ndarray, found: Displaced, turning: bool
     """``found`` with blocks and pins where they come to rest."""
     blocks, ideal = pins.solve.blocks, found.ideal
     border = _on_the_border(pins.solve, ideal, drive)
+    if turning:
+        border = {**_on_their_way(pins, ideal, drive), **border}
     found = replace(found, flags={**border, **found.flags})
     how = np.array([block.rests(ideal) for block in blocks.values()])
     flagged = np.isin(np.arange(how.shape[1]), list(border))
@@ -272,6 +275,29 @@ def _on_the_border(solve: _Solve, ideal: Reactions, drive: np.ndarray) -> dict[i
             flags.setdefault(
                 int(i), f"the block of {name} passes from one rest to another: what presses it is too little to tell"
             )
+    return flags
+
+
+def _on_their_way(pins: _Pins, ideal: Reactions, drive: np.ndarray) -> dict[int, str]:
+    """Angles at which a block has not had the time to come to its new rest since what presses it changed over.
+
+    What moves it grows with that time t: after t^3 = 6 m s / rate it has gone s, twice the clearance, with its own mass
+    and moment of inertia alone; then it has to come to rest.
+    """
+    flags: dict[int, str] = {}
+    beside, moment = _beside(pins, drive)
+    around = pins.solve(beside)
+    for name, block in pins.solve.blocks.items():
+        body = ideal.motion.structure.mechanism.moving.get(block.joint.bodies[1])
+        if body is None:  # the ground is the block
+            continue
+        mass = body.mass + 4 * body.moment_of_inertia / block.length**2
+        before, after = np.split(np.subtract(*block.work(around)) / block.clearance, 2)
+        apart, rate = np.subtract(*block.work(ideal)) / block.clearance, (after - before) / (2 * moment)
+        away, rate = apart * rate > 0, np.maximum(np.abs(rate), TINY)
+        since, needed = np.abs(apart) / rate, LANDS * np.cbrt(12 * mass * block.clearance / rate)
+        for i in np.flatnonzero(away & (since < needed)):
+            flags.setdefault(int(i), f"the block of {name} is on its way from one rest to another")
     return flags
 
 
@@ -425,6 +451,19 @@ def _rates(
     acceleration of the crank.  This is the first term of a series in (gap's inertia force / reaction); on the paper's
     case the next is 1e-6 deg.  Of order 1 the gaps move there as those of order 0, at x too: the next term.
     """
+    beside, moment = _beside(pins, drive)
+    learnt = np.tile(learnt, (2, 1, 1))
+    there = pins.told(pins.solve(beside[: pins.solve.rows], None))
+    around, _ = pins.settled(beside, there + np.tile(x - toward, (2, 1)), inverse=learnt)
+    if order:
+        around, _ = pins.settled(beside, around, _rates(pins, beside, around, there, learnt, order - 1), learnt)
+    here, near = (np.stack(list(pins.places(at).values()), axis=-1) for at in (x, around))
+    before, after = np.split(near, 2)
+    return np.array([(after - before) / (2 * moment[:, None]), (after - 2 * here + before) / moment[:, None] ** 2])
+
+
+def _beside(pins: _Pins, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Drive (rows, 2 N) just before and just after each sample, and how long (N,) s that is."""
     k, unit = pins.pace.size, pins.pace[:, None]
     angle, speed, acceleration, near = np.split(drive, (k, 2 * k, 3 * k))
     turns, pushes = speed / unit, acceleration / unit
@@ -434,14 +473,7 @@ def _rates(
         np.concatenate([angle + speed * t + acceleration * t**2 / 2, speed + acceleration * t, acceleration, near])
         for t in (-moment, moment)
     ]
-    beside, learnt = np.hstack(sides), np.tile(learnt, (2, 1, 1))
-    there = pins.told(pins.solve(beside[: pins.solve.rows], None))
-    around, _ = pins.settled(beside, there + np.tile(x - toward, (2, 1)), inverse=learnt)
-    if order:
-        around, _ = pins.settled(beside, around, _rates(pins, beside, around, there, learnt, order - 1), learnt)
-    here, near = (np.stack(list(pins.places(at).values()), axis=-1) for at in (x, around))
-    before, after = np.split(near, 2)
-    return np.array([(after - before) / (2 * moment[:, None]), (after - 2 * here + before) / moment[:, None] ** 2])
+    return np.hstack(sides), moment
 
 
 def _without_direction(
