@@ -92,6 +92,7 @@ SETTINGS = {
     "contact_stiffness": STIFFNESS,
     "contact_damping": DAMPING,
     "minimum_impact_speed": SPEED,
+    "contact_margin": LENGTH,
 }
 
 

@@ -24,7 +24,7 @@ class MujocoEngine(Engine):
     name = "mujoco"
     package = "mujoco"
     capabilities = Capabilities(
-        rigid=Scope.of(RUNS, set(FEATURES) - {"contact_law"}),
+        rigid=Scope.of(RUNS),
         export=Scope.of(RUNS, set(FEATURES) - {"load_friction", "backlash", "contact_law"}),
     )
 

@@ -6,7 +6,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from sim_models.common.contact_laws import DAMPING_RATIO, contact_parameters, damping_ratio, lighter_mass
+from sim_models.common.contact_laws import (
+    DAMPING_RATIO,
+    NamedLaw,
+    contact_parameters,
+    damping_ratio,
+    delivered,
+    lighter_mass,
+    named_law,
+    restitution,
+)
 from sim_models.engine import Request, SettingValue
 
 
@@ -16,16 +25,20 @@ class Contact:
     a bounce.
 
     A hard contact counts from ``margin`` (m) before the rim: a pressed pin would otherwise flicker between in and out.
+    A law that the mechanism calls by its name is ``named``, and never hard.
     """
 
     stiffness: float
     damping: float
     hard: tuple[float, float] | None = None
     margin: float = 0.0
+    named: NamedLaw | None = None
 
     @property
     def words(self) -> str:
         """The law in words."""
+        if self.named is not None:
+            return self.named.words
         if self.hard is None:
             return "max(0, K d + C d') outside the gap"
         return f"hard, bounces at damping ratio {self.hard[1]:.3g}"
@@ -37,10 +50,14 @@ def contact_laws(request: Request) -> dict[str, Contact]:
     ``contact`` in a driven run is hard (it bounces as its restitution says, whatever mass it carries) unless the
     mechanism gives a stiffness or damping; every other compliant joint is a spring and damper in SI units.
     """
-    laws = {}
+    laws, struck = {}, request.joint_model in ("contact", "spring-damper")
     for name in request.clearances:
         joint = request.mechanism.joint(name)
         law = contact_parameters(request.mechanism, joint, request.motion)
+        named = named_law(request.mechanism, joint, request.motion) if struck else None
+        if named is not None:
+            laws[name] = Contact(named.stiffness, named.damping, named=named)
+            continue
         hard = None
         stated = joint.contact_damping is not None or (
             joint.contact_stiffness is not None and name not in request.assumed
@@ -55,7 +72,8 @@ def contact_laws(request: Request) -> dict[str, Contact]:
 
 def law_settings(request: Request, laws: Mapping[str, Contact]) -> dict[str, SettingValue]:
     """What the joints with clearance were made of: the law in words, the softest stiffness, each joint's damping, a
-    hard one's longest bounce (s).
+    hard one's longest bounce (s) and, in a watched run, how far (m) before the rim it begins; of laws by name the
+    restitution that is asked for, and delivered.
     """
     if not laws or request.joint_model == "massless-link":
         return {"contact_law": "massless link of fixed length, pulls and pushes"} if laws else {}
@@ -65,8 +83,33 @@ def law_settings(request: Request, laws: Mapping[str, Contact]) -> dict[str, Set
     bounces = [math.pi * law.hard[0] for law in laws.values() if law.hard]
     if bounces:
         settings["bounce_time"] = max(bounces)
+        if request.watched:
+            settings["contact_margin"] = {name: law.margin for name, law in laws.items()}
     if soft:
         settings["contact_stiffness"] = min(law.stiffness for law in soft)
-        damping = {name: law.damping for name, law in laws.items()}
+    damping = {name: law.damping for name, law in laws.items() if law.named is None or not law.named.hysteresis}
+    if soft and damping:
         settings["contact_damping"] = next(iter(damping.values())) if len(set(damping.values())) == 1 else damping
-    return settings
+    return settings | _named_settings(request, {name: law.named for name, law in laws.items() if law.named is not None})
+
+
+def _named_settings(request: Request, laws: Mapping[str, NamedLaw]) -> dict[str, SettingValue]:
+    """Restitution asked for and delivered by joint, and the least speed (m/s) of touching that laws reckon with."""
+    if not laws:
+        return {}
+    m, bent = request.mechanism, [law.slowest for law in laws.values() if law.hysteresis]
+    return {
+        "restitution": {name: law.asked for name, law in laws.items()},
+        "restitution_delivered": {
+            name: delivered(law.hysteresis)
+            if law.hysteresis
+            else restitution(_ratio(law, lighter_mass(m, m.joint(name))))
+            for name, law in laws.items()
+        },
+        **({"minimum_impact_speed": bent[0]} if bent else {}),
+    }
+
+
+def _ratio(law: NamedLaw, mass: float) -> float:
+    """Damping ratio of Kelvin's and Voigt's law for a mass (kg)."""
+    return law.damping / (2 * math.sqrt(law.stiffness * mass))

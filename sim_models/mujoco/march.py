@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from sim_models.common.start import MOST_STEPS, check_steps, substeps
-from sim_models.engine import Request
+from sim_models.engine import Request, Watched
 from sim_models.mujoco.limits import check_closed, check_depth, check_together, room_apart
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import Steering
 from sim_models.mujoco.state import (
+    Applied,
     apart,
     check_warnings,
     friction_torques,
@@ -24,6 +25,7 @@ from sim_models.mujoco.state import (
     on_track,
     signals,
 )
+from sim_models.mujoco.watch import Watch
 
 MOST_STEPS_IN_MUJOCO = 5_000_000  # of a run that MuJoCo steps by itself: half a minute
 SAMPLES = 600  # of a run's journal path, or somewhat more
@@ -31,7 +33,7 @@ SAMPLES = 600  # of a run's journal path, or somewhat more
 
 def most_steps(link: MujocoLinkage) -> int:
     """Steps that a run may take; a contact passes through Python in each of them."""
-    return MOST_STEPS if link.touch else MOST_STEPS_IN_MUJOCO
+    return MOST_STEPS if link.kept else MOST_STEPS_IN_MUJOCO
 
 
 @dataclass
@@ -46,6 +48,13 @@ class Log:
     def of(cls, joints: Iterable[str]) -> Log:
         """An empty log."""
         return cls({name: [] for name in joints}, {name: [] for name in joints})
+
+    def add(self, link: MujocoLinkage, time: float, forces: Mapping[str, Applied]) -> None:
+        """Take a sample."""
+        self.times.append(time)
+        for name in link.contacts:
+            self.gaps[name].append(gap(link, name))
+            self.forces[name].append(abs(forces[name][0]))
 
 
 @dataclass
@@ -68,22 +77,23 @@ def march(
     state: tuple[np.ndarray, np.ndarray],
     marks: np.ndarray,
     lead: float,
-) -> tuple[dict[str, np.ndarray], Log, MujocoSteps]:
-    """Step from mark to mark (s), after the lead-in (s), from a state (nq,), (nv,): signals at the marks, samples of
-    the journals between them.
+) -> tuple[dict[str, np.ndarray], Log, MujocoSteps, Watched | None]:
+    """Step from mark to mark (s), after the lead-in (s), from a state (nq,), (nv,), and on beyond the last: signals at
+    the marks, samples of the journals between them, and every step since the first if the request wants it.
 
     No step is longer than the linkage's.  Raises SimulationError: the run diverged, came apart, went too deep, or would
     take too long.
     """
+    beyond = request.beyond / steering.top_speed if request.beyond else 0.0
     check_steps(
         f"mujoco: {link.mechanism.name}, {request.joint_model} joints",
-        lead + float(marks[-1] - marks[0]),
+        lead + float(marks[-1] - marks[0]) + beyond,
         link.setting.step,
-        most_steps(link),
+        MOST_STEPS if request.watched else most_steps(link),
     )
     m, d = link.model, link.data
     d.qpos[:], d.qvel[:] = state
-    log = Log.of(link.contacts)
+    log, after = Log.of(link.contacts), Log.of(link.contacts)  # up to the last report, and beyond
     reported: list[dict[str, float]] = []
     half = (
         0.5 if link.setting.stepped else 0.0
@@ -94,15 +104,19 @@ def march(
     record = MujocoSteps(link, time, d.qpos.copy(), d.qvel.copy())
     look(link)
     lag, span, room = 0.0, lead + float(marks[-1] - marks[0]), room_apart(request, link)
-    for k, interval in enumerate(np.diff(marks, prepend=time).tolist()):
-        count, m.opt.timestep = substeps(interval, link.setting.step) if interval > 0 else (0, link.setting.step)
+    intervals = [*np.diff(marks, prepend=time).tolist(), *([beyond] if beyond else [])]
+    stages = [substeps(each, link.setting.step) if each > 0 else (0, link.setting.step) for each in intervals]
+    watch = Watch(link, float(marks[0]), stages[1:]) if request.watched and link.setting.stepped else None
+    for k, (interval, (count, m.opt.timestep)) in enumerate(zip(intervals, stages, strict=True)):
+        link.watch, told = watch if k else None, k < marks.size
         if half:
             d.qvel[:] += (lag - half * m.opt.timestep) * d.qacc
             lag = half * m.opt.timestep
-        pieces = min(count, math.ceil(SAMPLES * interval / span)) if count else 1
+        pieces = min(count, math.ceil(SAMPLES * interval / (span if told else beyond))) if count else 1
         for piece in range(pieces):
             steps = count * (piece + 1) // pieces - count * piece // pieces
-            record.stages.append((steps, m.opt.timestep, piece == pieces - 1))
+            if told:
+                record.stages.append((steps, m.opt.timestep, piece == pieces - 1))
             steering.turn(link, time, steps)
             time += steps * m.opt.timestep
             steering.place(link, time, lag)
@@ -112,12 +126,14 @@ def march(
             check_together(request, apart(link), room, link.setting.step)
             if not k and piece < pieces - 1:
                 continue  # the lead-in
-            log.times.append(time)
-            for name in link.contacts:
-                log.gaps[name].append(gap(link, name))
-                log.forces[name].append(abs(forces[name][0]))
+            (log if told else after).add(link, time, forces)
         check_closed(request, misclosure(link), link.setting.step)
-        reported.append(signals(link, forces, friction_torques(link), d.qvel + lag * d.qacc if half else d.qvel))
-    check_depth(request, link.contacts, log.gaps, log.forces)
-    values = np.array([list(seen.values()) for seen in reported]).T
-    return dict(zip(reported[0], values.copy(), strict=True)), log, record
+        if told:
+            reported.append(signals(link, forces, friction_torques(link), d.qvel + lag * d.qacc if half else d.qvel))
+    for seen in (log, after) if beyond else (log,):
+        check_depth(request, link.contacts, seen.gaps, seen.forces)
+    if watch is not None:
+        watch.close(lag)
+    values = np.array([list(row.values()) for row in reported]).T
+    told_of = dict(zip(reported[0], values.copy(), strict=True))
+    return told_of, log, record, None if watch is None else watch.watched()

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -14,13 +14,17 @@ import numpy as np
 from analytic.mechanism import GROUND, Body, Joint, Mechanism
 from analytic.mechanism.signals import driving
 from sim_models.common.backlash import Flanks
-from sim_models.common.contact_laws import PIN_RADIUS, KelvinVoigt, bearing
+from sim_models.common.contact_laws import PIN_RADIUS, KelvinVoigt, bearing, lighter_mass
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
 from sim_models.engine import Unsupported
 from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.mjcf import RIGID, Description, Setting
 from sim_models.mujoco.passive import Passive
+from sim_models.mujoco.striking import Striking
+
+if TYPE_CHECKING:
+    from sim_models.mujoco.watch import Watch
 
 SOFT = 1e-4  # impedance of a row that is a spring and damper: MuJoCo's smallest, so that its reference is the force
 LIGHT = 1e2  # 1/kg times the lighter link's mass: makes the virtual mass of such a row 1e-6 of that link's
@@ -95,6 +99,13 @@ class MujocoLinkage:
         self.loads = {j.name: 0.0 for j in mechanism.load_rubbed}  # N: reactions as last heeded
         passive = Passive(laws, self.loads, mechanism.periodic_torque, self.fixed_angle[crank], self.form[crank])
         self.passive = passive if laws or mechanism.periodic_torque else None
+        self.present: np.ndarray | None = None  # velocities of this instant, where the data's are older
+        self.watch: Watch | None = None  # takes in every step
+
+    @property
+    def kept(self) -> bool:
+        """Whether every step passes through Python."""
+        return bool(self.touch or self.striking) or self.watch is not None
 
     def _name_things(self) -> None:
         m, joints = self.model, self.mechanism.joints
@@ -132,6 +143,15 @@ class MujocoLinkage:
         self.efforts = [drive.signal for drive in self.drives.values()] or crank
         self.outward = [self._part(b) for b in reversed(self.description.branches)]  # tips first
 
+        self.tendon = {name: m.tendon(name).id for name in self.contacts if self.setting.rows == "spring-damper"}
+        self.depth: dict[str, float] = {}  # m, of each pin in its wall; negative where it is off
+        self.rubs = {n: self.setting.rows == "contact" and self.mechanism.joint(n).friction > 0 for n in self.contacts}
+        self.striking = {
+            name: Striking(law.named, lighter_mass(self.mechanism, j), j.friction if self.rubs[name] else 0.0)
+            for name, law in self.contacts.items()
+            for j in [self.mechanism.joint(name)]
+            if law.named is not None
+        }
         self.size = max(b.length for b in self.mechanism.bodies) or 1.0  # m
         self.touching: list[str] = []  # joints in contact, in the order of MuJoCo's contacts
         self.radii = {

@@ -17,7 +17,7 @@ from sim_models.common.journal import free_share
 from sim_models.common.motor import ConstantSpeed, Motor, motor_of, report_times
 from sim_models.common.rates import part_rates
 from sim_models.common.start import poses
-from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace
+from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace, Watched
 from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.laws import contact_laws, law_settings
 from sim_models.mujoco.march import Log, march
@@ -65,6 +65,7 @@ class Run:
         self.steering = Steering()
         self.assembly = Assembly(self.mechanism)
         self.laws = contact_laws(request)
+        self.watched: Watched | None = None
 
     def near(self, theta: float, step: float = STATIC_STEP) -> Equilibria:
         """Equilibria near a crank angle (rad), or a time (s) on courses, with rows as rigid as at this step."""
@@ -138,7 +139,7 @@ class Run:
         for name, law in list(self.laws.items()):
             ease = mobility(link, q, name)
             clearance = self.mechanism.joint(name).clearance
-            asked = self.mechanism.joint(name).restitution is not None
+            asked = law.named is not None or self.mechanism.joint(name).restitution is not None
             limits.append(0.6 / math.sqrt(max(near.forces.get(name, 0.0) * ease / clearance, 1e-12)))
             if law.hard:
                 sag = (
@@ -169,7 +170,7 @@ class Run:
             )
             link = MujocoLinkage(self.mechanism, self.laws, self.path.poses(theta), setting)
             try:
-                signals, log, self.record = march(self.request, link, self.steering, state, marks, lead)
+                signals, log, self.record, self.watched = march(self.request, link, self.steering, state, marks, lead)
                 return signals, log, step
             except SimulationError as error:
                 apart = error.cause is Cause.CAME_APART
@@ -207,6 +208,7 @@ class Run:
             free_share={name: free_share(np.array(gaps), self.wall(name), times) for name, gaps in log.gaps.items()},
             settings={**law_settings(self.request, self.laws), **settings, "solver": "Newton, elliptic cone"},
             rates=rates,
+            watched=self.watched,
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 
 import mujoco
 import numpy as np
@@ -14,6 +15,7 @@ from sim_models.common.rates import rate_columns
 from sim_models.engine import Cause, SimulationError
 from sim_models.mujoco.model import CONTACT_ROWS, ROW, Drive, MujocoLinkage
 from sim_models.mujoco.passive import felt
+from sim_models.mujoco.striking import GRIP
 
 SWAY = 1.0  # rad: how far a joint may go from where it starts, for the tangent of a spring that is not linear
 UNKNOWN_SPEED = 10.0  # rad/s, of a linkage that nothing drives, for the slope of its drag
@@ -32,6 +34,7 @@ def touch(link: MujocoLinkage, always: bool = False) -> bool:
         gx, gy = float(x[first, 0] - x[second, 0]), float(x[first, 1] - x[second, 1])
         r = math.hypot(gx, gy)
         clearance, reach = link.radii[name]
+        link.depth[name] = r - clearance
         if r > clearance - link.contacts[name].margin or (always and r > 0):
             nx, ny = gx / r, gy / r
             con.dist = clearance - r
@@ -51,16 +54,20 @@ def advance(link: MujocoLinkage, count: int) -> None:
     """Take steps."""
     m, d = link.model, link.data
     heeding = link.loads and (link.description.compliant or link.contacts or not link.setting.hold)
-    if not link.touch and not heeding:  # a rigidly driven ideal linkage moves as it does, whatever its friction
+    if not link.kept and not heeding:  # a rigidly driven ideal linkage moves as it does, whatever its friction
         with felt(link.passive):
             mujoco.mj_step(m, d, nstep=count)
         return
     for _ in range(count):
         for _ in range(GLANCES if heeding else 0):
             evaluate(link)
-        if link.touch:
+        if link.kept:
             begin_step(link)
+            if link.watch is not None:
+                link.watch.begin()
             mujoco.mj_step2(m, d)
+            if link.watch is not None:
+                link.watch.end()
         else:
             with felt(link.passive):
                 mujoco.mj_step(m, d)
@@ -74,23 +81,95 @@ def begin_step(link: MujocoLinkage) -> None:
     m, d = link.model, link.data
     with felt(link.passive):
         mujoco.mj_step1(m, d)
-    if not touch(link):
+    if link.striking:
+        catch_up(link)
+    if touch(link):
+        mujoco.mj_makeConstraint(m, d)
+        mujoco.mj_referenceConstraint(m, d)
+        if link.passive is not None:
+            link.passive.rub(d)
+        for i, name in enumerate(link.touching):
+            if link.rubs[name] and name not in link.striking:
+                row = d.contact[i].efc_address
+                d.efc_aref[row] -= link.mechanism.joint(name).friction * abs(d.efc_aref[row + 1])
+    if link.striking:
+        strike(link)
+
+
+def catch_up(link: MujocoLinkage) -> None:
+    """Reckon the forces of curved paths with the velocities of this instant, not with those of half a step ago.
+
+    Without it the run gains or loses energy in proportion to the step, as much as gentle impacts do.
+    """
+    m, d = link.model, link.data
+    # the acceleration is that of the instant before, or of this one where it was looked at
+    link.present = d.qvel + m.opt.timestep / 2 * d.qacc
+    with present(link):
+        mujoco.mj_comVel(m, d)
+        mujoco.mj_rne(m, d, 0, d.qfrc_bias)
+
+
+@contextmanager
+def present(link: MujocoLinkage) -> Iterator[None]:
+    """Within, the data has the velocities of this instant, where they are known."""
+    if link.present is None:
+        yield
         return
-    mujoco.mj_makeConstraint(m, d)
-    mujoco.mj_referenceConstraint(m, d)
-    if link.passive is not None:
-        link.passive.rub(d)
-    for i, name in enumerate(link.touching):
-        friction = link.mechanism.joint(name).friction
-        if friction:
-            row = d.contact[i].efc_address
-            d.efc_aref[row] -= friction * abs(d.efc_aref[row + 1])
+    trailing = link.data.qvel.copy()
+    link.data.qvel[:] = link.present
+    yield
+    link.data.qvel[:] = trailing
+
+
+def strike(link: MujocoLinkage) -> None:
+    """Give the rows of walls whose law has a name the force of that."""
+    m, d, rows = link.model, link.data, wall_rows(link)
+    step = m.opt.timestep
+    for name, pin in link.striking.items():
+        pin.see(d.time, link.depth[name] if link.touch else depth_on_tendon(link, name))
+        row = rows.get(name)
+        if row is None:
+            continue
+        force, soft = pin.push(-float(d.efc_vel[row]), step)
+        beside = 0.0
+        if link.rubs[name]:
+            slip = float(d.efc_vel[row + 1])
+            gain = float(d.efc_J.reshape(d.nefc, m.nv)[row + 1] @ d.qacc)
+            beside, mu = pin.rub(force, soft, slip, gain, step)
+            along = slice(row + 1, row + 3)
+            d.efc_D[along], d.efc_R[along] = GRIP * pin.mass, 1 / (GRIP * pin.mass)
+            d.efc_aref[along] = -slip / step, 0.0
+            d.contact[link.touching.index(name)].mu = mu
+        d.efc_D[row], d.efc_R[row], d.efc_aref[row] = soft, 1 / soft, force / soft + beside
+
+
+def depth_on_tendon(link: MujocoLinkage, name: str) -> float:
+    """How deep (m) a pin is in its wall, of a spring-damper's."""
+    return float(link.data.ten_length[link.tendon[name]]) - link.radii[name][0]
+
+
+def wall_rows(link: MujocoLinkage) -> dict[str, int]:
+    """First row of each wall that a pin is at, by its joint: contacts' rows are the last, in their order; those of
+    limits come before.
+    """
+    d = link.data
+    first = d.ne + d.nf
+    if not link.touch:
+        ids = d.efc_id[first : first + d.nl].tolist() if d.nl else ()
+        return {name: first + ids.index(tendon) for name, tendon in link.tendon.items() if tendon in ids}
+    rows, first = {}, first + d.nl
+    for name in link.touching:
+        rows[name] = first
+        first += 3 if link.rubs[name] else 1
+    return rows
 
 
 def look(link: MujocoLinkage) -> None:
     """Evaluate forces and accelerations at the present state, without a step; again, until friction that grows with
     reactions is that of these.
     """
+    if link.striking:
+        evaluate(link)  # finds the acceleration that gives the velocities of this instant
     if not any(evaluate(link) for _ in range(HEEDINGS)):
         raise unheeded(link)
 
@@ -102,7 +181,8 @@ def evaluate(link: MujocoLinkage) -> bool:
     mujoco.mj_fwdActuation(m, d)
     mujoco.mj_fwdAcceleration(m, d)
     mujoco.mj_fwdConstraint(m, d)
-    mujoco.mj_rnePostConstraint(m, d)
+    with present(link):
+        mujoco.mj_rnePostConstraint(m, d)
     return not link.loads or heed(link, signals(link, joint_forces(link, d.efc_force), friction_torques(link)))
 
 
