@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import contact_ode
 from analytic.mechanism import GROUND, MASS_CENTRE, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
@@ -333,8 +334,6 @@ def test_an_exported_script_knows_no_law_by_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["dart", "pybullet"])
 def test_half_a_revolution_converges_to_the_exact_motion(name: str, law: ContactLaw) -> None:
     """Through its impacts, and as the step shrinks: of first order, as these engines' Coriolis forces are."""
-    import contact_ode
-
     m = rattling(law)
     loop = contact_ode.loop_of(m)
     exact = contact_ode.simulate(m, loop, contact_ode.centred(m, loop), np.pi)
