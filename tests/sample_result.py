@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -142,14 +143,20 @@ def swinging() -> dict[str, Any]:
     return result | fields | {"verdict": ideal["verdict"], "runs": [ideal]}
 
 
+@cache
+def _pressed() -> CrossCheck:
+    """The same without what contact did."""
+    content = sample_result("crank-rocker", {"B": CLEARANCE}, ("mujoco", "exudyn"))
+    for run in content["runs"]:
+        run["simulated"] = {name: _filled(values) for name, values in run["simulated"].items()}
+    return as_document(content)
+
+
 def rattling(louder: float = 1.0, turns: tuple[int, int] = (24, 24)) -> CrossCheck:
     """Two engines whose contact runs have a pin that goes from wall to wall in B, pressed as chance has it; the second
     ``louder``, each over some ``turns``.  Where the analytic model has no answer they have values all the same.
     """
-    content = sample_result("crank-rocker", {"B": CLEARANCE}, ("mujoco", "exudyn"))
-    for run in content["runs"]:
-        run["simulated"] = {name: _filled(values) for name, values in run["simulated"].items()}
-    document = as_document(content)
+    document = _pressed()
     runs = list(document.runs)
     for seed, (loud, n) in enumerate(zip((1.0, louder), turns, strict=True)):
         heights = loud * np.random.default_rng(seed).uniform(1.0, 1.2, 1 + BOUNCES * max(turns))
@@ -158,7 +165,7 @@ def rattling(louder: float = 1.0, turns: tuple[int, int] = (24, 24)) -> CrossChe
             return heights[(phase * BOUNCES / math.tau).astype(int)] * springs(phase)
 
         k = next(i for i, r in enumerate(runs) if r.joint_model == "contact" and r.contact is None)
-        runs[k] = runs[k].model_copy(update={"contact": told(prescribed(n, bouncing, pressed, 4000 * n))})
+        runs[k] = runs[k].model_copy(update={"contact": told(prescribed(n, bouncing, pressed, 1500 * n))})
     held = held_together(runs, load_tolerances())
     wrong = any(one.verdict == "disagrees" for one in held)
     verdict = "disagrees" if wrong else document.verdict
@@ -198,7 +205,7 @@ def _discrepancy(signal: str, unit: str, gap: np.ndarray, theta: np.ndarray) -> 
 
 def _filled(values: list[float | None]) -> list[float]:
     known = [k for k, v in enumerate(values) if v is not None]
-    return np.interp(np.arange(len(values)), known, [v for v in values if v is not None]).tolist()  # type: ignore[no-any-return]
+    return list(np.interp(np.arange(len(values)), known, [v for v in values if v is not None]))
 
 
 def _listed(values: np.ndarray) -> list[float | None]:

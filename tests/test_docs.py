@@ -60,6 +60,7 @@ def blocks(page: Path) -> list[Block]:
 DEAR = {
     "how-to/fmu.md",
     "how-to/pytest.md",
+    "how-to/rattle.md",
     "tutorial/paper.md",
     "tutorial/six-bar.md",
     "tutorial/rig.md",

@@ -69,16 +69,25 @@ def test_every_statistic_is_told_in_the_unit_that_people_read_with_its_interval(
     section = page[page.index('<section id="contact"') :]
     run = in_contact(agreeing)[0]
     assert run.contact is not None
-    factors = {"free_share": 100, "impulse": 1e3, "restitution_loss": 1e3, "wear": 1e3, "penetration": 1e6}
-    for name in STATISTICS:
-        measure, found = MEASURES[name], run.contact.joints["B"].statistics[name]
-        row = next(line for line in markdown.splitlines() if line.startswith(f"| {measure.title} |"))
+    statistics = run.contact.joints["B"].statistics
+    units = {"free_share": ("%", 1e2), "impulse": ("N·s", 1.0), "rms_force": ("N", 1.0), "penetration": ("µm", 1e6)}
+    units |= {"restitution_loss": ("mJ", 1e3), "wear": ("N·mm", 1e3), "approach_speed": ("mm/s", 1e3)}
+    for name, (unit, factor) in units.items():
+        measure, found = MEASURES[name], statistics[name]
+        row = next(
+            line for line in markdown.splitlines() if line.startswith(f"| {measure.title.split(' (')[0]} ({unit}) |")
+        )
         assert measure.meaning in row
-        assert measure.title in section
-        if name != "friction_loss":  # an engine's rounding, shown as 0
-            value, low, high = (factors.get(name, measure.factor) * v for v in (found.value, found.low, found.high))
-            assert f"{number(value)} ({number(low)} to {number(high)})" in row
-            assert f"{number(value)}<small>{number(low)} to {number(high)}</small>" in section
+        value, low, high = (factor * v for v in (found.value, found.low, found.high))
+        assert f"{number(value)} ({number(low)} to {number(high)})" in row
+        assert f"{number(value)}<small>{number(low)} to {number(high)}</small>" in section
+    assert "| Friction loss (mJ) | 0 | 0 |" in markdown  # rounding is read as nothing
+
+
+@pytest.mark.parametrize(("force", "unit", "factor"), [(999.0, "N", 1.0), (2.4e4, "kN", 1e-3)])
+def test_large_forces_are_read_in_kilonewtons(force: float, unit: str, factor: float) -> None:
+    found = MEASURES["peak_force"].fitting(force, None)
+    assert (found.unit, found.factor) == (unit, factor)
 
 
 def test_it_says_whether_averages_have_converged_and_the_motion_repeats_itself(agreeing: CrossCheck) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from analytic.mechanism.one_line import count
 from compare.quantities import number, plain
@@ -15,8 +15,6 @@ NAMES: Mapping[StatisticName, str] = {
     "impacts": "impacts per revolution",
     "rms_force": "RMS force",
     "impulse": "impulse of impacts",
-    "restitution_loss": "lost by impacts",
-    "friction_loss": "lost by friction",
     "high_peak": "peak force, 9 of 10 below",
 }
 READ: Mapping[StatisticName, tuple[str, float]] = {  # unit that a person reads, factor from SI
@@ -29,8 +27,10 @@ READ: Mapping[StatisticName, tuple[str, float]] = {  # unit that a person reads,
     "wear": ("N·mm", 1e3),
     "penetration": ("µm", 1e6),
 }
+LARGER = {"N": "kN", "mN·s": "N·s", "mm/s": "m/s", "mJ": "J", "N·mm": "N·m", "µm": "mm"}  # units of a thousand each
 LEAST_TO_REPEAT = 5  # revolutions, below which nothing tells whether a motion repeats itself
 ASCII = str.maketrans({"·": ".", "µ": "u"})  # of units
+BALANCED = 0.001  # per cent of an energy: what is missing below is nothing
 ROUNDING = 1e-6  # of the energy lost in contact: a smaller loss is an engine's rounding, and read as 0
 
 
@@ -38,10 +38,22 @@ ROUNDING = 1e-6  # of the energy lost in contact: a smaller loss is an engine's 
 class Measure:
     """A statistic as people read it: ``factor`` times the SI value is in ``unit``; ``meaning`` says what it is."""
 
+    key: str
     name: str
     unit: str
     factor: float
     meaning: str
+
+    def fitting(self, *values: float | None) -> Measure:
+        """The same in the unit in which the largest of some values (SI) is below a thousand, where there is one."""
+        largest = max((abs(self.factor * v) for v in values if v is not None), default=0.0)
+        if largest < 1e3 or self.unit not in LARGER:
+            return self
+        return replace(self, unit=LARGER[self.unit], factor=1e-3 * self.factor)
+
+    def read(self, value: float | None) -> float | None:
+        """An SI value in the unit."""
+        return None if value is None else self.factor * value
 
     @property
     def title(self) -> str:
@@ -50,10 +62,12 @@ class Measure:
 
 
 MEASURES: Mapping[StatisticName, Measure] = {
-    name: Measure(NAMES.get(name, name.replace("_", " ")), *READ.get(name, (UNITS[name], 1.0)), MEANING[name])
+    name: Measure(name, NAMES.get(name, name.replace("_", " ")), *READ.get(name, (UNITS[name], 1.0)), MEANING[name])
     for name in STATISTICS
 }
-PEAK_RATIO = Measure("peak over ideal reaction", "", 1.0, "largest force of the run over the ideal linkage's largest")
+PEAK_RATIO = Measure(
+    "peak_ratio", "peak over ideal reaction", "", 1.0, "largest force of the run over the ideal linkage's largest"
+)
 
 
 @dataclass(frozen=True)
@@ -99,9 +113,9 @@ class Table:
     runs: tuple[str, ...]
     rows: tuple[tuple[Measure, tuple[Value, ...]], ...]
 
-    def of(self, name: StatisticName) -> tuple[Value, ...]:
+    def of(self, name: StatisticName) -> tuple[Measure, tuple[Value, ...]]:
         """One statistic's values, run by run."""
-        return dict(self.rows)[MEASURES[name]]
+        return next(row for row in self.rows if row[0].key == name)
 
 
 @dataclass(frozen=True)
@@ -109,7 +123,6 @@ class Held:
     """A statistic of two runs, held against each other, in its measure's unit."""
 
     measure: Measure
-    name: StatisticName
     joint: str
     values: tuple[float | None, float | None]
     difference: float | None
@@ -234,21 +247,30 @@ def _energy(energy: Balance | None) -> str:
         return "energy is not balanced, as friction of a joint grows with its load"
     if energy.share is None:
         return ""
-    return f"energy is balanced to {plain(100 * energy.share, 2)} % of what the motor turns over"
+    percent = 100 * energy.share
+    known = f"to {plain(percent, 2)}" if percent >= BALANCED else f"within {BALANCED}"
+    return f"energy is balanced {known} % of what the motor turns over"
 
 
 def _table(joint: str, runs: Sequence[tuple[str, JointContact]]) -> Table:
-    rows = [(MEASURES[name], tuple(_value(one, name) for _, one in runs)) for name in STATISTICS]
+    rows = [_row(name, [one for _, one in runs]) for name in STATISTICS]
     rows.append((PEAK_RATIO, tuple(Value(one.peak_ratio) for _, one in runs)))
     return Table(joint, tuple(title for title, _ in runs), tuple(rows))
 
 
-def _value(joint: JointContact, name: StatisticName) -> Value:
-    found, factor = joint.statistics[name], MEASURES[name].factor
-    lost = max(abs(joint.statistics[loss].value or 0.0) for loss in ("restitution_loss", "friction_loss"))
-    if name == "friction_loss" and abs(found.value or 0.0) < ROUNDING * lost:
-        return Value(0.0)
-    return Value(*(None if v is None else factor * v for v in (found.value, found.low, found.high)))
+def _row(name: StatisticName, joints: Sequence[JointContact]) -> tuple[Measure, tuple[Value, ...]]:
+    """One statistic of a joint in several runs."""
+    ends = [_ends(joint, name) for joint in joints]
+    measure = MEASURES[name].fitting(*(v for each in ends for v in each))
+    return measure, tuple(Value(*map(measure.read, each)) for each in ends)
+
+
+def _ends(joint: JointContact, name: StatisticName) -> tuple[float | None, ...]:
+    """Value and interval, SI."""
+    found, loss = joint.statistics[name], joint.statistics["restitution_loss"].value
+    if name == "friction_loss" and abs(found.value or 0.0) < ROUNDING * abs(loss or 0.0):
+        return (0.0,)
+    return found.value, found.low, found.high
 
 
 def _pairs(statistics: Sequence[Compared]) -> Iterator[Pair]:
@@ -257,11 +279,19 @@ def _pairs(statistics: Sequence[Compared]) -> Iterator[Pair]:
         together.setdefault((one.between, one.joint_model), []).append(one)
     for (between, joint_model), mine in together.items():
         reasons = dict.fromkeys(one.reason for one in mine if one.verdict == "unjudged")
-        yield Pair(between, joint_model, tuple(map(_held, mine)), tuple(reasons))
+        lost = {joint: _lost(one for one in mine if one.joint == joint) for joint in {one.joint for one in mine}}
+        yield Pair(between, joint_model, tuple(_held(one, lost[one.joint]) for one in mine), tuple(reasons))
 
 
-def _held(one: Compared) -> Held:
-    measure = MEASURES[one.statistic]
-    a, b, allowed = (None if v is None else measure.factor * v for v in (*one.values, one.allowed))
+def _lost(rows: Iterable[Compared]) -> float:
+    """The largest loss (J) of two runs."""
+    return max((abs(v or 0.0) for one in rows if one.unit == "J" for v in one.values), default=0.0)
+
+
+def _held(one: Compared, lost: float) -> Held:
+    values, measure = one.values, MEASURES[one.statistic].fitting(*one.values, one.allowed)
+    if one.statistic == "friction_loss" and all(abs(v or 0.0) < ROUNDING * lost for v in values):
+        values = 0.0, 0.0
+    a, b, allowed = map(measure.read, (*values, one.allowed))
     difference = None if a is None or b is None else a - b
-    return Held(measure, one.statistic, one.joint, (a, b), difference, allowed, one.verdict, one.reason)
+    return Held(measure, one.joint, (a, b), difference, allowed, one.verdict, one.reason)

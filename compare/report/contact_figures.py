@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from compare.quantities import number
+from compare.report.contact import MEASURES
 from compare.report.figures import Axis, Figure, Numbers, Series, clearance_circle, scaled, simulators
 from compare.report.summary import REAL
 from compare.results.contact import JointContact, Orbit
@@ -49,8 +50,10 @@ def orbit(run: Run, joint: str, path: Orbit) -> Figure:
     pressed = path.force > NOTHING * largest
     level = np.where(pressed, 1 + np.digitize(path.force, edges), 0)
     level = np.maximum(level[:-1], level[1:])  # of each piece of the path
-    ends = [number(edge, 2) for edge in edges] + [number(largest)]
-    names = ["without force", f"below {ends[0]} N", *(f"{a} to {b} N" for a, b in pairwise(ends))]
+    read = MEASURES["peak_force"].fitting(largest)
+    ends = [number(read.read(edge), 4) for edge in (*edges, float(f"{largest:.2g}"))]
+    names = ["without force", f"below {ends[0]} {read.unit}"]
+    names += [f"{a} to {b} {read.unit}" for a, b in pairwise(ends)]
     shown = [
         Series(name, *_pieces(path, level == k), "free" if k == 0 else f"force-{k}")
         for k, name in enumerate(names)

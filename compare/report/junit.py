@@ -95,8 +95,8 @@ def _held(case: str, pair: Pair, row: Held) -> Case:
     place = f"{case}.{'-'.join(pair.between)}.{pair.joint_model}.{row.joint}"
     said = row.sentence().translate(ASCII)
     if row.verdict == "disagrees":
-        return Case(place, row.name, failure=said, kind="disagreement")
-    return Case(place, row.name, said=f"{said}; not judged: {row.reason}" if row.reason else said)
+        return Case(place, row.measure.key, failure=said, kind="disagreement")
+    return Case(place, row.measure.key, said=f"{said}; not judged: {row.reason}" if row.reason else said)
 
 
 def _tell_contact(suites: Sequence[ElementTree.Element], summary: Summary) -> None:

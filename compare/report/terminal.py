@@ -18,11 +18,11 @@ from compare.results.contact import StatisticName
 from compare.results.crosscheck import CrossCheck
 
 MAIN: Mapping[StatisticName, str] = {  # what a terminal has room for, and how a column is headed
-    "free_share": "free %",
+    "free_share": "free",
     "impacts": "impacts",
-    "rms_force": "rms N",
-    "peak_force": "peak N",
-    "restitution_loss": "lost mJ",
+    "rms_force": "rms",
+    "peak_force": "peak",
+    "restitution_loss": "lost",
 }
 LOUD = ("disagrees", "unjudged", "failed")
 COLOUR = {"agrees": "green", "known": "yellow", **dict.fromkeys(LOUD, "bold red")}
@@ -70,10 +70,11 @@ def _print_contact(contact: Contact, console: Console) -> None:
         rows = [k for k, run in enumerate(table.runs) if run in striking]
         shown = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
         shown.add_column(f"contact in {table.joint}")
-        for name in MAIN:
-            shown.add_column(MAIN[name], justify="right", no_wrap=True)
+        columns = [(head, *table.of(name)) for name, head in MAIN.items()]
+        for head, measure, _ in columns:
+            shown.add_column(f"{head} {measure.unit}".strip().translate(ASCII), justify="right", no_wrap=True)
         for k in rows:
-            shown.add_row(Text(table.runs[k]), *(_within(table.of(name)[k]) for name in MAIN))
+            shown.add_row(Text(table.runs[k]), *(_within(values[k]) for *_, values in columns))
         if rows:
             console.print(shown)
     for pair in contact.pairs:
