@@ -6,6 +6,7 @@ import base64
 import json
 import math
 import os
+import re
 import select
 import shutil
 import subprocess
@@ -17,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from sample_result import sample_result, write_report
+from sample_result import rattling, sample_result, write_report
 
 fcntl = pytest.importorskip("fcntl", reason="speaks to Chromium over POSIX pipes")
 CHROMIUM = next(
@@ -494,3 +495,53 @@ def test_several_engines_with_two_clearances_and_a_full_turn(browser: Browser, t
     browser.run(f"({MOVE})(355)")
     assert browser.run(JOINT_A) != before
     assert browser.run("document.querySelectorAll('#differences .matrix').length") == 2
+
+
+# ------------------------------------------------------------------ contact
+
+
+@pytest.fixture(scope="module")
+def rattled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("rattling")
+    rattling(louder=1.5).write(out)
+    return out / "report.html"
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (400, "dark")])
+def test_what_contact_did_fits_any_screen(browser: Browser, rattled: Path, width: int, scheme: str) -> None:
+    browser.open(rattled, width=width, scheme=scheme)
+    assert browser.run("document.documentElement.scrollWidth") <= width
+    assert browser.run("document.querySelectorAll('#contact .chart').length") == 4
+    assert browser.run("document.querySelector('#contact details[open] summary').textContent").endswith("disagrees")
+
+
+def test_a_band_is_filled_and_read_from_its_lower_to_its_upper_edge(browser: Browser, rattled: Path) -> None:
+    browser.open(rattled)
+    chart = "[...document.querySelectorAll('#contact figure')].find(f => f.textContent.includes('Contact force'))"
+    band = browser.run(f"getComputedStyle({chart}.querySelector('.series.band path')).fillOpacity")
+    assert float(band) == pytest.approx(0.2)
+    browser.run(f"{chart}.querySelector('.chart').scrollIntoView()")
+    browser.run(f"{chart}.querySelector('.chart').focus()")
+    for _ in range(8):
+        browser.press("ArrowRight")
+    said = browser.run(f"{chart}.querySelector('.tip').textContent")
+    assert re.search(r"5 to 95 % of the time, mujoco, contact [\d.]+ to [\d.]+ N", said), said
+
+
+def test_the_slider_at_a_flagged_angle_shows_what_was_simulated_and_no_difference(
+    browser: Browser, rattled: Path
+) -> None:
+    browser.open(rattled)
+    browser.run(
+        "(s => { s.selectedIndex = 3; s.dispatchEvent(new Event('change', {bubbles: true})); })(document"
+        ".querySelector('[data-model]'))"
+    )
+    browser.run(f"({MOVE})(75)")
+    assert "Flagged: the reaction at B" in browser.run("document.querySelector('[data-flag]').textContent")
+    rows = browser.run(
+        "[...document.querySelectorAll('[data-readout] tr')]"
+        ".map(r => [...r.querySelectorAll('td')].map(c => c.textContent))"
+    )
+    assert all(analytic == difference == "\N{EN DASH}" != simulated for analytic, simulated, difference in rows)
+    drawn = browser.run("[...document.querySelectorAll('[data-linkage] .legend button')].map(b => b.textContent)")
+    assert drawn == ["ideal linkage", "mujoco, contact"]
