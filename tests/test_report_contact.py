@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from compare.judge.statistics import held_together
+from compare.judge.tolerances import load_tolerances
 from compare.quantities import number
 from compare.report.contact import MEASURES, told
 from compare.report.contact_figures import bands, contact_figures
@@ -23,7 +25,7 @@ from compare.report.provenance import lines
 from compare.report.summary import summarise
 from compare.report.svg import COLOURS, draw
 from compare.report.terminal import print_table
-from compare.results.contact import STATISTICS
+from compare.results.contact import STATISTICS, Statistic
 from compare.results.crosscheck import CrossCheck, Failure, Run
 from compare.show import show
 from sample_result import rattling
@@ -181,6 +183,21 @@ def test_a_failed_run_does_not_hide_a_statistic_that_disagrees(disagreeing: Cros
     failed = disagreeing.model_copy(update={"failures": (failure,), "runs": runs})
     assert summarise(failed).verdict == "disagrees"
     assert summarise(failed.model_copy(update={"statistics": ()})).verdict == "failed"
+
+
+def test_friction_that_is_an_engine_s_rounding_is_no_disagreement(agreeing: CrossCheck) -> None:
+    def with_losses(run: Run, friction: float, restitution: float = 3e-3) -> Run:
+        assert run.contact is not None
+        joint = run.contact.joints["B"]
+        known = {"friction_loss": friction, "restitution_loss": restitution}
+        exact = {n: Statistic(value=v, low=v, high=v, by_revolution=np.full(9, v)) for n, v in known.items()}
+        joints = {"B": joint.model_copy(update={"statistics": {**joint.statistics, **exact}})}
+        return run.model_copy(update={"contact": run.contact.model_copy(update={"joints": joints})})
+
+    one, other = in_contact(agreeing)
+    for friction, verdict in ((-7e-11, "agrees"), (-7e-8, "disagrees")):
+        held = held_together([with_losses(one, 4e-20), with_losses(other, friction)], load_tolerances())
+        assert next(row.verdict for row in held if row.statistic == "friction_loss") == verdict
 
 
 # ------------------------------------------------------------------ figures

@@ -22,6 +22,7 @@ FEWEST = 3  # revolutions for an interval
 RESAMPLES = 1000
 CONFIDENCE = 0.95
 SEED = 20
+ROUNDING = 1e-6  # of what a contact takes: friction of a frictionless one is an engine's rounding
 
 
 def statistic(by_revolution: np.ndarray, quantile: float | None = None) -> Statistic:
@@ -71,7 +72,8 @@ def _held(one: Run, other: Run, tolerances: Tolerances) -> Iterator[Compared]:
     for joint in (name for name in one.contact.joints if name in other.contact.joints):
         for name in STATISTICS:
             a, b = (_of(contact, joint, name) for contact in (one.contact, other.contact))
-            allowed = _allowed(a, b, name, tolerances)
+            nothing = ROUNDING * _lost(one.contact, other.contact, joint) if UNITS[name] == "J" else 0.0
+            allowed = _allowed(a, b, name, tolerances, nothing)
             within = allowed is not None and abs((a.value or 0.0) - (b.value or 0.0)) <= allowed
             yield Compared(
                 joint=joint,
@@ -90,13 +92,23 @@ def _of(contact: Contact, joint: str, name: StatisticName) -> Statistic:
     return contact.joints[joint].statistics[name]
 
 
-def _allowed(a: Statistic, b: Statistic, name: StatisticName, tolerances: Tolerances) -> float | None:
-    """By how much two values may differ: the tolerance and what the intervals leave open; None without these."""
+def _lost(one: Contact, other: Contact, joint: str) -> float:
+    """The largest loss (J) of a joint in two runs."""
+    names = [name for name in STATISTICS if UNITS[name] == "J"]
+    return max(abs(_of(contact, joint, name).value or 0.0) for contact in (one, other) for name in names)
+
+
+def _allowed(
+    a: Statistic, b: Statistic, name: StatisticName, tolerances: Tolerances, nothing: float = 0.0
+) -> float | None:
+    """By how much two values may differ: the tolerance, no less than what is ``nothing``, and what the intervals leave
+    open; None without these.
+    """
     line, halves = tolerances.statistics[name], (a.half_width, b.half_width)
     if halves[0] is None or halves[1] is None:
         return None
     size = max(abs(a.value or 0.0), abs(b.value or 0.0))
-    return max(line.absolute, line.relative * size) + math.hypot(halves[0], halves[1])
+    return max(line.absolute, line.relative * size, nothing) + math.hypot(halves[0], halves[1])
 
 
 def _incomparable(one: Run, other: Run) -> str:
