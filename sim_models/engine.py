@@ -32,7 +32,7 @@ Feature = Literal[
     "prismatic", "coulomb_friction", "stribeck_friction", "load_friction", "viscous_friction", "drag",
     "joint_spring", "nonlinear_spring", "contact_friction", "drive_compliance", "backlash", "periodic_torque",
     "soft_bearing", "course", "released", "several_drives", "point_spring",
-    "contact_law",
+    "contact_law", "guide_clearance",
 ]  # fmt: skip
 Pair = tuple[JointModel, Motion]
 SettingValue = str | bool | int | float | None | Mapping[str, float]
@@ -58,6 +58,7 @@ IN_WORDS: Mapping[Feature, str] = {
     "several_drives": "motions of several freedoms, or of drives that turn no crank",
     "point_spring": "springs between points",
     "contact_law": "contact laws by name",
+    "guide_clearance": "clearance in prismatic joints",
 }
 MOVING: frozenset[Feature] = frozenset(
     {"viscous_friction", "drag", "course", "released", "contact_law"}
@@ -65,6 +66,7 @@ MOVING: frozenset[Feature] = frozenset(
 TOUCHING: Mapping[Feature, frozenset[JointModel]] = {
     "contact_friction": frozenset({"contact"}),
     "contact_law": frozenset({"contact", "spring-damper"}),
+    "guide_clearance": frozenset({"contact", "spring-damper"}),
 }  # only these joint models have them
 ENGINES: tuple[str, ...] = ("mujoco", "exudyn", "pybullet", "dart")  # built in
 # Engines that are somebody's own model: ``mjcf:linkage.xml`` is opened by the module behind the scheme, which has the
@@ -536,6 +538,7 @@ def needed(request: Request) -> dict[Feature, str]:
         at = f"of joint {joint.name!r}"
         soft = joint.radial_stiffness
         rubs = touching and not joint.prismatic and bool(joint.clearance and joint.friction)
+        block = joint.prismatic and joint.name in request.clearances
         named = moving and joint.contact_law is not None and joint.name in request.clearances
         asked: tuple[tuple[Feature, bool, str], ...] = (
             ("prismatic", joint.prismatic, f"the prismatic joint {joint.name!r}"),
@@ -549,6 +552,7 @@ def needed(request: Request) -> dict[Feature, str]:
             ("contact_friction", rubs, f"friction = {joint.friction:g} {at}"),
             ("soft_bearing", soft is not None, f"radial_stiffness = {soft or 0:g} {at}"),
             ("contact_law", named, f"contact_law = {joint.contact_law!r} {at}"),
+            ("guide_clearance", block, f"clearance = {joint.clearance:g} m {at}"),
         )
         found |= {feature: what for feature, has, what in asked if has and feature not in found}
     if m.drive_stiffness:

@@ -58,8 +58,8 @@ def mechanism(model: JointModel, feature: Feature | None) -> Mechanism:
     """A linkage with this feature, and clearance in joint B unless all joints are ideal."""
     if feature == "several_drives":
         return load("five-bar").with_clearances({} if model == "ideal" else {"P": 5e-4})
-    m = loaded("slider-crank" if feature == "prismatic" else "paper")
-    m = m.with_clearances({} if model == "ideal" else {"B": 5e-4})
+    m = loaded("slider-crank" if feature in ("prismatic", "guide_clearance") else "paper")
+    m = m.with_clearances({} if model == "ideal" else {"S" if feature == "guide_clearance" else "B": 5e-4})
     if feature == "contact_friction":
         return m.with_joint("B", friction=0.15, pin_radius=0.02)
     if feature == "contact_law":
@@ -172,8 +172,9 @@ def lags(feature: Feature, lag: np.ndarray, torque: np.ndarray) -> bool:
 def shows(feature: Feature, pair: Pair, seen: dict[str, np.ndarray], without: dict[str, np.ndarray]) -> bool:
     """Whether a feature is seen in the signals of a run, beside those of the same run without it."""
     crank = seen.get("crank_angle", np.zeros(0))
-    if feature == "prismatic":
-        return "reaction_S_moment" in seen
+    if feature in ("prismatic", "guide_clearance"):
+        off = np.hypot(seen.get("clearance_S_x", 5e-4), seen.get("clearance_S_y", 0.0))
+        return "reaction_S_moment" in seen and bool(np.abs(off / 5e-4 - 1).max() < 0.01)
     if feature == "course":
         from scipy.interpolate import CubicSpline
 
@@ -197,7 +198,15 @@ def test_what_is_declared_runs_and_shows(
     seen = answer(name, what, asked, tmp_path / "with")
     assert all(np.all(np.isfinite(values)) for values in seen.values())
     if feature is not None:
-        alters = feature not in ("prismatic", "course", "released", "several_drives", "drive_compliance", "backlash")
+        alters = feature not in (
+            "prismatic",
+            "guide_clearance",
+            "course",
+            "released",
+            "several_drives",
+            "drive_compliance",
+            "backlash",
+        )
         plain = replace(request(pair, None), start=asked.start)
         without = answer(name, what, plain, tmp_path / "without") if alters else {}
         assert shows(feature, pair, seen, without)

@@ -80,6 +80,10 @@ class Displaced:
     def signals(self) -> dict[str, np.ndarray]:
         """Contract signals, ``<body>_rotation`` (rad, psi) included; NaN at flagged angles."""
         out = self.configuration.signals() | self.reactions.loads()
+        for joint, tilt in self.tilts.items():
+            gap = self.gaps[joint]
+            for component, values in (("x", gap.real), ("y", gap.imag), ("angle", tilt)):
+                out[Signal.of("clearance", joint, component).name] = values
         for body in self.ideal.motion.structure.bodies[1:]:
             turned = self.configuration.motion.angle(body) - self.ideal.motion.angle(body)
             out[Signal.of("rotation", body, "angle").name] = turned

@@ -20,7 +20,7 @@ from analytic.kinematics.motion import BLOCK, Motion, Pieced, blocks, joined, se
 from analytic.kinematics.structure import Group, Structure
 from analytic.mechanism import MASS_CENTRE, Joint, Spring
 from analytic.mechanism.one_line import angles, largest, one_line
-from analytic.mechanism.signals import Signal, driving, play, position
+from analytic.mechanism.signals import Signal, driving, position
 
 SETTLED = 1e-12  # of the largest reaction's friction: the last step that is worth taking
 PASSES = 60  # of Newton's method
@@ -73,10 +73,6 @@ class Reactions:
             gap = m.columns[s.gap_column(joint)]
             yield Signal.of("clearance", joint, "x"), gap.real
             yield Signal.of("clearance", joint, "y"), gap.imag
-        for one in s.mechanism.joints:
-            if one.prismatic and one.guide is not None:
-                gap, tilt = m.play(one)
-                yield from zip(play(one), (gap.real, gap.imag, tilt), strict=True)
         for one in s.mechanism.joints:
             yield position(one), m.relative(one)
         if len(s.inputs) == 1 and s.mechanism.cranked:

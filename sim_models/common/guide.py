@@ -8,10 +8,13 @@ first's point; its tilt (rad) is its angle beyond that at which the joint would 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.structure import Rest
 from analytic.mechanism import Joint
 from analytic.mechanism.parts import Amount
 
@@ -47,3 +50,25 @@ class Guide:
         """
         turned = self.length / 2 * np.abs(np.sin(tilt)) - self.height / 2 * (1 - np.cos(tilt))
         return abs(height) + turned
+
+    def corners_at(self, push: complex) -> tuple[int, int]:
+        """Which corners a wall presses under a force (N) across and i times a moment (N.m) over half the length: both
+        of one side, or two at opposite ends and walls.
+        """
+        if abs(push.real) >= abs(push.imag):
+            return (0, 1) if push.real > 0 else (2, 3)
+        return (1, 2) if push.imag > 0 else (0, 3)
+
+    def rest(self, push: complex, give: float = 0.0) -> Rest:
+        """Where those hold the block, ``give`` (m) inside the wall."""
+        wide = Guide(self.length, self.height, self.clearance + give)
+        if abs(push.real) >= abs(push.imag):
+            return Rest(-math.copysign(wide.clearance, push.real), 0.0)
+        return Rest(0.0, -math.copysign(wide.tilt, push.imag))
+
+
+def opened(assembly: Assembly, gaps: Mapping[str, complex | Rest] | None) -> tuple[Assembly, dict[str, complex]]:
+    """The linkage with those blocks where they rest, and the gaps (m) of pins among ``gaps``."""
+    found = gaps or {}
+    rests = {name: gap for name, gap in found.items() if isinstance(gap, Rest)}
+    return assembly.resting(rests), {name: gap for name, gap in found.items() if not isinstance(gap, Rest)}

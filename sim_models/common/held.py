@@ -11,7 +11,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly, Followed
+from analytic.kinematics.structure import Rest
 from sim_models.common.contact_laws import longest
+from sim_models.common.guide import opened
 from sim_models.common.motor import motors_of
 from sim_models.common.start import Pose
 from sim_models.engine import Request
@@ -22,7 +24,7 @@ ASIDE = 1e-3  # rad, or longest bodies, of the fastest drive: from a pose to its
 BESIDE = np.arange(-2, 3)  # those neighbours
 SLOPE = np.array([1, -8, 0, 8, -1]) / 12  # of the rate of the quartic through values there
 
-NO_GAPS: Mapping[str, complex] = {}
+NO_GAPS: Mapping[str, complex | Rest] = {}
 
 
 class HeldPath:
@@ -46,7 +48,7 @@ class HeldPath:
         self.way = assembly.follow(self._inputs(self.times)).coordinates
 
     def place(
-        self, times: np.ndarray, gaps: Mapping[str, complex] = NO_GAPS, beside: np.ndarray | float = 0.0
+        self, times: np.ndarray, gaps: Mapping[str, complex | Rest] = NO_GAPS, beside: np.ndarray | float = 0.0
     ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Origin (N,) m, complex, and angle (N,) rad of every moving body at times (N,) s with these gaps (m) of its
         joints.  Raises AssemblyError.
@@ -55,20 +57,21 @@ class HeldPath:
         longest body.
         """
         times = np.asarray(times, float)
-        s, near = self.assembly.structure, np.array([np.interp(times, self.times, row) for row in self.way])
+        linkage, own = opened(self.assembly, gaps)
+        s, near = linkage.structure, np.array([np.interp(times, self.times, row) for row in self.way])
         inputs = self._inputs(times) + beside * self.assembly.inputs_at(self.direction(times))
-        gap = {name: np.full(times.size, value) for name, value in gaps.items()}
-        u = self.assembly.coordinates(inputs, gap, Followed(near))
-        origins = s.origins @ self.assembly.columns(u, gap)
+        gap = {name: np.full(times.size, value) for name, value in own.items()}
+        u = linkage.coordinates(inputs, gap, Followed(near))
+        origins = s.origins @ linkage.columns(u, gap)
         angles = [u[list(turned)].sum(axis=0) + held for turned, held in zip(s.turned, s.held_at, strict=True)]
         return {name: (origins[b], angles[b]) for b, name in enumerate(s.bodies) if b}
 
-    def poses(self, at: float, gaps: Mapping[str, complex] = NO_GAPS, beside: float = 0.0) -> dict[str, Pose]:
+    def poses(self, at: float, gaps: Mapping[str, complex | Rest] = NO_GAPS, beside: float = 0.0) -> dict[str, Pose]:
         """Pose of every moving body at a time (s), as if at rest.  Raises AssemblyError."""
         placed = self.place(np.array([at]), gaps, beside)
         return {name: Pose(complex(origin[0]), float(angle[0])) for name, (origin, angle) in placed.items()}
 
-    def moving(self, at: float, speed: float, gaps: Mapping[str, complex] = NO_GAPS) -> dict[str, Pose]:
+    def moving(self, at: float, speed: float, gaps: Mapping[str, complex | Rest] = NO_GAPS) -> dict[str, Pose]:
         """The same, going on as the courses then do, the fastest drive at ``speed`` (rad/s, or longest bodies/s)."""
         placed = self.place(np.full(BESIDE.size, at), gaps, ASIDE * BESIDE)
         weights = SLOPE * speed / ASIDE

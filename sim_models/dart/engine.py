@@ -24,7 +24,7 @@ class DartEngine(Engine):
     capabilities = Capabilities(
         rigid=Scope.of(
             ((model, motion) for model in MODELS for motion in MOTIONS),
-            set(FEATURES) - {"contact_friction"},
+            set(FEATURES) - {"contact_friction", "guide_clearance"},
             but=QUICKER | RIGID,
         )
     )

@@ -29,7 +29,7 @@ from sim_models.exudyn.settings import console_off
 RUNS: tuple[Pair, ...] = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
 BENDING: tuple[Pair, ...] = tuple((model, motion) for model in ("ideal", "contact") for motion in MOTIONS)
 # No law of a joint sees another's reaction; one-sided laws between a motor and its crank would be slow in Python.
-HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "backlash"}
+HAS: frozenset[Feature] = frozenset(FEATURES) - {"load_friction", "backlash", "guide_clearance"}
 WRITTEN = HAS - {"contact_law"}  # in exports: a memory of touches is no part of a model file
 BEYOND: frozenset[Feature] = frozenset(
     {"contact_law", "contact_friction", "drive_compliance", "soft_bearing", "released"}

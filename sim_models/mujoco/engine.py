@@ -7,9 +7,24 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from sim_models.common.simulate import export, simulate
-from sim_models.engine import FEATURES, JOINT_MODELS, MOTIONS, Capabilities, Engine, Request, Scope, Trace
+from sim_models.engine import (
+    FEATURES,
+    JOINT_MODELS,
+    MOTIONS,
+    Capabilities,
+    Engine,
+    Feature,
+    Pair,
+    Request,
+    Scope,
+    Trace,
+)
 
 RUNS = tuple((model, motion) for model in JOINT_MODELS for motion in MOTIONS)
+# Blocks touch their guides by contact alone: a tendon knows no corner.
+WITHOUT_BLOCKS: frozenset[tuple[Feature, Pair]] = frozenset(
+    ("guide_clearance", ("spring-damper", motion)) for motion in MOTIONS
+)
 
 
 class MujocoEngine(Engine):
@@ -24,8 +39,8 @@ class MujocoEngine(Engine):
     name = "mujoco"
     package = "mujoco"
     capabilities = Capabilities(
-        rigid=Scope.of(RUNS),
-        export=Scope.of(RUNS, set(FEATURES) - {"load_friction", "backlash", "contact_law"}),
+        rigid=Scope.of(RUNS, but=WITHOUT_BLOCKS),
+        export=Scope.of(RUNS, set(FEATURES) - {"load_friction", "backlash", "contact_law", "guide_clearance"}),
     )
 
     def simulate(self, request: Request) -> Trace:

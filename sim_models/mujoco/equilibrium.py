@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
+from analytic.kinematics import structure
+from analytic.mechanism import GROUND
 from sim_models.common.contact_laws import pressed_to
 from sim_models.common.failed_starts import check_stiff_enough, no_start, why_no_equilibrium
 from sim_models.engine import Cause, Request, SimulationError
@@ -20,12 +22,13 @@ from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.passive import felt
-from sim_models.mujoco.path import SIDE, Path
-from sim_models.mujoco.state import HEEDINGS, contact_rows, gap, heed, joint_forces, signals, touch, unheeded
+from sim_models.mujoco.path import SIDE, Gaps, Path
+from sim_models.mujoco.state import HEEDINGS, contact_rows, gap, heed, joint_forces, pushes, signals, touch, unheeded
 from sim_models.mujoco.steady import STENCIL, derivative
 
 NUDGE = 1e-7  # rad or m, of difference quotients
 SETTLED = 1e-9  # rad, or m over the linkage's size: Newton's last step; the error left is its square
+TRIES = 3  # of how blocks rest
 WEAK = 1e-9  # of the largest force: a reaction without direction
 STANDSTILL = 2e-8  # of SIDE: a joint that turns no farther around where a path is has no direction of slip
 
@@ -65,7 +68,7 @@ def balance(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, sl
     push = jacobian.copy()
     rows = np.ones(d.nefc, bool)
     for name, row in contact_rows(link).items():
-        friction = link.mechanism.joint(name).friction
+        friction = link.mechanism.joint(name).friction if link.rubs[name] else 0.0
         if friction:
             push[row] -= slip[name] * friction * jacobian[row + 1]
             rows[row + 1 : row + 3] = False
@@ -92,7 +95,7 @@ def rest(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip:
     q = q.copy()
     unknown = link.moved
     n = unknown.size
-    reach = min((0.5 * link.mechanism.joint(name).clearance for name in link.contacts), default=np.inf)
+    reach = min((0.5 * link.mechanism.joint(name).clearance for name in (*link.contacts, *link.blocks)), default=np.inf)
     force = np.zeros(0)
     for _ in range(60):
         here = balance(link, q, v, a, slip)
@@ -122,7 +125,7 @@ def rest(link: MujocoLinkage, q: np.ndarray, v: np.ndarray, a: np.ndarray, slip:
             every = np.zeros(link.data.nefc)
             every[here.rows] = force
             for name, row in contact_rows(link).items():
-                if link.mechanism.joint(name).friction:
+                if link.rubs[name]:
                     every[row + 1] = -slip[name] * link.mechanism.joint(name).friction * every[row]
             link.data.qacc[:] = a
             mujoco.mj_rnePostConstraint(link.model, link.data)
@@ -153,8 +156,8 @@ class Equilibria:
         self.pressed = MujocoLinkage(self.mechanism, laws, pose, setting) if laws else self.ideal
         self.forces: dict[str, float] = {}
 
-    def place(self, link: MujocoLinkage, theta: float, gaps: Mapping[str, complex] | None = None) -> np.ndarray:
-        """Coordinates (nq,) of an assembled linkage with these gaps (m)."""
+    def place(self, link: MujocoLinkage, theta: float, gaps: Gaps | None = None) -> np.ndarray:
+        """Coordinates (nq,) of an assembled linkage with these gaps (m) of pins, and blocks where they rest."""
         return link.placed(self.path.poses(theta, gaps))
 
     def slip(self, theta: float) -> dict[str, float]:
@@ -215,6 +218,7 @@ class Equilibria:
         to them.
         """
         forces = {name: complex(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"]) for name in self.laws}
+        forces |= {name: self.push(name, seen) for name in self.pressed.blocks}
         largest = max(
             math.hypot(seen[f"reaction_{j.name}_x"], seen[f"reaction_{j.name}_y"]) for j in self.mechanism.joints
         )
@@ -222,13 +226,29 @@ class Equilibria:
         self.forces |= {name: abs(force) for name, force in forces.items()}
         return forces
 
-    def pressing(self, theta: float, forces: Mapping[str, complex]) -> dict[str, complex]:
-        """Where these reactions press each pin (m): on the rim, and as far beyond as its stiffness lets it."""
+    def push(self, name: str, seen: Mapping[str, float]) -> complex:
+        """Force (N) on a block across its guide plus i times moment over half its length, from signals."""
+        block, first = self.pressed.blocks[name], self.mechanism.joint(name).bodies[0]
+        angle = 0.0 if first == GROUND else seen[f"{first}_angle"]
+        force = complex(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"])
+        across = 1j * block.joint.direction * complex(np.exp(1j * angle))
+        return complex((force * across.conjugate()).real, 2 * seen[f"reaction_{name}_moment"] / block.guide.length)
+
+    def pressing(self, theta: float, forces: Mapping[str, complex]) -> dict[str, complex | structure.Rest]:
+        """Where these reactions press each pin (m): on the rim, and as far beyond as its stiffness lets it; and where
+        each block rests, whose corners there are pressed from now on.
+        """
         for name, force in forces.items():
             if force == 0:
                 raise self.failed(Cause.UNPRESSED, f"nothing presses the pin of joint {name!r}", theta)
         check_stiff_enough("mujoco", self.request, theta, self.on_springs(forces))
+        self.seat(forces)
         return {name: self.rim(name, force) for name, force in forces.items()}
+
+    def seat(self, forces: Mapping[str, complex]) -> None:
+        """Have each block rest on the corners at which these push it (N; see :meth:`push`)."""
+        for name, block in self.pressed.blocks.items():
+            block.pressed = block.guide.corners_at(forces[name])
 
     def on_springs(self, forces: Mapping[str, complex]) -> dict[str, float]:
         """Sizes (N) of the forces that press a pin into a bearing that gives."""
@@ -237,9 +257,11 @@ class Equilibria:
         )
         return {name: abs(forces[name]) for name in giving}
 
-    def rim(self, name: str, force: complex) -> complex:
-        """Gap (m) of a joint that carries this force (N)."""
+    def rim(self, name: str, force: complex) -> complex | structure.Rest:
+        """Gap (m) of a joint that carries this force (N); where a block rests that is pushed so."""
         give = self.on_springs({name: force}).get(name, 0.0) / self.laws[name].stiffness
+        if name in self.pressed.blocks:
+            return self.pressed.blocks[name].guide.rest(force, give / 2)
         return pressed_to(self.mechanism.joint(name).clearance, give, force)
 
     def at_rest(self, theta: float) -> dict[str, float]:
@@ -249,14 +271,23 @@ class Equilibria:
         slip = self.slip(theta)
         still = np.zeros(self.ideal.model.nv)
         forces = self.reactions(theta, self.place(self.ideal, theta), still, still)
-        gaps = self.pressing(theta, forces)
-        still = np.zeros(self.pressed.model.nv)
-        found = self.rest(self.pressed, self.place(self.pressed, theta, gaps), still, still, slip)
-        if found is None:
-            soft = why_no_equilibrium("mujoco", self.request, theta, self.on_springs(forces))
-            raise soft or self.failed(Cause.NO_EQUILIBRIUM, "no equilibrium was found", theta)
+        for _ in range(TRIES):
+            gaps = self.pressing(theta, forces)
+            still = np.zeros(self.pressed.model.nv)
+            found = self.rest(self.pressed, self.place(self.pressed, theta, gaps), still, still, slip)
+            if found is None:
+                soft = why_no_equilibrium("mujoco", self.request, theta, self.on_springs(forces))
+                raise soft or self.failed(Cause.NO_EQUILIBRIUM, "no equilibrium was found", theta)
+            pulled = [n for n, corners in pushes(self.pressed, found.force).items() if min(corners.values()) < 0]
+            if not pulled:
+                break
+            seen = self.signals(self.pressed, found, slip)
+            forces |= {name: self.push(name, seen) for name in pulled}  # it rests otherwise
+        else:
+            what = f"the only equilibria found have a corner of the block of joint {pulled[0]!r} pulled, not pressed"
+            raise self.failed(Cause.PULLED, what, theta)
         for name, (force, _) in joint_forces(self.pressed, found.force).items():
-            if name in self.laws and not _pressed(force, gap(self.pressed, name)):
+            if name in self.pressed.contacts and not _pressed(force, gap(self.pressed, name)):
                 what = f"the only equilibrium found has the pin of joint {name!r} pulled, not pressed"
                 raise self.failed(Cause.PULLED, what, theta)
         return self.signals(self.pressed, found, slip)
@@ -288,7 +319,9 @@ class Equilibria:
         if found is None:
             return None
         forces = joint_forces(self.pressed, found.force)
-        return found.q if all(_pressed(forces[name][0], gap(self.pressed, name)) for name in self.laws) else None
+        pins = all(_pressed(forces[name][0], gap(self.pressed, name)) for name in self.pressed.contacts)
+        walls = all(min(corners.values()) >= 0 for corners in pushes(self.pressed, found.force).values())
+        return found.q if pins and walls else None
 
     def failed(self, cause: Cause, what: str, theta: float, remedy: str = "") -> SimulationError:
         """The error that says what went wrong at which crank angle."""

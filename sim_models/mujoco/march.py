@@ -10,6 +10,7 @@ import numpy as np
 
 from sim_models.common.start import MOST_STEPS, check_steps, substeps
 from sim_models.engine import Request, Watched
+from sim_models.mujoco.block import seat
 from sim_models.mujoco.limits import check_closed, check_depth, check_together, room_apart
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import Steering
@@ -23,6 +24,7 @@ from sim_models.mujoco.state import (
     look,
     misclosure,
     on_track,
+    pushes,
     signals,
 )
 from sim_models.mujoco.watch import Watch
@@ -55,6 +57,10 @@ class Log:
         for name in link.contacts:
             self.gaps[name].append(gap(link, name))
             self.forces[name].append(abs(forces[name][0]))
+        for name, corners in pushes(link, link.data.efc_force).items():
+            here = seat(link, link.blocks[name])
+            self.gaps[name].append(complex(link.blocks[name].guide.reach(here.height, here.tilt)))
+            self.forces[name].append(max(corners.values(), default=0.0))
 
 
 @dataclass
@@ -93,7 +99,8 @@ def march(
     )
     m, d = link.model, link.data
     d.qpos[:], d.qvel[:] = state
-    log, after = Log.of(link.contacts), Log.of(link.contacts)  # up to the last report, and beyond
+    laws = {**link.contacts, **{name: block.law for name, block in link.blocks.items()}}
+    log, after = Log.of(laws), Log.of(laws)  # up to the last report, and beyond
     reported: list[dict[str, float]] = []
     half = (
         0.5 if link.setting.stepped else 0.0
@@ -131,7 +138,7 @@ def march(
         if told:
             reported.append(signals(link, forces, friction_torques(link), d.qvel + lag * d.qacc if half else d.qvel))
     for seen in (log, after) if beyond else (log,):
-        check_depth(request, link.contacts, seen.gaps, seen.forces)
+        check_depth(request, laws, seen.gaps, seen.forces)
     if watch is not None:
         watch.close(lag)
     values = np.array([list(row.values()) for row in reported]).T

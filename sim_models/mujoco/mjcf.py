@@ -89,9 +89,10 @@ class Description:
     ) -> None:
         self.mechanism, self.closed_by, self.pose, self.setting = mechanism, tuple(contacts), pose, setting
         self.soft = tuple(j for j in mechanism.joints if j.radial_stiffness is not None and j.name not in contacts)
-        self.branches, self.closing = spanning_tree(
-            mechanism, {*contacts, *(j.name for j in self.soft)}, setting.driven
-        )
+        # blocks with clearance hang in the tree: along their guides, across them and about their points
+        self.blocks = frozenset(name for name in contacts if mechanism.joint(name).prismatic)
+        cut = {*contacts, *(j.name for j in self.soft)} - self.blocks
+        self.branches, self.closing = spanning_tree(mechanism, cut, setting.driven)
         self.stiffness = (mechanism.drive_stiffness or 0.0) if setting.hold and setting.driven is None else 0.0
         self.compliant = self.stiffness > 0  # N.m/rad between motor and crank
         self.place = {GROUND: AT_REST, **pose}
@@ -112,7 +113,7 @@ class Description:
             forms[name], fixed_angle[name] = dict(forms[b.parent]), fixed_angle[b.parent]
             if b.joint is not None and b.joint.prismatic:
                 fixed_angle[name] += b.fixed_angle
-            else:
+            if b.joint is None or not b.joint.prismatic or b.joint.name in self.blocks:
                 forms[name][name] = 1.0
         return forms, fixed_angle
 
@@ -170,6 +171,9 @@ class Description:
                 first, second = (pin(b.joint, n) for n in b.joint.bodies)
                 angle = everything[b.joint.bodies[0]].angle
                 at[f"{name}:slide"] = float(slide_travel(b.joint, second - first, angle))
+                if b.joint.name in self.blocks:
+                    at[f"{name}:across"] = float(slide_travel(b.joint, (second - first) * -1j, angle))
+                    at[name] = here.angle - everything[b.parent].angle - b.fixed_angle
             else:
                 at[name] = here.angle - everything[b.parent].angle
         if self.compliant:
@@ -218,6 +222,8 @@ class Description:
         elif b.joint.prismatic:
             axis = b.joint.direction * np.exp(1j * (self.place[b.joint.bodies[0]].angle - here.angle))
             slides = {f"{name}:slide": axis if b.is_second else -axis}
+            if b.joint.name in self.blocks:
+                slides[f"{name}:across"] = 1j * slides[f"{name}:slide"]
         text = "".join(
             f'<joint name="{n}" type="slide" axis="{_xy(axis)}" ref="{at[n]!r}"{self._armature(n)}/>'
             for n, axis in slides.items()
@@ -225,8 +231,12 @@ class Description:
         if name not in at:
             return text
         pin = 0j if b.joint is None else b.body.point(b.joint.name)
+        guides = b.joint is not None and b.joint.name in self.blocks and not b.is_second
+        if b.joint is not None and guides:  # it turns about the block's point, and then slides along its own guide
+            pin += b.joint.direction * complex(at[f"{name}:slide"], at[f"{name}:across"])
         hinge = f'<joint name="{name}" type="hinge" axis="0 0 1" pos="{_xy(pin)}" ref="{at[name]!r}"'
-        return f"{text}{hinge}{self._armature(name)}/>"
+        turns = f"{hinge}{self._armature(name)}/>"
+        return turns + text if guides else text + turns
 
     def _armature(self, coordinate: str) -> str:
         return f' armature="{MOTOR_INERTIA!r}"' if coordinate in self.motors else ""

@@ -15,9 +15,11 @@ from analytic.mechanism import GROUND, Body, Joint, Mechanism
 from analytic.mechanism.signals import driving
 from sim_models.common.backlash import Flanks
 from sim_models.common.contact_laws import PIN_RADIUS, KelvinVoigt, bearing, lighter_mass
+from sim_models.common.guide import Guide
 from sim_models.common.start import Pose
 from sim_models.common.tree import Branch
 from sim_models.engine import Unsupported
+from sim_models.mujoco.block import Block
 from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.mjcf import RIGID, Description, Setting
 from sim_models.mujoco.passive import Passive
@@ -80,7 +82,8 @@ class MujocoLinkage:
     def __init__(
         self, mechanism: Mechanism, contacts: Mapping[str, Contact], pose: Mapping[str, Pose], setting: Setting
     ) -> None:
-        self.mechanism, self.contacts, self.setting = mechanism, contacts, setting
+        self.mechanism, self.setting = mechanism, setting
+        self.contacts = {name: law for name, law in contacts.items() if not mechanism.joint(name).prismatic}
         self.description = Description(mechanism, contacts, pose, setting)
         light = [b for b in mechanism.bodies if b.mass <= mujoco.mjMINVAL]
         if light:
@@ -93,6 +96,14 @@ class MujocoLinkage:
         self.data = mujoco.MjData(m)
         self._name_things()
         self._set_laws()
+        self.blocks = {name: self._block(name, law) for name, law in contacts.items() if name not in self.contacts}
+        keys = [(block, block.key(k)) for block in self.blocks.values() for k in range(4)]
+        self.rubs |= {key: False for _, key in keys}
+        self.striking |= {
+            key: Striking(block.law.named, lighter_mass(mechanism, block.joint), 0.0)
+            for block, key in keys
+            if block.law.named is not None
+        }
         crank = mechanism.driven if mechanism.periodic_torque else GROUND
         curved = [j for j in mechanism.joints if j.name in self.laws and _curved(j)]
         laws = {self.laws[j.name]: (j, self.between(j)) for j in curved}
@@ -105,7 +116,7 @@ class MujocoLinkage:
     @property
     def kept(self) -> bool:
         """Whether every step passes through Python."""
-        return bool(self.touch or self.striking) or self.watch is not None
+        return bool(self.touch or self.blocks or self.striking) or self.watch is not None
 
     def _name_things(self) -> None:
         m, joints = self.model, self.mechanism.joints
@@ -144,7 +155,7 @@ class MujocoLinkage:
         self.outward = [self._part(b) for b in reversed(self.description.branches)]  # tips first
 
         self.tendon = {name: m.tendon(name).id for name in self.contacts if self.setting.rows == "spring-damper"}
-        self.depth: dict[str, float] = {}  # m, of each pin in its wall; negative where it is off
+        self.depth: dict[str, float] = {}  # m, of each pin or corner in its wall; negative where it is off
         self.rubs = {n: self.setting.rows == "contact" and self.mechanism.joint(n).friction > 0 for n in self.contacts}
         self.striking = {
             name: Striking(law.named, lighter_mass(self.mechanism, j), j.friction if self.rubs[name] else 0.0)
@@ -217,7 +228,11 @@ class MujocoLinkage:
                 else j.rest_angle - self.fixed_angle[j.bodies[1]] + self.fixed_angle[j.bodies[0]]
             )
             m.tendon_lengthspring[t] = rest
-        self.touch = {name: self._touch(name) for name in self.contacts} if self.setting.rows == "contact" else {}
+        self.touch = (
+            {name: self._touch(name, law) for name, law in self.contacts.items()}
+            if self.setting.rows == "contact"
+            else {}
+        )
         if self.setting.rows in ("massless-link", "spring"):
             for name in self.contacts:
                 e, t = m.equality(name).id, m.tendon(name).id
@@ -247,11 +262,19 @@ class MujocoLinkage:
     def _spring(self, name: str, invweight: float) -> tuple[list[float], list[float]]:
         return spring(self.contacts[name], invweight)
 
-    def _touch(self, name: str) -> Any:
-        m, j, law = self.model, self.mechanism.joint(name), self.contacts[name]
+    def _block(self, name: str, law: Contact) -> Block:
+        """The block of a prismatic joint with clearance."""
+        joint = self.mechanism.joint(name)
+        guide = Guide.of(joint)
+        assert guide is not None  # a mechanism with clearance in a prismatic joint has it
+        return Block(joint, guide, law, [self._touch(name, law) for _ in guide.corners])
+
+    def _touch(self, name: str, law: Contact) -> Any:
+        m, j = self.model, self.mechanism.joint(name)
         con = mujoco.MjContact()
-        con.dim = 3 if j.friction else 1
-        con.friction = [j.friction, j.friction, 0, 0, 0]
+        friction = 0.0 if j.prismatic else j.friction
+        con.dim = 3 if friction else 1
+        con.friction = [friction, friction, 0, 0, 0]
         geoms = [
             m.geom(f"{name}:{b}").id for b in (j.bodies[1], j.bodies[0])
         ]  # the second body holds the bearing, the first the journal
@@ -261,5 +284,5 @@ class MujocoLinkage:
             period, ratio = law.hard
             con.solref, con.solimp = [period / ratio, ratio], [float(x) for x in RIGID.split()]
         else:
-            con.solref, con.solimp = self._spring(name, float(m.body_invweight0[m.geom_bodyid[geoms], 0].sum()))
+            con.solref, con.solimp = spring(law, float(m.body_invweight0[m.geom_bodyid[geoms], 0].sum()))
         return con

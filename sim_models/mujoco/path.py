@@ -11,7 +11,9 @@ from typing import Protocol
 import numpy as np
 
 from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.structure import Rest
 from sim_models.common.contact_laws import longest
+from sim_models.common.guide import opened
 from sim_models.common.held import HeldPath
 from sim_models.common.motor import motors_of
 from sim_models.common.start import Pose, poses
@@ -22,6 +24,7 @@ GLIMPSES = 400  # instants of courses, at least, between which it is looked how 
 
 
 Poses = dict[str, Pose]  # of every moving body
+Gaps = Mapping[str, complex | Rest]  # by joint: a pin's gap (m), first minus second, or where a block rests
 
 
 class Path(Protocol):
@@ -30,8 +33,8 @@ class Path(Protocol):
     driven: tuple[str, ...] | None  # joints that follow courses, where these are not a crank's
     held: bool  # whether nothing is left to move freely
 
-    def poses(self, at: float, gaps: Mapping[str, complex] | None = None) -> Poses:
-        """Pose of every moving body with these gaps (m) of its joints, as if at rest.  Raises AssemblyError."""
+    def poses(self, at: float, gaps: Gaps | None = None) -> Poses:
+        """Pose of every moving body with these gaps of its joints, as if at rest.  Raises AssemblyError."""
 
     def around(self, at: float) -> tuple[Poses, Poses] | None:
         """Where the ideal linkage comes from and where it goes, close by; None where it stands."""
@@ -46,9 +49,10 @@ class CrankPath:
     def __init__(self, assembly: Assembly, direction: float) -> None:
         self.assembly, self.direction = assembly, direction
 
-    def poses(self, at: float, gaps: Mapping[str, complex] | None = None) -> Poses:
+    def poses(self, at: float, gaps: Gaps | None = None) -> Poses:
         """At a crank angle (rad)."""
-        return poses(self.assembly, at, gaps=lambda _: gaps or {})
+        linkage, own = opened(self.assembly, gaps)
+        return poses(linkage, at, gaps=lambda _: own)
 
     def around(self, at: float) -> tuple[Poses, Poses] | None:
         """At crank angles (rad) on either side."""
@@ -73,7 +77,7 @@ class CoursePath:
         self.begin = max((motor.begin for motor in self.motors.values()), default=0.0)
         self.top_speed = self._fastest(request)
 
-    def poses(self, at: float, gaps: Mapping[str, complex] | None = None) -> Poses:
+    def poses(self, at: float, gaps: Gaps | None = None) -> Poses:
         """At a time (s)."""
         origins, angles = self._placed(np.array([at]), gaps or {})
         bodies = self.assembly.structure.bodies
@@ -83,14 +87,15 @@ class CoursePath:
         """At times (s) of which none is before: a motion that begins from rest has no other side."""
         return (self.poses(at), self.poses(at + SIDE / self.top_speed)) if self.top_speed else None
 
-    def _placed(self, times: np.ndarray, gaps: Mapping[str, complex]) -> tuple[np.ndarray, np.ndarray]:
+    def _placed(self, times: np.ndarray, gaps: Gaps) -> tuple[np.ndarray, np.ndarray]:
         """Origins (bodies, N) m, complex, and angles (bodies, N) rad at times (N,) s."""
         still = {name: np.full(times.size, where) for name, where in self.assembly.positions.items()}
         inputs = self.assembly.inputs_at(still | {name: motor.angles(times) for name, motor in self.motors.items()})
-        gap = {name: np.full(times.size, value) for name, value in gaps.items()}
-        s, u = self.assembly.structure, self.assembly.coordinates(inputs, gap)
+        linkage, own = opened(self.assembly, gaps)
+        gap = {name: np.full(times.size, value) for name, value in own.items()}
+        s, u = linkage.structure, linkage.coordinates(inputs, gap)
         angles = [u[list(turned)].sum(axis=0) + held for turned, held in zip(s.turned, s.held_at, strict=True)]
-        return s.origins @ self.assembly.columns(u, gap), np.array(angles)
+        return s.origins @ linkage.columns(u, gap), np.array(angles)
 
     def _fastest(self, request: Request) -> float:
         """The top speed up to the last report; where something moves freely, of the motors."""
@@ -118,7 +123,7 @@ class RestingPath:
         self.along = HeldPath(request, assembly)
         self.driven: tuple[str, ...] | None = self.along.names
 
-    def poses(self, at: float, gaps: Mapping[str, complex] | None = None) -> Poses:
+    def poses(self, at: float, gaps: Gaps | None = None) -> Poses:
         """At a time (s)."""
         return self.along.poses(at, gaps or {})
 

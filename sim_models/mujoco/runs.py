@@ -24,7 +24,7 @@ from sim_models.mujoco.march import Log, march
 from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import AlongCourse, AtConstantSpeed, Steering, steering
-from sim_models.mujoco.path import CrankPath, Path
+from sim_models.mujoco.path import CrankPath, Gaps, Path
 from sim_models.mujoco.state import (
     joint_forces,
     look,
@@ -92,7 +92,9 @@ class Run:
             )
         step = self.longest_step(near, q[here]) if step is None else step
         if how == "equilibrium":
-            settled = self.near(at[here], step).steady(at, q, rate)
+            near = self.near(at[here], step)
+            near.seat(forces[here])
+            settled = near.steady(at, q, rate)
             q, how = (q, "pressed where the ideal linkage's reaction points") if settled is None else (settled, how)
         return q[here], (rate @ q)[here], step, how
 
@@ -115,7 +117,10 @@ class Run:
             except (SimulationError, AssemblyError):
                 continue  # only where one is asked for must one be; where there is none, the path has a gap
             for name in self.laws:
-                log.gaps[name].append(complex(seen[f"clearance_{name}_x"], seen[f"clearance_{name}_y"]))
+                gap = complex(seen[f"clearance_{name}_x"], seen[f"clearance_{name}_y"])
+                if name in near.pressed.blocks:
+                    gap = complex(near.pressed.blocks[name].guide.reach(abs(gap), seen[f"clearance_{name}_angle"]))
+                log.gaps[name].append(gap)
                 log.forces[name].append(math.hypot(seen[f"reaction_{name}_x"], seen[f"reaction_{name}_y"]))
         rows = [found[at] for at in along.tolist()]
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}, log
@@ -140,7 +145,8 @@ class Run:
             ease = mobility(link, q, name)
             clearance = self.mechanism.joint(name).clearance
             asked = law.named is not None or self.mechanism.joint(name).restitution is not None
-            limits.append(0.6 / math.sqrt(max(near.forces.get(name, 0.0) * ease / clearance, 1e-12)))
+            if name not in link.blocks:  # a block does not swing on its wall
+                limits.append(0.6 / math.sqrt(max(near.forces.get(name, 0.0) * ease / clearance, 1e-12)))
             if law.hard:
                 sag = (
                     near.forces.get(name, 0.0) * ease * law.hard[0] ** 2
@@ -180,6 +186,11 @@ class Run:
                 state = begin(step)
         raise AssertionError("unreachable: the last attempt returns or raises")
 
+    @property
+    def _journals(self) -> list[str]:
+        """The joints with clearance whose pins have a path in their bearings."""
+        return [name for name in self.laws if not self.mechanism.joint(name).prismatic]
+
     def wall(self, name: str) -> float:
         """How far (m) off its centre a pin begins to be pushed."""
         law = self.laws[name]
@@ -204,7 +215,7 @@ class Run:
             time=time,
             signals=signals,
             clearance=self.request.clearances,
-            journal={name: np.array([[g.real, g.imag] for g in path]) for name, path in log.gaps.items()},
+            journal={name: np.array([[g.real, g.imag] for g in log.gaps[name]]) for name in self._journals},
             free_share={name: free_share(np.array(gaps), self.wall(name), times) for name, gaps in log.gaps.items()},
             settings={**law_settings(self.request, self.laws), **settings, "solver": "Newton, elliptic cone"},
             rates=rates,
@@ -338,7 +349,7 @@ class MujocoRun(Run):
         settings: dict[str, SettingValue] = {"step": step, "start": "released", "start_speed": self.request.start_speed}
         return self.report(columns[f"{self.mechanism.driven}_angle"].copy(), time, columns, log, settings)
 
-    def gaps_at_release(self, near: Equilibria, theta: float) -> dict[str, complex]:
+    def gaps_at_release(self, near: Equilibria, theta: float) -> Gaps:
         """Gaps (m) along the ideal linkage's reactions at the instant of release, x where there is none; zero to start
         centred.
         """

@@ -14,7 +14,7 @@ from sim_models.mujoco.equilibrium import Equilibria
 from sim_models.mujoco.mjcf import Setting
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.motor import AHEAD, AROUND, BESIDE, AlongCourses, spacing
-from sim_models.mujoco.path import CoursePath, RestingPath
+from sim_models.mujoco.path import CoursePath, Gaps, RestingPath
 from sim_models.mujoco.runs import RESTING, STATIC_STEP, MujocoRun, Run, State, scatter
 from sim_models.mujoco.state import friction_torques, joint_forces, look, on_track, signals
 from sim_models.mujoco.steady import derivative
@@ -83,7 +83,7 @@ class CoursesRun(Run):
             v[pressed.motors] = self.motors.at(pressed, np.array([begin]), 1)[0]
         return q, v, self.longest_step(near, q) if step is None else step, "released"
 
-    def gaps_at_release(self, near: Equilibria) -> dict[str, complex]:
+    def gaps_at_release(self, near: Equilibria) -> Gaps:
         """Gaps (m) along the ideal linkage's reactions at the start, x where there is none; zero to start centred."""
         if self.centred:
             return {}

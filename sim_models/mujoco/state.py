@@ -13,6 +13,8 @@ from analytic.mechanism import GROUND
 from sim_models.common.backlash import Flanks
 from sim_models.common.rates import rate_columns
 from sim_models.engine import Cause, SimulationError
+from sim_models.mujoco.block import ease as ease_of_corner
+from sim_models.mujoco.block import played, touch_walls
 from sim_models.mujoco.model import CONTACT_ROWS, ROW, Drive, MujocoLinkage
 from sim_models.mujoco.passive import felt
 from sim_models.mujoco.striking import GRIP
@@ -27,7 +29,9 @@ Applied = tuple[complex, complex]  # force on a joint's second body (N), and the
 
 
 def touch(link: MujocoLinkage, always: bool = False) -> bool:
-    """Add the contact of each journal that has left its gap (or of every journal); says whether there is one."""
+    """Add the contact of each journal that has left its gap (or of every journal), and of blocks' corners; says whether
+    there is one.
+    """
     x, link.touching = link.data.site_xpos, []
     for name, con in link.touch.items():
         first, second = link.sites[name]
@@ -47,13 +51,14 @@ def touch(link: MujocoLinkage, always: bool = False) -> bool:
                     "use fewer joints with clearance",
                 )
             link.touching.append(name)
+    touch_walls(link, always)
     return bool(link.touching)
 
 
 def advance(link: MujocoLinkage, count: int) -> None:
     """Take steps."""
     m, d = link.model, link.data
-    heeding = link.loads and (link.description.compliant or link.contacts or not link.setting.hold)
+    heeding = link.loads and (link.description.compliant or link.contacts or link.blocks or not link.setting.hold)
     if not link.kept and not heeding:  # a rigidly driven ideal linkage moves as it does, whatever its friction
         with felt(link.passive):
             mujoco.mj_step(m, d, nstep=count)
@@ -126,7 +131,7 @@ def strike(link: MujocoLinkage) -> None:
     m, d, rows = link.model, link.data, wall_rows(link)
     step = m.opt.timestep
     for name, pin in link.striking.items():
-        pin.see(d.time, link.depth[name] if link.touch else depth_on_tendon(link, name))
+        pin.see(d.time, link.depth[name] if link.touch or link.blocks else depth_on_tendon(link, name))
         row = rows.get(name)
         if row is None:
             continue
@@ -154,7 +159,7 @@ def wall_rows(link: MujocoLinkage) -> dict[str, int]:
     """
     d = link.data
     first = d.ne + d.nf
-    if not link.touch:
+    if not (link.touch or link.blocks):
         ids = d.efc_id[first : first + d.nl].tolist() if d.nl else ()
         return {name: first + ids.index(tendon) for name, tendon in link.tendon.items() if tendon in ids}
     rows, first = {}, first + d.nl
@@ -223,6 +228,15 @@ def contact_rows(link: MujocoLinkage) -> dict[str, int]:
         for i, name in enumerate(link.touching)
         for kind in CONTACT_ROWS
         if (row := rows.get((int(kind), i), -1)) >= 0
+    }
+
+
+def pushes(link: MujocoLinkage, force: np.ndarray) -> dict[str, dict[int, float]]:
+    """Force (N) of the wall on each corner of each block that touches one, from the constraint rows' forces (nefc,)."""
+    rows = contact_rows(link)
+    return {
+        name: {k: float(force[rows[key]]) for k in range(4) if (key := block.key(k)) in rows}
+        for name, block in link.blocks.items()
     }
 
 
@@ -389,7 +403,7 @@ def signals(
     for name in link.pins:
         g = gap(link, name) if name in link.contacts or name in link.soft else 0j
         out[f"clearance_{name}_x"], out[f"clearance_{name}_y"] = g.real, g.imag
-    return out
+    return out | played(link)
 
 
 def on_track(link: MujocoLinkage) -> None:
@@ -404,9 +418,11 @@ def on_track(link: MujocoLinkage) -> None:
 
 
 def mobility(link: MujocoLinkage, q: np.ndarray, name: str) -> float:
-    """Largest acceleration (1/kg) of a joint's gap by a unit force in it."""
+    """Largest acceleration (1/kg) of a joint's gap, or of a block's corner, by a unit force in it."""
     link.data.qpos[:] = q
     mujoco.mj_fwdPosition(link.model, link.data)
+    if name in link.blocks:
+        return ease_of_corner(link, link.blocks[name])
     return ease(link, link.sites[name])
 
 

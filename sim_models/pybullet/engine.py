@@ -19,7 +19,7 @@ RUNS: tuple[Pair, ...] = (
 )
 # A pin that moves in its bearing changes its reaction, and with it such friction, too much from step to step.
 QUICKER: frozenset[tuple[Feature, Pair]] = frozenset({("load_friction", ("spring-damper", "driven"))})
-HAS: frozenset[Feature] = frozenset(FEATURES) - {"contact_friction"}
+HAS: frozenset[Feature] = frozenset(FEATURES) - {"contact_friction", "guide_clearance"}
 # What an exported script does not do: backlash, contact laws by name, nor at rest a drive that yields.
 UNWRITTEN: frozenset[tuple[Feature, Pair]] = frozenset(
     {("drive_compliance", pair) for pair in RUNS if pair[1] == "static"}
