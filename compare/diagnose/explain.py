@@ -23,6 +23,7 @@ from compare.diagnose.least_squares import UNSEEN
 from compare.diagnose.noise import CLOSED, rms, sample_weights
 from compare.diagnose.odds import odds_of
 from compare.diagnose.predict import Term
+from compare.diagnose.rattle.statistics import Statistics
 from compare.diagnose.residuals import Data
 from compare.diagnose.search import Search, a_parameter, without
 from compare.diagnose.sensitivities import Screen
@@ -93,6 +94,7 @@ class Explanation:
     weights: np.ndarray = field(repr=False)  # (size,) of each sample
     structured: bool  # whether what is left is more than noise
     attempts: tuple[Attempt, ...] = ()  # what was tried and not named, best first
+    statistics: Statistics | None = None  # by which a rig that rattles is judged, in place of its samples
 
     @cached_property
     def gap(self) -> tuple[float, float]:

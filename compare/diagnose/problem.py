@@ -24,6 +24,7 @@ from compare.diagnose.inverse import beginnings
 from compare.diagnose.locate import Stretch, locate, rms_difference, spread
 from compare.diagnose.noise import CLOSED, rms
 from compare.diagnose.predict import SLOW, Model, Term, altered
+from compare.diagnose.rattle.explained import ALIKE, rattling
 from compare.diagnose.residuals import Data
 from compare.diagnose.search import Search, costs
 from compare.diagnose.sensitivities import candidates, sensitivities
@@ -267,6 +268,8 @@ class Problem:
         self.options.progress("search", 1, 4)
         if rms(self.base.residual) < OVERSTATED and self.largest_rms(self.base.residual) <= CLOSED:
             return self.quiet()
+        if (found := rattling(self)) is not None:
+            return found
         fit = self.best_fit(self.data)
         for _ in range(RECOLOURED):
             if self.options.late() or not self.coloured(fit):
@@ -338,11 +341,16 @@ class Problem:
             f"Measurement and simulation differ by {rms(self.base.residual):.2g} of the noise only: the noise is"
             " overstated. Nothing is named by what is smaller than that; give a smaller noise, or none, to look closer."
         )
+        self.prepare_search()
+        structured = has_structure(self.data, self.base.residual)
+        return Explanation(self.base, self.base, (), "no gap", np.ones(self.data.size), structured)
+
+    def prepare_search(self) -> Search:
+        """A search in these data that has not begun: what each effect would do is known."""
         wanted = [t for t in self.terms if t.key not in self.ruled_out]
         cost = costs(wanted, self.rig, self.data.size)
         self.search = self.prepared(self.data, cost, wanted, bool(self.base.terms))
-        structured = has_structure(self.data, self.base.residual)
-        return Explanation(self.base, self.base, (), "no gap", np.ones(self.data.size), structured)
+        return self.search
 
     def difference(self, fit: Fit) -> np.ndarray | None:
         """Residual (size,) of the analytic model less that of the chosen engine, with the effects of a fit; None where
@@ -439,7 +447,7 @@ class Problem:
             self.base if explanation.named else fit
         )  # free runs without a gap are released from where all of the data say
         chosen = {"before": self.simulated(begin), "after": self.simulated(fit)}
-        gaps = [math.inf if (r := said.readings) is None else rms(self.data.residual(r)) for said in chosen.values()]
+        gaps = [math.inf if (r := said.readings) is None else self.gap(explanation, r) for said in chosen.values()]
         if explanation.named and math.isfinite(gaps[1]) and gaps[1] > gaps[0]:
             if in_contact(fit):  # it is the contact that grows the gap, not what was named
                 bounced = f"its pins bounce or leave their bearings, and its gap would be {gaps[1]:.3g}"
@@ -448,7 +456,8 @@ class Problem:
                 explanation, fit, chosen["after"] = self.withdrawn(explanation, *gaps), begin, chosen["before"]
                 hypothesis = fit.values(self.rig)
         readings = chosen["after"].readings
-        closed = readings is not None and rms(self.data.residual(readings)) <= CLOSED
+        enough = CLOSED if explanation.statistics is None else ALIKE
+        closed = readings is not None and self.gap(explanation, readings) <= enough
         if explanation.verdict in ("explained", "ambiguous") and not closed:
             explanation = replace(explanation, verdict="partly explained")
         if self.engines[1:]:
@@ -465,6 +474,13 @@ class Problem:
         return Verified(
             explanation, explained, before, after, agreement, self.agreement(before[self.simulator], begin), stretches
         )
+
+    def gap(self, explanation: Explanation, readings: Sequence[Mapping[str, np.ndarray]]) -> float:
+        """How far readings are from the measured ones: sample by sample over the noise (rms), or where the rig rattles
+        in their statistics.
+        """
+        by = explanation.statistics
+        return rms(self.data.residual(readings)) if by is None else by.gap(readings)
 
     def withdrawn(self, explanation: Explanation, before: float, after: float) -> Explanation:
         """An explanation whose effects make the simulated gap larger: nothing is named, and what was tried is told."""

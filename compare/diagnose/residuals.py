@@ -163,7 +163,7 @@ class Data:
         runs = []
         for run in self.measured.runs:
             early = run.time <= run.time[0] + share * (run.time[-1] - run.time[0])
-            cut = {s: replace(c, values=c.values[early]) for s, c in run.channels.items()}
+            cut = {s: c.at(early) for s, c in run.channels.items()}
             runs.append(replace(run, time=run.time[early], channels=cut) if run.drive == "free" else run)
         kept = [
             run.time[part.used] <= runs[part.run].time[-1]

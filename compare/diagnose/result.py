@@ -79,7 +79,7 @@ def as_document(
 ) -> Diagnosis:
     """Everything found; the command that asked for it is not known here."""
     e = found.explanation
-    before, after = _gap(problem, found.before[problem.simulator]), _gap(problem, found.after[problem.simulator])
+    before, after = (_gap(problem, e, said[problem.simulator]) for said in (found.before, found.after))
     gap = (before if before is not None else e.gap[0], after if after is not None else e.gap[1])
     why = found.after[problem.simulator].skipped
     failure = (
@@ -97,9 +97,9 @@ def as_document(
         versions=_versions(found),
         located=tuple(_located(stretch) for stretch in found.stretches),
         effects=_effects(problem, e),
-        gap=_closing(problem, gap, runs, landings),
+        gap=_closing(problem, gap, runs, landings) if e.statistics is None else _closing_by(problem, found, gap),
         other_simulators={
-            name: Elsewhere(before=_gap(problem, found.before[name]), after=_gap(problem, said))
+            name: Elsewhere(before=_gap(problem, e, found.before[name]), after=_gap(problem, e, said))
             for name, said in found.after.items()
             if name != problem.simulator and said.readings is not None
         },
@@ -140,8 +140,8 @@ def _located(stretch: Stretch) -> Located:
     )
 
 
-def _gap(problem: Problem, said: Simulated) -> float | None:
-    return None if said.readings is None else rms(problem.data.residual(said.readings))
+def _gap(problem: Problem, e: Explanation, said: Simulated) -> float | None:
+    return None if said.readings is None else problem.gap(e, said.readings)
 
 
 def _landings(problem: Problem, found: Verified) -> list[np.ndarray]:
@@ -174,6 +174,27 @@ def _closing(
             )
             for name, signal in problem.measured.signals.items()
             if any(name in run.signals for run in runs)
+        },
+    )
+
+
+def _closing_by(problem: Problem, found: Verified, gap: tuple[float, float]) -> Closing:
+    """The same of a rig that rattles, by its statistics."""
+    by, excess = found.explanation.statistics, gap[0] ** 2 - 1
+    assert by is not None
+    sides = [said[problem.simulator].readings for said in (found.before, found.after)]
+    off = {
+        name: [None if each is None else by.off(name, each) for each in sides]
+        for name in dict.fromkeys(signal for _, signal in by.floor)
+    }
+    return Closing(
+        before=gap[0],
+        after=gap[1],
+        noise_floor=1.0,
+        explained=min((gap[0] ** 2 - gap[1] ** 2) / excess, 1.0) if excess > 0 else None,
+        by_signal={
+            name: SensorGap(unit=problem.measured.signals[name].unit, before=before, after=after)
+            for name, (before, after) in off.items()
         },
     )
 
@@ -211,10 +232,10 @@ def _effects(problem: Problem, e: Explanation) -> tuple[Effect, ...]:
         for p in problem.data.parts
         if p.used.size
     }
-    return tuple(_effect(problem, e.fit, n, noise) for n in e.named)
+    return tuple(_effect(problem, e, n, noise) for n in e.named)
 
 
-def _effect(problem: Problem, fit: Fit, n: Named, noise: dict[tuple[str, str], float]) -> Effect:
+def _effect(problem: Problem, e: Explanation, n: Named, noise: dict[tuple[str, str], float]) -> Effect:
     return Effect(
         name=n.term.effect.name,
         where=n.term.where,
@@ -228,7 +249,7 @@ def _effect(problem: Problem, fit: Fit, n: Named, noise: dict[tuple[str, str], f
             for (t, _), odds in zip_longest(n.ties, n.odds[: len(n.ties)])
         ),
         would_separate=(
-            would_separate(problem.model, noise, fit, n.ties[0][1]) if n.ties else ""
+            would_separate(problem.model, noise, e.fit, n.ties[0][1]) if n.ties else ""
         ),  # from the first of its rivals
         small_errors=tuple(
             SmallError(name=t.effect.name, where=t.where, parameters={p: as_parameter(v) for p, v in values.items()})
@@ -236,6 +257,7 @@ def _effect(problem: Problem, fit: Fit, n: Named, noise: dict[tuple[str, str], f
         ),
         kind=_kind(n.term),
         share=n.share,
+        evidence=e.statistics.says() if e.statistics is not None else "",
     )
 
 
@@ -378,8 +400,8 @@ def _engines(problem: Problem, found: Verified) -> tuple[Engine, ...]:
             name=name,
             version=said.version or found.before[name].version,
             agreement=found.agreement[name],
-            before=_gap(problem, found.before[name]),
-            after=_gap(problem, said),
+            before=_gap(problem, found.explanation, found.before[name]),
+            after=_gap(problem, found.explanation, said),
             skipped=said.skipped,
             added=tuple(said.added),
             settings=_settings(problem, said if said.settings else found.before[name]),
@@ -415,6 +437,14 @@ def _run(problem: Problem, found: Verified, r: int, run: MeasuredRun) -> Diagnos
         name: problem.data.residual(side) for name, side in (("before", before), ("after", after)) if side is not None
     }
     absent = np.full(run.time.size, np.nan)
+    by = found.explanation.statistics
+    spread = (
+        {} if by is None else {name: by.gaps(side) for name, side in (("before", before), ("after", after)) if side}
+    )
+
+    def gap(side: Side, part: Part) -> float | None:
+        return rms(residual[side][part.place]) if by is None else spread[side].get((run.name, part.signal))
+
     signals: dict[str, Channel] = {}
     for part in problem.data.parts:
         if part.run != r:
@@ -427,8 +457,8 @@ def _run(problem: Problem, found: Verified, r: int, run: MeasuredRun) -> Diagnos
             measured=channel.values,
             before=before[r][part.signal] if before is not None else absent,
             after=after[r][part.signal] if after is not None else absent,
-            gap_before=rms(residual["before"][part.place]) if "before" in residual else None,
-            gap_after=rms(residual["after"][part.place]) if "after" in residual else None,
+            gap_before=gap("before", part) if "before" in residual else None,
+            gap_after=gap("after", part) if "after" in residual else None,
         )
     return DiagnosedRun(
         name=run.name,

@@ -105,7 +105,7 @@ def _diagnosed(data: Measured, options: Options) -> tuple[Diagnosis, Proposal | 
         problem.notes.append(
             "The links' stated moduli of elasticity are left out: links that bend are of linkages that one crank moves."
         )
-    elif rigid != data.mechanism and problem.shows_bending(data.mechanism):
+    elif rigid != data.mechanism and explanation.statistics is None and problem.shows_bending(data.mechanism):
         bending = Problem.of(data, data.mechanism, options)
         instead = bending.explanation()
         nearer = bending.price(instead) < problem.price(explanation)
@@ -128,6 +128,8 @@ def proposed(problem: Problem, found: Verified) -> Proposal | None:
     if (
         problem.options.late() or problem.search is None or not problem.mechanism.cranked
     ):  # its laws are of a crank's angle
+        return None
+    if e.statistics is not None:  # nothing can be solved for sample by sample
         return None
     if e.verdict in ("unexplained", "partly explained"):
         return proposal(problem.model, problem.search.fitter, e.fit)

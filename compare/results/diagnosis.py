@@ -111,6 +111,12 @@ class Effect(Place):
         Number,
         Field(description="Of the squared gap before any effect: what this one takes away, added in the listed order."),
     ] = None
+    evidence: Annotated[
+        str,
+        Field(
+            description="By what else than samples it is named: ``from statistics over 21 revolutions``; else empty."
+        ),
+    ] = ""
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name} {p.value:.4g} {p.unit}" for name, p in self.parameters.items())

@@ -346,6 +346,7 @@ def _channel(
     given = entry.noise.get(signal)
     estimate = noise(table.time, values)
     spikes = outliers(table.time, values, max(estimate, given or 0.0))
+    isolated = None
     if spikes.size:
         first = table.time[spikes[0]]
         fault(
@@ -353,8 +354,10 @@ def _channel(
             spikes.size,
             f"has {spikes.size} isolated spike{'s' * (spikes.size > 1)}, the first at {first:.6g} s, left out",
         )
-        values = values.copy()
-        values[spikes] = math.nan
+        isolated = np.full(values.size, math.nan)
+        isolated[spikes] = values[spikes]
+        isolated.flags.writeable = False
+        values = np.where(np.isfinite(isolated), math.nan, values)
         estimate = noise(table.time, values)
     present = values[np.isfinite(values)]
     if present.size < ROWS:
@@ -376,7 +379,7 @@ def _channel(
             f"scatters by {estimate / column.factor:.3g} {column.unit} from line to line, and a noise of"
             f" {given / column.factor:.3g} {column.unit} is given; the given one is used",
         )
-    return Channel(column.signal, frozen(values), given or estimate, given is not None, column.unit), faults
+    return Channel(column.signal, frozen(values), given or estimate, given is not None, column.unit, isolated), faults
 
 
 def _gap_fault(run: str, time: np.ndarray) -> list[Fault]:

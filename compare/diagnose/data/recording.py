@@ -7,7 +7,7 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
@@ -51,6 +51,8 @@ class Channel:
     SI, > 0.
 
     ``noise_given`` says whether measured.toml gave it (else it is estimated); ``unit`` is the header's, for people.
+    ``spikes`` (N,) are the readings that were left out as isolated spikes, NaN elsewhere: where pins strike, they are
+    evidence.
     """
 
     signal: Signal
@@ -58,6 +60,18 @@ class Channel:
     noise: float
     noise_given: bool
     unit: str
+    spikes: np.ndarray | None = None
+
+    @property
+    def raw(self) -> np.ndarray:
+        """The values (N,) with the spikes among them."""
+        return self.values if self.spikes is None else np.where(np.isfinite(self.spikes), self.spikes, self.values)
+
+    def at(self, rows: np.ndarray | slice) -> Channel:
+        """The same sensor at some of the run's samples."""
+        values, spikes = self.values[rows].copy(), None if self.spikes is None else self.spikes[rows]
+        values.flags.writeable = False
+        return replace(self, values=values, spikes=spikes)
 
     def __repr__(self) -> str:
         known = int(np.count_nonzero(np.isfinite(self.values)))

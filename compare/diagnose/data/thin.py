@@ -21,7 +21,7 @@ def picked(run: MeasuredRun, every: int) -> MeasuredRun:
         here = np.flatnonzero(np.isfinite(channel.values))
         if np.sum(keep[here]) < here.size / every / 2:
             keep[here[::every]] = True
-    channels = {s: replace(c, values=frozen(c.values[keep])) for s, c in run.channels.items()}
+    channels = {s: c.at(keep) for s, c in run.channels.items()}
     return replace(run, time=frozen(run.time[keep]), channels=channels)
 
 

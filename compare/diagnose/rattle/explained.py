@@ -1,0 +1,342 @@
+"""The explanation of a rig that rattles: the joint in which clearance spreads the engine's readings as measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analytic.mechanism.one_line import count
+from compare.diagnose.data.recording import MeasuredRun
+from compare.diagnose.effects.joints import JointClearance
+from compare.diagnose.engines import Engines
+from compare.diagnose.explain import Attempt, Explanation, Interval, Named
+from compare.diagnose.fit import Fit
+from compare.diagnose.predict import Hypothesis, Model, Term
+from compare.diagnose.rattle.statistics import Key, Readings, Statistics
+from compare.diagnose.rattle.trial import Trials, Tried, least, wanted
+from compare.diagnose.rattle.turns import FEWEST, TURNS, Turns, rattles
+from compare.results.diagnosis import Verdict
+from sim_models.engine import engine
+
+if TYPE_CHECKING:
+    from compare.diagnose.problem import Problem
+
+PAYS = 0.25  # of the logarithm of the distance, that clearance must take away to be named
+SEEN = 0.3  # of it: positions, or forces, that are farther from the nominal rig's than that must come nearer
+TIE = 0.1  # of it: joints that close are not told apart
+SURE = 2.0  # standard deviations, over groups of revolutions, by which they may be
+ALIKE = 1.6  # times how far two recordings of one rig are apart: statistics that are explained
+LAW = 0.05  # of a clearance: what contact laws other than the engine's may make of it, one standard deviation
+LITTLE = 1e-3  # of the shortest link: a clearance to first order
+MOST = 0.06  # of the shortest link: no clearance is tried beyond
+
+
+def rattling(problem: Problem) -> Explanation | None:
+    """What statistics say of a rig whose pins strike: None where nothing rattles, or no clearance in the engine does as
+    the rig does.
+    """
+    turns = _turns(problem)
+    terms = [
+        t
+        for t in problem.terms
+        if isinstance(t.effect, JointClearance)
+        and t.key not in problem.ruled_out
+        and t.effect.simulated_by(engine(problem.simulator))
+    ]
+    sensors = {run.name: _sensors(problem, run) for run in problem.measured.runs if run.name in turns}
+    if not terms or not turns or not rattles(problem.measured, turns, sensors):
+        return None
+    found = _Judged.of(problem, Statistics(problem.measured, problem.analytic(problem.base), turns, sensors), terms)
+    return None if found is None or not found.pays() else found.explanation()
+
+
+def _turns(problem: Problem) -> dict[str, Turns]:
+    """The revolutions of runs that have enough of them."""
+    m, found = problem.mechanism, {}
+    for run in problem.measured.runs if m.cranked and not m.several else ():
+        angle = problem.crank_angle(run) if run.drive != "free" else np.zeros(0)
+        steps = np.diff(angle)
+        if angle.size > TURNS * FEWEST and (np.all(steps > 0) or np.all(steps < 0)):
+            each = Turns.of(angle)
+            if each.count >= TURNS and np.sum(each.turn >= 0) >= FEWEST * each.count:
+                found[run.name] = each
+    return found
+
+
+def _sensors(problem: Problem, run: MeasuredRun) -> list[str]:
+    return [
+        s for s, c in run.channels.items() if s not in problem.rig.encoders and np.isfinite(c.values).sum() > FEWEST
+    ]
+
+
+# ---------------------------------------------------------------- in the engine
+
+
+def _cut(problem: Problem, rows: Mapping[str, np.ndarray]) -> Model:
+    """The nominal model of some samples, by run, of the runs that are judged."""
+    runs = [
+        replace(run, time=run.time[at], channels={s: c.at(at) for s, c in run.channels.items()})
+        for run in problem.measured.runs
+        if (at := rows.get(run.name)) is not None
+    ]
+    return Model(replace(problem.measured, runs=tuple(runs)), problem.rig, problem.mechanism, problem.model.courses)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Clearance in the chosen engine, in the runs that are judged."""
+
+    problem: Problem
+    turns: Mapping[str, Turns]
+
+    def __call__(self, term: Term, size: float, first: int | None) -> Readings | None:
+        """Readings (N,) by signal of each run, NaN beyond its ``first`` revolutions and nothing of runs that are not
+        judged; None where the engine has no answer.
+        """
+        rows = {
+            name: np.flatnonzero((each.turn >= 0) & (each.turn < (first or each.count)))
+            for name, each in self.turns.items()
+        }
+        engines = Engines(_cut(self.problem, rows), self.problem.simulator, 1)
+        found = engines.simulate(_with(term, size), (self.problem.simulator,))[self.problem.simulator].readings
+        if found is None:
+            return None
+        judged = dict(zip([run.name for run in self.problem.measured.runs if run.name in rows], found, strict=True))
+        return [
+            {s: _among(values, rows[run.name], run.time.size) for s, values in judged.get(run.name, {}).items()}
+            for run in self.problem.measured.runs
+        ]
+
+
+def _with(term: Term, size: float) -> Hypothesis:
+    return [(term, {term.effect.parameters[0].name: size})]
+
+
+def _natural(problem: Problem, term: Term, size: float) -> np.ndarray:
+    """Natural coordinates of a clearance (m)."""
+    return term.effect.natural(problem.rig, term.where, dict(_with(term, size)[0][1]))
+
+
+def _among(values: np.ndarray, rows: np.ndarray, size: int) -> np.ndarray:
+    """Values at some rows of (size,), NaN elsewhere."""
+    found = np.full(size, math.nan)
+    found[rows] = values
+    return found
+
+
+def _shortest(problem: Problem) -> float:
+    """The shortest link (m)."""
+    return min(body.length for body in problem.mechanism.bodies if body.length)
+
+
+def sizes(problem: Problem, statistics: Statistics, terms: Sequence[Term]) -> dict[Term, float | None]:
+    """The clearance (m) in each joint that displaces as far as is measured in the middle, by the analytic model; None
+    where no position is measured or it has no answer.
+    """
+    runs = {run.name: run for run in problem.measured.runs if run.name in statistics.turns}
+    middles = {name: each.middles() for name, each in statistics.turns.items()}
+    rows = {name: np.unique(at) for name, at in middles.items()}
+    keys = positions(statistics)
+    sigma = {key: runs[key[0]].channels[key[1]].noise for key in keys}
+    medians = {key: statistics.measured.whole[key][:, 2] for key in keys}
+    little = LITTLE * _shortest(problem)
+    base, *moved = _cut(problem, rows)([[], *(_with(term, little) for term in terms)])
+    found: dict[Term, float | None] = dict.fromkeys(terms)
+    for term, after in zip(terms, moved, strict=True):
+        if not keys or base is None or after is None:
+            continue
+        change = {
+            (name, s): (after[r][s] - base[r][s])[np.searchsorted(rows[name], middles[name])]
+            for r, name in enumerate(runs)
+            for run, s in keys
+            if run == name
+        }
+        found[term] = little * min(max(wanted(medians, change, sigma), 1e-2), MOST / LITTLE)
+    return found
+
+
+def positions(statistics: Statistics) -> list[Key]:
+    """The sensors of positions."""
+    return [key for key in statistics.floor if not statistics.loaded(key)]
+
+
+# ---------------------------------------------------------------- the judgement
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """What was tried: each joint's trials, the best first, beside the nominal mechanism in the same engine."""
+
+    problem: Problem
+    statistics: Statistics
+    nominal: Tried
+    trials: Sequence[Sequence[Tried]]
+
+    @classmethod
+    def of(cls, problem: Problem, statistics: Statistics, terms: Sequence[Term]) -> _Judged | None:
+        before = problem.simulated(problem.base).readings
+        if before is None:
+            return None
+        nominal = Tried(terms[0], 0.0, statistics.distances(statistics.spread(before)))
+        if nominal.misfit() < PAYS:
+            return None
+
+        def largest(term: Term) -> float:
+            room = problem.fitter.bounds(term)[1][0] - _natural(problem, term, 0.0)[0]
+            return float(min(MOST * _shortest(problem), room))
+
+        bench = Bench(problem, statistics.turns)
+        trials = Trials(statistics, bench, _shortest(problem), largest, problem.options.late)
+        found = trials.searched(sizes(problem, statistics, terms), nominal.misfit())
+        return cls(problem, statistics, nominal, found) if found else None
+
+    @property
+    def best(self) -> Tried:
+        """Of all trials."""
+        return self.trials[0][0]
+
+    def pays(self) -> bool:
+        """Whether clearance takes enough of the distance away, whichever revolutions are left out, and of positions and
+        of forces both where both are away.
+        """
+        groups = range(len(self.best.apart))
+        if any(self.nominal.misfit(None, g) - self.best.misfit(None, g) < PAYS for g in groups):
+            return False
+        return all(
+            self.nominal.misfit(keys) - self.best.misfit(keys) > PAYS / 2
+            for keys in self._kinds()
+            if self.nominal.misfit(keys) > SEEN
+        )
+
+    def _kinds(self) -> list[list[Key]]:
+        """Sensors of positions, and of forces and torques; those that there are."""
+        places = positions(self.statistics)
+        return [keys for keys in (places, [key for key in self.statistics.floor if key not in places]) if keys]
+
+    def tied(self) -> list[Sequence[Tried]]:
+        """Other joints that do as well."""
+        found = []
+        for trials in self.trials[1:]:
+            behind = [trials[0].misfit(None, g) - self.best.misfit(None, g) for g in range(len(self.best.apart))]
+            if behind[0] < max(TIE, SURE * jackknifed(behind[1:])):
+                found.append(trials)
+        return found
+
+    def size(self, trials: Sequence[Tried], keys: Sequence[Key] | None = None, group: int = 0) -> float:
+        """The clearance (m) with the least misfit: of positions, where they tell it; they are in proportion to it."""
+        places = positions(self.statistics)
+        known = places if keys is None else [key for key in keys if key in places]
+        known = known or list(self.statistics.floor if keys is None else keys)
+        return least(trials, lambda each: each.misfit(known, group))
+
+    def interval(self, trials: Sequence[Tried]) -> Interval:
+        """That clearance with its 95 % interval: by what leaving revolutions out changes, and by the contact law."""
+        value = self.size(trials)
+        groups = [math.log(self.size(trials, None, 1 + g)) for g in range(self.statistics.groups)]
+        grid = 0.25 * math.log(max(each.size for each in trials) / min(each.size for each in trials)) / len(trials)
+        wide = math.exp(1.96 * math.hypot(jackknifed(groups), LAW, grid))
+        return Interval(value, value / wide, value * wide, "m")
+
+    def held_out(self, trials: Sequence[Tried]) -> tuple[float, float]:
+        """Distances before and after on data that the size was not found with: each run in turn where there are three
+        or more, else each group of revolutions.
+        """
+        floor, runs = self.statistics.floor, list(self.statistics.turns)
+        sizes, judged = [], []
+        for out in runs if len(runs) >= 3 else ():
+            sizes.append(self.size(trials, [key for key in floor if key[0] != out]))
+            judged.append([key for key in floor if key[0] == out])
+        if not sizes:
+            sizes = [self.size(trials, None, 1 + group) for group in range(self.statistics.groups)]
+            judged = [list(floor)] * len(sizes)
+        near = [nearest(trials, size) for size in sizes]
+        before, after = (
+            math.exp(float(np.mean([each.misfit(keys) for each, keys in zip(tried, judged, strict=True)])))
+            for tried in ([self.nominal] * len(near), near)
+        )
+        return before, after
+
+    def explanation(self) -> Explanation:
+        """The joint that does best with its clearance, what ties with it, and the statistics by which it is judged."""
+        p, trials = self.problem, self.trials[0]
+        search = p.prepare_search()
+        fit = self._fit(self.best.term, self.size(trials))
+        rivals = [(other[0].term, self._fit(other[0].term, self.size(other))) for other in self.tied()]
+        gap, share = self._closed(self.best)
+        named = Named(
+            self.best.term,
+            {self.best.term.effect.parameters[0].name: self.interval(trials)},
+            fit_gain(search.base, fit),
+            gap,
+            self.held_out(trials),
+            tuple(rivals),
+            share,
+        )
+        held = named.held_out[1] < named.held_out[0]
+        closed = gap[1] <= ALIKE and held
+        verdict: Verdict = "partly explained" if not closed else "ambiguous" if rivals else "explained"
+        p.notes.append(self.told())
+        tied = {term for term, _ in rivals}
+        others = [each[0] for each in self.trials[1:] if each[0].term not in tied]
+        return Explanation(
+            search.base, fit, (named,), verdict, np.ones(p.data.size), False, tuple(self._attempt(o) for o in others),
+            self.statistics,
+        )  # fmt: skip
+
+    def _closed(self, tried: Tried) -> tuple[tuple[float, float], float]:
+        """The gap before and after, and the share of its square beyond two recordings' own that goes."""
+        before, after = math.exp(self.nominal.misfit()), math.exp(tried.misfit())
+        return (before, after), float(np.clip((before**2 - after**2) / (before**2 - 1), 0.0, 1.0))
+
+    def _attempt(self, other: Tried) -> Attempt:
+        name = other.term.effect.parameters[0].name
+        gap, share = self._closed(other)
+        times = gap[1] / math.exp(self.best.misfit())
+        where, value = self.best.term.where, {name: Interval(other.size, -math.inf, math.inf, "m")}
+        why = f"in {self.problem.simulator} its statistics are {times:.2g} times as far off as those of joint {where}"
+        return Attempt(other.term, value, share, gap, why)
+
+    def _fit(self, term: Term, size: float) -> Fit:
+        """A clearance as the analytic model has it, which no sample is fitted to."""
+        p = self.problem
+        x = _natural(p, term, size)
+        start = dict(zip(p.base.terms, p.base.x, strict=True)) | {term: x}
+        return p.fitter.at([*p.base.terms, term], start) or unmoved(p.base, term, x)
+
+    def told(self) -> str:
+        """By what kind of evidence clearance is named, in sentences."""
+        s, simulator = self.statistics, self.problem.simulator
+        return (
+            f"The rig rattles: in {count(s.revolutions, 'revolution')} of {count(len(s.turns), 'run')} several sensors"
+            " are thrown off at the same instants, in each revolution otherwise, as where pins leave their bearings and"
+            f" strike. No sample can be foretold then. Clearance was tried joint by joint in {simulator}, and judged by"
+            " how readings are spread in each part of a revolution (quantiles over all revolutions). A gap of 1 is how"
+            " far two recordings of one rig are apart in that. Isolated spikes are impacts there, and count."
+        )
+
+
+def nearest(trials: Sequence[Tried], size: float) -> Tried:
+    """The trial whose clearance is nearest to a size (m)."""
+    return min(trials, key=lambda each: abs(math.log(each.size / size)))
+
+
+def unmoved(base: Fit, term: Term, x: np.ndarray) -> Fit:
+    """The nominal fit with a term to which the analytic model has no answer."""
+    still = np.zeros((base.residual.size, x.size))
+    bound = np.concatenate([base.bound, np.zeros(x.size, bool)])
+    return Fit((*base.terms, term), (*base.x, x), base.residual, np.hstack([base.jacobian, still]), bound)
+
+
+def fit_gain(base: Fit, fit: Fit) -> float:
+    """What chi^2 loses sample by sample, at least nothing."""
+    return max(base.chi2 - fit.chi2, 0.0)
+
+
+def jackknifed(values: Sequence[float]) -> float:
+    """Standard deviation of a statistic whose values with each group left out in turn are these."""
+    n = len(values)
+    return math.sqrt((n - 1) * float(np.var(values))) if n > 1 else math.inf

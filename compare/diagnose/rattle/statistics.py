@@ -1,0 +1,166 @@
+"""What of a run survives chaos: how a sensor's readings are spread in each part of a revolution, over revolutions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from analytic.mechanism.one_line import count
+from analytic.mechanism.signals import wrapped
+from compare.diagnose.data.recording import Measured, MeasuredRun
+from compare.diagnose.rattle.turns import Turns
+
+QUANTILES = np.array([0.1, 0.25, 0.5, 0.75, 0.9])
+GROUPS = 8  # of revolutions, at most, that are left out in turn
+SEED = 1  # of the noise that is added to simulated readings
+DEEP = 5.0  # of the noise: forces up to that are told apart as they are, larger ones by their ratio
+
+Key = tuple[str, str]  # run and signal
+Readings = Sequence[Mapping[str, np.ndarray]]
+
+
+@dataclass(frozen=True)
+class Spread:
+    """The readings of each sensor less what is foretold without clearance, as quantiles (bins, 5) in SI by run and
+    signal: of all revolutions, and with each group of revolutions left out.
+    """
+
+    whole: Mapping[Key, np.ndarray]
+    less: Sequence[Mapping[Key, np.ndarray]]
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """How readings of all runs are spread, and how far one recording's are from another's.
+
+    ``foretold`` are the readings (N,) by signal that deviations are taken from; ``turns`` the runs' revolutions by name
+    and ``sensors`` what is judged of each; ``measured`` is the recording itself and ``floor`` by sensor how far two
+    recordings of one rig are apart.
+    """
+
+    data: Measured
+    foretold: Readings
+    turns: Mapping[str, Turns]
+    sensors: Mapping[str, Sequence[str]]
+    measured: Spread = field(init=False, repr=False)
+    floor: Mapping[Key, float] = field(init=False)
+
+    def __post_init__(self) -> None:
+        own = [{s: c.raw for s, c in run.channels.items()} for run in self.data.runs]
+        object.__setattr__(self, "measured", self.spread(own, simulated=False))
+        odd, even = (self._quantiles(self._deviations(own, None), half) for half in (self._half(1), self._half(0)))
+        apart = {key: float(np.nanmean(np.abs(self.told(key, odd[key]) - self.told(key, even[key])))) for key in odd}
+        object.__setattr__(self, "floor", {key: max(size / math.sqrt(2), 1e-12) for key, size in apart.items()})
+
+    def _half(self, rest: int) -> dict[str, list[int]]:
+        return {name: list(range(rest, each.count, 2)) for name, each in self.turns.items()}
+
+    @property
+    def revolutions(self) -> int:
+        """Of all runs together."""
+        return sum(each.count for each in self.turns.values())
+
+    @property
+    def groups(self) -> int:
+        """Of revolutions, that are left out in turn."""
+        return min(GROUPS, *(each.count for each in self.turns.values()))
+
+    def says(self) -> str:
+        """By what kind of evidence it is that something is named."""
+        return f"from statistics over {count(self.revolutions, 'revolution')}"
+
+    def spread(self, readings: Readings, simulated: bool = True) -> Spread:
+        """Of readings by run; to ``simulated`` ones the sensors' noise is added.  A run may be told in part: NaN."""
+        noise = np.random.default_rng(SEED) if simulated else None
+        off = self._deviations(readings, noise)
+        left_out = [
+            {name: [t for t in range(each.count) if t % self.groups != g] for name, each in self.turns.items()}
+            for g in range(self.groups)
+        ]
+        return Spread(self._quantiles(off, None), [self._quantiles(off, kept) for kept in left_out])
+
+    def _deviations(self, readings: Readings, noise: np.random.Generator | None) -> dict[Key, np.ndarray]:
+        found = {}
+        for run, read, foretold in zip(self.data.runs, readings, self.foretold, strict=True):
+            for signal in self.sensors.get(run.name, ()):
+                channel, values = run.channels[signal], np.asarray(read[signal], float)
+                if noise is not None:
+                    values = values + channel.noise * noise.standard_normal(values.size)
+                off = values - foretold[signal]
+                found[run.name, signal] = wrapped(off) if channel.signal.wraps else off
+        return found
+
+    def _quantiles(
+        self, off: Mapping[Key, np.ndarray], kept: Mapping[str, Sequence[int]] | None
+    ) -> dict[Key, np.ndarray]:
+        tables = {name: each.table(None if kept is None else kept[name]) for name, each in self.turns.items()}
+        return {key: quantiles(values, tables[key[0]]) for key, values in off.items()}
+
+    def told(self, key: Key, quantiles: np.ndarray) -> np.ndarray:
+        """Quantiles as they are compared: a position's over its noise; a force's or torque's so that peaks, which no
+        contact law is known well enough for, count by their ratio.
+        """
+        channel = self._run(key[0]).channels[key[1]]
+        if not self.loaded(key):
+            return quantiles / channel.noise
+        return np.arcsinh(quantiles / (self._usual(key) + DEEP * channel.noise))
+
+    def loaded(self, key: Key) -> bool:
+        """Whether a sensor reads a force or a torque."""
+        return self._run(key[0]).channels[key[1]].signal.kind in ("reaction", "drive")
+
+    def _usual(self, key: Key) -> float:
+        """The usual size of a force or torque without clearance."""
+        index = [run.name for run in self.data.runs].index(key[0])
+        return float(np.median(np.abs(self.foretold[index][key[1]])))
+
+    def _run(self, name: str) -> MeasuredRun:
+        return next(run for run in self.data.runs if run.name == name)
+
+    def apart(self, other: Mapping[Key, np.ndarray], own: Mapping[Key, np.ndarray]) -> dict[Key, float]:
+        """How far quantiles are from each other, by sensor, over how far two recordings of one rig are."""
+        return {
+            key: max(float(np.nanmean(np.abs(self.told(key, other[key]) - self.told(key, own[key])))) / floor, 1e-6)
+            for key, floor in self.floor.items()
+        }
+
+    def distances(self, spread: Spread) -> list[dict[Key, float]]:
+        """How far simulated readings are from the measured ones, by sensor: of all revolutions, and with each group
+        left out of both.
+        """
+        pairs = zip(spread.less, self.measured.less, strict=True)
+        return [self.apart(spread.whole, self.measured.whole), *(self.apart(s, m) for s, m in pairs)]
+
+    def gap(self, readings: Readings) -> float:
+        """How far simulated readings are from the measured ones, as the geometric mean over sensors; 1 is how far two
+        recordings of one rig are.
+        """
+        return math.exp(float(np.mean(np.log(list(self.gaps(readings).values())))))
+
+    def gaps(self, readings: Readings) -> dict[Key, float]:
+        """The same by sensor."""
+        return self.apart(self.simulated(readings), self.measured.whole)
+
+    def off(self, signal: str, readings: Readings) -> float | None:
+        """How far simulated quantiles of a sensor are from the measured ones (rms, SI); None where it is not judged."""
+        found = self.simulated(readings)
+        each = [(found[key] - self.measured.whole[key]).ravel() for key in self.floor if key[1] == signal]
+        return float(np.sqrt(np.nanmean(np.concatenate(each) ** 2))) if each else None
+
+    def simulated(self, readings: Readings) -> dict[Key, np.ndarray]:
+        """Quantiles of simulated readings, to which the sensors' noise is added."""
+        return self._quantiles(self._deviations(readings, np.random.default_rng(SEED)), None)
+
+
+def quantiles(values: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """QUANTILES (bins, 5) of values (N,) at the indices of each row (bins, most), -1 for none; NaN of no values."""
+    sorted_ = np.sort(np.where(table < 0, np.nan, values[table]), axis=1)
+    last = np.sum(np.isfinite(sorted_), axis=1) - 1
+    at = QUANTILES * np.maximum(last, 0)[:, None]
+    low = np.floor(at).astype(int)
+    high = np.minimum(low + 1, np.maximum(last, 0)[:, None])
+    row = np.arange(table.shape[0])[:, None]
+    return np.asarray(sorted_[row, low] + (at - low) * (sorted_[row, high] - sorted_[row, low]))

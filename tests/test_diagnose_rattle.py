@@ -1,0 +1,218 @@
+"""Clearance of rigs that rattle: told by how readings are spread over revolutions, where no sample can be foretold."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analytic.mechanism import Mechanism
+from analytic.mechanism.file import load
+from analytic.mechanism.signals import named
+from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
+from compare.diagnose.effects.joints import JointClearance
+from compare.diagnose.predict import Term
+from compare.diagnose.rattle.explained import jackknifed
+from compare.diagnose.rattle.statistics import QUANTILES, Statistics, quantiles
+from compare.diagnose.rattle.trial import Trials, Tried, least, wanted
+from compare.diagnose.rattle.turns import Turns, rattles
+from compare.diagnose.workflow import diagnose
+from marks import slow
+from rattling_rigs import Rattling, rattling, still
+
+SPEED, SAMPLES, COUNT = 30.0, 150, 6
+SENSORS = {"follower_angle": 1e-4, "reaction_E_x": 0.05, "reaction_E_y": 0.05}
+
+
+def recording(**values: np.ndarray) -> tuple[Measured, dict[str, Turns]]:
+    """A run of six revolutions of the crank-rocker whose sensors read these values (N,)."""
+    mechanism: Mechanism = load("crank-rocker").rigid()
+    known = named(mechanism.bodies, mechanism.joints, mechanism.drives)
+    time = np.arange(SAMPLES * COUNT + 1) * 2 * math.pi / SPEED / SAMPLES
+    channels = {s: Channel(known[s], v, SENSORS[s], True, known[s].unit) for s, v in values.items()}
+    run = MeasuredRun("run", time, channels, "speed", SPEED, 0.4, {}, None, False, "run.csv")
+    return Measured(mechanism, (run,), {}, (), "measured.toml"), {"run": Turns.of(0.4 + SPEED * time)}
+
+
+def smooth() -> dict[str, np.ndarray]:
+    """What the sensors would read without clearance and noise."""
+    phase = np.arange(SAMPLES * COUNT + 1) * 2 * math.pi / SAMPLES
+    return {"follower_angle": 0.3 * np.cos(phase), "reaction_E_x": 5 * np.sin(phase), "reaction_E_y": 4 * np.cos(phase)}
+
+
+def noisy(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """The same with the sensors' noise."""
+    return {s: v + SENSORS[s] * rng.standard_normal(v.size) for s, v in smooth().items()}
+
+
+def struck(rng: np.random.Generator, size: float = 1.0) -> dict[str, np.ndarray]:
+    """Bursts after the middle of each revolution, in all sensors at once, each another."""
+    found, phase = noisy(rng), (np.arange(SAMPLES * COUNT + 1) / SAMPLES) % 1.0
+    hit = (phase > 0.5) & (phase < 0.6)
+    blow = size * hit * rng.standard_normal(hit.size)
+    return {s: v + blow * (1e-2 if s == "follower_angle" else 20.0) for s, v in found.items()}
+
+
+# ---------------------------------------------------------------- revolutions
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_revolutions_are_counted_whichever_way_the_crank_turns(way: float) -> None:
+    turns = Turns.of(0.4 + way * np.arange(SAMPLES * COUNT + 1) * 2 * math.pi / SAMPLES)
+    assert turns.count == COUNT
+    assert turns.bins == 24
+    table = turns.table()
+    assert np.sum(table >= 0) in (SAMPLES * COUNT, SAMPLES * COUNT + 1)
+    assert np.all(turns.phase[table[3][table[3] >= 0]] * 24 // 1 == 3)
+    assert set(turns.turn[turns.table([2, 4])[0]].tolist()) <= {2, 4, -1}
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_what_repeats_folds_onto_itself(way: float) -> None:
+    angle = 0.4 + way * np.arange(167 * COUNT + 1) * 2 * math.pi / 167.3
+    each = Turns.of(angle).folded(np.sin(angle))
+    assert each.shape[0] == Turns.of(angle).count
+    assert np.abs(each - each[0]).max() < 2e-3
+
+
+def test_quantiles_are_those_of_numpy() -> None:
+    rng = np.random.default_rng(3)
+    values = rng.standard_normal(40)
+    values[5] = math.nan
+    table = np.array([np.r_[0:20], np.r_[20:35, [-1] * 5], [-1] * 20])
+    found = quantiles(values, table)
+    assert found[0] == pytest.approx(np.nanquantile(values[:20], QUANTILES))
+    assert found[1] == pytest.approx(np.quantile(values[20:35], QUANTILES))
+    assert np.isnan(found[2]).all()
+
+
+# ---------------------------------------------------------------- what rattles
+
+
+def test_blows_in_several_sensors_at_once_are_rattle() -> None:
+    data, turns = recording(**struck(np.random.default_rng(1)))
+    assert rattles(data, turns, {"run": list(SENSORS)})
+
+
+def test_noise_hum_and_spikes_of_single_sensors_are_not() -> None:
+    rng = np.random.default_rng(2)
+    time = np.arange(SAMPLES * COUNT + 1) * 2 * math.pi / SPEED / SAMPLES
+    quiet = noisy(rng)
+    hums = {s: v + 30 * SENSORS[s] * np.sin(2 * math.pi * 50 * time) for s, v in noisy(rng).items()}
+    spiky = {s: v + 300 * SENSORS[s] * (rng.random(v.size) < 0.02) for s, v in noisy(rng).items()}
+    for values in (quiet, hums, spiky):
+        data, turns = recording(**values)
+        assert not rattles(data, turns, {"run": list(SENSORS)})
+
+
+def test_isolated_spikes_are_evidence_where_pins_strike() -> None:
+    spikes = np.array([math.nan, 7.0, math.nan])
+    known = named(*((m := load("crank-rocker")).bodies, m.joints, m.drives))
+    channel = Channel(known["reaction_E_x"], np.array([1.0, math.nan, 3.0]), 0.1, True, "N", spikes)
+    assert channel.raw.tolist() == [1.0, 7.0, 3.0]
+    assert channel.at(np.array([1, 2])).raw.tolist() == [7.0, 3.0]
+
+
+# ---------------------------------------------------------------- statistics
+
+
+def statistics(values: dict[str, np.ndarray]) -> Statistics:
+    """Of a recording, foretold as smooth."""
+    data, turns = recording(**values)
+    return Statistics(data, [smooth()], turns, {"run": list(SENSORS)})
+
+
+def test_two_recordings_of_one_rig_are_as_far_apart_as_their_halves() -> None:
+    judged = statistics(struck(np.random.default_rng(4)))
+    again = struck(np.random.default_rng(5))
+    assert 0.7 < judged.gap([again]) < 1.6
+    assert judged.gap([smooth()]) > 2.0 * judged.gap([again])
+    assert judged.gap([struck(np.random.default_rng(6), 4.0)]) > 1.5 * judged.gap([again])
+
+
+def test_a_recording_that_only_begins_the_same_is_compared_over_what_there_is() -> None:
+    judged = statistics(struck(np.random.default_rng(4)))
+    begun = {
+        s: np.where(np.arange(v.size) < 3 * SAMPLES, v, math.nan) for s, v in struck(np.random.default_rng(5)).items()
+    }
+    assert 0.7 < judged.gap([begun]) < 2.2
+
+
+def test_distances_are_told_with_each_group_of_revolutions_left_out() -> None:
+    judged = statistics(struck(np.random.default_rng(4)))
+    found = judged.distances(judged.spread([struck(np.random.default_rng(5))]))
+    assert len(found) == 1 + judged.groups == 1 + COUNT
+    assert all(set(each) == {("run", s) for s in SENSORS} for each in found)
+    assert len({each["run", "reaction_E_x"] for each in found}) > 1
+    assert judged.says() == "from statistics over 6 revolutions"
+
+
+# ---------------------------------------------------------------- sizes
+
+TERM = Term(JointClearance(), "B")
+
+
+def test_the_size_wanted_is_told_by_the_middle_of_positions_whatever_some_do() -> None:
+    rng = np.random.default_rng(7)
+    a_little = {("run", "follower_angle"): np.sin(np.arange(24.0)) + 0.1}
+    measured = {key: 3.0 * v + 1e-3 * rng.standard_normal(24) for key, v in a_little.items()}
+    measured["run", "follower_angle"][[2, 9]] += 40.0
+    assert wanted(measured, a_little, {("run", "follower_angle"): 1e-3}) == pytest.approx(3.0, rel=0.02)
+
+
+def test_the_least_misfit_is_found_between_the_sizes_that_were_tried() -> None:
+    key = ("run", "follower_angle")
+    tried = [Tried(TERM, c, [{key: math.exp(math.log(c / 2e-4) ** 2)}]) for c in (1e-4, 1.7e-4, 3e-4, 5e-4)]
+    assert least(tried, lambda each: each.misfit()) == pytest.approx(2e-4, rel=1e-6)
+
+
+def test_joints_are_tried_and_the_one_that_rattles_alike_is_found() -> None:
+    judged = statistics(struck(np.random.default_rng(4)))
+    asked: list[tuple[str, float, int | None]] = []
+
+    def simulate(term: Term, size: float, first: int | None) -> list[dict[str, np.ndarray]]:
+        asked.append((term.where, size, first))
+        return [struck(np.random.default_rng(9), size / 2e-4 if term.where == "B" else 0.0)]
+
+    trials = Trials(judged, simulate, 0.05, lambda term: 1e-3)
+    terms = {Term(JointClearance(), joint): 2.5e-4 for joint in "BE"}
+    found = trials.searched(terms, judged.distances(judged.spread([smooth()]))[0]["run", "reaction_E_x"])
+    assert found[0][0].term.where == "B"
+    assert found[0][0].size == pytest.approx(2e-4, rel=0.3)
+    assert len(asked) == len(set(asked)) == len(trials.done)
+
+
+def test_the_scatter_of_a_mean_is_that_of_its_jackknife() -> None:
+    values = np.random.default_rng(8).standard_normal(8)
+    left_out = [float(np.delete(values, k).mean()) for k in range(8)]
+    assert jackknifed(left_out) == pytest.approx(values.std(ddof=1) / math.sqrt(8))
+
+
+# ---------------------------------------------------------------- rigs (long)
+
+
+def said(made: Rattling, folder: Path) -> list[tuple[str, float, list[str]]]:
+    """Joint, size (m) and tied joints of every clearance that MuJoCo names."""
+    found = diagnose(made.written(folder), "mujoco", others=False, workers=1)
+    return [
+        (e.where, e.parameters["radial_clearance"].value, [r.where for r in e.ambiguous_with if r.name == e.name])
+        for e in found.effects
+        if e.name == "joint_clearance"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("seed", "source"), slow((3, "exudyn"), (4, "exudyn"), (6, "exudyn"), (13, "exudyn"), (0, "ode"))
+)
+def test_clearance_of_a_rig_that_rattles_is_named_with_its_size(seed: int, source: str, tmp_path: Path) -> None:
+    made = rattling(seed, source, "B" if source == "ode" else None)
+    ((where, size, ties),) = said(made, tmp_path)
+    assert made.joint in (where, *ties)
+    assert where != made.joint or size == pytest.approx(made.clearance, rel=0.3)
+
+
+@pytest.mark.parametrize("seed", slow(0, 1, 3, 4))
+def test_rigs_whose_sensors_hum_spike_or_ring_have_no_clearance(seed: int, tmp_path: Path) -> None:
+    assert said(still(seed), tmp_path) == []
