@@ -101,7 +101,7 @@ def test_noise_hum_and_spikes_of_single_sensors_are_not() -> None:
     time = np.arange(SAMPLES * COUNT + 1) * 2 * math.pi / SPEED / SAMPLES
     quiet = noisy(rng)
     hums = {s: v + 30 * SENSORS[s] * np.sin(2 * math.pi * 50 * time) for s, v in noisy(rng).items()}
-    spiky = {s: v + 300 * SENSORS[s] * (rng.random(v.size) < 0.02) for s, v in noisy(rng).items()}
+    spiky = {s: v + 300 * SENSORS[s] * (rng.random(v.size) < 0.01) for s, v in noisy(rng).items()}
     for values in (quiet, hums, spiky):
         data, turns = recording(**values)
         assert not rattles(data, turns, {"run": list(SENSORS)})
