@@ -6,14 +6,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load, loads
 from analytic.paper.clearance import displaced
+from compare.crosscheck import crosscheck
 from linkages import inverted_slider
 from marks import slow
-from sim_models.engine import Request, Unsupported, engine
+from sim_models.engine import MOTIONS, Motion, Request, Unsupported, engine
 
 pytest.importorskip("mujoco")
 
@@ -164,3 +166,112 @@ def test_engines_that_have_no_blocks_say_so(name: str) -> None:
 def test_a_massless_link_holds_no_block() -> None:
     with pytest.raises(Unsupported, match="'S' is a block in a guide"):
         engine("mujoco").simulate(Request(slider_crank("flat"), "massless-link", "static", ANGLES))
+
+
+FLYING = """
+name = "slider-crank of Flores, Leine and Glocker (2010)"
+gravity = [0.0, -9.81]
+[ground]
+points = { O = [0.0, 0.0], S = [0.0, 0.0] }
+[[body]]
+name = "crank"
+points = { O = [0.0, 0.0], A = [0.153, 0.0] }
+mass = 0.038
+inertia = 7.4e-5
+[[body]]
+name = "rod"
+points = { A = [0.0, 0.0], B = [0.306, 0.0] }
+mass = 0.038
+inertia = 5.9e-4
+[[body]]
+name = "slider"
+points = { B = [0.0, 0.0], S = [0.0, 0.0] }
+mass = 0.076
+inertia = 2.7e-6
+[[joint]]
+name = "O"
+type = "revolute"
+bodies = ["ground", "crank"]
+[[joint]]
+name = "A"
+type = "revolute"
+bodies = ["crank", "rod"]
+[[joint]]
+name = "B"
+type = "revolute"
+bodies = ["rod", "slider"]
+[[joint]]
+name = "S"
+type = "prismatic"
+bodies = ["ground", "slider"]
+axis = [1.0, 0.0]
+guide = [0.1, 0.05]
+clearance = 1e-3
+restitution = 0.4
+[drive]
+joint = "O"
+speed = "free"
+[assembly]
+crank = 0.0
+rod = 0.0
+slider = 0.0
+"""
+
+
+def flight(time: float, state: np.ndarray) -> list[float]:
+    """Rates of that linkage's crank and rod (angles, rad; rates, rad/s) while its block touches nothing: a double
+    pendulum with the block's mass at its end.
+    """
+    a, b, w, v = state
+    l1, l2, m1, m2, m3, g = 0.153, 0.306, 0.038, 0.038, 0.076, 9.81
+    both = (m2 / 2 + m3) * l1 * l2
+    mass = np.array(
+        [
+            [7.4e-5 + m1 * l1**2 / 4 + (m2 + m3) * l1**2, both * np.cos(a - b)],
+            [both * np.cos(a - b), 5.9e-4 + m2 * l2**2 / 4 + m3 * l2**2],
+        ]
+    )
+    twist = both * np.sin(a - b)
+    load = [-twist * v**2 - g * np.cos(a) * l1 * (m1 / 2 + m2 + m3), twist * w**2 - g * np.cos(b) * l2 * (m2 / 2 + m3)]
+    return [w, v, *np.linalg.solve(mass, load)]
+
+
+def test_a_block_flies_freely_until_its_corners_come_to_a_wall() -> None:
+    time = np.arange(3e-4, 3.05e-3, 1e-4)
+    asked = Request(loads(FLYING), "contact", "driven", time=time, start="centred", start_speed=150.0, step=2e-6)
+    trace = engine("mujoco").simulate(asked)
+    right = solve_ivp(flight, (0.0, time[-1]), [0.0, 0.0, 150.0, -75.0], t_eval=time, rtol=1e-11, atol=1e-13).y
+    height = 0.153 * np.sin(right[0]) + 0.306 * np.sin(right[1])
+    free = np.abs(height) < 1e-3
+    assert free.sum() == 24  # to 2.6 ms
+    np.testing.assert_allclose(trace.signals["crank_angle"][free], right[0][free], atol=2e-6)
+    np.testing.assert_allclose(trace.signals["rod_angle"][free], right[1][free], atol=2e-6)
+    np.testing.assert_allclose(trace.signals["crank_angular_velocity"][free], right[2][free], rtol=5e-5)
+    np.testing.assert_allclose(trace.signals["clearance_S_y"][free], -height[free], atol=1e-6)
+    assert np.all(np.abs(trace.signals["clearance_S_y"][~free]) < np.abs(height[~free]))
+    assert 0.8 < trace.free_share["S"] < 0.95
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_a_cross_check_compares_what_a_block_does(motion: Motion) -> None:
+    found = crosscheck(slider_crank("tilted"), simulators="mujoco", motion=motion, angles=ANGLES[::3])
+    assert [run.joint_model for run in found.runs] == ["ideal", "contact"]
+    judged = {row.signal: row.verdict for row in found.runs[1].discrepancies}
+    assert judged["clearance_S_angle"] == judged["clearance_S_y"] == judged["reaction_S_moment"] == "agrees"
+    assert found.verdict == "agrees"
+
+
+def test_a_cross_check_with_an_engine_that_has_no_blocks_says_so() -> None:
+    pytest.importorskip("pybullet")
+    with pytest.raises(Unsupported, match="clearance in prismatic joints"):
+        crosscheck(slider_crank("tilted"), simulators="pybullet", motion="static", angles=ANGLES[::5])
+
+
+def test_every_step_of_a_block_is_watched() -> None:
+    m = slider_crank("flat").with_joint("S", contact_law="kelvin-voigt", contact_stiffness=1e7, restitution=0.5)
+    theta = np.radians([10.0, 12.0])
+    trace = engine("mujoco").simulate(Request(m, "contact", "driven", theta, watched=True))
+    assert trace.watched is not None
+    seen = trace.watched.force["S"]
+    for k, at in ((0, 0), (1, -1)):
+        assert seen[at].imag == pytest.approx(trace.signals["reaction_S_y"][k], rel=1e-3)
