@@ -456,8 +456,11 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
     if job.joint_model is not None:
         models = [m for m in models if m == job.joint_model]
     if job.joint_model is None or len(job.simulators) > 1:
-        supports = resolve(simulator).capabilities.runs
-        models = [m for m in models if (m, job.motion) in supports]
+        rigid = resolve(simulator).capabilities.rigid
+        models = [m for m in models if (m, job.motion) in rigid.runs]
+        if job.mechanism.loose_guides:  # left to those that have blocks; where none has, each says so
+            blocks = [m for m in models if m == "ideal" or ("guide_clearance", (m, job.motion)) in rigid.features]
+            models = blocks if set(blocks) != {"ideal"} else [m for m in models if m != "massless-link"]
     if job.courses is not None:
         courses = job.courses.knots
         return [Request(job.mechanism, m, job.motion, time=job.time, courses=courses) for m in models]
@@ -471,8 +474,8 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
 
 def watched(request: Request, turns: bool) -> Request:
     """A request of a driven run with every step of it told, to the end of a revolution where its crank ``turns``."""
-    if request.motion != "driven" or request.released:
-        return request
+    if request.motion != "driven" or request.released or request.mechanism.loose_guides:
+        return request  # what contact did is told of pins
     return replace(request, watched=True, beyond=max(TURN - span(request), 0.0) if turns else 0.0)
 
 
