@@ -48,7 +48,8 @@ def contact_laws(request: Request) -> dict[str, Contact]:
     """The law of each joint with clearance; none for ideal joints.
 
     ``contact`` in a driven run is hard (it bounces as its restitution says, whatever mass it carries) unless the
-    mechanism gives a stiffness or damping, or a law by name; every other compliant joint is a spring and damper in SI units.
+    mechanism gives a stiffness or damping, or a law by name; every other compliant joint is a spring and damper in SI
+    units.
     """
     laws, struck = {}, request.joint_model in ("contact", "spring-damper")
     for name in request.clearances:
