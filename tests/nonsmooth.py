@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 from numba.extending import overload
 
-from contact_ode import Loop
+from compare.evidence.contact_ode import Loop
 
 SWEEPS = 2000  # of Gauss-Seidel, at most
 SETTLED = 1e-12  # of the largest impulse or momentum: what the last sweep may change

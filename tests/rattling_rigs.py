@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import lfilter
 
-import contact_ode
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.signals import named
+from compare.evidence import contact_ode
 from compare.evidence.scoreboard.files import Readings, Recording, write_files
 from sim_models.engine import Request, SimulationError, engine
 

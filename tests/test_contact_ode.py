@@ -12,11 +12,11 @@ import pytest
 from scipy.integrate import simpson, solve_ivp
 from scipy.optimize import brentq
 
-import contact_ode as ode
 from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
-from contact_ode import ContactMotion, Loop, centred, kinetic, loop_of, pressed, simulate
+from compare.evidence import contact_ode as ode
+from compare.evidence.contact_ode import ContactMotion, Loop, centred, kinetic, loop_of, pressed, simulate
 from marks import slow
 from sim_models.common.contact_laws import NamedLaw, named_law
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-import contact_ode
 from analytic.mechanism import Body, Ground, Joint, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
+from compare.evidence import contact_ode
 from marks import slow
 from sim_models.common.contact_laws import NamedLaw, delivered, named_law, restitution
 from sim_models.engine import JointModel, Request, Trace, Unsupported, Watched

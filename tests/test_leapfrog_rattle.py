@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import contact_ode
 from analytic.mechanism import GROUND, MASS_CENTRE, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
+from compare.evidence import contact_ode
 from engine_checks import run, vector
 from marks import slow
 from sim_models.common.contact_laws import NamedLaw, delivered, named_law

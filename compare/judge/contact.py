@@ -34,7 +34,7 @@ from sim_models.engine import Trace, Watched
 TURN = 2 * math.pi
 BINS = 72  # of a turn
 HIGH = 0.9  # quantile of the revolutions' peaks
-KNOWN = 0.05  # of a figure: half the width of its interval, where it has converged
+KNOWN = 0.1  # of a figure: half the width of its interval, where it has converged
 LEAST = 0.005  # the same of shares of the time, at least
 WANTED: tuple[StatisticName, ...] = ("free_share", "rms_force", "peak_force", "restitution_loss")
 REPEATS = 1e-2  # of the clearance, and of the pin's largest speed: how near it comes back to where it was

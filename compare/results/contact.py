@@ -43,7 +43,10 @@ MEANING: Mapping[StatisticName, str] = {
 
 
 class Statistic(Part):
-    """A figure over the revolutions of a run, SI, with its 95 % interval by bootstrap; null where there are too few."""
+    """A figure over the revolutions of a run, SI, with its 95 % interval by bootstrap; null where there are too few.
+
+    Of a run that makes no whole revolution the figure is over all of it.
+    """
 
     value: Number
     low: Number

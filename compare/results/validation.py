@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, FiniteFloat, PrivateAttr
 
 from analytic.mechanism.one_line import count
+from analytic.mechanism.parts import ContactLaw
+from compare.results.contact import StatisticName
 from compare.results.crosscheck import CrossCheck
-from compare.results.document import Part, Row
+from compare.results.document import Number, Part, Row
 from compare.results.evidence import Remade, Stored
 from sim_models.engine import Cause, JointModel, Motion
 
@@ -138,6 +141,50 @@ class Carried(Part):
     ] = None
 
 
+class Known(Part):
+    """A figure over revolutions, SI, and its 95 % interval."""
+
+    value: Number
+    low: Number
+    high: Number
+
+    @property
+    def half_width(self) -> float:
+        """Half of the interval's width; infinite where there is none."""
+        return math.inf if self.low is None or self.high is None else (self.high - self.low) / 2
+
+    def agrees(self, other: Known) -> bool:
+        """Whether two figures are no farther apart than their intervals leave open."""
+        return abs((self.value or 0.0) - (other.value or 0.0)) <= math.hypot(self.half_width, other.half_width)
+
+
+class Struck(Part):
+    """A linkage whose pin strikes its wall, by one law of contact, in one engine or by the equation."""
+
+    case: str
+    law: ContactLaw
+    joint: str
+    clearance: Annotated[Positive, Field(description="Radial (m).")]
+    speed: Annotated[Positive, Field(description="Of the crank (rad/s).")]
+    restitution: Annotated[NotNegative, Field(description="Asked for.")]
+    stiffness: Annotated[Positive, Field(description="Of the contact (N/m).")]
+    simulator: Annotated[str, Field(description="An engine's name, or equation: an ODE of its own.")]
+    joint_model: JointModel
+    revolutions: Annotated[int, Field(ge=1)]
+    missing: Annotated[NotNegative | None, Field(description="Of the energy that is turned over: what no account has.")]
+    statistics: Mapping[StatisticName, Known]
+
+
+class Delivered(Part):
+    """What a law of contact delivers of the restitution that it is asked for."""
+
+    law: str
+    simulator: Annotated[str, Field(description="An engine's name, or formula.")]
+    joint_model: JointModel | None
+    asked: Annotated[tuple[float, ...], Field(description="Restitution asked for.")]
+    delivered: Annotated[tuple[float | None, ...], Field(description="Of each; null where it cannot be asked.")]
+
+
 class Apart(Part):
     """How far one side is off a published figure."""
 
@@ -213,6 +260,12 @@ class Validation(Stored):
     ] = ()
     carried: Annotated[
         tuple[Carried, ...], Field(description="Linkages of several drives exported, imported and checked.")
+    ] = ()
+    struck: Annotated[
+        tuple[Struck, ...], Field(description="Pins that strike: averages by law, engine and an equation of its own.")
+    ] = ()
+    delivered: Annotated[
+        tuple[Delivered, ...], Field(description="Restitution delivered against restitution asked for.")
     ] = ()
     published: Annotated[
         tuple[Published, ...], Field(description="Published figures, and how far this project is off them.")

@@ -22,8 +22,10 @@ from compare.results.validation import (
     Apart,
     Bent,
     Carried,
+    Delivered,
     InEngine,
     Published,
+    Struck,
     Validation,
     ValidationCheck,
     ValidationRun,
@@ -38,6 +40,8 @@ FACTOR = 2.0  # by which a share may change: 0.14 and 0.16 are 0.1 and 0.2 to on
 ANALYTIC = 1e-6  # relative: what is computed without an engine
 NOTHING = 0.1  # of what is allowed: a published figure that is met so well is met
 FILES = 1e-6  # of the largest value: what is carried in files may lose
+CHANCE = 2.0  # half widths of 95 % intervals, in quadrature: by chance once in ten thousand
+REBOUND = 2e-3  # of restitution delivered
 BEAMS = 1e-5  # of the displacement: a tenth of the last digit of the page
 
 P = TypeVar("P", bound=Part)
@@ -114,6 +118,8 @@ def differences(stored: Validation, found: Validation) -> Iterator[str]:
     yield from _held(stored.published, found.published)
     yield from _bends(stored.bent, found.bent)
     yield from _in_files(stored.carried, found.carried)
+    yield from _strikes(stored.struck, found.struck)
+    yield from _rebounds(stored.delivered, found.delivered)
     if found.superposition:
         keys = ("clearance", "crank_angle")
         yield from _table("superposition", stored.superposition, found.superposition, keys, 0.0, BEAMS)
@@ -153,6 +159,37 @@ def _in_files(stored: Sequence[Carried], found: Sequence[Carried]) -> Iterator[s
                 yield f"{where}: {name} disagrees, with {share:g} of a tolerance"
         changed = _changed(before.get((row.case, row.simulator)), row, ("checked", "simulated"), ROUNDING)
         yield from (f"{where}: {what}" for what in changed)
+
+
+def _strikes(stored: Sequence[Struck], found: Sequence[Struck]) -> Iterator[str]:
+    """Averages that are farther from what they were than their intervals leave open, by more than chance explains."""
+    before = {(row.case, row.law, row.simulator): row for row in stored}
+    for row in found:
+        key = (row.case, row.law, row.simulator)
+        if key not in before:
+            yield f"{', '.join(key)}: is new"
+            continue
+        for name, now in row.statistics.items():
+            was = before[key].statistics[name]
+            if abs((now.value or 0.0) - (was.value or 0.0)) > CHANCE * math.hypot(now.half_width, was.half_width):
+                yield f"{', '.join(key)}: {name} was {was.value:g}, is {now.value:g}"
+
+
+def _rebounds(stored: Sequence[Delivered], found: Sequence[Delivered]) -> Iterator[str]:
+    """Restitutions that are not delivered as they were."""
+    before = {(row.law, row.simulator, row.joint_model): row for row in stored}
+    for row in found:
+        old = before.get((row.law, row.simulator, row.joint_model))
+        where = f"{row.law} in {row.simulator}"
+        if old is None:
+            yield f"restitution delivered by {where}: is new"
+            continue
+        pairs = zip(row.asked, old.delivered, row.delivered, strict=True)
+        yield from (
+            f"restitution delivered by {where}, asked for {e:g}: was {was}, is {now}"
+            for e, was, now in pairs
+            if abs((was or 0.0) - (now or 0.0)) > REBOUND
+        )
 
 
 def _along(old: InEngine | None, new: InEngine) -> Iterator[str]:

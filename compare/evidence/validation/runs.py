@@ -17,8 +17,10 @@ from compare.evidence.baseline.runs import not_run, setups
 from compare.evidence.validation.bending import bending
 from compare.evidence.validation.files import carried
 from compare.evidence.validation.published import published
+from compare.evidence.validation.rebounds import rebounds
 from compare.evidence.validation.scales import Scale, scale_rows
 from compare.evidence.validation.speed import timed
+from compare.evidence.validation.striking import CHECKED, LAWS, striking
 from compare.evidence.validation.workspaces import SPIRALS, in_engines, workspaces
 from compare.judge.courses import Courses
 from compare.judge.discrepancy import load_tolerances
@@ -72,6 +74,8 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
         in_engines=in_engines(names, tuple(SPIRALS) if whole else tuple(SPIRALS)[:1]),
         bent=bending(names),
         carried=carried(names),
+        struck=striking(names) if whole else striking(names, (CHECKED,)),
+        delivered=rebounds(names, LAWS if whole else (CHECKED,)),
         published=published(names, data, whole),
         speed=timed() if whole else (),
     )

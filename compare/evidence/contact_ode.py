@@ -115,7 +115,7 @@ def loop_of(mechanism: Mechanism, theta: float = 0.0, law: NamedLaw | None = Non
     hub = next(j.name for j in mechanism.joints if set(j.bodies) == {GROUND, who.crank})
     base = next(j for j in mechanism.joints if set(j.bodies) == {GROUND, who.second})
     knee = next(j.name for j in mechanism.joints if set(j.bodies) == {who.crank, who.first})
-    crank, first, second = (mechanism.body(name) for name in (who.crank, who.first, who.second))
+    crank, first, second = (mechanism.moving[name] for name in (who.crank, who.first, who.second))
     pivot, hung, axis, facing = mechanism.ground.point(base.name), second.point(base.name), 0j, 1 + 0j
     if base.prismatic:
         # travel of the second body's point along the axis fixed in the ground; that body keeps its angle
@@ -373,7 +373,7 @@ LARGEST_DECAY = 0.5  # of a step, in times of the contact's damping: what the me
 
 
 @njit(cache=True)
-def _step(loop, t, y, h, mode, slide, touched, k, mid, out):
+def _step(loop, t, y, h, mode, slide, touched, k, mid, out):  # noqa: PLR0913 - compiled, with its memory
     """One step of Dormand and Prince's fifth order from y to out."""
     for stage in range(6):
         for i in range(SIZE):
@@ -633,7 +633,7 @@ def _watched(
     who = names_of(mechanism)
     theta = loop.theta + loop.speed * time
     first, second, first_rate, second_rate = (states[:, i].copy() for i in range(4))
-    crank = mechanism.body(who.crank)
+    crank = mechanism.moving[who.crank]
     hub = next(j.name for j in mechanism.joints if set(j.bodies) == {GROUND, who.crank})
     held = (crank.centre - crank.point(hub)) * np.exp(1j * theta)
     knee = loop.arm * np.exp(1j * theta)

@@ -1,0 +1,125 @@
+"""Pins that strike: what a revolution has of each figure on average, by each law of contact, in each engine and by an
+ordinary differential equation of its own; and what each law delivers of the restitution that it is asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, get_args
+
+import numpy as np
+
+from analytic.kinematics.assembly import Assembly
+from analytic.mechanism import Mechanism
+from analytic.mechanism.file import load
+from analytic.mechanism.parts import ContactLaw
+from compare.evidence.contact_ode import centred, loop_of, simulate
+from compare.evidence.validation.workspaces import digits
+from compare.judge.contact import TURN, contact, contact_in, ideal_peaks
+from compare.judge.grid import default_angles
+from compare.results.contact import Contact, StatisticName
+from compare.results.validation import Known, Struck
+from sim_models.common.contact_laws import named_law
+from sim_models.engine import JointModel, Request, Unsupported, check_supported, declared, engine
+
+LAWS: tuple[ContactLaw, ...] = get_args(ContactLaw)
+REVOLUTIONS, OF_ODE = 24, 96  # of an engine, of the equation
+SHOWN: tuple[StatisticName, ...] = ("free_share", "impacts", "rms_force", "peak_force", "restitution_loss")
+CHECKED: ContactLaw = "flores"  # is made again where the report is checked
+ODE = "equation"  # its name among the engines
+
+
+@dataclass(frozen=True)
+class Rattling:
+    """A case with radial clearance (m) in one joint, fast (rad/s) enough to strike; restitution asked for, stiffness
+    (N/m).
+    """
+
+    case: str
+    joint: str
+    clearance: float
+    speed: float
+    restitution: float
+    stiffness: float
+
+    def linkage(self, law: ContactLaw) -> Mechanism:
+        """The case by a law of contact."""
+        m = load(self.case).with_clearances({self.joint: self.clearance})
+        assert m.drive is not None
+        m = m.replace(drive=m.drive.model_copy(update={"speed": self.speed}))
+        return m.with_joint(self.joint, contact_law=law, restitution=self.restitution, contact_stiffness=self.stiffness)
+
+
+CASES = (
+    Rattling("crank-rocker", "B", 5e-4, 20 * math.pi, 0.5, 1e7),
+    Rattling("slider-crank", "B", 5e-4, 5000 * math.pi / 30, 0.9, 1e8),  # of Flores et al.
+)
+
+
+def striking(names: Sequence[str], laws: Sequence[ContactLaw] = LAWS) -> tuple[Struck, ...]:
+    """Each case with each of these laws in each engine that has it, and by the equation."""
+    return tuple(row for rattling in CASES for law in laws for row in _rows(names, law, rattling))
+
+
+def _rows(names: Sequence[str], law: ContactLaw, rattling: Rattling) -> Iterator[Struck]:
+    m, joint = rattling.linkage(law), rattling.joint
+    head: dict[str, Any] = {"law": law} | {f.name: getattr(rattling, f.name) for f in fields(rattling)}
+    yield Struck(**head, simulator=ODE, joint_model="contact", **_known(by_equation(m), joint))
+    for name in names:
+        request = _request(m, name)
+        if request is not None:
+            found = contact_in(engine(name).simulate(request), m, ideal_peaks(m))
+            assert found is not None
+            yield Struck(**head, simulator=name, joint_model=request.joint_model, **_known(found, joint))
+
+
+def by_equation(m: Mechanism, revolutions: int = OF_ODE) -> Contact:
+    """What contact does by the equation, after a revolution that does not count."""
+    (joint,) = m.clearances
+    loop = loop_of(m, 0.0, named_law(m, m.joint(joint), "driven"))
+    watched = simulate(m, loop, centred(m, loop), (revolutions + 1) * TURN).watched
+    late = watched.time >= TURN / abs(m.speed or 1.0)
+
+    def kept(values: np.ndarray) -> np.ndarray:
+        return values[late]
+
+    by = {
+        name: {key: kept(values) for key, values in getattr(watched, name).items()}
+        for name in ("place", "velocity", "angle", "angular_velocity", "force")
+    }
+    return contact(m, replace(watched, time=kept(watched.time), torque=kept(watched.torque), **by), ideal_peaks(m))
+
+
+def _request(m: Mechanism, name: str) -> Request | None:
+    """A run of an engine that has the law in contact, or else between pin centres; None where it has it in neither."""
+    theta = default_angles(Assembly(m))
+    beyond = REVOLUTIONS * TURN - float(theta[-1] - theta[0])
+    models: tuple[JointModel, ...] = ("contact", "spring-damper")
+    for model in models:
+        asked = Request(m, model, "driven", theta, start="centred", lead_in=TURN, beyond=beyond, watched=True)
+        try:
+            check_supported(declared(name), asked)
+        except Unsupported:
+            continue
+        return asked
+    return None
+
+
+def _known(found: Contact, joint: str) -> dict[str, Any]:
+    """The figures that the report shows, with their intervals."""
+    statistics = found.joints[joint].statistics
+    told = {name: statistics[name] for name in SHOWN}
+    share = found.energy.share if found.energy is not None else None
+    return {
+        "revolutions": round(found.revolutions),
+        "missing": None if share is None else digits(share),
+        "statistics": {
+            name: Known(value=_four(s.value), low=_four(s.low), high=_four(s.high)) for name, s in told.items()
+        },
+    }
+
+
+def _four(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(f"{value:.4g}")
