@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from compare.diagnose.data.recording import MeasuredRun
+from compare.diagnose.effects.effect import Values
 from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.engines import Engines
 from compare.diagnose.explain import Attempt, Explanation, Interval, Named
@@ -20,6 +22,7 @@ from compare.diagnose.rattle.statistics import Key, Readings, Statistics
 from compare.diagnose.rattle.trial import Trials, Tried, least, wanted
 from compare.diagnose.rattle.turns import FEWEST, TURNS, Turns, rattles
 from compare.results.diagnosis import Verdict
+from sim_models.common.contact_laws import default_stiffness
 from sim_models.engine import engine
 
 if TYPE_CHECKING:
@@ -35,18 +38,27 @@ LITTLE = 1e-3  # of the shortest link: a clearance to first order
 MOST = 0.06  # of the shortest link: no clearance is tried beyond
 
 
+class Struck(JointClearance):
+    """Clearance whose pin strikes a wall that gives: where the mechanism says nothing of the contact, it has the
+    default stiffness, and with that one law in every engine (left out, MuJoCo's own is hard, and bounces otherwise).
+    """
+
+    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
+        joint = mechanism.joint(where)
+        said = (joint.contact_stiffness, joint.contact_damping, joint.radial_stiffness, joint.contact_law)
+        if all(each is None for each in said):
+            mechanism = mechanism.with_joint(where, contact_stiffness=default_stiffness(mechanism, "driven"))
+        return super().on_mechanism(mechanism, where, values)
+
+
 def rattling(problem: Problem) -> Explanation | None:
     """What statistics say of a rig whose pins strike: None where nothing rattles, or no clearance in the engine does as
     the rig does.
     """
     turns = _turns(problem)
-    terms = [
-        t
-        for t in problem.terms
-        if isinstance(t.effect, JointClearance)
-        and t.key not in problem.ruled_out
-        and t.effect.simulated_by(engine(problem.simulator))
-    ]
+    able = Struck().simulated_by(engine(problem.simulator))
+    known = [t for t in problem.terms if isinstance(t.effect, JointClearance) and t.key not in problem.ruled_out]
+    terms = [Term(Struck(), t.where) for t in known if able]
     sensors = {run.name: _sensors(problem, run) for run in problem.measured.runs if run.name in turns}
     if not terms or not turns or not rattles(problem.measured, turns, sensors):
         return None

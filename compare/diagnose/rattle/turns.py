@@ -23,11 +23,12 @@ PEAKED = 5.0  # fourth moment over the squared variance of a sensor that is stru
 @dataclass(frozen=True)
 class Turns:
     """The whole revolutions of a run: ``turn`` (N,) counts them from 0, -1 beyond the last whole one; ``phase`` (N,) is
-    the crank's angle in its revolution, in [0, 1).
+    the crank's angle in its revolution, in [0, 1), and ``gone`` (N,) how many revolutions it has turned, either way.
     """
 
     turn: np.ndarray
     phase: np.ndarray
+    gone: np.ndarray
 
     @classmethod
     def of(cls, angle: np.ndarray) -> Turns:
@@ -35,7 +36,7 @@ class Turns:
         gone = np.abs(angle - angle[0]) / (2 * math.pi)
         turn = np.floor(gone).astype(int)
         whole = math.floor(float(gone[-1]) + 1.0 / max(angle.size / max(float(gone[-1]), 1e-9), 1.0))
-        return cls(np.where(turn < whole, turn, -1), (angle / (2 * math.pi)) % 1.0)
+        return cls(np.where(turn < whole, turn, -1), (angle / (2 * math.pi)) % 1.0, gone)
 
     @cached_property
     def count(self) -> int:
@@ -68,8 +69,7 @@ class Turns:
         """Values (N,) at even phases of each revolution, (count, n); what is absent is filled in between."""
         here = np.isfinite(values)
         n = int(np.sum(self.turn >= 0)) // self.count
-        gone = np.maximum.accumulate(np.abs(np.unwrap(2 * math.pi * self.phase) / (2 * math.pi) - self.phase[0]))
-        return np.interp((np.arange(n * self.count) + 0.5) / n, gone[here], values[here]).reshape(self.count, n)
+        return np.interp((np.arange(n * self.count) + 0.5) / n, self.gone[here], values[here]).reshape(self.count, n)
 
 
 def _within(counts: np.ndarray) -> np.ndarray:
