@@ -106,7 +106,8 @@ class Job:
     ``beside`` are signals that are judged too, as a file of results has them.
     ``as_it_is`` takes every run as it comes, where others are looked at more closely (:mod:`compare.judge.closer`).
     With ``flexible`` bodies that have a modulus of elasticity bend, in static motion; else all are rigid.
-    Contact is watched over so many ``revolutions`` at the utmost (0: not at all) as its statistics need to converge.
+    Contact is watched over so many ``revolutions`` at the utmost (0: not at all) as its statistics need to converge;
+    ``as_it_is`` over just as many.
     """
 
     mechanism: Mechanism
@@ -469,14 +470,15 @@ def _requests(job: Job, assembly: Assembly, simulator: str, resolve: Resolve) ->
         Request(job.mechanism, m, job.motion, job.theta, job.time, lead_in=0.0 if m == "ideal" else settle)
         for m in models
     ]
-    return [watched(r, settle > 0) if job.revolutions and r.joint_model in STRIKING else r for r in found]
+    turns = (job.revolutions if job.as_it_is else 1) if settle > 0 else 0
+    return [watched(r, turns) if job.revolutions and r.joint_model in STRIKING else r for r in found]
 
 
-def watched(request: Request, turns: bool) -> Request:
-    """A request of a driven run with every step of it told, to the end of a revolution where its crank ``turns``."""
+def watched(request: Request, turns: int) -> Request:
+    """A request of a driven run with every step of it told, to the end of so many ``turns`` of its crank."""
     if request.motion != "driven" or request.released or request.mechanism.loose_guides:
         return request  # what contact did is told of pins
-    return replace(request, watched=True, beyond=max(TURN - span(request), 0.0) if turns else 0.0)
+    return replace(request, watched=True, beyond=max(TURN * turns - span(request), 0.0) if turns else 0.0)
 
 
 def _side(job: Job, assembly: Assembly, ideal: bool, measure: Measure) -> Reference:

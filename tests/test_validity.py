@@ -36,11 +36,12 @@ from compare.judge.assumptions import Examined
 from compare.judge.courses import Courses, at_their_speeds
 from compare.judge.discrepancy import load_tolerances
 from compare.judge.grid import default_angles
-from compare.report.validity_figure import BOUNDARIES, draw
+from compare.report.validity_figure import BOUNDARIES, PREDICTED, draw
 from compare.report.validity_text import brief, percent
-from compare.results.validity import Cell, Failed, Validity
+from compare.results.validity import Boundary, Cell, Failed, Validity
 from marks import slow
 from planted import Planted, truth, turned
+from sim_models.common.contact_laws import restitution
 from sim_models.engine import ENGINES, declared, installed_version
 
 SCHEMA = json.loads(resources.files("compare").joinpath("schemas", "validity.json").read_text(encoding="utf-8"))
@@ -251,6 +252,123 @@ def test_a_cell_is_plain_data_with_one_contact_law_for_every_engine() -> None:
         assert all(m.joint(name).contact_stiffness == 1e7 and m.joint(name).contact_damping for name in "BF")
 
 
+# ---------------------------------------------------------------- restitutions, and what contact does
+
+
+def test_each_restitution_is_a_layer_of_cells_and_the_damping_follows_from_it() -> None:
+    over = replace(grid(load("crank-rocker"), (60.0,), (1e-4, 2e-4)), restitutions=(0.2, 0.9), revolutions=1)
+    runs = cells(over)
+    assert [(run.restitution, run.clearance) for run in runs] == [(0.2, 1e-4), (0.2, 2e-4), (0.9, 1e-4), (0.9, 2e-4)]
+    for run in runs:
+        joint = run.mechanism.joint("B")
+        assert run.restitution is not None
+        assert (joint.restitution, joint.contact_stiffness) == (run.restitution, 1e7)
+        assert joint.contact_damping is not None
+        ratio = joint.contact_damping / (2 * math.sqrt(1e7 * 0.0785))  # of the follower, the lighter link
+        assert restitution(ratio) == pytest.approx(run.restitution, rel=1e-6)
+
+
+def test_a_law_that_the_mechanism_names_is_asked_for_the_restitution() -> None:
+    named = load("crank-rocker").with_joint("B", contact_law="flores", restitution=0.5)
+    (run,) = cells(replace(grid(named, (60.0,), (1e-4,)), restitutions=(0.3,)))
+    joint = run.mechanism.joint("B")
+    assert (joint.contact_law, joint.restitution, joint.contact_damping) == ("flores", 0.3, None)
+
+
+def test_a_cell_that_asks_for_nothing_new_is_recorded_as_it_always_was() -> None:
+    """The name of its record is made of its content: a map that an earlier version began goes on."""
+    (run,) = cells(grid(load("crank-rocker"), (60.0,), (1e-4,)))
+    assert set(run.plain()) == {
+        *(
+            "simulator",
+            "speed",
+            "clearance",
+            "joint_model",
+            "mechanism",
+            "crank_angle",
+            "skip",
+            "tolerances",
+            "versions",
+        )
+    }
+    assert Task.model_validate(json.loads(to_json(run.plain()))).plain().keys() == run.plain().keys()
+
+
+@pytest.mark.mujoco
+def test_a_pin_that_flies_strikes_harder_than_the_ideal_reaction_as_the_model_says() -> None:
+    (run,) = cells(replace(grid(load("crank-rocker"), (600.0,), (5e-4,)), revolutions=1))
+    found = examined(run)
+    assert isinstance(found, Cell)
+    assert found.watched is not None
+    assert found.leaving is not None
+    pin = found.watched.pins["B"]
+    assert found.watched.revolutions == pytest.approx(1.0, abs=1e-3)
+    assert pin.free_share == pytest.approx(found.free_share["B"], abs=0.02)
+    assert pin.peak_force == pytest.approx((pin.peak_ratio or 0.0) * 40.8, rel=0.01)  # N, of the ideal linkage
+    assert found.watched.peak_ratio > 5
+    assert found.watched.lost > 1e-3
+    assert found.watched.impacts >= 1
+    assert found.left
+    assert found.leaving.yielding is not None
+
+
+@pytest.mark.slow
+@pytest.mark.mujoco
+def test_contact_is_watched_over_as_many_revolutions_as_are_asked_for() -> None:
+    (run,) = cells(replace(grid(load("crank-rocker"), (600.0,), (5e-4,)), revolutions=3))
+    found = examined(run)
+    assert isinstance(found, Cell)
+    assert found.watched is not None
+    assert found.watched.revolutions == pytest.approx(3.0, abs=1e-3)
+
+
+@pytest.mark.mujoco
+def test_a_map_over_restitutions_shows_what_contact_does_beside_the_assumptions(tmp_path: Path) -> None:
+    done = validity(
+        *("--case", "crank-rocker", "--speeds", "600", "--clearances", "5e-4", "--restitutions", "0.8,0.2"),
+        *("--workers", "1", "--out", "o"),
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "o" / "validity.json").read_text(encoding="utf-8")
+    Draft202012Validator(SCHEMA).validate(json.loads(text))
+    result = Validity.read(tmp_path / "o" / "validity.json")
+    assert result.restitutions == (0.2, 0.8)
+    soft, hard = (result.of("mujoco", e)[result.speeds[0], 5e-4] for e in (0.2, 0.8))
+    assert isinstance(soft, Cell)
+    assert isinstance(hard, Cell)
+    assert hard.free > 1.5 * soft.free  # it bounces on
+    assert result.boundary is not None
+    assert [(one.restitution, one.yielding) for one in result.boundary] == [(0.2, 5e-4), (0.8, 5e-4)]
+    for words in ("mujoco, restitution 0.2, peak force over the ideal peak", "below 0.5", "energy lost in contact"):
+        assert words in done.stdout
+    drawn = (tmp_path / "o" / "validity.svg").read_text(encoding="utf-8")
+    ET.fromstring(drawn)
+    assert "restitution 0.8" in drawn
+    assert drawn.count("share of the time without contact (%)") == 2
+    rows = (tmp_path / "o" / "validity.csv").read_text(encoding="utf-8").splitlines()
+    assert rows[0].startswith("simulator,speed,clearance,restitution,verdict")
+    assert "energy_lost" in rows[0]
+
+
+def test_a_predicted_boundary_stands_between_the_rows_by_its_clearance() -> None:
+    """Rows of 1e-4 and 2e-4 m: one at sqrt(2) e-4 m is in the middle between them, none is at the upper edge."""
+    edges = (
+        Boundary(speed=60 * RPM, rigid=1e-4, yielding=1e-4 * math.sqrt(2)),
+        Boundary(speed=120 * RPM, rigid=1e-4, yielding=None),
+    )
+    result = made_up([["agrees", "agrees"], ["agrees", "agrees"]]).model_copy(update={"boundary": edges})
+    _, stroke = PREDICTED[0][1:]
+    root = ET.fromstring(draw(result).replace(stroke, 'data-solid="yes"'))
+    paths = [p.attrib["d"] for p in root.iter("{http://www.w3.org/2000/svg}path") if p.attrib.get("data-solid")]
+    (x, y), (_, top) = (map(float, point.split()) for point in paths[1][1:].split("L"))  # after the legend's
+    rects = [r.attrib for r in root.iter("{http://www.w3.org/2000/svg}rect") if r.attrib.get("height") == "80"]
+    above, below = sorted({float(r["y"]) for r in rects})
+    assert y == pytest.approx(below)
+    assert top == pytest.approx(above)
+    assert x == pytest.approx(float(rects[0]["x"]) + float(rects[0]["width"]) / 2)
+
+
 # ---------------------------------------------------------------- the map
 
 
@@ -418,6 +536,12 @@ BAD_INPUT = {
     "a clearance larger than a link": (
         ["--speeds", "60", "--clearances", "0.5"],
         ["joint 'B'", "0.5", "not smaller than body"],
+    ),
+    "a restitution above one": ([*MAP, "--restitutions", "0.5,1.5"], ["--restitutions 0.5,1.5", "from 0 to 1"]),
+    "a restitution twice": ([*MAP, "--restitutions", "0.5,0.50"], ["--restitutions 0.5,0.50", "there twice"]),
+    "restitutions of rods": (
+        [*MAP, "--restitutions", "0.5", "--joint", "massless-link"],
+        ["--restitutions", "massless-link joints never strike"],
     ),
     "unknown joint": ([*MAP, "--at", "Q"], ["--at Q", "D, A, B, E"]),
     "ideal joints": ([*MAP, "--joint", "ideal"], ["--joint ideal", "contact"]),

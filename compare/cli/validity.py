@@ -5,6 +5,7 @@ where it does not.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -33,6 +34,13 @@ def validity(
             metavar="JOINT,...", help="Joints with the clearance [the case's, else the farthest from the ground]."
         ),
     ] = None,
+    restitutions: Annotated[
+        str | None,
+        typer.Option(metavar="E,...", help="Restitutions of the contact, a map for each [the mechanism's own]."),
+    ] = None,
+    revolutions: Annotated[
+        int, typer.Option(min=0, help="Turns of the crank over which contact is watched, after one that is not.")
+    ] = 1,
     tolerance: Annotated[Path | None, typer.Option(help="Tolerance file laid over the shipped one.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes [one a core].")] = None,
     dask: Annotated[
@@ -70,6 +78,8 @@ def validity(
             simulators="all" if simulator == "all" else listed_once(simulator, "--simulator"),
             joint_model=joint.value,
             joints=listed_once(at, "--at") if at is not None else None,
+            restitutions=None if restitutions is None else shares(restitutions, "--restitutions"),
+            revolutions=revolutions,
             tolerances=load_tolerances(tolerance),
         )
         beside = ("validity.csv", "validity.md", "validity.svg")
@@ -87,14 +97,26 @@ def validity(
 
 def positive(text: str, option: str, unit: str) -> tuple[float, ...]:
     """``60,600`` as increasing numbers above zero.  Raises OptionError."""
+    return listed_numbers(text, option, unit, "above 0", lambda value: 0 < value < math.inf)
+
+
+def shares(text: str, option: str) -> tuple[float, ...]:
+    """``0.1,0.9`` as increasing numbers from 0 to 1.  Raises OptionError."""
+    return listed_numbers(text, option, "numbers", "from 0 to 1", lambda value: 0 <= value <= 1)
+
+
+def listed_numbers(
+    text: str, option: str, unit: str, accepted: str, accepts: Callable[[float], bool]
+) -> tuple[float, ...]:
+    """Numbers of an option, increasing.  Raises OptionError."""
     found = set()
     for part in listed_once(text, option):
         try:
             value = float(part)
         except ValueError:
             raise OptionError(f"{option} {text}: {part!r} is not a number; give {unit}, separated by commas") from None
-        if not 0 < value < math.inf:
-            raise OptionError(f"{option} {text}: {part} cannot be used; give {unit} above 0, separated by commas")
+        if not accepts(value):
+            raise OptionError(f"{option} {text}: {part} cannot be used; give {unit} {accepted}, separated by commas")
         if value in found:
             raise OptionError(f"{option} {text}: {value:g} is there twice; give each once")
         found.add(value)

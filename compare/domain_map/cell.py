@@ -9,24 +9,30 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import MechanismWarning
-from compare.crosscheck import Job, crosscheck_job
+from compare.crosscheck import STRIKING, Job, crosscheck_job
+from compare.domain_map.leaving import leaving
 from compare.judge.assumptions import Examined, excess
 from compare.judge.discrepancy import Discrepancy
 from compare.judge.tolerances import Tolerances
+from compare.results.contact import Contact
 from compare.results.crosscheck import Run
 from compare.results.document import Grid
 from compare.results.document import Mechanism as AnyMechanism
-from compare.results.validity import Cell, Failed, Place, Worst
+from compare.results.validity import Cell, Failed, Pin, Place, Watched, Worst
 from sim_models.engine import JointModel
 
 
 class Task(Place):
-    """All that a cell's result depends on; the first ``skip`` crank angles (rad) are simulated and not judged."""
+    """All that a cell's result depends on; the first ``skip`` crank angles (rad) are simulated and not judged.
+
+    Contact is watched over so many ``revolutions``; 0: it is not.
+    """
 
     joint_model: JointModel
     mechanism: AnyMechanism
@@ -34,10 +40,22 @@ class Task(Place):
     skip: int
     tolerances: Tolerances
     versions: Mapping[str, str]
+    revolutions: int = 0
+
+    def plain(self) -> dict[str, object]:
+        """The task as plain data, which says nothing of what it does not ask for: so a map that was begun goes on."""
+        unasked = {"restitution", "revolutions"} - self.model_fields_set
+        return self.model_dump(exclude=unasked)
+
+    @property
+    def place(self) -> dict[str, Any]:
+        """Which cell it is of."""
+        place = {"simulator": self.simulator, "speed": self.speed, "clearance": self.clearance}
+        return place if self.restitution is None else place | {"restitution": self.restitution}
 
     def failed(self, why: str) -> Failed:
         """The cell without a result."""
-        return Failed(simulator=self.simulator, speed=self.speed, clearance=self.clearance, failure=why)
+        return Failed(**self.place, failure=why)
 
 
 def examine(content: Mapping[str, object]) -> dict[str, object]:
@@ -45,7 +63,7 @@ def examine(content: Mapping[str, object]) -> dict[str, object]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MechanismWarning)  # said once, where the file was read
         task = Task.model_validate(content)
-    return examined(task).model_dump()
+    return examined(task).model_dump(exclude_unset=True)
 
 
 def examined(task: Task) -> Cell | Failed:
@@ -54,15 +72,42 @@ def examined(task: Task) -> Cell | Failed:
     Where the simulation fails, or the linkage cannot be assembled with these clearances, there is only why.
     """
     theta, skip = task.crank_angle, task.skip
-    models = task.joint_model
-    job = Job(task.mechanism, (task.simulator,), task.tolerances, theta=theta, joint_model=models, as_it_is=True)
+    job = Job(
+        task.mechanism,
+        (task.simulator,),
+        task.tolerances,
+        theta=theta,
+        joint_model=task.joint_model,
+        as_it_is=True,
+        revolutions=task.revolutions,
+    )
     try:
         result = crosscheck_job(job)
     except AssemblyError as error:
         return task.failed(str(error))
     if result.failures:
         return task.failed(result.failures[0].why)
-    return judged(task, Examined(task.mechanism, theta[skip:], _later(result.runs[0], skip), job.tolerances))
+    held = Examined(task.mechanism, theta[skip:], _later(result.runs[0], skip), job.tolerances)
+    return judged(task, held).model_copy(update=_told(task, held.run.contact))
+
+
+def _told(task: Task, contact: Contact | None) -> dict[str, object]:
+    """What contact did, where it was watched, and what the analytic model says of when it is lost."""
+    found: dict[str, object] = {}
+    if contact is not None:
+        found["watched"] = watched(contact)
+    left = leaving(task.mechanism, task.crank_angle) if task.revolutions and task.joint_model in STRIKING else None
+    return found if left is None else found | {"leaving": left}
+
+
+def watched(contact: Contact) -> Watched:
+    """A cell's contact, in short."""
+    pins = {}
+    for name, joint in contact.joints.items():
+        values = {key: figure.value for key, figure in joint.statistics.items() if key in Pin.model_fields}
+        highest = joint.statistics["peak_force"].by_revolution.max(initial=0.0)
+        pins[name] = Pin(**values | {"peak_force": float(highest)}, peak_ratio=joint.peak_ratio)
+    return Watched(revolutions=contact.revolutions, pins=pins)
 
 
 def judged(task: Task, held: Examined) -> Cell:
@@ -70,9 +115,7 @@ def judged(task: Task, held: Examined) -> Cell:
     found, agrees = [d for d, _ in held.verdicts], bool(held.agreeing.all())
     unsteady = held.flagged & ~held.unloaded
     return Cell(
-        simulator=task.simulator,
-        speed=task.speed,
-        clearance=task.clearance,
+        **task.place,
         verdict="agrees" if agrees else "disagrees",
         cause=None if agrees else held.cause,
         agreeing_share=float(held.agreeing.mean()),

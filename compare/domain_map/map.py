@@ -7,7 +7,8 @@ import platform
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from itertools import product
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,11 +16,12 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.one_line import count
 from compare.domain_map.cell import Task
+from compare.domain_map.leaving import boundary
 from compare.faults import ArgumentError, no_pin
 from compare.judge.assumptions import ASSUMPTIONS
 from compare.judge.grid import default_angles, turns_fully
 from compare.judge.tolerances import Tolerances
-from compare.results.validity import Between, Cell, Failed, Law, Limits, Meaning, Validity
+from compare.results.validity import Between, Boundary, Cell, Failed, Law, Limits, Meaning, Validity
 from sim_models.common.contact_laws import contact_parameters
 from sim_models.engine import declared, installed_version
 
@@ -47,10 +49,19 @@ class Grid:
     tolerances: Tolerances
     joints_are: str = "as asked"  # why these joints
     warnings: tuple[str, ...] = ()
+    restitutions: tuple[float, ...] | None = None  # None: as the mechanism has it
+    revolutions: int = 0  # over which contact is watched
 
-    def linkage(self, speed: float, clearance: float) -> Mechanism:
+    @property
+    def layers(self) -> tuple[float | None, ...]:
+        """The restitutions; None for the mechanism's own."""
+        return self.restitutions or (None,)
+
+    def linkage(self, speed: float, clearance: float, restitution: float | None = None) -> Mechanism:
         """The mechanism of a cell: driven the way that it is, and its contact as stiff and as damped in every
         engine.
+
+        With a ``restitution`` the damping follows from it, or the law that a joint names is asked for it.
         """
         assert self.mechanism.drive is not None
         assert self.mechanism.speed is not None
@@ -58,8 +69,13 @@ class Grid:
         found = self.mechanism.replace(drive=self.mechanism.drive.model_copy(update=turning))
         found = found.with_clearances(dict.fromkeys(self.joints, clearance))
         for name in self.joints if self.joint_model != "massless-link" else ():
-            law = contact_parameters(found, found.joint(name), "driven")
-            found = found.with_joint(name, contact_stiffness=law.stiffness, contact_damping=law.damping)
+            joint = found.joint(name)
+            if restitution is not None:
+                joint = joint.model_copy(update={"restitution": restitution, "contact_damping": None})
+            law, named = contact_parameters(found, joint, "driven"), joint.contact_law not in (None, "kelvin-voigt")
+            asked = {} if restitution is None else {"restitution": restitution}
+            damping = None if named else law.damping
+            found = found.with_joint(name, **asked, contact_stiffness=law.stiffness, contact_damping=damping)
         return found
 
 
@@ -100,23 +116,31 @@ def cells(grid: Grid) -> list[Task]:
     """The runs of a map, engine by engine."""
     theta, skip = _angles(Assembly(grid.mechanism))
     tolerances = grid.tolerances.only("driven", grid.joint_model)
-    linkages = {(w, c): grid.linkage(w, c) for w in grid.speeds for c in grid.clearances}
+    places = list(product(grid.layers, grid.speeds, grid.clearances))
+    linkages = {(e, w, c): grid.linkage(w, c, e) for e, w, c in places}
+    optional: dict[str, Any] = {"revolutions": grid.revolutions} if grid.revolutions else {}
     return [
         Task(
             simulator=simulator,
             joint_model=grid.joint_model,
             speed=speed,
             clearance=clearance,
-            mechanism=linkages[speed, clearance],
+            mechanism=linkages[restitution, speed, clearance],
             crank_angle=theta,
             skip=skip,
             tolerances=tolerances,
             versions=versions(simulator),
+            **optional,
+            **layer(restitution),
         )
         for simulator in grid.simulators
-        for speed in grid.speeds
-        for clearance in grid.clearances
+        for restitution, speed, clearance in places
     ]
+
+
+def layer(restitution: float | None) -> dict[str, Any]:
+    """The field of a restitution; none where the contact is the mechanism's own."""
+    return {} if restitution is None else {"restitution": restitution}
 
 
 def _angles(assembly: Assembly) -> tuple[np.ndarray, int]:
@@ -142,7 +166,7 @@ def versions(*simulators: str) -> dict[str, str]:
 
 def summarised(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed]) -> Validity:
     """The map, but for the command and warnings; ``found`` are the cells of ``tasks``, in their order."""
-    between = _between(grid, found)
+    between, edge = _between(grid, found), _boundary(grid, tasks, found)
     result = Validity(
         case=grid.mechanism.name,
         mechanism=grid.mechanism,
@@ -160,26 +184,64 @@ def summarised(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed]
         assumptions={name: Meaning(means=MEANS[name], examined=name in ASSUMPTIONS) for name in MEANS},
         cells=tuple(found),
         holds_up_to={name: _holds(grid, [c for c in found if c.simulator == name]) for name in grid.simulators},
-        words=_words(grid, found, between),
+        words=(*_words(grid, found, between), *_lost_words(found)),
         command="",
         warnings=(),
     )
-    return result.model_copy(update={"between_simulators": between}) if between else result
+    optional = {"between_simulators": between, "restitutions": grid.restitutions, "boundary": edge}
+    return result.model_copy(update={name: value for name, value in optional.items() if value})
+
+
+def _boundary(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed]) -> tuple[Boundary, ...]:
+    """Where contact is first lost by the analytic model, by restitution and speed, where its cells were asked."""
+    linkages = {task.at: task for task in tasks}
+    said = {cell.at: cell.leaving for cell in found if isinstance(cell, Cell) and cell.leaving is not None}
+    out = []
+    for restitution, speed in product(grid.layers, grid.speeds):
+        column = [said.get((speed, clearance, restitution)) for clearance in grid.clearances]
+        known = [(gap, one) for gap, one in zip(grid.clearances, column, strict=True) if one is not None]
+        if not known:
+            continue
+        task = linkages[speed, known[0][0], restitution]
+        gaps = tuple(gap for gap, _ in known)
+        left = {kind: tuple(getattr(one, kind) is not None for _, one in known) for kind in ("rigid", "yielding")}
+        edges = {
+            kind: boundary(task.mechanism, task.crank_angle, gaps, left[kind], rigid=kind == "rigid") for kind in left
+        }
+        out.append(Boundary(speed=speed, **layer(restitution), **edges))
+    return tuple(out)
+
+
+def _lost_words(found: Sequence[Cell | Failed]) -> tuple[str, ...]:
+    """In how many cells contact is kept or lost as the analytic model predicts."""
+    told = [(cell.left, cell.leaving) for cell in found if isinstance(cell, Cell) and cell.leaving is not None]
+    if not told:
+        return ()
+    yielding, rigid = (
+        sum(left == (getattr(one, kind) is not None) for left, one in told) for kind in ("yielding", "rigid")
+    )
+    return (
+        f"contact is kept or lost as the reaction's turning predicts in {yielding} of {count(len(told), 'cell')} with"
+        f" the walls' give, and in {rigid} with rigid walls",
+    )
 
 
 def _contact(grid: Grid) -> dict[str, Law]:
-    linkage = grid.linkage(grid.speeds[0], grid.clearances[0])
-    laws = {name: linkage.joint(name) for name in grid.joints}
-    return {
-        name: Law(stiffness=j.contact_stiffness, damping=j.contact_damping or 0.0)
-        for name, j in laws.items()
-        if j.contact_stiffness
-    }
+    """Each joint's law; its damping, where that is the same in all cells."""
+    linkage = grid.linkage(grid.speeds[0], grid.clearances[0], grid.layers[0])
+    found = {}
+    for name in grid.joints:
+        joint = linkage.joint(name)
+        if joint.contact_stiffness:
+            law = {} if joint.contact_law is None else {"law": joint.contact_law}
+            damping = None if grid.restitutions else joint.contact_damping
+            found[name] = Law(stiffness=joint.contact_stiffness, damping=damping, **law)
+    return found
 
 
 def _holds(grid: Grid, each: Sequence[Cell | Failed]) -> Limits:
-    """By clearance the highest speed (rad/s) up to which the equilibrium, and Eq. 8, hold at every speed of the map;
-    None if at none.
+    """By clearance the highest speed (rad/s) up to which the equilibrium, and Eq. 8, hold at every speed and
+    restitution of the map; None if at none.
     """
 
     def highest(test: Callable[[Cell], bool]) -> tuple[float | None, ...]:
@@ -188,6 +250,7 @@ def _holds(grid: Grid, each: Sequence[Cell | Failed]) -> Limits:
             holding: float | None = None
             for cell in sorted((c for c in each if c.clearance == clearance), key=lambda c: c.speed):
                 if isinstance(cell, Failed) or not test(cell):
+                    holding = max((w for w in grid.speeds if w < cell.speed), default=None)
                     break
                 holding = cell.speed
             out.append(holding)
@@ -201,7 +264,8 @@ def _holds(grid: Grid, each: Sequence[Cell | Failed]) -> Limits:
 def _between(grid: Grid, each: Sequence[Cell | Failed]) -> Between | None:
     """How far the engines are from one another; None for one engine."""
     judged = [cell for cell in each if isinstance(cell, Cell)]
-    groups = [[c for c in judged if (c.speed, c.clearance) == (w, x)] for w in grid.speeds for x in grid.clearances]
+    places = product(grid.speeds, grid.clearances, grid.layers)
+    groups = [[c for c in judged if c.at == place] for place in places]
     groups = [group for group in groups if len(group) > 1]
     if not groups:
         return None

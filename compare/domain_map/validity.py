@@ -12,6 +12,7 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from analytic.mechanism import Mechanism
+from analytic.mechanism.checks import LEAST_RESTITUTION
 from analytic.mechanism.errors import quoted
 from compare.arguments import (
     Linkage,
@@ -31,8 +32,10 @@ from compare.arguments import (
     path,
     processes,
     rigidly_and_evenly_driven,
+    whole,
     with_clearance,
 )
+from compare.crosscheck import STRIKING
 from compare.domain_map.cell import Task, examine
 from compare.domain_map.map import Grid, RealJoint, cells, clearance_joints, summarised
 from compare.faults import ArgumentError
@@ -53,6 +56,8 @@ def validity(  # noqa: PLR0913 - what a person may ask, by name
     simulators: Simulators = "mujoco",
     joint_model: JointModel = "contact",
     joints: Names | None = None,
+    restitutions: Numbers | None = None,
+    revolutions: int = 1,
     tolerances: ToleranceFile | None = None,
     workers: int | None = None,
     dask: str | None = None,
@@ -62,7 +67,9 @@ def validity(  # noqa: PLR0913 - what a person may ask, by name
     """At which ``speeds`` (rad/s) and radial ``clearances`` (m) the analytic model holds, where contact is lost, and
     which assumption fails.
 
-    ``joints`` have the clearance: by default the case's, else the one farthest from the ground.  Cells are done in
+    ``joints`` have the clearance: by default the case's, else the one farthest from the ground.  With ``restitutions``
+    there is a map for each; left out, contact is the mechanism's own.  What contact does (peak force, time without it,
+    energy lost) is watched over so many ``revolutions`` of the crank, after one that is not.  Cells are done in
     ``workers`` processes, one a core by default, or on a Dask cluster whose scheduler is at ``dask``.  A folder of
     ``records`` keeps what is done, so that a map that is interrupted goes on where it stopped; a whole one is removed.
 
@@ -75,12 +82,14 @@ def validity(  # noqa: PLR0913 - what a person may ask, by name
         simulators=simulators,
         joint_model=joint_model,
         joints=joints,
+        restitutions=restitutions,
+        revolutions=revolutions,
         tolerances=tolerances,
     )
     return mapped(grid, workers=workers, dask=dask, records=records, progress=progress)
 
 
-def gridded(
+def gridded(  # noqa: PLR0913 - as validity
     mechanism: Linkage,
     *,
     speeds: Numbers,
@@ -89,10 +98,13 @@ def gridded(
     joint_model: JointModel,
     joints: Names | None,
     tolerances: ToleranceFile | None,
+    restitutions: Numbers | None = None,
+    revolutions: int = 1,
 ) -> Grid:
     """What a map is over.  Warns, and raises, as :func:`validity` does."""
     at_speeds, gaps = increasing(speeds, "speeds", "rad/s"), increasing(clearances, "clearances", "m")
     joint_model, read = real(joint_model), laid_over(tolerances)
+    watched = whole(revolutions, "revolutions", 0) if joint_model in STRIKING else 0
     named = None if joints is None else names(joints, "joints", least=1)
     with noted() as warned:
         m = rigidly_and_evenly_driven(linkage(mechanism))
@@ -101,6 +113,7 @@ def gridded(
             why = f"{m.name} has {alone}; a map is over its speeds, so give it one"
             raise ArgumentError("mechanism", why)
         at, chosen = clearance_joints(m, named)
+        bouncing = None if restitutions is None else _restitutions(m, at, restitutions, joint_model)
         with_clearance(m, dict.fromkeys(at, gaps[-1]), "clearances")
         able, left_out = capable(simulators, joint_model, m)
     return Grid(
@@ -113,6 +126,8 @@ def gridded(
         read,
         chosen,
         (*warned, *left_out),
+        bouncing,
+        watched,
     )
 
 
@@ -132,6 +147,24 @@ def mapped(
     with tempfile.TemporaryDirectory() as scratch:
         found = _swept(tasks, kept or Path(scratch) / "runs", spread_over, dask, progress)
     return summarised(grid, tasks, found).model_copy(update={"warnings": grid.warnings})
+
+
+def _restitutions(
+    mechanism: Mechanism, joints: Sequence[str], given: Numbers, joint_model: RealJoint
+) -> tuple[float, ...]:
+    """Restitutions that these joints can have, increasing.  Raises ArgumentError."""
+    if joint_model not in STRIKING:
+        raise ArgumentError("restitutions", f"the pins of {joint_model} joints never strike; leave restitutions out")
+    laws = {mechanism.joint(name).contact_law for name in joints} - {None, "kelvin-voigt"}
+    least = LEAST_RESTITUTION if laws else 0.0
+    found = tuple(sorted(numbers(given, "restitutions", "1").tolist()))
+    for value in found:
+        if not least <= value <= 1:
+            of = f" of contact_law {next(iter(laws))}" if laws else ""
+            raise ArgumentError("restitutions", f"{value:g} cannot be used; give restitutions{of} from {least:g} to 1")
+    if len(set(found)) < len(found):
+        raise ArgumentError("restitutions", f"{quoted(list(found))} has a number twice; give each once")
+    return found
 
 
 def increasing(values: Numbers, called: str, unit: str) -> tuple[float, ...]:
@@ -186,7 +219,7 @@ def _swept(
     output_folder(records, "records")
     found: list[Cell | Failed | None] = [None] * len(tasks)
     lost = False
-    runs = [task.model_dump() for task in tasks]
+    runs = [task.plain() for task in tasks]
 
     def told(done: int, total: int | None) -> None:
         progress("cells", done, total)

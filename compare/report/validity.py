@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from compare.report.validity_figure import draw
-from compare.report.validity_text import brief, markdown, millimetres, print_table, rpm
+from compare.report.validity_text import brief, markdown, millimetres, panel_title, print_table, rpm
 from compare.results.validity import Cell, Validity
 
 if TYPE_CHECKING:
@@ -25,8 +25,8 @@ def files(result: Validity) -> dict[str, str]:
 def summary_html(result: Validity) -> str:
     """Each engine's map as a small table."""
     out = [f"<p>{html.escape(repr(result))}</p>"]
-    for simulator in result.simulators:
-        found = result.of(simulator)
+    for panel in result.panels():
+        found, title = result.of(*panel), panel_title(result, *panel)
         head = "".join(f"<th>{rpm(speed)} rpm</th>" for speed in result.speeds)
         rows = [
             f"<tr><th>{millimetres(gap)} mm</th>"
@@ -34,15 +34,16 @@ def summary_html(result: Validity) -> str:
             + "</tr>"
             for gap in result.clearances
         ]
-        out.append(f"<table><tr><th>{html.escape(simulator)}</th>{head}</tr>{''.join(rows)}</table>")
+        out.append(f"<table><tr><th>{html.escape(title)}</th>{head}</tr>{''.join(rows)}</table>")
     return "".join(out)
 
 
 def plot(result: Validity, figure: Figure) -> None:
     """The share of the crank angles at which model and simulation agree, a line for each clearance and engine."""
     axis = figure.subplots()
-    for simulator in result.simulators:
-        found = result.of(simulator)
+    for panel in result.panels():
+        found = result.of(*panel)
+        name = panel[0] if panel[1] is None else f"{panel[0]}, restitution {panel[1]:g}"
         for gap in result.clearances:
             cells = [found[speed, gap] for speed in result.speeds]
             share = [100 * cell.agreeing_share if isinstance(cell, Cell) else np.nan for cell in cells]
@@ -50,7 +51,7 @@ def plot(result: Validity, figure: Figure) -> None:
                 [speed * 30 / np.pi for speed in result.speeds],
                 share,
                 "o-",
-                label=f"{simulator}, {millimetres(gap)} mm",
+                label=f"{name}, {millimetres(gap)} mm",
             )
     axis.set_xlabel("speed (rpm)")
     axis.set_ylabel("agreeing (% of the crank angles)")

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from compare.quantities import plain, quantities
-from compare.results.validity import Cell, Costing, Failed, Validity, Worst
+from compare.results.validity import Boundary, Cell, Costing, Failed, Validity, Worst
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -60,13 +62,21 @@ def sentence(cell: Cell | Failed, mechanism: Mechanism) -> str:
         for joint, share in cell.free_share.items()
         if share > 0
     ]
+    struck = [_struck(cell)] if cell.watched is not None and cell.watched.impacts else []
     swing = ["the pin stays in contact and swings along the rim"] if cell.swings else []
     silent = sum(cell.flagged_share.values())
     flags = [f"no answer from the model at {percent(silent)} %"] if silent else []
     worst = [f"worst {_worst(cell.worst, mechanism)}"] if cell.worst else []
     return "; ".join(
-        [f"agrees at {percent(cell.agreeing_share)} % of the angles", *lost, *swing, *flags, *worst, costs]
+        [f"agrees at {percent(cell.agreeing_share)} % of the angles", *lost, *struck, *swing, *flags, *worst, costs]
     )
+
+
+def _struck(cell: Cell) -> str:
+    """Impacts, peak and loss of a cell whose pins strike."""
+    assert cell.watched is not None
+    struck = f"{count(round(cell.watched.impacts), 'impact')} a turn"
+    return f"{struck}, peak force {_figure(cell.watched.peak_ratio)} x the ideal one, {cell.watched.lost:.2g} J lost"
 
 
 def _worst(worst: Worst, mechanism: Mechanism) -> str:
@@ -80,6 +90,113 @@ def _worst(worst: Worst, mechanism: Mechanism) -> str:
     )
 
 
+# ---------------------------------------------------------------- what contact does
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One figure of a cell's contact: what it is, how it is told, and the values from which each shade is darker."""
+
+    name: str
+    title: str
+    value: Callable[[Cell], float | None]
+    text: Callable[[float], str]
+    shades: tuple[float, float, float, float]
+
+    def of(self, cell: Cell | Failed) -> float | None:
+        """The figure of a cell; None where there is none."""
+        return None if isinstance(cell, Failed) else self.value(cell)
+
+    def told(self, cell: Cell | Failed) -> str:
+        """The same in words."""
+        value = self.of(cell)
+        return "-" if value is None else self.text(value)
+
+
+JOULES = ((1.0, "J"), (1e-3, "mJ"), (1e-6, "uJ"), (1e-9, "nJ"))
+
+
+def measures(result: Validity) -> tuple[Measure, ...]:
+    """The figures of contact that a map has; none where it was not watched."""
+    watched = [cell.watched for cell in result.cells if isinstance(cell, Cell) and cell.watched is not None]
+    if not watched:
+        return ()
+    most = max(abs(one.lost) for one in watched)
+    factor, unit = next((pair for pair in JOULES if most >= pair[0]), JOULES[-1])
+    return (
+        Measure(
+            "peak",
+            "peak force over the ideal peak",
+            lambda cell: cell.watched.peak_ratio if cell.watched else None,
+            _figure,
+            (1.1, 1.5, 3.0, 10.0),
+        ),
+        Measure(
+            "free",
+            "share of the time without contact (%)",
+            lambda cell: cell.watched.free if cell.watched else None,
+            lambda value: percent(value) if value else "-",
+            (1e-9, 0.02, 0.1, 0.3),
+        ),
+        Measure(
+            "lost",
+            f"energy lost in contact in a turn ({unit})",
+            lambda cell: cell.watched.lost if cell.watched else None,
+            lambda value: _figure(value / factor) if abs(value) > 1e-4 * most else "-",
+            (1e-4 * most, 0.01 * most, 0.1 * most, 0.5 * most),
+        ),
+    )
+
+
+def _figure(value: float) -> str:
+    """Two figures, and no exponent."""
+    return f"{value:.0f}" if abs(value) >= 10 else f"{value:.2g}" if abs(value) >= 1e-3 else f"{value:.1g}"
+
+
+def panel_title(result: Validity, simulator: str, restitution: float | None) -> str:
+    """Engine, its version and the restitution."""
+    found = f"{simulator} {result.versions.get(simulator, '')}".strip()
+    return found if restitution is None else f"{found}, restitution {restitution:g}"
+
+
+def edges(result: Validity, restitution: float | None) -> tuple[Boundary, ...]:
+    """The predicted boundary of a layer, by speed."""
+    return tuple(one for one in result.boundary or () if one.restitution == restitution)
+
+
+def measured_edge(cells: Cells, speed: float, clearances: Sequence[float]) -> str:
+    """Between which clearances (mm) contact is first lost in the simulations at a speed (rad/s)."""
+    kept: float | None = None
+    for gap in clearances:
+        cell = cells[speed, gap]
+        if isinstance(cell, Cell) and cell.left:
+            return f"below {millimetres(gap)}" if kept is None else f"{millimetres(kept)} to {millimetres(gap)}"
+        kept = gap if isinstance(cell, Cell) else kept
+    return "kept"
+
+
+def predicted_edge(edge: float | None, clearances: Sequence[float]) -> str:
+    """The clearance (mm) at which contact is first lost by the analytic model."""
+    if edge is None:
+        return "kept"
+    return f"below {millimetres(edge)}" if edge <= clearances[0] else millimetres(float(f"{edge:.3g}"))
+
+
+def edge_rows(result: Validity) -> list[list[str]]:
+    """At which clearance (mm) contact is first lost, by restitution and speed: head, then a row each."""
+    layer = ["restitution"] * bool(result.restitutions)
+    out = [[*layer, "rpm", *result.simulators, "predicted", "predicted, rigid walls"]]
+    for edge in result.boundary or ():
+        found = [
+            measured_edge(result.of(name, edge.restitution), edge.speed, result.clearances)
+            for name in result.simulators
+        ]
+        predicted = [predicted_edge(one, result.clearances) for one in (edge.yielding, edge.rigid)]
+        layer = [] if edge.restitution is None else [f"{edge.restitution:g}"]
+        out.append([*layer, rpm(edge.speed), *found, *predicted])
+    return out
+
+
 def legend(result: Validity) -> list[str]:
     """What the assumptions say."""
     found = result.assumptions
@@ -88,7 +205,11 @@ def legend(result: Validity) -> list[str]:
 
 def about(result: Validity) -> str:
     """What the map is of, in one line."""
-    laws = {f"{law.stiffness:.3g} N/m and {law.damping:.3g} N.s/m" for law in result.contact.values()}
+    laws = {
+        f"{f'{law.law} of ' * bool(law.law)}{law.stiffness:.3g} N/m"
+        + (f" and {law.damping:.3g} N.s/m" if law.damping is not None else "")
+        for law in result.contact.values()
+    }
     contact = f", contact {' or '.join(sorted(laws))}" if laws else ""
     where = f"clearance in {', '.join(result.joints)} ({result.joints_are})"
     return (
@@ -101,27 +222,49 @@ def print_table(result: Validity, console: Console) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    def show(simulator: str, heading: str, text: Callable[[Cell | Failed], str]) -> None:
-        found = result.of(simulator)
-        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-        table.add_column(f"{heading}: mm \\ rpm", no_wrap=True)
-        for speed in result.speeds:
-            table.add_column(rpm(speed), no_wrap=True)
-        for clearance in result.clearances:
-            table.add_row(millimetres(clearance), *(text(found[speed, clearance]) for speed in result.speeds))
-        console.print(table)
+    def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+        shown = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+        for column in head:
+            shown.add_column(column, no_wrap=True)
+        for row in rows:
+            shown.add_row(*row)
+        console.print(shown)
 
-    for simulator in result.simulators:
-        show(simulator, simulator, brief)
+    def show(panel: tuple[str, float | None], what: str, text: Callable[[Cell | Failed], str]) -> None:
+        (simulator, restitution), found = panel, result.of(*panel)
+        layer = "" if restitution is None else f", restitution {restitution:g}"
+        if layer or what:  # too long for a column
+            console.print(f"{simulator}{layer}{what}", highlight=False, soft_wrap=True)
+        head = "mm \\ rpm" if layer or what else f"{simulator}: mm \\ rpm"
+        table(
+            [head, *map(rpm, result.speeds)],
+            [[millimetres(c), *(text(found[w, c]) for w in result.speeds)] for c in result.clearances],
+        )
+
+    for panel in result.panels():
+        show(panel, "", brief)
     console.print(
         "share of the crank angles at which model and simulation agree, and what fails of the paper's assumptions",
         soft_wrap=True,
     )
-    if any(lost(cell) for cell in result.cells):
-        for simulator in result.simulators:
-            show(simulator, f"{simulator}, no contact", lambda cell: f"{percent(lost(cell))} %" if lost(cell) else "-")
+    for panel, (title, text) in product(result.panels(), _contact_tables(result)):
+        show(panel, f", {title}", text)
+    if result.boundary:
+        console.print("clearance (mm) at which contact is first lost")
+        head, *rows = edge_rows(result)
+        table(head, rows)
     for line in [*legend(result), about(result), *result.words]:
         console.print(escape(line), highlight=False, soft_wrap=True)
+
+
+def _contact_tables(result: Validity) -> list[tuple[str, Callable[[Cell | Failed], str]]]:
+    """What tables say of contact; where it was not watched, only the time without it."""
+    shown = measures(result)
+    if shown:
+        return [(measure.title, measure.told) for measure in shown]
+    if any(lost(cell) for cell in result.cells):
+        return [("no contact", lambda cell: f"{percent(lost(cell))} %" if lost(cell) else "-")]
+    return []
 
 
 def lost(cell: Cell | Failed) -> float:
@@ -141,21 +284,25 @@ def markdown(result: Validity) -> str:
         "",
         *(f"- {_md(line)}" for line in legend(result)),
     ]
-    for simulator in result.simulators:
-        found = result.of(simulator)
-        out += ["", f"## {_md(simulator)} {_md(result.versions.get(simulator, ''))}".rstrip(), ""]
-        rows = [[millimetres(c), *(brief(found[w, c]) for w in result.speeds)] for c in result.clearances]
-        out += _rows(["mm \\ rpm", *(rpm(w) for w in result.speeds)], rows)
-        if any(map(lost, found.values())):
-            rows = [
-                [millimetres(c), *(f"{percent(lost(found[w, c]))} %" for w in result.speeds)] for c in result.clearances
-            ]
-            out += [
-                "",
-                "Share of the cycle without contact:",
-                "",
-                *_rows(["mm \\ rpm", *(rpm(w) for w in result.speeds)], rows),
-            ]
+    if result.boundary:
+        head, *rows = edge_rows(result)
+        out += ["", "Clearance (mm) at which contact is first lost, between two of the map in the simulations:", ""]
+        out += _rows(head, rows)
+    shown = measures(result)
+    speeds = ["mm \\ rpm", *(rpm(w) for w in result.speeds)]
+    for simulator, restitution in result.panels():
+        found = result.of(simulator, restitution)
+
+        def table(text: Callable[[Cell | Failed], str], cells: Cells = found) -> list[str]:
+            return _rows(
+                speeds, [[millimetres(c), *(text(cells[w, c]) for w in result.speeds)] for c in result.clearances]
+            )
+
+        out += ["", f"## {_md(panel_title(result, simulator, restitution))}", "", *table(brief)]
+        for measure in shown:
+            out += ["", f"{measure.title[0].upper()}{measure.title[1:]}:", "", *table(measure.told)]
+        if not shown and any(map(lost, found.values())):
+            out += ["", "Share of the cycle without contact:", "", *table(lambda cell: f"{percent(lost(cell))} %")]
         out += ["", "| rpm | mm | what was found |", "|---:|---:|---|"]
         out += [
             f"| {rpm(w)} | {millimetres(c)} | {_md(sentence(found[w, c], result.mechanism))} |"
@@ -182,13 +329,18 @@ def _md(text: str) -> str:
 
 
 __all__ = [
+    "Measure",
     "about",
     "brief",
+    "edge_rows",
+    "edges",
     "failing",
     "legend",
     "lost",
     "markdown",
+    "measures",
     "millimetres",
+    "panel_title",
     "percent",
     "print_table",
     "rpm",

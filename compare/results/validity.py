@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
 from analytic.mechanism.one_line import count
-from compare.results.document import Document, Grid, Mechanism, Number, Part, Row, Share
+from compare.results.document import Amount, Document, Grid, Mechanism, Number, Part, Row, Share
 
 Assumption = Literal["contact", "first-order", "quasi-static", "rigid"]
 Costing = Literal["first-order", "quasi-static", "quasi-static-corrected", "rigid"]
@@ -19,10 +19,13 @@ Names = Annotated[tuple[str, ...], Field(min_length=1)]
 
 
 class Law(Part):
-    """Contact law of a joint: max(0, stiffness d + damping d')."""
+    """Contact law of a joint: max(0, stiffness d + damping d'), or the ``law`` that it names."""
 
     stiffness: Annotated[float, Field(gt=0, description="N/m")]
-    damping: Annotated[float, Field(ge=0, description="N.s/m")]
+    damping: Annotated[
+        NotNegative | None, Field(description="N.s/m; null where each cell's restitution says it, or the law has none.")
+    ]
+    law: Annotated[str | None, Field(description="Name of the law; absent: Kelvin and Voigt's.")] = None
 
 
 class Meaning(Part):
@@ -33,11 +36,17 @@ class Meaning(Part):
 
 
 class Place(Part):
-    """Which cell: engine, speed of the crank (rad/s) and radial clearance (m)."""
+    """Which cell: engine, speed of the crank (rad/s), radial clearance (m) and, in a map over several, restitution."""
 
     simulator: str
     speed: Annotated[float, Field(description="rad/s")]
     clearance: Annotated[float, Field(description="m")]
+    restitution: Annotated[Share | None, Field(description="Of the contact; absent: the mechanism's own.")] = None
+
+    @property
+    def at(self) -> tuple[float, float, float | None]:
+        """Speed (rad/s), clearance (m) and restitution."""
+        return self.speed, self.clearance, self.restitution
 
 
 class Failed(Place):
@@ -55,6 +64,73 @@ class Worst(Part):
     tolerance: Number
     over_tolerance: Number
     at_crank_angle: float
+
+
+class Pin(Part):
+    """What contact did to a pin in the revolutions that were watched; energies, impacts and impulse are a
+    revolution's.
+    """
+
+    peak_force: Annotated[Amount, Field(description="Largest contact force (N).")]
+    peak_ratio: Annotated[Amount, Field(description="The same over the ideal linkage's largest reaction in a turn.")]
+    free_share: Annotated[Amount, Field(description="Share of the time that the pin was off its wall.")]
+    impacts: Annotated[Amount, Field(description="Times that it struck its wall.")]
+    impulse: Annotated[Amount, Field(description="Normal impulse of these (N.s).")]
+    approach_speed: Annotated[Amount, Field(description="Fastest of these (m/s).")]
+    restitution_loss: Annotated[Number, Field(description="Energy that the normal force took (J).")]
+    friction_loss: Annotated[Number, Field(description="Energy that friction in the contact took (J).")]
+
+    @property
+    def lost(self) -> float:
+        """Energy (J) that contact took in a revolution."""
+        return (self.restitution_loss or 0.0) + (self.friction_loss or 0.0)
+
+
+class Watched(Part):
+    """What contact did in a cell."""
+
+    revolutions: Annotated[float, Field(ge=0, description="Turns of the crank that were watched.")]
+    pins: Annotated[Mapping[str, Pin], Field(min_length=1, description="By joint with clearance.")]
+
+    @property
+    def peak_ratio(self) -> float:
+        """The largest contact force over the joint's ideal peak."""
+        return max((pin.peak_ratio or 0.0 for pin in self.pins.values()), default=0.0)
+
+    @property
+    def free(self) -> float:
+        """The largest share of the time that one of the pins was off its wall."""
+        return max((pin.free_share or 0.0 for pin in self.pins.values()), default=0.0)
+
+    @property
+    def lost(self) -> float:
+        """Energy (J) that all contacts took in a revolution."""
+        return sum(pin.lost for pin in self.pins.values())
+
+    @property
+    def impacts(self) -> float:
+        """Impacts of all pins in a revolution."""
+        return sum(pin.impacts or 0.0 for pin in self.pins.values())
+
+
+class Leaving(Part):
+    """Crank angle (rad, continued from the start of the run) at which a pin first leaves by the analytic model, which
+    knows how its reaction turns; null: it stays.
+    """
+
+    rigid: Annotated[Number, Field(description="On a rigid wall.")]
+    yielding: Annotated[Number, Field(description="On a wall that yields as the cell's contact does.")]
+
+
+class Boundary(Part):
+    """The clearance (m) from which on a pin leaves at a speed by the analytic model: between two of the map, its least
+    if it leaves there already; null: it leaves at none.
+    """
+
+    speed: Annotated[float, Field(description="rad/s")]
+    restitution: Annotated[Share | None, Field(description="Of the contact; absent: the mechanism's own.")] = None
+    rigid: Annotated[Number, Field(description="On a rigid wall.")]
+    yielding: Annotated[Number, Field(description="On a wall that yields as the contact does.")]
 
 
 class Cell(Place):
@@ -99,6 +175,12 @@ class Cell(Place):
     settings: Annotated[
         Mapping[str, str | float | None], Field(description="The engine's contact law and time step (s).")
     ]
+    watched: Annotated[
+        Watched | None, Field(description="Absent where the engine's steps were not watched, or no pin can leave.")
+    ] = None
+    leaving: Annotated[
+        Leaving | None, Field(description="Where a pin leaves by the analytic model; absent: it was not asked.")
+    ] = None
 
     @property
     def agrees(self) -> bool:
@@ -109,6 +191,11 @@ class Cell(Place):
     def free(self) -> float:
         """The largest share of the cycle that one of the pins flew free."""
         return max(self.free_share.values(), default=0.0)
+
+    @property
+    def left(self) -> bool:
+        """Whether a pin left its bearing in the simulation."""
+        return self.free > 0 or (self.watched is not None and self.watched.free > 0)
 
     @property
     def first_order_is_enough(self) -> bool:
@@ -168,13 +255,35 @@ class Validity(Document):
     cells: Annotated[tuple[Cell | Failed, ...], Field(min_length=1)]
     holds_up_to: Annotated[Mapping[str, Limits], Field(description="By engine.")]
     between_simulators: Annotated[Between | None, Field(description="With several engines.")] = None
+    restitutions: Annotated[
+        tuple[Share, ...] | None, Field(min_length=1, description="Increasing; absent: the mechanism's own, if any.")
+    ] = None
+    boundary: Annotated[
+        tuple[Boundary, ...] | None, Field(description="Where contact is first lost, by the analytic model.")
+    ] = None
     words: Annotated[tuple[str, ...], Field(min_length=1)]
     command: str
     warnings: tuple[str, ...]
 
-    def of(self, simulator: str) -> dict[tuple[float, float], Cell | Failed]:
-        """An engine's cells by speed (rad/s) and clearance (m)."""
-        return {(cell.speed, cell.clearance): cell for cell in self.cells if cell.simulator == simulator}
+    def of(self, simulator: str, restitution: float | None = None) -> dict[tuple[float, float], Cell | Failed]:
+        """An engine's cells by speed (rad/s) and clearance (m), of one restitution: the first, if none is given."""
+        wanted = self.layers[0] if restitution is None else restitution
+        return {
+            (cell.speed, cell.clearance): cell
+            for cell in self.cells
+            if cell.simulator == simulator and cell.restitution == wanted
+        }
+
+    @property
+    def layers(self) -> tuple[float | None, ...]:
+        """The restitutions of the map; None alone for the mechanism's own."""
+        return self.restitutions or (None,)
+
+    def panels(self) -> Iterator[tuple[str, float | None]]:
+        """Each engine and restitution."""
+        for simulator in self.simulators:
+            for restitution in self.layers:
+                yield simulator, restitution
 
     def rows(self) -> list[Row]:
         """A row for each cell."""
@@ -187,9 +296,11 @@ class Validity(Document):
             "speed": cell.speed,
             "clearance": cell.clearance,
         }
+        if cell.restitution is not None:
+            head["restitution"] = cell.restitution
         if isinstance(cell, Failed):
             return head | {"verdict": "failed", "failure": cell.failure}
-        return head | {
+        found: dict[str, float | str | None] = {
             "verdict": cell.verdict,
             "cause": cell.cause,
             "agreeing_share": cell.agreeing_share,
@@ -199,6 +310,16 @@ class Validity(Document):
             "worst_over_tolerance": cell.worst.over_tolerance if cell.worst else None,
             "give": cell.give,
         }
+        if cell.watched is not None:
+            found |= {
+                "peak_force": max(pin.peak_force or 0.0 for pin in cell.watched.pins.values()),
+                "peak_ratio": cell.watched.peak_ratio,
+                "impacts": cell.watched.impacts,
+                "energy_lost": cell.watched.lost,
+            }
+        if cell.leaving is not None:
+            found |= {"leaves_rigid_wall_at": cell.leaving.rigid, "leaves_wall_at": cell.leaving.yielding}
+        return head | found
 
     def __repr__(self) -> str:
         agreeing = sum(isinstance(cell, Cell) and cell.agrees for cell in self.cells)
