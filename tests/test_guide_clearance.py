@@ -85,7 +85,7 @@ class Linkage:
         starts = [(0.1, 0.1), (-0.1, 0.1), (0.1, -0.1), (-0.1, -0.1), (0.0, 0.0)]
         found = [
             minimize(
-                lambda x: (self.energy(*(x * scale)) - zero) / size, start, method="SLSQP",
+                lambda x: (self.energy(*(x * scale)) - zero) / size, start, method="SLSQP", bounds=[(-1.5, 1.5)] * 2,
                 constraints={"type": "ineq", "fun": room}, options={"ftol": 1e-14, "maxiter": 500},
             )
             for start in starts
