@@ -316,14 +316,14 @@ def _struck(rows: Sequence[Struck]) -> Iterator[str]:
         " Missing is what no"
     )
     yield "account has of the energy that the motor turns over."
-    for case in dict.fromkeys(row.case for row in rows):
-        mine = [row for row in rows if row.case == case]
+    for case, friction in dict.fromkeys((row.case, row.friction) for row in rows):
+        mine = [row for row in rows if (row.case, row.friction) == (case, friction)]
         first, shown = mine[0], [n for n in FIGURES if any(n in row.statistics for row in mine)]
         yield ""
         rpm = first.speed * 30 / math.pi
         yield (
             f"**{case}**, {1e3 * first.clearance:g} mm in {first.joint}, {rpm:.5g} rpm, restitution asked for"
-            f" {first.restitution:g}, {first.stiffness:.0e} N/m:"
+            f" {first.restitution:g}, {first.stiffness:.0e} N/m{f', friction {friction:g}' * bool(friction)}:"
         )
         yield ""
         units = [f"{FIGURES[n][0]}{f' ({FIGURES[n][2]})' if FIGURES[n][2] else ''}" for n in shown]
@@ -338,7 +338,7 @@ def _struck(rows: Sequence[Struck]) -> Iterator[str]:
 
 def _agrees(rows: Sequence[Struck], row: Struck, name: StatisticName) -> bool:
     """Whether a figure of an engine is no farther from the equation's than their intervals leave open."""
-    truth = next((each for each in rows if (each.case, each.law, each.simulator) == (row.case, row.law, ODE)), None)
+    truth = next((each for each in rows if each.key == (*row.key[:3], ODE)), None)
     return truth is None or row.statistics[name].agrees(truth.statistics[name])
 
 

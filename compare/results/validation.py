@@ -168,11 +168,17 @@ class Struck(Part):
     speed: Annotated[Positive, Field(description="Of the crank (rad/s).")]
     restitution: Annotated[NotNegative, Field(description="Asked for.")]
     stiffness: Annotated[Positive, Field(description="Of the contact (N/m).")]
+    friction: Annotated[NotNegative, Field(description="Coulomb's coefficient in the contact.")]
     simulator: Annotated[str, Field(description="An engine's name, or equation: an ODE of its own.")]
     joint_model: JointModel
     revolutions: Annotated[int, Field(ge=1)]
     missing: Annotated[NotNegative | None, Field(description="Of the energy that is turned over: what no account has.")]
     statistics: Mapping[StatisticName, Known]
+
+    @property
+    def key(self) -> tuple[str, str, float, str]:
+        """Case, law, friction and by whom."""
+        return self.case, self.law, self.friction, self.simulator
 
 
 class Delivered(Part):

@@ -163,16 +163,16 @@ def _in_files(stored: Sequence[Carried], found: Sequence[Carried]) -> Iterator[s
 
 def _strikes(stored: Sequence[Struck], found: Sequence[Struck]) -> Iterator[str]:
     """Averages that are farther from what they were than their intervals leave open, by more than chance explains."""
-    before = {(row.case, row.law, row.simulator): row for row in stored}
+    before = {row.key: row for row in stored}
     for row in found:
-        key = (row.case, row.law, row.simulator)
-        if key not in before:
-            yield f"{', '.join(key)}: is new"
+        where = f"{row.case} by {row.law} in {row.simulator}, friction {row.friction:g}"
+        if row.key not in before:
+            yield f"{where}: is new"
             continue
         for name, now in row.statistics.items():
-            was = before[key].statistics[name]
+            was = before[row.key].statistics[name]
             if abs((now.value or 0.0) - (was.value or 0.0)) > CHANCE * math.hypot(now.half_width, was.half_width):
-                yield f"{', '.join(key)}: {name} was {was.value:g}, is {now.value:g}"
+                yield f"{where}: {name} was {was.value:g}, is {now.value:g}"
 
 
 def _rebounds(stored: Sequence[Delivered], found: Sequence[Delivered]) -> Iterator[str]:

@@ -82,6 +82,8 @@ def dropped(name: str, m: Mechanism, model: JointModel) -> Trace:
 def rebound(trace: Trace) -> float:
     """Speed at the wall after the touch, over that before it; 0 where the pin stays."""
     gap, speed = trace.signals["clearance_O_y"], trace.rates["pendulum"].velocity.imag
-    back = (np.abs(gap) < CLEARANCE) & (speed > 0)
-    k = int(np.argmax(back))
-    return math.sqrt(speed[k] ** 2 + 2 * G * (CLEARANCE - abs(gap[k]))) / SPEED if back[k] else 0.0
+    back = np.flatnonzero((np.abs(gap) < CLEARANCE) & (speed > 0))
+    if not back.size:
+        return 0.0
+    k = int(back[-1])  # not the first: a rigid engine's samples near its impact are of a curve through it
+    return math.sqrt(speed[k] ** 2 + 2 * G * (CLEARANCE - abs(gap[k]))) / SPEED

@@ -26,7 +26,14 @@ from sim_models.engine import JointModel, Request, Unsupported, check_supported,
 
 LAWS: tuple[ContactLaw, ...] = get_args(ContactLaw)
 REVOLUTIONS, OF_ODE = 24, 96  # of an engine, of the equation
-SHOWN: tuple[StatisticName, ...] = ("free_share", "impacts", "rms_force", "peak_force", "restitution_loss")
+SHOWN: tuple[StatisticName, ...] = (
+    "free_share",
+    "impacts",
+    "rms_force",
+    "peak_force",
+    "restitution_loss",
+    "friction_loss",
+)
 CHECKED: ContactLaw = "flores"  # is made again where the report is checked
 ODE = "equation"  # its name among the engines
 
@@ -43,36 +50,44 @@ class Rattling:
     speed: float
     restitution: float
     stiffness: float
+    friction: float = 0.0  # Coulomb's coefficient, of a pin of PIN_RADIUS
+    laws: tuple[ContactLaw, ...] = LAWS
 
     def linkage(self, law: ContactLaw) -> Mechanism:
         """The case by a law of contact."""
         m = load(self.case).with_clearances({self.joint: self.clearance})
         assert m.drive is not None
         m = m.replace(drive=m.drive.model_copy(update={"speed": self.speed}))
-        return m.with_joint(self.joint, contact_law=law, restitution=self.restitution, contact_stiffness=self.stiffness)
+        made_of = {"restitution": self.restitution, "contact_stiffness": self.stiffness, "friction": self.friction}
+        return m.with_joint(self.joint, contact_law=law, **made_of)
 
 
 CASES = (
     Rattling("crank-rocker", "B", 5e-4, 20 * math.pi, 0.5, 1e7),
     Rattling("slider-crank", "B", 5e-4, 5000 * math.pi / 30, 0.9, 1e8),  # of Flores et al.
+    Rattling("crank-rocker", "B", 5e-4, 20 * math.pi, 0.5, 1e7, 0.02, (CHECKED,)),
 )
 
 
 def striking(names: Sequence[str], laws: Sequence[ContactLaw] = LAWS) -> tuple[Struck, ...]:
     """Each case with each of these laws in each engine that has it, and by the equation."""
-    return tuple(row for rattling in CASES for law in laws for row in _rows(names, law, rattling))
+    return tuple(
+        row for rattling in CASES for law in laws if law in rattling.laws for row in _rows(names, law, rattling)
+    )
 
 
 def _rows(names: Sequence[str], law: ContactLaw, rattling: Rattling) -> Iterator[Struck]:
-    m, joint = rattling.linkage(law), rattling.joint
-    head: dict[str, Any] = {"law": law} | {f.name: getattr(rattling, f.name) for f in fields(rattling)}
-    yield Struck(**head, simulator=ODE, joint_model="contact", **_known(by_equation(m), joint))
+    m, joint, rough = rattling.linkage(law), rattling.joint, rattling.friction > 0
+    head: dict[str, Any] = {"law": law} | {
+        f.name: getattr(rattling, f.name) for f in fields(rattling) if f.name != "laws"
+    }
+    yield Struck(**head, simulator=ODE, joint_model="contact", **_known(by_equation(m), joint, rough))
     for name in names:
         request = _request(m, name)
         if request is not None:
             found = contact_in(engine(name).simulate(request), m, ideal_peaks(m))
             assert found is not None
-            yield Struck(**head, simulator=name, joint_model=request.joint_model, **_known(found, joint))
+            yield Struck(**head, simulator=name, joint_model=request.joint_model, **_known(found, joint, rough))
 
 
 def by_equation(m: Mechanism, revolutions: int = OF_ODE) -> Contact:
@@ -96,7 +111,8 @@ def _request(m: Mechanism, name: str) -> Request | None:
     """A run of an engine that has the law in contact, or else between pin centres; None where it has it in neither."""
     theta = default_angles(Assembly(m))
     beyond = REVOLUTIONS * TURN - float(theta[-1] - theta[0])
-    models: tuple[JointModel, ...] = ("contact", "spring-damper")
+    rough = any(joint.friction for joint in m.joints if joint.clearance)
+    models: tuple[JointModel, ...] = ("contact",) if rough else ("contact", "spring-damper")
     for model in models:
         asked = Request(m, model, "driven", theta, start="centred", lead_in=TURN, beyond=beyond, watched=True)
         try:
@@ -107,10 +123,10 @@ def _request(m: Mechanism, name: str) -> Request | None:
     return None
 
 
-def _known(found: Contact, joint: str) -> dict[str, Any]:
+def _known(found: Contact, joint: str, rough: bool) -> dict[str, Any]:
     """The figures that the report shows, with their intervals."""
     statistics = found.joints[joint].statistics
-    told = {name: statistics[name] for name in SHOWN}
+    told = {name: statistics[name] for name in SHOWN if name != "friction_loss" or rough}
     share = found.energy.share if found.energy is not None else None
     return {
         "revolutions": round(found.revolutions),
