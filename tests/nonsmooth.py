@@ -7,7 +7,7 @@ sweeps.  Impacts, rest and flight are the same to it (Moreau 1988; Jean 1999; th
 
 A *system* is a function that fills, at an instant: mass matrix, generalised force, gaps (m, negative: in the
 wall), and for each contact the row of its normal velocity (the gap's rate), that of its slip, and what moves on its own
-of both.  Only the mechanism's numbers (:class:`contact_ode.Loop`) come from elsewhere.
+of both.  Only the mechanism's numbers (:class:`compare.evidence.contact_ode.Loop`) come from elsewhere.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Place(NamedTuple):
 
 
 def journal(numbers, t, q, v, place):
-    """A loop (:class:`contact_ode.Loop`) with a rigid journal in a rigid bearing: one contact."""
+    """A loop (:class:`compare.evidence.contact_ode.Loop`) with a rigid journal in a rigid bearing: one contact."""
     arm = numbers.arm * np.exp(1j * (numbers.theta + numbers.speed * t))
     e1 = np.exp(1j * q[0])
     p1 = numbers.reach1 * e1
