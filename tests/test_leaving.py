@@ -79,12 +79,15 @@ def first_lost(mechanism: Mechanism, clearance: float) -> float | None:
     one = mechanism.with_clearances({"B": clearance})
     loop = loop_of(one)
     found = simulate(one, loop, pressed(one, loop), 4 * math.pi, most=2000)
-    free = np.flatnonzero(np.abs(found.gap) < clearance)
-    return float(found.crank[free[0]]) if free.size else None
+    left = found.impacts.left[np.isfinite(found.impacts.left)]
+    return float(loop.theta + loop.speed * left[0]) if left.size else None
 
 
 def held(mechanism: Mechanism, stiffness: float, clearances: Iterable[float], rigid: bool) -> list[float | None]:
-    """For each clearance (m) where both, ODE and prediction, lose contact; they must agree about it, to 0.6 deg."""
+    """For each clearance (m) where both, ODE and prediction, lose contact; they must agree about it, and to 1 deg.
+
+    That is by the first order in the gap, 1 % of the links at the most.
+    """
     one = mechanism.with_joint("B", contact_stiffness=stiffness, restitution=0.5, contact_law="kelvin-voigt")
     way, found = reaction(one.with_clearances({"B": 1e-4}), "B", THETA), []
     for clearance in clearances:
@@ -92,7 +95,7 @@ def held(mechanism: Mechanism, stiffness: float, clearances: Iterable[float], ri
         said = way.leaves(clearance, None if rigid else contact_law(one, "B"))
         assert (said is None) == (lost is None), clearance
         if said is not None and lost is not None:  # the prediction counts from a turn before the first angle
-            assert said + 2 * math.pi == pytest.approx(lost, abs=math.radians(0.6)), clearance
+            assert said + 2 * math.pi == pytest.approx(lost, abs=math.radians(1.0)), clearance
         found.append(lost)
     return found
 

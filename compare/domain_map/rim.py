@@ -16,6 +16,7 @@ from numba import njit
 SWING = 6.0  # steps in a radian of a pin's swing along a rigid rim
 BOUNCE = 3.0  # and of its bounce on a wall that yields
 COARSE = 0.005  # rad of crank in a step, at most
+TINY = 1e-300  # m^2
 
 
 class Way(NamedTuple):
@@ -129,8 +130,6 @@ def on_a_wall(way: Way, wall: Wall, clearance: float, gap: complex, drift: compl
     time, end, speed = 0.0, way.turn / way.speed, way.speed
     while time < end:
         theta = way.begin + speed * time
-        if abs(gap) < clearance:
-            return theta
         a, pace = _bounced(_at(way, theta), wall, clearance, gap, drift)
         h = min(1 / (BOUNCE * pace), COARSE / abs(speed))
         middle = _at(way, theta + speed * h / 2)
@@ -138,7 +137,11 @@ def on_a_wall(way: Way, wall: Wall, clearance: float, gap: complex, drift: compl
         c = _bounced(middle, wall, clearance, gap + drift * h / 2 + a * h**2 / 4, drift + b * h / 2)[0]
         last = _at(way, theta + speed * h)
         d = _bounced(last, wall, clearance, gap + drift * h + b * h**2 / 2, drift + c * h)[0]
-        gap += drift * h + (a + b + c) * h**2 / 6
+        moved = drift * h + (a + b + c) * h**2 / 6
+        near = min(max(-_dot(gap, moved) / (abs(moved) ** 2 + TINY), 0.0), 1.0)  # a fast pin crosses its gap in a step
+        if abs(gap + near * moved) < clearance:
+            return theta + speed * h * near
+        gap += moved
         drift += (a + 2 * b + 2 * c + d) * h / 6
         time += h
     return math.nan
