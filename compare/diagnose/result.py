@@ -70,6 +70,7 @@ LANDED = (
     "The crank lands in the gap of its drive at {}. How forces and rates jump there nobody foretells: there they count"
     " for little in the gap, and not at all in how far each sensor is off."
 )
+TOUCHING = "more revolutions, or a run so slow or so loaded that pins keep touching: its samples can be foretold"
 SIDES: tuple[Side, ...] = ("before", "after")
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
 
@@ -248,9 +249,7 @@ def _effect(problem: Problem, e: Explanation, n: Named, noise: dict[tuple[str, s
             Rival(name=t.effect.name, where=t.where, odds=odds)
             for (t, _), odds in zip_longest(n.ties, n.odds[: len(n.ties)])
         ),
-        would_separate=(
-            would_separate(problem.model, noise, e.fit, n.ties[0][1]) if n.ties else ""
-        ),  # from the first of its rivals
+        would_separate=_separating(problem, e, n, noise),
         small_errors=tuple(
             SmallError(name=t.effect.name, where=t.where, parameters={p: as_parameter(v) for p, v in values.items()})
             for t, values in n.small_errors
@@ -259,6 +258,13 @@ def _effect(problem: Problem, e: Explanation, n: Named, noise: dict[tuple[str, s
         share=n.share,
         evidence=e.statistics.says() if e.statistics is not None else "",
     )
+
+
+def _separating(problem: Problem, e: Explanation, n: Named, noise: dict[tuple[str, str], float]) -> str:
+    """What would tell an effect from the first of its rivals."""
+    if not n.ties:
+        return ""
+    return TOUCHING if e.statistics is not None else would_separate(problem.model, noise, e.fit, n.ties[0][1])
 
 
 def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[Candidate, ...]:

@@ -60,6 +60,11 @@ def statement(result: Diagnosis, e: Explanation, failure: str = "") -> str:
     """The verdict in a paragraph; ``failure`` says why the simulator could not confirm it."""
     before, after = result.gap.before, result.gap.after
     measure = f"Measured and simulated differ by {plainly(before)} times the noise before and {plainly(after)} after."
+    if e.statistics is not None:
+        measure = (
+            f"This is known {e.statistics.says()}: those of measurement and simulation are {plainly(before)} times as"
+            f" far apart as of two recordings of one rig before, and {plainly(after)} times after."
+        )
     if e.verdict == "no gap":
         agree = f"Simulation and measurement agree within the noise: they differ by {plainly(before)} times the noise."
         return f"{agree} Nothing is missing that these data could show."
