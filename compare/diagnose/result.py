@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analytic.mechanism.one_line import count
+from compare.diagnose.data.recording import Fault as RecordedFault
 from compare.diagnose.data.recording import MeasuredRun
 from compare.diagnose.effects.effect import LANDING
 from compare.diagnose.experiment_design import would_separate
@@ -106,7 +107,7 @@ def as_document(
         },
         faults=tuple(
             DataFault(run=f.run, signal=f.signal, kind=f.kind, samples=f.samples, text=f.text)
-            for f in (*problem.measured.faults, *validation.faults)
+            for f in (*_still_faults(problem, e), *validation.faults)
         ),
         candidates=(),
         attempts=tuple(_attempt(a) for a in e.attempts),
@@ -124,6 +125,12 @@ def as_document(
     told = {"statement": statement(result, e, failure) + cut, "candidates": _candidates(problem, found, result)}
     result = result.model_copy(update=told)
     return result.model_copy(update={"steps": _steps(problem, found, result)})
+
+
+def _still_faults(problem: Problem, e: Explanation) -> list[RecordedFault]:
+    """What is wrong with the data: where pins strike, isolated spikes are not."""
+    judged = () if e.statistics is None else e.statistics.floor
+    return [f for f in problem.measured.faults if f.kind != "outliers" or (f.run, f.signal) not in judged]
 
 
 def _located(stretch: Stretch) -> Located:

@@ -319,6 +319,19 @@ class _Judged:
         start = dict(zip(p.base.terms, p.base.x, strict=True)) | {term: x}
         return p.fitter.at([*p.base.terms, term], start) or unmoved(p.base, term, x)
 
+    def _spikes(self) -> str:
+        """What becomes of readings that were left out as spikes."""
+        judged = self.statistics.floor
+        spikes = [
+            int(np.isfinite(channel.spikes).sum())
+            for run in self.problem.measured.runs
+            for signal, channel in run.channels.items()
+            if channel.spikes is not None and (run.name, signal) in judged
+        ]
+        return (
+            f"{count(sum(spikes), 'reading')} that look like isolated spikes are impacts, and count." if spikes else ""
+        )
+
     def told(self) -> str:
         """By what kind of evidence clearance is named, in sentences."""
         s, simulator = self.statistics, self.problem.simulator
@@ -327,8 +340,8 @@ class _Judged:
             " are thrown off at the same instants, in each revolution otherwise, as where pins leave their bearings and"
             f" strike. No sample can be foretold then. Clearance was tried joint by joint in {simulator}, and judged by"
             " how readings are spread in each part of a revolution (quantiles over all revolutions). A gap of 1 is how"
-            " far two recordings of one rig are apart in that. Isolated spikes are impacts there, and count."
-        )
+            f" far two recordings of one rig are apart in that. {self._spikes()}"
+        ).rstrip()
 
 
 def nearest(trials: Sequence[Tried], size: float) -> Tried:
