@@ -48,14 +48,14 @@ class Task(Place):
         return self.model_dump(exclude=unasked)
 
     @property
-    def place(self) -> dict[str, Any]:
+    def _place(self) -> dict[str, Any]:
         """Which cell it is of."""
         place = {"simulator": self.simulator, "speed": self.speed, "clearance": self.clearance}
         return place if self.restitution is None else place | {"restitution": self.restitution}
 
     def failed(self, why: str) -> Failed:
         """The cell without a result."""
-        return Failed(**self.place, failure=why)
+        return Failed(**self._place, failure=why)
 
 
 def examine(content: Mapping[str, object]) -> dict[str, object]:
@@ -115,7 +115,7 @@ def judged(task: Task, held: Examined) -> Cell:
     found, agrees = [d for d, _ in held.verdicts], bool(held.agreeing.all())
     unsteady = held.flagged & ~held.unloaded
     return Cell(
-        **task.place,
+        **task._place,
         verdict="agrees" if agrees else "disagrees",
         cause=None if agrees else held.cause,
         agreeing_share=float(held.agreeing.mean()),

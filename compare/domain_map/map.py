@@ -131,14 +131,14 @@ def cells(grid: Grid) -> list[Task]:
             tolerances=tolerances,
             versions=versions(simulator),
             **optional,
-            **layer(restitution),
+            **_layer(restitution),
         )
         for simulator in grid.simulators
         for restitution, speed, clearance in places
     ]
 
 
-def layer(restitution: float | None) -> dict[str, Any]:
+def _layer(restitution: float | None) -> dict[str, Any]:
     """The field of a restitution; none where the contact is the mechanism's own."""
     return {} if restitution is None else {"restitution": restitution}
 
@@ -208,7 +208,7 @@ def _boundary(grid: Grid, tasks: Sequence[Task], found: Sequence[Cell | Failed])
         edges = {
             kind: boundary(task.mechanism, task.crank_angle, gaps, left[kind], rigid=kind == "rigid") for kind in left
         }
-        out.append(Boundary(speed=speed, **layer(restitution), **edges))
+        out.append(Boundary(speed=speed, **_layer(restitution), **edges))
     return tuple(out)
 
 

@@ -84,7 +84,7 @@ def _swung(terms: Any, clearance: float, angle: float, rate: float) -> Any:
 
 
 @_compiled
-def on_a_rim(way: Way, clearance: float, angle: float, rate: float) -> Any:
+def on_a_rim(way: Way, clearance: float, angle: float, rate: float) -> float:
     """Crank angle (rad) at which a pin leaves its rim, from an ``angle`` (rad) on, at a ``rate`` (rad/s); NaN: it
     stays.
     """
@@ -123,7 +123,7 @@ def _bounced(terms: Any, wall: Wall, clearance: float, gap: complex, drift: comp
 
 
 @_compiled
-def on_a_wall(way: Way, wall: Wall, clearance: float, gap: complex, drift: complex) -> Any:
+def on_a_wall(way: Way, wall: Wall, clearance: float, gap: complex, drift: complex) -> float:
     """Crank angle (rad) at which a pin leaves a wall that yields, from a ``gap`` (m) on, at a rate (m/s); NaN: it
     stays.
     """

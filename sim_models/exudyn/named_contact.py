@@ -17,6 +17,7 @@ from sim_models.common.contact_laws import NamedLaw
 from sim_models.exudyn.laws import CONTACT_CREEP
 
 TINY = 1e-300  # m, in place of a gap of no length
+_Exu = Any  # an object of Exudyn's, or a number of its symbolic functions
 
 
 class Memory:
@@ -25,7 +26,7 @@ class Memory:
     A pin that starts on its wall has come there as slowly as the law reckons with.
     """
 
-    def __init__(self, symbolic: Any, joint: str, law: NamedLaw, clearance: float) -> None:
+    def __init__(self, symbolic: _Exu, joint: str, law: NamedLaw, clearance: float) -> None:
         self.law, self.clearance = law, clearance
         self.gain = symbolic.Real(f"gain {joint}", law.hysteresis / law.slowest)
 
@@ -37,11 +38,11 @@ class Memory:
             self.gain.SetValue(self.law.hysteresis / max(speed, self.law.slowest))
 
 
-def before_steps(exu: Any, memories: Sequence[tuple[Any, Memory]]) -> Callable[[Any, float], bool]:
+def before_steps(exu: _Exu, memories: Sequence[tuple[_Exu, Memory]]) -> Callable[[_Exu, float], bool]:
     """What Exudyn does before each step, for the connectors of these memories."""
     apart, rate = exu.OutputVariableType.Displacement, exu.OutputVariableType.Velocity
 
-    def look(mbs: Any, t: float) -> bool:
+    def look(mbs: _Exu, t: float) -> bool:
         for number, memory in memories:
             (x, y, _), (u, v, _) = (mbs.GetObjectOutput(number, kind).tolist() for kind in (apart, rate))
             memory.see(complex(x, y), complex(u, v))
@@ -50,7 +51,7 @@ def before_steps(exu: Any, memories: Sequence[tuple[Any, Memory]]) -> Callable[[
     return look
 
 
-def push_back(symbolic: Any, law: NamedLaw, memory: Memory | None, stretch: Any, rate: Any) -> Any:
+def push_back(symbolic: _Exu, law: NamedLaw, memory: Memory | None, stretch: _Exu, rate: _Exu) -> _Exu:
     """The force (N) of a pin so far (m) beyond its clearance, at this rate (m/s), symbolic."""
     if memory is not None:
         return symbolic.max(law.stiffness * symbolic.max(stretch, 0.0) * (1.0 + memory.gain * rate), 0.0)
@@ -86,7 +87,7 @@ class Rub:
         """Number of coordinates: three of each moving body."""
         return 3 * sum(end.row is not None for end in self.ends)
 
-    def add(self, exu: Any, mbs: Any, items: Any, nodes: list[Any]) -> Any:
+    def add(self, exu: _Exu, mbs: _Exu, items: _Exu, nodes: list[_Exu]) -> _Exu:
         """Add it to a system, on the nodes of the moving bodies; the object's number.
 
         Exudyn's helper for symbolic functions does not know how many coordinates there are.
@@ -115,7 +116,7 @@ class Rub:
         mbs.SetObjectParameter(number, name, compiled)
         return number
 
-    def force(self, symbolic: Any, q: Any, q_t: Any) -> Any:
+    def force(self, symbolic: _Exu, q: _Exu, q_t: _Exu) -> _Exu:
         """Generalised forces (N, N, N.m of each moving body) at these coordinates and rates, symbolic.
 
         An expression is computed as often as it is written: hence what all have in common stands before a vector.
@@ -144,7 +145,7 @@ class Rub:
         return np.asarray(sign * (sensed[:, row] + 1j * sensed[:, row + 1]))
 
 
-def _pin(symbolic: Any, end: End, q: Any, q_t: Any) -> tuple[Any, ...]:
+def _pin(symbolic: _Exu, end: End, q: _Exu, q_t: _Exu) -> tuple[_Exu, ...]:
     """A pin centre's x, y (m) from its body's centre of mass and from the origin, the rates of these (m/s), and its
     body's angular velocity (rad/s), symbolic.
     """

@@ -56,7 +56,9 @@ class Tolerance(_Part):
 
     angle: Limit = 0.005  # deg; half of what must be seen
     magnitude: Limit = 1e-4  # of the joint's largest force in the run
-    rms: Limit = 0.15  # of the stored value; runs whose starts differ in rounding spread by 0.02 (1 sigma)
+    rms: Limit = (
+        0.15  # of the stored value, of averages but a share; from other roundings they spread by 0.02 (1 sigma)
+    )
     free_share: Limit = 0.25  # these by 0.04
 
 

@@ -88,7 +88,7 @@ def _allowed(signal: str, unit: str, values: np.ndarray, largest: float, toleran
         return tolerance.angle
     if signal.endswith("_magnitude"):
         return tolerance.magnitude * max(float(values.max()), WEAK * largest)
-    return tolerance.rms * float(values.max()) if signal.endswith("_rms") else tolerance.free_share
+    return tolerance.free_share if signal.startswith("free_share_") else tolerance.rms * float(values.max())
 
 
 def _place(run: StoredRun, k: int) -> str:

@@ -1,8 +1,8 @@
 """What a baseline holds of a case: which runs, and each run's reaction forces as a table.
 
 Ideal joints are driven; joints with clearance rest in static equilibrium under load, the only motion in which every
-engine gives the same direction to many digits.  A pin that bounces repeats only on average, so such a run keeps two
-numbers.
+engine gives the same direction to many digits.  A pin that bounces repeats only on average, so such a run keeps
+averages over its revolutions.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from compare.judge.grid import FREE_TIME, default_angles
 from compare.recorded.errors import DataError
 from compare.recorded.table import Table
 from compare.results.crosscheck import Failure
-from compare.runs import Resolve, simulate
+from compare.runs import Counted, Resolve, simulate
 from sim_models.engine import Engine, JointModel, Request, SimulationError, Trace, Unsupported, check_supported
 
 ROWS = 36  # of a table, at most
@@ -132,7 +132,7 @@ def _impacting(mechanism: Mechanism) -> Iterator[Setup]:
     }
     theta = np.arange(SAMPLES * REVOLUTIONS) * (2 * np.pi / SAMPLES)
     for model in BOUNCING:
-        yield Setup(Request(fast, model, "driven", theta, lead_in=2 * np.pi), added, impacting=True)
+        yield Setup(Request(fast, model, "driven", theta, lead_in=2 * np.pi, watched=True), added, impacting=True)
 
 
 def _thinned(grid: np.ndarray) -> np.ndarray:
@@ -226,13 +226,20 @@ def of_results(mechanism: Mechanism, table: Table) -> StoredRun:
 
 
 def _averages(setup: Setup, trace: Trace) -> StoredRun:
-    """Root mean square force (N) of each joint with clearance, and the share of time its pin spends without contact.
+    """Averages of each joint with clearance over the revolutions: root mean square force and peak force (N), the share
+    of time without contact, and impacts.
 
     A rigid contact (no stiffness in its settings) has impulses, whose force is a matter of the time step: none is kept.
     """
     columns: dict[str, float] = {}
+    found = trace.contact if isinstance(trace, Counted) else None
     for joint, share in trace.free_share.items():
+        known = found.joints[joint].statistics if found is not None else {}
+        average = {name: each.value or 0.0 for name, each in known.items()}
         if "contact_stiffness" in trace.settings:
             columns[f"reaction_{joint}_rms [N]"] = float(np.sqrt(np.mean(np.abs(_force(trace, joint)) ** 2)))
+            columns |= {f"reaction_{joint}_peak [N]": average["peak_force"]} if average else {}
         columns[f"free_share_{joint} [1]"] = share
+        if average:
+            columns[f"impacts_{joint} [per turn]"] = average["impacts"]
     return StoredRun(setup.name, setup.added, tuple(columns), np.array([list(columns.values())]))
