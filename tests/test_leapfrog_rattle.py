@@ -68,7 +68,7 @@ def promised(m: Mechanism) -> float:
     return law.asked if law.name == "kelvin-voigt" else delivered(law.hysteresis)
 
 
-@pytest.mark.parametrize("asked", [0.3, 0.9])
+@pytest.mark.parametrize("asked", [0.3, *slow(0.9)])
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("name", ["dart", "pybullet"])
 def test_a_bar_rebounds_as_its_law_says(name: str, law: ContactLaw, asked: float) -> None:

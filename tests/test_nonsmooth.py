@@ -34,6 +34,9 @@ def strikes(steps: Steps) -> np.ndarray:
     return np.flatnonzero(hit & ~np.concatenate([[False], hit[:-1]]))
 
 
+pytestmark = pytest.mark.slow  # its compiled steps take longest to compile
+
+
 @pytest.mark.parametrize("restitution", [0.9, 0.5, 0.0])
 def test_a_journal_bounces_by_its_restitution(restitution: float) -> None:
     """Thrown by a constant force against a pin that stands still: speeds fall by e, flights last 2 e v/a; an impact is

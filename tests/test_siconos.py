@@ -129,7 +129,7 @@ def test_published_ends_beside_ensembles_of_the_same_steps() -> None:
         assert low[3] - 2e-3 < free < high[3] + 2e-3
 
 
-@pytest.mark.parametrize(("step", "count"), [(1e-4, 5), *slow((1e-5, 20))])
+@pytest.mark.parametrize(("step", "count"), slow((1e-4, 5), (1e-5, 20)))
 def test_steps_that_keep_energy_agree_with_walls_that_give(step: float, count: int) -> None:
     """Where the mechanism really goes: 2.879 turns and 71 rad/s, by rigid walls and by compliant ones of the same
     restitution delivered, stepped through each touch.
