@@ -122,7 +122,9 @@ def attribute(judged: Sequence[tuple[Run, Mapping[str, Rule]]]) -> Attribution:
                 apart.append(found)
     odd = odd_one_out(apart)
     differ = any(run.verdict == "disagrees" for run in runs)
-    return Attribution(widest, odd, _words(odd, apart, differ) if widest else "nothing could be compared")
+    struck = any(run.contact is not None and run.contact.struck for run in runs)
+    nothing = "pins strike, so that averages are compared and no samples" if struck else "nothing could be compared"
+    return Attribution(widest, odd, _words(odd, apart, differ) if widest else nothing)
 
 
 def before_impact(run: Run) -> np.ndarray:
