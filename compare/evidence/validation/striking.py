@@ -25,7 +25,7 @@ from sim_models.common.contact_laws import named_law
 from sim_models.engine import JointModel, Request, Unsupported, check_supported, declared, engine
 
 LAWS: tuple[ContactLaw, ...] = get_args(ContactLaw)
-REVOLUTIONS, OF_ODE = 24, 96  # of an engine, of the equation
+REVOLUTIONS, OF_ODE = 12, 96  # of an engine, of the equation
 SHOWN: tuple[StatisticName, ...] = (
     "free_share",
     "impacts",
