@@ -397,7 +397,7 @@ def _happened(loop, t, y, mode, slide, touched, inward):
     turned_or_left = inward and rate < 0
     if mode == RELEASED:
         return turned_or_left or depth < 0 or push > 0
-    turned_or_left = turned_or_left or push < 0
+    turned_or_left = turned_or_left or push < 0 or depth < 0  # where both factors of a push are negative, it is not
     if turned_or_left or loop.friction == 0:
         return turned_or_left
     return slide * slip < 0 if slide != 0 else abs(_holding(loop, t, y, push)) > loop.friction * push

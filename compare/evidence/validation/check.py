@@ -40,7 +40,7 @@ FACTOR = 2.0  # by which a share may change: 0.14 and 0.16 are 0.1 and 0.2 to on
 ANALYTIC = 1e-6  # relative: what is computed without an engine
 NOTHING = 0.1  # of what is allowed: a published figure that is met so well is met
 FILES = 1e-6  # of the largest value: what is carried in files may lose
-CHANCE = 2.0  # half widths of 95 % intervals, in quadrature: by chance once in ten thousand
+CHANCE = 2.5  # half widths of 95 % intervals, in quadrature: by chance next to never
 REBOUND = 2e-3  # of restitution delivered
 BEAMS = 1e-5  # of the displacement: a tenth of the last digit of the page
 
