@@ -98,6 +98,7 @@ def test_a_law_without_loss_loses_nothing(law: ContactLaw) -> None:
     assert rebound(hanging(law, 1.0, 1e9)) == pytest.approx(1.0, abs=1.5e-3)
 
 
+@pytest.mark.slow
 def test_kelvin_and_voigt_deliver_what_is_asked_on_average() -> None:
     """Their force jumps at the wall, wherever in a step that is: a rebound scatters, its mean does not."""
     m = hanging("kelvin-voigt", 0.5, 1e9)
@@ -157,6 +158,7 @@ def meeting(m: Mechanism, w: Watched) -> tuple[np.ndarray, np.ndarray]:
     return gap, moved[0] - moved[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("law", "friction"), [("kelvin-voigt", 0.0), ("hunt-crossley", 0.0), ("gonthier", 0.2)])
 def test_energy_is_balanced_through_impacts_and_pins_are_never_pulled(law: ContactLaw, friction: float) -> None:
     m, trace = rattling(law, friction), watched(law, friction)

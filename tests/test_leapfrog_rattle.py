@@ -221,6 +221,7 @@ RATTLING: list[tuple[str, JointModel, ContactLaw | None, str]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "joint_model", "law", "joint"),
     [
@@ -270,6 +271,7 @@ def test_energy_is_balanced_through_impacts(
         assert missing[-1] < 0.02 * taken
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "joint_model", "law", "joint"), RATTLING)
 def test_reports_are_the_same_watched_or_not(
     name: str, joint_model: JointModel, law: ContactLaw | None, joint: str

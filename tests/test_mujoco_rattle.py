@@ -141,6 +141,7 @@ def equation_of_motion(m: Mechanism, time: np.ndarray) -> np.ndarray:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "asked", "model"),
     [
@@ -237,6 +238,7 @@ def test_energy_is_kept_where_joints_are_damped() -> None:
     assert missing(turned(m, watched=True), m) < 1e-4
 
 
+@pytest.mark.slow
 def test_energy_is_better_kept_in_shorter_steps() -> None:
     m = crank_rocker("flores")
     step = watched("flores").step
