@@ -75,7 +75,7 @@ from compare.judge.statistics import held_together
 from compare.judge.tolerances import Tolerances
 from compare.recorded.motion import SURE
 from compare.results.contact import Compared
-from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict
+from compare.results.crosscheck import CrossCheck, Failure, Path, Printed, Run, Simulator, Verdict, without
 from compare.results.crosscheck import Discrepancy as Judgement
 from compare.runs import Counted, Resolve, simulate_all
 from sim_models.engine import (
@@ -503,7 +503,7 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
         seen |= {name: np.full(trace.crank_angle.shape, np.nan) for name in side.signals if name not in seen}
     for name, here in side.silent.items():
         seen[name][here] = np.nan
-    simulated = _without_flagged(seen, side)
+    simulated = without(seen, list(side.flags))
     theta = _told_along(job, trace)
     rules = _rules(job, side, trace, simulated)
     found = _discrepancies(job, side, trace, simulated, rules)
@@ -536,14 +536,6 @@ def _run(job: Job, side: Reference, trace: Trace) -> tuple[Run, dict[str, Rule]]
         **optional,
     )
     return run, rules
-
-
-def _without_flagged(seen: Mapping[str, np.ndarray], side: Reference) -> dict[str, np.ndarray]:
-    """Signals (N,) without a number where the analytic model has no answer."""
-    found = {name: np.array(values) for name, values in seen.items()}
-    for values in found.values():
-        values[list(side.flags)] = np.nan
-    return found
 
 
 def _told_along(job: Job, trace: Trace) -> np.ndarray:

@@ -9,10 +9,11 @@ import pytest
 
 from analytic.mechanism import GROUND
 from analytic.mechanism.file import load
+from compare.crosscheck import crosscheck_job, question
 from compare.judge.contact import contact_in, more_revolutions, revolutions
 from compare.judge.statistics import statistic
 from compare.judge.watched import Run, integral
-from sim_models.engine import Trace, Watched
+from sim_models.engine import Request, SimulationError, Trace, Watched
 
 CLEARANCE, STIFFNESS, SPEED = 1e-3, 1e6, 20.0
 BOUNCES = 5  # of the pin in a turn of the crank
@@ -182,3 +183,22 @@ def test_a_noisy_average_asks_for_as_many_revolutions_as_its_interval_needs() ->
     assert more_revolutions(short) >= 6
     half = [found.joints["B"].statistics["peak_force"].half_width for found in (short, longer)]
     assert half[1] < half[0] / 2
+
+
+@pytest.mark.mujoco
+def test_a_longer_run_that_fails_leaves_the_shorter_one_which_says_so() -> None:
+    from sim_models.mujoco.engine import MujocoEngine
+
+    class Tires(MujocoEngine):
+        def simulate(self, request: Request) -> Trace:
+            if request.beyond > 2 * np.pi:
+                raise SimulationError("it is tired")
+            return super().simulate(request)
+
+    fast = ROCKER.replace(drive={"joint": ROCKER.drive_joint.name, "speed": 60.0})
+    job = replace(question(fast, "mujoco", joint_model="contact"), theta=np.radians(np.arange(0.0, 360.0, 30.0)))
+    found = crosscheck_job(job, resolve=lambda name: Tires())
+    (run,) = found.runs
+    assert not found.failures
+    assert run.contact.revolutions == pytest.approx(1.0)
+    assert "1 revolution is too few for averages; a longer run failed (it is tired)" in run.contact.words

@@ -18,8 +18,10 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
+from compare.evidence.validation.rebounds import dropped, hanging, rebound
+from compare.evidence.validation.striking import LAWS
 from compare.judge.watched import Run, integral, taken
-from rebounds import LAWS, dropped, exact_rebound, hanging, law_of, rebound, restitutions
+from rebounds import exact_rebound, law_of, restitutions
 from sim_models.common.contact_laws import delivered, restitution
 from sim_models.engine import JointModel, Request, Trace, Unsupported
 from sim_models.mujoco.engine import ENGINE

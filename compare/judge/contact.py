@@ -45,11 +45,10 @@ ORBIT_POINTS = 1500
 
 @dataclass(frozen=True)
 class Blow:
-    """One impact: instants [begin, end), the time (s) at which the pin reached its wall and its speed (m/s) there."""
+    """One impact: instants [begin, end), and the pin's speed (m/s) as it reached its wall."""
 
     begin: int
     end: int
-    time: float
     speed: float
 
 
@@ -104,7 +103,7 @@ def revolutions(turned: np.ndarray) -> np.ndarray:
     return np.minimum(np.searchsorted(turned, TURN * np.arange(whole + 1) - 1e-9), turned.size - 1)
 
 
-def blows(pin: PinCourse, time: np.ndarray) -> Iterator[Blow]:
+def blows(pin: PinCourse) -> Iterator[Blow]:
     """The impacts of a pin: it was off its wall, and is at it.  One ends when the pin is no longer pushed, or begins to
     press anew.
     """
@@ -112,27 +111,21 @@ def blows(pin: PinCourse, time: np.ndarray) -> Iterator[Blow]:
     known = np.flatnonzero(state)
     begins = [int(k) for j, k in pairwise(known.tolist()) if state[j] < 0 < state[k]]
     distance = np.abs(pin.gap)
-    for begin, until in pairwise([*begins, time.size]):
+    for begin, until in pairwise([*begins, distance.size]):
         pushed, rate = pin.push[begin:until] > 0, pin.rate[begin:until]
         ended = np.flatnonzero((pushed[:-1] & ~pushed[1:]) | ((rate[:-1] <= 0) & (rate[1:] > 0) & pushed[1:]))
         end = begin + int(ended[0]) + 2 if ended.size else until
         before = max(begin - 1, 0)
         rise = distance[begin] - distance[before]
         part = float(np.clip((pin.wall - distance[before]) / rise, 0.0, 1.0)) if rise > 0 else 0.0
-        step = time[begin] - time[before]
-        gained = (rate_at(pin, before) - rate_at(pin, before - 1)) * part
-        yield Blow(begin, min(end, until), float(time[before] + part * step), float(rate_at(pin, before) + gained))
-
-
-def rate_at(pin: PinCourse, instant: int) -> float:
-    """How fast (m/s) a pin's gap grows at an instant, or at the first one."""
-    return float(pin.rate[max(instant, 0)])
+        gained = (pin.rate[before] - pin.rate[max(before - 1, 0)]) * part
+        yield Blow(begin, min(end, until), float(pin.rate[before] + gained))
 
 
 def joint_contact(run: Run, pin: PinCourse, marks: np.ndarray, ideal: float) -> JointContact:
     """Contact of one joint: its figures by revolution between the ``marks``, and all its impacts."""
     time, spans = run.time, list(pairwise(marks.tolist()))
-    struck = list(blows(pin, time))
+    struck = list(blows(pin))
     normal, slid = np.maximum(pin.push, 0.0), np.abs(pin.slip)
     angle = run.watched.angle[run.m.driven]
     impulse, absorbed = integral(normal, time), integral(pin.push * pin.rate, time)
@@ -171,7 +164,7 @@ def joint_contact(run: Run, pin: PinCourse, marks: np.ndarray, ideal: float) -> 
         first_impact=float(angle[begins[0]]) if begins.size else None,
         impacts=Impacts(crank_angle=angle[begins], approach_speed=speeds, impulse=impulses, energy=energies),
         profile=_profile(angle, time, size, pin, begins, float(run.turned[-1]) / TURN),
-        orbit=_orbit(pin, size, angle, slice(*_last(spans))),
+        orbit=_orbit(pin, size, angle, slice(spans[-1][0], spans[-1][1] + 1)),
         section=Section(
             x=pin.gap.real[at], y=pin.gap.imag[at], velocity_x=pin.drift.real[at], velocity_y=pin.drift.imag[at]
         ),
@@ -246,11 +239,6 @@ def _converged(joints: Mapping[str, JointContact], whole: int, turns: float) -> 
         return False, f"{told} {'is' if whole == 1 else 'are'} too few for averages"
     share = 100 * found.half_width / abs(found.value) if found.value else math.inf
     return False, f"after {told} the {key.replace('_', ' ')} of {name} is known to {share:.2g} % only"
-
-
-def _last(spans: list[tuple[int, int]]) -> tuple[int, int]:
-    first, last = spans[-1]
-    return first, last + 1
 
 
 def _orbit(pin: PinCourse, size: np.ndarray, angle: np.ndarray, here: slice) -> Orbit:

@@ -23,16 +23,27 @@ def prolong(
     most: float,
 ) -> dict[int, Judged | Failure]:
     """The runs, those whose statistics have not converged made again from their start, over more revolutions, ``most``
-    at the utmost.  A longer run that fails leaves the shorter one.
+    at the utmost.  Where a longer run fails, the shorter one stays and says so.
     """
-    ended = dict(judged)
+    ended, asked = dict(judged), dict(requests)
     for _ in range(ROUNDS):
-        again = {i: longer for i, one in ended.items() if i in requests and (longer := _longer(requests[i], one, most))}
-        found = {i: trace for i, trace in simulate(again).items() if isinstance(trace, Trace)} if again else {}
-        ended |= {i: judge(trace) for i, trace in found.items()}
-        if len(found) < len(again) or not again:
-            break
+        again = {i: longer for i, one in ended.items() if i in asked and (longer := _longer(asked[i], one, most))}
+        for i, outcome in (simulate(again) if again else {}).items():
+            if isinstance(outcome, Trace):
+                ended[i] = judge(outcome)
+            else:
+                ended[i] = _as_far(ended[i], outcome)
+                del asked[i]
     return ended
+
+
+def _as_far(one: Judged | Failure, longer: Failure) -> Judged | Failure:
+    """A run that could not be prolonged, with the reason in its words."""
+    if isinstance(one, Failure) or one.run.contact is None:
+        return one
+    words = f"{one.run.contact.words}; a longer run failed ({longer.why})"
+    contact = one.run.contact.model_copy(update={"words": words})
+    return replace(one, run=one.run.model_copy(update={"contact": contact}))
 
 
 def _longer(request: Request, one: Judged | Failure, most: float) -> Request | None:

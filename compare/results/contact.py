@@ -27,6 +27,7 @@ UNITS: Mapping[StatisticName, str] = {
     "wear": "N.m",
     "penetration": "m",
 }
+RUBS = "at the rim of a pin of pin_radius, 10 mm where the mechanism gives none"
 MEANING: Mapping[StatisticName, str] = {
     "free_share": "share of the time that the pin is off its wall, by distance",
     "impacts": "times that a free pin strikes its wall in a revolution",
@@ -35,9 +36,9 @@ MEANING: Mapping[StatisticName, str] = {
     "rms_force": "root mean square of the contact force",
     "peak_force": "largest contact force in a revolution",
     "high_peak": "what nine in ten of these peaks stay below",
-    "restitution_loss": "energy that the normal force takes in a revolution",
-    "friction_loss": "energy that friction in the contact takes in a revolution",
-    "wear": "integral of normal force times sliding over a revolution (Archard)",
+    "restitution_loss": "energy that the normal force takes in a revolution, less what the wall gives back",
+    "friction_loss": f"energy that friction in the contact takes in a revolution, {RUBS}",
+    "wear": f"integral of normal force times sliding over a revolution (Archard), {RUBS}",
     "penetration": "deepest penetration in a revolution",
 }
 
@@ -116,7 +117,7 @@ class Balance(Part):
     take, what is left in the links; and what is missing, over all that is turned over.
     """
 
-    put_in: Annotated[Number, Field(description="J, by motor, loads and gravity")]
+    put_in: Annotated[Number, Field(description="J, by motor, loads, gravity and springs between points")]
     lost_in_contact: Number
     lost_in_joints: Number
     kept: Annotated[Number, Field(description="J, kinetic energy gained")]

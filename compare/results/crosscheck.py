@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
@@ -27,6 +27,14 @@ MetresByJoint = Annotated[
 ]
 RECORDED = "recorded"
 Index = Annotated[str, Field(pattern="^(0|[1-9][0-9]*)$")]
+
+
+def without(signals: Mapping[str, np.ndarray], samples: Sequence[int]) -> dict[str, np.ndarray]:
+    """Signals (N,) without a number at some samples."""
+    found = {name: np.array(values) for name, values in signals.items()}
+    for values in found.values():
+        values[list(samples)] = np.nan
+    return found
 
 
 class Simulator(Part):
@@ -180,11 +188,7 @@ class Run(Part):
     @property
     def comparable(self) -> dict[str, np.ndarray]:
         """The simulated signals, without a number where the analytic model has no answer."""
-        flagged = [int(i) for i in self.flags]
-        found = {name: np.array(values) for name, values in self.simulated.items()}
-        for values in found.values():
-            values[flagged] = np.nan
-        return found
+        return without(self.simulated, [int(i) for i in self.flags])
 
     def difference(self, signal: Signal) -> np.ndarray:
         """Simulated minus analytic (N,) of a signal, SI; angles modulo a turn.  Raises KeyError."""

@@ -8,11 +8,12 @@ restitution that it is asked for is :func:`delivered`.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from analytic.mechanism import Body, Joint, Mechanism
 from analytic.mechanism.parts import ContactLaw
-from sim_models.engine import Motion
+from sim_models.engine import Motion, SettingValue
 
 STATIC_STIFFNESS = 1e8  # N/m, where the mechanism gives none and nothing moves
 DRIVEN_STIFFNESS = 1e7  # N/m, where the mechanism gives none and the crank turns
@@ -99,6 +100,27 @@ def named_law(mechanism: Mechanism, joint: Joint, motion: Motion) -> NamedLaw | 
         SLOWEST_TOUCH * longest(mechanism) * turning_rate(mechanism, motion),
         asked,
     )
+
+
+def told_of(mechanism: Mechanism, laws: Mapping[str, NamedLaw]) -> dict[str, SettingValue]:
+    """For a trace's settings, of joints whose laws are named: restitution asked for and delivered, and the least speed
+    (m/s) of touching that laws reckon with.  Kelvin's and Voigt's law delivers to the lighter link bouncing alone.
+    """
+    if not laws:
+        return {}
+    ratios = {
+        name: law.damping / (2 * math.sqrt(law.stiffness * lighter_mass(mechanism, mechanism.joint(name))))
+        for name, law in laws.items()
+    }
+    bent = [law.slowest for law in laws.values() if law.hysteresis]
+    return {
+        "restitution": {name: law.asked for name, law in laws.items()},
+        "restitution_delivered": {
+            name: restitution(ratios[name]) if law.name == "kelvin-voigt" else delivered(law.hysteresis)
+            for name, law in laws.items()
+        },
+        **({"minimum_impact_speed": min(bent)} if bent else {}),
+    }
 
 
 def hysteresis(law: ContactLaw, asked: float) -> float:

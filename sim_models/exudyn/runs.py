@@ -13,11 +13,9 @@ import numpy as np
 from analytic.kinematics.assembly import Assembly
 from sim_models.common.contact_laws import (
     KelvinVoigt,
-    NamedLaw,
     contact_parameters,
-    delivered,
     lighter_mass,
-    restitution,
+    told_of,
 )
 from sim_models.common.failed_starts import own_start
 from sim_models.common.journal import free_share
@@ -234,17 +232,7 @@ class Run:
         used: dict[str, SettingValue] = {"contact_law": said(laws, len(self.contact))}
         if any(damping.values()):
             used["contact_damping"] = damping
-        return used | {
-            "minimum_impact_speed": min(law.slowest for law in laws.values()),
-            "restitution": {name: law.asked for name, law in laws.items()},
-            "restitution_delivered": {name: self._delivered(name, law) for name, law in laws.items()},
-        }
-
-    def _delivered(self, name: str, law: NamedLaw) -> float:
-        """Restitution that a law by name delivers; that of Kelvin and Voigt, for the lighter of the joint's links."""
-        if law.name != "kelvin-voigt":
-            return delivered(law.hysteresis)
-        return restitution(law.damping / (2 * math.sqrt(law.stiffness * lighter_mass(self.m, self.m.joint(name)))))
+        return used | told_of(self.m, laws)
 
 
 class ExudynRun(Run):

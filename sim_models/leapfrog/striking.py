@@ -7,14 +7,13 @@ damps.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from analytic.mechanism import Joint, Mechanism
-from sim_models.common.contact_laws import NamedLaw, delivered, lighter_mass, restitution
+from analytic.mechanism import Mechanism
+from sim_models.common.contact_laws import NamedLaw, told_of
 from sim_models.engine import SettingValue
 from sim_models.leapfrog.parts import Pin
 
@@ -84,22 +83,12 @@ def told(mechanism: Mechanism, pins: Mapping[str, Pin]) -> dict[str, SettingValu
     }
     alike = len(set(words.values())) == 1
     damped = [pin.contact.damping for pin in pins.values() if pin.law is None or pin.law.damping]
-    bent = [law.slowest for law in laws.values() if law.hysteresis]
     return {
         "contact_law": next(iter(words.values())) if alike else "; ".join(f"{n}: {law}" for n, law in words.items()),
         "contact_stiffness": min(pin.contact.stiffness for pin in pins.values()),
         **({"contact_damping": max(damped)} if damped else {}),
-        "restitution": {name: law.asked for name, law in laws.items()},
-        "restitution_delivered": {name: _delivered(mechanism, pins[name].joint, law) for name, law in laws.items()},
-        **({"minimum_impact_speed": bent[0]} if bent else {}),
+        **told_of(mechanism, laws),
     }
-
-
-def _delivered(mechanism: Mechanism, joint: Joint, law: NamedLaw) -> float:
-    """Restitution that a law delivers; Kelvin's and Voigt's, to the lighter link bouncing alone."""
-    if law.name != "kelvin-voigt":
-        return delivered(law.hysteresis)
-    return restitution(law.damping / (2 * math.sqrt(law.stiffness * lighter_mass(mechanism, joint))))
 
 
 def _dot(a: complex, b: complex) -> float:

@@ -11,10 +11,9 @@ from sim_models.common.contact_laws import (
     NamedLaw,
     contact_parameters,
     damping_ratio,
-    delivered,
     lighter_mass,
     named_law,
-    restitution,
+    told_of,
 )
 from sim_models.engine import Request, SettingValue
 
@@ -91,26 +90,5 @@ def law_settings(request: Request, laws: Mapping[str, Contact]) -> dict[str, Set
     damping = {name: law.damping for name, law in laws.items() if law.named is None or not law.named.hysteresis}
     if soft and damping:
         settings["contact_damping"] = next(iter(damping.values())) if len(set(damping.values())) == 1 else damping
-    return settings | _named_settings(request, {name: law.named for name, law in laws.items() if law.named is not None})
-
-
-def _named_settings(request: Request, laws: Mapping[str, NamedLaw]) -> dict[str, SettingValue]:
-    """Restitution asked for and delivered by joint, and the least speed (m/s) of touching that laws reckon with."""
-    if not laws:
-        return {}
-    m, bent = request.mechanism, [law.slowest for law in laws.values() if law.hysteresis]
-    return {
-        "restitution": {name: law.asked for name, law in laws.items()},
-        "restitution_delivered": {
-            name: delivered(law.hysteresis)
-            if law.hysteresis
-            else restitution(_ratio(law, lighter_mass(m, m.joint(name))))
-            for name, law in laws.items()
-        },
-        **({"minimum_impact_speed": bent[0]} if bent else {}),
-    }
-
-
-def _ratio(law: NamedLaw, mass: float) -> float:
-    """Damping ratio of Kelvin's and Voigt's law for a mass (kg)."""
-    return law.damping / (2 * math.sqrt(law.stiffness * mass))
+    named = {name: law.named for name, law in laws.items() if law.named is not None}
+    return settings | told_of(request.mechanism, named)

@@ -11,8 +11,8 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
 from compare.results.validation import Delivered
-from sim_models.common.contact_laws import damping_ratio, delivered, hysteresis, named_law, restitution
-from sim_models.engine import JointModel, Request, Trace, Unsupported, check_supported, declared, engine
+from sim_models.common.contact_laws import damping_ratio, delivered, hysteresis, restitution
+from sim_models.engine import Engine, JointModel, Request, Trace, Unsupported, check_supported, declared, engine
 
 ASKED = (0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95)
 STIFFNESS = 1e9  # N/m: the bar's weight does next to nothing while it strikes
@@ -36,14 +36,14 @@ def _of_law(names: Sequence[str], law: ContactLaw) -> Iterator[Delivered]:
     for name in names:
         model = _model(name, hanging(law, 0.5))
         if model is not None:
-            found = [rebound(dropped(name, hanging(law, e), model)) for e in ASKED]
+            found = [rebound(dropped(engine(name), hanging(law, e), model)) for e in ASKED]
             yield Delivered(law=law, simulator=name, joint_model=model, asked=ASKED, delivered=_three(found))
 
 
 def _rigid(names: Sequence[str]) -> Iterator[Delivered]:
     for name in names:
         if name == "dart":
-            found = [rebound(dropped(name, hanging(None, e), "contact")) for e in ASKED]
+            found = [rebound(dropped(engine(name), hanging(None, e))) for e in ASKED]
             yield Delivered(law=OWN, simulator=name, joint_model="contact", asked=ASKED, delivered=_three(found))
 
 
@@ -63,20 +63,23 @@ def _model(name: str, m: Mechanism) -> JointModel | None:
     return None
 
 
-def hanging(law: ContactLaw | None, asked: float) -> Mechanism:
+def hanging(law: ContactLaw | None, asked: float, stiffness: float = STIFFNESS) -> Mechanism:
     """A bar that falls straight down, by its clearance, with the pin that it hangs on: all of its mass strikes."""
     m = load("pendulum").with_joint(
-        "O", clearance=CLEARANCE, restitution=asked, contact_stiffness=STIFFNESS, contact_law=law
+        "O", clearance=CLEARANCE, restitution=asked, contact_stiffness=stiffness, contact_law=law
     )
     return m.replace(assembly={"pendulum": -math.pi / 2}, gravity=(0.0, -G))
 
 
-def dropped(name: str, m: Mechanism, model: JointModel) -> Trace:
-    """Its fall and bounce in an engine, told closely around the touch."""
-    law = named_law(m, m.joint("O"), "driven")
-    period = 2 * math.pi * math.sqrt(m.bodies[0].mass / (STIFFNESS if law is None else law.stiffness))
+def dropped(
+    engine: Engine, m: Mechanism, model: JointModel = "contact", step: float | None = None, late: float = 0.0
+) -> Trace:
+    """Its fall and bounce in an engine, told closely around the touch; reports come ``late`` (s)."""
+    stiffness = m.joint("O").contact_stiffness or STIFFNESS
+    period = 2 * math.pi * math.sqrt(m.bodies[0].mass / stiffness)
     after = np.concatenate([np.linspace(0.0, 1.0, SAMPLES), [1.5, 2.0, 4.0, 8.0]])
-    return engine(name).simulate(Request(m, model, "driven", time=SPEED / G + period * after, start="centred"))
+    time = SPEED / G + late + period * after
+    return engine.simulate(Request(m, model, "driven", time=time, start="centred", step=step))
 
 
 def rebound(trace: Trace) -> float:

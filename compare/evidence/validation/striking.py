@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any, get_args
+from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 
@@ -77,17 +77,14 @@ def striking(names: Sequence[str], laws: Sequence[ContactLaw] = LAWS) -> tuple[S
 
 
 def _rows(names: Sequence[str], law: ContactLaw, rattling: Rattling) -> Iterator[Struck]:
-    m, joint, rough = rattling.linkage(law), rattling.joint, rattling.friction > 0
-    head: dict[str, Any] = {"law": law} | {
-        f.name: getattr(rattling, f.name) for f in fields(rattling) if f.name != "laws"
-    }
-    yield Struck(**head, simulator=ODE, joint_model="contact", **_known(by_equation(m), joint, rough))
+    m = rattling.linkage(law)
+    yield _row(rattling, law, ODE, "contact", by_equation(m))
     for name in names:
         request = _request(m, name)
         if request is not None:
             found = contact_in(engine(name).simulate(request), m, ideal_peaks(m))
             assert found is not None
-            yield Struck(**head, simulator=name, joint_model=request.joint_model, **_known(found, joint, rough))
+            yield _row(rattling, law, name, request.joint_model, found)
 
 
 def by_equation(m: Mechanism, revolutions: int = OF_ODE) -> Contact:
@@ -123,18 +120,28 @@ def _request(m: Mechanism, name: str) -> Request | None:
     return None
 
 
-def _known(found: Contact, joint: str, rough: bool) -> dict[str, Any]:
+def _row(rattling: Rattling, law: ContactLaw, by: str, joint_model: JointModel, found: Contact) -> Struck:
     """The figures that the report shows, with their intervals."""
-    statistics = found.joints[joint].statistics
-    told = {name: statistics[name] for name in SHOWN if name != "friction_loss" or rough}
+    told = [name for name in SHOWN if name != "friction_loss" or rattling.friction]
+    figures = {name: found.joints[rattling.joint].statistics[name] for name in told}
     share = found.energy.share if found.energy is not None else None
-    return {
-        "revolutions": round(found.revolutions),
-        "missing": None if share is None else digits(share),
-        "statistics": {
-            name: Known(value=_four(s.value), low=_four(s.low), high=_four(s.high)) for name, s in told.items()
+    return Struck(
+        case=rattling.case,
+        law=law,
+        joint=rattling.joint,
+        clearance=rattling.clearance,
+        speed=rattling.speed,
+        restitution=rattling.restitution,
+        stiffness=rattling.stiffness,
+        friction=rattling.friction,
+        simulator=by,
+        joint_model=joint_model,
+        revolutions=round(found.revolutions),
+        missing=None if share is None else digits(share),
+        statistics={
+            name: Known(value=_four(s.value), low=_four(s.low), high=_four(s.high)) for name, s in figures.items()
         },
-    }
+    )
 
 
 def _four(value: float | None) -> float | None:
