@@ -51,12 +51,12 @@ def prescribed(turns: float, gap, push, samples: int = 40_001) -> Watched:
     )
 
 
-def told(watched: Watched, settings: dict | None = None):
+def told(watched: Watched, settings: dict | None = None, m=ROCKER):
     trace = Trace(
         simulator="prescribed", version="1", joint_model="contact", motion="driven", crank_angle=np.zeros(1),
         time=np.zeros(1), signals={}, clearance={"B": CLEARANCE}, settings=settings or {}, watched=watched,
     )  # fmt: skip
-    return contact_in(trace, ROCKER, {"B": 40.0})
+    return contact_in(trace, m, {"B": 40.0})
 
 
 def bouncing(phase: np.ndarray) -> np.ndarray:
@@ -106,6 +106,28 @@ def test_a_pressed_pin_that_slides_is_never_free_and_wears() -> None:
     assert value["wear"] == pytest.approx(push * 2 * np.pi * (CLEARANCE + push / STIFFNESS), rel=1e-3)
     assert "no pin leaves its wall" in found.words
     assert found.converged
+
+
+def test_a_spring_that_is_pressed_harder_and_harder_takes_nothing() -> None:
+    def deeper(phase: np.ndarray) -> np.ndarray:
+        return 1e-5 * phase
+
+    watched = prescribed(
+        0.4,
+        lambda phase: (CLEARANCE + deeper(phase)) * np.exp(1j * phase),
+        lambda phase: STIFFNESS * deeper(phase),
+    )
+    stiff = ROCKER.with_joint("B", contact_stiffness=STIFFNESS)
+    kept = STIFFNESS * (1e-5 * 0.8 * np.pi) ** 2 / 2
+    loss = {
+        yields: told(watched, {"contact_stiffness": STIFFNESS} if yields else {}, stiff)
+        .joints["B"]
+        .statistics["restitution_loss"]
+        .value
+        for yields in (True, False)
+    }
+    assert abs(loss[True]) < 1e-3 * kept
+    assert loss[False] == pytest.approx(kept, rel=1e-3)
 
 
 def test_friction_takes_what_it_rubs_times_the_way() -> None:

@@ -28,6 +28,7 @@ from compare.results.contact import (
     Statistic,
     StatisticName,
 )
+from sim_models.common.contact_laws import contact_parameters
 from sim_models.common.journal import free_share
 from sim_models.engine import Trace, Watched
 
@@ -58,19 +59,31 @@ def contact_in(trace: Trace, mechanism: Mechanism, ideal: Mapping[str, float]) -
         return None
     margins = trace.settings.get("contact_margin")
     own = {name: float(m) for name, m in margins.items()} if isinstance(margins, Mapping) else {}
-    return contact(mechanism.with_clearances(dict(trace.clearance)), trace.watched, ideal, own)
+    yields = "contact_stiffness" in trace.settings
+    return contact(mechanism.with_clearances(dict(trace.clearance)), trace.watched, ideal, own, yields)
 
 
 def contact(
-    m: Mechanism, watched: Watched, ideal: Mapping[str, float], margins: Mapping[str, float] | None = None
+    m: Mechanism,
+    watched: Watched,
+    ideal: Mapping[str, float],
+    margins: Mapping[str, float] | None = None,
+    yields: bool = True,
 ) -> Contact:
     """What contact did at every step of a run, in the joints of a mechanism that have clearance.
 
     ``ideal`` (N) are the ideal linkage's largest reactions by joint, ``margins`` (m) how far before its wall a pin
-    begins to be pushed.
+    begins to be pushed; ``yields`` says whether walls are springs, which give back what they have stored.
     """
     run = Run(m, watched)
-    pins = {name: run.pin(m.joint(name), (margins or {}).get(name, 0.0)) for name in m.clearances}
+    pins = {
+        name: run.pin(
+            m.joint(name),
+            (margins or {}).get(name, 0.0),
+            contact_parameters(m, m.joint(name), "driven").stiffness if yields else 0.0,
+        )
+        for name in m.clearances
+    }
     marks = revolutions(run.turned)
     joints = {name: joint_contact(run, pin, marks, ideal.get(name, math.nan)) for name, pin in pins.items()}
     whole = marks.size - 1
@@ -128,7 +141,7 @@ def joint_contact(run: Run, pin: PinCourse, marks: np.ndarray, ideal: float) -> 
     struck = list(blows(pin))
     normal, slid = np.maximum(pin.push, 0.0), np.abs(pin.slip)
     angle = run.watched.angle[run.m.driven]
-    impulse, absorbed = integral(normal, time), integral(pin.push * pin.rate, time)
+    impulse, absorbed = integral(normal, time), integral(pin.push * pin.rate, time) - pin.stored
     impulses = np.array([impulse[b.end - 1] - impulse[max(b.begin - 1, 0)] for b in struck])
     energies = np.array([absorbed[b.end - 1] - absorbed[max(b.begin - 1, 0)] for b in struck])
     begins, speeds = np.array([b.begin for b in struck], int), np.array([b.speed for b in struck])

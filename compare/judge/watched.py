@@ -33,7 +33,8 @@ class PinCourse:
 
     ``gap`` (m, complex) is the first pin centre minus the second, ``rate`` (m/s) how fast it grows outwards, ``push``
     (N) the normal force, ``rub`` (N) friction on the second body along the wall and ``slip`` (m/s) how the second body
-    slides there on the first.  ``wall`` (m) is where the pin begins to be pushed.
+    slides there on the first.  ``wall`` (m) is where the pin begins to be pushed, ``stiffness`` (N/m) the wall's; 0 if
+    it is none.
     """
 
     gap: np.ndarray
@@ -44,6 +45,7 @@ class PinCourse:
     slip: np.ndarray
     clearance: float
     wall: float
+    stiffness: float
 
     @property
     def free(self) -> np.ndarray:
@@ -59,6 +61,11 @@ class PinCourse:
     def depth(self) -> np.ndarray:
         """How deep (M,) m it is in its wall; 0 where it is off."""
         return np.maximum(np.abs(self.gap) - self.clearance, 0.0)
+
+    @property
+    def stored(self) -> np.ndarray:
+        """Energy (M,) J that the wall's spring has taken up, and gives back."""
+        return self.stiffness * self.depth**2 / 2
 
 
 class Run:
@@ -93,8 +100,10 @@ class Run:
         """Angle (M,) rad of a body."""
         return np.zeros(self.time.size) if body == GROUND else self.watched.angle[body]
 
-    def pin(self, joint: Joint, margin: float = 0.0) -> PinCourse:
-        """The course of a joint's pin; it begins to be pushed a ``margin`` (m) before its wall."""
+    def pin(self, joint: Joint, margin: float = 0.0, stiffness: float = 0.0) -> PinCourse:
+        """The course of a joint's pin; it begins to be pushed a ``margin`` (m) before its wall of this ``stiffness``
+        (N/m).
+        """
         first, second = joint.bodies
         arms = [self.arm(body, joint.name) for body in joint.bodies]
         gap = self.place(first, joint.name) - self.place(second, joint.name)
@@ -112,6 +121,7 @@ class Run:
             slip=dot(1j * outwards, slip),
             clearance=joint.clearance,
             wall=joint.clearance - margin,
+            stiffness=stiffness,
         )
 
     # ---------------------------------------------------------------- energy
@@ -179,5 +189,5 @@ class Run:
 
 
 def taken(pins: Mapping[str, PinCourse]) -> np.ndarray:
-    """Power (M,) W that the contacts take, by normal forces and by friction."""
+    """Power (M,) W that the contacts take, by normal forces and by friction; what walls store is among it."""
     return np.sum([pin.push * pin.rate - pin.rub * pin.slip for pin in pins.values()], axis=0)

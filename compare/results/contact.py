@@ -118,7 +118,7 @@ class Balance(Part):
     """
 
     put_in: Annotated[Number, Field(description="J, by motor, loads, gravity and springs between points")]
-    lost_in_contact: Number
+    lost_in_contact: Annotated[Number, Field(description="J, with what the walls still store at the end")]
     lost_in_joints: Number
     kept: Annotated[Number, Field(description="J, kinetic energy gained")]
     missing: Annotated[Number, Field(description="put in less lost less kept, J")]
