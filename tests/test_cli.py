@@ -300,7 +300,18 @@ def test_a_cross_check_whose_only_simulation_fails_says_so_everywhere(tmp_path: 
     assert json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))["runs"] == []
 
 
-NO_ANSWER = ["--case", "slider-crank", "--clearance", "A=1e-4", "--angles", "300:300:5", "--joint", "spring-damper"]
+NO_ANSWER = [
+    "--case",
+    "slider-crank",
+    "--clearance",
+    "A=1e-4",
+    "--angles",
+    "300:300:5",
+    "--joint",
+    "spring-damper",
+    "--revolutions",
+    "0",
+]
 
 
 def test_a_run_in_which_nothing_could_be_compared_does_not_agree_and_says_why(tmp_path: Path) -> None:
