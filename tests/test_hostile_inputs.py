@@ -298,7 +298,10 @@ LINKAGES = {
         INVERTED_SLIDER.replace("axis = [3.0, 1.0]", "axis = [0.0, 0.0]"), "joint 'S'", "axis"
     ),
     "a slide with clearance": mine(
-        INVERTED_SLIDER.replace("angle = 0.4", "angle = 0.4\nclearance = 1e-4"), "joint 'S'", "clearance is 0.0001"
+        INVERTED_SLIDER.replace("angle = 0.4", "angle = 0.4\nclearance = 1e-4"),
+        "joint 'S'",
+        "clearance = 0.0001",
+        "give guide =",
     ),
 }
 
