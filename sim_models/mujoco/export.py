@@ -152,11 +152,11 @@ def _meaning(link: MujocoLinkage) -> dict[str, Any]:
                 "clearance": link.radii[name][0],
                 "bearing_radius": link.radii[name][1],
                 "margin": link.contacts[name].margin,
-                "friction": float(con.friction[0]),
-                "solref": con.solref.tolist(),
-                "solimp": con.solimp.tolist(),
+                "friction": float(rim.contact.friction[0]),
+                "solref": rim.contact.solref.tolist(),
+                "solimp": rim.contact.solimp.tolist(),
             }
-            for name, con in link.touch.items()
+            for name, rim in link.rims.items()
         },
     }
 
@@ -242,8 +242,8 @@ def _equilibria(run: AnyRun) -> tuple[MujocoLinkage, dict[str, Any]]:
     near, pose = run.near(places[0]), run.path.poses(places[0])
     setting = Setting(run.request.joint_model, STATIC_STEP, friction=False, driven=run.path.driven)
     link = MujocoLinkage(run.mechanism, run.laws, pose, setting)
-    for con in link.touch.values():
-        con.friction = np.zeros(5)
+    for rim in link.rims.values():
+        rim.contact.friction = np.zeros(5)
     return link, {"equilibria": [_state(near, at) | ({} if times is None else {"time": at}) for at in places]}
 
 
@@ -262,7 +262,7 @@ def _state(near: Equilibria, theta: float) -> dict[str, Any]:
             Cause.NO_EQUILIBRIUM, "the equilibrium cannot be found a second time", theta, "use a smaller clearance"
         )
     dry = -sum((slip[joint.name] * joint.stiction * form for joint, form in link.rubbing), still)
-    sliding = {name: -slip[name] * link.mechanism.joint(name).friction for name in link.touch}
+    sliding = {name: -slip[name] * link.mechanism.joint(name).friction for name in link.rims}
     for name, row in contact_rows(link).items():
         if sliding[name]:
             dry += sliding[name] * found.force[row] * link.data.efc_J.reshape(-1, still.size)[row + 1]

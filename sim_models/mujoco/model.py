@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -23,6 +23,7 @@ from sim_models.mujoco.block import Block
 from sim_models.mujoco.laws import Contact
 from sim_models.mujoco.mjcf import RIGID, Description, Setting
 from sim_models.mujoco.passive import Passive
+from sim_models.mujoco.rim import Rim
 from sim_models.mujoco.striking import Striking
 
 if TYPE_CHECKING:
@@ -116,7 +117,7 @@ class MujocoLinkage:
     @property
     def kept(self) -> bool:
         """Whether every step passes through Python."""
-        return bool(self.touch or self.blocks or self.striking) or self.watch is not None
+        return bool(self.rims or self.blocks or self.striking) or self.watch is not None
 
     def _name_things(self) -> None:
         m, joints = self.model, self.mechanism.joints
@@ -155,7 +156,7 @@ class MujocoLinkage:
         self.outward = [self._part(b) for b in reversed(self.description.branches)]  # tips first
 
         self.tendon = {name: m.tendon(name).id for name in self.contacts if self.setting.rows == "spring-damper"}
-        self.depth: dict[str, float] = {}  # m, of each pin or corner in its wall; negative where it is off
+        self.depth: dict[str, float] = {}  # m, of each block's corner in its wall; negative where it is off
         self.rubs = {n: self.setting.rows == "contact" and self.mechanism.joint(n).friction > 0 for n in self.contacts}
         self.striking = {
             name: Striking(law.named, lighter_mass(self.mechanism, j), j.friction if self.rubs[name] else 0.0)
@@ -228,11 +229,9 @@ class MujocoLinkage:
                 else j.rest_angle - self.fixed_angle[j.bodies[1]] + self.fixed_angle[j.bodies[0]]
             )
             m.tendon_lengthspring[t] = rest
-        self.touch = (
-            {name: self._touch(name, law) for name, law in self.contacts.items()}
-            if self.setting.rows == "contact"
-            else {}
-        )
+        walls = self.contacts if self.setting.rows == "contact" else {}
+        self.rims = {name: Rim(self, name, self._touch(name, law)) for name, law in walls.items()}
+        self.cones = [name for name in walls if self.rubs[name] and name not in self.striking]
         if self.setting.rows in ("massless-link", "spring"):
             for name in self.contacts:
                 e, t = m.equality(name).id, m.tendon(name).id
@@ -269,7 +268,7 @@ class MujocoLinkage:
         assert guide is not None  # a mechanism with clearance in a prismatic joint has it
         return Block(joint, guide, law, [self._touch(name, law) for _ in guide.corners])
 
-    def _touch(self, name: str, law: Contact) -> Any:
+    def _touch(self, name: str, law: Contact) -> mujoco.MjContact:
         m, j = self.model, self.mechanism.joint(name)
         con = mujoco.MjContact()
         friction = 0.0 if j.prismatic else j.friction

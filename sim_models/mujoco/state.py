@@ -32,26 +32,13 @@ def touch(link: MujocoLinkage, always: bool = False) -> bool:
     """Add the contact of each journal that has left its gap (or of every journal), and of blocks' corners; says whether
     there is one.
     """
-    x, link.touching = link.data.site_xpos, []
-    for name, con in link.touch.items():
-        first, second = link.sites[name]
-        gx, gy = float(x[first, 0] - x[second, 0]), float(x[first, 1] - x[second, 1])
-        r = math.hypot(gx, gy)
-        clearance, reach = link.radii[name]
-        link.depth[name] = r - clearance
-        if r > clearance - link.contacts[name].margin or (always and r > 0):
-            nx, ny = gx / r, gy / r
-            con.dist = clearance - r
-            con.pos = (x[second, 0] + nx * reach, x[second, 1] + ny * reach, 0.0)
-            con.frame = (-nx, -ny, 0.0, ny, -nx, 0.0, 0.0, 0.0, 1.0)
-            if mujoco.mj_addContact(link.model, link.data, con):
-                raise SimulationError(
-                    f"mujoco: no room for the contact of joint {name!r}",
-                    Cause.FAULTY,
-                    "use fewer joints with clearance",
-                )
+    link.touching = []
+    for name, rim in link.rims.items():
+        if rim.meets(always):
+            rim.add(link)
             link.touching.append(name)
-    touch_walls(link, always)
+    if link.blocks:
+        touch_walls(link, always)
     return bool(link.touching)
 
 
@@ -59,33 +46,32 @@ def advance(link: MujocoLinkage, count: int) -> None:
     """Take steps."""
     m, d = link.model, link.data
     heeding = link.loads and (link.description.compliant or link.contacts or link.blocks or not link.setting.hold)
-    if not link.kept and not heeding:  # a rigidly driven ideal linkage moves as it does, whatever its friction
-        with felt(link.passive):
+    kept, watch = link.kept, link.watch
+    with felt(link.passive):
+        if not kept and not heeding:  # a rigidly driven ideal linkage moves as it does, whatever its friction
             mujoco.mj_step(m, d, nstep=count)
-        return
-    for _ in range(count):
-        for _ in range(GLANCES if heeding else 0):
-            evaluate(link)
-        if link.kept:
-            begin_step(link)
-            if link.watch is not None:
-                link.watch.begin()
-            mujoco.mj_step2(m, d)
-            if link.watch is not None:
-                link.watch.end()
-        else:
-            with felt(link.passive):
+            return
+        for _ in range(count):
+            for _ in range(GLANCES if heeding else 0):
+                evaluate(link)
+            if not kept:
                 mujoco.mj_step(m, d)
+                continue
+            begin_step(link)
+            if watch is not None:
+                watch.begin()
+            mujoco.mj_step2(m, d)
+            if watch is not None:
+                watch.end()
 
 
 def begin_step(link: MujocoLinkage) -> None:
-    """First half of a step, contacts included.
+    """First half of a step, contacts included; whoever calls it sees to it that laws are :func:`felt`.
 
     MuJoCo's convex cone drives sliding surfaces apart at friction coefficient times slip; that is taken back here.
     """
     m, d = link.model, link.data
-    with felt(link.passive):
-        mujoco.mj_step1(m, d)
+    mujoco.mj_step1(m, d)
     if link.striking:
         catch_up(link)
     if touch(link):
@@ -93,10 +79,11 @@ def begin_step(link: MujocoLinkage) -> None:
         mujoco.mj_referenceConstraint(m, d)
         if link.passive is not None:
             link.passive.rub(d)
-        for i, name in enumerate(link.touching):
-            if link.rubs[name] and name not in link.striking:
-                row = d.contact[i].efc_address
-                d.efc_aref[row] -= link.mechanism.joint(name).friction * abs(d.efc_aref[row + 1])
+        if link.cones:
+            for i, name in enumerate(link.touching):
+                if name in link.cones:
+                    row = d.contact[i].efc_address
+                    d.efc_aref[row] -= link.mechanism.joint(name).friction * abs(d.efc_aref[row + 1])
     if link.striking:
         strike(link)
 
@@ -131,7 +118,7 @@ def strike(link: MujocoLinkage) -> None:
     m, d, rows = link.model, link.data, wall_rows(link)
     step = m.opt.timestep
     for name, pin in link.striking.items():
-        pin.see(d.time, link.depth[name] if link.touch or link.blocks else depth_on_tendon(link, name))
+        pin.see(d.time, depth(link, name))
         row = rows.get(name)
         if row is None:
             continue
@@ -148,9 +135,13 @@ def strike(link: MujocoLinkage) -> None:
         d.efc_D[row], d.efc_R[row], d.efc_aref[row] = soft, 1 / soft, force / soft + beside
 
 
-def depth_on_tendon(link: MujocoLinkage, name: str) -> float:
-    """How deep (m) a pin is in its wall, of a spring-damper's."""
-    return float(link.data.ten_length[link.tendon[name]]) - link.radii[name][0]
+def depth(link: MujocoLinkage, name: str) -> float:
+    """How deep (m) a pin, or a block's corner, is in its wall; negative where it is off."""
+    if name in link.rims:
+        return link.rims[name].depth
+    if name in link.tendon:
+        return float(link.data.ten_length[link.tendon[name]]) - link.radii[name][0]
+    return link.depth[name]
 
 
 def wall_rows(link: MujocoLinkage) -> dict[str, int]:
@@ -159,7 +150,7 @@ def wall_rows(link: MujocoLinkage) -> dict[str, int]:
     """
     d = link.data
     first = d.ne + d.nf
-    if not (link.touch or link.blocks):
+    if link.tendon:
         ids = d.efc_id[first : first + d.nl].tolist() if d.nl else ()
         return {name: first + ids.index(tendon) for name, tendon in link.tendon.items() if tendon in ids}
     rows, first = {}, first + d.nl
@@ -182,7 +173,8 @@ def look(link: MujocoLinkage) -> None:
 def evaluate(link: MujocoLinkage) -> bool:
     """Evaluate them once; says whether friction is that of the reactions."""
     m, d = link.model, link.data
-    begin_step(link)
+    with felt(link.passive):
+        begin_step(link)
     mujoco.mj_fwdActuation(m, d)
     mujoco.mj_fwdAcceleration(m, d)
     mujoco.mj_fwdConstraint(m, d)

@@ -41,7 +41,8 @@ class Watch:
         """A watch over (steps, their size in s) from a time (s) on."""
         ends = np.cumsum([0.0, *(count * step for count, step in stages)])
         steps = [at + step * np.arange(count) for at, (count, step) in zip(ends, stages, strict=False)]
-        self.link, self.done = link, 0
+        self.link, self.done, d = link, 0, link.data
+        self._q, self._v, self._acceleration = d.qpos, d.qvel, d.qacc  # MuJoCo's own memory
         self.time = begin + np.concatenate([*steps, ends[-1:]])
         self.coordinates, self.before, self.after = np.zeros((3, self.time.size, link.model.nv))
         self.forces = np.zeros((len(link.contacts), 2, self.time.size))  # N, of each wall: normal, and along it
@@ -50,26 +51,24 @@ class Watch:
 
     def begin(self) -> None:
         """Take in an instant, before its step."""
-        d = self.link.data
-        self.coordinates[self.done], self.before[self.done] = d.qpos, d.qvel
+        self.coordinates[self.done], self.before[self.done] = self._q, self._v
 
     def end(self) -> None:
         """Take in what was between it and the next, after its step."""
-        self.after[self.done] = self.link.data.qvel
+        self.after[self.done] = self._v
         self._felt()
 
     def close(self, lag: float) -> None:
         """Take in the last instant, whose velocities are ``lag`` (s) older, of a linkage that was looked at."""
         self.begin()
-        d = self.link.data
-        self.after[self.done] = d.qvel + 2 * lag * d.qacc
+        self.after[self.done] = self._v + 2 * lag * self._acceleration
         self._felt()
 
     def _felt(self) -> None:
-        link, d = self.link, self.link.data
+        link = self.link
         rows = wall_rows(link)
         if rows:
-            force = d.efc_force
+            force = link.data.efc_force
             for j, name in enumerate(link.contacts):
                 if (row := rows.get(name)) is not None:
                     self.forces[j, 0, self.done] = force[row]
@@ -78,8 +77,8 @@ class Watch:
             for j, block in enumerate(link.blocks.values()):
                 for k, corner in enumerate(block.guide.corners):
                     if (row := rows.get(block.key(k))) is not None:
-                        self.pushes[j, self.done] -= np.sign(corner.imag) * d.efc_force[row]
-        self.pull[self.done] = d.qacc[link.motor]
+                        self.pushes[j, self.done] -= np.sign(corner.imag) * force[row]
+        self.pull[self.done] = self._acceleration[link.motor]
         self.done += 1
 
     def watched(self) -> Watched:
